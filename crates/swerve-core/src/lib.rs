@@ -1,0 +1,11 @@
+//! Vocabulary that every other crate shares: time, seeded random numbers, digests.
+//!
+//! Absences: no thread, no file, no clock, no maths beyond integers and the normal distribution.
+
+mod digest;
+mod rng;
+mod time;
+
+pub use digest::{Digest, Hasher, digest_of};
+pub use rng::Rng;
+pub use time::{Span, Time};
