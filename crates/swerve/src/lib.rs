@@ -1,1 +1,3 @@
-//! swerve
+//! The binary's library: configuration, operator adapters, graph assembly, commands, studies, reports.
+
+pub mod config;
