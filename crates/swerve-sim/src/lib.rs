@@ -1,1 +1,2 @@
 //! swerve-sim
+pub mod ego;
