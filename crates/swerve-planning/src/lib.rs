@@ -8,6 +8,9 @@ pub mod collision;
 pub mod posed;
 mod request;
 mod road;
+#[cfg(test)]
+mod testing;
+pub mod world;
 
 pub use collision::{CollisionMode, Obstacles, Solid};
 pub use posed::{Preset, Solution};
