@@ -21,10 +21,14 @@ fn goal(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     let (ego, length_m) = (&scenario.ego, scenario.road.length_m());
     let key = || "ego.end_m".to_owned();
     if ego.end_m > length_m {
-        found.push((key(), format!("the goal at {} m is beyond the end of the road at {length_m} m", ego.end_m)));
+        found.push((
+            key(),
+            format!("the goal at {} m is beyond the end of the road at {length_m} m", ego.end_m),
+        ));
     }
     if ego.end_m <= ego.s_m {
-        found.push((key(), format!("the goal at {} m is not ahead of the start at {} m", ego.end_m, ego.s_m)));
+        found
+            .push((key(), format!("the goal at {} m is not ahead of the start at {} m", ego.end_m, ego.s_m)));
     }
     let standing = ego.target_speed_mps == 0.0;
     if standing {

@@ -18,7 +18,8 @@ mod road;
 pub use draw::{Draws, sensor_phase};
 pub use expect::{Bound, Expectation, Metric, Verdict};
 pub use model::{
-    Actor, Along, Direction, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill, Subject, Trigger,
+    Actor, Along, Direction, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill, Subject,
+    Trigger,
 };
 pub use problem::Problem;
 pub use road::{Road, Segment};

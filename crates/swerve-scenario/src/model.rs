@@ -225,9 +225,12 @@ impl Scenario {
         let file = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => Self::parse(&file, &text),
-            Err(error) => {
-                Err(vec![Problem { file, line: 0, key: String::new(), message: format!("cannot be read: {error}") }])
-            }
+            Err(error) => Err(vec![Problem {
+                file,
+                line: 0,
+                key: String::new(),
+                message: format!("cannot be read: {error}"),
+            }]),
         }
     }
 

@@ -64,8 +64,7 @@ fn read(top: &Table<'_, '_>) -> Scenario {
 }
 
 fn road(top: &Table<'_, '_>) -> Road {
-    let mut road =
-        Road { segments: Vec::new(), lane_width_m: 4.0, left_m: 2.0, right_m: 2.0, friction: 0.9 };
+    let mut road = Road { segments: Vec::new(), lane_width_m: 4.0, left_m: 2.0, right_m: 2.0, friction: 0.9 };
     let Some(table) = top.table("road") else { return road };
     road.lane_width_m = table.number_or("lane_width_m", road.lane_width_m, Range::positive(20.0));
     road.left_m = table.number_or("left_m", 0.5 * road.lane_width_m, Range::positive(100.0));
@@ -81,7 +80,8 @@ fn road(top: &Table<'_, '_>) -> Road {
     if !table.has("segments") {
         table.report("segments", "is missing: expected an array of { length_m, curvature_1pm }");
     } else if road.length_m() == 0.0 {
-        table.report("segments", "the route has no length: expected at least one piece with length_m above 0");
+        table
+            .report("segments", "the route has no length: expected at least one piece with length_m above 0");
     }
     table.finish();
     if road.length_m() == 0.0 {
@@ -127,8 +127,11 @@ fn end(top: &Table<'_, '_>, names: &[String]) -> End {
             }
             found
         });
-        let within_m =
-            if still.has("near") { still.number("within_m", WAY) } else { still.number_or("within_m", 1e5, WAY) };
+        let within_m = if still.has("near") {
+            still.number("within_m", WAY)
+        } else {
+            still.number_or("within_m", 1e5, WAY)
+        };
         end.standstill = Some(Standstill { near, within_m, for_s: still.number("for_s", DURATION) });
         still.finish();
     }

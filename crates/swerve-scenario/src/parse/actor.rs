@@ -150,7 +150,10 @@ fn speeds(leg: &Table<'_, '_>) -> Vec<SpeedPoint> {
         leg.report("speeds", format!("expected the first pair at 0 s, found {} s", pairs[0][0]));
     }
     if let Some(two) = pairs.windows(2).find(|two| two[0][0] >= two[1][0]) {
-        leg.report("speeds", format!("expected increasing times, found {} s after {} s", two[1][0], two[0][0]));
+        leg.report(
+            "speeds",
+            format!("expected increasing times, found {} s after {} s", two[1][0], two[0][0]),
+        );
     }
     if pairs.len() == 1 && pairs[0][1] == 0.0 {
         leg.report("speeds", "never moves: expected a speed above 0, or \"wait\"");

@@ -19,13 +19,7 @@ pub(super) struct Source<'t> {
 
 impl<'t> Source<'t> {
     pub(super) fn new(file: &'t str, text: &'t str) -> Self {
-        Self {
-            file,
-            text,
-            problems: RefCell::default(),
-            lines: RefCell::default(),
-            guesses: Cell::new(0),
-        }
+        Self { file, text, problems: RefCell::default(), lines: RefCell::default(), guesses: Cell::new(0) }
     }
 
     /// Line of a byte of the text, from 1.
@@ -222,8 +216,12 @@ impl<'a, 't> Table<'a, 't> {
                 let found = names.iter().position(|&name| name == text.as_ref());
                 if found.is_none() {
                     self.source.guess();
-                    let hint = nearest(text, names.iter().copied()).map(|n| format!("; did you mean \"{n}\"?"));
-                    self.report(key, format!("expected {wanted}, found \"{text}\"{}", hint.unwrap_or_default()));
+                    let hint =
+                        nearest(text, names.iter().copied()).map(|n| format!("; did you mean \"{n}\"?"));
+                    self.report(
+                        key,
+                        format!("expected {wanted}, found \"{text}\"{}", hint.unwrap_or_default()),
+                    );
                 }
                 found
             }
@@ -265,7 +263,11 @@ impl<'a, 't> Table<'a, 't> {
     }
 
     /// All tables of an array of tables, empty where there is none; `name` gives each its name in keys.
-    pub(super) fn tables(&self, key: &'static str, name: impl Fn(&Table<'a, 't>) -> Option<String>) -> Vec<Table<'a, 't>> {
+    pub(super) fn tables(
+        &self,
+        key: &'static str,
+        name: impl Fn(&Table<'a, 't>) -> Option<String>,
+    ) -> Vec<Table<'a, 't>> {
         let Some(array) = self.array(key, "an array of tables") else { return Vec::new() };
         let mut tables = Vec::new();
         for (i, value) in array.iter().enumerate() {
