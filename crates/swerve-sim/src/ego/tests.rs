@@ -2,6 +2,8 @@
 
 use super::*;
 
+mod commonroad;
+
 const G: f64 = 9.81;
 
 /// A world with gravity and a step, and the car in it.
