@@ -105,6 +105,7 @@ def random_pipeline(rng, span_ms=None):
     rng.shuffle(names)
     resources = {"gpu": rng.randint(1, 2), "npu": 1}
     busy = rng.random() < 0.5  # every second pipeline uses resources, and then at many operators
+    bursts = rng.random() < 0.3  # results that wait for older ones, and then come several at once
     operators = []
     for i in range(n):
         op = {"name": names[i]}
@@ -123,7 +124,10 @@ def random_pipeline(rng, span_ms=None):
         if loops and rng.random() < 0.25:
             op["feedback"] = [rng.choice(loops)]
         op["runtime"] = random_runtime(rng, 40 if i < sources else rng.choice([20, 60, 150]))
-        if rng.random() < 0.8:
+        if bursts and rng.random() < 0.7:
+            op["runtime"] = {"cycle_ms": [5 * rng.choice([1, 2, 3, 8, 12, 16]) for _ in range(rng.randint(2, 4))]}
+            op["policy"] = f"pipelined({rng.randint(2, 4)})"
+        elif rng.random() < 0.8:
             op["policy"] = random_policy(rng)
         if rng.random() < 0.45:
             op["deadline"] = random_deadline(rng, op["runtime"])
