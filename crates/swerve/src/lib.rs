@@ -1,1 +1,3 @@
 //! swerve
+
+pub mod timing;

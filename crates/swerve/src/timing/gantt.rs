@@ -10,8 +10,10 @@ use super::trace::{Step, Trace};
 
 const LANE_PX: f64 = 22.0;
 const BAR_PX: f64 = 15.0;
+/// Below the bars of a row: a line of publications, and one of misses and drops.
+const FOOT_PX: f64 = 18.0;
 const TOP_PX: f64 = 58.0;
-const PLOT_PX_MIN: f64 = 900.0;
+const PLOT_PX_MIN: f64 = 1000.0;
 const PLOT_PX_MAX: f64 = 12_000.0;
 const LEFT_PX_MIN: f64 = 110.0;
 /// Bars are at least this wide on average, as far as the chart may grow.
@@ -60,12 +62,13 @@ impl<'a> Chart<'a> {
         let mut y = TOP_PX;
         for depth in depth {
             tops.push(y);
-            y += LANE_PX * depth as f64 + 8.0;
+            y += LANE_PX * depth as f64 + FOOT_PX;
         }
         let longest = |text: usize| text as f64 * GLYPH_PX + 24.0;
         let left_px = pipeline.operators.iter().map(|op| longest(op.name.chars().count().max(note(pipeline, op).chars().count())));
+        let takes_time = |step: &&Step| step.end.is_none_or(|end| end > step.start);
         let busiest = (0..pipeline.operators.len())
-            .map(|i| trace.steps.iter().filter(|step| step.operator == i).count())
+            .map(|i| trace.steps.iter().filter(takes_time).filter(|step| step.operator == i).count())
             .max()
             .unwrap_or(0);
         let plot_px = (busiest as f64 * STEP_PX).clamp(PLOT_PX_MIN, PLOT_PX_MAX);
@@ -170,11 +173,11 @@ impl<'a> Chart<'a> {
         svg.push('\n');
     }
 
-    /// Publications, misses and drops stand on the lower edge of their row.
+    /// Publications, and below them misses and drops, stand on the lower edge of their row.
     fn marks(&self, svg: &mut String) {
-        let foot = |operator: usize| self.tops.get(operator + 1).copied().unwrap_or(self.bottom_px) - 7.5;
+        let foot = |operator: usize| self.tops.get(operator + 1).copied().unwrap_or(self.bottom_px) - 9.5;
         for p in self.trace.publications.iter().filter(|p| p.stamp.is_some()) {
-            published(svg, self.x(p.visible_at), foot(p.operator), p.reused_from.is_some());
+            published(svg, self.x(p.visible_at), foot(p.operator) - 9.0, p.reused_from.is_some());
         }
         for mark in &self.trace.drops {
             dropped(svg, self.x(mark.at), foot(mark.operator));

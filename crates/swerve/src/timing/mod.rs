@@ -6,12 +6,16 @@
 //! every publication as JSON, and a chart.
 
 mod gantt;
+mod json;
 mod pipeline;
 mod problem;
 mod read;
 mod simulate;
 mod table;
 mod trace;
+
+#[cfg(test)]
+mod tests;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -98,20 +102,5 @@ pub fn svg(pipeline: &Pipeline, trace: &Trace) -> String {
 /// Every publication in commit order, as a JSON array of
 /// `{operator, stamp_ns, watermark_ns, visible_at_ns, reused_from_ns, reads}`.
 pub fn json(pipeline: &Pipeline, trace: &Trace) -> String {
-    let name = |i: usize| pipeline.operators[i].name.as_str();
-    let rows = trace.publications.iter().map(|p| {
-        let inputs = pipeline.operators[p.operator].inputs();
-        let reads: serde_json::Map<String, serde_json::Value> =
-            inputs.zip(&p.reads).map(|(i, stamp)| (name(i).to_owned(), stamp.map(|t| t.ns()).into())).collect();
-        serde_json::json!({
-            "operator": name(p.operator),
-            "stamp_ns": p.stamp.map(|t| t.ns()),
-            "watermark_ns": p.watermark.ns(),
-            "visible_at_ns": p.visible_at.ns(),
-            "reused_from_ns": p.reused_from.map(|t| t.ns()),
-            "reads": reads,
-        })
-        .to_string()
-    });
-    format!("[{}]\n", rows.collect::<Vec<_>>().join(",\n"))
+    json::json(pipeline, trace)
 }

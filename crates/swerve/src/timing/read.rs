@@ -15,6 +15,9 @@ const MS_MAX: f64 = 10.0 * 366.0 * 86_400_000.0;
 /// The largest number of places, waiting frames or slots.
 const COUNT_MAX: i64 = 1_000_000;
 
+/// More ticks than this would not end in a sensible time.
+const TICKS_MAX: i64 = 10_000_000;
+
 const ROOT_KEYS: [&str; 3] = ["span_ms", "operator", "resource"];
 const OPERATOR_KEYS: [&str; 10] =
     ["name", "every_ms", "phase_ms", "at", "latest", "feedback", "runtime", "policy", "deadline", "uses"];
@@ -48,7 +51,7 @@ pub(crate) fn pipeline(text: &str) -> Result<Pipeline, Vec<Problem>> {
     let named: Vec<Option<String>> =
         tables.iter().map(|table| name_of(table).map_err(&mut keep).ok()).collect();
     repeated_names(&tables, &named, &mut keep);
-    let names = Names { operators: &named, resources: &resources };
+    let names = Names { operators: &named, resources: &resources, span };
     let read: Vec<Option<BlackBox>> =
         tables.iter().map(|table| operator(table, &names).map_err(&mut keep).ok()).collect();
     let operators: Vec<BlackBox> = read.into_iter().flatten().collect();
@@ -180,10 +183,12 @@ fn count(value: &DeValue<'_>) -> Option<usize> {
     (1..=COUNT_MAX).contains(&n).then_some(n as usize)
 }
 
-/// The names that an operator may refer to.
+/// What an operator may refer to.
 struct Names<'a> {
     operators: &'a [Option<String>],
     resources: &'a [Resource],
+    /// Of the run, for what happens too often in it.
+    span: Span,
 }
 
 fn resources(root: &Table<'_>, keep: &mut impl FnMut(Problem)) -> Vec<Resource> {
@@ -234,7 +239,7 @@ fn operator(table: &Table<'_>, names: &Names<'_>) -> Read<BlackBox> {
     table.only(&OPERATOR_KEYS)?;
     let name = name_of(table).unwrap_or_default();
     let mut seen = Vec::new();
-    let timer = timer(table)?;
+    let timer = timer(table, names.span)?;
     let at = inputs(table, "at", names, &mut seen)?;
     let latest = inputs(table, "latest", names, &mut seen)?;
     let feedback = inputs(table, "feedback", names, &mut seen)?;
@@ -255,11 +260,16 @@ fn operator(table: &Table<'_>, names: &Names<'_>) -> Read<BlackBox> {
     })
 }
 
-fn timer(table: &Table<'_>) -> Read<Option<Timer>> {
+fn timer(table: &Table<'_>, span: Span) -> Read<Option<Timer>> {
     let phase = table.get("phase_ms").map(|value| (value, table.time("phase_ms", value)));
     match (table.get("every_ms"), phase) {
         (Some(every), phase) => {
             let period = table.above_zero("every_ms", every)?;
+            let ticks = span.ns() / period.ns();
+            if ticks > TICKS_MAX {
+                let message = format!("ticks {ticks} times within span_ms, expected at most {TICKS_MAX} times");
+                return Err(table.problem(every.span(), "every_ms", message));
+            }
             Ok(Some(Timer { period, phase: phase.map_or(Ok(Span::ZERO), |(_, phase)| phase)? }))
         }
         (None, Some((value, _))) => {

@@ -1,7 +1,10 @@
 //! From a pipeline to a graph of black boxes on the engine, and its run in virtual time.
 
 use swerve_core::Time;
-use swerve_flow::{At, Context, Deadline, Every, Event, Feedback, Graph, Latest, Operator, Port, Source, Stream, every};
+use swerve_flow::{
+    At, Context, Deadline, Every, Event, Feedback, Graph, Latest, Operator, Port, RunOptions, Source, Stream, every,
+    run_virtual,
+};
 
 use super::pipeline::{BlackBox, Pipeline};
 use super::trace::Trace;
@@ -65,8 +68,8 @@ fn graph(pipeline: &Pipeline) -> Graph {
 
 pub(crate) fn simulate(pipeline: &Pipeline, seed: u64, threads: usize) -> anyhow::Result<Trace> {
     let mut trace = Trace::default();
-    let until = Time::ZERO + pipeline.span;
+    let options = RunOptions::until(Time::ZERO + pipeline.span).seed(seed).threads(threads);
     let mut observer = |event: &Event<'_>| trace.note(pipeline, event);
-    todo_run(graph(pipeline), seed, threads, until, &mut observer)?;
+    run_virtual(graph(pipeline), &options, vec![&mut observer])?;
     Ok(trace)
 }
