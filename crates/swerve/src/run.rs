@@ -8,13 +8,16 @@ use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, Metrics, Outline};
 use swerve_flow::{Event, Observer, RunOptions, RunReport, run_virtual};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Imu, ObstacleList, Plan};
-use swerve_scenario::{Metric, Scenario};
+use swerve_msg::{Imu, ObstacleList, Plan, Route};
+use swerve_vehicle::Shape;
+use swerve_scenario::{Expectation, Metric, Scenario};
 
 use crate::config::Config;
 use crate::config::text::{Problem, parse_assignment};
 use crate::pipeline::Pipeline;
+use crate::files::write_whole;
 use crate::progress::Progress;
+use crate::study::table::align;
 
 /// What is driven, by what.
 #[derive(clap::Args, Debug)]
@@ -58,6 +61,8 @@ pub struct Outcome {
     pub metrics: Metrics,
     /// One number that two equal runs share.
     pub digest: Digest,
+    /// Smallest distance of the ego's outline to the edge of the drivable ground, m; negative outside.
+    pub road_margin_m: f64,
     /// What the engine counted.
     pub report: RunReport,
 }
@@ -114,13 +119,21 @@ pub fn drive_pipeline(
         all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
         run_virtual(pipeline.graph, &options, all)?
     };
-    Ok(Outcome { metrics: measured.evaluation.metrics(), digest: report.digest, report })
+    Ok(Outcome {
+        metrics: measured.evaluation.metrics(),
+        digest: report.digest,
+        road_margin_m: measured.road_margin_m,
+        report,
+    })
 }
 
 /// Feeds the evaluation with what the engine tells.
 struct Measured {
     evaluation: Evaluation,
     operators: Vec<String>,
+    route: Route,
+    shape: Shape,
+    road_margin_m: f64,
 }
 
 impl Measured {
@@ -135,7 +148,13 @@ impl Measured {
             pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
         let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
         let params = swerve_eval::Params { ego, dead_time, operators: operators.clone() };
-        Ok(Self { evaluation: Evaluation::new(params), operators })
+        Ok(Self {
+            evaluation: Evaluation::new(params),
+            operators,
+            route: pipeline.route.clone(),
+            shape,
+            road_margin_m: f64::INFINITY,
+        })
     }
 
     fn operator(&self, name: &str) -> Option<usize> {
@@ -151,6 +170,8 @@ impl Observer for Measured {
                 let evaluation = &mut self.evaluation;
                 if let Some(world) = payload.downcast_ref::<WorldState>() {
                     evaluation.world(world);
+                    let footprint = self.shape.footprint(world.ego.state.pose);
+                    self.road_margin_m = self.road_margin_m.min(self.route.margin_m(&footprint));
                 } else if let Some(imu) = payload.downcast_ref::<Imu>() {
                     evaluation.imu(imu);
                 } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
@@ -196,16 +217,127 @@ impl Observer for Shown {
     }
 }
 
-/// A figure of a run that a scenario can put bounds on.
-pub fn figure(metrics: &Metrics, metric: Metric) -> Option<f64> {
-    match metric {
-        Metric::MinDistanceM => metrics.min_distance_m,
-        Metric::ImpactSpeedMps => Some(metrics.impact_speed_mps),
-        Metric::ClosingSpeedMps => Some(metrics.impact.map_or(0.0, |i| i.closing_speed_mps)),
-        Metric::EndSpeedMps => Some(metrics.drive.speed_end_mps),
-        Metric::DurationS => Some(metrics.drive.duration_s),
-        Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),
-        Metric::LateralJerkMaxMps3 => metrics.lateral_jerk.raw_max_mps3,
-        Metric::RoadMarginM => None,
+/// Runs `swerve run`.
+pub fn run(args: &RunArgs) -> anyhow::Result<()> {
+    let (config, scenario) = load(&args.input)?;
+    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
+    std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
+    let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
+    let outcome = drive_observed(&config, &scenario, args.threads, &mut [&mut shown])?;
+    shown.progress.finish();
+    let summary = Summary::of(&config, &scenario, &outcome);
+    let json = serde_json::to_string_pretty(&summary)? + "\n";
+    write_whole(&out.join("metrics.json"), json.as_bytes())?;
+    crate::output::print(&if args.json { json } else { summary.text(&out) });
+    Ok(())
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned())
+}
+
+/// What a run came to, as `metrics.json` and `--json` say it.
+#[derive(Serialize, Debug)]
+pub struct Summary {
+    scenario: String,
+    pipeline: String,
+    seed: u64,
+    digest: Digest,
+    /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
+    as_expected: Option<bool>,
+    not_as_expected: Vec<String>,
+    #[serde(flatten)]
+    metrics: Metrics,
+}
+
+impl Summary {
+    /// Sums up a run.
+    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome) -> Self {
+        let pipeline = config.pipeline_name();
+        let expected = scenario.expectation(&pipeline);
+        let broken = expected.map(|e| outcome.broken(e));
+        Self {
+            scenario: scenario.name.clone(),
+            pipeline,
+            seed: config.seed,
+            digest: outcome.digest,
+            as_expected: broken.as_ref().map(Vec::is_empty),
+            not_as_expected: broken.unwrap_or_default(),
+            metrics: outcome.metrics.clone(),
+        }
     }
+
+    /// For the terminal.
+    pub fn text(&self, out: &Path) -> String {
+        use std::fmt::Write as _;
+        let m = &self.metrics;
+        let mut text = format!("{}, {}, seed {}\n", self.scenario, self.pipeline, self.seed);
+        let verdict = m.verdict.name().to_uppercase();
+        let _ = match m.impact {
+            Some(i) => writeln!(
+                text,
+                "{verdict} at {:.2} s: ego at {:.1} m/s, closing at {:.1} m/s",
+                i.at_s, i.ego_speed_mps, i.closing_speed_mps
+            ),
+            None => writeln!(text, "{verdict}"),
+        };
+        let mut row = |name: &str, value: String| {
+            let _ = writeln!(text, "  {name:<18}{value}");
+        };
+        if let (Some(distance), Some(at)) = (m.min_distance_m, m.min_distance_at_s) {
+            row("minimum distance", format!("{distance:.2} m at {at:.2} s"));
+        }
+        let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));
+        let (raw, smooth) = (jerk(m.lateral_jerk.raw_max_mps3), jerk(m.lateral_jerk.smooth_max_mps3));
+        row("lateral jerk", format!("{raw} m/s3 raw, {smooth} m/s3 low-passed"));
+        if let Some(r) = &m.response {
+            let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
+            row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
+        }
+        row("digest", self.digest.to_string());
+        let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
+        let lines = m.operators.iter().map(|o| {
+            let ms = |x: f64| format!("{x:.1}");
+            vec![o.operator.clone(), o.steps.to_string(), ms(o.p50_ms), ms(o.p99_ms), o.misses.to_string(), o.drops.to_string()]
+        });
+        text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        match self.as_expected {
+            Some(true) => text += "as the scenario expects\n",
+            Some(false) => {
+                let _ = writeln!(text, "not as the scenario expects: {}", self.not_as_expected.join("; "));
+            }
+            None => {}
+        }
+        let _ = writeln!(text, "in {}: story.svg, log.mcap, trace.json, metrics.json", out.display());
+        text
+    }
+}
+
+impl Outcome {
+    /// In what way the run differs from what is expected.
+    pub fn broken(&self, expected: &Expectation) -> Vec<String> {
+        let Some(verdict) = verdict(self.metrics.verdict) else {
+            return vec!["the run was ended before the scenario was".into()];
+        };
+        expected.broken_by(verdict, |metric| self.figure(metric))
+    }
+
+    /// A figure that a scenario can put bounds on.
+    fn figure(&self, metric: Metric) -> Option<f64> {
+        let metrics = &self.metrics;
+        match metric {
+            Metric::MinDistanceM => metrics.min_distance_m,
+            Metric::ImpactSpeedMps => Some(metrics.impact_speed_mps),
+            Metric::ClosingSpeedMps => Some(metrics.impact.map_or(0.0, |i| i.closing_speed_mps)),
+            Metric::EndSpeedMps => Some(metrics.drive.speed_end_mps),
+            Metric::DurationS => Some(metrics.drive.duration_s),
+            Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),
+            Metric::LateralJerkMaxMps3 => metrics.lateral_jerk.raw_max_mps3,
+            Metric::RoadMarginM => Some(self.road_margin_m),
+        }
+    }
+}
+
+fn verdict(verdict: swerve_eval::Verdict) -> Option<swerve_scenario::Verdict> {
+    swerve_scenario::Verdict::ALL.into_iter().find(|v| v.name() == verdict.name())
 }

@@ -469,6 +469,14 @@ impl Config {
         }
     }
 
+    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that.
+    pub fn pipeline_name(&self) -> String {
+        match self.planning.preset {
+            Preset::Paper => format!("paper_{}", self.planning.planner.as_str()),
+            Preset::Best => self.planning.planner.as_str().to_owned(),
+        }
+    }
+
     /// The whole configuration with every default spelled out, as TOML.
     pub fn to_text(&self) -> String {
         toml::to_string(self).expect("a configuration is plain tables and values")

@@ -47,7 +47,7 @@ impl PlannerOperator {
 /// The planner that a configuration names, with its parameters.
 pub fn planner(config: &Config) -> anyhow::Result<Box<dyn Planner>> {
     let _ = config;
-    anyhow::bail!("no planner yet")
+    Ok(Box::new(Temp))
 }
 
 impl Operator for PlannerOperator {
@@ -89,5 +89,12 @@ impl Budget for Metered<'_, '_> {
             Progress::Continue => Goes::On,
             Progress::Stop => Goes::Stop,
         }
+    }
+}
+
+struct Temp;
+impl Planner for Temp {
+    fn plan(&mut self, request: &Request<'_>, _: &mut dyn Budget) -> Plan {
+        swerve_planning::world::follow_route(request, swerve_planning::world::SpeedProfile::Constant, 5.0, swerve_msg::PlanStatus::Route)
     }
 }
