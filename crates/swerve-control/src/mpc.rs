@@ -27,6 +27,7 @@ use swerve_geom::Pose2;
 use swerve_vehicle::Limits;
 
 pub use model::State;
+pub use program::Problem;
 use program::Program;
 
 /// Parameters of the controller.
@@ -279,6 +280,11 @@ impl Mpc {
     /// States of the last solution: at its instant and after each step. Empty before the first.
     pub fn solution(&self) -> &[State] {
         &self.solution
+    }
+
+    /// The problem that the solver was given last, for inspection and comparison.
+    pub fn problem(&self) -> Problem {
+        self.program.problem()
     }
 
     /// What to ask of the car that is at `start` at `now`, to drive along `knots`: `knots[k]` belongs to

@@ -200,9 +200,9 @@ mod tests {
                 assert!((slope - linear.b[i][k]).abs() < 1e-5, "b[{i}][{k}]: {slope} {}", linear.b[i][k]);
             }
         }
-        for i in 0..N_STATES {
+        for (i, base) in base.into_iter().enumerate() {
             let at_knot = linear.c[i] + linear.b[i][0] * 0.2 + linear.b[i][1] * 5.0;
-            assert!((at_knot - base[i]).abs() < 1e-12, "c[{i}]");
+            assert!((at_knot - base).abs() < 1e-12, "c[{i}]");
         }
     }
 

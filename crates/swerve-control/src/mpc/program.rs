@@ -8,6 +8,8 @@
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 
+use serde::{Deserialize, Serialize};
+
 use super::model::{self, Linear, N_INPUTS, N_STATES, State};
 use super::{Bounds, Knot, Weights};
 
@@ -34,6 +36,8 @@ pub(crate) struct Program {
     solver: DefaultSolver<f64>,
     /// For each entry that [`visit`] emits, its place among the values of `A`.
     places: Vec<usize>,
+    columns: Vec<usize>,
+    rows: Vec<usize>,
     data: Data,
     limits: Vec<Envelope>,
 }
@@ -76,8 +80,19 @@ impl Program {
         ];
         let solver = DefaultSolver::new(&diagonal(horizon, weights), &q, &matrix, &b, &cones, settings)
             .expect("sizes agree by construction and the settings are checked");
-        let data = Data { q, a: matrix.nzval, b };
-        Self { horizon, wheelbase_m, dt_s, weights: *weights, bounds: *bounds, solver, places, data, limits }
+        Self {
+            horizon,
+            wheelbase_m,
+            dt_s,
+            weights: *weights,
+            bounds: *bounds,
+            solver,
+            places,
+            columns: matrix.colptr,
+            rows: matrix.rowval,
+            data: Data { q, a: matrix.nzval, b },
+            limits,
+        }
     }
 
     /// Fills in the problem of driving from `start` along `knots` (one more than steps).
@@ -115,10 +130,6 @@ impl Program {
         (0..self.horizon).map(|k| x[VARIABLES * k + VARIABLES - 1]).fold(0.0, f64::max)
     }
 
-    pub(crate) fn data(&self) -> &Data {
-        &self.data
-    }
-
     #[cfg(test)]
     pub(crate) fn limit_iterations(&mut self, n: u32) {
         let mut settings = self.solver.settings().clone();
@@ -126,21 +137,39 @@ impl Program {
         self.solver.update_settings(settings).unwrap();
     }
 
-    /// Cost matrix, constraint matrix and sizes of the equality and inequality blocks, to pose the same problem
-    /// to another solver.
-    pub(crate) fn matrices(&self) -> (CscMatrix<f64>, CscMatrix<f64>, usize, usize) {
-        let (n, m) = (VARIABLES * self.horizon, (N_STATES + INEQUALITIES) * self.horizon);
-        let knots: Vec<Knot> =
-            (0..=self.horizon).map(|k| Knot::straight(10.0 * self.dt_s * k as f64, 10.0)).collect();
-        let mut entries = Vec::new();
-        let mut b = vec![0.0; m];
-        let push = |row, col, value| entries.push((row, col, value));
-        visit(&knots, &knots[0].state, self.wheelbase_m, self.dt_s, push, &mut b);
-        let (mut matrix, _) = compress(&entries, m, n);
-        matrix.nzval.clone_from(&self.data.a);
-        let cost = diagonal(self.horizon, &self.weights);
-        (cost, matrix, N_STATES * self.horizon, INEQUALITIES * self.horizon)
+    /// The problem last filled in.
+    pub(crate) fn problem(&self) -> Problem {
+        let Data { q, a, b } = &self.data;
+        Problem {
+            cost: diagonal(self.horizon, &self.weights).nzval,
+            q: q.clone(),
+            columns: self.columns.clone(),
+            rows: self.rows.clone(),
+            values: a.clone(),
+            b: b.clone(),
+            equalities: N_STATES * self.horizon,
+        }
     }
+}
+
+/// A problem as its solver sees it: minimise `1/2 x' P x + q' x` with `A x = b` in the first rows and
+/// `A x <= b` in the others. For inspection, and to pose it to other solvers.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Problem {
+    /// Diagonal of `P`, which has no other entries.
+    pub cost: Vec<f64>,
+    /// Linear cost.
+    pub q: Vec<f64>,
+    /// Compressed columns of `A`: where each column starts.
+    pub columns: Vec<usize>,
+    /// Row of each value.
+    pub rows: Vec<usize>,
+    /// Values of `A`, structural zeros included.
+    pub values: Vec<f64>,
+    /// Right sides.
+    pub b: Vec<f64>,
+    /// Number of equalities.
+    pub equalities: usize,
 }
 
 /// Entries of a linear step that can differ from zero: (row, column among the states), then (row, input).
