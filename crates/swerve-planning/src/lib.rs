@@ -5,6 +5,8 @@
 //! Absences: no engine, no simulator, no file, no clock.
 
 pub mod collision;
+pub mod fot;
+pub mod params;
 pub mod posed;
 mod request;
 mod road;
@@ -13,6 +15,7 @@ mod testing;
 pub mod world;
 
 pub use collision::{CollisionMode, Obstacles, Solid};
+pub use params::InvalidParam;
 pub use posed::{Preset, Solution};
 pub use request::{Budget, Goes, Planner, Request, Unlimited};
 pub use road::Road;
