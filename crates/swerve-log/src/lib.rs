@@ -5,13 +5,16 @@
 //! for <https://ui.perfetto.dev>. All times are instants of the run.
 //! Absences: no clock, no scenario, no configuration format; payloads stay bytes until a caller names a type.
 
+mod arrows;
 mod error;
 mod format;
 mod log;
 mod mcap_record;
+mod observe;
 mod reader;
 mod record;
 mod recorder;
+mod trace;
 mod writer;
 
 pub use error::LogError;
@@ -22,6 +25,7 @@ pub use record::{
     StepRecord, StreamInfo, WatermarkRecord,
 };
 pub use recorder::Recorder;
+pub use trace::TraceWriter;
 
 #[cfg(test)]
 mod tests;

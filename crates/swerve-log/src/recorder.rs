@@ -81,6 +81,7 @@ pub(crate) struct Batch {
 pub struct Recorder {
     path: PathBuf,
     batch: Batch,
+    now: Time,
     names: BTreeSet<Name>,
     streams: Vec<(Name, usize)>,
     sender: Option<Sender<Batch>>,
@@ -114,6 +115,7 @@ impl Recorder {
         Ok(Self {
             path: path.into(),
             batch: Batch::default(),
+            now: Time::ZERO,
             names: BTreeSet::new(),
             streams: Vec::new(),
             sender: Some(sender),
@@ -189,6 +191,11 @@ impl Recorder {
         self.send();
     }
 
+    /// The instant of the last record.
+    pub(crate) fn now(&self) -> Time {
+        self.now
+    }
+
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path
@@ -216,6 +223,7 @@ impl Recorder {
     }
 
     fn push(&mut self, at: Time, item: Item) {
+        self.now = at;
         self.batch.items.push(item);
         let since = *self.batch.since.get_or_insert(at);
         let full = self.batch.items.len() >= BATCH_RECORDS || self.batch.bytes.len() >= BATCH_BYTES;
