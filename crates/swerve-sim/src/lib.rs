@@ -21,3 +21,6 @@ mod stand_in;
 use stand_in as ego;
 
 pub use simulator::{SimError, SimParams, Simulator};
+
+#[cfg(test)]
+mod tests;
