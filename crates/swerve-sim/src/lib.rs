@@ -13,12 +13,11 @@
 
 mod bodies;
 mod contact;
+pub mod ego;
 mod rules;
 mod script;
 pub mod sense;
 mod simulator;
-mod stand_in;
-use stand_in as ego;
 
 pub use simulator::{SimError, SimParams, Simulator};
 

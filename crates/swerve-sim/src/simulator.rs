@@ -9,22 +9,24 @@ use swerve_scenario::{Scenario, Subject, Trigger};
 
 use crate::bodies::{self, Body, Mode};
 use crate::contact::{self, Motion2};
-use crate::ego::{self, EgoCar};
+use swerve_vehicle::VehicleParams;
+
+use crate::ego::EgoCar;
 use crate::rules::Rules;
 use crate::script::{Moment, Script};
 
 /// How the world is simulated.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct SimParams {
     /// Length of one step. Default 5 ms (200 Hz); 1 ms to 20 ms are accepted.
     pub dt: Span,
     /// The ego vehicle.
-    pub vehicle: ego::VehicleParams,
+    pub vehicle: VehicleParams,
 }
 
 impl Default for SimParams {
     fn default() -> Self {
-        Self { dt: Span::from_ms(5), vehicle: ego::VehicleParams::default() }
+        Self { dt: Span::from_ms(5), vehicle: VehicleParams::default() }
     }
 }
 
@@ -114,8 +116,8 @@ impl Simulator {
         world.integration_parameters.dt = params.dt.as_secs() as f32;
         bodies::ground(&mut world, scenario.road.friction);
         let ego = EgoCar::spawn(&mut world, &params.vehicle, pose, scenario.ego.start_speed());
-        bodies::foresee_contacts(&mut world, ego.body());
-        let ego_collider = world.bodies[ego.body()].colliders()[0];
+        bodies::foresee_contacts(&mut world, ego.handle());
+        let ego_collider = world.bodies[ego.handle()].colliders()[0];
         let state = WorldState {
             stamp: Time::ZERO,
             ego: ego.truth(&world),
@@ -127,7 +129,7 @@ impl Simulator {
         let rules = Rules::new(&scenario);
         let mut simulator = Self {
             scenario,
-            params: *params,
+            params: params.clone(),
             route,
             world,
             ego,
@@ -213,7 +215,7 @@ impl Simulator {
     }
 
     fn before(&self) -> Before {
-        let body = &self.world.bodies[self.ego.body()];
+        let body = &self.world.bodies[self.ego.handle()];
         let (at, velocity) = (body.center_of_mass(), body.linvel());
         let velocity_mps = Vector2::new(f64::from(velocity.x), f64::from(velocity.y));
         let motion = Motion2 {

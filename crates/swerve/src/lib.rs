@@ -1,1 +1,9 @@
-//! swerve
+//! The binary's library: configuration, operator adapters, graph assembly, commands, studies, reports.
+
+pub mod config;
+pub mod files;
+pub mod output;
+pub mod pipeline;
+pub mod progress;
+pub mod run;
+pub mod study;
