@@ -4,6 +4,7 @@
 //! Predictions are time-indexed: planners ask where things are at each moment.
 //! Absences: no engine, no simulator, no file, no clock.
 
+pub mod hybrid_astar;
 mod request;
 
 pub use request::{Budget, Goes, Planner, Request, Unlimited};

@@ -1,0 +1,2 @@
+//! Hybrid A*: search over poses with motions that a car can drive.
+mod dubins;
