@@ -4,7 +4,13 @@
 //! Predictions are time-indexed: planners ask where things are at each moment.
 //! Absences: no engine, no simulator, no file, no clock.
 
+pub mod collision;
 pub mod hybrid_astar;
+pub mod posed;
 mod request;
+mod road;
 
+pub use collision::{CollisionMode, Obstacles, Solid};
+pub use posed::{Preset, Solution};
 pub use request::{Budget, Goes, Planner, Request, Unlimited};
+pub use road::Road;
