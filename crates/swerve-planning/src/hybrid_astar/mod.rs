@@ -9,6 +9,7 @@
 mod detour;
 mod dubins;
 mod ground;
+mod motions;
 mod search;
 mod shorten;
 mod solve;

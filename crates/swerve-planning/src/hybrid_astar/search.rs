@@ -3,22 +3,36 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use swerve_geom::Pose2;
+use swerve_geom::{Pose2, angle_between};
 
 use super::detour::Detour;
 use super::dubins::{Dubins, Piece, advance};
 use super::ground::Ground;
 use crate::request::{Budget, Goes};
 
+/// When the search is over.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) enum Arrival {
+    /// In the goal pose itself, by the shortest path from any pose that is looked at. The estimate is the greater of
+    /// that path's length without obstacles and the way around them.
+    Exact,
+    /// At a pose so near to the goal, metres and radians. The estimate is the straight line.
+    Within(f64, f64),
+}
+
 /// What a search of this kind is given beside the ground.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Lattice {
+pub(crate) struct Lattice<'a> {
+    /// What can be driven from any pose.
+    pub(crate) motions: &'a [Piece],
+    /// When it is over.
+    pub(crate) arrival: Arrival,
     /// Turning radius, metres.
     pub(crate) radius_m: f64,
-    /// Length of a motion, metres.
-    pub(crate) step_m: f64,
     /// Side of the cells within which one of two poses is dropped, metres.
     pub(crate) cell_m: f64,
+    /// The same for their headings, radians.
+    pub(crate) cell_rad: f64,
     /// Expansions at most.
     pub(crate) expansions_max: usize,
     /// Whether the estimate looks at the way around obstacles: only where none moves.
@@ -28,10 +42,7 @@ pub(crate) struct Lattice {
 }
 
 /// Headings around the circle are at most this many classes.
-const HEADINGS_MAX: usize = 240;
-
-/// The motions: share of the largest curvature, most of the way straight.
-const CURVATURES: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
+const HEADINGS_MAX: f64 = 240.0;
 
 /// A turn costs this share of its length more at full curvature, so that of two ways of the same length the one
 /// with less steering wins.
@@ -104,10 +115,9 @@ struct Cells {
 }
 
 impl Cells {
-    fn new(lattice: &Lattice, bounds: [f64; 4]) -> Self {
+    fn new(lattice: &Lattice<'_>, bounds: [f64; 4]) -> Self {
         let per_m = 1.0 / lattice.cell_m;
-        let turn = lattice.step_m / lattice.radius_m;
-        let headings = ((core::f64::consts::TAU / turn).round() as usize).clamp(8, HEADINGS_MAX);
+        let headings = (core::f64::consts::TAU / lattice.cell_rad).round().clamp(8.0, HEADINGS_MAX) as usize;
         let count = |length: f64| (length * per_m).ceil().clamp(1.0, 1000.0) as usize;
         Self {
             x_m: bounds[0],
@@ -139,7 +149,7 @@ impl Search {
     pub(crate) fn run(
         &mut self,
         ground: &Ground<'_>,
-        lattice: &Lattice,
+        lattice: &Lattice<'_>,
         (start, goal, bounds): (Pose2, Pose2, [f64; 4]),
         budget: &mut dyn Budget,
         pieces: &mut Vec<Piece>,
@@ -147,8 +157,11 @@ impl Search {
         self.work = 0;
         self.nodes.clear();
         self.open.clear();
-        let direct = Dubins::shortest(start, goal, lattice.radius_m);
-        if !ground.pose_free(start, 0.0) || !ground.pose_free(goal, direct.length()) {
+        let to_go_m = lattice.to_go_m(start, goal);
+        if !ground.pose_free(start, 0.0) {
+            return false;
+        }
+        if lattice.arrival == Arrival::Exact && !ground.pose_free(goal, to_go_m) {
             return false;
         }
         let cells = Cells::new(lattice, bounds);
@@ -156,10 +169,10 @@ impl Search {
         self.detour.begin(goal.point(), bounds, lattice.detours);
         let nowhere = Piece { curvature_1pm: 0.0, length_m: 0.0 };
         self.nodes.push(Node { pose: start, piece: nowhere, parent: NONE, travelled_m: 0.0 });
-        self.open.push(Open { estimate_m: direct.length(), node: 0 });
+        self.open.push(Open { estimate_m: to_go_m, node: 0 });
         let found = self.grow(ground, lattice, &cells, goal, budget);
         let Some((node, last)) = found else { return false };
-        self.trace(node, &last, pieces);
+        self.trace(node, last.as_ref(), pieces);
         true
     }
 
@@ -172,20 +185,20 @@ impl Search {
             self.cells.fill(Cell::default());
             self.generation = 1;
         }
-        let nodes = lattice.expansions_max * CURVATURES.len() + 1;
+        let nodes = lattice.expansions_max * lattice.motions.len() + 1;
         self.nodes.reserve(nodes);
         self.open.reserve(nodes);
     }
 
-    /// Expands the most promising pose again and again; the pose and the shortest free path from it to the goal.
+    /// Expands the most promising pose again and again; the pose and the way from it to the goal.
     fn grow(
         &mut self,
         ground: &Ground<'_>,
-        lattice: &Lattice,
+        lattice: &Lattice<'_>,
         cells: &Cells,
         goal: Pose2,
         budget: &mut dyn Budget,
-    ) -> Option<(u32, Dubins)> {
+    ) -> Option<(u32, Option<Dubins>)> {
         let mut best: Option<(f64, u32, Dubins)> = None;
         for _ in 0..lattice.expansions_max {
             let Some(Open { estimate_m, node }) = self.open.pop() else { break };
@@ -196,28 +209,38 @@ impl Search {
             if self.cells[cells.index(pose)].is_better(self.generation, travelled_m) {
                 continue;
             }
-            let last = Dubins::shortest(pose, goal, lattice.radius_m);
-            let whole_m = travelled_m + last.length();
-            let shorter = best.as_ref().is_none_or(|(length_m, ..)| whole_m < *length_m);
-            if shorter && ground.path_free(pose, &last, travelled_m) {
-                best = Some((whole_m, node, last));
-                continue;
+            match lattice.arrival {
+                Arrival::Within(near_m, near_rad) => {
+                    let turned = angle_between(pose.heading_rad, goal.heading_rad).abs();
+                    if pose.point().distance(goal.point()) <= near_m && turned <= near_rad {
+                        return Some((node, None));
+                    }
+                }
+                Arrival::Exact => {
+                    let last = Dubins::shortest(pose, goal, lattice.radius_m);
+                    let whole_m = travelled_m + last.length();
+                    let shorter = best.as_ref().is_none_or(|(length_m, ..)| whole_m < *length_m);
+                    if shorter && ground.path_free(pose, &last, travelled_m) {
+                        best = Some((whole_m, node, last));
+                        continue;
+                    }
+                }
             }
-            if budget.spend(CURVATURES.len() as u64) == Goes::Stop {
+            if budget.spend(lattice.motions.len() as u64) == Goes::Stop {
                 break;
             }
             self.expand(ground, lattice, cells, (node, goal));
         }
-        best.map(|(_, node, last)| (node, last))
+        best.map(|(_, node, last)| (node, Some(last)))
     }
 
-    fn expand(&mut self, ground: &Ground<'_>, lattice: &Lattice, cells: &Cells, (node, goal): (u32, Pose2)) {
+    fn expand(&mut self, ground: &Ground<'_>, lattice: &Lattice<'_>, cells: &Cells, (node, goal): (u32, Pose2)) {
         let from = self.nodes[node as usize];
-        self.work += CURVATURES.len() as u64;
-        for share in CURVATURES {
-            let piece = Piece { curvature_1pm: share / lattice.radius_m, length_m: lattice.step_m };
+        self.work += lattice.motions.len() as u64;
+        for &piece in lattice.motions {
+            let share = piece.curvature_1pm.abs() * lattice.radius_m;
             let pose = advance(from.pose, piece.curvature_1pm, piece.length_m);
-            let travelled_m = from.travelled_m + piece.length_m * (1.0 + TURN_COST * share.abs());
+            let travelled_m = from.travelled_m + piece.length_m * (1.0 + TURN_COST * share);
             let cell = cells.index(pose);
             if self.cells[cell].holds(self.generation, travelled_m) {
                 continue;
@@ -226,8 +249,7 @@ impl Search {
                 continue;
             }
             self.cells[cell] = Cell { generation: self.generation, travelled_m };
-            let to_go_m = Dubins::shortest(pose, goal, lattice.radius_m).length();
-            let to_go_m = to_go_m.max(self.detour.length_m(ground, pose.point()));
+            let to_go_m = lattice.to_go_m(pose, goal).max(self.detour.length_m(ground, pose.point()));
             if to_go_m == f64::INFINITY {
                 continue;
             }
@@ -239,7 +261,7 @@ impl Search {
 
     /// The pieces from the start to `node`, then those of `last`; of zero length none, and neighbours of equal
     /// curvature joined.
-    fn trace(&self, node: u32, last: &Dubins, pieces: &mut Vec<Piece>) {
+    fn trace(&self, node: u32, last: Option<&Dubins>, pieces: &mut Vec<Piece>) {
         pieces.clear();
         let mut at = node;
         while self.nodes[at as usize].parent != NONE {
@@ -247,8 +269,18 @@ impl Search {
             at = self.nodes[at as usize].parent;
         }
         pieces.reverse();
-        pieces.extend(last.pieces);
+        pieces.extend(last.into_iter().flat_map(|path| path.pieces));
         join(pieces);
+    }
+}
+
+impl Lattice<'_> {
+    /// Lower bound of the way from `pose` to `goal` without obstacles, metres.
+    fn to_go_m(&self, pose: Pose2, goal: Pose2) -> f64 {
+        match self.arrival {
+            Arrival::Exact => Dubins::shortest(pose, goal, self.radius_m).length(),
+            Arrival::Within(..) => pose.point().distance(goal.point()),
+        }
     }
 }
 

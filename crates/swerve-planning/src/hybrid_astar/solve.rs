@@ -64,9 +64,12 @@ impl Solver {
             area: Area::Box(bounds),
             clock: Clock::STANDING,
         };
+        let motions = super::motions::fan(config.radius, 0.25 * config.radius);
         let lattice = Lattice {
+            motions: &motions,
+            arrival: super::search::Arrival::Exact,
             radius_m: config.radius,
-            step_m: 0.25 * config.radius,
+            cell_rad: 0.25,
             cell_m: 0.15 * config.radius,
             expansions_max: 6000,
             detours: true,
@@ -77,7 +80,7 @@ impl Solver {
             return Solution::not_found(&problem.id, "no path", self.search.work);
         }
         let raw_m = length_m(&self.pieces);
-        self.shortener.shorten(&ground, config.radius, start, &mut self.pieces, 1.0);
+        self.shortener.shorten(&ground, config.radius, start, &mut self.pieces, 1.5);
         let exact = ground.free_exactly(start, &self.pieces);
         Solution {
             id: problem.id.clone(),
