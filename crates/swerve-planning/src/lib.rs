@@ -9,6 +9,9 @@ pub mod hybrid_astar;
 pub mod posed;
 mod request;
 mod road;
+#[cfg(test)]
+mod testing;
+pub mod world;
 
 pub use collision::{CollisionMode, Obstacles, Solid};
 pub use posed::{Preset, Solution};
