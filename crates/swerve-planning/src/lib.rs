@@ -9,6 +9,7 @@ pub mod hybrid_astar;
 pub mod posed;
 mod request;
 mod road;
+pub mod rrt_star;
 #[cfg(test)]
 mod testing;
 pub mod world;

@@ -7,8 +7,8 @@
 //! goal from every pose that is looked at, shortcuts afterwards.
 
 mod detour;
-mod dubins;
-mod ground;
+pub(crate) mod dubins;
+pub(crate) mod ground;
 mod motions;
 mod search;
 mod shorten;
