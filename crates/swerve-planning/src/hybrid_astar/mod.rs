@@ -10,8 +10,11 @@ mod detour;
 pub(crate) mod dubins;
 pub(crate) mod ground;
 mod motions;
+pub(crate) mod on_road;
+mod planner;
 mod search;
 mod shorten;
 mod solve;
 
+pub use planner::{HybridAstar, Params};
 pub use solve::solve_posed;

@@ -226,10 +226,11 @@ impl Search {
                     }
                 }
             }
-            if budget.spend(lattice.motions.len() as u64) == Goes::Stop {
+            let goes = budget.spend(lattice.motions.len() as u64);
+            self.expand(ground, lattice, cells, (node, goal));
+            if goes == Goes::Stop {
                 break;
             }
-            self.expand(ground, lattice, cells, (node, goal));
         }
         best.map(|(_, node, last)| (node, Some(last)))
     }
