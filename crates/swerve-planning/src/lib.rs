@@ -6,10 +6,12 @@
 
 pub mod collision;
 pub mod fot;
+pub mod hybrid_astar;
 pub mod params;
 pub mod posed;
 mod request;
 mod road;
+pub mod rrt_star;
 #[cfg(test)]
 mod testing;
 pub mod world;
