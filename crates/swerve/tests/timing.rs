@@ -49,10 +49,15 @@ fn difference(case: &Value) -> Option<String> {
     let expected = case["publications"].as_array().expect("a case holds what it publishes");
     let got = published(&pipeline, 1);
     let i = (0..expected.len().max(got.len())).find(|&i| expected.get(i) != got.get(i))?;
-    let context: Vec<String> = expected[i.saturating_sub(4)..i].iter().map(|row| format!("    same {row}")).collect();
+    let context: Vec<String> =
+        expected[i.saturating_sub(4)..i].iter().map(|row| format!("    same {row}")).collect();
     let show = |rows: &[Value]| rows.get(i).map_or_else(|| "nothing".to_owned(), Value::to_string);
     let (want, have) = (show(expected), show(&got));
-    Some(format!("{}: publication {i}\n{}\n    want {want}\n    got  {have}\n{toml}", case["name"], context.join("\n")))
+    Some(format!(
+        "{}: publication {i}\n{}\n    want {want}\n    got  {have}\n{toml}",
+        case["name"],
+        context.join("\n")
+    ))
 }
 
 #[test]
@@ -67,6 +72,11 @@ fn the_engine_publishes_what_the_reference_model_publishes() {
     }
     assert!(count > 0, "no cases in {}", folder().display());
     let shown: Vec<&str> = differences.iter().take(5).map(String::as_str).collect();
-    assert!(differences.is_empty(), "{} of {count} cases differ; the first:\n{}", differences.len(), shown.join("\n"));
+    assert!(
+        differences.is_empty(),
+        "{} of {count} cases differ; the first:\n{}",
+        differences.len(),
+        shown.join("\n")
+    );
     println!("{count} cases, none differs");
 }

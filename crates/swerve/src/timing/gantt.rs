@@ -65,7 +65,10 @@ impl<'a> Chart<'a> {
             y += LANE_PX * depth as f64 + FOOT_PX;
         }
         let longest = |text: usize| text as f64 * GLYPH_PX + 24.0;
-        let left_px = pipeline.operators.iter().map(|op| longest(op.name.chars().count().max(note(pipeline, op).chars().count())));
+        let left_px = pipeline
+            .operators
+            .iter()
+            .map(|op| longest(op.name.chars().count().max(note(pipeline, op).chars().count())));
         let takes_time = |step: &&Step| step.end.is_none_or(|end| end > step.start);
         let busiest = (0..pipeline.operators.len())
             .map(|i| trace.steps.iter().filter(takes_time).filter(|step| step.operator == i).count())
@@ -209,11 +212,7 @@ impl<'a> Chart<'a> {
 
 fn published(svg: &mut String, x: f64, y: f64, again: bool) {
     let fill = if again { "#fff" } else { "#1b6e2d" };
-    let _ = writeln!(
-        svg,
-        "<path d=\"M{x:.1} {:.1}l4 7h-8z\" fill=\"{fill}\" stroke=\"#1b6e2d\"/>",
-        y - 4.0
-    );
+    let _ = writeln!(svg, "<path d=\"M{x:.1} {:.1}l4 7h-8z\" fill=\"{fill}\" stroke=\"#1b6e2d\"/>", y - 4.0);
 }
 
 fn missed(svg: &mut String, x: f64, y: f64) {
@@ -226,7 +225,10 @@ fn missed(svg: &mut String, x: f64, y: f64) {
 }
 
 fn dropped(svg: &mut String, x: f64, y: f64) {
-    let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"#fff\" stroke=\"#777\" stroke-width=\"1.4\"/>");
+    let _ = writeln!(
+        svg,
+        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"#fff\" stroke=\"#777\" stroke-width=\"1.4\"/>"
+    );
 }
 
 fn swatch(svg: &mut String, x: f64, y: f64, opacity: &str, dash: &str) {
@@ -266,7 +268,9 @@ fn note(pipeline: &Pipeline, op: &super::BlackBox) -> String {
 fn tick_ms(least: f64) -> f64 {
     let mut decade = 1e-6;
     loop {
-        if let Some(step) = [1.0, 2.0, 5.0].map(|digit| digit * decade).into_iter().find(|step| *step >= least) {
+        if let Some(step) =
+            [1.0, 2.0, 5.0].map(|digit| digit * decade).into_iter().find(|step| *step >= least)
+        {
             return step;
         }
         decade *= 10.0;

@@ -52,9 +52,11 @@ pub struct TimingArgs {
 /// under `fail`), or the chart cannot be written.
 pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
     let pipeline = read_file(&args.file)?;
-    let trace = simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
+    let trace =
+        simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
     if let Some(path) = &args.svg {
-        std::fs::write(path, svg(&pipeline, &trace)).with_context(|| format!("writing {}", path.display()))?;
+        std::fs::write(path, svg(&pipeline, &trace))
+            .with_context(|| format!("writing {}", path.display()))?;
     }
     let text = if args.json { json(&pipeline, &trace) } else { table(&pipeline, &trace) };
     match std::io::stdout().lock().write_all(text.as_bytes()) {

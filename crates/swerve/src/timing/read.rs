@@ -84,8 +84,11 @@ impl<'t> Table<'t> {
     }
 
     fn only(&self, keys: &[&str]) -> Read<()> {
-        let unknown =
-            self.table.iter().filter(|(name, _)| !keys.contains(&name.get_ref().as_ref())).min_by_key(|(name, _)| name.span().start);
+        let unknown = self
+            .table
+            .iter()
+            .filter(|(name, _)| !keys.contains(&name.get_ref().as_ref()))
+            .min_by_key(|(name, _)| name.span().start);
         let Some((name, _)) = unknown else { return Ok(()) };
         let message =
             format!("unknown key, expected {}{}", alternatives(keys), nearest(name.get_ref(), keys));
@@ -93,7 +96,8 @@ impl<'t> Table<'t> {
     }
 
     fn required(&self, key: &str, expected: &str) -> Read<&'t Value<'t>> {
-        self.get(key).ok_or_else(|| self.problem(self.at.clone(), key, format!("missing, expected {expected}")))
+        self.get(key)
+            .ok_or_else(|| self.problem(self.at.clone(), key, format!("missing, expected {expected}")))
     }
 
     fn table(&self, key: &str, value: &'t Value<'t>, expected: &str) -> Read<Self> {
@@ -171,7 +175,9 @@ fn shown(value: &DeValue<'_>) -> String {
 
 fn number(value: &DeValue<'_>) -> Option<f64> {
     match value {
-        DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix()).ok().map(|n| n as f64),
+        DeValue::Integer(number) => {
+            i64::from_str_radix(number.as_str(), number.radix()).ok().map(|n| n as f64)
+        }
         DeValue::Float(number) => number.as_str().parse().ok(),
         _ => None,
     }
@@ -230,7 +236,11 @@ fn repeated_names(tables: &[Table<'_>], named: &[Option<String>], keep: &mut imp
     for (i, table) in tables.iter().enumerate() {
         if named[i].is_some() && named[..i].contains(&named[i]) {
             let at = table.get("name").map_or(table.at.clone(), Spanned::span);
-            keep(table.problem(at, "name", "another operator has this name already; expected a name of its own"));
+            keep(table.problem(
+                at,
+                "name",
+                "another operator has this name already; expected a name of its own",
+            ));
         }
     }
 }
@@ -267,14 +277,17 @@ fn timer(table: &Table<'_>, span: Span) -> Read<Option<Timer>> {
             let period = table.above_zero("every_ms", every)?;
             let ticks = span.ns() / period.ns();
             if ticks > TICKS_MAX {
-                let message = format!("ticks {ticks} times within span_ms, expected at most {TICKS_MAX} times");
+                let message =
+                    format!("ticks {ticks} times within span_ms, expected at most {TICKS_MAX} times");
                 return Err(table.problem(every.span(), "every_ms", message));
             }
             Ok(Some(Timer { period, phase: phase.map_or(Ok(Span::ZERO), |(_, phase)| phase)? }))
         }
-        (None, Some((value, _))) => {
-            Err(table.problem(value.span(), "phase_ms", "a phase without a timer; expected \"every_ms\" beside it"))
-        }
+        (None, Some((value, _))) => Err(table.problem(
+            value.span(),
+            "phase_ms",
+            "a phase without a timer; expected \"every_ms\" beside it",
+        )),
         (None, None) => Ok(None),
     }
 }
@@ -287,8 +300,11 @@ fn inputs(table: &Table<'_>, key: &str, names: &Names<'_>, seen: &mut Vec<usize>
         let name = table.text(key, entry, expected)?;
         let Some(i) = names.operators.iter().position(|n| n.as_deref() == Some(name)) else {
             let known: Vec<&String> = names.operators.iter().flatten().collect();
-            let message =
-                format!("unknown operator \"{name}\", expected {}{}", alternatives(&known), nearest(name, &known));
+            let message = format!(
+                "unknown operator \"{name}\", expected {}{}",
+                alternatives(&known),
+                nearest(name, &known)
+            );
             return Err(table.problem(entry.span(), key, message));
         };
         if seen.contains(&i) {
@@ -311,7 +327,11 @@ fn runtime(table: &Table<'_>) -> Read<RuntimeModel> {
         return Err(table.problem(
             value.span(),
             "runtime",
-            format!("found {} keys, expected exactly one of {}", model.table.len(), alternatives(&RUNTIME_KEYS)),
+            format!(
+                "found {} keys, expected exactly one of {}",
+                model.table.len(),
+                alternatives(&RUNTIME_KEYS)
+            ),
         ));
     };
     let key = key.get_ref().as_ref();
@@ -351,7 +371,11 @@ fn percentiles<'t>(
         let p = in_range.ok_or_else(|| model.wrong(key, percent, "a percentile from 0 to 100"))?;
         let point = (p, model.time(key, time)?);
         if points.last().is_some_and(|last| point.0 <= last.0 || point.1 < last.1) {
-            return Err(model.problem(pair.span(), key, format!("not above the entry before; expected {expected}")));
+            return Err(model.problem(
+                pair.span(),
+                key,
+                format!("not above the entry before; expected {expected}"),
+            ));
         }
         points.push(point);
     }
@@ -364,7 +388,8 @@ fn percentiles<'t>(
 fn policy(table: &Table<'_>) -> Read<Policy> {
     let Some(value) = table.get("policy") else { return Ok(Policy::SkipToLatest) };
     let text = table.text("policy", value, POLICIES)?;
-    parse_policy(text).ok_or_else(|| table.wrong("policy", value, &format!("{POLICIES}, n from 1 to {COUNT_MAX}")))
+    parse_policy(text)
+        .ok_or_else(|| table.wrong("policy", value, &format!("{POLICIES}, n from 1 to {COUNT_MAX}")))
 }
 
 fn parse_policy(text: &str) -> Option<Policy> {
@@ -406,7 +431,8 @@ fn uses(table: &Table<'_>, names: &Names<'_>) -> Read<Option<usize>> {
     let name = table.text("uses", value, "the name of a resource")?;
     let known: Vec<&str> = names.resources.iter().map(|r| r.name.as_str()).collect();
     let unknown = || {
-        let message = format!("unknown resource \"{name}\", expected a [resource.{name}]{}", nearest(name, &known));
+        let message =
+            format!("unknown resource \"{name}\", expected a [resource.{name}]{}", nearest(name, &known));
         table.problem(value.span(), "uses", message)
     };
     known.iter().position(|n| *n == name).map(Some).ok_or_else(unknown)
@@ -415,7 +441,8 @@ fn uses(table: &Table<'_>, names: &Names<'_>) -> Read<Option<usize>> {
 /// Refuses inputs that wait for each other (a cycle of `at` and `latest`).
 fn cycle(tables: &[Table<'_>], operators: &[BlackBox]) -> Read<()> {
     let mut ranked = vec![false; operators.len()];
-    let ready = |i: usize, ranked: &[bool]| operators[i].at.iter().chain(&operators[i].latest).all(|&j| ranked[j]);
+    let ready =
+        |i: usize, ranked: &[bool]| operators[i].at.iter().chain(&operators[i].latest).all(|&j| ranked[j]);
     while let Some(i) = (0..operators.len()).find(|&i| !ranked[i] && ready(i, &ranked)) {
         ranked[i] = true;
     }
@@ -444,7 +471,8 @@ fn cycle(tables: &[Table<'_>], operators: &[BlackBox]) -> Read<()> {
 
 /// Where `table` names `input` among the inputs that it waits for.
 fn named_input(table: &Table<'_>, input: &str) -> (Range<usize>, &'static str) {
-    let lists = ["at", "latest"].into_iter().filter_map(|key| Some((key, table.get(key)?.get_ref().as_array()?)));
+    let lists =
+        ["at", "latest"].into_iter().filter_map(|key| Some((key, table.get(key)?.get_ref().as_array()?)));
     let mut entries = lists.flat_map(|(key, list)| list.iter().map(move |entry| (key, entry)));
     let found = entries.find(|(_, entry)| entry.get_ref().as_str() == Some(input));
     found.map_or((table.at.clone(), ""), |(key, entry)| (entry.span(), key))

@@ -2,8 +2,8 @@
 
 use swerve_core::Time;
 use swerve_flow::{
-    At, Context, Deadline, Every, Event, Feedback, Graph, Latest, Operator, Port, RunOptions, Source, Stream, every,
-    run_virtual,
+    At, Context, Deadline, Event, Every, Feedback, Graph, Latest, Operator, Port, RunOptions, Source, Stream,
+    every, run_virtual,
 };
 
 use super::pipeline::{BlackBox, Pipeline};
@@ -25,14 +25,19 @@ impl Operator for Blank {
 /// the engine, going by the order of addition, gives them again.
 fn graph(pipeline: &Pipeline) -> Graph {
     let mut graph = Graph::new();
-    let resources: Vec<_> =
-        pipeline.resources.iter().map(|resource| graph.resource(resource.name.as_str(), resource.slots)).collect();
+    let resources: Vec<_> = pipeline
+        .resources
+        .iter()
+        .map(|resource| graph.resource(resource.name.as_str(), resource.slots))
+        .collect();
     let mut streams: Vec<Option<Stream<()>>> = vec![None; pipeline.operators.len()];
     let mut loops: Vec<(Feedback<()>, usize)> = Vec::new();
     let ready = |op: &BlackBox, streams: &[Option<Stream<()>>]| {
         op.at.iter().chain(&op.latest).all(|&i| streams[i].is_some())
     };
-    while let Some(i) = (0..streams.len()).find(|&i| streams[i].is_none() && ready(&pipeline.operators[i], &streams)) {
+    while let Some(i) =
+        (0..streams.len()).find(|&i| streams[i].is_none() && ready(&pipeline.operators[i], &streams))
+    {
         let op = &pipeline.operators[i];
         let stream = |i: &usize| streams[*i].expect("inputs are added first");
         let timers: Vec<_> = op.timer.iter().map(|timer| every(timer.period).phase(timer.phase)).collect();
@@ -61,7 +66,8 @@ fn graph(pipeline: &Pipeline) -> Graph {
         streams[i] = Some(added.out());
     }
     for (edge, read) in loops {
-        graph.connect(edge, streams[read].expect("the file was checked for cycles: every operator was added"));
+        graph
+            .connect(edge, streams[read].expect("the file was checked for cycles: every operator was added"));
     }
     graph
 }

@@ -11,7 +11,10 @@ use super::trace::{Mark, Trace};
 pub(crate) fn table(pipeline: &Pipeline, trace: &Trace) -> String {
     let mut text = format!("span {} ms, {} operators\n", ms(pipeline.span), pipeline.operators.len());
     for (title, rows) in [
-        ("Response times: result minus the stamp of the newest sensor frame it derives from", responses(pipeline, trace)),
+        (
+            "Response times: result minus the stamp of the newest sensor frame it derives from",
+            responses(pipeline, trace),
+        ),
         ("Operators", operators(pipeline, trace)),
         ("Resources", resources(pipeline, trace)),
     ] {
@@ -31,9 +34,13 @@ fn row<const N: usize>(cells: [&str; N]) -> Row {
 fn responses(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
     let mut rows = vec![row(["result", "messages", "p50 ms", "p99 ms", "max ms"])];
     for (i, op) in pipeline.operators.iter().enumerate().filter(|(i, _)| pipeline.is_sink(*i)) {
-        let times = sorted(trace.publications.iter().filter(|p| p.operator == i && p.stamp.is_some()).filter_map(
-            |p| Some(p.visible_at - p.origin?),
-        ));
+        let times = sorted(
+            trace
+                .publications
+                .iter()
+                .filter(|p| p.operator == i && p.stamp.is_some())
+                .filter_map(|p| Some(p.visible_at - p.origin?)),
+        );
         rows.push(vec![
             op.name.clone(),
             times.len().to_string(),
@@ -46,7 +53,8 @@ fn responses(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
 }
 
 fn operators(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
-    let head = ["operator", "steps", "messages", "repeats", "misses", "drops", "run p50 ms", "p99 ms", "busy"];
+    let head =
+        ["operator", "steps", "messages", "repeats", "misses", "drops", "run p50 ms", "p99 ms", "busy"];
     let mut rows = vec![row(head)];
     for (i, op) in pipeline.operators.iter().enumerate() {
         let messages = trace.publications.iter().filter(|p| p.operator == i && p.stamp.is_some());
@@ -114,7 +122,9 @@ fn share(busy: Span, span: Span, places: usize) -> String {
 /// Columns as wide as their widest cell: the first and last text column to the left, figures to the right.
 fn aligned(rows: &[Row]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |c: usize| rows.iter().filter_map(|row| row.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);
+    let width = |c: usize| {
+        rows.iter().filter_map(|row| row.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
     let widths: Vec<usize> = (0..columns).map(width).collect();
     let is_text = |c: usize| c == 0 || rows[0][c] == "used by";
     let mut text = String::new();

@@ -54,11 +54,8 @@ fn every_key_of_the_form_is_read() {
     assert_eq!((camera.policy, camera.deadline, camera.uses), (Policy::SkipToLatest, None, None));
     assert_eq!((&detector.at[..], detector.uses), (&[0][..], Some(0)));
     assert_eq!(detector.runtime, RuntimeModel::Fixed(Span::from_ms(80)));
-    let expected = BoxDeadline {
-        length: Span::from_ms(100),
-        anchor: Anchor::Arrival,
-        reaction: Reaction::ReuseLast,
-    };
+    let expected =
+        BoxDeadline { length: Span::from_ms(100), anchor: Anchor::Arrival, reaction: Reaction::ReuseLast };
     assert_eq!(detector.deadline, Some(expected));
 }
 
@@ -99,42 +96,113 @@ fn every_policy_and_run_time_has_its_form() {
 
 #[test]
 fn an_unknown_key_is_named_with_its_line_and_the_nearest_one() {
-    refused("policy", "polcy", "p.toml:10: operator \"detector\".polcy: unknown key", &["did you mean \"policy\"?"]);
-    refused("slots = 1", "slot = 1", "p.toml:14: resource.gpu0.slot: unknown key", &["did you mean \"slots\"?"]);
+    refused(
+        "policy",
+        "polcy",
+        "p.toml:10: operator \"detector\".polcy: unknown key",
+        &["did you mean \"policy\"?"],
+    );
+    refused(
+        "slots = 1",
+        "slot = 1",
+        "p.toml:14: resource.gpu0.slot: unknown key",
+        &["did you mean \"slots\"?"],
+    );
     refused("span_ms", "spam_ms", "p.toml:1: spam_ms: unknown key", &["did you mean \"span_ms\"?"]);
     refused("ms = 100", "length = 1", "p.toml:11: operator \"detector\".deadline.length: unknown key", &[]);
 }
 
 #[test]
 fn an_unknown_name_is_met_with_the_nearest_one() {
-    refused("[\"camera\"]", "[\"camra\"]", "p.toml:8: operator \"detector\".at: unknown operator", &["\"camera\"?"]);
+    refused(
+        "[\"camera\"]",
+        "[\"camra\"]",
+        "p.toml:8: operator \"detector\".at: unknown operator",
+        &["\"camera\"?"],
+    );
     refused("\"gpu0\"", "\"gpu\"", "p.toml:12: operator \"detector\".uses: unknown resource", &["\"gpu0\"?"]);
-    refused("\"arrival\"", "\"arival\"", "p.toml:11: operator \"detector\".deadline.anchor:", &["\"arrival\"?"]);
-    refused("\"reuse_last\"", "\"on_deadline\"", "p.toml:11: operator \"detector\".deadline.reaction:", &["\"skip\""]);
-    refused("fixed_ms = 80", "fixd_ms = 80", "p.toml:9: operator \"detector\".runtime.fixd_ms:", &["\"fixed_ms\"?"]);
+    refused(
+        "\"arrival\"",
+        "\"arival\"",
+        "p.toml:11: operator \"detector\".deadline.anchor:",
+        &["\"arrival\"?"],
+    );
+    refused(
+        "\"reuse_last\"",
+        "\"on_deadline\"",
+        "p.toml:11: operator \"detector\".deadline.reaction:",
+        &["\"skip\""],
+    );
+    refused(
+        "fixed_ms = 80",
+        "fixd_ms = 80",
+        "p.toml:9: operator \"detector\".runtime.fixd_ms:",
+        &["\"fixed_ms\"?"],
+    );
 }
 
 #[test]
 fn times_that_are_none_are_refused() {
     for bad in ["nan", "-5", "inf", "1e300", "\"50\"", "0", "1e-9", "99999999999999999999"] {
-        let start = if bad.starts_with('9') { "p.toml:4" } else { "p.toml:4: operator \"camera\".every_ms: found" };
+        let start =
+            if bad.starts_with('9') { "p.toml:4" } else { "p.toml:4: operator \"camera\".every_ms: found" };
         refused("every_ms = 50", &format!("every_ms = {bad}"), start, &[]);
     }
-    refused("every_ms = 50", "every_ms = 1e-6", "p.toml:4: operator \"camera\".every_ms: ticks 2000000000", &[]);
-    refused("fixed_ms = 80", "fixed_ms = -1", "p.toml:9: operator \"detector\".runtime.fixed_ms: found -1", &[]);
-    refused("fixed_ms = 80", "cycle_ms = [5, 0]", "p.toml:9: operator \"detector\".runtime.cycle_ms: found 0", &[]);
+    refused(
+        "every_ms = 50",
+        "every_ms = 1e-6",
+        "p.toml:4: operator \"camera\".every_ms: ticks 2000000000",
+        &[],
+    );
+    refused(
+        "fixed_ms = 80",
+        "fixed_ms = -1",
+        "p.toml:9: operator \"detector\".runtime.fixed_ms: found -1",
+        &[],
+    );
+    refused(
+        "fixed_ms = 80",
+        "cycle_ms = [5, 0]",
+        "p.toml:9: operator \"detector\".runtime.cycle_ms: found 0",
+        &[],
+    );
     refused("ms = 100", "ms = 0", "p.toml:11: operator \"detector\".deadline.ms: found 0", &["above 0"]);
     refused("span_ms = 2000", "span_ms = nan", "p.toml:1: span_ms: found nan", &[]);
 }
 
 #[test]
 fn a_run_time_is_required_and_one() {
-    refused("runtime = { fixed_ms = 80 }\n", "", "p.toml:6: operator \"detector\".runtime: missing", &["fixed_ms"]);
+    refused(
+        "runtime = { fixed_ms = 80 }\n",
+        "",
+        "p.toml:6: operator \"detector\".runtime: missing",
+        &["fixed_ms"],
+    );
     refused("fixed_ms = 80", "", "p.toml:9: operator \"detector\".runtime: found 0 keys", &[]);
-    refused("fixed_ms = 80", "fixed_ms = 80, zero = true", "p.toml:9: operator \"detector\".runtime: found 2", &[]);
-    refused("fixed_ms = 80", "zero = false", "p.toml:9: operator \"detector\".runtime.zero: found false", &[]);
-    refused("fixed_ms = 80", "cycle_ms = []", "p.toml:9: operator \"detector\".runtime.cycle_ms: found an empty", &[]);
-    refused("fixed_ms = 80", "normal_ms = [1]", "p.toml:9: operator \"detector\".runtime.normal_ms:", &["mean"]);
+    refused(
+        "fixed_ms = 80",
+        "fixed_ms = 80, zero = true",
+        "p.toml:9: operator \"detector\".runtime: found 2",
+        &[],
+    );
+    refused(
+        "fixed_ms = 80",
+        "zero = false",
+        "p.toml:9: operator \"detector\".runtime.zero: found false",
+        &[],
+    );
+    refused(
+        "fixed_ms = 80",
+        "cycle_ms = []",
+        "p.toml:9: operator \"detector\".runtime.cycle_ms: found an empty",
+        &[],
+    );
+    refused(
+        "fixed_ms = 80",
+        "normal_ms = [1]",
+        "p.toml:9: operator \"detector\".runtime.normal_ms:",
+        &["mean"],
+    );
     for bad in ["[[50, 70], [50, 80]]", "[[50, 70], [60, 60]]", "[[101, 7]]", "[[5]]", "[3]"] {
         let to = format!("percentiles_ms = {bad}");
         refused("fixed_ms = 80", &to, "p.toml:9: operator \"detector\".runtime.percentiles_ms:", &[]);
@@ -143,34 +211,74 @@ fn a_run_time_is_required_and_one() {
 
 #[test]
 fn policies_that_are_none_are_refused() {
-    for bad in ["queue", "queue()", "queue(0)", "queue(-1)", "pipelined(2, drop_newest)", "queue(1, 2, 3)", "latest"] {
+    for bad in
+        ["queue", "queue()", "queue(0)", "queue(-1)", "pipelined(2, drop_newest)", "queue(1, 2, 3)", "latest"]
+    {
         let to = format!("policy = \"{bad}\"");
-        refused("policy = \"skip_to_latest\"", &to, "p.toml:10: operator \"detector\".policy: found", &["pipelined(n)"]);
+        refused(
+            "policy = \"skip_to_latest\"",
+            &to,
+            "p.toml:10: operator \"detector\".policy: found",
+            &["pipelined(n)"],
+        );
     }
 }
 
 #[test]
 fn inputs_are_named_once_and_something_fires() {
     let at = "at = [\"camera\"]";
-    refused(at, "at = [\"camera\", \"camera\"]", "p.toml:8: operator \"detector\".at: \"camera\" is an input", &[]);
-    refused(at, "at = [\"camera\"]\nfeedback = [\"camera\"]", "p.toml:9: operator \"detector\".feedback:", &["once"]);
-    refused(at, "latest = [\"camera\"]", "p.toml:6: operator \"detector\": nothing makes it fire", &["every_ms"]);
-    refused(at, "at = [\"camera\"]\nphase_ms = 3", "p.toml:9: operator \"detector\".phase_ms:", &["every_ms"]);
+    refused(
+        at,
+        "at = [\"camera\", \"camera\"]",
+        "p.toml:8: operator \"detector\".at: \"camera\" is an input",
+        &[],
+    );
+    refused(
+        at,
+        "at = [\"camera\"]\nfeedback = [\"camera\"]",
+        "p.toml:9: operator \"detector\".feedback:",
+        &["once"],
+    );
+    refused(
+        at,
+        "latest = [\"camera\"]",
+        "p.toml:6: operator \"detector\": nothing makes it fire",
+        &["every_ms"],
+    );
+    refused(
+        at,
+        "at = [\"camera\"]\nphase_ms = 3",
+        "p.toml:9: operator \"detector\".phase_ms:",
+        &["every_ms"],
+    );
     refused("name = \"detector\"", "name = \"camera\"", "p.toml:7: operator \"camera\".name: another", &[]);
 }
 
 #[test]
 fn a_cycle_without_feedback_is_refused_and_names_its_operators() {
     let cycle = "every_ms = 50\nlatest = [\"detector\"]";
-    refused("every_ms = 50", cycle, "p.toml:5: operator \"camera\".latest: a cycle", &["detector -> camera -> detector"]);
-    refused("[\"camera\"]", "[\"detector\"]", "p.toml:8: operator \"detector\".at: a cycle", &["detector -> detector"]);
+    refused(
+        "every_ms = 50",
+        cycle,
+        "p.toml:5: operator \"camera\".latest: a cycle",
+        &["detector -> camera -> detector"],
+    );
+    refused(
+        "[\"camera\"]",
+        "[\"detector\"]",
+        "p.toml:8: operator \"detector\".at: a cycle",
+        &["detector -> detector"],
+    );
     let text = GOOD.replace("every_ms = 50", "every_ms = 50\nfeedback = [\"detector\"]");
     assert_eq!(parse(Path::new("p.toml"), &text).expect("feedback closes a loop").operators[0].feedback, [1]);
 }
 
 #[test]
 fn all_problems_are_reported_in_the_order_of_the_lines() {
-    let text = GOOD.replace("every_ms = 50", "every_ms = nan").replace("ms = 100", "ms = 0").replace("= 1\n", "= 0\n");
+    let text = GOOD
+        .replace("every_ms = 50", "every_ms = nan")
+        .replace("ms = 100", "ms = 0")
+        .replace("= 1\n", "= 0\n");
     let problems = parse(Path::new("p.toml"), &text).expect_err("three problems");
     let lines: Vec<&str> = problems.lines().iter().map(|line| &line[..9]).collect();
     assert_eq!(lines, ["p.toml:4:", "p.toml:11", "p.toml:14"]);
@@ -223,7 +331,8 @@ fn the_table_counts_what_happened() {
     let trace = simulate(&pipeline, 1, 1).expect("it runs");
     let table = table(&pipeline, &trace);
     let words = |start: &str| -> Vec<String> {
-        let line = table.lines().rev().find(|line| line.trim_start().starts_with(start)).expect("a line of its own");
+        let line =
+            table.lines().rev().find(|line| line.trim_start().starts_with(start)).expect("a line of its own");
         line.split_whitespace().map(str::to_owned).collect()
     };
     assert_eq!(words("camera")[..3], ["camera", "41", "40"]);
@@ -234,7 +343,8 @@ fn the_table_counts_what_happened() {
 
 #[test]
 fn a_busy_operator_is_busy_all_the_time() {
-    let text = GOOD.replace("deadline", "#").replace("every_ms = 50", "every_ms = 10").replace("= 80", "= 25");
+    let text =
+        GOOD.replace("deadline", "#").replace("every_ms = 50", "every_ms = 10").replace("= 80", "= 25");
     let pipeline = parse(Path::new("p.toml"), &text).expect("the file is good");
     let trace = simulate(&pipeline, 1, 1).expect("it runs");
     // It starts when the first image is there, after 5 ms, and never stops.

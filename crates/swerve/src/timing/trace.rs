@@ -97,7 +97,9 @@ impl Trace {
                 step.end = Some(s.end);
                 step.late = s.late;
             }
-            Event::Miss(m) => self.misses.push(Mark { operator: index(m.operator), stamp: m.stamp, at: m.at }),
+            Event::Miss(m) => {
+                self.misses.push(Mark { operator: index(m.operator), stamp: m.stamp, at: m.at })
+            }
             // A message that comes too late opens no frame: nothing of this operator is lost by it.
             Event::Drop(d) if d.reason == DropReason::TooLate => {}
             Event::Drop(d) => self.drops.push(Mark { operator: index(d.operator), stamp: d.stamp, at: d.at }),
