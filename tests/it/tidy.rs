@@ -70,7 +70,13 @@ fn crates_use_only_what_the_architecture_lists() {
 /// Heavy packages and the only crates of ours that may name them.
 #[test]
 fn heavy_packages_stay_behind_one_crate() {
-    let owners = [("rapier3d", "swerve-sim"), ("clarabel", "swerve-control"), ("mcap", "swerve-log"), ("clap", "swerve"), ("anyhow", "swerve")];
+    let owners = [
+        ("rapier3d", "swerve-sim"),
+        ("clarabel", "swerve-control"),
+        ("mcap", "swerve-log"),
+        ("clap", "swerve"),
+        ("anyhow", "swerve"),
+    ];
     for package in metadata()["packages"].as_array().unwrap().iter().filter(|p| p["source"].is_null()) {
         let name = package["name"].as_str().unwrap();
         for dependency in package["dependencies"].as_array().unwrap().iter().filter(|d| d["kind"].is_null()) {
@@ -85,14 +91,26 @@ fn heavy_packages_stay_behind_one_crate() {
 #[test]
 fn every_licence_is_permissive() {
     const ALLOWED: [&str; 13] = [
-        "MIT", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "ISC", "Zlib", "0BSD", "CC0-1.0", "Unlicense",
-        "Unicode-3.0", "IJG", "BSL-1.0", "Apache-2.0 WITH LLVM-exception",
+        "MIT",
+        "Apache-2.0",
+        "BSD-2-Clause",
+        "BSD-3-Clause",
+        "ISC",
+        "Zlib",
+        "0BSD",
+        "CC0-1.0",
+        "Unlicense",
+        "Unicode-3.0",
+        "IJG",
+        "BSL-1.0",
+        "Apache-2.0 WITH LLVM-exception",
     ];
     for package in metadata()["packages"].as_array().unwrap() {
         let licence = package["license"].as_str().unwrap_or("none");
         // `A OR B` gives the choice, `A AND B` does not; `/` is the old spelling of OR.
         let normal = licence.replace(['(', ')'], "").replace('/', " OR ");
-        let permissive = normal.split(" AND ").all(|part| part.split(" OR ").any(|one| ALLOWED.contains(&one.trim())));
+        let permissive =
+            normal.split(" AND ").all(|part| part.split(" OR ").any(|one| ALLOWED.contains(&one.trim())));
         assert!(permissive, "{} {} is under `{licence}`", package["name"], package["version"]);
     }
 }

@@ -7,15 +7,16 @@ use serde::Serialize;
 use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, Metrics, Outline};
 use swerve_flow::{Event, Observer, RunOptions, RunReport, run_virtual};
+use swerve_log::{Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Imu, ObstacleList, Plan, Route};
-use swerve_vehicle::Shape;
 use swerve_scenario::{Expectation, Metric, Scenario};
+use swerve_vehicle::Shape;
 
 use crate::config::Config;
 use crate::config::text::{Problem, parse_assignment};
-use crate::pipeline::Pipeline;
 use crate::files::write_whole;
+use crate::pipeline::Pipeline;
 use crate::progress::Progress;
 use crate::study::table::align;
 
@@ -85,7 +86,8 @@ pub fn load(input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
     if let Some(seed) = input.seed {
         sets.push(("seed".into(), toml::Value::Integer(i64::try_from(seed).context("--seed is too large")?)));
     }
-    let config = Config::load(input.config.as_deref(), &sets).map_err(|problems| problems_error(&problems))?;
+    let config =
+        Config::load(input.config.as_deref(), &sets).map_err(|problems| problems_error(&problems))?;
     Ok((config, read_scenario(&input.scenario)?))
 }
 
@@ -223,13 +225,33 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
     std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
-    let outcome = drive_observed(&config, &scenario, args.threads, &mut [&mut shown])?;
+    let mut recorder = Recorder::create(&out.join("log.mcap"), &run_start(&config, &args.input.scenario)?)?;
+    let mut trace = TraceWriter::create(&out.join("trace.json"), &["controller"])?;
+    let driven =
+        drive_observed(&config, &scenario, args.threads, &mut [&mut shown, &mut recorder, &mut trace]);
     shown.progress.finish();
+    // What was recorded until a failure is kept, readable.
+    recorder.finish()?;
+    trace.finish()?;
+    let outcome = driven?;
     let summary = Summary::of(&config, &scenario, &outcome);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     write_whole(&out.join("metrics.json"), json.as_bytes())?;
     crate::output::print(&if args.json { json } else { summary.text(&out) });
     Ok(())
+}
+
+/// The head of a log: all that it takes to run again without the files.
+fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
+    let text =
+        std::fs::read_to_string(scenario).with_context(|| format!("reading {}", scenario.display()))?;
+    Ok(RunStart {
+        version: env!("CARGO_PKG_VERSION").into(),
+        seed: config.seed,
+        config: config.to_text(),
+        extra: [("scenario".to_owned(), text), ("scenario_file".to_owned(), scenario.display().to_string())]
+            .into(),
+    })
 }
 
 fn stem(path: &Path) -> String {
@@ -298,7 +320,14 @@ impl Summary {
         let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
         let lines = m.operators.iter().map(|o| {
             let ms = |x: f64| format!("{x:.1}");
-            vec![o.operator.clone(), o.steps.to_string(), ms(o.p50_ms), ms(o.p99_ms), o.misses.to_string(), o.drops.to_string()]
+            vec![
+                o.operator.clone(),
+                o.steps.to_string(),
+                ms(o.p50_ms),
+                ms(o.p99_ms),
+                o.misses.to_string(),
+                o.drops.to_string(),
+            ]
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
         match self.as_expected {

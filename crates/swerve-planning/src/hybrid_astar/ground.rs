@@ -172,7 +172,8 @@ impl Ground<'_> {
             if !self.obstacles.motion_free(&mut place, travel_m, self.clearance_m) {
                 return false;
             }
-            let stays = walk(pose, piece, 0.05, |p, direction, _| self.on_road(&self.outline.at(p, direction)));
+            let stays =
+                walk(pose, piece, 0.05, |p, direction, _| self.on_road(&self.outline.at(p, direction)));
             if !stays {
                 return false;
             }

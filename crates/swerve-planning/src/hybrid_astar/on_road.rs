@@ -177,7 +177,8 @@ impl Desk {
     fn follow(&self, settings: &OnRoad, request: &Request<'_>) -> Option<Plan> {
         let start = request.start.pose;
         let FrenetPoint { s_m, d_m } = self.road.project(start.point());
-        let off_rad = swerve_geom::angle_between(request.route.line.at(s_m).pose.heading_rad, start.heading_rad);
+        let off_rad =
+            swerve_geom::angle_between(request.route.line.at(s_m).pose.heading_rad, start.heading_rad);
         if d_m.abs() > 0.1 || off_rad.abs() > 0.02 {
             return None;
         }
@@ -288,9 +289,8 @@ fn turning_radius_m(request: &Request<'_>) -> f64 {
 /// The box around poses, grown.
 fn around(poses: &[Pose2], by_m: f64) -> [f64; 4] {
     let start = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    let b = poses
-        .iter()
-        .fold(start, |b, p| [b[0].min(p.x_m), b[1].min(p.y_m), b[2].max(p.x_m), b[3].max(p.y_m)]);
+    let b =
+        poses.iter().fold(start, |b, p| [b[0].min(p.x_m), b[1].min(p.y_m), b[2].max(p.x_m), b[3].max(p.y_m)]);
     [b[0] - by_m, b[1] - by_m, b[2] + by_m, b[3] + by_m]
 }
 

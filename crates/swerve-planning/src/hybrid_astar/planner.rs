@@ -242,7 +242,15 @@ mod tests {
             let t = std::time::Instant::now();
             let plan = HybridAstar::new(Params::best()).plan(&world.request(), &mut Unlimited::default());
             println!("{speed} {:?} work {} {:?}", plan.status, plan.work, t.elapsed());
-            for p in &plan.points { println!("  {:.2} {:.2} {:.3} k {:.3} v {:.2}", p.pose.x_m, p.pose.y_m, p.pose.heading_rad, p.curvature_1pm, p.speed_mps); if speed > 16.0 { break; } }
+            for p in &plan.points {
+                println!(
+                    "  {:.2} {:.2} {:.3} k {:.3} v {:.2}",
+                    p.pose.x_m, p.pose.y_m, p.pose.heading_rad, p.curvature_1pm, p.speed_mps
+                );
+                if speed > 16.0 {
+                    break;
+                }
+            }
             assert_eq!(plan.status, PlanStatus::Found);
         }
     }

@@ -235,7 +235,13 @@ impl Search {
         best.map(|(_, node, last)| (node, Some(last)))
     }
 
-    fn expand(&mut self, ground: &Ground<'_>, lattice: &Lattice<'_>, cells: &Cells, (node, goal): (u32, Pose2)) {
+    fn expand(
+        &mut self,
+        ground: &Ground<'_>,
+        lattice: &Lattice<'_>,
+        cells: &Cells,
+        (node, goal): (u32, Pose2),
+    ) {
         let from = self.nodes[node as usize];
         self.work += lattice.motions.len() as u64;
         for &piece in lattice.motions {

@@ -109,15 +109,27 @@ mod tests {
             let mut s = Solution::default();
             let mut best = f64::INFINITY;
             for _ in 0..5 {
-            let t = std::time::Instant::now();
-            s = solver.solve(p, config, Preset::Best, &mut Unlimited::default());
-            best = best.min(t.elapsed().as_secs_f64() * 1e3);
+                let t = std::time::Instant::now();
+                s = solver.solve(p, config, Preset::Best, &mut Unlimited::default());
+                best = best.min(t.elapsed().as_secs_f64() * 1e3);
             }
             let line = math::hypot(p.goal[0] - p.start[0], p.goal[1] - p.start[1]);
             times.push(best);
             let known = p.best_known_length_ratio_exact_heading;
-            println!("{} {} {:?} ours {:.4} raw {:.4} work {} {best:.3} ms {}", p.id, s.found, known, s.length_m / line, s.reason.parse::<f64>().unwrap_or(0.0) / line, s.work,
-              match known { Some(k) if !s.found => "MISSED", Some(k) if s.length_m/line > 1.03*k => "LONG", _ => "" });
+            println!(
+                "{} {} {:?} ours {:.4} raw {:.4} work {} {best:.3} ms {}",
+                p.id,
+                s.found,
+                known,
+                s.length_m / line,
+                s.reason.parse::<f64>().unwrap_or(0.0) / line,
+                s.work,
+                match known {
+                    Some(k) if !s.found => "MISSED",
+                    Some(k) if s.length_m / line > 1.03 * k => "LONG",
+                    _ => "",
+                }
+            );
         }
         times.sort_by(f64::total_cmp);
         println!("median {} max {}", times[times.len() / 2], times[times.len() - 1]);

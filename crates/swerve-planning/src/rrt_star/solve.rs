@@ -6,7 +6,7 @@ use swerve_geom::{Point2, Pose2, math};
 use super::boxes::Boxes;
 use super::round::Rounder;
 use super::tree::{Growth, Tree, Until};
-use crate::hybrid_astar::dubins::{Piece, walk, advance};
+use crate::hybrid_astar::dubins::{Piece, advance, walk};
 use crate::posed::{Preset, RrtStarConfig, RrtStarProblem, Solution};
 use crate::request::{Budget, Unlimited};
 
@@ -32,10 +32,20 @@ impl Solver {
         [s[0].min(g[0]) - w, s[1].min(g[1]) - w, s[0].max(g[0]) + w, s[1].max(g[1]) + w]
     }
 
-    pub fn look(&mut self, problem: &RrtStarProblem, config: &RrtStarConfig, preset: Preset, budget: &mut dyn Budget) -> Option<(f64, f64, f64)> {
+    pub fn look(
+        &mut self,
+        problem: &RrtStarProblem,
+        config: &RrtStarConfig,
+        preset: Preset,
+        budget: &mut dyn Budget,
+    ) -> Option<(f64, f64, f64)> {
         let bounds = Self::bounds(problem, config);
         let mut rng = Rng::keyed(self.seed, "rrt_star", &[]);
-        let ends = (Pose2::new(problem.start[0], problem.start[1], 0.0), Pose2::new(problem.goal[0], problem.goal[1], 0.0), bounds);
+        let ends = (
+            Pose2::new(problem.start[0], problem.start[1], 0.0),
+            Pose2::new(problem.goal[0], problem.goal[1], 0.0),
+            bounds,
+        );
         let area = (bounds[2] - bounds[0]) * (bounds[3] - bounds[1]);
         match preset {
             Preset::Paper => {
@@ -49,7 +59,9 @@ impl Solver {
                     radius_max_m: config.step_size,
                     until: Until::Arrival(config.end_dist_threshold),
                 };
-                if !self.tree.grow(&self.boxes, &growth, ends, &[], &mut rng, budget) { return None; }
+                if !self.tree.grow(&self.boxes, &growth, ends, &[], &mut rng, budget) {
+                    return None;
+                }
                 let c = self.tree.take_best(&mut self.corners)?;
                 Some((c, c, 0.0))
             }
@@ -65,7 +77,9 @@ impl Solver {
                     radius_max_m: 10.0,
                     until: Until::Spent,
                 };
-                if !self.tree.grow(&self.boxes, &growth, ends, &self.guides, &mut rng, budget) { return None; }
+                if !self.tree.grow(&self.boxes, &growth, ends, &self.guides, &mut rng, budget) {
+                    return None;
+                }
                 let c = self.tree.take_best(&mut self.corners)?;
                 self.corners.push(ends.1);
                 self.boxes.set(&problem.obstacles, config.obstacle_clearance, bounds);
@@ -79,12 +93,21 @@ impl Solver {
                         for &p in &self.pieces {
                             let mut last = pose.point();
                             let step = if p.curvature_1pm == 0.0 { f64::INFINITY } else { 0.1 };
-                            ok &= walk(pose, p, step, |q, _, _| { let f = self.boxes.segment_free(last, q) && self.boxes.point_free(q); last = q; f });
+                            ok &= walk(pose, p, step, |q, _, _| {
+                                let f = self.boxes.segment_free(last, q) && self.boxes.point_free(q);
+                                last = q;
+                                f
+                            });
                             pose = advance(pose, p.curvature_1pm, p.length_m);
                             len += p.length_m;
                         }
-                        if ok && len < smooth { smooth = len; radius = r; }
-                        if ok && len < c * 1.002 { break; }
+                        if ok && len < smooth {
+                            smooth = len;
+                            radius = r;
+                        }
+                        if ok && len < c * 1.002 {
+                            break;
+                        }
                     }
                 }
                 Some((c, smooth, radius))
@@ -104,7 +127,11 @@ mod tests {
         let file: ProblemFile = serde_json::from_str(&text).unwrap();
         let json: serde_json::Value = serde_json::from_str(&text).unwrap();
         let mut solver = Solver::default();
-        for (name, preset, units) in [("pylot_fast", Preset::Best, 500), ("pylot_fast", Preset::Paper, 2000), ("pylot_slow", Preset::Paper, 2000)] {
+        for (name, preset, units) in [
+            ("pylot_fast", Preset::Best, 500),
+            ("pylot_fast", Preset::Paper, 2000),
+            ("pylot_slow", Preset::Paper, 2000),
+        ] {
             let config = &file.configs.rrt_star[name];
             let (mut shares, mut peers) = (vec![], vec![]);
             let mut times = vec![];
@@ -118,16 +145,38 @@ mod tests {
                 for seed in 0..runs {
                     solver.seed = seed;
                     let mut b = crate::testing::Capped::new(units);
-                    if let Some((c, s, r)) = solver.look(p, config, preset, &mut b) { n += 1.0; raw += c; if s.is_finite() { sm += 1.0; smooth += s; radius = r.min(radius); } }
+                    if let Some((c, s, r)) = solver.look(p, config, preset, &mut b) {
+                        n += 1.0;
+                        raw += c;
+                        if s.is_finite() {
+                            sm += 1.0;
+                            smooth += s;
+                            radius = r.min(radius);
+                        }
+                    }
                 }
                 let ms = t.elapsed().as_secs_f64() * 1e3 / runs as f64;
                 times.push(ms);
                 shares.push(n / runs as f64);
                 peers.push(peer["success_rate"].as_f64().unwrap());
-                println!("{name} {preset:?} {} success {:.2} (peer {}) ratio {:.4} smooth {:.4} ({}) radius {radius} {ms:.3} ms peer {}", p.id, n / runs as f64, peer["success_rate"], raw / n / optimum, smooth / sm / optimum, sm / runs as f64, peer["cpu_ms_p50"]);
+                println!(
+                    "{name} {preset:?} {} success {:.2} (peer {}) ratio {:.4} smooth {:.4} ({}) radius {radius} {ms:.3} ms peer {}",
+                    p.id,
+                    n / runs as f64,
+                    peer["success_rate"],
+                    raw / n / optimum,
+                    smooth / sm / optimum,
+                    sm / runs as f64,
+                    peer["cpu_ms_p50"]
+                );
             }
             times.sort_by(f64::total_cmp);
-            println!("== {name} {preset:?} success {:.3} peer {:.3} median ms {:.3}", shares.iter().sum::<f64>() / 46.0, peers.iter().sum::<f64>() / 46.0, times[23]);
+            println!(
+                "== {name} {preset:?} success {:.3} peer {:.3} median ms {:.3}",
+                shares.iter().sum::<f64>() / 46.0,
+                peers.iter().sum::<f64>() / 46.0,
+                times[23]
+            );
         }
     }
 }

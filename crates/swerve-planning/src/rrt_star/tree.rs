@@ -327,7 +327,9 @@ impl Tree {
 
     /// Length of the best path, infinite before the first.
     pub(crate) fn best_m(&self) -> f64 {
-        self.arrived.iter().fold(f64::INFINITY, |best, &(n, last)| best.min(self.nodes[n as usize].cost_m + last))
+        self.arrived
+            .iter()
+            .fold(f64::INFINITY, |best, &(n, last)| best.min(self.nodes[n as usize].cost_m + last))
     }
 
     /// The poses of the best path from the start to its last node (the goal itself is not a node); forgets that
@@ -335,7 +337,8 @@ impl Tree {
     pub(crate) fn take_best(&mut self, poses: &mut Vec<Pose2>) -> Option<f64> {
         let nodes = &self.nodes;
         let cost = |&(node, last_m): &(u32, f64)| nodes[node as usize].cost_m + last_m;
-        let best = (0..self.arrived.len()).min_by(|&a, &b| cost(&self.arrived[a]).total_cmp(&cost(&self.arrived[b])))?;
+        let best = (0..self.arrived.len())
+            .min_by(|&a, &b| cost(&self.arrived[a]).total_cmp(&cost(&self.arrived[b])))?;
         let cost_m = cost(&self.arrived[best]);
         let (node, _) = self.arrived.swap_remove(best);
         poses.clear();

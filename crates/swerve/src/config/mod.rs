@@ -282,7 +282,8 @@ impl PlanningConfig {
 
     /// Expected time from a sensor frame to its plan's first effect, ms.
     pub fn expected_ms(&self) -> f64 {
-        self.expected_ms.unwrap_or_else(|| self.cost_of_chosen().map_or(0.0, |cost| cost.base_ms) + self.added_latency_ms)
+        self.expected_ms
+            .unwrap_or_else(|| self.cost_of_chosen().map_or(0.0, |cost| cost.base_ms) + self.added_latency_ms)
     }
 }
 
@@ -378,9 +379,9 @@ impl Config {
                 vec![set_problem(key, text::with_nearest_name(&message))]
             })?;
         }
-        let config: Self = table.try_into().map_err(|error: toml::de::Error| {
-            vec![set_problem("", error.message().to_owned())]
-        })?;
+        let config: Self = table
+            .try_into()
+            .map_err(|error: toml::de::Error| vec![set_problem("", error.message().to_owned())])?;
         config.checked(|key, message| {
             let set = sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key));
             match set {
@@ -413,7 +414,10 @@ impl Config {
         range("planning.added_latency_ms", self.planning.added_latency_ms, 0.0, 100_000.0);
         range("planning.expected_ms", self.planning.expected_ms.unwrap_or(0.0), 0.0, 10_000.0);
         if let Err(fault) = self.sim.vehicle.validate() {
-            faults.push((format!("sim.vehicle.{}", fault.key), format!("expected {}, found {}", fault.must, fault.value)));
+            faults.push((
+                format!("sim.vehicle.{}", fault.key),
+                format!("expected {}, found {}", fault.must, fault.value),
+            ));
         }
         self.check_operators(&mut faults);
         self.check_log(&mut faults);
@@ -433,7 +437,8 @@ impl Config {
         for (name, operator) in &self.operator {
             let key = |last: &str| format!("operator.{name}.{last}");
             if !OPERATORS.contains(&name.as_str()) {
-                let near = text::nearest(name, OPERATORS).map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+                let near = text::nearest(name, OPERATORS)
+                    .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
                 let message = format!("unknown operator, expected one of {}{near}", OPERATORS.join(", "));
                 faults.push((format!("operator.{name}"), message));
             }
@@ -451,7 +456,8 @@ impl Config {
             }
             if let Some(resource) = operator.uses.as_ref().filter(|r| !self.resource.contains_key(*r)) {
                 let names: Vec<&str> = self.resource.keys().map(String::as_str).collect();
-                let message = format!("unknown resource `{resource}`, expected one of [{}]", names.join(", "));
+                let message =
+                    format!("unknown resource `{resource}`, expected one of [{}]", names.join(", "));
                 faults.push((key("uses"), message));
             }
         }
@@ -523,8 +529,14 @@ mod tests {
     #[test]
     fn the_resolved_text_reads_back_as_itself() {
         let mut config = Config::default();
-        config.operator.insert("planner".into(), OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() });
-        config.planning.cost.insert(PlannerName::Fot, [(Fineness::Fast, WorkTime { base_ms: 1.0, per_unit_us: 2.0 })].into());
+        config.operator.insert(
+            "planner".into(),
+            OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() },
+        );
+        config
+            .planning
+            .cost
+            .insert(PlannerName::Fot, [(Fineness::Fast, WorkTime { base_ms: 1.0, per_unit_us: 2.0 })].into());
         let document = Document::parse("resolved", config.to_text()).unwrap();
         assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
     }

@@ -24,7 +24,8 @@ impl ControllerOperator {
             ControllerName::PurePursuit => Law::PurePursuit,
             ControllerName::Stanley => Law::Stanley,
         };
-        let params = Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
+        let params =
+            Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
         let (shape, limits) = (vehicle.shape, vehicle.limits);
         let pedals = move |accel_mps2: f64, speed_mps: f64| {
             let pedals = pedals_for_accel(&vehicle, speed_mps, accel_mps2);

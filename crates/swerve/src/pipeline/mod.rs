@@ -88,7 +88,8 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
     let plan = graph.add("planner", planner, (predictions, pose)).out();
     let controller = controller::ControllerOperator::new(config, route);
-    let commands = graph.add("controller", controller, (every(ms(config.control.period_ms)), pose, plan)).out();
+    let commands =
+        graph.add("controller", controller, (every(ms(config.control.period_ms)), pose, plan)).out();
     graph.connect(command, commands);
     Ok(())
 }

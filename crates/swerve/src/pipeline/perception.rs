@@ -13,7 +13,8 @@ pub(super) struct Tracker {
 
 impl Tracker {
     pub(super) fn new(config: &Config) -> Self {
-        let params = HistoryParams { sightings_max: config.prediction.past_steps, ..HistoryParams::default() };
+        let params =
+            HistoryParams { sightings_max: config.prediction.past_steps, ..HistoryParams::default() };
         Self { history: History::new(params) }
     }
 }

@@ -1,14 +1,19 @@
 use std::sync::Arc;
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use swerve_core::Span;
 use swerve_flow::{At, Context, Operator, Port, Progress, Window};
 use swerve_msg::{EgoState, Plan, PredictionList, Route};
+use swerve_planning::fot::{self, Fot};
+use swerve_planning::hybrid_astar::{self, HybridAstar};
 use swerve_planning::world::predicted_start;
-use swerve_planning::{Budget, Goes, Planner, Request};
+use swerve_planning::{Budget, Goes, Planner, Preset, Request};
 use swerve_scenario::Scenario;
 use swerve_vehicle::{Limits, Shape};
 
-use crate::config::{Config, StartState};
+use crate::config::text::with_nearest_name;
+use crate::config::{Config, Fineness, PlannerName, StartState};
 
 /// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
 const POSES: usize = 64;
@@ -33,7 +38,7 @@ impl PlannerOperator {
             StartState::Predicted => Some(Span::from_secs(config.planning.expected_ms() * 1e-3)),
         };
         Ok(Self {
-            planner: planner(config)?,
+            planner: planner(config).map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: route.clone(),
             target_speed_mps: scenario.ego.target_speed_mps,
             shape: vehicle.shape,
@@ -45,9 +50,36 @@ impl PlannerOperator {
 }
 
 /// The planner that a configuration names, with its parameters.
-pub fn planner(config: &Config) -> anyhow::Result<Box<dyn Planner>> {
-    let _ = config;
-    Ok(Box::new(Temp))
+pub fn planner(config: &Config) -> Result<Box<dyn Planner>, String> {
+    let planning = &config.planning;
+    let (preset, fineness) = (planning.preset, planning.config);
+    Ok(match planning.planner {
+        PlannerName::Fot => {
+            let defaults = match fineness {
+                Fineness::Fast => fot::Params::fast(preset),
+                Fineness::Slow => fot::Params::slow(preset),
+            };
+            let defaults = fot::Params { collision: planning.collision, ..defaults };
+            Box::new(Fot::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
+        }
+        PlannerName::HybridAstar => {
+            let defaults = match (preset, fineness) {
+                (Preset::Paper, Fineness::Fast) => hybrid_astar::Params::paper_fast(),
+                (Preset::Paper, Fineness::Slow) => hybrid_astar::Params::paper_slow(),
+                (Preset::Best, _) => hybrid_astar::Params::best(),
+            };
+            let defaults = hybrid_astar::Params { collision: planning.collision, ..defaults };
+            Box::new(HybridAstar::new(overridden(&defaults, &planning.params)?))
+        }
+        _ => return Err("not yet".into()),
+    })
+}
+
+/// A planner's parameters with what the configuration says otherwise.
+fn overridden<T: Serialize + DeserializeOwned>(defaults: &T, changes: &toml::Table) -> Result<T, String> {
+    let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
+    table.extend(changes.clone());
+    table.try_into().map_err(|error| with_nearest_name(error.message()))
 }
 
 impl Operator for PlannerOperator {
@@ -89,12 +121,5 @@ impl Budget for Metered<'_, '_> {
             Progress::Continue => Goes::On,
             Progress::Stop => Goes::Stop,
         }
-    }
-}
-
-struct Temp;
-impl Planner for Temp {
-    fn plan(&mut self, request: &Request<'_>, _: &mut dyn Budget) -> Plan {
-        swerve_planning::world::follow_route(request, swerve_planning::world::SpeedProfile::Constant, 5.0, swerve_msg::PlanStatus::Route)
     }
 }

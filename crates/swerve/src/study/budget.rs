@@ -12,7 +12,12 @@ use crate::run::drive;
 ///
 /// The edge is the *first* from zero on: what avoids again at a still larger latency does so by chance, and
 /// nobody would build on it. A run that fails without added latency has no budget.
-pub(super) fn largest_latency(cell: &Cell, config: &Config, scenario: &Scenario, budget: &Budget) -> anyhow::Result<CellResult> {
+pub(super) fn largest_latency(
+    cell: &Cell,
+    config: &Config,
+    scenario: &Scenario,
+    budget: &Budget,
+) -> anyhow::Result<CellResult> {
     let good = |added_ms: f64| -> anyhow::Result<bool> {
         let mut config = config.clone();
         config.planning.added_latency_ms += added_ms;

@@ -248,7 +248,9 @@ fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, toml::Value
     for (name, value) in table {
         let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
         match value {
-            toml::Value::Table(inner) if !inner.is_empty() && prefix_is_section(&key) => flatten(&key, inner, out),
+            toml::Value::Table(inner) if !inner.is_empty() && prefix_is_section(&key) => {
+                flatten(&key, inner, out)
+            }
             _ => out.push((key, value.clone())),
         }
     }

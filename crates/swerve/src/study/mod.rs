@@ -71,17 +71,21 @@ enum StudyCommand {
 /// Runs or merges a study.
 pub fn run(args: &StudyArgs) -> anyhow::Result<()> {
     match (&args.command, &args.file) {
-        (Some(StudyCommand::Merge { folders, study, out, set }), _) => merge(study, folders, out.as_deref(), set),
+        (Some(StudyCommand::Merge { folders, study, out, set }), _) => {
+            merge(study, folders, out.as_deref(), set)
+        }
         (None, Some(file)) => {
             let stop = Arc::new(AtomicBool::new(false));
             let on_signal = stop.clone();
-            ctrlc::set_handler(move || on_signal.store(true, Ordering::SeqCst)).context("listening for Ctrl-C")?;
+            ctrlc::set_handler(move || on_signal.store(true, Ordering::SeqCst))
+                .context("listening for Ctrl-C")?;
             let bench = Bench::open(file, &args.set)?;
             let out = out_folder(&bench.study, args.out.as_deref());
             let store = CellStore::open(&out)?;
             let threads = args.threads.unwrap_or_else(cores);
             let runner = Runner { store: &store, threads, shard: args.shard, stop: &stop };
-            let results = runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
+            let results =
+                runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
             report(&bench.study, &results, &out)?;
             finish(&bench.study, &results, args.shard, &stop)
         }
@@ -89,12 +93,21 @@ pub fn run(args: &StudyArgs) -> anyhow::Result<()> {
     }
 }
 
-fn finish(study: &Study, results: &[Option<CellResult>], shard: Option<Shard>, stop: &AtomicBool) -> anyhow::Result<()> {
+fn finish(
+    study: &Study,
+    results: &[Option<CellResult>],
+    shard: Option<Shard>,
+    stop: &AtomicBool,
+) -> anyhow::Result<()> {
     if let Some((cell, error)) =
         study.cells.iter().zip(results).find_map(|(c, r)| Some((c, r.as_ref()?.error.as_ref()?)))
     {
         let failed = results.iter().flatten().filter(|r| r.error.is_some()).count();
-        bail!("{failed} cells failed, the first of them [{}]: {error}\n  {}", cell.labels.join(" "), study.command(cell));
+        bail!(
+            "{failed} cells failed, the first of them [{}]: {error}\n  {}",
+            cell.labels.join(" "),
+            study.command(cell)
+        );
     }
     let missing = results.iter().filter(|r| r.is_none()).count();
     if stop.load(Ordering::SeqCst) && shard.is_none() {
@@ -126,7 +139,8 @@ impl Bench {
     /// Reads a study, its scenario and its base configuration; `sets` apply to every cell, before the axes.
     pub fn open(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let study = Study::read(file)?;
-        let sets: Result<Vec<_>, Problem> = sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
+        let sets: Result<Vec<_>, Problem> =
+            sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
         let scenario = crate::run::read_scenario(&study.scenario)?;
         let scenario_text = std::fs::read_to_string(&study.scenario)?;
         let base = match &study.config {
@@ -152,7 +166,8 @@ impl Bench {
     pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
         let mut hasher = Hasher::new();
         hasher.value(&(env!("CARGO_PKG_VERSION"), self.config(cell)?.to_text(), &self.scenario_text));
-        hasher.value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
+        hasher
+            .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
         Ok(hasher.digest())
     }
 
@@ -209,7 +224,11 @@ fn merge(file: &Path, folders: &[PathBuf], out: Option<&Path>, sets: &[String]) 
     let bench = Bench::open(file, sets)?;
     let out = out_folder(&bench.study, out);
     for folder in folders {
-        anyhow::ensure!(folder.join("cells").is_dir(), "{}: no folder `cells` of a study in it", folder.display());
+        anyhow::ensure!(
+            folder.join("cells").is_dir(),
+            "{}: no folder `cells` of a study in it",
+            folder.display()
+        );
     }
     let stores: Vec<CellStore> = folders.iter().map(|f| CellStore::open(f)).collect::<Result<_, _>>()?;
     let joined = CellStore::open(&out)?;
@@ -224,6 +243,9 @@ fn merge(file: &Path, folders: &[PathBuf], out: Option<&Path>, sets: &[String]) 
     }
     report(&bench.study, &results, &out)?;
     let missing = results.iter().filter(|r| r.is_none()).count();
-    anyhow::ensure!(missing == 0, "{missing} cells are in none of the folders (run the missing shards, then merge again)");
+    anyhow::ensure!(
+        missing == 0,
+        "{missing} cells are in none of the folders (run the missing shards, then merge again)"
+    );
     Ok(())
 }

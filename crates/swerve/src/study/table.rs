@@ -12,7 +12,11 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
         let _ = write!(text, "{},", field(axis));
     }
     let budget = study.budget.is_some();
-    text += if budget { "budget_ms,verdict\n" } else { "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,digest\n" };
+    text += if budget {
+        "budget_ms,verdict\n"
+    } else {
+        "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,digest\n"
+    };
     for result in results.iter().flatten() {
         for label in &result.labels {
             let _ = write!(text, "{},", field(label));
@@ -39,7 +43,11 @@ fn number(x: Option<f64>) -> String {
 }
 
 fn field(text: &str) -> String {
-    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+    if text.contains([',', '"', '\n']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
 }
 
 /// The study over two dimensions: seeds summed up, the last other axis across, the rest down.
@@ -76,8 +84,10 @@ impl Grid {
     pub fn of(study: &Study, results: &[Option<CellResult>]) -> Self {
         let shown: Vec<usize> = (0..study.axes.len()).filter(|&a| study.axes[a] != "seed").collect();
         let (down, across) = shown.split_at(shown.len().saturating_sub(1));
-        let row_of = |labels: &[String]| down.iter().map(|&a| labels[a].as_str()).collect::<Vec<_>>().join(" ");
-        let column_of = |labels: &[String]| across.first().map_or_else(|| "all".into(), |&a| labels[a].clone());
+        let row_of =
+            |labels: &[String]| down.iter().map(|&a| labels[a].as_str()).collect::<Vec<_>>().join(" ");
+        let column_of =
+            |labels: &[String]| across.first().map_or_else(|| "all".into(), |&a| labels[a].clone());
         let mut grid = Self {
             row_axes: down.iter().map(|&a| study.axes[a].as_str()).collect::<Vec<_>>().join(" "),
             column_axis: across.first().map_or_else(String::new, |&a| study.axes[a].clone()),
@@ -108,7 +118,8 @@ impl Grid {
 
     /// The table for the terminal.
     pub fn text(&self) -> String {
-        let mut lines = vec![std::iter::once(self.row_axes.clone()).chain(self.columns.clone()).collect::<Vec<_>>()];
+        let mut lines =
+            vec![std::iter::once(self.row_axes.clone()).chain(self.columns.clone()).collect::<Vec<_>>()];
         for (i, row) in self.rows.iter().enumerate() {
             lines.push(std::iter::once(row.clone()).chain(self.row(i).iter().map(Square::text)).collect());
         }
@@ -178,8 +189,9 @@ fn unique(items: impl Iterator<Item = String>) -> Vec<String> {
 /// Columns padded to equal width, two spaces between them; the first to the left, the others to the right.
 pub fn align(lines: &[Vec<String>]) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
-    let width: Vec<usize> =
-        (0..columns).map(|c| lines.iter().filter_map(|l| l.get(c)).map(|t| t.chars().count()).max().unwrap_or(0)).collect();
+    let width: Vec<usize> = (0..columns)
+        .map(|c| lines.iter().filter_map(|l| l.get(c)).map(|t| t.chars().count()).max().unwrap_or(0))
+        .collect();
     let mut text = String::new();
     for line in lines {
         for (c, cell) in line.iter().enumerate() {
@@ -202,14 +214,23 @@ mod tests {
 
     fn study() -> Study {
         let label = |p: &str, v: &str, s: &str| vec![p.to_owned(), v.to_owned(), s.to_owned()];
-        let cells = [label("fot", "16", "1"), label("fot", "16", "2"), label("fot", "18", "1"), label("fot", "18", "2")];
+        let cells = [
+            label("fot", "16", "1"),
+            label("fot", "16", "2"),
+            label("fot", "18", "1"),
+            label("fot", "18", "2"),
+        ];
         Study {
             name: "s".into(),
             description: String::new(),
             scenario: "a".into(),
             config: None,
             axes: vec!["planner".into(), "speed_mps".into(), "seed".into()],
-            cells: cells.into_iter().enumerate().map(|(index, labels)| Cell { index, labels, sets: vec![] }).collect(),
+            cells: cells
+                .into_iter()
+                .enumerate()
+                .map(|(index, labels)| Cell { index, labels, sets: vec![] })
+                .collect(),
             budget: None,
         }
     }
@@ -242,9 +263,6 @@ mod tests {
         assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["planner", "16", "18"]);
         assert_eq!(lines[2], "fot      1/2 hit 12.0 m/s  1/1");
         assert_eq!(grid.squares[0].share(), Some(0.5));
-        assert_eq!(
-            csv(&study, &results).lines().nth(1).unwrap(),
-            "fot,16,1,avoided,0.5000,,,"
-        );
+        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,");
     }
 }
