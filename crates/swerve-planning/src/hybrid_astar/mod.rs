@@ -12,8 +12,8 @@ pub(crate) mod ground;
 mod motions;
 pub(crate) mod on_road;
 mod planner;
-mod search;
-mod shorten;
+pub(crate) mod search;
+pub(crate) mod shorten;
 mod solve;
 
 pub use planner::{HybridAstar, Params};

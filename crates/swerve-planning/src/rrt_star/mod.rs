@@ -4,6 +4,10 @@
 
 mod boxes;
 mod grid;
+mod planner;
 mod round;
 mod solve;
+mod space;
 mod tree;
+
+pub use planner::{Params, RrtStar};
