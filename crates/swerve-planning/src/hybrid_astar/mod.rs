@@ -14,7 +14,7 @@ pub(crate) mod on_road;
 mod planner;
 pub(crate) mod search;
 pub(crate) mod shorten;
-mod solve;
+pub(crate) mod solve;
 
 pub use planner::{HybridAstar, Params};
-pub use solve::solve_posed;
+pub use solve::{Outcome, Solver, solve_posed};

@@ -13,6 +13,7 @@ use crate::hybrid_astar::ground::{Ground, Outline};
 use crate::hybrid_astar::on_road::{Desk, OnRoad, PathSearch, Task};
 use crate::hybrid_astar::search::join;
 use crate::hybrid_astar::shorten::Shortener;
+use crate::params::{InvalidParam, require, require_not_negative, require_positive};
 use crate::posed::Preset;
 use crate::request::{Budget, Planner, Request};
 use crate::world::{PathPoint, with_curvature};
@@ -38,7 +39,7 @@ pub struct Params {
     /// Distance to keep from obstacles, metres; `paper` plans for a point, so it holds the car's width too.
     pub clearance_m: f64,
     /// Obstacles further away than this are not planned for, metres.
-    pub range_m: f64,
+    pub obstacle_range_m: f64,
     /// The goal lies this far ahead on the route, metres.
     pub goal_ahead_m: f64,
     /// `best`: and at least so many seconds ahead at the present speed.
@@ -48,17 +49,16 @@ pub struct Params {
 }
 
 impl Default for Params {
-    /// [`Params::best`].
     fn default() -> Self {
-        Self::best()
+        Self::fast(Preset::Best)
     }
 }
 
 impl Params {
-    /// The original with the settings of the paper's fast configuration.
-    pub const fn paper_fast() -> Self {
-        Self {
-            preset: Preset::Paper,
+    /// The paper's fast configuration; `best` has no steps to choose.
+    pub fn fast(preset: Preset) -> Self {
+        let paper = Self {
+            preset,
             collision: CollisionMode::TimeIndexed,
             step_m: 0.5,
             arrival_m: 2.0,
@@ -66,30 +66,51 @@ impl Params {
             goal_share: 0.01,
             iterations_max: 2000,
             clearance_m: 1.5,
-            range_m: 70.0,
+            obstacle_range_m: 70.0,
             goal_ahead_m: 30.0,
             goal_ahead_s: 0.0,
             horizon_s: 5.0,
+        };
+        match preset {
+            Preset::Paper => paper,
+            Preset::Best => {
+                Self { goal_share: 0.1, iterations_max: 300, clearance_m: 0.3, goal_ahead_s: 3.0, ..paper }
+            }
         }
     }
 
-    /// The original with the settings of the paper's slow configuration.
-    pub const fn paper_slow() -> Self {
-        Self { step_m: 0.1, ..Self::paper_fast() }
+    /// The paper's slow configuration.
+    pub fn slow(preset: Preset) -> Self {
+        Self { step_m: 0.1, ..Self::fast(preset) }
     }
 
-    /// Ours.
-    pub const fn best() -> Self {
-        Self {
-            preset: Preset::Best,
-            goal_share: 0.1,
-            iterations_max: 300,
-            clearance_m: 0.3,
-            goal_ahead_s: 3.0,
-            ..Self::paper_fast()
+    /// Checks all ranges.
+    pub fn validate(&self) -> Result<(), InvalidParam> {
+        for (key, value) in [
+            ("step_m", self.step_m),
+            ("obstacle_range_m", self.obstacle_range_m),
+            ("goal_ahead_m", self.goal_ahead_m),
+            ("horizon_s", self.horizon_s),
+        ] {
+            require_positive(key, value)?;
         }
+        for (key, value) in [
+            ("arrival_m", self.arrival_m),
+            ("lane_width_m", self.lane_width_m),
+            ("clearance_m", self.clearance_m),
+            ("goal_ahead_s", self.goal_ahead_s),
+        ] {
+            require_not_negative(key, value)?;
+        }
+        let share = self.goal_share;
+        require("goal_share", share, (0.0..=1.0).contains(&share), "must be 0 to 1")?;
+        let n = self.iterations_max;
+        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "must be 1 to 100,000")
     }
 }
+
+/// Most iterations that may be asked for: they bound the memory.
+const ITERATIONS_MAX: u64 = 100_000;
 
 /// RRT* as a motion planner.
 #[derive(Clone, Debug)]
@@ -111,8 +132,9 @@ struct TreeSearch {
 }
 
 impl RrtStar {
-    /// With these settings.
-    pub fn new(params: Params) -> Self {
+    /// With valid settings.
+    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+        params.validate()?;
         let trees = TreeSearch {
             params,
             tree: Tree::default(),
@@ -121,7 +143,12 @@ impl RrtStar {
             poses: Vec::new(),
             pieces: Vec::new(),
         };
-        Self { params, desk: Desk::default(), trees }
+        Ok(Self { params, desk: Desk::default(), trees })
+    }
+
+    /// The settings.
+    pub fn params(&self) -> &Params {
+        &self.params
     }
 
     fn on_road(&self) -> OnRoad {
@@ -129,7 +156,7 @@ impl RrtStar {
         OnRoad {
             goal_ahead_m: p.goal_ahead_m,
             goal_ahead_s: p.goal_ahead_s,
-            range_m: p.range_m,
+            obstacle_range_m: p.obstacle_range_m,
             clearance_m: p.clearance_m,
             lane_width_m: p.lane_width_m,
             horizon_s: p.horizon_s,
@@ -286,9 +313,9 @@ mod tests {
 
     #[test]
     fn holds_what_every_planner_must() {
-        conformance(&|| RrtStar::new(Params::best()), true);
-        conformance(&|| RrtStar::new(Params::paper_fast()), false);
-        conformance(&|| RrtStar::new(Params::paper_slow()), false);
+        conformance(&|| RrtStar::new(Params::fast(Preset::Best)).unwrap(), true);
+        conformance(&|| RrtStar::new(Params::fast(Preset::Paper)).unwrap(), false);
+        conformance(&|| RrtStar::new(Params::slow(Preset::Paper)).unwrap(), false);
     }
 
     #[test]
@@ -296,12 +323,12 @@ mod tests {
         for speed in [16.0, 18.0, 20.0, 22.0] {
             for ahead in [20.0, 22.0, 25.0, 30.0, 35.0] {
             let world = World::straight(speed).with_person((ahead, 0.0), (0.0, 0.0));
-            let mut planner = RrtStar::new(Params::best());
+            let mut planner = RrtStar::new(Params::fast(Preset::Best)).unwrap();
             let mut plan = planner.plan(&world.request(), &mut Unlimited::default());
             let t = std::time::Instant::now();
             for _ in 0..5 { plan = planner.plan(&world.request(), &mut Unlimited::default()); }
             let t = t.elapsed() / 5;
-            let mut other = crate::hybrid_astar::HybridAstar::new(crate::hybrid_astar::Params::best());
+            let mut other = crate::hybrid_astar::HybridAstar::new(crate::hybrid_astar::Params::fast(Preset::Best)).unwrap();
             let t2 = std::time::Instant::now();
             let p2 = other.plan(&world.request(), &mut Unlimited::default());
             println!("{speed} {ahead} {:?} work {} {:?}  ha {:?} {} {:?}", plan.status, plan.work, t, p2.status, p2.work, t2.elapsed());
