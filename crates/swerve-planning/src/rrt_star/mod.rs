@@ -2,6 +2,7 @@
 //!
 //! Source: S. Karaman and E. Frazzoli, "Sampling-based algorithms for optimal motion planning", 2011, algorithm 6.
 
+mod bend;
 mod boxes;
 mod grid;
 mod planner;

@@ -18,6 +18,8 @@ pub struct Solver {
     guides: Vec<Pose2>,
     corners: Vec<Pose2>,
     rounder: Rounder,
+    bender: super::bend::Bender,
+    pub bends: u32,
     pieces: Vec<Piece>,
     best: Vec<Piece>,
     /// Seed of the random numbers.
@@ -66,31 +68,56 @@ impl Solver {
                     until: Until::Spent,
                 };
                 if !self.tree.grow(&self.boxes, &growth, ends, &self.guides, &mut rng, budget) { return None; }
-                let c = self.tree.take_best(&mut self.corners)?;
-                self.corners.push(ends.1);
                 self.boxes.set(&problem.obstacles, config.obstacle_clearance, bounds);
                 let mut smooth = f64::INFINITY;
                 let mut radius = 0.0;
-                for r in [40.0, 25.0, 16.0, 10.0, 7.0, 5.5, 4.2] {
-                    if let Some(h) = self.rounder.round(&self.corners, |_| r, &mut self.pieces) {
-                        let mut pose = Pose2::new(problem.start[0], problem.start[1], h);
-                        let mut ok = true;
-                        let mut len = 0.0;
-                        for &p in &self.pieces {
-                            let mut last = pose.point();
-                            let step = if p.curvature_1pm == 0.0 { f64::INFINITY } else { 0.1 };
-                            ok &= walk(pose, p, step, |q, _, _| { let f = self.boxes.segment_free(last, q) && self.boxes.point_free(q); last = q; f });
-                            pose = advance(pose, p.curvature_1pm, p.length_m);
-                            len += p.length_m;
+                let mut c0 = f64::INFINITY;
+                let mut tries = 0;
+                while tries < 4 && let Some(c) = self.tree.take_best(&mut self.corners) {
+                    tries += 1;
+                    c0 = c0.min(c);
+                    self.corners.push(ends.1);
+                    simplify(&self.boxes, &mut self.corners);
+                    for r in [40.0, 25.0, 16.0, 10.0, 7.0, 5.5, 4.2] {
+                        if let Some(h) = self.rounder.round(&self.corners, |_| r, &mut self.pieces) {
+                            let pose = Pose2::new(problem.start[0], problem.start[1], h);
+                            let ok = super::bend::pieces_free(&self.boxes, pose, &self.pieces);
+                            let len = crate::hybrid_astar::search::length_m(&self.pieces);
+                            if ok && len < smooth { smooth = len; radius = r; }
+                            if ok && len < c * 1.002 { break; }
                         }
-                        if ok && len < smooth { smooth = len; radius = r; }
-                        if ok && len < c * 1.002 { break; }
                     }
+                    if !smooth.is_finite() {
+                        for r in [6.0, 4.15] {
+                            if self.bender.bend(&self.boxes, &self.corners, r, &mut self.pieces).is_some() {
+                                smooth = crate::hybrid_astar::search::length_m(&self.pieces);
+                                radius = -r;
+                                self.bends += 1;
+                                break;
+                            }
+                        }
+                    }
+                    if smooth.is_finite() { break; }
                 }
+                let c = c0;
                 Some((c, smooth, radius))
             }
         }
     }
+}
+
+/// Leaves out corners that are not needed.
+fn simplify(boxes: &Boxes, corners: &mut Vec<Pose2>) {
+    let (mut kept, mut from) = (1, 0);
+    while from + 1 < corners.len() {
+        let here = corners[kept - 1].point();
+        let next = (from + 1..corners.len()).rev().find(|&to| boxes.segment_free(here, corners[to].point()));
+        let to = next.unwrap_or(from + 1);
+        corners[kept] = corners[to];
+        kept += 1;
+        from = to;
+    }
+    corners.truncate(kept);
 }
 
 #[cfg(test)]
@@ -104,7 +131,7 @@ mod tests {
         let file: ProblemFile = serde_json::from_str(&text).unwrap();
         let json: serde_json::Value = serde_json::from_str(&text).unwrap();
         let mut solver = Solver::default();
-        for (name, preset, units) in [("pylot_fast", Preset::Best, 500), ("pylot_fast", Preset::Paper, 2000), ("pylot_slow", Preset::Paper, 2000)] {
+        for (name, preset, units) in [("pylot_fast", Preset::Best, 300)] {
             let config = &file.configs.rrt_star[name];
             let (mut shares, mut peers) = (vec![], vec![]);
             let mut times = vec![];
@@ -124,7 +151,7 @@ mod tests {
                 times.push(ms);
                 shares.push(n / runs as f64);
                 peers.push(peer["success_rate"].as_f64().unwrap());
-                println!("{name} {preset:?} {} success {:.2} (peer {}) ratio {:.4} smooth {:.4} ({}) radius {radius} {ms:.3} ms peer {}", p.id, n / runs as f64, peer["success_rate"], raw / n / optimum, smooth / sm / optimum, sm / runs as f64, peer["cpu_ms_p50"]);
+                println!("{name} {preset:?} {} success {:.2} (peer {}) ratio {:.4} smooth {:.4} ({}) radius {radius} {ms:.3} ms bends {} peer {}", p.id, n / runs as f64, peer["success_rate"], raw / n / optimum, smooth / sm / optimum, sm / runs as f64, solver.bends, peer["cpu_ms_p50"]); solver.bends = 0;
             }
             times.sort_by(f64::total_cmp);
             println!("== {name} {preset:?} success {:.3} peer {:.3} median ms {:.3}", shares.iter().sum::<f64>() / 46.0, peers.iter().sum::<f64>() / 46.0, times[23]);
