@@ -102,7 +102,8 @@ impl Net {
     pub(super) fn run(self, until_ms: i64) -> Log {
         let log = Log::default();
         let mut recorder = log.clone();
-        run_virtual(self.graph, &RunOptions::until(at(until_ms)), vec![&mut recorder]).expect("the graph runs");
+        run_virtual(self.graph, &RunOptions::until(at(until_ms)), vec![&mut recorder])
+            .expect("the graph runs");
         log
     }
 }
