@@ -1,1 +1,3 @@
-//! swerve
+//! The program as a library: what the binary `swerve` is made of.
+
+pub mod story;
