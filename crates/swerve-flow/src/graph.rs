@@ -280,8 +280,8 @@ impl Graph {
             PortSpec::Latest { edge: Edge::Feedback(_), .. } | PortSpec::Timer(_) => None,
         });
         let policy = operator.deadline.and_then(|deadline| match deadline.length {
-            Length::Policy(stream, _) => Some(stream.id),
-            Length::Static(_) => None,
+            Length::Policy(Edge::Stream(id), _) => Some(id),
+            Length::Policy(Edge::Feedback(_), _) | Length::Static(_) => None,
         });
         ports.chain(policy).filter_map(|id| self.streams.get(id).map(|stream| stream.producer))
     }

@@ -83,6 +83,8 @@ mod playback;
 mod policy;
 mod report;
 mod runtime;
+#[cfg(test)]
+mod tests;
 mod virtual_time;
 mod wall;
 
@@ -99,6 +101,8 @@ pub use observer::{
 pub use operator::{Context, Miss, Operator, Progress};
 pub use options::RunOptions;
 pub use output::{Declaration, Filled, Loan, Outputs, Port};
+#[doc(hidden)]
+pub use payload::Sent;
 pub use payload::{ErasedPayload, Payload};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Policy};

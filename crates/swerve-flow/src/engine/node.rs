@@ -36,6 +36,8 @@ pub(crate) struct Node {
     pub(crate) runtime: RuntimeModel,
     pub(crate) policy: Policy,
     pub(crate) deadline: Option<Deadline>,
+    /// The stream that decides how long the deadline is.
+    pub(crate) policy_stream: Option<usize>,
     pub(crate) uses: Option<usize>,
     pub(crate) origin: bool,
     pub(crate) heavy: bool,

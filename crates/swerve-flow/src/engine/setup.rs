@@ -112,8 +112,9 @@ fn wire(graph: &Graph, rank_of: &[usize], streams: &mut [StreamState]) {
                 PortSpec::Timer(_) => {}
             }
         }
-        if let Some(Length::Policy(stream, _)) = operator.deadline.map(|deadline| deadline.length) {
-            streams[stream.id].depth = streams[stream.id].depth.max(1);
+        if let Some(Length::Policy(edge, _)) = operator.deadline.map(|deadline| deadline.length) {
+            let id = graph.stream_of(edge).expect("the check saw that every edge that is read is connected");
+            streams[id].depth = streams[id].depth.max(1);
         }
     }
 }
@@ -168,6 +169,10 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         runtime: spec.runtime,
         policy: spec.policy,
         deadline: spec.deadline,
+        policy_stream: match spec.deadline.map(|deadline| deadline.length) {
+            Some(Length::Policy(edge, _)) => Some(stream_of(edge)),
+            _ => None,
+        },
         uses: spec.uses,
         origin: spec.origin,
         heavy: spec.heavy,

@@ -8,6 +8,7 @@ use super::Engine;
 use super::node::{Finished, Outcome};
 use crate::deadline::{Anchor, Length, Reaction};
 use crate::decision::Decision;
+use crate::input::Edge;
 use crate::observer::{DropReason, Event, Miss, StepEnd};
 use crate::operator::ErasedMiss;
 use crate::payload::Outs;
@@ -92,9 +93,10 @@ impl Engine<'_> {
         let length = match self.nodes[rank].deadline.map(|deadline| deadline.length) {
             None => return Time::MAX,
             Some(Length::Static(length)) => length,
-            Some(Length::Policy(stream, before)) => {
-                let stream = &self.streams[stream.id];
-                let newest = stream.visible(self.now, false).checked_sub(1);
+            Some(Length::Policy(edge, before)) => {
+                let stream =
+                    &self.streams[self.nodes[rank].policy_stream.expect("set where a policy is read")];
+                let newest = stream.visible(self.now, matches!(edge, Edge::Feedback(_))).checked_sub(1);
                 newest.map_or(before, |index| *stream.history[index].sent.typed::<Span>())
             }
         };
