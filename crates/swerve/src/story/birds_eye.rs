@@ -175,14 +175,15 @@ fn actor_trace(canvas: &mut Canvas, story: &Story, actor: &ActorTrace, view: &Vi
     }
 }
 
-fn kind_name(kind: ActorKind) -> &'static str {
+/// What to call an actor.
+pub(super) fn kind_name(kind: ActorKind) -> &'static str {
     match kind {
         ActorKind::Car => "car",
         ActorKind::Truck => "truck",
         ActorKind::Motorcycle => "motorcycle",
         ActorKind::Cyclist => "cyclist",
         ActorKind::Pedestrian => "person",
-        ActorKind::Static => "",
+        ActorKind::Static => "obstacle",
     }
 }
 
@@ -227,7 +228,8 @@ fn plans(canvas: &mut Canvas, story: &Story, view: &View) {
     for (_, mark) in changes(story, view) {
         let paint = plan_color(&mark.plan);
         let dash = if mark.plan.status.is_fallback() { " stroke-dasharray=\"3 3\"" } else { "" };
-        let style = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2.6\" stroke-opacity=\"0.75\"{dash}");
+        let style =
+            format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2.6\" stroke-opacity=\"0.75\"{dash}");
         let points: Vec<Point2> = mark.plan.points.iter().map(|p| p.pose.point()).collect();
         polyline(canvas, view, &points, &style);
     }

@@ -62,7 +62,9 @@ fn headline(metrics: &Metrics) -> String {
             i.ego_speed_mps, i.closing_speed_mps
         ));
     } else if let Some(distance_m) = metrics.min_distance_m {
-        parts.push(format!("smallest distance {distance_m:.2} m"));
+        let nearest = metrics.actors.iter().find(|a| Some(a.actor) == metrics.min_distance_actor);
+        let to = nearest.map_or("", |a| birds_eye::kind_name(a.kind));
+        parts.push(format!("smallest distance {distance_m:.2} m ({to})"));
     }
     if let Some(at_s) = metrics.left_road_at_s {
         parts.push(format!("left the road at {at_s:.2} s"));

@@ -2,6 +2,7 @@
 
 use swerve_core::{Span, Time};
 use swerve_eval::{ActorMetrics, Metrics, Outline};
+use swerve_flow::{Event, Observer};
 use swerve_geom::{Obb, Point2, Polyline, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, Route};
@@ -116,6 +117,19 @@ impl Story {
 
     pub(crate) fn actor(&self, id: ActorId) -> Option<&ActorTrace> {
         self.actors.iter().find(|a| a.id == id)
+    }
+}
+
+impl Observer for Story {
+    /// Takes in world states and plans, by their types, as the engine publishes them.
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+        if let Some(world) = payload.downcast_ref::<WorldState>() {
+            self.world(world);
+        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
+            self.plan(publication.visible_at, plan);
+        }
     }
 }
 

@@ -64,7 +64,7 @@ impl Drive {
 
     fn world(&self, at: Time) -> WorldState {
         let state = self.ego(at);
-        let walked = (2.75 * (at.as_secs() - 4.55).max(0.0)).min(4.5);
+        let walked = (2.75 * (at.as_secs() - 4.0).max(0.0)).min(4.5);
         let actor = |id, kind, pose, [length_m, width_m, height_m]: [f64; 3]| Actor {
             id: ActorId(id),
             kind,
@@ -181,7 +181,7 @@ fn show(name: &str, svg: &str) {
 
 #[test]
 fn a_swerve_is_told() {
-    let story = Drive { swerve_m: 1.6, bend_1pm: 0.0 }.story();
+    let story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
     let svg = draw(&story);
     show("avoided.svg", &svg);
     for part in
@@ -201,9 +201,35 @@ fn a_collision_is_told() {
     }
 }
 
+/// A run of the real pipeline.
+fn real(set: &[(&str, toml::Value)]) -> String {
+    let sets: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+    let config = crate::config::Config::load(None, &sets).unwrap();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/person_behind_truck.toml");
+    let scenario = crate::run::read_scenario(std::path::Path::new(file)).unwrap();
+    let pipeline = crate::pipeline::Pipeline::build(&config, &scenario).unwrap();
+    let shape = pipeline.vehicle.shape;
+    let (length_m, width_m) = (shape.length_m, shape.width_m);
+    let outline = Outline { length_m, width_m, center_ahead_m: shape.center_ahead_m() };
+    let mut story = Story::new("person behind truck", pipeline.route.clone(), Some(4.0), outline);
+    let outcome = crate::run::drive_pipeline(pipeline, config.seed, 1, &mut [&mut story]).unwrap();
+    story.conclude(&outcome.metrics);
+    draw(&story)
+}
+
+#[test]
+fn a_real_run_has_its_story() {
+    let svg = real(&[]);
+    show("real.svg", &svg);
+    for part in ["first sight", "truck", "lateral acc.", "response time"] {
+        assert!(svg.contains(part), "{part}");
+    }
+    assert!(!svg.contains("NaN") && svg.len() < 400_000, "{}", svg.len());
+}
+
 #[test]
 fn a_bend_is_drawn_to_scale() {
-    let drive = Drive { swerve_m: 1.6, bend_1pm: 1.0 / 150.0 };
+    let drive = Drive { swerve_m: 1.4, bend_1pm: 1.0 / 150.0 };
     let story = drive.story();
     let svg = draw(&story);
     show("bend.svg", &svg);
@@ -220,7 +246,7 @@ fn a_bend_is_drawn_to_scale() {
 
 #[test]
 fn the_view_runs_from_before_the_first_actor_to_beyond_the_last() {
-    let story = Drive { swerve_m: 1.6, bend_1pm: 0.0 }.story();
+    let story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
     let view = view::View::of(&story, (0.0, 0.0), 1000.0).unwrap();
     assert!((view.s_m.0 - 70.0).abs() < 0.1 && (view.s_m.1 - 142.0).abs() < 0.1, "{:?}", view.s_m);
     assert!(view.span.0 < Time::from_ms(3500) && view.span.1 > Time::from_ms(7000));
@@ -228,7 +254,7 @@ fn the_view_runs_from_before_the_first_actor_to_beyond_the_last() {
 
 #[test]
 fn only_changes_of_mind_are_kept() {
-    let drive = Drive { swerve_m: 1.6, bend_1pm: 0.0 };
+    let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
     let mut story = drive.story();
     let statuses: Vec<PlanStatus> = story.plans.iter().map(|mark| mark.plan.status).collect();
     use PlanStatus::{Found, GaveUp, Route};
