@@ -10,5 +10,6 @@ pub mod progress;
 pub mod replay;
 pub mod run;
 pub mod scenarios;
+pub mod story;
 pub mod study;
 pub mod timing;
