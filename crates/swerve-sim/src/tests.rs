@@ -3,10 +3,10 @@
 use swerve_core::{Span, Time, digest_of};
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{ActorId, Command};
-use swerve_scenario::Scenario;
+use swerve_scenario::{Scenario, Standstill};
 
 use crate::sense::{SensorMount, SensorParams, visible_obstacles};
-use crate::{SimParams, Simulator};
+use crate::{SimError, SimParams, Simulator};
 
 pub(crate) const PERSON_BEHIND_TRUCK: &str = include_str!("../../../scenarios/person_behind_truck.toml");
 
@@ -218,24 +218,181 @@ fn a_wall_does_not_move() {
 }
 
 #[test]
+fn a_car_from_the_side_closes_with_its_own_speed() {
+    // At 6 s the ego's middle passes s = 60 and the other's nose reaches the ego's left side.
+    let side = "[[actor]]\nname = \"side\"\nkind = \"car\"\ns_m = 60.0\nd_m = 11.18\nheading_rad = -1.5707963267948966\n\
+                trigger = { time = { at_s = 5.0 } }\nmotion = [{ drive = { along = \"heading\", speed_mps = 8.0 } }]\n";
+    let mut scenario = scenario(&street(side));
+    scenario.ego.target_speed_mps = 10.0;
+    let mut sim = exact(&scenario, 200);
+    let mut hits = Vec::new();
+    drive(&mut sim, |state| keep(state, 10.0), |state| hits.extend(state.collisions.iter().cloned()));
+    println!("{hits:?}");
+    assert_eq!(hits.len(), 1);
+    assert!((hits[0].stamp.as_secs() - 6.0).abs() < 0.02, "{hits:?}");
+    assert!((hits[0].closing_speed_mps - 8.0).abs() < 0.05, "{hits:?}");
+    assert!((hits[0].ego_speed_mps - 10.0).abs() < 0.1, "{hits:?}");
+    assert!(hits[0].impulse_ns > 1000.0);
+}
+
+/// Drives at constant speed past the truck without minding the person.
+fn ignore_the_person(speed_mps: f64) -> (swerve_msg::truth::Collision, WorldState) {
+    let mut sim = exact(&at_speed(speed_mps), 200);
+    let mut hits = Vec::new();
+    drive(&mut sim, |state| keep(state, speed_mps), |state| hits.extend(state.collisions.iter().cloned()));
+    println!("{hits:?}");
+    assert_eq!(hits.len(), 1);
+    assert_eq!(hits[0].actor, ActorId(2));
+    assert!((hits[0].ego_speed_mps - speed_mps).abs() < 0.1);
+    (hits.remove(0), sim.state().clone())
+}
+
+#[test]
+fn at_16_mps_the_person_is_hit_by_the_front_and_thrown() {
+    let (hit, end) = ignore_the_person(16.0);
+    assert!((hit.closing_speed_mps - 16.0).abs() < 0.2, "{hit:?}");
+    // 75 kg brought to the common speed of 15.4 m/s or somewhat more.
+    assert!(hit.impulse_ns > 900.0 && hit.impulse_ns < 1700.0, "{hit:?}");
+    // Still in front of the car two seconds later, which has lost some speed to pushing.
+    let front_m = end.ego.state.pose.x_m + 3.8;
+    assert!(end.actors[1].pose.x_m > front_m, "{end:?}");
+    assert!(end.ego.state.speed_mps > 10.0 && end.ego.state.speed_mps < 15.5, "{end:?}");
+}
+
+#[test]
+fn at_20_mps_the_front_is_past_and_the_person_walks_into_the_side() {
+    // The front passes 1.15 s after the trigger; the person is then at y = 1.33, 0.15 m from the side.
+    let (hit, _) = ignore_the_person(20.0);
+    assert!((hit.closing_speed_mps - 2.75).abs() < 0.05, "{hit:?}");
+    assert!(hit.impulse_ns > 100.0 && hit.impulse_ns < 400.0, "{hit:?}");
+}
+
+#[test]
+fn a_pushed_car_pushes_the_next() {
+    let row = format!("{PARKED}[[actor]]\nname = \"next\"\nkind = \"car\"\ns_m = 65.5\nd_m = 0.0\n");
+    let (collisions, start, end) = run_into(&row, 200, 15.0);
+    assert_eq!(collisions.len(), 1, "the ego hits only the first: {collisions:?}");
+    assert!(end.actors[1].pose.x_m > start.actors[1].pose.x_m + 0.5, "{:?}", end.actors[1]);
+}
+
+#[test]
+fn someone_passed_closely_keeps_to_the_script() {
+    let walker = "[[actor]]\nname = \"walker\"\nkind = \"pedestrian\"\ns_m = 60.0\nd_m = 1.2\n\
+                  motion = [{ walk = { speed_mps = 1.0, distance_m = 20.0, direction = \"ahead\" } }]\n";
+    let mut sim = exact(&scenario(&street(walker)), 200);
+    let outline = sim.params().vehicle.shape;
+    let mut closest = f64::INFINITY;
+    drive(
+        &mut sim,
+        |state| keep(state, 15.0),
+        |state| {
+            assert!(state.collisions.is_empty());
+            let actor = &state.actors[0];
+            closest = closest.min(actor.gap_m(&outline.footprint(state.ego.state.pose)));
+            let want = 60.0 + state.stamp.as_secs();
+            assert!(
+                (actor.pose.x_m - want).abs() < 1e-9 && (actor.pose.y_m - 1.2).abs() < 1e-12,
+                "{actor:?}"
+            );
+            assert_eq!(actor.z_m, 0.0);
+        },
+    );
+    assert!(closest > 0.0 && closest < 0.03, "{closest}");
+    assert_eq!(sim.state().ended, Some(EndReason::Goal));
+}
+
+#[test]
+fn leaving_the_road_is_noted_at_the_first_tick_with_a_corner_outside() {
+    let mut scenario = scenario(&street(""));
+    scenario.ego.heading_rad = -0.05;
+    let mut sim = exact(&scenario, 200);
+    let shape = sim.params().vehicle.shape;
+    let (mut outside_since, mut noted) = (None, Vec::new());
+    while sim.state().stamp < Time::from_ms(4000) {
+        let command = keep(sim.state(), 15.0);
+        let state = sim.step(command);
+        // Independently: the front right corner leads.
+        let center = shape.center(state.ego.state.pose);
+        let (sin, cos) = swerve_geom::math::sin_cos(state.ego.state.pose.heading_rad);
+        let corner_y = center.y_m + 0.5 * shape.length_m * sin - 0.5 * shape.width_m * cos;
+        if corner_y < -2.0 && outside_since.is_none() {
+            outside_since = Some(state.stamp);
+        }
+        noted.extend(state.infractions.iter().map(|i| i.stamp));
+    }
+    assert!(outside_since.is_some_and(|t| t > Time::from_ms(500)));
+    assert_eq!(noted, [outside_since.unwrap()]);
+}
+
+#[test]
+fn standing_long_enough_and_running_out_of_time_end_a_run() {
+    let mut scenario = scenario(&street(""));
+    scenario.ego.start_speed_mps = Some(0.0);
+    scenario.end.timeout_s = 3.0;
+    let stand = |_: &WorldState| Command::FULL_BRAKE;
+    let mut sim = exact(&scenario, 200);
+    drive(&mut sim, stand, |_| {});
+    assert_eq!((sim.state().ended, sim.state().stamp), (Some(EndReason::Timeout), Time::from_ms(3000)));
+    scenario.end.standstill = Some(Standstill { near: None, within_m: 1e5, for_s: 2.0 });
+    let mut sim = exact(&scenario, 200);
+    drive(&mut sim, stand, |_| {});
+    assert_eq!(sim.state().ended, Some(EndReason::Stopped));
+    assert!((sim.state().stamp.as_secs() - 2.0).abs() < 0.2, "{}", sim.state().stamp);
+}
+
+#[test]
+fn what_cannot_be_simulated_is_refused() {
+    let try_with = |change: &dyn Fn(&mut Scenario, &mut SimParams)| {
+        let (mut scenario, mut params) = (scenario(&street(PARKED)), SimParams::default());
+        change(&mut scenario, &mut params);
+        Simulator::new(&scenario, &params, 1).map(|_| ()).unwrap_err()
+    };
+    assert_eq!(try_with(&|_, params| params.dt = Span::ZERO), SimError::Step(Span::ZERO));
+    assert_eq!(try_with(&|_, params| params.dt = Span::from_ms(50)), SimError::Step(Span::from_ms(50)));
+    assert_eq!(try_with(&|s, _| s.ego.s_m = 58.0), SimError::EgoInside("parked".to_owned()));
+    assert!(matches!(try_with(&|s, _| s.ego.d_m = -2.0), SimError::OffRoad(by) if (by - 0.93).abs() < 1e-9));
+    assert!(matches!(try_with(&|_, p| p.vehicle.shape.width_m = 4.2), SimError::OffRoad(_)));
+}
+
+#[test]
+fn a_seed_is_drawn_once_and_shown() {
+    let scenario = scenario(PERSON_BEHIND_TRUCK);
+    let sim = Simulator::new(&scenario, &SimParams::default(), 4).unwrap();
+    assert_eq!(*sim.scenario(), scenario.drawn(4));
+    let start = sim.state().ego.state;
+    let draws = sim.scenario().draws.clone().unwrap();
+    let center = sim.params().vehicle.shape.center(start.pose).x_m;
+    assert!((center - draws.ego_start_m).abs() < 1e-5 && draws.ego_start_m != 0.0, "{center}");
+    assert!((start.speed_mps - 20.0 - draws.ego_speed_mps).abs() < 1e-5);
+}
+
+#[test]
+fn a_command_that_is_no_number_changes_nothing() {
+    let mut sim = exact(&scenario(&street("")), 200);
+    for _ in 0..200 {
+        sim.step(Command { steering_rad: f64::NAN, throttle: f64::INFINITY, brake: f64::NAN });
+    }
+    let pose = sim.state().ego.state.pose;
+    assert!(pose.is_finite() && pose.y_m.abs() < 0.01, "{pose:?}");
+}
+
+#[test]
 fn two_runs_share_every_bit_and_the_rate_does_not_change_the_outcome() {
     let run = |hz: i64| {
         let mut sim = exact(&scenario(&street(PARKED)), hz);
         let (mut digests, mut hits) = (Vec::new(), Vec::new());
-        drive(
-            &mut sim,
-            |state| keep(state, 15.0),
-            |state| {
-                digests.push(digest_of(state));
-                hits.extend(state.collisions.iter().cloned());
-            },
-        );
+        while sim.state().ended.is_none() {
+            let command = if hits.is_empty() { keep(sim.state(), 15.0) } else { Command::FULL_BRAKE };
+            let state = sim.step(command);
+            digests.push(digest_of(state));
+            hits.extend(state.collisions.iter().cloned());
+        }
         (digests, hits, sim.state().clone())
     };
     let (a, hits, end) = run(200);
     assert_eq!(a, run(200).0);
     let (_, fine_hits, fine) = run(1000);
-    assert_eq!(fine_hits.len(), 1);
+    assert_eq!((hits.len(), fine_hits.len()), (1, 1));
     assert!((hits[0].stamp - fine_hits[0].stamp).as_secs().abs() <= 0.01, "{hits:?} {fine_hits:?}");
     assert!((hits[0].closing_speed_mps - fine_hits[0].closing_speed_mps).abs() < 0.1);
     assert_eq!(end.ended, fine.ended);
