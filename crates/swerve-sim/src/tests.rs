@@ -93,22 +93,19 @@ fn the_person_ends_on_the_lane_centre_after_its_way() {
     }
 }
 
-/// Distance from the sensor to the person along the road when the person is first seen behind the truck.
+/// Distance along the road from the sensor to the person's centre when the first of the given points of the person
+/// (relative to the centre) comes into sight past the truck.
 ///
-/// Closed form: the eye is at height 1.9 on y = 0, the truck's near rear corner (towards the lane, far end)
-/// at x = 112.6, y = 2.7. A point of the person at (x, y) is seen once it is below the line from the eye through
-/// that corner. The person's foremost points when walking to the right: behind (x - 0.25), at y; and ahead
-/// of the walk (the point at y - 0.25).
-fn sight_opens_at(speed_mps: f64) -> f64 {
+/// Closed form: the eye is on y = 0 and below the truck's roof; the corner that hides the person is the far one on the
+/// lane's side, at x = 112.6, y = 2.7. A point is seen once it is on the lane's side of the line from the eye
+/// through that corner. The ego keeps its speed from the trigger at 26 m on.
+fn sight_opens_at(speed_mps: f64, points: &[(f64, f64)]) -> f64 {
     let (corner_x, corner_y) = (110.0 + 2.6, 4.0 - 1.3);
-    let eye_at = |t: f64| 117.0 - (26.0_f64.powi(2) - 4.5_f64.powi(2)).sqrt() + speed_mps * t;
+    let eye_at = |t: f64| 117.0 - (26.0_f64 * 26.0 - 4.5 * 4.5).sqrt() + speed_mps * t;
     let seen = |t: f64| {
-        let eye = eye_at(t);
-        let y = 4.5 - 2.75 * t;
+        let (eye, y) = (eye_at(t), 4.5 - 2.75 * t);
         let slope = corner_y / (corner_x - eye);
-        [(0.0, -0.25), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.25)]
-            .into_iter()
-            .any(|(dx, dy)| y + dy < slope * (117.0 + dx - eye))
+        points.iter().any(|(dx, dy)| y + dy < slope * (117.0 + dx - eye))
     };
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
@@ -120,8 +117,11 @@ fn sight_opens_at(speed_mps: f64) -> f64 {
 
 #[test]
 fn sight_of_the_person_opens_where_geometry_says() {
-    for (speed_mps, centre_only) in [(16.0, 19.6), (18.0, 19.0), (20.0, 18.5), (22.0, 18.1)] {
-        let want = sight_opens_at(speed_mps);
+    let rim = [(0.0, -0.25), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.25)];
+    for (speed_mps, of_the_centre) in [(16.0, 19.6), (18.0, 19.0), (20.0, 18.5), (22.0, 18.1)] {
+        // The figures known for this scenario are of the person's centre; of nine points the first counts.
+        assert!((sight_opens_at(speed_mps, &[(0.0, 0.0)]) - of_the_centre).abs() < 0.2);
+        let want = sight_opens_at(speed_mps, &rim);
         let mut sim = exact(&at_speed(speed_mps), 1000);
         let shape = sim.params().vehicle.shape;
         let mount = SensorMount::roof(&shape);
@@ -131,8 +131,8 @@ fn sight_of_the_person_opens_where_geometry_says() {
             |state| keep(state, speed_mps),
             |state| {
                 let seen = visible_obstacles(state, &mount, &SensorParams::default());
-                let person = seen.obstacles.iter().find(|o| o.id == ActorId(2));
-                if first.is_none() && state.stamp > Time::from_ms(1000) && person.is_some() {
+                let set_off = state.actors[1].velocity_mps.norm() > 0.0;
+                if first.is_none() && set_off && seen.obstacles.iter().any(|o| o.id == ActorId(2)) {
                     first = Some(117.0 - shape.center(state.ego.state.pose).x_m);
                 }
             },
@@ -140,7 +140,6 @@ fn sight_of_the_person_opens_where_geometry_says() {
         let first = first.unwrap();
         println!("{speed_mps} m/s: sight opens {first:.2} m before the person, closed form {want:.2}");
         assert!((first - want).abs() < 0.06, "{speed_mps}: {first} {want}");
-        assert!((first - centre_only).abs() < 1.5, "{speed_mps}: {first}");
     }
 }
 
