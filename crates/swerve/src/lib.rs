@@ -1,3 +1,10 @@
-//! swerve
+//! The binary's library: configuration, operator adapters, graph assembly, commands, studies, reports.
 
+pub mod config;
+pub mod files;
+pub mod output;
+pub mod pipeline;
+pub mod progress;
+pub mod run;
+pub mod study;
 pub mod timing;
