@@ -22,11 +22,11 @@ impl Engine<'_> {
     /// Starts, of the frames that may start, those that are known to need no slot.
     pub(super) fn start_without_slot(&mut self, rank: usize) -> bool {
         let node = &self.nodes[rank];
-        let frame = self.next_frame(rank, node.free_places());
+        let frame = self.next_frame(rank, self.places(rank));
         if !self.takes_no_time(rank, node.open[frame].stamp) {
             return false;
         }
-        self.start_one_of(rank, self.nodes[rank].free_places());
+        self.start_one_of(rank, self.places(rank));
         true
     }
 
@@ -58,7 +58,7 @@ impl Engine<'_> {
             self.note_eligible(rank);
         }
         while let Some((rank, slots)) = self.next_to_start(&ranks) {
-            let n = slots.min(self.nodes[rank].free_places());
+            let n = slots.min(self.places(rank));
             self.start_one_of(rank, n);
             if self.failure.is_some() {
                 return;
@@ -76,9 +76,9 @@ impl Engine<'_> {
     }
 
     fn note_eligible(&mut self, rank: usize) {
-        let now = self.now;
+        let (now, places) = (self.now, self.places(rank));
         let node = &mut self.nodes[rank];
-        if node.complete > 0 && node.free_places() > 0 {
+        if node.complete > 0 && places > 0 {
             node.since.get_or_insert(now);
         } else {
             node.since = None;
@@ -97,8 +97,12 @@ impl Engine<'_> {
 
     fn free_slots(&self, id: usize) -> usize {
         let resource = &self.resources[id];
-        let runs = resource.users.iter().flat_map(|rank| &self.nodes[*rank].running);
-        resource.slots.saturating_sub(runs.filter(|run| run.slot && run.end > self.now).count())
+        let held = |rank: &usize| {
+            let node = &self.nodes[*rank];
+            let running = node.running.iter().filter(|run| run.slot && run.end > self.now).count();
+            running + node.held.iter().filter(|(start, end)| *start <= self.now && self.now < *end).count()
+        };
+        resource.slots.saturating_sub(resource.users.iter().map(held).sum())
     }
 
     /// Starts the oldest of the frames that would start if `n` could; those before it are dropped.
