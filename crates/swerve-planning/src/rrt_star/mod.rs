@@ -1,0 +1,9 @@
+//! RRT*: a tree grown at random and kept short.
+//!
+//! Source: S. Karaman and E. Frazzoli, "Sampling-based algorithms for optimal motion planning", 2011, algorithm 6.
+
+mod boxes;
+mod grid;
+mod round;
+mod solve;
+mod tree;
