@@ -5,7 +5,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
-use crate::graph::Stream;
+use crate::input::{Edge, Source};
 
 /// The deadline of an operator; each of its stamps has its own: anchor plus length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub struct Deadline {
 pub(crate) enum Length {
     Static(Span),
     /// The newest message of a stream at the anchor instant; the span before there is one.
-    Policy(Stream<Span>, Span),
+    Policy(Edge, Span),
 }
 
 /// From when a deadline counts.
@@ -55,9 +55,14 @@ impl Deadline {
         Self { length: Length::Static(length), anchor: Anchor::Arrival, reaction: Reaction::Skip }
     }
 
-    /// A deadline whose length is the newest message of `stream` at the anchor instant, `before` as long as there is none.
-    pub const fn from_policy(stream: Stream<Span>, before: Span) -> Self {
-        Self { length: Length::Policy(stream, before), anchor: Anchor::Arrival, reaction: Reaction::Skip }
+    /// A deadline whose length is the newest message of a stream (or feedback edge) at the anchor instant,
+    /// and `before` as long as there is none.
+    pub fn from_policy(policy: impl Into<Source<Span>>, before: Span) -> Self {
+        Self {
+            length: Length::Policy(policy.into().edge, before),
+            anchor: Anchor::Arrival,
+            reaction: Reaction::Skip,
+        }
     }
 
     /// Counts from `anchor`.

@@ -237,10 +237,10 @@ impl<T: Payload, const N: usize> Connect<Window<T, N>> for Feedback<T> {
     }
 }
 
-/// A stream or a feedback edge, where a `Vec` of [`Latest`] ports mixes both.
+/// A stream or a feedback edge, where either may be: a `Vec` of [`Latest`] ports, the policy of a deadline.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<T> {
-    edge: Edge,
+    pub(crate) edge: Edge,
     payload: PhantomData<fn() -> T>,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A [`Graph`] is a value: operators are added with the streams that they read and give the streams that
 //! they publish. [`run_virtual`] runs it in virtual time, where the result is a function of graph and seed
-//! alone; `run_wall` runs the same graph against the real clock. What happens when is in
+//! alone; [`run_wall`] runs the same graph against the real clock. What happens when is in
 //! `docs/execution.md`; the engine does one sweep over its operators for every instant, in both.
 //!
 //! ```
@@ -83,6 +83,8 @@ mod playback;
 mod policy;
 mod report;
 mod runtime;
+#[cfg(test)]
+mod tests;
 mod virtual_time;
 mod wall;
 
@@ -99,10 +101,12 @@ pub use observer::{
 pub use operator::{Context, Miss, Operator, Progress};
 pub use options::RunOptions;
 pub use output::{Declaration, Filled, Loan, Outputs, Port};
+#[doc(hidden)]
+pub use payload::Sent;
 pub use payload::{ErasedPayload, Payload};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Policy};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
 pub use virtual_time::{run_replay, run_virtual};
-pub use wall::SourceHandle;
+pub use wall::{SendError, SourceHandle, StopHandle, run_wall};

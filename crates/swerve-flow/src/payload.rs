@@ -50,8 +50,8 @@ impl fmt::Debug for dyn ErasedPayload {
 }
 
 /// A payload on its way: shared, with its digest taken once, where it was made.
-#[derive(Clone)]
-pub(crate) struct Sent {
+#[derive(Clone, Debug)]
+pub struct Sent {
     pub(crate) payload: Arc<dyn ErasedPayload>,
     pub(crate) digest: Digest,
 }

@@ -125,10 +125,8 @@ fn check_names(graph: &Graph) -> Result<(), GraphError> {
 fn check_feedback(graph: &Graph) -> Result<(), GraphError> {
     let readers_of = |id| {
         let reads = move |operator: &&OperatorSpec| {
-            operator
-                .ports
-                .iter()
-                .any(|port| matches!(port, PortSpec::Latest { edge: Edge::Feedback(f), .. } if *f == id))
+            let reads = |port: &PortSpec| matches!(port, PortSpec::Latest { edge, .. } if *edge == Edge::Feedback(id));
+            operator.ports.iter().any(reads) || operator.policy_edge() == Some(Edge::Feedback(id))
         };
         graph.operators.iter().filter(reads).map(|operator| operator.name.to_string()).collect::<Vec<_>>()
     };
@@ -159,7 +157,10 @@ fn check_operator(graph: &Graph, operator: &OperatorSpec) -> Result<(), GraphErr
         PortSpec::Latest { edge, .. } => graph.stream_of(edge).is_some_and(|id| id < graph.streams.len()),
         PortSpec::Timer(_) => true,
     });
-    if !handles || operator.uses.is_some_and(|id| id >= graph.resources.len()) {
+    let policy = operator
+        .policy_edge()
+        .is_none_or(|edge| graph.stream_of(edge).is_some_and(|id| id < graph.streams.len()));
+    if !handles || !policy || operator.uses.is_some_and(|id| id >= graph.resources.len()) {
         return Err(GraphError::ForeignHandle { operator: name() });
     }
     if matches!(operator.body, BodySpec::Feed(_)) {
@@ -171,6 +172,16 @@ fn check_operator(graph: &Graph, operator: &OperatorSpec) -> Result<(), GraphErr
     match fault_of(operator) {
         Some(reason) => Err(GraphError::Value { operator: name(), reason }),
         None => Ok(()),
+    }
+}
+
+impl OperatorSpec {
+    /// What the length of the deadline is read from.
+    fn policy_edge(&self) -> Option<Edge> {
+        match self.deadline?.length {
+            Length::Policy(edge, _) => Some(edge),
+            Length::Static(_) => None,
+        }
     }
 }
 

@@ -98,8 +98,9 @@ fn operator_info(graph: &Graph, rank: usize, operator: &OperatorSpec) -> Operato
         deadline: operator.deadline.map(|deadline| {
             let length = match deadline.length {
                 Length::Static(length) => length.to_string(),
-                Length::Policy(stream, before) => {
-                    format!("by `{}` ({before} before)", graph.streams[stream.id].name)
+                Length::Policy(edge, before) => {
+                    let stream = graph.stream_of(edge).map_or("", |id| &graph.streams[id].name);
+                    format!("by `{stream}` ({before} before)")
                 }
             };
             format!("{length} from {}, then {}", deadline.anchor, deadline.reaction)
