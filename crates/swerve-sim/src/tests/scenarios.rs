@@ -7,8 +7,8 @@ use swerve_msg::{Command, Obstacle, Route};
 use swerve_scenario::{Metric, Scenario, Verdict};
 use swerve_vehicle::Shape;
 
+use crate::Simulator;
 use crate::sense::{SensorMount, SensorParams, visible_obstacles};
-use crate::{SimParams, Simulator};
 
 /// What a run came to.
 struct Figures {
@@ -60,8 +60,8 @@ impl Driver {
     }
 }
 
-fn run(scenario: &Scenario, seed: u64) -> Figures {
-    let mut sim = Simulator::new(scenario, &SimParams::default(), seed).unwrap();
+fn run(scenario: &Scenario, seed: u64, hz: i64) -> Figures {
+    let mut sim = Simulator::new(scenario, &super::at_hz(hz), seed).unwrap();
     let route = sim.route().clone();
     let shape = sim.params().vehicle.shape;
     let mut driver = Driver { shape, speed_mps: sim.scenario().ego.target_speed_mps, braking: false };
@@ -112,16 +112,40 @@ impl Figures {
     }
 }
 
-#[test]
-fn who_brakes_at_sight_fares_as_every_scenario_expects() {
+fn shipped() -> Vec<Scenario> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
     let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.sort();
+    let read =
+        |path: &std::path::PathBuf| Scenario::read(path).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    paths.iter().map(read).collect()
+}
+
+#[test]
+fn at_1_khz_every_scenario_goes_as_at_200_hz() {
+    for scenario in shipped() {
+        let (coarse, fine) = (run(&scenario, 0, 200), run(&scenario, 0, 1000));
+        assert_eq!(coarse.verdict(), fine.verdict(), "{}", scenario.name);
+        for metric in [Metric::MinDistanceM, Metric::ImpactSpeedMps, Metric::DurationS, Metric::RoadMarginM] {
+            let (a, b) = (coarse.get(metric), fine.get(metric));
+            println!("{} {}: {a:.3?} at 200 Hz, {b:.3?} at 1 kHz", scenario.name, metric.name());
+            let apart = a.zip(b).map_or(0.0, |(a, b)| if a == b { 0.0 } else { (a - b).abs() });
+            assert!(
+                a.is_some() == b.is_some() && apart < 0.25,
+                "{} {}: {a:?} {b:?}",
+                scenario.name,
+                metric.name()
+            );
+        }
+    }
+}
+
+#[test]
+fn who_brakes_at_sight_fares_as_every_scenario_expects() {
     let mut broken = Vec::new();
-    for path in paths {
-        let scenario = Scenario::read(&path).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    for scenario in shipped() {
         for seed in 0..3 {
-            let figures = run(&scenario, seed);
+            let figures = run(&scenario, seed, 200);
             println!(
                 "{} seed {seed}: {} ({:?} at {}), nearest {:.2} m, hit {:?}, margin {:.2} m",
                 scenario.name,
