@@ -7,6 +7,7 @@ pub mod files;
 pub mod output;
 pub mod pipeline;
 pub mod progress;
+pub mod replay;
 pub mod run;
 pub mod scenarios;
 pub mod story;

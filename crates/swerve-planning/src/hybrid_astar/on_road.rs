@@ -11,7 +11,7 @@ use crate::request::{Budget, Goes, Request};
 use crate::road::Road;
 use crate::world::{
     Fallback, PathPoint, SpeedProfile, fall_back, follow_route, obstacle_in_range, route_pose_ahead,
-    timed_points, within_range,
+    timed_points,
 };
 
 /// Counts what a planner spends, and never asks again once told to stop.
@@ -80,7 +80,7 @@ pub(crate) trait PathSearch {
 pub(crate) struct OnRoad {
     pub(crate) goal_ahead_m: f64,
     pub(crate) goal_ahead_s: f64,
-    pub(crate) range_m: f64,
+    pub(crate) obstacle_range_m: f64,
     pub(crate) clearance_m: f64,
     pub(crate) lane_width_m: f64,
     pub(crate) horizon_s: f64,
@@ -121,11 +121,11 @@ impl Desk {
         budget: &mut dyn Budget,
     ) -> Plan {
         let start = request.start.pose;
-        if !obstacle_in_range(request.predictions, start, settings.range_m) {
+        if !obstacle_in_range(request.predictions, start, settings.obstacle_range_m) {
             return follow_route(request, SpeedProfile::Constant, settings.horizon_s, PlanStatus::Route);
         }
-        let near = within_range(request.predictions, start, settings.range_m);
-        self.obstacles.set(&near, settings.collision);
+        let range_m = settings.obstacle_range_m;
+        self.obstacles.set_near(request.predictions, settings.collision, start.point(), range_m);
         let goal = route_pose_ahead(&request.route.line, start, settings.goal_ahead_m);
         let bounds = around(&[start, goal], settings.lane_width_m);
         let speed_mps = request.target_speed_mps;
@@ -182,7 +182,7 @@ impl Desk {
         if d_m.abs() > 0.1 || off_rad.abs() > 0.02 {
             return None;
         }
-        let clear = !obstacle_in_range(request.predictions, start, settings.range_m);
+        let clear = !obstacle_in_range(request.predictions, start, settings.obstacle_range_m);
         let status = if clear { PlanStatus::Route } else { PlanStatus::Found };
         let plan = follow_route(request, SpeedProfile::Limited, settings.horizon_s, status);
         self.plan_free(&plan, request, settings.clearance_m).then_some(plan)
@@ -287,7 +287,7 @@ fn turning_radius_m(request: &Request<'_>) -> f64 {
 }
 
 /// The box around poses, grown.
-fn around(poses: &[Pose2], by_m: f64) -> [f64; 4] {
+pub(crate) fn around(poses: &[Pose2], by_m: f64) -> [f64; 4] {
     let start = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     let b =
         poses.iter().fold(start, |b, p| [b[0].min(p.x_m), b[1].min(p.y_m), b[2].max(p.x_m), b[3].max(p.y_m)]);

@@ -48,6 +48,9 @@ const HEADINGS_MAX: f64 = 240.0;
 /// with less steering wins.
 const TURN_COST: f64 = 1e-3;
 
+/// Lengths that differ by less are the same: cells hold single precision.
+const SAME_M: f64 = 1e-3;
+
 const NONE: u32 = u32::MAX;
 
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +66,7 @@ struct Node {
 struct Cell {
     /// The search that wrote the rest; cells of older searches count as empty.
     generation: u32,
-    travelled_m: f64,
+    travelled_m: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -255,7 +258,7 @@ impl Search {
             if !ground.piece_free(from.pose, piece, from.travelled_m) {
                 continue;
             }
-            self.cells[cell] = Cell { generation: self.generation, travelled_m };
+            self.cells[cell] = Cell { generation: self.generation, travelled_m: travelled_m as f32 };
             let to_go_m = lattice.to_go_m(pose, goal).max(self.detour.length_m(ground, pose.point()));
             if to_go_m == f64::INFINITY {
                 continue;
@@ -294,12 +297,12 @@ impl Lattice<'_> {
 impl Cell {
     /// Whether a way at least as short is known to this cell.
     fn holds(&self, generation: u32, travelled_m: f64) -> bool {
-        self.generation == generation && self.travelled_m <= travelled_m + 1e-9
+        self.generation == generation && f64::from(self.travelled_m) <= travelled_m + SAME_M
     }
 
     /// Whether a strictly shorter way has come since.
     fn is_better(&self, generation: u32, travelled_m: f64) -> bool {
-        self.generation == generation && self.travelled_m < travelled_m - 1e-9
+        self.generation == generation && f64::from(self.travelled_m) < travelled_m - SAME_M
     }
 }
 

@@ -2,8 +2,13 @@
 //!
 //! Source: S. Karaman and E. Frazzoli, "Sampling-based algorithms for optimal motion planning", 2011, algorithm 6.
 
+mod bend;
 mod boxes;
 mod grid;
+mod planner;
 mod round;
 mod solve;
+mod space;
 mod tree;
+
+pub use planner::{Params, RrtStar};

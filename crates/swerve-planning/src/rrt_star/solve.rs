@@ -6,7 +6,7 @@ use swerve_geom::{Point2, Pose2, math};
 use super::boxes::Boxes;
 use super::round::Rounder;
 use super::tree::{Growth, Tree, Until};
-use crate::hybrid_astar::dubins::{Piece, advance, walk};
+use crate::hybrid_astar::dubins::{Piece, walk, advance};
 use crate::posed::{Preset, RrtStarConfig, RrtStarProblem, Solution};
 use crate::request::{Budget, Unlimited};
 
@@ -18,6 +18,8 @@ pub struct Solver {
     guides: Vec<Pose2>,
     corners: Vec<Pose2>,
     rounder: Rounder,
+    bender: super::bend::Bender,
+    pub bends: u32,
     pieces: Vec<Piece>,
     best: Vec<Piece>,
     /// Seed of the random numbers.
@@ -32,20 +34,10 @@ impl Solver {
         [s[0].min(g[0]) - w, s[1].min(g[1]) - w, s[0].max(g[0]) + w, s[1].max(g[1]) + w]
     }
 
-    pub fn look(
-        &mut self,
-        problem: &RrtStarProblem,
-        config: &RrtStarConfig,
-        preset: Preset,
-        budget: &mut dyn Budget,
-    ) -> Option<(f64, f64, f64)> {
+    pub fn look(&mut self, problem: &RrtStarProblem, config: &RrtStarConfig, preset: Preset, budget: &mut dyn Budget) -> Option<(f64, f64, f64)> {
         let bounds = Self::bounds(problem, config);
         let mut rng = Rng::keyed(self.seed, "rrt_star", &[]);
-        let ends = (
-            Pose2::new(problem.start[0], problem.start[1], 0.0),
-            Pose2::new(problem.goal[0], problem.goal[1], 0.0),
-            bounds,
-        );
+        let ends = (Pose2::new(problem.start[0], problem.start[1], 0.0), Pose2::new(problem.goal[0], problem.goal[1], 0.0), bounds);
         let area = (bounds[2] - bounds[0]) * (bounds[3] - bounds[1]);
         match preset {
             Preset::Paper => {
@@ -59,9 +51,7 @@ impl Solver {
                     radius_max_m: config.step_size,
                     until: Until::Arrival(config.end_dist_threshold),
                 };
-                if !self.tree.grow(&self.boxes, &growth, ends, &[], &mut rng, budget) {
-                    return None;
-                }
+                if !self.tree.grow(&self.boxes, &growth, ends, &[], &mut rng, budget) { return None; }
                 let c = self.tree.take_best(&mut self.corners)?;
                 Some((c, c, 0.0))
             }
@@ -77,43 +67,57 @@ impl Solver {
                     radius_max_m: 10.0,
                     until: Until::Spent,
                 };
-                if !self.tree.grow(&self.boxes, &growth, ends, &self.guides, &mut rng, budget) {
-                    return None;
-                }
-                let c = self.tree.take_best(&mut self.corners)?;
-                self.corners.push(ends.1);
+                if !self.tree.grow(&self.boxes, &growth, ends, &self.guides, &mut rng, budget) { return None; }
                 self.boxes.set(&problem.obstacles, config.obstacle_clearance, bounds);
                 let mut smooth = f64::INFINITY;
                 let mut radius = 0.0;
-                for r in [40.0, 25.0, 16.0, 10.0, 7.0, 5.5, 4.2] {
-                    if let Some(h) = self.rounder.round(&self.corners, |_| r, &mut self.pieces) {
-                        let mut pose = Pose2::new(problem.start[0], problem.start[1], h);
-                        let mut ok = true;
-                        let mut len = 0.0;
-                        for &p in &self.pieces {
-                            let mut last = pose.point();
-                            let step = if p.curvature_1pm == 0.0 { f64::INFINITY } else { 0.1 };
-                            ok &= walk(pose, p, step, |q, _, _| {
-                                let f = self.boxes.segment_free(last, q) && self.boxes.point_free(q);
-                                last = q;
-                                f
-                            });
-                            pose = advance(pose, p.curvature_1pm, p.length_m);
-                            len += p.length_m;
-                        }
-                        if ok && len < smooth {
-                            smooth = len;
-                            radius = r;
-                        }
-                        if ok && len < c * 1.002 {
-                            break;
+                let mut c0 = f64::INFINITY;
+                let mut tries = 0;
+                while tries < 4 && let Some(c) = self.tree.take_best(&mut self.corners) {
+                    tries += 1;
+                    c0 = c0.min(c);
+                    self.corners.push(ends.1);
+                    simplify(&self.boxes, &mut self.corners);
+                    for r in [40.0, 25.0, 16.0, 10.0, 7.0, 5.5, 4.2] {
+                        if let Some(h) = self.rounder.round(&self.corners, |_| r, &mut self.pieces) {
+                            let pose = Pose2::new(problem.start[0], problem.start[1], h);
+                            let ok = super::bend::pieces_free(&self.boxes, pose, &self.pieces);
+                            let len = crate::hybrid_astar::search::length_m(&self.pieces);
+                            if ok && len < smooth { smooth = len; radius = r; }
+                            if ok && len < c * 1.002 { break; }
                         }
                     }
+                    if !smooth.is_finite() {
+                        for r in [6.0, 4.15] {
+                            if self.bender.bend(&self.boxes, &self.corners, r, &mut self.pieces).is_some() {
+                                smooth = crate::hybrid_astar::search::length_m(&self.pieces);
+                                radius = -r;
+                                self.bends += 1;
+                                break;
+                            }
+                        }
+                    }
+                    if smooth.is_finite() { break; }
                 }
+                let c = c0;
                 Some((c, smooth, radius))
             }
         }
     }
+}
+
+/// Leaves out corners that are not needed.
+fn simplify(boxes: &Boxes, corners: &mut Vec<Pose2>) {
+    let (mut kept, mut from) = (1, 0);
+    while from + 1 < corners.len() {
+        let here = corners[kept - 1].point();
+        let next = (from + 1..corners.len()).rev().find(|&to| boxes.segment_free(here, corners[to].point()));
+        let to = next.unwrap_or(from + 1);
+        corners[kept] = corners[to];
+        kept += 1;
+        from = to;
+    }
+    corners.truncate(kept);
 }
 
 #[cfg(test)]
@@ -127,11 +131,7 @@ mod tests {
         let file: ProblemFile = serde_json::from_str(&text).unwrap();
         let json: serde_json::Value = serde_json::from_str(&text).unwrap();
         let mut solver = Solver::default();
-        for (name, preset, units) in [
-            ("pylot_fast", Preset::Best, 500),
-            ("pylot_fast", Preset::Paper, 2000),
-            ("pylot_slow", Preset::Paper, 2000),
-        ] {
+        for (name, preset, units) in [("pylot_fast", Preset::Best, 300)] {
             let config = &file.configs.rrt_star[name];
             let (mut shares, mut peers) = (vec![], vec![]);
             let mut times = vec![];
@@ -145,38 +145,16 @@ mod tests {
                 for seed in 0..runs {
                     solver.seed = seed;
                     let mut b = crate::testing::Capped::new(units);
-                    if let Some((c, s, r)) = solver.look(p, config, preset, &mut b) {
-                        n += 1.0;
-                        raw += c;
-                        if s.is_finite() {
-                            sm += 1.0;
-                            smooth += s;
-                            radius = r.min(radius);
-                        }
-                    }
+                    if let Some((c, s, r)) = solver.look(p, config, preset, &mut b) { n += 1.0; raw += c; if s.is_finite() { sm += 1.0; smooth += s; radius = r.min(radius); } }
                 }
                 let ms = t.elapsed().as_secs_f64() * 1e3 / runs as f64;
                 times.push(ms);
                 shares.push(n / runs as f64);
                 peers.push(peer["success_rate"].as_f64().unwrap());
-                println!(
-                    "{name} {preset:?} {} success {:.2} (peer {}) ratio {:.4} smooth {:.4} ({}) radius {radius} {ms:.3} ms peer {}",
-                    p.id,
-                    n / runs as f64,
-                    peer["success_rate"],
-                    raw / n / optimum,
-                    smooth / sm / optimum,
-                    sm / runs as f64,
-                    peer["cpu_ms_p50"]
-                );
+                println!("{name} {preset:?} {} success {:.2} (peer {}) ratio {:.4} smooth {:.4} ({}) radius {radius} {ms:.3} ms bends {} peer {}", p.id, n / runs as f64, peer["success_rate"], raw / n / optimum, smooth / sm / optimum, sm / runs as f64, solver.bends, peer["cpu_ms_p50"]); solver.bends = 0;
             }
             times.sort_by(f64::total_cmp);
-            println!(
-                "== {name} {preset:?} success {:.3} peer {:.3} median ms {:.3}",
-                shares.iter().sum::<f64>() / 46.0,
-                peers.iter().sum::<f64>() / 46.0,
-                times[23]
-            );
+            println!("== {name} {preset:?} success {:.3} peer {:.3} median ms {:.3}", shares.iter().sum::<f64>() / 46.0, peers.iter().sum::<f64>() / 46.0, times[23]);
         }
     }
 }
