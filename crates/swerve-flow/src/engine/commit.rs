@@ -14,8 +14,8 @@ impl Engine<'_> {
         let node = &mut self.nodes[rank];
         node.floor = answer.stamp;
         let watermark = node.watermark();
-        for port in 0..node.streams.len() {
-            if let Some(sent) = &outs[port] {
+        for (port, sent) in outs.iter().enumerate() {
+            if let Some(sent) = sent {
                 self.publish_on(rank, port, watermark, answer, sent.clone());
             }
         }
@@ -146,7 +146,7 @@ impl Engine<'_> {
         loop {
             let node = &mut self.nodes[rank];
             let Some(feed) = &mut node.feed else { return };
-            if !feed.front().is_some_and(|record| (record.visible_at, record.pass) <= (now, pass)) {
+            if feed.front().is_none_or(|record| (record.visible_at, record.pass) > (now, pass)) {
                 return;
             }
             let record = feed.pop_front().expect("just seen");

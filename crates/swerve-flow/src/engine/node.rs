@@ -253,6 +253,32 @@ impl Node {
         queue.remove(index)
     }
 
+    /// Lets go of slots that a played-back step held until `now`.
+    pub(crate) fn release_held(&mut self, now: Time) {
+        let mut index = 0;
+        while let Some((start, end)) = self.held.get(index)
+            && *start <= now
+        {
+            if *end <= now {
+                self.held.remove(index);
+            } else {
+                index += 1;
+            }
+        }
+    }
+
+    /// How many slots played-back steps hold at `now`.
+    pub(crate) fn held_now(&self, now: Time) -> usize {
+        self.held.iter().take_while(|(start, _)| *start <= now).filter(|(_, end)| now < *end).count()
+    }
+
+    /// When that number changes next.
+    pub(crate) fn held_change(&self, now: Time) -> Time {
+        let started = self.held.iter().take_while(|(start, _)| *start <= now).map(|(_, end)| *end);
+        let next = self.held.iter().map(|(start, _)| *start).find(|start| *start > now);
+        started.chain(next).min().unwrap_or(Time::MAX)
+    }
+
     /// Removes the open frame at `index` and gives its stamp; its messages are forgotten.
     pub(crate) fn discard(&mut self, index: usize) -> Time {
         let open = self.open.remove(index).expect("the caller found it");

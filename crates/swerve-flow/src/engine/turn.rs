@@ -20,8 +20,7 @@ impl Engine<'_> {
     pub(super) fn turn(&mut self, rank: usize) {
         if self.nodes[rank].feed.is_some() {
             self.publish_feed(rank);
-            let now = self.now;
-            self.nodes[rank].held.retain(|(_, end)| *end > now);
+            self.nodes[rank].release_held(self.now);
             self.resources_touched(rank);
             return self.rearm(rank);
         }
@@ -397,7 +396,7 @@ impl Engine<'_> {
         let mut due = Time::MAX;
         if let Some(feed) = &node.feed {
             due = feed.front().map_or(Time::MAX, |record| record.visible_at);
-            due = node.held.iter().fold(due, |due, (_, end)| due.min(*end));
+            due = due.min(node.held_change(self.now));
         }
         for port in &node.timers {
             due = due.min(port.next);
