@@ -1,1 +1,25 @@
-//! swerve-geom
+//! Geometry with frames as types: points, vectors, poses and transforms, oriented boxes, polylines.
+//!
+//! **Frames** are zero-sized markers ([`Map`], [`Ego`], [`Lidar`], [`Camera`]). A transform is named and
+//! typed `to_from`: `map_from_ego: Transform<Map, Ego>`; adjacent frames of a product must match, so a
+//! wrong chain does not compile. What the types cannot tell: *which* camera, and *which* instant; the ego
+//! frame at two instants is one type.
+//!
+//! **Conventions**: metres, radians, right-handed, z up. Map: east-north-up. Ego: x forward, y left,
+//! origin at the centre of the rear axle on the ground. Camera: x right, y down, z forward.
+//!
+//! **Arithmetic**: trigonometry goes through [`math`] (`libm`), so that results are the same bits on every
+//! machine. Absences: no parry, no rapier, no glam.
+
+mod angle;
+mod frame;
+pub mod math;
+mod obb;
+mod planar;
+mod polyline;
+
+pub use angle::{angle_between, wrap_angle};
+pub use frame::{Camera, Ego, Lidar, Map, Point, Transform, Vector};
+pub use obb::Obb;
+pub use planar::{Point2, Pose2, Vector2};
+pub use polyline::{FrenetPoint, Polyline, PolylineError, PolylinePoint};

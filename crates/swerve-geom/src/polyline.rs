@@ -1,0 +1,282 @@
+//! Reference lines by arc length, and the Frenet frame along them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Point2, Pose2, Vector2, angle_between, wrap_angle};
+
+/// A line through points, parametrised by arc length `s` (metres from its first point).
+///
+/// Positions are linear between the points; headings and curvatures are linear between per-point values,
+/// so that sampling is smooth when the points are dense. Beyond its ends the line goes on straight.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Polyline {
+    points: Vec<Point2>,
+    s_m: Vec<f64>,
+    heading_rad: Vec<f64>,
+    curvature_1pm: Vec<f64>,
+}
+
+/// What a line has at one arc length.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct PolylinePoint {
+    /// Arc length from the first point, metres.
+    pub s_m: f64,
+    /// Position and heading of the line.
+    pub pose: Pose2,
+    /// Curvature, 1/m; positive turns left.
+    pub curvature_1pm: f64,
+}
+
+/// A place in the Frenet frame of a line.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct FrenetPoint {
+    /// Arc length of the nearest point of the line, metres.
+    pub s_m: f64,
+    /// Signed distance from the line, metres; positive to its left.
+    pub d_m: f64,
+}
+
+/// Why points do not make a line.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum PolylineError {
+    /// Fewer than two points that differ.
+    #[error("a line needs at least two points that differ")]
+    TooShort,
+    /// A coordinate is infinite or not a number.
+    #[error("point {0} of the line is not finite")]
+    NotFinite(usize),
+}
+
+impl Polyline {
+    /// A line through `points`; of repeated points one is kept.
+    pub fn new(points: &[Point2]) -> Result<Self, PolylineError> {
+        if let Some(bad) = points.iter().position(|p| !p.is_finite()) {
+            return Err(PolylineError::NotFinite(bad));
+        }
+        let mut kept: Vec<Point2> = Vec::with_capacity(points.len());
+        for &p in points {
+            if kept.last().is_none_or(|last| last.distance(p) > 1e-6) {
+                kept.push(p);
+            }
+        }
+        if kept.len() < 2 {
+            return Err(PolylineError::TooShort);
+        }
+        let mut s_m = vec![0.0];
+        for pair in kept.windows(2) {
+            s_m.push(s_m[s_m.len() - 1] + pair[0].distance(pair[1]));
+        }
+        let heading_rad = headings(&kept, &s_m);
+        let curvature_1pm = curvatures(&heading_rad, &s_m);
+        Ok(Self { points: kept, s_m, heading_rad, curvature_1pm })
+    }
+
+    /// A line through `points`, sampled anew every `step_m` along a natural cubic spline over arc length,
+    /// so that heading and curvature are continuous where the points are sparse.
+    pub fn smooth(points: &[Point2], step_m: f64) -> Result<Self, PolylineError> {
+        let coarse = Self::new(points)?;
+        let xs: Vec<f64> = coarse.points.iter().map(|p| p.x_m).collect();
+        let ys: Vec<f64> = coarse.points.iter().map(|p| p.y_m).collect();
+        let (mx, my) = (spline_moments(&coarse.s_m, &xs), spline_moments(&coarse.s_m, &ys));
+        let n = (coarse.length() / step_m).ceil().max(1.0) as usize;
+        let dense: Vec<Point2> = (0..=n)
+            .map(|k| {
+                let s = coarse.length() * k as f64 / n as f64;
+                let i = coarse.segment(s);
+                Point2::new(spline(&coarse.s_m, &xs, &mx, i, s), spline(&coarse.s_m, &ys, &my, i, s))
+            })
+            .collect();
+        Self::new(&dense)
+    }
+
+    /// Length of the line, metres.
+    pub fn length(&self) -> f64 {
+        self.s_m[self.s_m.len() - 1]
+    }
+
+    /// The points of the line.
+    pub fn points(&self) -> &[Point2] {
+        &self.points
+    }
+
+    /// Position, heading and curvature at arc length `s_m`.
+    pub fn at(&self, s_m: f64) -> PolylinePoint {
+        let i = self.segment(s_m);
+        let (a, b) = (self.points[i], self.points[i + 1]);
+        let length = self.s_m[i + 1] - self.s_m[i];
+        let t = (s_m - self.s_m[i]) / length;
+        let point = a + (b - a) * t;
+        let inside = t.clamp(0.0, 1.0);
+        let turn = angle_between(self.heading_rad[i], self.heading_rad[i + 1]);
+        let heading = wrap_angle(self.heading_rad[i] + turn * inside);
+        let (k0, k1) = (self.curvature_1pm[i], self.curvature_1pm[i + 1]);
+        let curvature_1pm = if t == inside { k0 + (k1 - k0) * t } else { 0.0 };
+        PolylinePoint { s_m, pose: Pose2::new(point.x_m, point.y_m, heading), curvature_1pm }
+    }
+
+    /// The point of the map at `frenet`: `d_m` to the left of the line at `s_m`.
+    pub fn to_map(&self, frenet: FrenetPoint) -> Point2 {
+        let on_line = self.at(frenet.s_m).pose;
+        on_line.point() + on_line.direction().left() * frenet.d_m
+    }
+
+    /// The nearest place of the line to `point`, over all of it.
+    pub fn project(&self, point: Point2) -> FrenetPoint {
+        self.project_between(point, 0, self.points.len() - 1)
+    }
+
+    /// As [`project`](Self::project), looking only at arc lengths within `reach_m` of `near_s_m`.
+    pub fn project_near(&self, point: Point2, near_s_m: f64, reach_m: f64) -> FrenetPoint {
+        let first = self.segment(near_s_m - reach_m);
+        let last = self.segment(near_s_m + reach_m) + 1;
+        self.project_between(point, first, last)
+    }
+
+    fn project_between(&self, point: Point2, first: usize, last: usize) -> FrenetPoint {
+        let mut best = FrenetPoint::default();
+        let mut best_squared = f64::INFINITY;
+        let end = self.points.len() - 2;
+        for i in first..last {
+            let (a, b) = (self.points[i], self.points[i + 1]);
+            let (along, to) = (b - a, point - a);
+            let length_squared = along.norm_squared();
+            let raw = to.dot(along) / length_squared;
+            // The end segments reach on, so that places before and beyond the line keep a meaning.
+            let low = if i == 0 { f64::NEG_INFINITY } else { 0.0 };
+            let high = if i == end { f64::INFINITY } else { 1.0 };
+            let t = raw.clamp(low, high);
+            let off: Vector2 = to - along * t;
+            let squared = off.norm_squared();
+            if squared < best_squared {
+                best_squared = squared;
+                let length = length_squared.sqrt();
+                let side = if along.cross(to) < 0.0 { -1.0 } else { 1.0 };
+                best = FrenetPoint { s_m: self.s_m[i] + t * length, d_m: side * squared.sqrt() };
+            }
+        }
+        best
+    }
+
+    /// Index of the segment that holds `s_m`; the end segments also hold what lies beyond them.
+    fn segment(&self, s_m: f64) -> usize {
+        let after = self.s_m.partition_point(|&s| s <= s_m);
+        after.saturating_sub(1).min(self.points.len() - 2)
+    }
+}
+
+/// Heading at each point: of the one segment at the ends, between the two segments elsewhere
+/// (weighted, so that the nearer neighbour counts more).
+fn headings(points: &[Point2], s_m: &[f64]) -> Vec<f64> {
+    let segment: Vec<f64> = points.windows(2).map(|p| (p[1] - p[0]).heading()).collect();
+    let last = segment.len() - 1;
+    (0..points.len())
+        .map(|i| {
+            if i == 0 || i > last {
+                return segment[i.min(last)];
+            }
+            let (before, after) = (s_m[i] - s_m[i - 1], s_m[i + 1] - s_m[i]);
+            let turn = angle_between(segment[i - 1], segment[i]);
+            wrap_angle(segment[i - 1] + turn * before / (before + after))
+        })
+        .collect()
+}
+
+/// Curvature at each point: change of heading over arc length, centred where there are two neighbours.
+fn curvatures(heading_rad: &[f64], s_m: &[f64]) -> Vec<f64> {
+    let last = s_m.len() - 1;
+    (0..s_m.len())
+        .map(|i| {
+            let (a, b) = (i.saturating_sub(1), (i + 1).min(last));
+            angle_between(heading_rad[a], heading_rad[b]) / (s_m[b] - s_m[a])
+        })
+        .collect()
+}
+
+/// Second derivatives at the knots of the natural cubic spline (tridiagonal system, Thomas algorithm).
+fn spline_moments(s: &[f64], y: &[f64]) -> Vec<f64> {
+    let n = s.len();
+    let mut m = vec![0.0; n];
+    let (mut c, mut d) = (vec![0.0; n], vec![0.0; n]);
+    for i in 1..n - 1 {
+        let (h0, h1) = (s[i] - s[i - 1], s[i + 1] - s[i]);
+        let rhs = 6.0 * ((y[i + 1] - y[i]) / h1 - (y[i] - y[i - 1]) / h0);
+        let pivot = 2.0 * (h0 + h1) - h0 * c[i - 1];
+        c[i] = h1 / pivot;
+        d[i] = (rhs - h0 * d[i - 1]) / pivot;
+    }
+    for i in (1..n - 1).rev() {
+        m[i] = d[i] - c[i] * m[i + 1];
+    }
+    m
+}
+
+/// Value at `x` of the cubic spline with moments `m`, within segment `i`.
+fn spline(s: &[f64], y: &[f64], m: &[f64], i: usize, x: f64) -> f64 {
+    let h = s[i + 1] - s[i];
+    let (a, b) = ((s[i + 1] - x) / h, (x - s[i]) / h);
+    a * y[i] + b * y[i + 1] + ((a * a * a - a) * m[i] + (b * b * b - b) * m[i + 1]) * h * h / 6.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math;
+
+    /// A left-turning arc of radius 20 m with a point every `step` radians.
+    fn arc(step: f64) -> Vec<Point2> {
+        (0..=(1.5 / step) as usize)
+            .map(|k| {
+                let (sin, cos) = math::sin_cos(k as f64 * step);
+                Point2::new(20.0 * sin, 20.0 - 20.0 * cos)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn an_arc_has_its_curvature_and_heading() {
+        let line = Polyline::new(&arc(0.01)).unwrap();
+        let at = line.at(10.0);
+        assert!((at.curvature_1pm - 0.05).abs() < 1e-4, "{at:?}");
+        assert!((at.pose.heading_rad - 0.5).abs() < 1e-3, "{at:?}");
+    }
+
+    #[test]
+    fn a_smooth_line_through_sparse_points_keeps_the_arc() {
+        let line = Polyline::smooth(&arc(0.15), 0.25).unwrap();
+        for s in [5.0, 10.0, 15.0, 20.0] {
+            let p = line.at(s).pose.point();
+            let radius = p.distance(Point2::new(0.0, 20.0));
+            assert!((radius - 20.0).abs() < 0.01, "{s}: {radius}");
+        }
+        assert!((line.at(15.0).curvature_1pm - 0.05).abs() < 0.003);
+    }
+
+    #[test]
+    fn frenet_and_back() {
+        let line = Polyline::new(&arc(0.01)).unwrap();
+        for (s_m, d_m) in [(3.0, 1.5), (12.0, -2.0), (25.0, 0.0)] {
+            let there = line.to_map(FrenetPoint { s_m, d_m });
+            let back = line.project(there);
+            assert!((back.s_m - s_m).abs() < 0.02 && (back.d_m - d_m).abs() < 0.01, "{back:?}");
+            let near = line.project_near(there, s_m + 1.0, 5.0);
+            assert_eq!(near, back);
+        }
+    }
+
+    #[test]
+    fn the_ends_go_on_straight() {
+        let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(10.0, 0.0)]).unwrap();
+        assert_eq!(line.project(Point2::new(-5.0, 2.0)), FrenetPoint { s_m: -5.0, d_m: 2.0 });
+        assert_eq!(line.at(14.0).pose, Pose2::new(14.0, 0.0, 0.0));
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        assert_eq!(Polyline::new(&[]), Err(PolylineError::TooShort));
+        assert_eq!(Polyline::new(&[Point2::new(1.0, 1.0); 3]), Err(PolylineError::TooShort));
+        assert_eq!(
+            Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(f64::NAN, 1.0)]),
+            Err(PolylineError::NotFinite(1))
+        );
+    }
+}

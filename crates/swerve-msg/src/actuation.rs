@@ -1,0 +1,17 @@
+use serde::{Deserialize, Serialize};
+
+/// What the stack asks of the vehicle.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Command {
+    /// Wanted angle of the front road wheels, radians; positive to the left.
+    pub steering_rad: f64,
+    /// Accelerator pedal, 0 to 1.
+    pub throttle: f64,
+    /// Brake pedal, 0 to 1.
+    pub brake: f64,
+}
+
+impl Command {
+    /// Straight wheels, no accelerator, full brake.
+    pub const FULL_BRAKE: Self = Self { steering_rad: 0.0, throttle: 0.0, brake: 1.0 };
+}

@@ -1,0 +1,163 @@
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_geom::{Obb, Point2, Pose2, Vector2};
+
+/// Identifies an actor or a track within one run.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct ActorId(pub u32);
+
+/// What an actor is.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActorKind {
+    /// A passenger car or van.
+    Car,
+    /// A truck or bus.
+    Truck,
+    /// A motorcycle with its rider.
+    Motorcycle,
+    /// A bicycle with its rider.
+    Cyclist,
+    /// A person on foot.
+    Pedestrian,
+    /// Anything that cannot move: walls, poles, boxes.
+    Static,
+}
+
+impl ActorKind {
+    /// Whether this is a person outside a motor vehicle.
+    pub fn is_person(self) -> bool {
+        matches!(self, Self::Pedestrian | Self::Cyclist)
+    }
+}
+
+/// Full size of a box, metres.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Extent {
+    /// Along its heading.
+    pub length_m: f64,
+    /// Across its heading.
+    pub width_m: f64,
+    /// Upwards.
+    pub height_m: f64,
+}
+
+impl Extent {
+    /// The ground rectangle of a box of this size centred at `center`.
+    pub fn footprint(self, center: Pose2) -> Obb {
+        Obb::new(center, self.length_m, self.width_m)
+    }
+}
+
+/// Something seen at one instant.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Obstacle {
+    /// Identity as far as the source knows one (truth: the actor's).
+    pub id: ActorId,
+    /// What it is.
+    pub kind: ActorKind,
+    /// Pose of the centre of its footprint in the map.
+    pub pose: Pose2,
+    /// Size.
+    pub extent: Extent,
+    /// Velocity over ground in the map frame, m/s.
+    pub velocity_mps: Vector2,
+    /// Share of its fixed points that the sensor sees, 0 to 1.
+    pub visible_share: f64,
+}
+
+/// All that a sensor or detector saw at one instant.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct ObstacleList {
+    /// Instant of the measurement.
+    pub stamp: Time,
+    /// Ordered by identity.
+    pub obstacles: Vec<Obstacle>,
+}
+
+/// One past position of a track.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Sighting {
+    /// Instant of the sighting.
+    pub at: Time,
+    /// Position of the centre in the map.
+    pub point: Point2,
+}
+
+/// One obstacle followed over time.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Track {
+    /// Stable identity.
+    pub id: ActorId,
+    /// What it is.
+    pub kind: ActorKind,
+    /// Present pose of its centre in the map.
+    pub pose: Pose2,
+    /// Size.
+    pub extent: Extent,
+    /// Velocity over ground as reported or estimated, m/s.
+    pub velocity_mps: Vector2,
+    /// Past positions, oldest first, the present one last.
+    pub history: Vec<Sighting>,
+}
+
+/// All live tracks.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TrackList {
+    /// Instant that the tracks describe.
+    pub stamp: Time,
+    /// Ordered by identity.
+    pub tracks: Vec<Track>,
+}
+
+/// Where something will be at one instant.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct PredictedPose {
+    /// Instant.
+    pub at: Time,
+    /// Pose of its centre in the map.
+    pub pose: Pose2,
+}
+
+/// The expected motion of one obstacle.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Prediction {
+    /// Identity of the track.
+    pub id: ActorId,
+    /// What it is.
+    pub kind: ActorKind,
+    /// Size.
+    pub extent: Extent,
+    /// Probability of this path, 0 to 1.
+    pub probability: f64,
+    /// Poses at increasing instants; the first describes the stamp of the list. Never empty.
+    pub path: Vec<PredictedPose>,
+}
+
+/// The expected motion of everything tracked.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct PredictionList {
+    /// Instant of the newest sighting that this builds on.
+    pub stamp: Time,
+    /// Ordered by identity.
+    pub predictions: Vec<Prediction>,
+}
+
+impl Prediction {
+    /// Where the centre is at `instant`: linear between the poses, held before the first and after the last.
+    pub fn pose_at(&self, instant: Time) -> Pose2 {
+        let after = self.path.partition_point(|p| p.at <= instant);
+        if after == 0 {
+            return self.path[0].pose;
+        }
+        if after == self.path.len() {
+            return self.path[after - 1].pose;
+        }
+        let (a, b) = (&self.path[after - 1], &self.path[after]);
+        let t = (instant - a.at).as_secs() / (b.at - a.at).as_secs();
+        let point = a.pose.point() + (b.pose.point() - a.pose.point()) * t;
+        let turn = swerve_geom::angle_between(a.pose.heading_rad, b.pose.heading_rad);
+        Pose2::new(point.x_m, point.y_m, a.pose.heading_rad + turn * t)
+    }
+}

@@ -1,0 +1,89 @@
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_geom::{Pose2, angle_between};
+
+/// A planned motion of the ego origin.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Plan {
+    /// Stamp of the predictions it was made from.
+    pub stamp: Time,
+    /// How it came about.
+    pub status: PlanStatus,
+    /// Points at increasing instants.
+    pub points: Vec<PlanPoint>,
+    /// What the planner looked at: candidates (FOT), iterations (RRT*), neighbours (Hybrid A*).
+    pub work: u64,
+}
+
+/// One point of a plan.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct PlanPoint {
+    /// Instant at which the ego should be here.
+    pub at: Time,
+    /// Pose of the ego origin in the map.
+    pub pose: Pose2,
+    /// Curvature of the path, 1/m; positive turns left.
+    pub curvature_1pm: f64,
+    /// Speed along the path, m/s.
+    pub speed_mps: f64,
+    /// Acceleration along the path, m/s².
+    pub accel_mps2: f64,
+}
+
+/// How a plan came about.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlanStatus {
+    /// Nothing asked for planning: the route is followed.
+    #[default]
+    Route,
+    /// The planner found this path.
+    Found,
+    /// Nothing found: the previous plan goes on, still free of collision.
+    Kept,
+    /// Nothing found: full brake along the previous path.
+    Brake,
+    /// Nothing found: speed zero along the route.
+    Stop,
+    /// Nothing found: the route is followed regardless.
+    GaveUp,
+}
+
+impl PlanStatus {
+    /// Whether the planner failed to find a path.
+    pub fn is_fallback(self) -> bool {
+        matches!(self, Self::Kept | Self::Brake | Self::Stop | Self::GaveUp)
+    }
+}
+
+impl Plan {
+    /// Instant of the last point; the stamp when there is none.
+    pub fn end(&self) -> Time {
+        self.points.last().map_or(self.stamp, |p| p.at)
+    }
+
+    /// The planned state at `instant`, linear between points; the first or last point outside the plan.
+    /// `None` for a plan without points.
+    pub fn at(&self, instant: Time) -> Option<PlanPoint> {
+        let after = self.points.partition_point(|p| p.at <= instant);
+        if after == 0 {
+            return self.points.first().copied();
+        }
+        let a = self.points[after - 1];
+        let Some(b) = self.points.get(after) else { return Some(a) };
+        let t = (instant - a.at).as_secs() / (b.at - a.at).as_secs();
+        let mix = |x: f64, y: f64| x + (y - x) * t;
+        let turn = angle_between(a.pose.heading_rad, b.pose.heading_rad);
+        Some(PlanPoint {
+            at: instant,
+            pose: Pose2::new(
+                mix(a.pose.x_m, b.pose.x_m),
+                mix(a.pose.y_m, b.pose.y_m),
+                a.pose.heading_rad + turn * t,
+            ),
+            curvature_1pm: mix(a.curvature_1pm, b.curvature_1pm),
+            speed_mps: mix(a.speed_mps, b.speed_mps),
+            accel_mps2: mix(a.accel_mps2, b.accel_mps2),
+        })
+    }
+}

@@ -1,0 +1,123 @@
+//! What only the simulator knows.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_geom::{Ego, Map, Obb, Pose2, Transform, Vector, Vector2};
+
+use crate::{ActorId, ActorKind, EgoState, Extent};
+
+/// The state of the simulated world after one step.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct WorldState {
+    /// Instant of the state.
+    pub stamp: Time,
+    /// The ego vehicle.
+    pub ego: EgoTruth,
+    /// All other actors, ordered by identity.
+    pub actors: Vec<Actor>,
+    /// Contacts of the ego that began since the previous step.
+    pub collisions: Vec<Collision>,
+    /// Rules broken since the previous step.
+    pub infractions: Vec<Infraction>,
+    /// Set from the step on at which the scenario is over.
+    pub ended: Option<EndReason>,
+}
+
+/// The ego vehicle in full.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct EgoTruth {
+    /// Pose of the ego frame in the map, in three dimensions.
+    pub map_from_ego: Transform<Map, Ego>,
+    /// The same, as a perfect localization would report it.
+    pub state: EgoState,
+    /// Velocity of the centre of gravity in the map, m/s.
+    pub velocity_mps: Vector<Map>,
+    /// Specific force at the centre of gravity in the ego frame, m/s².
+    pub specific_force_mps2: Vector<Ego>,
+    /// Angular velocity in the ego frame, rad/s.
+    pub angular_velocity_radps: Vector<Ego>,
+}
+
+/// Another road user or thing.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Actor {
+    /// Identity: its place in the scenario file, from 1.
+    pub id: ActorId,
+    /// What it is.
+    pub kind: ActorKind,
+    /// Pose of the centre of its footprint in the map.
+    pub pose: Pose2,
+    /// Height of the bottom of its box above the map plane, metres.
+    pub z_m: f64,
+    /// Size.
+    pub extent: Extent,
+    /// Velocity over ground, m/s.
+    pub velocity_mps: Vector2,
+}
+
+impl Actor {
+    /// Whether its body is an upright cylinder of diameter `extent.width_m`, not a box: people on foot are.
+    pub fn is_round(&self) -> bool {
+        self.kind == ActorKind::Pedestrian
+    }
+
+    /// The ground rectangle of its box.
+    pub fn footprint(&self) -> Obb {
+        self.extent.footprint(self.pose)
+    }
+
+    /// Distance on the ground between its body and a rectangle, metres; zero when they touch.
+    pub fn gap_m(&self, rectangle: &Obb) -> f64 {
+        if self.is_round() {
+            (rectangle.distance_to_point(self.pose.point()) - 0.5 * self.extent.width_m).max(0.0)
+        } else {
+            rectangle.distance(&self.footprint())
+        }
+    }
+}
+
+/// The ego touched something.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Collision {
+    /// Instant of first contact.
+    pub stamp: Time,
+    /// What was hit.
+    pub actor: ActorId,
+    /// Impulse of the first contact step, N s.
+    pub impulse_ns: f64,
+    /// Speed at which the two closed along the contact normal just before, m/s.
+    pub closing_speed_mps: f64,
+    /// Speed of the ego just before, m/s.
+    pub ego_speed_mps: f64,
+}
+
+/// A rule broken by the ego.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Infraction {
+    /// Instant at which it began.
+    pub stamp: Time,
+    /// Which rule.
+    pub kind: InfractionKind,
+}
+
+/// Rules that the ego can break.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InfractionKind {
+    /// Part of the footprint left the drivable ground.
+    LeftRoad,
+}
+
+/// Why a scenario is over.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EndReason {
+    /// The ego reached the end of the scenario.
+    Goal,
+    /// The ego stands still where the scenario asks for that.
+    Stopped,
+    /// A collision, some time after it happened.
+    Collision,
+    /// The scenario's time is over.
+    Timeout,
+}

@@ -1,0 +1,90 @@
+use super::*;
+use proptest::prelude::*;
+use swerve_core::Span;
+use swerve_msg::{ActorId, ActorKind, Extent, PredictedPose};
+
+fn car(x: f64, y: f64, h: f64) -> Obb {
+    Obb::new(Pose2::new(x, y, h), 4.93, 1.86)
+}
+
+/// A person who walks along -y at 2 m/s from (20, 4).
+fn walker() -> Prediction {
+    let path = (0..=20)
+        .map(|k| PredictedPose {
+            at: Time::ZERO + Span::from_ms(250) * k,
+            pose: Pose2::new(20.0, 4.0 - 0.5 * k as f64, -1.57),
+        })
+        .collect();
+    Prediction {
+        id: ActorId(1),
+        kind: ActorKind::Pedestrian,
+        extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
+        probability: 1.0,
+        path,
+    }
+}
+
+proptest! {
+    #[test]
+    fn distance_is_the_plain_one(
+        x in -9.0..9.0, y in -9.0..9.0, h in -3.0..3.0, g in -3.0..3.0, l in 0.0..5.0, w in 0.0..3.0,
+    ) {
+        let (a, b) = (car(0.0, 0.0, g), Obb::new(Pose2::new(x, y, h), l, w));
+        let (p, q) = (Solid::from(&a), Solid::from(&b));
+        prop_assert!((p.distance_m(&q) - a.distance(&b)).abs() < 1e-9);
+        let all = Obstacles::from_boxes(&[b]);
+        prop_assert!((all.clearance_m(&a, Time::ZERO) - a.distance(&b)).abs() < 1e-9);
+        prop_assert_eq!(all.free(&a, Time::ZERO, 0.5), p.distance_m(&q) >= 0.5);
+    }
+
+    /// The bisected check against a fine sampling.
+    #[test]
+    fn motions_agree_with_fine_sampling(
+        x in -9.0..9.0, y in -9.0..9.0, h in -1.0..1.0, to_x in -9.0..30.0, to_y in -9.0..9.0, to_h in -1.0..1.0,
+    ) {
+        let boxes = Obstacles::from_boxes(&[Obb::new(Pose2::new(10.0, 1.0, 0.3), 1.0, 0.5), Obb::new(Pose2::new(4.0, -5.0, 0.0), 0.1, 0.1)]);
+        let path = [(Pose2::new(x, y, h), Time::ZERO), (Pose2::new(to_x, to_y, to_h), Time::from_ms(1000))];
+        let outline = |pose: Pose2| Obb::new(pose.ahead(1.4), 4.93, 1.86);
+        let sampled = boxes.path_clearance_m(outline, &path, 0.005);
+        let free = boxes.path_free(outline, &path, 0.3);
+        if sampled < 0.29 { prop_assert!(!free); }
+        if sampled > 0.31 { prop_assert!(free); }
+    }
+}
+
+#[test]
+fn a_person_is_where_it_is_at_the_moment() {
+    let all = Obstacles::new(&[walker()], CollisionMode::TimeIndexed);
+    let ahead = car(20.0, 0.0, 0.0);
+    assert!(all.free(&ahead, Time::ZERO, 0.5));
+    assert!(!all.free(&ahead, Time::from_ms(2000), 0.0));
+    assert!(all.free(&ahead, Time::from_ms(4000), 0.5));
+    let swept = Obstacles::new(&[walker()], CollisionMode::SweptStatic);
+    assert!(!swept.free(&ahead, Time::ZERO, 0.0));
+    assert!(!swept.free(&ahead, Time::from_ms(4000), 0.0));
+    let mut n = 0;
+    swept.for_each_at(Time::ZERO, |_| n += 1);
+    assert_eq!(n, 11, "places are at least a metre apart");
+}
+
+#[test]
+fn nothing_tunnels() {
+    // A thin post between two poses 20 m apart, and a person that crosses the gap in between.
+    let post = Obstacles::from_boxes(&[Obb::new(Pose2::new(10.0, 0.0, 0.0), 0.01, 0.01)]);
+    let (a, b) = ((Pose2::new(0.0, 0.0, 0.0), Time::ZERO), (Pose2::new(20.0, 0.0, 0.0), Time::from_ms(1000)));
+    let outline = |pose: Pose2| Obb::new(pose, 1.0, 1.0);
+    assert!(!post.path_free(outline, &[a, b], 0.0));
+    let standing =
+        [(Pose2::new(20.0, 0.0, 0.0), Time::ZERO), (Pose2::new(20.0, 0.0, 0.0), Time::from_ms(5000))];
+    assert!(!Obstacles::new(&[walker()], CollisionMode::TimeIndexed).path_free(outline, &standing, 0.0));
+}
+
+#[test]
+fn containment_is_a_hit_and_nothing_is_free() {
+    let all = Obstacles::from_boxes(&[Obb::new(Pose2::new(0.0, 0.0, 0.0), 50.0, 50.0)]);
+    assert_eq!(all.clearance_m(&car(1.0, 1.0, 0.5), Time::ZERO), 0.0);
+    assert!(!all.free(&car(1.0, 1.0, 0.5), Time::ZERO, 0.0));
+    let none = Obstacles::new(&[], CollisionMode::TimeIndexed);
+    assert!(none.free(&car(0.0, 0.0, 0.0), Time::ZERO, 9.0));
+    assert_eq!(none.clearance_m(&car(0.0, 0.0, 0.0), Time::ZERO), f64::INFINITY);
+}

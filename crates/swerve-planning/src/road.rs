@@ -1,0 +1,187 @@
+//! The drivable ground beside the route, in a form for many queries.
+
+use swerve_geom::{FrenetPoint, Point2};
+use swerve_msg::Route;
+
+use crate::collision::Solid;
+
+/// Points of the line closer than this to the chord that skips them are dropped, metres: a straight road
+/// becomes one segment.
+const CHORD_M: f64 = 1e-6;
+
+/// One straight piece of the line.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    x_m: f64,
+    y_m: f64,
+    cos: f64,
+    sin: f64,
+    s_m: f64,
+    length_m: f64,
+}
+
+/// Consecutive pieces with the circle that holds them.
+#[derive(Clone, Copy, Debug)]
+struct Chunk {
+    first: usize,
+    end: usize,
+    x_m: f64,
+    y_m: f64,
+    radius_m: f64,
+}
+
+/// The same answers as [`Route::margin_m`], faster.
+#[derive(Clone, Debug, Default)]
+pub struct Road {
+    pieces: Vec<Piece>,
+    chunks: Vec<Chunk>,
+    left_m: f64,
+    right_m: f64,
+}
+
+impl Road {
+    /// From the route.
+    pub fn new(route: &Route) -> Self {
+        let mut road = Self::default();
+        road.set(route);
+        road
+    }
+
+    /// Replaces the content, keeping the storage.
+    pub fn set(&mut self, route: &Route) {
+        self.left_m = route.left_m;
+        self.right_m = route.right_m;
+        self.pieces.clear();
+        self.chunks.clear();
+        let points = route.line.points();
+        let (mut from, mut s_m) = (0, 0.0);
+        while from + 1 < points.len() {
+            let to = furthest_straight(points, from);
+            let along = points[to] - points[from];
+            let length_m = along.norm();
+            let (a, unit) = (points[from], along * (1.0 / length_m));
+            self.pieces.push(Piece { x_m: a.x_m, y_m: a.y_m, cos: unit.x, sin: unit.y, s_m, length_m });
+            s_m += length_m;
+            from = to;
+        }
+        for first in (0..self.pieces.len()).step_by(8) {
+            self.chunks.push(chunk(&self.pieces, first, (first + 8).min(self.pieces.len())));
+        }
+    }
+
+    /// The nearest place of the line; before and beyond its ends it goes on straight.
+    pub fn project(&self, point: Point2) -> FrenetPoint {
+        let mut best = (f64::INFINITY, FrenetPoint::default());
+        let (Some(first), Some(last)) = (self.chunks.first(), self.chunks.last()) else { return best.1 };
+        // The end pieces reach on without end, so their chunks are always looked at.
+        self.look(first, point, &mut best);
+        if self.chunks.len() > 1 {
+            self.look(last, point, &mut best);
+            for c in &self.chunks[1..self.chunks.len() - 1] {
+                let reach_m = best.0.sqrt() + c.radius_m;
+                let (dx, dy) = (point.x_m - c.x_m, point.y_m - c.y_m);
+                if dx * dx + dy * dy <= reach_m * reach_m {
+                    self.look(c, point, &mut best);
+                }
+            }
+        }
+        best.1
+    }
+
+    fn look(&self, chunk: &Chunk, point: Point2, best: &mut (f64, FrenetPoint)) {
+        let end = self.pieces.len() - 1;
+        for (i, p) in self.pieces[chunk.first..chunk.end].iter().enumerate() {
+            let (dx, dy) = (point.x_m - p.x_m, point.y_m - p.y_m);
+            let (raw, across) = (p.cos * dx + p.sin * dy, p.cos * dy - p.sin * dx);
+            let low = if chunk.first + i == 0 { f64::NEG_INFINITY } else { 0.0 };
+            let high = if chunk.first + i == end { f64::INFINITY } else { p.length_m };
+            let along = raw.clamp(low, high);
+            let squared = across * across + (raw - along) * (raw - along);
+            if squared < best.0 {
+                let d_m = if raw == along { across } else { squared.sqrt().copysign(across) };
+                *best = (squared, FrenetPoint { s_m: p.s_m + along, d_m });
+            }
+        }
+    }
+
+    /// How far the worst corner of `footprint` is inside the drivable ground, metres; negative outside.
+    pub fn margin_m(&self, footprint: &Solid) -> f64 {
+        footprint.corners().into_iter().fold(f64::INFINITY, |margin, corner| {
+            let d_m = self.project(corner).d_m;
+            margin.min(self.left_m - d_m).min(d_m + self.right_m)
+        })
+    }
+
+    /// Drivable ground to the left of the line, metres.
+    pub fn left_m(&self) -> f64 {
+        self.left_m
+    }
+
+    /// Drivable ground to the right of the line, metres.
+    pub fn right_m(&self) -> f64 {
+        self.right_m
+    }
+}
+
+/// The last point such that all points between lie on the straight line to it.
+fn furthest_straight(points: &[Point2], from: usize) -> usize {
+    let mut to = from + 1;
+    let first = points[to] - points[from];
+    while to + 1 < points.len() {
+        let next = points[to + 1] - points[from];
+        // The newest point must continue the first segment's direction, forwards.
+        if first.cross(next).abs() > CHORD_M * first.norm() || next.dot(first) <= 0.0 {
+            break;
+        }
+        if (points[to + 1] - points[to]).dot(first) <= 0.0 {
+            break;
+        }
+        to += 1;
+    }
+    to
+}
+
+fn chunk(pieces: &[Piece], first: usize, end: usize) -> Chunk {
+    let mut low = (f64::INFINITY, f64::INFINITY);
+    let mut high = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+    for p in &pieces[first..end] {
+        for (x, y) in [(p.x_m, p.y_m), (p.x_m + p.cos * p.length_m, p.y_m + p.sin * p.length_m)] {
+            low = (low.0.min(x), low.1.min(y));
+            high = (high.0.max(x), high.1.max(y));
+        }
+    }
+    let radius_m = 0.5 * swerve_geom::math::hypot(high.0 - low.0, high.1 - low.1);
+    Chunk { first, end, x_m: 0.5 * (low.0 + high.0), y_m: 0.5 * (low.1 + high.1), radius_m }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_geom::{Obb, Polyline, Pose2, math};
+
+    fn check(points: &[Point2]) {
+        let route = Route { line: Polyline::new(points).unwrap(), left_m: 6.0, right_m: 2.0 };
+        let road = Road::new(&route);
+        for k in 0..400 {
+            let (x, y) = (f64::from(k % 20) * 5.0 - 10.0, f64::from(k / 20) * 3.0 - 20.0);
+            let obb = Obb::new(Pose2::new(x, y, f64::from(k) * 0.1), 4.93, 1.86);
+            let (slow, fast) = (route.margin_m(&obb), road.margin_m(&Solid::from(&obb)));
+            assert!((slow - fast).abs() < 1e-5, "{obb:?}: {slow} {fast}");
+        }
+    }
+
+    #[test]
+    fn gives_the_routes_margin() {
+        let straight: Vec<Point2> = (0..80).map(|k| Point2::new(f64::from(k), 0.0)).collect();
+        check(&straight);
+        let road = Road::new(&Route { line: Polyline::new(&straight).unwrap(), left_m: 1.0, right_m: 1.0 });
+        assert_eq!(road.pieces.len(), 1);
+        let arc: Vec<Point2> = (0..80)
+            .map(|k| {
+                let (sin, cos) = math::sin_cos(0.03 * f64::from(k));
+                Point2::new(30.0 * sin, 30.0 - 30.0 * cos)
+            })
+            .collect();
+        check(&arc);
+    }
+}

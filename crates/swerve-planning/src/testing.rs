@@ -1,0 +1,228 @@
+//! Worlds and the conformance suite for tests of planners.
+
+use swerve_core::{Span, Time};
+use swerve_geom::{Point2, Polyline, Pose2};
+use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, PredictedPose, Prediction, Route};
+use swerve_vehicle::{Limits, Shape};
+
+use crate::collision::{CollisionMode, Obstacles};
+use crate::request::{Budget, Goes, Planner, Request, Unlimited};
+
+/// What a request refers to.
+pub(crate) struct World {
+    pub(crate) route: Route,
+    pub(crate) predictions: Vec<Prediction>,
+    pub(crate) shape: Shape,
+    pub(crate) limits: Limits,
+    pub(crate) start: EgoState,
+    pub(crate) target_speed_mps: f64,
+}
+
+impl World {
+    /// A straight road along x with 6 m to the left and 2 m to the right; the ego at the origin.
+    pub(crate) fn straight(speed_mps: f64) -> Self {
+        let line: Vec<Point2> = (-30..200).map(|x| Point2::new(f64::from(x), 0.0)).collect();
+        Self::on(&line, speed_mps)
+    }
+
+    /// On a road through `points`, starting at its nearest place to the origin.
+    pub(crate) fn on(points: &[Point2], speed_mps: f64) -> Self {
+        let line = Polyline::new(points).unwrap();
+        let pose = line.at(line.project(Point2::new(0.0, 0.0)).s_m).pose;
+        Self {
+            route: Route { line, left_m: 6.0, right_m: 2.0 },
+            predictions: Vec::new(),
+            shape: Shape::default(),
+            limits: Limits::default(),
+            start: EgoState { stamp: Time::from_ms(1000), pose, speed_mps, ..EgoState::default() },
+            target_speed_mps: speed_mps,
+        }
+    }
+
+    /// A left-hand bend of the given radius.
+    pub(crate) fn bend(radius_m: f64, speed_mps: f64) -> Self {
+        let points: Vec<Point2> = (-20..150)
+            .map(|k| {
+                let (sin, cos) = swerve_geom::math::sin_cos(f64::from(k) / radius_m);
+                Point2::new(radius_m * sin, radius_m * (1.0 - cos))
+            })
+            .collect();
+        Self::on(&points, speed_mps)
+    }
+
+    /// With something of the given size that moves steadily from `from` at `velocity_mps`.
+    #[must_use]
+    pub(crate) fn with(
+        mut self,
+        kind: ActorKind,
+        size: (f64, f64),
+        from: (f64, f64),
+        velocity_mps: (f64, f64),
+    ) -> Self {
+        let path = (0..=50)
+            .map(|k| {
+                let t = f64::from(k) * 0.1;
+                let (x, y) = (from.0 + velocity_mps.0 * t, from.1 + velocity_mps.1 * t);
+                PredictedPose { at: self.start.stamp + Span::from_secs(t), pose: Pose2::new(x, y, 0.0) }
+            })
+            .collect();
+        self.predictions.push(Prediction {
+            id: ActorId(self.predictions.len() as u32 + 1),
+            kind,
+            extent: Extent { length_m: size.0, width_m: size.1, height_m: 1.8 },
+            probability: 1.0,
+            path,
+        });
+        self
+    }
+
+    /// With a person of half a metre.
+    #[must_use]
+    pub(crate) fn with_person(self, from: (f64, f64), velocity_mps: (f64, f64)) -> Self {
+        self.with(ActorKind::Pedestrian, (0.5, 0.5), from, velocity_mps)
+    }
+
+    pub(crate) fn request(&self) -> Request<'_> {
+        Request {
+            stamp: self.start.stamp,
+            start: self.start,
+            route: &self.route,
+            target_speed_mps: self.target_speed_mps,
+            predictions: &self.predictions,
+            shape: &self.shape,
+            limits: &self.limits,
+            previous: None,
+            seed: 7,
+        }
+    }
+
+    /// Smallest distance of the plan's outline to anything, metres.
+    pub(crate) fn clearance_m(&self, plan: &Plan, mode: CollisionMode) -> f64 {
+        let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        Obstacles::new(&self.predictions, mode).path_clearance_m(
+            |pose| self.shape.footprint(pose),
+            &path,
+            0.05,
+        )
+    }
+
+    /// Smallest margin of the plan's outline on the road, metres.
+    pub(crate) fn margin_m(&self, plan: &Plan) -> f64 {
+        plan.points
+            .iter()
+            .map(|p| self.route.margin_m(&self.shape.footprint(p.pose)))
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Says stop after a number of units.
+pub(crate) struct Capped {
+    pub(crate) left: u64,
+    pub(crate) spent: u64,
+    pub(crate) asked_after_stop: bool,
+}
+
+impl Capped {
+    pub(crate) fn new(units: u64) -> Self {
+        Self { left: units, spent: 0, asked_after_stop: false }
+    }
+}
+
+impl Budget for Capped {
+    fn spend(&mut self, units: u64) -> Goes {
+        self.asked_after_stop |= self.left == 0;
+        self.spent += units;
+        self.left = self.left.saturating_sub(units);
+        if self.left == 0 { Goes::Stop } else { Goes::On }
+    }
+}
+
+/// What every planner must hold, whatever it is given. `make` builds a fresh planner; `best` asks for more:
+/// found plans must start at the state, stay free of collision and on the road.
+pub(crate) fn conformance<P: Planner>(make: &dyn Fn() -> P, best: bool) {
+    for (name, world) in worlds() {
+        let request = world.request();
+        let mut counted = Unlimited::default();
+        let plan = make().plan(&request, &mut counted);
+        check_form(name, &plan, &request);
+        assert_eq!(plan.work, counted.spent, "{name}: work is what was spent");
+        let again = make().plan(&request, &mut Unlimited::default());
+        assert_eq!(plan, again, "{name}: same in, same out");
+        let mut reused = make();
+        reused.plan(&request, &mut Unlimited::default());
+        assert_eq!(plan, reused.plan(&request, &mut Unlimited::default()), "{name}: no memory");
+        bounded_work(name, make, &request, counted.spent);
+        if best && plan.status == PlanStatus::Found {
+            let (first, start) = (plan.points[0], &request.start);
+            assert!(first.pose.point().distance(start.pose.point()) < 0.3, "{name}: starts at the state");
+            assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.0, "{name}: collides");
+            assert!(world.margin_m(&plan) > -0.02, "{name}: leaves the road: {}", world.margin_m(&plan));
+            within_limits(name, &plan, &world.limits);
+        }
+    }
+}
+
+fn worlds() -> Vec<(&'static str, World)> {
+    let mut hemmed = World::straight(15.0);
+    for y in [-1.5, 1.0, 3.5, 6.0] {
+        hemmed = hemmed.with(ActorKind::Car, (4.5, 2.0), (18.0, y), (0.0, 0.0));
+    }
+    let stub = World::on(&[Point2::new(0.0, 0.0), Point2::new(0.5, 0.0)], 8.0);
+    let mut touching = World::straight(10.0).with_person((3.5, 0.0), (0.0, 0.0));
+    touching.start.yaw_rate_radps = 0.2;
+    vec![
+        ("empty", World::straight(15.0)),
+        ("standing", World::straight(0.0)),
+        ("person ahead", World::straight(16.0).with_person((35.0, 0.0), (0.0, 0.0))),
+        ("person crossing", World::straight(16.0).with_person((30.0, 4.5), (0.0, -2.75))),
+        (
+            "car ahead standing",
+            World::straight(0.0).with(ActorKind::Car, (4.5, 1.9), (15.0, 0.5), (0.0, 0.0)),
+        ),
+        ("hemmed in", hemmed),
+        ("bend", World::bend(40.0, 10.0).with_person((20.0, 8.0), (0.0, 0.0))),
+        ("very short route", stub),
+        ("already touching", touching),
+    ]
+}
+
+fn check_form(name: &str, plan: &Plan, request: &Request<'_>) {
+    assert_eq!(plan.stamp, request.stamp, "{name}");
+    assert!(!plan.points.is_empty(), "{name}: a plan has points");
+    assert!(plan.points[0].at >= request.start.stamp, "{name}: begins in the past");
+    for pair in plan.points.windows(2) {
+        assert!(pair[0].at < pair[1].at, "{name}: instants increase");
+    }
+    for p in &plan.points {
+        let finite = p.pose.is_finite()
+            && p.curvature_1pm.is_finite()
+            && p.speed_mps.is_finite()
+            && p.accel_mps2.is_finite();
+        assert!(finite, "{name}: {p:?}");
+        assert!(p.speed_mps >= -1e-6, "{name}: {p:?}");
+    }
+}
+
+fn bounded_work<P: Planner>(name: &str, make: &dyn Fn() -> P, request: &Request<'_>, full: u64) {
+    for units in [1, full / 3, full] {
+        if units == 0 {
+            continue;
+        }
+        let mut capped = Capped::new(units);
+        let plan = make().plan(request, &mut capped);
+        check_form(name, &plan, request);
+        assert!(!capped.asked_after_stop, "{name}: goes on after stop at {units}");
+        assert_eq!(plan.work, capped.spent, "{name}");
+    }
+}
+
+fn within_limits(name: &str, plan: &Plan, limits: &Limits) {
+    let curvature_max = swerve_geom::math::tan(limits.steering_max_rad) / Shape::default().wheelbase_m;
+    for p in &plan.points {
+        let lateral = p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
+        assert!(lateral <= limits.lateral_accel_max_mps2 * 1.05 + 0.05, "{name}: lateral {lateral}: {p:?}");
+        assert!(p.curvature_1pm.abs() <= curvature_max * 1.02 + 1e-6, "{name}: {p:?}");
+        assert!(p.accel_mps2 <= limits.accel_max_mps2 + 0.05, "{name}: {p:?}");
+        assert!(p.accel_mps2 >= -limits.brake_max_mps2 - 0.05, "{name}: {p:?}");
+    }
+}

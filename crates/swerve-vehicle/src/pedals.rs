@@ -1,0 +1,63 @@
+//! From a wanted acceleration to pedals.
+
+use crate::VehicleParams;
+
+/// Pedal positions, at most one of them above zero.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Pedals {
+    /// Accelerator, 0 to 1.
+    pub throttle: f64,
+    /// Brake, 0 to 1.
+    pub brake: f64,
+}
+
+/// The pedals that give `accel_mps2` at `speed_mps` on level ground once the actuators have settled.
+///
+/// Inverts drag, rolling resistance, torque and power limits; asks for the most the car has where the wish
+/// is beyond that, and releases both pedals where either number is not finite.
+pub fn pedals_for_accel(params: &VehicleParams, speed_mps: f64, accel_mps2: f64) -> Pedals {
+    if !(speed_mps.is_finite() && accel_mps2.is_finite()) {
+        return Pedals::default();
+    }
+    let radius = params.wheel.radius_m;
+    let force = params.effective_mass_kg() * accel_mps2 + params.resistance_n(speed_mps);
+    if force >= 0.0 {
+        let most = params.drive_torque_max_nm(speed_mps / radius);
+        if most <= 0.0 {
+            return Pedals::default();
+        }
+        Pedals { throttle: (force * radius / most).min(1.0), brake: 0.0 }
+    } else {
+        Pedals { throttle: 0.0, brake: (-force * radius / params.brakes.torque_max_nm).min(1.0) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn force_balance_gives_back_the_acceleration() {
+        let params = VehicleParams::default();
+        for (speed, accel) in [(0.0, 1.0), (10.0, 2.0), (20.0, -4.0), (25.0, 0.0), (30.0, -0.05)] {
+            let pedals = pedals_for_accel(&params, speed, accel);
+            let drive = pedals.throttle * params.drive_torque_max_nm(speed / params.wheel.radius_m);
+            let brake = pedals.brake * params.brakes.torque_max_nm;
+            let force = (drive - brake) / params.wheel.radius_m - params.resistance_n(speed);
+            assert!((force / params.effective_mass_kg() - accel).abs() < 1e-9, "{speed} {accel}");
+            assert!(pedals.throttle == 0.0 || pedals.brake == 0.0);
+        }
+    }
+
+    #[test]
+    fn wishes_beyond_the_car_are_its_most_and_impossible_ones_nothing() {
+        let params = VehicleParams::default();
+        assert_eq!(pedals_for_accel(&params, 10.0, 50.0), Pedals { throttle: 1.0, brake: 0.0 });
+        assert_eq!(pedals_for_accel(&params, 10.0, -50.0), Pedals { throttle: 0.0, brake: 1.0 });
+        assert_eq!(pedals_for_accel(&params, 10.0, f64::NAN), Pedals::default());
+        assert_eq!(pedals_for_accel(&params, f64::INFINITY, 1.0), Pedals::default());
+        let mut pushed = params.clone();
+        pushed.drivetrain.power_max_w = 0.0;
+        assert_eq!(pedals_for_accel(&pushed, 10.0, 1.0), Pedals::default());
+    }
+}

@@ -1,0 +1,85 @@
+//! Outline and limits.
+
+use serde::{Deserialize, Serialize};
+use swerve_geom::{Obb, Point2, Pose2};
+
+/// Outline of a car around its origin, the centre of the rear axle on the ground.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Shape {
+    /// Overall length, metres.
+    pub length_m: f64,
+    /// Overall width without mirrors, metres.
+    pub width_m: f64,
+    /// Overall height, metres.
+    pub height_m: f64,
+    /// Distance between the axles, metres.
+    pub wheelbase_m: f64,
+    /// From the rear axle to the rear end, metres.
+    pub rear_overhang_m: f64,
+}
+
+impl Default for Shape {
+    /// A Lincoln MKZ.
+    fn default() -> Self {
+        Self { length_m: 4.93, width_m: 1.86, height_m: 1.48, wheelbase_m: 2.85, rear_overhang_m: 1.04 }
+    }
+}
+
+impl Shape {
+    /// From the rear axle forward to the middle of the outline, metres.
+    pub fn center_ahead_m(&self) -> f64 {
+        0.5 * self.length_m - self.rear_overhang_m
+    }
+
+    /// The outline with the ego origin at `pose`.
+    pub fn footprint(&self, pose: Pose2) -> Obb {
+        Obb::new(pose.ahead(self.center_ahead_m()), self.length_m, self.width_m)
+    }
+
+    /// The middle of the outline with the ego origin at `pose`.
+    pub fn center(&self, pose: Pose2) -> Point2 {
+        pose.ahead(self.center_ahead_m()).point()
+    }
+}
+
+/// What the vehicle can do; planners and controllers stay within it.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Limits {
+    /// Largest angle of the front road wheels, radians.
+    pub steering_max_rad: f64,
+    /// Largest rate of that angle, rad/s.
+    pub steering_rate_max_radps: f64,
+    /// Largest acceleration, m/s².
+    pub accel_max_mps2: f64,
+    /// Largest deceleration on dry ground, m/s² (positive).
+    pub brake_max_mps2: f64,
+    /// Largest lateral acceleration that a plan may ask for, m/s².
+    pub lateral_accel_max_mps2: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            steering_max_rad: 0.61,
+            steering_rate_max_radps: 0.7,
+            accel_max_mps2: 3.0,
+            brake_max_mps2: 8.0,
+            lateral_accel_max_mps2: 7.85,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_outline_sits_around_the_rear_axle() {
+        let obb = Shape::default().footprint(Pose2::new(0.0, 0.0, 0.0));
+        let front = obb.corners()[0].x_m;
+        let rear = obb.corners()[1].x_m;
+        assert!((rear + 1.04).abs() < 1e-12 && (front - 3.89).abs() < 1e-12);
+    }
+}
