@@ -121,17 +121,21 @@ impl Engine<'_> {
         let now = self.now;
         let stream = &mut self.streams[id];
         let arrival = now.saturating_add(stream.delay);
-        for &(rank, port) in &stream.readers {
+        let mut msg = msg;
+        for (index, &(rank, port)) in stream.readers.iter().enumerate() {
+            // The last one to be given the message takes it, where nobody looks into the stream's history.
+            let last = stream.depth == 0 && index + 1 == stream.readers.len();
+            let msg = if last { msg.take() } else { msg.clone() };
             let at = &mut self.nodes[rank].at[port];
             if arrival > now {
-                at.pending.push_back((arrival, msg.clone(), watermark));
+                at.pending.push_back((arrival, msg, watermark));
                 self.due.set(rank, self.due.get(rank).min(arrival));
                 continue;
             }
             at.watermark = watermark;
-            if let Some(msg) = &msg {
+            if let Some(msg) = msg {
                 at.fresh += 1;
-                at.queue.push_back(msg.clone());
+                at.queue.push_back(msg);
             }
             self.ready.insert(rank);
         }

@@ -132,7 +132,7 @@ pub(crate) struct Run {
 pub(crate) enum Outcome {
     /// A worker has it, under this ticket.
     Away(u64),
-    Here(Box<Ran>),
+    Here(Ran),
 }
 
 /// A step that ran on the host.
@@ -144,9 +144,9 @@ pub(crate) struct Ran {
     pub(crate) stopped_at: Option<u64>,
     /// It went on after that.
     pub(crate) went_on: bool,
-    pub(crate) stop_run: Option<String>,
     pub(crate) host_ns: u64,
-    pub(crate) panic: Option<String>,
+    pub(crate) stop_run: Option<Box<str>>,
+    pub(crate) panic: Option<Box<str>>,
 }
 
 impl Ran {

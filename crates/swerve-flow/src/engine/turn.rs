@@ -99,7 +99,7 @@ impl Engine<'_> {
                 let stream =
                     &self.streams[self.nodes[rank].policy_stream.expect("set where a policy is read")];
                 let newest = stream.visible(self.now, matches!(edge, Edge::Feedback(_))).checked_sub(1);
-                newest.map_or(before, |index| *stream.history[index].sent.typed::<Span>())
+                newest.map_or(before, |index| *stream.history[index].sent.clone().typed::<Span>())
             }
         };
         anchor.saturating_add(length)
@@ -156,7 +156,7 @@ impl Engine<'_> {
         node.tally.busy += run.end - run.start;
         node.tally.units += ran.units;
         if let Some(reason) = ran.stop_run.take() {
-            self.stop.get_or_insert(reason);
+            self.stop.get_or_insert(reason.into());
         }
         if keep && !ran.is_empty() && node.last.as_ref().is_none_or(|last| last.stamp < run.stamp) {
             let (stamp, origin) = (run.stamp, run.origin);
