@@ -10,13 +10,13 @@ use crate::payload::{Outs, Sent};
 
 impl Engine<'_> {
     /// Publishes the operator's answer for a stamp on those of its streams that have a message.
-    pub(super) fn publish(&mut self, rank: usize, answer: &Answer<'_>, outs: &Outs) {
+    pub(super) fn publish(&mut self, rank: usize, answer: &Answer<'_>, outs: &mut Outs) {
         let node = &mut self.nodes[rank];
         node.floor = answer.stamp;
         let watermark = node.watermark();
-        for (port, sent) in outs.iter().enumerate() {
-            if let Some(sent) = sent {
-                self.publish_on(rank, port, watermark, answer, sent.clone());
+        for (port, sent) in outs.iter_mut().enumerate() {
+            if let Some(sent) = sent.take() {
+                self.publish_on(rank, port, watermark, answer, sent);
             }
         }
     }
