@@ -7,9 +7,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
 use super::node::Ran;
-use super::start::{Task, run};
+use super::start::run;
 use crate::input::Slot;
-use crate::operator::Body;
+use crate::operator::{Body, Task};
 
 /// A step on its way to a worker.
 pub(crate) struct Job {
