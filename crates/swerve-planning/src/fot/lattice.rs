@@ -79,6 +79,7 @@ impl Lattice {
     }
 
     /// Number of candidates.
+    #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
         self.d_m.len() * self.t_s.len() * self.v_mps.len()
     }
