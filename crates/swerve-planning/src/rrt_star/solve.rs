@@ -64,7 +64,7 @@ impl Solver {
                     goal_share: 0.05,
                     guide_share: 0.3,
                     gamma_m2: 6.0 * area,
-                    radius_max_m: 10.0,
+                    radius_max_m: 6.0,
                     until: Until::Spent,
                 };
                 if !self.tree.grow(&self.boxes, &growth, ends, &self.guides, &mut rng, budget) { return None; }
@@ -131,7 +131,7 @@ mod tests {
         let file: ProblemFile = serde_json::from_str(&text).unwrap();
         let json: serde_json::Value = serde_json::from_str(&text).unwrap();
         let mut solver = Solver::default();
-        for (name, preset, units) in [("pylot_fast", Preset::Best, 300)] {
+        for (name, preset, units) in [("pylot_fast", Preset::Best, 300), ("pylot_slow", Preset::Paper, 2000)] {
             let config = &file.configs.rrt_star[name];
             let (mut shares, mut peers) = (vec![], vec![]);
             let mut times = vec![];

@@ -224,7 +224,7 @@ impl Tree {
         self.try_goal(space, node, ends.1);
     }
 
-    /// Fills `near` with the nodes around `pose`, `nearest` and the guides among them, and prices them.
+    /// Fills `near` with the nodes around `pose`, `nearest` among them, and prices them.
     fn collect_near(&mut self, space: &impl Space, pose: Pose2, radius_m: f64, nearest: u32) {
         self.near.clear();
         let near = &mut self.near;
@@ -235,8 +235,7 @@ impl Tree {
         self.price(space, pose);
     }
 
-    /// Prices the ways over each of `near` to `pose`, drops those that cannot be part of a better path, and
-    /// sorts the rest, cheapest first.
+    /// Prices the ways over each of `near` to `pose`, and drops those that cannot be part of a better path.
     fn price(&mut self, space: &impl Space, pose: Pose2) {
         let (nodes, best_m) = (&self.nodes, self.best_m());
         self.near.retain_mut(|n| {
@@ -247,18 +246,20 @@ impl Tree {
             n.cost_m = node.cost_m + space.length_m(node.pose, pose);
             n.cost_m < best_m
         });
-        self.near.sort_unstable_by(|a, b| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node)));
     }
 
-    /// Adds `pose` below the first of `near` from which the way is free: only as many ways are checked as needed.
+    /// Adds `pose` below the cheapest of `near` from which the way is free. Only as many ways are checked as needed,
+    /// and as a rule the first few are enough, so nothing is sorted.
     fn connect(&mut self, space: &impl Space, pose: Pose2) -> Option<u32> {
-        let nodes = &self.nodes;
-        let parent = self.near.iter().find(|n| {
-            let node = &nodes[n.node as usize];
-            space.free(node.pose, pose, node.cost_m)
-        })?;
-        let (parent, cost_m) = (parent.node, parent.cost_m);
-        Some(self.push(pose, parent, cost_m))
+        loop {
+            let open = self.near.iter_mut().filter(|n| n.cost_m < f64::INFINITY);
+            let cheapest = open.min_by(|a, b| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node)))?;
+            let cost_m = core::mem::replace(&mut cheapest.cost_m, f64::INFINITY);
+            let (parent, node) = (cheapest.node, &self.nodes[cheapest.node as usize]);
+            if space.free(node.pose, pose, node.cost_m) {
+                return Some(self.push(pose, parent, cost_m));
+            }
+        }
     }
 
     /// Leads nodes of `near` over `node` where that is shorter.
