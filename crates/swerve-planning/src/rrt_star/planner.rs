@@ -296,7 +296,7 @@ impl TreeSearch {
 }
 
 /// Sets headings along the straight lines between the poses.
-fn turn_along(poses: &mut [Pose2]) {
+pub(crate) fn turn_along(poses: &mut [Pose2]) {
     for i in 0..poses.len() {
         let (a, b) = (poses[i.saturating_sub(1)], poses[(i + 1).min(poses.len() - 1)]);
         let way: Vector2 = if i == 0 { b.point() - poses[0].point() } else { b.point() - a.point() };
