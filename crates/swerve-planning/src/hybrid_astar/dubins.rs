@@ -101,8 +101,8 @@ impl Seen {
             return None;
         }
         let p = square.sqrt();
-        let middle =
-            math::atan2(-side * (self.cos_alpha + self.cos_beta), d + side * sum) - math::atan2(-2.0 * side, p);
+        let middle = math::atan2(-side * (self.cos_alpha + self.cos_beta), d + side * sum)
+            - math::atan2(-2.0 * side, p);
         Some([turn(side * (middle - self.alpha)), p, turn(side * (middle - self.beta))])
     }
 
@@ -137,10 +137,8 @@ impl Dubins {
             }
         }
         let (_, index, lengths) = best;
-        let piece = |i: usize| Piece {
-            curvature_1pm: WORDS[index][i] / radius_m,
-            length_m: lengths[i] * radius_m,
-        };
+        let piece =
+            |i: usize| Piece { curvature_1pm: WORDS[index][i] / radius_m, length_m: lengths[i] * radius_m };
         Self { pieces: [piece(0), piece(1), piece(2)] }
     }
 

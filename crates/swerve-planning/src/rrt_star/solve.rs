@@ -7,7 +7,7 @@ use super::bend::{Bender, pieces_free};
 use super::boxes::Boxes;
 use super::planner::{gamma_m2, turn_along};
 use super::round::Rounder;
-use super::tree::{Growth, Tree, Until};
+use super::tree::{Aim, Growth, Tree, Until};
 use crate::collision::Obstacles;
 use crate::hybrid_astar::Outcome;
 use crate::hybrid_astar::dubins::Piece;
@@ -149,7 +149,8 @@ impl Solver {
             until: Until::Arrival(config.end_dist_threshold),
         };
         let mut rng = Rng::keyed(self.seed, "rrt_star", &[]);
-        self.tree.grow(&self.boxes, &growth, ends, &[], &mut rng, budget);
+        let aim = Aim { start: ends.0, goal: ends.1, bounds: ends.2, guides: &[] };
+        self.tree.grow(&self.boxes, &growth, &aim, &mut rng, budget);
         match self.tree.take_best(&mut self.corners) {
             Some(_) => Outcome::Found,
             None => Outcome::NoPath,
@@ -176,7 +177,8 @@ impl Solver {
         self.boxes.set(&problem.obstacles, clearance_m + CORNER_OUT_M, ends.2);
         self.boxes.corners(&mut self.guides);
         let mut rng = Rng::keyed(self.seed, "rrt_star", &[]);
-        self.tree.grow(&self.boxes, &growth, ends, &self.guides, &mut rng, budget);
+        let aim = Aim { start: ends.0, goal: ends.1, bounds: ends.2, guides: &self.guides };
+        self.tree.grow(&self.boxes, &growth, &aim, &mut rng, budget);
         self.boxes.set(&problem.obstacles, clearance_m + CHORD_OUT_M, ends.2);
         for _ in 0..PATHS_MAX {
             let Some(_) = self.tree.take_best(&mut self.corners) else { return Outcome::NoPath };
@@ -219,7 +221,9 @@ impl Solver {
             if !self.best.is_empty() {
                 break;
             }
-            if let Some(heading_rad) = self.bender.bend(&self.boxes, &self.corners, radius_m, &mut self.pieces) {
+            if let Some(heading_rad) =
+                self.bender.bend(&self.boxes, &self.corners, radius_m, &mut self.pieces)
+            {
                 take(turned(heading_rad), &self.pieces, &mut self.best);
             }
         }

@@ -1,7 +1,7 @@
 //! The tree: grown towards random places, rewired to be short.
 
 use swerve_core::Rng;
-use swerve_geom::{Point2, Pose2, math};
+use swerve_geom::{Pose2, math};
 
 use super::grid::Grid;
 use crate::request::{Budget, Goes};
@@ -48,6 +48,19 @@ pub(crate) enum Until {
     Spent,
 }
 
+/// From where to where.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aim<'a> {
+    /// The root.
+    pub(crate) start: Pose2,
+    /// What is to be reached.
+    pub(crate) goal: Pose2,
+    /// The tree lies within x_min, y_min, x_max, y_max, metres.
+    pub(crate) bounds: [f64; 4],
+    /// Places where short ways are known to bend.
+    pub(crate) guides: &'a [Pose2],
+}
+
 const NONE: u32 = u32::MAX;
 
 #[derive(Clone, Copy, Debug)]
@@ -91,17 +104,17 @@ const DRAWS_MAX: usize = 24;
 const GAIN_M: f64 = 1e-9;
 
 impl Tree {
-    /// Grows a tree from `start` towards `goal` within `bounds`; whether the goal was reached.
+    /// Grows a tree anew; whether the goal was reached.
     pub(crate) fn grow(
         &mut self,
         space: &impl Space,
         growth: &Growth,
-        (start, goal, bounds): (Pose2, Pose2, [f64; 4]),
-        guides: &[Pose2],
+        aim: &Aim<'_>,
         rng: &mut Rng,
         budget: &mut dyn Budget,
     ) -> bool {
-        self.begin(growth, start, bounds, guides);
+        let Aim { start, goal, .. } = *aim;
+        self.begin(growth, aim);
         if growth.until == Until::Spent {
             self.try_goal(space, 0, goal);
             if self.best_m() <= space.length_m(start, goal) + GAIN_M {
@@ -118,7 +131,8 @@ impl Tree {
         !self.arrived.is_empty()
     }
 
-    fn begin(&mut self, growth: &Growth, start: Pose2, bounds: [f64; 4], guides: &[Pose2]) {
+    fn begin(&mut self, growth: &Growth, aim: &Aim<'_>) {
+        let Aim { start, bounds, guides, .. } = *aim;
         self.work = 0;
         self.nodes.clear();
         self.nodes.reserve(growth.iterations_max as usize + 1);
@@ -328,7 +342,9 @@ impl Tree {
 
     /// Length of the best path, infinite before the first.
     pub(crate) fn best_m(&self) -> f64 {
-        self.arrived.iter().fold(f64::INFINITY, |best, &(n, last)| best.min(self.nodes[n as usize].cost_m + last))
+        self.arrived
+            .iter()
+            .fold(f64::INFINITY, |best, &(n, last)| best.min(self.nodes[n as usize].cost_m + last))
     }
 
     /// The poses of the best path from the start to its last node (the goal itself is not a node); forgets that
@@ -336,7 +352,8 @@ impl Tree {
     pub(crate) fn take_best(&mut self, poses: &mut Vec<Pose2>) -> Option<f64> {
         let nodes = &self.nodes;
         let cost = |&(node, last_m): &(u32, f64)| nodes[node as usize].cost_m + last_m;
-        let best = (0..self.arrived.len()).min_by(|&a, &b| cost(&self.arrived[a]).total_cmp(&cost(&self.arrived[b])))?;
+        let best = (0..self.arrived.len())
+            .min_by(|&a, &b| cost(&self.arrived[a]).total_cmp(&cost(&self.arrived[b])))?;
         let cost_m = cost(&self.arrived[best]);
         let (node, _) = self.arrived.swap_remove(best);
         poses.clear();
@@ -347,10 +364,5 @@ impl Tree {
         }
         poses.reverse();
         Some(cost_m)
-    }
-
-    /// The places of all nodes, in the order in which they came.
-    pub(crate) fn places(&self) -> impl Iterator<Item = Point2> + '_ {
-        self.nodes.iter().map(|n| n.pose.point())
     }
 }

@@ -21,7 +21,11 @@ fn problem(start: [f64; 2], goal: [f64; 2], obstacles: &[AxisBox]) -> RrtStarPro
 /// A slalom, and a lone box.
 fn problems() -> [RrtStarProblem; 2] {
     [
-        problem([0.0, 0.0], [60.0, 0.0], &[[15.0, -1.0, 17.0, 3.0], [30.0, -4.0, 31.0, 0.5], [44.0, -0.5, 47.0, 1.0]]),
+        problem(
+            [0.0, 0.0],
+            [60.0, 0.0],
+            &[[15.0, -1.0, 17.0, 3.0], [30.0, -4.0, 31.0, 0.5], [44.0, -0.5, 47.0, 1.0]],
+        ),
         problem([0.0, 0.0], [30.0, 0.0], &[[13.75, -0.75, 14.25, 1.95]]),
     ]
 }
@@ -102,7 +106,11 @@ fn best_paths_are_short_free_and_can_be_steered() {
         check_free(&solution, &problem, &config());
         check_steerable(&solution, &problem);
         let optimum = optimum_m(&problem, &config()).unwrap();
-        assert!(solution.length_m >= optimum && solution.length_m < 1.02 * optimum, "{}", solution.length_m / optimum);
+        assert!(
+            solution.length_m >= optimum && solution.length_m < 1.02 * optimum,
+            "{}",
+            solution.length_m / optimum
+        );
         assert!(solution.clearance_m >= config().obstacle_clearance);
     }
 }
@@ -129,7 +137,8 @@ fn the_tree_converges_to_the_optimum() {
             };
             let mut tree = Tree::default();
             let mut rng = Rng::keyed(3, "test", &[]);
-            tree.grow(&boxes, &growth, (start, goal, bounds), &[], &mut rng, &mut Unlimited::default());
+            let aim = Aim { start, goal, bounds, guides: &[] };
+            tree.grow(&boxes, &growth, &aim, &mut rng, &mut Unlimited::default());
             tree.best_m() / optimum
         };
         let (few, many) = (length(300), length(5000));
@@ -158,7 +167,11 @@ fn odd_problems_have_an_answer() {
     let mut check = |problem: RrtStarProblem, paper: Outcome, best: Outcome| {
         for (preset, expected) in [(Preset::Paper, paper), (Preset::Best, best)] {
             let mut budget = Unlimited::default();
-            assert_eq!(solver.search(&problem, &config(), preset, &mut budget), expected, "{problem:?} {preset:?}");
+            assert_eq!(
+                solver.search(&problem, &config(), preset, &mut budget),
+                expected,
+                "{problem:?} {preset:?}"
+            );
             assert!(budget.spent <= 2000 && budget.spent == solver.work());
         }
     };
@@ -277,9 +290,18 @@ fn shared_problems_best() {
     let at = |list: &[f64], share: f64| list[((list.len() - 1) as f64 * share) as usize];
     let success = f64::from(found) / f64::from(solvable);
     println!("best, {name}, {ITERATIONS_PER_MS} iterations: success {success:.3} (goal 0.93)");
-    println!("  length / optimum p50 {:.4} p90 {:.4} p99 {:.4} (goal p50 1.005)", at(&ratios, 0.5), at(&ratios, 0.9), at(&ratios, 0.99));
+    println!(
+        "  length / optimum p50 {:.4} p90 {:.4} p99 {:.4} (goal p50 1.005)",
+        at(&ratios, 0.5),
+        at(&ratios, 0.9),
+        at(&ratios, 0.99)
+    );
     println!("  ms p50 {:.3} p99 {:.3} (goal 1)", at(&times, 0.5), at(&times, 0.99));
-    println!("  times the peer's speed p10 {:.1} p50 {:.1} (goal p50 10)", at(&speedups, 0.1), at(&speedups, 0.5));
+    println!(
+        "  times the peer's speed p10 {:.1} p50 {:.1} (goal p50 10)",
+        at(&speedups, 0.1),
+        at(&speedups, 0.5)
+    );
     assert!(success >= 0.93);
     assert!(at(&ratios, 0.5) <= 1.005);
 }
