@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
-use swerve_geom::{Ego, Map, Pose2, Transform, Vector, Vector2};
+use swerve_geom::{Ego, Map, Obb, Pose2, Transform, Vector, Vector2};
 
 use crate::{ActorId, ActorKind, EgoState, Extent};
 
@@ -53,6 +53,27 @@ pub struct Actor {
     pub extent: Extent,
     /// Velocity over ground, m/s.
     pub velocity_mps: Vector2,
+}
+
+impl Actor {
+    /// Whether its body is an upright cylinder of diameter `extent.width_m`, not a box: people on foot are.
+    pub fn is_round(&self) -> bool {
+        self.kind == ActorKind::Pedestrian
+    }
+
+    /// The ground rectangle of its box.
+    pub fn footprint(&self) -> Obb {
+        self.extent.footprint(self.pose)
+    }
+
+    /// Distance on the ground between its body and a rectangle, metres; zero when they touch.
+    pub fn gap_m(&self, rectangle: &Obb) -> f64 {
+        if self.is_round() {
+            (rectangle.distance_to_point(self.pose.point()) - 0.5 * self.extent.width_m).max(0.0)
+        } else {
+            rectangle.distance(&self.footprint())
+        }
+    }
 }
 
 /// The ego touched something.

@@ -1,7 +1,37 @@
 //! The vehicle: its shape, its limits and how it moves.
 //!
-//! Shared by simulator, planners and controllers. Absences: no rapier, no engine, no messages.
+//! Shared by simulator, planners and controllers. Three models of one car, all from [`VehicleParams`]:
+//!
+//! - [`Car`]: four corners with suspension, combined-slip tyres, spinning wheels, drivetrain, brakes with
+//!   ABS and a steering actuator. It turns the motion of a rigid body and a command into forces; whoever
+//!   owns the body (the simulator's physics engine) integrates it.
+//! - [`SingleTrack`]: the same tyres and masses in the plane, without heave, roll and pitch; integrates itself.
+//! - [`Kinematic`]: wheels roll without slip, within [`Limits`].
+//!
+//! SI units, radians; ego frame: x forward, y left, z up, origin at the centre of the rear axle on the
+//! ground. Absences: no rapier, no engine, no messages.
 
+mod actuator;
+mod car;
+mod kinematic;
+mod params;
+mod pedals;
 mod shape;
+mod single_track;
+mod suspension;
+mod tyre;
 
+pub use actuator::Controls;
+pub use car::{BodyMotion, Car, CarForces, Ground, WheelForce, WheelState};
+pub use kinematic::{Kinematic, KinematicState};
+pub use params::{
+    AbsParams, AeroParams, BodyParams, BrakeParams, DrivetrainParams, ParamsError, SteeringParams,
+    SuspensionParams, TyreParams, VehicleParams, WheelParams,
+};
+pub use pedals::{Pedals, pedals_for_accel};
 pub use shape::{Limits, Shape};
+pub use single_track::{SingleTrack, SingleTrackState};
+pub use tyre::{MagicFormula, SlipForce, combined_slip_force};
+
+/// Standard gravity as the simulator uses it, m/s².
+pub const GRAVITY_MPS2: f64 = 9.81;

@@ -33,7 +33,9 @@ fn a_person_is_passed_behind_in_time() {
         assert_eq!(timed.status, PlanStatus::Found);
         assert!(world.clearance_m(&timed, CollisionMode::TimeIndexed) >= 0.49);
         let swept = Params { collision: CollisionMode::SweptStatic, left_m: 1.0, ..Params::fast(preset) };
-        assert!(plan(&world, swept).status.is_fallback());
+        let stopped = plan(&world, swept);
+        let behind = |p: &PlanPoint| world.shape.footprint(p.pose).corners()[0].x_m < 25.75;
+        assert!(stopped.status.is_fallback() || stopped.points.iter().all(behind), "{preset:?}");
     }
 }
 

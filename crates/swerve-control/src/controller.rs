@@ -1,0 +1,469 @@
+//! The controller: what to follow, at which speed, by which law.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_geom::math;
+use swerve_msg::{Command, EgoState, Plan, PlanPoint, Route};
+use swerve_vehicle::{Limits, Shape};
+
+use crate::lateral::{self, OnPath, PurePursuitParams, StanleyParams, WaypointParams};
+use crate::mpc::{self, Knot, Mpc, State};
+use crate::reference::Reference;
+use crate::speed::{SpeedLaw, Target};
+use crate::{AccelToPedals, Pedals, pid, speed};
+
+/// Everything that one step of control may know.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// The present instant.
+    pub now: Time,
+    /// The ego as measured.
+    pub ego: &'a EgoState,
+    /// The newest plan, if there is one yet.
+    pub plan: Option<&'a Plan>,
+    /// The way to go: followed before the first plan, and where a plan ends.
+    pub route: &'a Route,
+}
+
+/// How a plan is followed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Following {
+    /// From the place of the plan that is nearest to the ego; passed points are trimmed, times are ignored (paper).
+    Projection,
+    /// The ego should be where the plan is at the present instant.
+    #[default]
+    Time,
+}
+
+/// Which laws steer and drive.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Law {
+    /// Pylot's PID on speed and its steering by the angle to a waypoint.
+    Pid,
+    /// Pure pursuit and the speed law with feed-forward.
+    PurePursuit,
+    /// Stanley and the speed law with feed-forward.
+    #[default]
+    Stanley,
+    /// Model predictive control of steering and acceleration.
+    Mpc,
+}
+
+/// Parameters of a [`Controller`].
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Params {
+    /// Which laws steer and drive.
+    pub law: Law,
+    /// How plans are followed.
+    pub following: Following,
+    /// What happens when there is nothing to follow any more.
+    pub stop: StopParams,
+    /// Pylot's speed controller.
+    pub pid: pid::Params,
+    /// Pylot's steering.
+    pub waypoint: WaypointParams,
+    /// Pure pursuit.
+    pub pure_pursuit: PurePursuitParams,
+    /// Stanley.
+    pub stanley: StanleyParams,
+    /// Speed law of the path trackers.
+    pub speed: speed::Params,
+    /// Correction of the place when following by time.
+    pub along: AlongParams,
+    /// Model predictive control.
+    pub mpc: mpc::Params,
+}
+
+impl Params {
+    /// As in the paper: PID, following by projection.
+    pub fn paper() -> Self {
+        Self { law: Law::Pid, following: Following::Projection, ..Self::default() }
+    }
+
+    /// Ours: Stanley with the plan's curvature and acceleration fed forward, following by time.
+    pub fn best() -> Self {
+        Self::default()
+    }
+}
+
+/// How the ego stops when there is nothing to follow.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StopParams {
+    /// Deceleration of a comfortable stop, m/s² (positive).
+    pub decel_mps2: f64,
+    /// Brake pedal while the state of the ego is unusable, 0 to 1. Pylot brakes with 0.5 when it has nothing to follow.
+    pub blind_brake: f64,
+}
+
+impl Default for StopParams {
+    fn default() -> Self {
+        Self { decel_mps2: 2.0, blind_brake: 0.5 }
+    }
+}
+
+/// Correction of being early or late when following by time.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AlongParams {
+    /// Speed per metre of lag, 1/s.
+    pub gain_ps: f64,
+    /// Largest change of speed for that, m/s.
+    pub speed_max_mps: f64,
+    /// The ego is looked for on the plan within this distance of where it should be, metres.
+    pub reach_m: f64,
+}
+
+impl Default for AlongParams {
+    fn default() -> Self {
+        Self { gain_ps: 0.5, speed_max_mps: 2.0, reach_m: 15.0 }
+    }
+}
+
+/// What a step did.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Output {
+    /// What the vehicle is asked to do.
+    pub command: Command,
+    /// What the command follows.
+    pub status: Status,
+    /// With [`Law::Mpc`]: how the command came about.
+    pub mpc: Option<mpc::Report>,
+}
+
+/// What a command follows.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// No plan yet: the route, at the speed of the first step.
+    Route,
+    /// The plan.
+    Plan,
+    /// A comfortable stop along the last path.
+    Stopping(StopReason),
+    /// The state of the ego is not finite: steering is held, the car brakes.
+    Blind,
+}
+
+/// Why the ego comes to a stop.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// The plan is older than its horizon.
+    PlanExpired,
+    /// The plan has no point.
+    PlanEmpty,
+    /// A number of the plan is not finite.
+    PlanNotFinite,
+}
+
+/// Follows plans with one of the [`Law`]s.
+pub struct Controller {
+    params: Params,
+    shape: Shape,
+    limits: Limits,
+    drive: Box<dyn AccelToPedals>,
+    reference: Reference,
+    pid: pid::Pid,
+    speed: SpeedLaw,
+    /// Speed at which the route is followed before the first plan.
+    route_speed_mps: Option<f64>,
+    /// Since when and from which speed the ego is being stopped.
+    stopping: Option<(Time, f64)>,
+    before: Option<Time>,
+    steering_rad: f64,
+    mpc: Option<Predictive>,
+}
+
+/// The model predictive law and its buffer.
+struct Predictive {
+    mpc: Mpc,
+    knots: Vec<Knot>,
+}
+
+impl Controller {
+    /// A controller for a vehicle of this shape and these limits, whose pedals `drive` knows.
+    pub fn new(params: Params, shape: Shape, limits: Limits, drive: Box<dyn AccelToPedals>) -> Self {
+        let mpc = (params.law == Law::Mpc).then(|| Predictive {
+            mpc: Mpc::new(params.mpc, shape.wheelbase_m, &limits),
+            knots: Vec::with_capacity(params.mpc.horizon + 1),
+        });
+        Self {
+            params,
+            shape,
+            limits,
+            drive,
+            mpc,
+            reference: Reference::default(),
+            pid: pid::Pid::new(params.pid),
+            speed: SpeedLaw::new(params.speed),
+            route_speed_mps: None,
+            stopping: None,
+            before: None,
+            steering_rad: 0.0,
+        }
+    }
+
+    /// One step of control. Called at a fixed rate; the time since the call before is the step of the integrals.
+    pub fn step(&mut self, input: &Input<'_>) -> Output {
+        let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
+        self.before = Some(input.now);
+        if !is_finite(input.ego) {
+            let brake = self.params.stop.blind_brake;
+            let command = Command { steering_rad: self.steering_rad, throttle: 0.0, brake };
+            return Output { command, status: Status::Blind, mpc: None };
+        }
+        let status = self.load(input);
+        let here = self.here(input, status);
+        let mut report = None;
+        let (steering_rad, pedals) = match (&self.mpc, self.params.law) {
+            (_, Law::Pid) => self.step_pid(input, &here, dt_s),
+            (Some(_), Law::Mpc) => self.step_mpc(input, &here, status, &mut report),
+            _ => self.step_tracker(input, &here, dt_s),
+        };
+        let max = self.limits.steering_max_rad;
+        self.steering_rad = steering_rad.clamp(-max, max);
+        let command =
+            Command { steering_rad: self.steering_rad, throttle: pedals.throttle, brake: pedals.brake };
+        Output { command, status, mpc: report }
+    }
+
+    /// Decides what to follow and loads it as the reference.
+    fn load(&mut self, input: &Input<'_>) -> Status {
+        let Input { now, ego, route, .. } = *input;
+        let route_speed = *self.route_speed_mps.get_or_insert(ego.speed_mps.max(0.0));
+        let status = match input.plan {
+            None => Status::Route,
+            Some(plan) if plan.points.is_empty() => Status::Stopping(StopReason::PlanEmpty),
+            Some(plan) if !plan_is_finite(plan) => Status::Stopping(StopReason::PlanNotFinite),
+            Some(plan) if now > plan.end() => Status::Stopping(StopReason::PlanExpired),
+            Some(_) => Status::Plan,
+        };
+        match (status, input.plan) {
+            (Status::Plan | Status::Stopping(StopReason::PlanExpired), Some(plan)) => {
+                self.reference.load_plan(plan);
+            }
+            _ => self.reference.load_route(route, ego.pose, route_speed, now),
+        }
+        if let Status::Stopping(_) = status {
+            self.stopping.get_or_insert((now, ego.speed_mps.max(0.0)));
+        } else {
+            self.stopping = None;
+        }
+        status
+    }
+
+    /// Where on the path the ego is and which speed it should have there.
+    fn here(&mut self, input: &Input<'_>, status: Status) -> Here {
+        let Input { now, ego, route, .. } = *input;
+        let by_time = status == Status::Plan && self.params.following == Following::Time;
+        let point = ego.pose.point();
+        let along = self.params.along;
+        let due_m = self.reference.s_at(now);
+        let mut s_m = if by_time {
+            self.reference.project_near(point, due_m, along.reach_m)
+        } else {
+            self.reference.project(point)
+        };
+        let until_m = s_m.max(0.0) + self.reach_m(ego.speed_mps);
+        self.reference.extend(route, until_m);
+        if !by_time && s_m >= 0.0 {
+            // Beyond the end of the plan the ego is on its continuation.
+            s_m = self.reference.project(point);
+        }
+        let from_m = if by_time { due_m } else { s_m };
+        let planned = input.plan.filter(|_| by_time).and_then(|plan| plan.at(now));
+        let here = planned.or_else(|| self.reference.at(from_m)).unwrap_or_default();
+        let mut target = Target { speed_mps: here.speed_mps, accel_mps2: here.accel_mps2 };
+        if by_time {
+            let late_m = (due_m - s_m) * along.gain_ps;
+            target.speed_mps += late_m.clamp(-along.speed_max_mps, along.speed_max_mps);
+            target.speed_mps = target.speed_mps.max(0.0);
+        }
+        if let Some((since, from_mps)) = self.stopping {
+            target = self.stop_target(since, from_mps, now);
+        }
+        Here { s_m, from_m, target }
+    }
+
+    /// How much of the path a law may look at, metres.
+    fn reach_m(&self, speed_mps: f64) -> f64 {
+        let lookahead = match self.params.law {
+            Law::Mpc => {
+                let seconds = self.params.mpc.dt_s * self.params.mpc.horizon as f64;
+                speed_mps.max(0.0) * seconds + 0.5 * self.limits.accel_max_mps2 * seconds * seconds
+            }
+            _ => self.params.pure_pursuit.lookahead_m(speed_mps),
+        };
+        lookahead.max(self.params.waypoint.waypoint_min_m) + 5.0
+    }
+
+    fn step_pid(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Pedals) {
+        let ego = input.ego;
+        let min_m = self.params.waypoint.waypoint_min_m;
+        let waypoint =
+            self.reference.waypoint(ego.pose.point(), here.from_m, min_m).copied().unwrap_or_default();
+        let target_mps = if self.stopping.is_some() { here.target.speed_mps } else { waypoint.speed_mps };
+        let steering = lateral::waypoint_angle(ego.pose, waypoint.pose.point(), &self.params.waypoint);
+        (steering, self.pid.step(target_mps, ego.speed_mps, dt_s))
+    }
+
+    fn step_tracker(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Pedals) {
+        let ego = input.ego;
+        let beside = self.at(here.s_m);
+        let on_path = OnPath { pose: beside.pose, curvature_1pm: beside.curvature_1pm };
+        let wheelbase = self.shape.wheelbase_m;
+        let steering = if self.params.law == Law::PurePursuit {
+            let params = &self.params.pure_pursuit;
+            let goal = self.at(here.s_m + params.lookahead_m(ego.speed_mps)).pose.point();
+            lateral::pure_pursuit(ego.pose, goal, on_path, wheelbase, params)
+        } else {
+            let params = &self.params.stanley;
+            lateral::stanley(ego.pose, ego.speed_mps, ego.yaw_rate_radps, on_path, wheelbase, params)
+        };
+        (steering, self.speed.step(here.target, ego.speed_mps, dt_s, self.drive.as_ref()))
+    }
+
+    fn step_mpc(
+        &mut self,
+        input: &Input<'_>,
+        here: &Here,
+        status: Status,
+        report: &mut Option<mpc::Report>,
+    ) -> (f64, Pedals) {
+        let ego = input.ego;
+        let mut predictive = self.mpc.take().expect("built with the law and put back below");
+        self.lay_knots(input, here, status, &mut predictive.knots);
+        let start = State {
+            pose: ego.pose,
+            speed_mps: ego.speed_mps,
+            steering_rad: ego.steering_rad,
+            accel_mps2: ego.accel_mps2,
+        };
+        let step = predictive.mpc.step(input.now, &start, &predictive.knots);
+        let wanted = predictive.knots.iter().fold(0.0, |v: f64, knot| v.max(knot.wanted_speed_mps));
+        self.mpc = Some(predictive);
+        *report = Some(step.report);
+        let rests = wanted < 0.05 && ego.speed_mps.abs() < 0.3;
+        let accel = if rests { -self.params.speed.hold_mps2 } else { step.accel_mps2 };
+        (step.steering_rad, self.drive.pedals(accel, ego.speed_mps))
+    }
+
+    /// Lays one knot per step of the horizon along the path, as fast as the ego can take up the wanted speeds.
+    fn lay_knots(&self, input: &Input<'_>, here: &Here, status: Status, knots: &mut Vec<Knot>) {
+        let Input { now, ego, route, .. } = *input;
+        let dt = Span::from_secs(self.params.mpc.dt_s);
+        let dt_s = dt.as_secs();
+        let (mut s_m, mut speed_mps) = (here.s_m, ego.speed_mps.max(0.0));
+        let slowest = -self.limits.brake_max_mps2 * dt_s;
+        let fastest = self.limits.accel_max_mps2 * dt_s;
+        knots.clear();
+        for k in 0..=self.params.mpc.horizon as i64 {
+            let on_path = self.at(s_m);
+            let wanted = self.wanted(input, status, now + dt * k, s_m);
+            let change = (wanted.speed_mps - speed_mps).clamp(slowest, fastest);
+            let (left_m, right_m) = self.room(route, &on_path);
+            knots.push(Knot {
+                state: State {
+                    pose: on_path.pose,
+                    speed_mps,
+                    steering_rad: self.steering_of(on_path.curvature_1pm),
+                    accel_mps2: 0.0,
+                },
+                wanted_along_m: wanted.ahead_m,
+                wanted_speed_mps: wanted.speed_mps.min(self.params.mpc.speed_max_mps),
+                wanted_accel_mps2: wanted.accel_mps2,
+                left_m,
+                right_m,
+            });
+            let next = (speed_mps + change).max(0.0);
+            s_m += 0.5 * (speed_mps + next) * dt_s;
+            speed_mps = next;
+        }
+    }
+
+    /// What the ego should do at `instant`, when it is then at arc length `s_m`.
+    fn wanted(&self, input: &Input<'_>, status: Status, instant: Time, s_m: f64) -> Wanted {
+        if let Some((since, from_mps)) = self.stopping {
+            let target = self.stop_target(since, from_mps, instant);
+            return Wanted { ahead_m: 0.0, speed_mps: target.speed_mps, accel_mps2: target.accel_mps2 };
+        }
+        let by_time = status == Status::Plan && self.params.following == Following::Time;
+        match input.plan.filter(|_| by_time).and_then(|plan| plan.at(instant)) {
+            Some(point) => {
+                // A lag beyond what the speed correction answers is made up bit by bit.
+                let along = self.params.along;
+                let most = along.speed_max_mps / along.gain_ps;
+                Wanted {
+                    ahead_m: (self.reference.s_at(instant) - s_m).clamp(-most, most),
+                    speed_mps: point.speed_mps,
+                    accel_mps2: point.accel_mps2,
+                }
+            }
+            None => {
+                let point = self.at(s_m);
+                Wanted { ahead_m: 0.0, speed_mps: point.speed_mps, accel_mps2: point.accel_mps2 }
+            }
+        }
+    }
+
+    /// Room for the ego origin to the left and right of a point of the path: the corridor within the road.
+    fn room(&self, route: &Route, on_path: &PlanPoint) -> (f64, f64) {
+        let mpc::Params { corridor_m, edge_m, .. } = self.params.mpc;
+        let d_m = route.line.project(on_path.pose.point()).d_m;
+        let aside_m = 0.5 * self.shape.width_m + edge_m;
+        let left_m = (route.left_m - d_m - aside_m).min(corridor_m);
+        let right_m = (route.right_m + d_m - aside_m).min(corridor_m);
+        (left_m, right_m)
+    }
+
+    /// Angle of the road wheels that drives a curvature, within the limit.
+    fn steering_of(&self, curvature_1pm: f64) -> f64 {
+        let max = self.limits.steering_max_rad;
+        math::atan(self.shape.wheelbase_m * curvature_1pm).clamp(-max, max)
+    }
+
+    fn stop_target(&self, since: Time, from_mps: f64, instant: Time) -> Target {
+        let decel = self.params.stop.decel_mps2;
+        let left = (from_mps - decel * (instant - since).as_secs()).max(0.0);
+        Target { speed_mps: left, accel_mps2: if left > 0.0 { -decel } else { 0.0 } }
+    }
+
+    fn at(&self, s_m: f64) -> PlanPoint {
+        self.reference.at(s_m).expect("every way to load the reference leaves a point in it")
+    }
+}
+
+/// What the ego should do at one instant of the horizon.
+struct Wanted {
+    /// How far ahead of where it is expected, metres.
+    ahead_m: f64,
+    speed_mps: f64,
+    accel_mps2: f64,
+}
+
+/// Place and target of one step.
+struct Here {
+    /// Arc length of the path beside the ego.
+    s_m: f64,
+    /// Arc length of the path at which the ego should be: beside it, or where the plan is now.
+    from_m: f64,
+    target: Target,
+}
+
+fn is_finite(ego: &EgoState) -> bool {
+    ego.pose.is_finite()
+        && [ego.speed_mps, ego.accel_mps2, ego.yaw_rate_radps, ego.steering_rad].iter().all(|x| x.is_finite())
+}
+
+fn plan_is_finite(plan: &Plan) -> bool {
+    plan.points.iter().all(|p| {
+        p.pose.is_finite() && [p.curvature_1pm, p.speed_mps, p.accel_mps2].iter().all(|x| x.is_finite())
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,221 @@
+//! Steering laws: pure functions of a pose and a place on the path, returning the angle of the road wheels.
+//!
+//! All take the path of the ego origin (centre of the rear axle), as plans give it.
+
+use serde::{Deserialize, Serialize};
+use swerve_geom::{Point2, Pose2, angle_between, math};
+
+/// Steering of Pylot: in proportion to the angle at which a waypoint is seen.
+///
+/// Pylot computes `steer = clip(gain * angle, -1, 1)`, gain 0.7 by default, 1.0 in its scenarios and 1.5 on its
+/// car, to the first waypoint at least 5 m away. In CARLA a steer of 1 turns the wheels of the Lincoln MKZ
+/// to 70 degrees, so that in angles of the road wheels the law is `1.222 gain * angle`: 0.855 per radian for 0.7,
+/// 1.222 for 1.0. (Pure pursuit at that distance would be `2 * 2.85 m / 5 m = 1.14` per radian.)
+/// CARLA turns the wheels less at higher speeds by a curve of its own, which is not carried over; nor is the
+/// sign (left is positive here), nor that the angle is taken from the middle of the car: path and
+/// pose are those of the rear axle here. A road wheel never turns beyond the vehicle's limit.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WaypointParams {
+    /// Normalised steer per radian.
+    pub steer_gain: f64,
+    /// Angle of the road wheels at a normalised steer of 1, radians.
+    pub steer_full_rad: f64,
+    /// The first waypoint at least this far away is steered at and gives the speed, metres.
+    pub waypoint_min_m: f64,
+}
+
+impl Default for WaypointParams {
+    /// Pylot's scenarios.
+    fn default() -> Self {
+        Self { steer_gain: 1.0, steer_full_rad: 70.0_f64.to_radians(), waypoint_min_m: 5.0 }
+    }
+}
+
+/// Angle of the road wheels that Pylot's law gives for a waypoint, radians.
+pub fn waypoint_angle(pose: Pose2, waypoint: Point2, params: &WaypointParams) -> f64 {
+    let angle = angle_between(pose.heading_rad, (waypoint - pose.point()).heading());
+    (params.steer_gain * angle).clamp(-1.0, 1.0) * params.steer_full_rad
+}
+
+/// Parameters of [`pure_pursuit`].
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PurePursuitParams {
+    /// Look-ahead per speed, seconds. Longer is calmer and slower to come back to the path.
+    pub lookahead_s: f64,
+    /// Shortest look-ahead, metres.
+    pub lookahead_min_m: f64,
+    /// Longest look-ahead, metres.
+    pub lookahead_max_m: f64,
+    /// Whether the path's own curvature is fed forward and only the deviation is pursued; otherwise the law
+    /// of the textbook, which cuts corners.
+    pub feed_forward: bool,
+}
+
+impl Default for PurePursuitParams {
+    fn default() -> Self {
+        Self { lookahead_s: 0.6, lookahead_min_m: 4.0, lookahead_max_m: 25.0, feed_forward: true }
+    }
+}
+
+impl PurePursuitParams {
+    /// How far ahead to look at `speed_mps`, metres.
+    pub fn lookahead_m(&self, speed_mps: f64) -> f64 {
+        (self.lookahead_s * speed_mps).clamp(self.lookahead_min_m, self.lookahead_max_m)
+    }
+}
+
+/// What a law knows of the path beside the ego.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct OnPath {
+    /// Nearest pose of the path.
+    pub pose: Pose2,
+    /// Curvature to feed forward, 1/m.
+    pub curvature_1pm: f64,
+}
+
+/// Pure pursuit (Coulter, CMU-RI-TR-92-01): the arc of the rear axle that meets `goal`.
+///
+/// With feed-forward the curvature is that of the path plus the difference between the arcs to `goal` from the
+/// ego and from the path beside it: exact on the path, whatever its shape. Radians.
+pub fn pure_pursuit(
+    pose: Pose2,
+    goal: Point2,
+    beside: OnPath,
+    wheelbase_m: f64,
+    params: &PurePursuitParams,
+) -> f64 {
+    let mut curvature = arc_to(pose, goal);
+    if params.feed_forward {
+        curvature += beside.curvature_1pm - arc_to(beside.pose, goal);
+    }
+    math::atan(wheelbase_m * curvature)
+}
+
+/// Curvature of the arc that leaves `from` along its heading and meets `goal`, 1/m; zero when it is too close.
+fn arc_to(from: Pose2, goal: Point2) -> f64 {
+    let to = goal - from.point();
+    let squared = to.norm_squared();
+    if squared < 1e-6 { 0.0 } else { 2.0 * from.direction().cross(to) / squared }
+}
+
+/// Parameters of [`stanley`].
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StanleyParams {
+    /// Gain on the cross-track error, 1/s: an error decays about this fast.
+    pub gain_ps: f64,
+    /// Added to the speed, so that the law stays calm near standstill, m/s.
+    pub softening_mps: f64,
+    /// Steering per rad/s by which the car turns faster than the path, seconds.
+    pub yaw_damping_s: f64,
+}
+
+impl Default for StanleyParams {
+    fn default() -> Self {
+        Self { gain_ps: 2.0, softening_mps: 1.0, yaw_damping_s: 0.0 }
+    }
+}
+
+/// The law of Stanley (Hoffmann et al., ACC 2007, equation 5), for a path of the **rear** axle.
+///
+/// The original wants the path of the front axle. That path follows from the rear's: with the rear axle at a pose
+/// of curvature k, the front axle is one wheelbase ahead and heads `atan(wheelbase k)` further to the left. So
+/// the law feeds the curvature forward and has no error on a path of constant curvature. Radians.
+pub fn stanley(
+    pose: Pose2,
+    speed_mps: f64,
+    yaw_rate_radps: f64,
+    beside: OnPath,
+    wheelbase_m: f64,
+    params: &StanleyParams,
+) -> f64 {
+    let ahead_rad = math::atan(wheelbase_m * beside.curvature_1pm);
+    let wanted = Pose2::<swerve_geom::Map>::new(0.0, 0.0, beside.pose.heading_rad + ahead_rad);
+    let off = pose.ahead(wheelbase_m).point() - beside.pose.ahead(wheelbase_m).point();
+    let cross_track_m = wanted.direction().cross(off);
+    let speed = speed_mps.max(0.0);
+    let heading = angle_between(pose.heading_rad, wanted.heading_rad);
+    let back = math::atan2(-params.gain_ps * cross_track_m, params.softening_mps + speed);
+    let damping = params.yaw_damping_s * (speed * beside.curvature_1pm - yaw_rate_radps);
+    heading + back + damping
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::PI;
+
+    const L: f64 = 2.85;
+
+    fn straight() -> OnPath {
+        OnPath { pose: Pose2::new(0.0, 0.0, 0.0), curvature_1pm: 0.0 }
+    }
+
+    #[test]
+    fn a_waypoint_to_the_left_steers_left_by_the_physical_gain() {
+        let params = WaypointParams { steer_gain: 0.7, ..Default::default() };
+        let steer = waypoint_angle(Pose2::new(0.0, 0.0, 0.0), Point2::new(5.0, 0.5), &params);
+        let angle = math::atan(0.5 / 5.0);
+        assert!((steer - 0.7 * 70f64.to_radians() * angle).abs() < 1e-12);
+        assert!((steer / angle - 0.855).abs() < 1e-3);
+    }
+
+    #[test]
+    fn full_steer_is_the_end() {
+        let steer =
+            waypoint_angle(Pose2::new(0.0, 0.0, 0.0), Point2::new(-5.0, 0.1), &WaypointParams::default());
+        assert!((steer - 70f64.to_radians()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn laws_take_the_short_way_round() {
+        // Ego heads just right of west, the path just left of it.
+        let pose = Pose2::new(0.0, 0.0, PI - 0.05);
+        let beside = OnPath { pose: Pose2::new(0.0, 0.0, -PI + 0.05), curvature_1pm: 0.0 };
+        let steer =
+            stanley(pose, 10.0, 0.0, beside, L, &StanleyParams { gain_ps: 0.0, ..Default::default() });
+        assert!((steer - 0.1).abs() < 1e-12, "{steer}");
+        let waypoint = waypoint_angle(pose, beside.pose.ahead(10.0).point(), &WaypointParams::default());
+        assert!((waypoint / 70f64.to_radians() - 0.1).abs() < 1e-9, "{waypoint}");
+        let goal = beside.pose.ahead(10.0).point();
+        let params = PurePursuitParams { feed_forward: false, ..Default::default() };
+        let pursuit = pure_pursuit(pose, goal, beside, L, &params);
+        assert!((pursuit - math::atan(L * 2.0 * math::sin(0.1) / 10.0)).abs() < 1e-9, "{pursuit}");
+    }
+
+    #[test]
+    fn pure_pursuit_is_the_textbook_arc() {
+        let params = PurePursuitParams { feed_forward: false, ..Default::default() };
+        let steer = pure_pursuit(Pose2::new(0.0, 0.0, 0.0), Point2::new(3.0, 4.0), straight(), L, &params);
+        assert!((steer - math::atan(L * 2.0 * 4.0 / 25.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn on_the_path_every_law_steers_its_curvature() {
+        let curvature = 0.05;
+        let beside = OnPath { pose: Pose2::new(0.0, 0.0, 0.0), curvature_1pm: curvature };
+        // A goal on a path that bends away from the arc: the textbook law would be wrong.
+        let goal = Point2::new(8.0, 0.3);
+        let want = math::atan(L * curvature);
+        let pursuit = pure_pursuit(beside.pose, goal, beside, L, &PurePursuitParams::default());
+        let hoffmann = stanley(beside.pose, 10.0, 0.5, beside, L, &StanleyParams::default());
+        assert!((pursuit - want).abs() < 1e-12 && (hoffmann - want).abs() < 1e-12, "{pursuit} {hoffmann}");
+    }
+
+    #[test]
+    fn left_of_the_path_every_law_steers_right() {
+        let pose = Pose2::new(0.0, 1.0, 0.0);
+        let goal = Point2::new(10.0, 0.0);
+        assert!(waypoint_angle(pose, goal, &WaypointParams::default()) < -0.1);
+        assert!(pure_pursuit(pose, goal, straight(), L, &PurePursuitParams::default()) < -0.01);
+        assert!(stanley(pose, 10.0, 0.0, straight(), L, &StanleyParams::default()) < -0.1);
+    }
+
+    #[test]
+    fn a_goal_at_the_ego_is_no_reason_to_steer() {
+        let at = straight();
+        assert_eq!(pure_pursuit(at.pose, at.pose.point(), at, L, &PurePursuitParams::default()), 0.0);
+    }
+}

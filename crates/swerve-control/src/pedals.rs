@@ -1,0 +1,58 @@
+//! From a wanted acceleration to pedals.
+
+use serde::{Deserialize, Serialize};
+
+/// Positions of the two pedals.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Pedals {
+    /// Accelerator, 0 to 1.
+    pub throttle: f64,
+    /// Brake, 0 to 1.
+    pub brake: f64,
+}
+
+/// Knows which pedals give which acceleration: the inverse of a drivetrain.
+///
+/// Any function of (acceleration along the heading in m/s², speed in m/s) is one.
+pub trait AccelToPedals: Send {
+    /// The pedals that give `accel_mps2` at `speed_mps`, as far as the vehicle can.
+    fn pedals(&self, accel_mps2: f64, speed_mps: f64) -> Pedals;
+}
+
+impl<F: Fn(f64, f64) -> Pedals + Send> AccelToPedals for F {
+    fn pedals(&self, accel_mps2: f64, speed_mps: f64) -> Pedals {
+        self(accel_mps2, speed_mps)
+    }
+}
+
+/// Acceleration in proportion to the pedal, at any speed.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinearPedals {
+    /// Acceleration at full throttle, m/s².
+    pub accel_max_mps2: f64,
+    /// Deceleration at full brake, m/s² (positive).
+    pub brake_max_mps2: f64,
+}
+
+impl AccelToPedals for LinearPedals {
+    fn pedals(&self, accel_mps2: f64, _speed_mps: f64) -> Pedals {
+        Pedals {
+            throttle: (accel_mps2 / self.accel_max_mps2).clamp(0.0, 1.0),
+            brake: (-accel_mps2 / self.brake_max_mps2).clamp(0.0, 1.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_pedal_at_a_time_and_never_beyond_its_travel() {
+        let linear = LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 };
+        assert_eq!(linear.pedals(1.5, 10.0), Pedals { throttle: 0.5, brake: 0.0 });
+        assert_eq!(linear.pedals(-2.0, 10.0), Pedals { throttle: 0.0, brake: 0.25 });
+        assert_eq!(linear.pedals(-99.0, 10.0), Pedals { throttle: 0.0, brake: 1.0 });
+    }
+}

@@ -1,0 +1,122 @@
+//! The speed law of the trackers: planned acceleration ahead, proportional and integral feedback behind.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{AccelToPedals, Pedals};
+
+/// Gains and limits of [`SpeedLaw`].
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Params {
+    /// Acceleration per m/s of speed error, 1/s. Higher follows closer and jerks more.
+    pub kp_ps: f64,
+    /// Acceleration per metre of accumulated speed error, 1/s². Takes out drag and slope.
+    pub ki_ps2: f64,
+    /// Bound of the integral part, m/s².
+    pub integral_max_mps2: f64,
+    /// Deceleration that holds the car at rest, m/s².
+    pub hold_mps2: f64,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self { kp_ps: 2.0, ki_ps2: 0.4, integral_max_mps2: 1.5, hold_mps2: 3.0 }
+    }
+}
+
+/// What the speed should do.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Target {
+    /// Wanted speed, m/s.
+    pub speed_mps: f64,
+    /// Wanted acceleration, m/s².
+    pub accel_mps2: f64,
+}
+
+/// Feed-forward plus PI on speed, in acceleration.
+#[derive(Clone, PartialEq, Debug)]
+pub struct SpeedLaw {
+    params: Params,
+    integral_mps2: f64,
+}
+
+impl SpeedLaw {
+    /// Without any past.
+    pub fn new(params: Params) -> Self {
+        Self { params, integral_mps2: 0.0 }
+    }
+
+    /// The acceleration to ask for, m/s², `dt_s` seconds after the call before.
+    pub fn accel(&mut self, target: Target, speed_mps: f64, dt_s: f64) -> f64 {
+        let Params { kp_ps, ki_ps2, integral_max_mps2, hold_mps2 } = self.params;
+        if target.speed_mps < 0.05 && target.accel_mps2 <= 0.0 && speed_mps.abs() < 0.3 {
+            self.integral_mps2 = 0.0;
+            return -hold_mps2;
+        }
+        let error = target.speed_mps - speed_mps;
+        // Large errors are transients: integrating them would only make the speed overshoot.
+        if error.abs() < 1.0 {
+            let raised = self.integral_mps2 + ki_ps2 * error * dt_s;
+            self.integral_mps2 = raised.clamp(-integral_max_mps2, integral_max_mps2);
+        }
+        target.accel_mps2 + kp_ps * error + self.integral_mps2
+    }
+
+    /// The same as pedals.
+    pub fn step(&mut self, target: Target, speed_mps: f64, dt_s: f64, drive: &dyn AccelToPedals) -> Pedals {
+        let accel = self.accel(target, speed_mps, dt_s);
+        drive.pedals(accel, speed_mps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::LinearPedals;
+
+    const DRIVE: LinearPedals = LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 };
+
+    /// Speeds of a point mass with an unknown drag of 0.3 m/s² over 20 s at 100 Hz.
+    fn drive(target: impl Fn(f64) -> Target, from_mps: f64) -> Vec<f64> {
+        let mut law = SpeedLaw::new(Params::default());
+        let mut speed = from_mps;
+        (0..2000)
+            .map(|k| {
+                let pedals = law.step(target(k as f64 * 0.01), speed, 0.01, &DRIVE);
+                let accel = 3.0 * pedals.throttle - 8.0 * pedals.brake - 0.3;
+                speed = (speed + accel * 0.01).max(0.0);
+                speed
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_step_settles_without_error_and_overshoots_little() {
+        let speeds = drive(|_| Target { speed_mps: 15.0, accel_mps2: 0.0 }, 10.0);
+        assert!((speeds[1999] - 15.0).abs() < 0.02, "{}", speeds[1999]);
+        let peak = speeds.iter().fold(0.0f64, |a, &b| a.max(b));
+        assert!(peak < 15.15, "{peak}");
+    }
+
+    #[test]
+    fn the_planned_acceleration_keeps_a_ramp_close() {
+        let ramp = |t: f64| Target {
+            speed_mps: 10.0 + 1.5 * t.min(4.0),
+            accel_mps2: if t < 4.0 { 1.5 } else { 0.0 },
+        };
+        let speeds = drive(ramp, 10.0);
+        let worst = (0..400).map(|k| (speeds[k] - ramp(k as f64 * 0.01).speed_mps).abs()).fold(0.0, f64::max);
+        assert!(worst < 0.2, "{worst}");
+    }
+
+    #[test]
+    fn comes_to_rest_and_stays_there() {
+        let speeds = drive(
+            |t| Target { speed_mps: (5.0 - 2.0 * t).max(0.0), accel_mps2: if t < 2.5 { -2.0 } else { 0.0 } },
+            5.0,
+        );
+        assert_eq!(speeds[1999], 0.0);
+        let mut law = SpeedLaw::new(Params::default());
+        assert!(law.step(Target::default(), 0.0, 0.01, &DRIVE).brake > 0.3);
+    }
+}

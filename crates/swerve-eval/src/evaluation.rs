@@ -1,0 +1,295 @@
+//! All measures of one run.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_msg::truth::{EndReason, WorldState};
+use swerve_msg::{ActorId, ActorKind, Imu, ObstacleList, Plan};
+
+use crate::{
+    Clearances, Drive, DriveMetrics, Impact, LateralJerk, OperatorMetrics, Outcome, Outline, PlanMetrics,
+    ResponseTimes, RunTimes, Summary, Verdict, seconds,
+};
+
+/// What an evaluation has to know beforehand.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Params {
+    /// The ego's outline.
+    pub ego: Outline,
+    /// From latching a command to its first effect.
+    pub dead_time: Span,
+    /// Names of the operators, in the order of their numbers.
+    pub operators: Vec<String>,
+}
+
+/// The result of a run; `metrics.json` is this struct.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Metrics {
+    /// The outcome in one word.
+    pub verdict: Verdict,
+    /// Why the scenario ended; null when the run was ended before.
+    pub end: Option<EndReason>,
+    /// Smallest distance between the outlines of the ego and any actor, metres; null without actors.
+    pub min_distance_m: Option<f64>,
+    /// The actor of that distance.
+    pub min_distance_actor: Option<ActorId>,
+    /// Its instant, seconds.
+    pub min_distance_at_s: Option<f64>,
+    /// The first contact; null when nothing was hit.
+    pub impact: Option<Impact>,
+    /// Speed of the ego at the first contact, m/s; zero when nothing was hit.
+    pub impact_speed_mps: f64,
+    /// Instant at which part of the ego first left the drivable ground, seconds.
+    pub left_road_at_s: Option<f64>,
+    /// Largest lateral jerk before the first contact.
+    pub lateral_jerk: JerkMetrics,
+    /// The drive; its accelerations and turn rates are those before the first contact.
+    pub drive: DriveMetrics,
+    /// Response times; null when no command took effect.
+    pub response: Option<Summary>,
+    /// The actors, ordered by identity.
+    pub actors: Vec<ActorMetrics>,
+    /// What the planner said.
+    pub plans: PlanMetrics,
+    /// Run times per operator.
+    pub operators: Vec<OperatorMetrics>,
+}
+
+/// Largest lateral jerk of the readings at the centre of gravity.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct JerkMetrics {
+    /// Raw difference of successive readings, m/s³.
+    pub raw_max_mps3: Option<f64>,
+    /// After the low-pass of [`crate::CUTOFF_HZ`], m/s³.
+    pub smooth_max_mps3: Option<f64>,
+}
+
+/// One actor's part in the run.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct ActorMetrics {
+    /// Identity.
+    pub actor: ActorId,
+    /// What it is.
+    pub kind: ActorKind,
+    /// Smallest distance between its outline and the ego's, metres.
+    pub min_distance_m: f64,
+    /// Instant of that distance, seconds.
+    pub min_distance_at_s: f64,
+    /// When a sensor first saw part of it, seconds; null when none did.
+    pub first_sight_s: Option<f64>,
+}
+
+/// The first instant at which a sensor saw part of an actor.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Sight {
+    /// The actor.
+    pub actor: ActorId,
+    /// Stamp of the sensor frame.
+    pub at: Time,
+}
+
+/// Takes in what happens in a run, message by message, and gives its [`Metrics`].
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    outcome: Outcome,
+    clearances: Clearances,
+    drive: Drive,
+    jerk: LateralJerk,
+    plans: PlanMetrics,
+    sights: Vec<Sight>,
+    response: ResponseTimes,
+    runtimes: RunTimes,
+}
+
+impl Evaluation {
+    /// Nothing taken in yet.
+    pub fn new(params: Params) -> Self {
+        Self {
+            outcome: Outcome::default(),
+            clearances: Clearances::new(params.ego),
+            drive: Drive::default(),
+            jerk: LateralJerk::default(),
+            plans: PlanMetrics::default(),
+            sights: Vec::new(),
+            response: ResponseTimes::new(params.dead_time),
+            runtimes: RunTimes::new(params.operators),
+        }
+    }
+
+    /// The state of the world after one step.
+    pub fn world(&mut self, world: &WorldState) {
+        self.outcome.take(world);
+        self.clearances.take(world);
+        let comfort = self.counts_for_comfort(world.stamp);
+        self.drive.take(&world.ego.state, comfort);
+        self.response.world_step(world.stamp);
+    }
+
+    /// A reading of the inertial measurement unit, after the world state of its stamp.
+    pub fn imu(&mut self, imu: &Imu) {
+        if self.counts_for_comfort(imu.stamp) {
+            self.jerk.take(imu.stamp, imu.accel_mps2[1]);
+        }
+    }
+
+    /// What a sensor saw of the actors.
+    pub fn seen(&mut self, list: &ObstacleList) {
+        for obstacle in list.obstacles.iter().filter(|o| o.visible_share > 0.0) {
+            if let Err(slot) = self.sights.binary_search_by_key(&obstacle.id, |s| s.actor) {
+                self.sights.insert(slot, Sight { actor: obstacle.id, at: list.stamp });
+            }
+        }
+    }
+
+    /// A plan was published.
+    pub fn plan(&mut self, plan: &Plan) {
+        self.plans.take(plan);
+    }
+
+    /// A command became visible to the world; `origin` is the newest sensor stamp that it derives from.
+    pub fn command(&mut self, visible_at: Time, origin: Option<Time>) {
+        self.response.command(visible_at, origin);
+    }
+
+    /// The run-time table, for what the engine tells of steps, misses and drops.
+    pub fn runtimes(&mut self) -> &mut RunTimes {
+        &mut self.runtimes
+    }
+
+    /// First sights so far, ordered by actor.
+    pub fn sights(&self) -> &[Sight] {
+        &self.sights
+    }
+
+    /// The outcome so far.
+    pub fn outcome(&self) -> &Outcome {
+        &self.outcome
+    }
+
+    /// The distances so far.
+    pub fn clearances(&self) -> &Clearances {
+        &self.clearances
+    }
+
+    /// The result.
+    pub fn metrics(&self) -> Metrics {
+        let nearest = self.clearances.smallest();
+        let impact = self.outcome.impact();
+        Metrics {
+            verdict: self.outcome.verdict(),
+            end: self.outcome.end(),
+            min_distance_m: nearest.map(|c| c.distance_m),
+            min_distance_actor: nearest.map(|c| c.actor),
+            min_distance_at_s: nearest.map(|c| seconds(c.at)),
+            impact,
+            impact_speed_mps: impact.map_or(0.0, |i| i.ego_speed_mps),
+            left_road_at_s: self.outcome.left_road_at().map(seconds),
+            lateral_jerk: JerkMetrics {
+                raw_max_mps3: self.jerk.raw_max_mps3(),
+                smooth_max_mps3: self.jerk.smooth_max_mps3(),
+            },
+            drive: self.drive.metrics(),
+            response: self.response.summary(),
+            actors: self.actors(),
+            plans: self.plans,
+            operators: self.runtimes.table(),
+        }
+    }
+
+    fn actors(&self) -> Vec<ActorMetrics> {
+        let sight = |actor| self.sights.iter().find(|s| s.actor == actor).map(|s| seconds(s.at));
+        let one = |c: &crate::Clearance| ActorMetrics {
+            actor: c.actor,
+            kind: c.kind,
+            min_distance_m: c.distance_m,
+            min_distance_at_s: seconds(c.at),
+            first_sight_s: sight(c.actor),
+        };
+        self.clearances.each().iter().map(one).collect()
+    }
+
+    /// Whether what was felt at `stamp` is the driving and not a crash.
+    fn counts_for_comfort(&self, stamp: Time) -> bool {
+        self.outcome.impact_at().is_none_or(|impact| stamp < impact)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::tests::{actor, hit, world};
+    use swerve_geom::{Pose2, Vector2};
+    use swerve_msg::{Extent, Obstacle, PlanStatus};
+
+    fn evaluation() -> Evaluation {
+        Evaluation::new(Params {
+            ego: Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 },
+            dead_time: Span::ZERO,
+            operators: vec!["planner".into()],
+        })
+    }
+
+    fn seen(ms: i64, share: f64) -> ObstacleList {
+        let person = Obstacle {
+            id: ActorId(2),
+            kind: ActorKind::Pedestrian,
+            pose: Pose2::default(),
+            extent: Extent::default(),
+            velocity_mps: Vector2::new(0.0, 0.0),
+            visible_share: share,
+        };
+        ObstacleList { stamp: Time::from_ms(ms), obstacles: vec![person] }
+    }
+
+    fn imu(ms: i64, y: f64) -> Imu {
+        Imu { stamp: Time::from_ms(ms), accel_mps2: [0.0, y, 9.81], ..Imu::default() }
+    }
+
+    #[test]
+    fn a_run_into_a_person_is_told_in_full() {
+        let mut e = evaluation();
+        for k in 0..=40_i64 {
+            let mut state = world(k * 50, k as f64);
+            state.actors = vec![actor(2, ActorKind::Pedestrian, Pose2::new(42.89, 0.0, 0.0), 0.5, 0.5)];
+            if k == 39 {
+                state.collisions = vec![hit(1948, 2)];
+            }
+            state.ended = (k == 40).then_some(EndReason::Collision);
+            e.world(&state);
+            e.imu(&imu(k * 50, if k < 39 { 0.1 } else { 80.0 }));
+            e.seen(&seen(k * 50, if k < 12 { 0.0 } else { 0.4 }));
+        }
+        e.plan(&Plan { stamp: Time::from_ms(650), status: PlanStatus::GaveUp, ..Plan::default() });
+        e.command(Time::from_ms(2000), Some(Time::from_ms(1980)));
+        e.world(&world(2005, 41.0));
+        e.runtimes().step(0, Span::from_ms(25));
+        let m = e.metrics();
+        assert_eq!((m.verdict, m.end), (Verdict::Collision, Some(EndReason::Collision)));
+        assert_eq!((m.min_distance_m, m.min_distance_at_s), (Some(0.0), Some(1.95)));
+        assert_eq!((m.impact_speed_mps, m.impact.unwrap().actor), (12.0, ActorId(2)));
+        assert_eq!(m.lateral_jerk.raw_max_mps3, Some(0.0), "the crash is not the driving");
+        assert_eq!(m.actors[0].first_sight_s, Some(0.6));
+        assert_eq!(m.response.unwrap().p50_ms, 25.0);
+        assert_eq!((m.plans.counts.gave_up, m.operators[0].p99_ms), (1, 25.0));
+        assert_eq!((m.drive.duration_s, m.drive.path_length_m), (2.005, 41.0));
+    }
+
+    #[test]
+    fn metrics_survive_their_file() {
+        let mut e = evaluation();
+        let mut state = world(0, 0.0);
+        state.actors = vec![actor(1, ActorKind::Truck, Pose2::new(10.0, 4.0, 0.0), 5.2, 2.6)];
+        e.world(&state);
+        let text = serde_json::to_string_pretty(&e.metrics()).unwrap();
+        assert_eq!(serde_json::from_str::<Metrics>(&text).unwrap(), e.metrics());
+        assert!(text.contains("\"verdict\": \"unfinished\""), "{text}");
+    }
+
+    #[test]
+    fn a_run_without_actors_has_no_distance() {
+        let mut e = evaluation();
+        e.world(&world(0, 0.0));
+        let m = e.metrics();
+        assert_eq!((m.min_distance_m, m.response), (None, None));
+        assert!(serde_json::to_string(&m).unwrap().contains("\"min_distance_m\":null"));
+    }
+}

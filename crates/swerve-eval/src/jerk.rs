@@ -1,0 +1,167 @@
+//! Lateral jerk from the inertial measurement unit.
+
+use swerve_core::{Span, Time};
+use swerve_geom::math;
+
+/// Corner frequency of the low-pass before the smoothed jerk is formed, Hz: above what a driver steers, below
+/// the suspension's and the noise.
+pub const CUTOFF_HZ: f64 = 10.0;
+
+/// Second-order Butterworth low-pass, causal (bilinear transform with the corner frequency pre-warped;
+/// Oppenheim and Schafer, *Discrete-Time Signal Processing*, 7.1), transposed direct form II.
+#[derive(Clone, Debug)]
+pub struct LowPass {
+    b: [f64; 3],
+    a: [f64; 2],
+    state: [f64; 2],
+}
+
+impl LowPass {
+    /// A filter that has seen `value` for ever. `None` unless `0 < cutoff_hz < rate_hz / 2`.
+    pub fn new(cutoff_hz: f64, rate_hz: f64, value: f64) -> Option<Self> {
+        if !(cutoff_hz > 0.0 && cutoff_hz < 0.5 * rate_hz) {
+            return None;
+        }
+        let k = math::tan(core::f64::consts::PI * cutoff_hz / rate_hz);
+        let scale = 1.0 / (1.0 + core::f64::consts::SQRT_2 * k + k * k);
+        let b0 = k * k * scale;
+        let b = [b0, 2.0 * b0, b0];
+        let a = [2.0 * (k * k - 1.0) * scale, (1.0 - core::f64::consts::SQRT_2 * k + k * k) * scale];
+        let state = [(b[1] - a[0] + b[2] - a[1]) * value, (b[2] - a[1]) * value];
+        Some(Self { b, a, state })
+    }
+
+    /// Takes in the next sample, gives the next output.
+    pub fn next(&mut self, x: f64) -> f64 {
+        let y = self.b[0] * x + self.state[0];
+        self.state[0] = self.b[1] * x - self.a[0] * y + self.state[1];
+        self.state[1] = self.b[2] * x - self.a[1] * y;
+        y
+    }
+}
+
+/// Largest lateral jerk: raw, the difference of two readings over their spacing (as Pylot logs it), and of
+/// the readings after a [`LowPass`] at [`CUTOFF_HZ`].
+///
+/// The filter starts settled on the first reading, and anew where the spacing of readings changes. Readings
+/// slower than twice the cut-off pass unfiltered.
+#[derive(Clone, Debug, Default)]
+pub struct LateralJerk {
+    last: Option<Reading>,
+    filter: Option<(Span, LowPass)>,
+    raw_max: Option<f64>,
+    smooth_max: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Reading {
+    stamp: Time,
+    raw_mps2: f64,
+    smooth_mps2: f64,
+}
+
+impl LateralJerk {
+    /// Takes in one reading: lateral specific force at `stamp`, m/s². One that is not later than the last is
+    /// left out.
+    pub fn take(&mut self, stamp: Time, lateral_mps2: f64) {
+        let mut smooth_mps2 = lateral_mps2;
+        if let Some(last) = self.last {
+            let spacing = stamp - last.stamp;
+            if spacing <= Span::ZERO {
+                return;
+            }
+            let dt_s = spacing.as_secs();
+            let mut before_mps2 = last.smooth_mps2;
+            if self.filter.as_ref().is_none_or(|(of, _)| *of != spacing) {
+                before_mps2 = last.raw_mps2;
+                self.filter = LowPass::new(CUTOFF_HZ, 1.0 / dt_s, before_mps2).map(|f| (spacing, f));
+            }
+            smooth_mps2 = self.filter.as_mut().map_or(lateral_mps2, |(_, f)| f.next(lateral_mps2));
+            raise(&mut self.raw_max, (lateral_mps2 - last.raw_mps2) / dt_s);
+            raise(&mut self.smooth_max, (smooth_mps2 - before_mps2) / dt_s);
+        }
+        self.last = Some(Reading { stamp, raw_mps2: lateral_mps2, smooth_mps2 });
+    }
+
+    /// Largest magnitude of the raw difference, m/s³; `None` before two readings.
+    pub fn raw_max_mps3(&self) -> Option<f64> {
+        self.raw_max
+    }
+
+    /// Largest magnitude after the low-pass, m/s³; `None` before two readings.
+    pub fn smooth_max_mps3(&self) -> Option<f64> {
+        self.smooth_max
+    }
+}
+
+fn raise(max: &mut Option<f64>, jerk: f64) {
+    *max = Some(max.map_or(jerk.abs(), |m| m.max(jerk.abs())));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Deserialize)]
+    struct Oracle {
+        input: Vec<f64>,
+        output: Vec<f64>,
+        raw_jerk_max: f64,
+        smooth_jerk_max: f64,
+    }
+
+    fn oracle() -> Oracle {
+        serde_json::from_str(include_str!("../tests/data/lowpass.json")).unwrap()
+    }
+
+    #[test]
+    fn the_low_pass_is_scipys_butterworth() {
+        let o = oracle();
+        let mut filter = LowPass::new(CUTOFF_HZ, 100.0, o.input[0]).unwrap();
+        for (k, (x, y)) in o.input.iter().zip(&o.output).enumerate() {
+            assert!((filter.next(*x) - y).abs() < 1e-12, "sample {k}");
+        }
+    }
+
+    #[test]
+    fn jerk_is_that_of_the_same_data_in_numpy() {
+        let o = oracle();
+        let mut jerk = LateralJerk::default();
+        for (k, x) in o.input.iter().enumerate() {
+            jerk.take(Time::from_ms(10 * k as i64), *x);
+        }
+        assert!((jerk.raw_max_mps3().unwrap() - o.raw_jerk_max).abs() < 1e-9);
+        assert!((jerk.smooth_max_mps3().unwrap() - o.smooth_jerk_max).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_ramp_has_its_slope_as_jerk_in_both_ways() {
+        let mut jerk = LateralJerk::default();
+        for k in 0..200_i64 {
+            jerk.take(Time::from_ms(10 * k), 0.04 * k as f64);
+        }
+        assert!((jerk.raw_max_mps3().unwrap() - 4.0).abs() < 1e-9);
+        let smooth = jerk.smooth_max_mps3().unwrap();
+        assert!(smooth > 4.0 && smooth < 4.0 * 1.05, "a slight overshoot of the filter: {smooth}");
+    }
+
+    #[test]
+    fn slow_readings_pass_unfiltered_and_a_gap_starts_anew() {
+        let mut slow = LateralJerk::default();
+        [0.0, 1.0, 0.0].iter().enumerate().for_each(|(k, x)| slow.take(Time::from_ms(100 * k as i64), *x));
+        assert_eq!(slow.raw_max_mps3(), slow.smooth_max_mps3());
+        let mut gap = LateralJerk::default();
+        for (ms, x) in [(0, 0.0), (10, 0.0), (30, 0.0), (40, 0.0), (40, 9.0), (35, 9.0)] {
+            gap.take(Time::from_ms(ms), x);
+        }
+        assert_eq!((gap.raw_max_mps3(), gap.smooth_max_mps3()), (Some(0.0), Some(0.0)));
+    }
+
+    #[test]
+    fn a_cut_off_beyond_half_the_rate_is_refused() {
+        assert!(LowPass::new(50.0, 100.0, 0.0).is_none());
+        assert!(LowPass::new(0.0, 100.0, 0.0).is_none());
+        assert!(LowPass::new(f64::NAN, 100.0, 0.0).is_none());
+    }
+}

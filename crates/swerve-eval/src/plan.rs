@@ -1,0 +1,84 @@
+//! What the planner said.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_msg::{Plan, PlanStatus};
+
+use crate::seconds;
+
+/// Plans by how they came about.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct PlanCounts {
+    /// The route was followed, nothing asked for planning.
+    pub route: u64,
+    /// A path was found.
+    pub found: u64,
+    /// None found, the previous plan went on.
+    pub kept: u64,
+    /// None found, full brake along the previous path.
+    pub brake: u64,
+    /// None found, speed zero along the route.
+    pub stop: u64,
+    /// None found, the route was followed regardless.
+    pub gave_up: u64,
+}
+
+/// Plan counts and first instants.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct PlanMetrics {
+    /// How many plans came about how.
+    pub counts: PlanCounts,
+    /// Stamp of the first plan that was not the plain route, seconds.
+    pub first_reaction_s: Option<f64>,
+    /// Stamp of the first path found, seconds.
+    pub first_found_s: Option<f64>,
+}
+
+impl PlanMetrics {
+    /// Takes in one plan.
+    pub fn take(&mut self, plan: &Plan) {
+        let counts = &mut self.counts;
+        *match plan.status {
+            PlanStatus::Route => &mut counts.route,
+            PlanStatus::Found => &mut counts.found,
+            PlanStatus::Kept => &mut counts.kept,
+            PlanStatus::Brake => &mut counts.brake,
+            PlanStatus::Stop => &mut counts.stop,
+            PlanStatus::GaveUp => &mut counts.gave_up,
+        } += 1;
+        if plan.status != PlanStatus::Route {
+            first(&mut self.first_reaction_s, plan.stamp);
+        }
+        if plan.status == PlanStatus::Found {
+            first(&mut self.first_found_s, plan.stamp);
+        }
+    }
+}
+
+fn first(known: &mut Option<f64>, stamp: Time) {
+    known.get_or_insert(seconds(stamp));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plans_are_counted_by_status_and_the_first_ones_kept() {
+        let mut metrics = PlanMetrics::default();
+        for (ms, status) in [
+            (0, PlanStatus::Route),
+            (50, PlanStatus::GaveUp),
+            (100, PlanStatus::Found),
+            (150, PlanStatus::Found),
+            (200, PlanStatus::Kept),
+        ] {
+            metrics.take(&Plan { stamp: Time::from_ms(ms), status, ..Plan::default() });
+        }
+        assert_eq!(
+            metrics.counts,
+            PlanCounts { route: 1, found: 2, kept: 1, gave_up: 1, ..Default::default() }
+        );
+        assert_eq!((metrics.first_reaction_s, metrics.first_found_s), (Some(0.05), Some(0.1)));
+    }
+}

@@ -1,0 +1,212 @@
+//! How a scenario ended.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_msg::ActorId;
+use swerve_msg::truth::{EndReason, InfractionKind, WorldState};
+
+use crate::seconds;
+
+/// The outcome of a scenario in one word.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The ego came to the end, or to the stop asked for, touching nothing and staying on the road.
+    Avoided,
+    /// The ego hit something, whatever else happened.
+    Collision,
+    /// Part of the ego left the drivable ground, and it hit nothing.
+    LeftRoad,
+    /// The scenario's time was over before the ego reached its end.
+    Timeout,
+    /// The run was ended before the scenario was.
+    Unfinished,
+}
+
+impl Verdict {
+    /// The name used in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Avoided => "avoided",
+            Self::Collision => "collision",
+            Self::LeftRoad => "left_road",
+            Self::Timeout => "timeout",
+            Self::Unfinished => "unfinished",
+        }
+    }
+}
+
+/// The first contact of the ego with anything.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Impact {
+    /// What was hit.
+    pub actor: ActorId,
+    /// Instant, seconds since the run started.
+    pub at_s: f64,
+    /// Speed of the ego just before, m/s.
+    pub ego_speed_mps: f64,
+    /// Speed at which the two closed along the contact normal just before, m/s.
+    pub closing_speed_mps: f64,
+    /// Impulse of the first contact step, N s.
+    pub impulse_ns: f64,
+}
+
+/// Takes in world states and tells the verdict.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    impact: Option<(Time, Impact)>,
+    left_road: Option<Time>,
+    end: Option<EndReason>,
+}
+
+impl Outcome {
+    /// Takes in the state of the world after one step.
+    pub fn take(&mut self, world: &WorldState) {
+        for c in &world.collisions {
+            if self.impact.is_none_or(|(first, _)| c.stamp < first) {
+                let impact = Impact {
+                    actor: c.actor,
+                    at_s: seconds(c.stamp),
+                    ego_speed_mps: c.ego_speed_mps,
+                    closing_speed_mps: c.closing_speed_mps,
+                    impulse_ns: c.impulse_ns,
+                };
+                self.impact = Some((c.stamp, impact));
+            }
+        }
+        for infraction in &world.infractions {
+            match infraction.kind {
+                InfractionKind::LeftRoad => {
+                    self.left_road.get_or_insert(infraction.stamp);
+                }
+            }
+        }
+        self.end = self.end.or(world.ended);
+    }
+
+    /// The verdict on what was taken in. A collision outweighs leaving the road, that a timeout.
+    pub fn verdict(&self) -> Verdict {
+        match (self.impact, self.left_road, self.end) {
+            (Some(_), _, _) | (None, None, Some(EndReason::Collision)) => Verdict::Collision,
+            (None, Some(_), _) => Verdict::LeftRoad,
+            (None, None, Some(EndReason::Goal | EndReason::Stopped)) => Verdict::Avoided,
+            (None, None, Some(EndReason::Timeout)) => Verdict::Timeout,
+            (None, None, None) => Verdict::Unfinished,
+        }
+    }
+
+    /// The first contact.
+    pub fn impact(&self) -> Option<Impact> {
+        self.impact.map(|(_, impact)| impact)
+    }
+
+    /// Instant of the first contact.
+    pub fn impact_at(&self) -> Option<Time> {
+        self.impact.map(|(at, _)| at)
+    }
+
+    /// Instant at which part of the ego first left the drivable ground.
+    pub fn left_road_at(&self) -> Option<Time> {
+        self.left_road
+    }
+
+    /// Why the scenario ended; `None` while it goes on.
+    pub fn end(&self) -> Option<EndReason> {
+        self.end
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use swerve_geom::{Map, Point, Pose2, Transform, Vector, Vector2};
+    use swerve_msg::truth::{Actor, Collision, EgoTruth, Infraction};
+    use swerve_msg::{ActorKind, EgoState, Extent};
+
+    pub(crate) fn world(ms: i64, x_m: f64) -> WorldState {
+        let stamp = Time::from_ms(ms);
+        let state = EgoState { stamp, pose: Pose2::new(x_m, 0.0, 0.0), ..EgoState::default() };
+        WorldState {
+            stamp,
+            ego: EgoTruth {
+                map_from_ego: Transform::from_roll_pitch_yaw(Point::<Map>::new(x_m, 0.0, 0.0), 0.0, 0.0, 0.0),
+                state,
+                velocity_mps: Vector::new(0.0, 0.0, 0.0),
+                specific_force_mps2: Vector::new(0.0, 0.0, 9.81),
+                angular_velocity_radps: Vector::new(0.0, 0.0, 0.0),
+            },
+            actors: Vec::new(),
+            collisions: Vec::new(),
+            infractions: Vec::new(),
+            ended: None,
+        }
+    }
+
+    pub(crate) fn actor(id: u32, kind: ActorKind, pose: Pose2, length_m: f64, width_m: f64) -> Actor {
+        let extent = Extent { length_m, width_m, height_m: 1.8 };
+        Actor { id: ActorId(id), kind, pose, z_m: 0.0, extent, velocity_mps: Vector2::new(0.0, 0.0) }
+    }
+
+    pub(crate) fn hit(ms: i64, actor: u32) -> Collision {
+        Collision {
+            stamp: Time::from_ms(ms),
+            actor: ActorId(actor),
+            impulse_ns: 900.0,
+            closing_speed_mps: 7.0,
+            ego_speed_mps: 12.0,
+        }
+    }
+
+    fn outcome(of: impl Fn(&mut WorldState)) -> Outcome {
+        let mut state = world(1000, 0.0);
+        of(&mut state);
+        let mut outcome = Outcome::default();
+        outcome.take(&state);
+        outcome
+    }
+
+    #[test]
+    fn every_ending_has_its_verdict() {
+        for (end, verdict) in [
+            (None, Verdict::Unfinished),
+            (Some(EndReason::Goal), Verdict::Avoided),
+            (Some(EndReason::Stopped), Verdict::Avoided),
+            (Some(EndReason::Timeout), Verdict::Timeout),
+            (Some(EndReason::Collision), Verdict::Collision),
+        ] {
+            assert_eq!(outcome(|w| w.ended = end).verdict(), verdict);
+        }
+    }
+
+    #[test]
+    fn a_collision_outweighs_leaving_the_road_and_that_the_goal() {
+        let left = Infraction { stamp: Time::from_ms(900), kind: InfractionKind::LeftRoad };
+        let off = outcome(|w| {
+            w.infractions.push(left.clone());
+            w.ended = Some(EndReason::Goal);
+        });
+        assert_eq!((off.verdict(), off.left_road_at()), (Verdict::LeftRoad, Some(Time::from_ms(900))));
+        let both = outcome(|w| {
+            w.infractions.push(left.clone());
+            w.collisions.push(hit(950, 2));
+        });
+        assert_eq!(both.verdict(), Verdict::Collision);
+    }
+
+    #[test]
+    fn the_first_contact_counts() {
+        let o = outcome(|w| w.collisions = vec![hit(980, 3), hit(950, 2), hit(999, 1)]);
+        let impact = o.impact().unwrap();
+        assert_eq!((impact.actor, impact.at_s), (ActorId(2), 0.95));
+        assert_eq!((impact.ego_speed_mps, impact.closing_speed_mps), (12.0, 7.0));
+    }
+
+    #[test]
+    fn names_are_those_of_the_files() {
+        for verdict in
+            [Verdict::Avoided, Verdict::Collision, Verdict::LeftRoad, Verdict::Timeout, Verdict::Unfinished]
+        {
+            assert_eq!(serde_json::to_string(&verdict).unwrap(), format!("\"{}\"", verdict.name()));
+        }
+    }
+}

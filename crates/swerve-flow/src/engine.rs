@@ -1,0 +1,147 @@
+//! The executor: one sweep for every instant, whatever moves the clock.
+
+mod commit;
+mod due;
+mod node;
+mod pool;
+mod resource;
+mod setup;
+mod start;
+mod turn;
+
+use swerve_core::{Digest, Hasher, Time};
+
+use crate::decision::{Decision, Replay};
+use crate::observer::{DropReason, Dropped, Event, Observer};
+use crate::report::{EndReason, RunError, RunReport};
+use due::{Due, Ready};
+use node::{Node, StreamState};
+use pool::Pool;
+use resource::ResourceState;
+
+/// A graph being run.
+pub(crate) struct Engine<'o> {
+    nodes: Vec<Node>,
+    streams: Vec<StreamState>,
+    resources: Vec<ResourceState>,
+    due: Due,
+    ready: Ready,
+    /// The present instant.
+    now: Time,
+    /// Which sweep of this instant is under way, from 0.
+    pass: u32,
+    pool: Option<Pool>,
+    pub(crate) wall: Option<crate::wall::Pace>,
+    seed: u64,
+    replay: Option<Replay>,
+    digest: Hasher,
+    instants: u64,
+    observers: Vec<&'o mut dyn Observer>,
+    /// Why the run ends after this sweep.
+    stop: Option<String>,
+    failure: Option<RunError>,
+}
+
+impl Engine<'_> {
+    /// The next instant at which something is due.
+    pub(crate) fn next_due(&self) -> Time {
+        self.due.next()
+    }
+
+    /// The last instant that was swept.
+    pub(crate) fn now(&self) -> Time {
+        self.now
+    }
+
+    /// Whether the run is over after the present sweep.
+    pub(crate) fn is_over(&self) -> bool {
+        self.stop.is_some() || self.failure.is_some()
+    }
+
+    /// Gives every operator a turn in the next sweep.
+    pub(crate) fn wake_all(&mut self) {
+        (0..self.nodes.len()).for_each(|rank| self.ready.insert(rank));
+    }
+
+    /// Settles the instant `now`: every operator that has something to do takes its turn, in rank order.
+    pub(crate) fn sweep(&mut self, now: Time) {
+        self.now = now;
+        self.pass = 0;
+        self.instants += 1;
+        loop {
+            self.due.mark(now, &mut self.ready);
+            while let Some(rank) = self.ready.pop() {
+                self.turn(rank);
+                if self.failure.is_some() {
+                    return;
+                }
+            }
+            self.pass += 1;
+            self.share_resources();
+            if self.failure.is_some() || (self.ready.is_empty() && self.due.next() > now) {
+                return;
+            }
+        }
+    }
+
+    /// Tells the observers.
+    fn tell(&mut self, event: &Event<'_>) {
+        for observer in &mut self.observers {
+            observer.event(event);
+        }
+    }
+
+    /// Whether run times, drops and deadlines are no functions of the inputs.
+    fn decides(&self) -> bool {
+        self.wall.is_some()
+    }
+
+    fn drop_stamp(&mut self, rank: usize, stamp: Time, reason: DropReason) {
+        let node = &mut self.nodes[rank];
+        let drops = &mut node.tally.drops;
+        *match reason {
+            DropReason::Skipped => &mut drops.skipped,
+            DropReason::QueueFull => &mut drops.queue_full,
+            DropReason::GivenUp => &mut drops.given_up,
+            DropReason::Overtaken => &mut drops.overtaken,
+            DropReason::TooLate => &mut drops.too_late,
+        } += 1;
+        if self.observers.is_empty() {
+            return;
+        }
+        let operator = node.name.clone();
+        let at = self.now;
+        self.tell(&Event::Drop(Dropped { operator: &operator, stamp, at, reason }));
+        if self.decides() {
+            let decision = Decision::Drop { operator: operator.to_string(), stamp, at, reason };
+            self.tell(&Event::Decision(&decision));
+        }
+    }
+
+    /// Ends the run: tells the observers, gives the report.
+    pub(crate) fn finish(mut self, end: EndReason) -> Result<RunReport, RunError> {
+        let end = match (&self.failure, self.stop.take()) {
+            (Some(failure), _) => EndReason::Failed(failure.to_string()),
+            (None, Some(reason)) => EndReason::Stopped(reason),
+            (None, None) => end,
+        };
+        let report = RunReport {
+            digest: self.digest(),
+            end,
+            at: self.now,
+            seed: self.seed,
+            instants: self.instants,
+            operators: self.nodes.iter().map(|node| node.tally.clone()).collect(),
+            overlapped_steps: self.pool.as_ref().map_or(0, Pool::overlapped),
+        };
+        self.tell(&Event::End(&report));
+        match self.failure.take() {
+            Some(failure) => Err(failure),
+            None => Ok(report),
+        }
+    }
+
+    fn digest(&self) -> Digest {
+        self.digest.digest()
+    }
+}

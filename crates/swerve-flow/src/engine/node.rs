@@ -1,0 +1,261 @@
+//! The state of operators and streams during a run.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use swerve_core::{Span, Time};
+
+use crate::deadline::Deadline;
+use crate::input::{Slot, Timer};
+use crate::message::Msg;
+use crate::operator::{Body, Offered, OnDeadline};
+use crate::payload::{Decode, Outs};
+use crate::playback::PlaybackRecord;
+use crate::policy::Policy;
+use crate::report::OperatorReport;
+use crate::runtime::{Draw, RuntimeModel};
+
+/// One operator during a run; its index is its rank.
+pub(crate) struct Node {
+    pub(crate) name: Arc<str>,
+    /// Absent in a feed, and while a worker has it.
+    pub(crate) body: Option<Box<dyn Body>>,
+    pub(crate) on_deadline: Option<OnDeadline>,
+    /// What a feed publishes next, in order of its instants.
+    pub(crate) feed: Option<VecDeque<PlaybackRecord>>,
+    pub(crate) at: Vec<AtPort>,
+    pub(crate) timers: Vec<TimerPort>,
+    pub(crate) latest: Vec<LatestPort>,
+    /// The ports in the order of their declaration.
+    pub(crate) order: Vec<PortRef>,
+    /// One slot per port, filled for each step.
+    pub(crate) slots: Vec<Slot>,
+    /// The names of the streams that the ports read, timers left out.
+    pub(crate) reads: Arc<[Arc<str>]>,
+    pub(crate) streams: Vec<usize>,
+    pub(crate) runtime: RuntimeModel,
+    pub(crate) policy: Policy,
+    pub(crate) deadline: Option<Deadline>,
+    /// The stream that decides how long the deadline is.
+    pub(crate) policy_stream: Option<usize>,
+    pub(crate) uses: Option<usize>,
+    pub(crate) origin: bool,
+    pub(crate) heavy: bool,
+    /// Open frames that have not started, in order of stamps; the first `complete` are complete.
+    pub(crate) open: VecDeque<Open>,
+    pub(crate) complete: usize,
+    /// Steps that hold a place, in order of stamps.
+    pub(crate) running: VecDeque<Run>,
+    /// The newest stamp that was published or reacted for.
+    pub(crate) floor: Time,
+    /// The newest finished result, kept where a reaction may want it.
+    pub(crate) last: Option<Finished>,
+    /// Since when it has had a complete frame and a free place without a start.
+    pub(crate) since: Option<Time>,
+    /// It had a turn in this sweep whose (e) and (f) are still to come.
+    pub(crate) unsettled: bool,
+    pub(crate) tally: OperatorReport,
+}
+
+/// A synchronised port that reads a stream.
+pub(crate) struct AtPort {
+    pub(crate) watermark: Time,
+    /// Messages that no step has taken yet, in order of stamps.
+    pub(crate) queue: VecDeque<Msg>,
+    /// How many at the end of the queue came since the operator's last turn.
+    pub(crate) fresh: usize,
+    /// Delayed publications on their way: when they arrive, the message if any, the watermark.
+    pub(crate) pending: VecDeque<(Time, Option<Msg>, Time)>,
+}
+
+/// A timer port.
+pub(crate) struct TimerPort {
+    pub(crate) timer: Timer,
+    /// The next tick that was not taken in.
+    pub(crate) next: Time,
+    /// The tick at `next` opened its frame in this turn.
+    pub(crate) ticking: bool,
+    pub(crate) watermark: Time,
+}
+
+/// A port that reads the newest messages of a stream.
+pub(crate) struct LatestPort {
+    pub(crate) stream: usize,
+    pub(crate) depth: usize,
+    /// Gives all of them, not only the newest.
+    pub(crate) window: bool,
+    pub(crate) feedback: bool,
+}
+
+#[derive(Clone, Copy)]
+pub(crate) enum PortRef {
+    At(usize),
+    Timer(usize),
+    Latest(usize),
+}
+
+/// An open stamp whose step has not started.
+#[derive(Clone, Copy)]
+pub(crate) struct Open {
+    pub(crate) stamp: Time,
+    /// `Time::MAX` where it has none (yet).
+    pub(crate) deadline: Time,
+}
+
+/// A step that holds a place.
+pub(crate) struct Run {
+    pub(crate) stamp: Time,
+    pub(crate) start: Time,
+    /// The modelled end; a lower bound of it while `draw` still has to be settled.
+    pub(crate) end: Time,
+    pub(crate) settled: bool,
+    pub(crate) draw: Draw,
+    /// `Time::MAX` where there is none.
+    pub(crate) deadline: Time,
+    /// The modelled end has come.
+    pub(crate) finished: bool,
+    /// The stamp is answered: the step only holds its place until its end.
+    pub(crate) resolved: bool,
+    /// It holds a slot of the operator's resource.
+    pub(crate) slot: bool,
+    pub(crate) origin: Option<Time>,
+    pub(crate) reads: Vec<Option<Time>>,
+    pub(crate) offered: Option<Offered>,
+    pub(crate) outcome: Outcome,
+}
+
+/// What came of running a step on the host.
+pub(crate) enum Outcome {
+    /// A worker has it, under this ticket.
+    Away(u64),
+    Here(Box<Ran>),
+}
+
+/// A step that ran on the host.
+#[derive(Default)]
+pub(crate) struct Ran {
+    pub(crate) outs: Outs,
+    pub(crate) units: u64,
+    /// The count at which it was told to stop.
+    pub(crate) stopped_at: Option<u64>,
+    /// It went on after that.
+    pub(crate) went_on: bool,
+    pub(crate) stop_run: Option<String>,
+    pub(crate) host_ns: u64,
+    pub(crate) panic: Option<String>,
+}
+
+impl Ran {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.outs.iter().all(Option::is_none)
+    }
+}
+
+/// A finished result.
+#[derive(Clone)]
+pub(crate) struct Finished {
+    pub(crate) stamp: Time,
+    pub(crate) origin: Option<Time>,
+    pub(crate) reads: Vec<Option<Time>>,
+    pub(crate) outs: Outs,
+}
+
+/// One stream during a run.
+pub(crate) struct StreamState {
+    pub(crate) name: Arc<str>,
+    /// What stands for its name in the run's digest.
+    pub(crate) key: u64,
+    pub(crate) decode: Decode,
+    pub(crate) watermark: Time,
+    pub(crate) seq: u64,
+    pub(crate) delay: Span,
+    /// The ports that join on it: rank, port.
+    pub(crate) readers: Vec<(usize, usize)>,
+    /// The newest messages, as deep as its readers look.
+    pub(crate) history: VecDeque<Msg>,
+    /// How deep that is; 0 where nobody looks.
+    pub(crate) depth: usize,
+}
+
+impl StreamState {
+    /// The number of messages at the front of the history that are visible at `now`.
+    pub(crate) fn visible(&self, now: Time, strictly_before: bool) -> usize {
+        let hidden = |msg: &&Msg| {
+            let at = msg.header.visible_at.saturating_add(self.delay);
+            at > now || (strictly_before && at == now)
+        };
+        self.history.len() - self.history.iter().rev().take_while(hidden).count()
+    }
+
+    /// Keeps a message for readers of the newest ones, and forgets what none of them can see any more.
+    pub(crate) fn remember(&mut self, msg: Msg, now: Time) {
+        if self.depth == 0 {
+            return;
+        }
+        self.history.push_back(msg);
+        while self.history.len() > self.depth {
+            // The front is out of sight once `depth` younger ones are visible even across a feedback edge.
+            let covering = self.history[self.depth].header.visible_at.saturating_add(self.delay);
+            if covering >= now {
+                break;
+            }
+            self.history.pop_front();
+        }
+    }
+}
+
+impl Node {
+    /// The watermark that a publication of this moment carries; `Time::MIN` when there is none.
+    pub(crate) fn watermark(&self) -> Time {
+        let oldest = match self.running.iter().find(|run| !run.resolved) {
+            Some(run) => Some(run.stamp),
+            None => self.open.front().map(|open| open.stamp),
+        };
+        let below = oldest.map_or(Time::MAX, |stamp| stamp.saturating_add(Span::from_ns(-1)));
+        self.floor.max(self.joined().min(below))
+    }
+
+    /// The smallest watermark of the synchronised ports.
+    pub(crate) fn joined(&self) -> Time {
+        let at = self.at.iter().map(|port| port.watermark);
+        let timers = self.timers.iter().map(|port| port.watermark);
+        at.chain(timers).min().unwrap_or(Time::MIN)
+    }
+
+    /// How many steps may still start.
+    pub(crate) fn free_places(&self) -> usize {
+        self.policy.places().saturating_sub(self.running.len())
+    }
+
+    /// Where the frame of `stamp` has to be opened: nowhere if it is open or was answered.
+    pub(crate) fn opening(&self, stamp: Time) -> Option<usize> {
+        if stamp <= self.floor {
+            return None;
+        }
+        let index = match self.open.back() {
+            Some(last) if last.stamp >= stamp => self.open.partition_point(|open| open.stamp < stamp),
+            _ => return Some(self.open.len()),
+        };
+        (self.open[index].stamp != stamp).then_some(index)
+    }
+
+    /// Takes the message of the frame at `stamp` out of a port.
+    pub(crate) fn take(&mut self, port: usize, stamp: Time) -> Option<Msg> {
+        let queue = &mut self.at[port].queue;
+        if queue.front()?.header.stamp == stamp {
+            return queue.pop_front();
+        }
+        let index = queue.binary_search_by_key(&stamp, |msg| msg.header.stamp).ok()?;
+        queue.remove(index)
+    }
+
+    /// Removes the open frame at `index` and gives its stamp; its messages are forgotten.
+    pub(crate) fn discard(&mut self, index: usize) -> Time {
+        let open = self.open.remove(index).expect("the caller found it");
+        self.complete -= usize::from(index < self.complete);
+        for port in 0..self.at.len() {
+            self.take(port, open.stamp);
+        }
+        open.stamp
+    }
+}

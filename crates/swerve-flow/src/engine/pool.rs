@@ -1,0 +1,151 @@
+//! Worker threads for heavy steps. Which thread runs a step, and when, shows in no result.
+
+use std::collections::VecDeque;
+use std::io;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{Builder, JoinHandle};
+
+use super::node::Ran;
+use super::start::{Task, run};
+use crate::input::Slot;
+use crate::operator::Body;
+
+/// A step on its way to a worker.
+pub(crate) struct Job {
+    pub(crate) rank: usize,
+    pub(crate) name: Arc<str>,
+    pub(crate) body: Box<dyn Body>,
+    pub(crate) task: Task,
+    pub(crate) slots: Vec<Slot>,
+}
+
+/// A step on its way back.
+pub(crate) struct Done {
+    pub(crate) ticket: u64,
+    pub(crate) rank: usize,
+    pub(crate) body: Box<dyn Body>,
+    pub(crate) ran: Ran,
+}
+
+pub(crate) struct Pool {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+    tickets: u64,
+}
+
+/// Told whenever a step is done, beside the pool's own record: the wall-clock engine sleeps elsewhere.
+pub(crate) type Doorbell = Arc<dyn Fn() + Send + Sync>;
+
+struct Shared {
+    state: Mutex<State>,
+    work: Condvar,
+    done: Condvar,
+    doorbell: Option<Doorbell>,
+    running: AtomicU64,
+    overlapped: AtomicU64,
+}
+
+#[derive(Default)]
+struct State {
+    jobs: VecDeque<(u64, Job)>,
+    done: Vec<Done>,
+    closed: bool,
+}
+
+impl Pool {
+    pub(crate) fn new(threads: usize, doorbell: Option<Doorbell>) -> io::Result<Self> {
+        let shared = Arc::new(Shared {
+            state: Mutex::default(),
+            work: Condvar::new(),
+            done: Condvar::new(),
+            doorbell,
+            running: AtomicU64::new(0),
+            overlapped: AtomicU64::new(0),
+        });
+        let mut pool = Self { shared, threads: Vec::new(), tickets: 0 };
+        for i in 0..threads {
+            let shared = pool.shared.clone();
+            pool.threads
+                .push(Builder::new().name(format!("swerve-worker-{i}")).spawn(move || shared.work())?);
+        }
+        Ok(pool)
+    }
+
+    pub(crate) fn submit(&mut self, job: Job) -> u64 {
+        self.tickets += 1;
+        self.shared.lock().jobs.push_back((self.tickets, job));
+        self.shared.work.notify_one();
+        self.tickets
+    }
+
+    /// Waits for one step.
+    pub(crate) fn wait(&mut self, ticket: u64) -> Done {
+        let mut state = self.shared.lock();
+        loop {
+            if let Some(index) = state.done.iter().position(|done| done.ticket == ticket) {
+                return state.done.swap_remove(index);
+            }
+            state = self.shared.done.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// The steps that are done, by ticket and rank, without waiting.
+    pub(crate) fn finished(&self) -> Vec<(u64, usize)> {
+        self.shared.lock().done.iter().map(|done| (done.ticket, done.rank)).collect()
+    }
+
+    /// How many steps began while another one ran.
+    pub(crate) fn overlapped(&self) -> u64 {
+        self.shared.overlapped.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        {
+            let mut state = self.shared.lock();
+            state.closed = true;
+            state.jobs.clear();
+        }
+        self.shared.work.notify_all();
+        for thread in self.threads.drain(..) {
+            // A worker catches what operators panic with, so this one has nothing to say.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn work(&self) {
+        loop {
+            let mut state = self.lock();
+            let (ticket, job) = loop {
+                if state.closed {
+                    return;
+                }
+                if let Some(job) = state.jobs.pop_front() {
+                    break job;
+                }
+                state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
+            };
+            drop(state);
+            if self.running.fetch_add(1, Ordering::Relaxed) > 0 {
+                self.overlapped.fetch_add(1, Ordering::Relaxed);
+            }
+            let Job { rank, name, mut body, task, mut slots } = job;
+            let ran = run(&mut *body, &name, task, &mut slots, true);
+            drop(slots);
+            self.running.fetch_sub(1, Ordering::Relaxed);
+            self.lock().done.push(Done { ticket, rank, body, ran });
+            self.done.notify_all();
+            if let Some(ring) = &self.doorbell {
+                ring();
+            }
+        }
+    }
+}

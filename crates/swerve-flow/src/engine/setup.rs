@@ -1,0 +1,187 @@
+//! From a checked graph to an engine at rest.
+
+use std::collections::VecDeque;
+
+use swerve_core::{Hasher, Span, Time, digest_of};
+
+use super::due::{Due, Ready};
+use super::node::{AtPort, LatestPort, Node, PortRef, StreamState, TimerPort};
+use super::pool::{Doorbell, Pool};
+use super::resource::ResourceState;
+use super::{Engine, Replay};
+use crate::deadline::Length;
+use crate::graph::{BodySpec, Graph, OperatorSpec, ranks};
+use crate::input::{Edge, PortSpec, Slot};
+use crate::observer::Observer;
+use crate::options::RunOptions;
+use crate::report::{OperatorReport, RunError};
+
+impl<'o> Engine<'o> {
+    pub(crate) fn new(
+        graph: Graph,
+        options: &RunOptions,
+        replay: Option<Replay>,
+        observers: Vec<&'o mut dyn Observer>,
+        doorbell: Option<Doorbell>,
+    ) -> Result<Self, RunError> {
+        let order = ranks(&graph)?;
+        let mut streams = streams(&graph);
+        let mut rank_of = vec![0; order.len()];
+        for (rank, index) in order.iter().enumerate() {
+            rank_of[*index] = rank;
+        }
+        wire(&graph, &rank_of, &mut streams);
+        let heavy = graph.operators.iter().any(|operator| operator.heavy);
+        let threads = if heavy && options.threads > 1 { options.threads } else { 0 };
+        let mut resources: Vec<ResourceState> = graph
+            .resources
+            .iter()
+            .map(|resource| ResourceState { slots: resource.slots, users: Vec::new(), touched: false })
+            .collect();
+        for (rank, index) in order.iter().enumerate() {
+            if let Some(id) = graph.operators[*index].uses {
+                resources[id].users.push(rank);
+            }
+        }
+        let names: Vec<_> = graph.streams.iter().map(|stream| stream.name.clone()).collect();
+        let feedbacks: Vec<_> = graph.feedbacks.iter().map(|edge| edge.stream).collect();
+        let stream_of = |edge: Edge| match edge {
+            Edge::Stream(id) => id,
+            Edge::Feedback(id) => {
+                feedbacks[id].expect("the check saw that every edge that is read is connected")
+            }
+        };
+        let mut specs: Vec<Option<OperatorSpec>> = graph.operators.into_iter().map(Some).collect();
+        let specs = order.iter().map(|index| specs[*index].take().expect("each operator has one rank"));
+        let nodes: Vec<Node> = specs.map(|spec| node(spec, &stream_of, &names)).collect();
+        let (due, ready) = (Due::new(nodes.len()), Ready::new(nodes.len()));
+        let mut engine = Self {
+            nodes,
+            streams,
+            resources,
+            due,
+            ready,
+            now: Time::ZERO,
+            pass: 0,
+            pool: (threads > 0).then(|| Pool::new(threads, doorbell)).transpose()?,
+            wall: None,
+            seed: options.seed,
+            replay,
+            digest: Hasher::new(),
+            instants: 0,
+            observers,
+            stop: None,
+            failure: None,
+        };
+        (0..engine.nodes.len()).for_each(|rank| engine.rearm(rank));
+        Ok(engine)
+    }
+}
+
+fn streams(graph: &Graph) -> Vec<StreamState> {
+    let state = |spec: &crate::graph::StreamSpec| StreamState {
+        name: spec.name.clone(),
+        key: digest_of(&*spec.name).0,
+        decode: spec.decode,
+        watermark: Time::MIN,
+        seq: 0,
+        delay: graph.operators[spec.producer].delay,
+        readers: Vec::new(),
+        history: VecDeque::new(),
+        depth: 0,
+    };
+    graph.streams.iter().map(state).collect()
+}
+
+/// Tells every stream who joins on it and how deep others look into it.
+fn wire(graph: &Graph, rank_of: &[usize], streams: &mut [StreamState]) {
+    for (operator, rank) in graph.operators.iter().zip(rank_of) {
+        let mut joins = 0;
+        for port in &operator.ports {
+            match *port {
+                PortSpec::At(id) => {
+                    streams[id].readers.push((*rank, joins));
+                    joins += 1;
+                }
+                PortSpec::Latest { edge, depth, .. } => {
+                    let id = graph
+                        .stream_of(edge)
+                        .expect("the check saw that every edge that is read is connected");
+                    streams[id].depth = streams[id].depth.max(depth);
+                }
+                PortSpec::Timer(_) => {}
+            }
+        }
+        if let Some(Length::Policy(edge, _)) = operator.deadline.map(|deadline| deadline.length) {
+            let id = graph.stream_of(edge).expect("the check saw that every edge that is read is connected");
+            streams[id].depth = streams[id].depth.max(1);
+        }
+    }
+}
+
+fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sync::Arc<str>]) -> Node {
+    let (mut at, mut timers, mut latest) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut order, mut reads) = (Vec::new(), Vec::new());
+    for port in &spec.ports {
+        match *port {
+            PortSpec::At(id) => {
+                order.push(PortRef::At(at.len()));
+                reads.push(names[id].clone());
+                let (queue, pending) = (VecDeque::new(), VecDeque::new());
+                at.push(AtPort { watermark: Time::MIN, queue, fresh: 0, pending });
+            }
+            PortSpec::Timer(timer) => {
+                order.push(PortRef::Timer(timers.len()));
+                let next = Time::ZERO + timer.phase;
+                let watermark = next.saturating_add(Span::from_ns(-1));
+                timers.push(TimerPort { timer, next, ticking: false, watermark });
+            }
+            PortSpec::Latest { edge, depth, window } => {
+                order.push(PortRef::Latest(latest.len()));
+                let stream = stream_of(edge);
+                reads.push(names[stream].clone());
+                latest.push(LatestPort {
+                    stream,
+                    depth,
+                    window,
+                    feedback: matches!(edge, Edge::Feedback(_)),
+                });
+            }
+        }
+    }
+    let (body, on_deadline, feed) = match spec.body {
+        BodySpec::Operator(body, on_deadline) => (Some(body), Some(on_deadline), None),
+        BodySpec::Feed(records) => (None, None, Some(records.into())),
+    };
+    Node {
+        slots: order.iter().map(|_| Slot::Empty).collect(),
+        tally: OperatorReport { name: spec.name.to_string(), ..OperatorReport::default() },
+        name: spec.name,
+        body,
+        on_deadline,
+        feed,
+        at,
+        timers,
+        latest,
+        order,
+        reads: reads.into(),
+        streams: spec.streams,
+        runtime: spec.runtime,
+        policy: spec.policy,
+        deadline: spec.deadline,
+        policy_stream: match spec.deadline.map(|deadline| deadline.length) {
+            Some(Length::Policy(edge, _)) => Some(stream_of(edge)),
+            _ => None,
+        },
+        uses: spec.uses,
+        origin: spec.origin,
+        heavy: spec.heavy,
+        open: VecDeque::new(),
+        complete: 0,
+        running: VecDeque::new(),
+        floor: Time::MIN,
+        last: None,
+        since: None,
+        unsettled: false,
+    }
+}

@@ -1,0 +1,316 @@
+//! Starting a step: what it reads, how long it takes, where it runs.
+
+use core::panic::AssertUnwindSafe;
+use std::panic::catch_unwind;
+use std::sync::{Arc, Mutex};
+
+use swerve_core::{Span, Time};
+
+use super::node::{Outcome, PortRef, Ran, Run};
+use super::pool::Job;
+use super::{Engine, Event};
+use crate::deadline::{Anchor, Reaction};
+use crate::decision::{Decided, Decision};
+use crate::graph::newest;
+use crate::input::Slot;
+use crate::observer::{Reads, StepStart};
+use crate::operator::{Body, Context, ErasedMiss, Meter, Offered};
+use crate::payload::Outs;
+use crate::report::RunError;
+use crate::runtime::{Draw, RuntimeModel};
+
+/// What a step needs to run, on whatever thread.
+pub(super) struct Task {
+    pub(super) now: Time,
+    pub(super) stamp: Time,
+    pub(super) deadline: Option<Time>,
+    pub(super) seed: u64,
+    pub(super) meter: Meter,
+}
+
+impl Engine<'_> {
+    /// Starts the step for the oldest complete frame.
+    pub(super) fn start(&mut self, rank: usize) {
+        let now = self.now;
+        self.wait_for_body(rank);
+        let anchor = self.nodes[rank].deadline.map(|deadline| deadline.anchor);
+        let node = &mut self.nodes[rank];
+        let open = node.open.pop_front().expect("the caller saw a complete frame");
+        node.complete -= 1;
+        node.since = None;
+        let stamp = open.stamp;
+        let deadline = match anchor {
+            Some(Anchor::Start) => self.deadline_from(rank, now),
+            _ => open.deadline,
+        };
+        let (origin, reads) = self.fill_slots(rank, stamp);
+        let decided = self.replay.as_ref().and_then(|replay| replay.step(&self.nodes[rank].name, stamp));
+        let draw = self.draw(rank, stamp, decided);
+        self.nodes[rank].tally.steps += 1;
+        self.tell_start(rank, stamp, deadline, &reads);
+
+        let meter = self.meter(rank, deadline, decided);
+        let offered = meter.offered.clone();
+        let due = (deadline < Time::MAX).then_some(deadline);
+        let task = Task { now, stamp, deadline: due, seed: self.seed, meter };
+        let (end, settled) = match draw {
+            Draw::Known(span) | Draw::Unrecorded(span) => (now.saturating_add(span), true),
+            Draw::Work(base) => (now.saturating_add(base).min(deadline), false),
+            Draw::Measured => (now, false),
+        };
+        let node = &mut self.nodes[rank];
+        let away = node.heavy && end > now && self.pool.is_some();
+        let outcome = if away { self.send_away(rank, task) } else { self.run_here(rank, task) };
+        let node = &mut self.nodes[rank];
+        let slot = node.uses.is_some();
+        let (finished, resolved) = (false, false);
+        let run = Run {
+            stamp,
+            start: now,
+            end,
+            settled,
+            draw,
+            deadline,
+            finished,
+            resolved,
+            slot,
+            origin,
+            reads,
+            offered,
+            outcome,
+        };
+        node.running.push_back(run);
+        if !away {
+            let index = node.running.len() - 1;
+            self.settle_ran(rank, index);
+        }
+    }
+
+    /// Puts what the step reads into the slots; gives the origin and the stamps that come of it.
+    fn fill_slots(&mut self, rank: usize, stamp: Time) -> (Option<Time>, Vec<Option<Time>>) {
+        let observed = !self.observers.is_empty();
+        let now = self.now;
+        let node = &mut self.nodes[rank];
+        let mut slots = core::mem::take(&mut node.slots);
+        let mut reads = Vec::with_capacity(if observed { node.reads.len() } else { 0 });
+        let mut origin = None;
+        for (slot, port) in slots.iter_mut().zip(0..) {
+            let header = match node.order[port] {
+                PortRef::At(port) => match node.take(port, stamp) {
+                    Some(msg) => {
+                        let header = msg.header;
+                        *slot = Slot::Message(msg);
+                        Some(header)
+                    }
+                    None => {
+                        *slot = Slot::Empty;
+                        None
+                    }
+                },
+                PortRef::Timer(port) => {
+                    let timer = &node.timers[port];
+                    let since = stamp - timer.timer.phase;
+                    let ticks = since.ns() >= 0 && since.ns() % timer.timer.period.ns() == 0;
+                    *slot = if ticks { Slot::Tick } else { Slot::Empty };
+                    continue;
+                }
+                PortRef::Latest(port) => {
+                    let port = &node.latest[port];
+                    let stream = &self.streams[port.stream];
+                    let visible = stream.visible(now, port.feedback);
+                    *slot = match visible.checked_sub(1) {
+                        None => Slot::Empty,
+                        Some(index) if port.window => {
+                            let first = visible.saturating_sub(port.depth);
+                            Slot::Window(stream.history.range(first..=index).cloned().collect())
+                        }
+                        Some(index) => Slot::Message(stream.history[index].clone()),
+                    };
+                    visible.checked_sub(1).map(|index| stream.history[index].header)
+                }
+            };
+            origin = newest(origin, header.and_then(|header| header.origin));
+            if observed {
+                reads.push(header.map(|header| header.stamp));
+            }
+        }
+        node.slots = slots;
+        let origin = if node.origin { Some(stamp) } else { origin };
+        (origin, reads)
+    }
+
+    fn draw(&mut self, rank: usize, stamp: Time, decided: Option<Decided>) -> Draw {
+        let node = &mut self.nodes[rank];
+        if let Some(span) = decided.and_then(|decided| decided.run_time) {
+            return Draw::Known(span);
+        }
+        let draw = node.runtime.draw(self.seed, &node.name, stamp, node.tally.steps);
+        node.tally.unrecorded += u64::from(matches!(draw, Draw::Unrecorded(_)));
+        draw
+    }
+
+    /// Whether the next step is known to take no time, so that it needs no slot.
+    pub(super) fn takes_no_time(&self, rank: usize, stamp: Time) -> bool {
+        let node = &self.nodes[rank];
+        let decided = self.replay.as_ref().and_then(|replay| replay.step(&node.name, stamp));
+        let draw = match decided.and_then(|decided| decided.run_time) {
+            Some(span) => Draw::Known(span),
+            None => node.runtime.draw(self.seed, &node.name, stamp, node.tally.steps),
+        };
+        matches!(draw, Draw::Known(Span::ZERO) | Draw::Unrecorded(Span::ZERO))
+    }
+
+    fn meter(&self, rank: usize, deadline: Time, decided: Option<Decided>) -> Meter {
+        let node = &self.nodes[rank];
+        let mut meter = Meter::default();
+        if deadline == Time::MAX {
+            return meter;
+        }
+        let cut = match (decided, &self.wall) {
+            (Some(decided), _) => {
+                meter.limit = decided.stop_at;
+                meter.offers_max = decided.offers;
+                true
+            }
+            (None, Some(wall)) => {
+                meter.time_is_out = Some(wall.time_is_out(deadline));
+                true
+            }
+            (None, None) => {
+                let work = matches!(node.runtime, RuntimeModel::Work { .. });
+                meter.limit = work.then(|| node.runtime.units_within(deadline - self.now));
+                work
+            }
+        };
+        let reaction = node.deadline.map(|deadline| deadline.reaction);
+        meter.offered = (cut && reaction == Some(Reaction::OnDeadline)).then(offered);
+        meter
+    }
+
+    fn run_here(&mut self, rank: usize, task: Task) -> Outcome {
+        let timed = self.host_time(rank);
+        let node = &mut self.nodes[rank];
+        let body = node.body.as_mut().expect("the operator is not away");
+        Outcome::Here(Box::new(run(&mut **body, &node.name, task, &mut node.slots, timed)))
+    }
+
+    fn send_away(&mut self, rank: usize, task: Task) -> Outcome {
+        let node = &mut self.nodes[rank];
+        let empty = node.slots.iter().map(|_| Slot::Empty).collect();
+        let slots = core::mem::replace(&mut node.slots, empty);
+        let body = node.body.take().expect("the operator is not away");
+        let pool = self.pool.as_mut().expect("the caller saw it");
+        Outcome::Away(pool.submit(Job { rank, name: node.name.clone(), body, task, slots }))
+    }
+
+    /// Makes sure that the step at `index` ran, and that its end is exact; says whether it has come.
+    pub(super) fn settle(&mut self, rank: usize, index: usize) -> bool {
+        self.wait_for(rank, index);
+        self.nodes[rank].running.get(index).is_some_and(|run| run.end <= self.now) && self.failure.is_none()
+    }
+
+    /// Waits until the worker that has the step is done with it.
+    pub(super) fn wait_for(&mut self, rank: usize, index: usize) {
+        let Outcome::Away(ticket) = self.nodes[rank].running[index].outcome else { return };
+        let done = self.pool.as_mut().expect("a worker has the step").wait(ticket);
+        self.nodes[rank].body = Some(done.body);
+        self.nodes[rank].running[index].outcome = Outcome::Here(Box::new(done.ran));
+        self.settle_ran(rank, index);
+    }
+
+    /// Waits until the operator's state is back from the worker that runs its previous step.
+    fn wait_for_body(&mut self, rank: usize) {
+        if self.nodes[rank].body.is_some() {
+            return;
+        }
+        let away = |run: &Run| matches!(run.outcome, Outcome::Away(_));
+        if let Some(index) = self.nodes[rank].running.iter().position(away) {
+            self.wait_for(rank, index);
+        }
+    }
+
+    /// Works out the end of a step that ran, and notes if it failed.
+    fn settle_ran(&mut self, rank: usize, index: usize) {
+        let node = &mut self.nodes[rank];
+        let run = &mut node.running[index];
+        let Outcome::Here(ran) = &mut run.outcome else { return };
+        if let Some(message) = ran.panic.take() {
+            self.failure = Some(RunError::Panic { operator: node.name.to_string(), message });
+            return;
+        }
+        if run.settled {
+            return;
+        }
+        run.settled = true;
+        match run.draw {
+            Draw::Known(_) | Draw::Unrecorded(_) => {}
+            Draw::Work(_) => {
+                run.end = run.start.saturating_add(node.runtime.worked(ran.units));
+                if ran.stopped_at.is_some() && !ran.went_on {
+                    // A step that stops when told to ends in time.
+                    run.end = run.end.min(run.deadline);
+                }
+            }
+            Draw::Measured => {
+                run.end = run.start.saturating_add(node.runtime.measured(ran.host_ns));
+                let (operator, stamp) = (node.name.to_string(), run.stamp);
+                let run_time = run.end - run.start;
+                self.tell(&Event::Decision(&Decision::RunTime { operator, stamp, run_time }));
+            }
+        }
+    }
+
+    fn tell_start(&mut self, rank: usize, stamp: Time, deadline: Time, reads: &[Option<Time>]) {
+        if self.observers.is_empty() {
+            return;
+        }
+        let (operator, names) = (self.nodes[rank].name.clone(), self.nodes[rank].reads.clone());
+        let deadline = (deadline < Time::MAX).then_some(deadline);
+        let reads = Reads { names: &names, stamps: reads };
+        self.tell(&Event::StepStart(StepStart { operator: &operator, stamp, at: self.now, deadline, reads }));
+    }
+
+    /// Calls the operator's reaction; what it panics with ends the run.
+    pub(super) fn call_on_deadline(&mut self, rank: usize, miss: &ErasedMiss<'_>) -> Outs {
+        let mut outs = Outs::default();
+        if let Some(react) = self.nodes[rank].on_deadline
+            && let Err(panic) = catch_unwind(AssertUnwindSafe(|| react(miss, &mut outs)))
+        {
+            let operator = self.nodes[rank].name.to_string();
+            self.failure = Some(RunError::Panic { operator, message: said(&*panic) });
+            outs = Outs::default();
+        }
+        outs
+    }
+
+    /// Whether the host time of the operator's steps is wanted.
+    fn host_time(&self, rank: usize) -> bool {
+        !self.observers.is_empty() || matches!(self.nodes[rank].runtime, RuntimeModel::Measured { .. })
+    }
+}
+
+/// Runs one step on the present thread.
+pub(super) fn run(body: &mut dyn Body, name: &str, task: Task, slots: &mut [Slot], timed: bool) -> Ran {
+    let Task { now, stamp, deadline, seed, meter } = task;
+    let mut cx = Context { name, now, stamp, deadline, seed, rng: None, meter, stop_run: None };
+    let mut ran = Ran::default();
+    let begin = timed.then(crate::host::now);
+    let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, &mut ran.outs)));
+    ran.host_ns = begin.map_or(0, crate::host::ns_since);
+    ran.panic = result.err().map(|panic| said(&*panic));
+    ran.units = cx.meter.units;
+    ran.stopped_at = cx.meter.stopped_at;
+    ran.went_on = cx.meter.went_on;
+    ran.stop_run = cx.stop_run;
+    ran
+}
+
+/// What a panic said.
+fn said(panic: &(dyn core::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_string());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
+}
+
+fn offered() -> Offered {
+    Arc::new(Mutex::new((0, Outs::default())))
+}

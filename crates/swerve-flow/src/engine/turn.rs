@@ -1,0 +1,442 @@
+//! One operator's turn in a sweep: execution.md, section 3, (a) to (f).
+
+use std::sync::PoisonError;
+
+use swerve_core::{Span, Time};
+
+use super::Engine;
+use super::node::{Finished, Outcome};
+use crate::deadline::{Anchor, Length, Reaction};
+use crate::decision::Decision;
+use crate::input::Edge;
+use crate::observer::{DropReason, Event, Miss, StepEnd};
+use crate::operator::ErasedMiss;
+use crate::payload::Outs;
+use crate::policy::{Full, Policy};
+use crate::report::RunError;
+
+impl Engine<'_> {
+    /// Lets the operator do all that is due for it at the present instant.
+    pub(super) fn turn(&mut self, rank: usize) {
+        if self.nodes[rank].feed.is_some() {
+            self.publish_feed(rank);
+            return self.rearm(rank);
+        }
+        self.arrive(rank);
+        loop {
+            let mut changed = self.publish_due(rank);
+            changed |= self.handle_deadlines(rank);
+            changed |= self.take_in(rank);
+            changed |= self.start_allowed(rank);
+            if !changed || self.failure.is_some() {
+                break;
+            }
+        }
+        if self.nodes[rank].uses.is_some() {
+            self.nodes[rank].unsettled = true;
+            self.resources_touched(rank);
+        } else {
+            self.bound_queue(rank);
+            self.publish_watermark(rank);
+        }
+        self.rearm(rank);
+    }
+
+    /// Opens the frames of what became visible since the last turn.
+    fn arrive(&mut self, rank: usize) {
+        let now = self.now;
+        for port in 0..self.nodes[rank].at.len() {
+            let at = &mut self.nodes[rank].at[port];
+            while at.pending.front().is_some_and(|(arrival, ..)| *arrival <= now) {
+                let (_, msg, watermark) = at.pending.pop_front().expect("just seen");
+                at.watermark = watermark;
+                at.fresh += usize::from(msg.is_some());
+                at.queue.extend(msg);
+            }
+            let fresh = core::mem::take(&mut at.fresh);
+            let mut index = at.queue.len() - fresh;
+            for _ in 0..fresh {
+                let node = &mut self.nodes[rank];
+                let stamp = node.at[port].queue[index].header.stamp;
+                if stamp <= node.floor {
+                    node.at[port].queue.remove(index);
+                    self.drop_stamp(rank, stamp, DropReason::TooLate);
+                } else {
+                    index += 1;
+                    self.open(rank, stamp);
+                }
+            }
+        }
+        for timer in 0..self.nodes[rank].timers.len() {
+            let port = &mut self.nodes[rank].timers[timer];
+            if port.next <= now && !port.ticking {
+                port.ticking = true;
+                let stamp = port.next;
+                self.open(rank, stamp);
+            }
+        }
+    }
+
+    fn open(&mut self, rank: usize, stamp: Time) {
+        if let Some(index) = self.nodes[rank].opening(stamp) {
+            let deadline = match self.nodes[rank].deadline.map(|deadline| deadline.anchor) {
+                Some(Anchor::Arrival) => self.deadline_from(rank, self.now),
+                Some(Anchor::Stamp) => self.deadline_from(rank, stamp),
+                Some(Anchor::Start) | None => Time::MAX,
+            };
+            self.nodes[rank].open.insert(index, super::node::Open { stamp, deadline });
+        }
+    }
+
+    /// The deadline that counts from `anchor`, with the length of the present instant.
+    pub(super) fn deadline_from(&self, rank: usize, anchor: Time) -> Time {
+        let length = match self.nodes[rank].deadline.map(|deadline| deadline.length) {
+            None => return Time::MAX,
+            Some(Length::Static(length)) => length,
+            Some(Length::Policy(edge, before)) => {
+                let stream =
+                    &self.streams[self.nodes[rank].policy_stream.expect("set where a policy is read")];
+                let newest = stream.visible(self.now, matches!(edge, Edge::Feedback(_))).checked_sub(1);
+                newest.map_or(before, |index| *stream.history[index].sent.typed::<Span>())
+            }
+        };
+        anchor.saturating_add(length)
+    }
+
+    /// (a) Publishes the results that are due, in stamp order.
+    fn publish_due(&mut self, rank: usize) -> bool {
+        let now = self.now;
+        let mut changed = false;
+        let mut waits = false;
+        let mut index = 0;
+        while let Some(run) = self.nodes[rank].running.get(index) {
+            if run.end > now || !self.settle(rank, index) {
+                let run = &self.nodes[rank].running[index];
+                waits |= !run.resolved && !self.nodes[rank].policy.overtakes();
+                index += 1;
+                continue;
+            }
+            if !self.nodes[rank].running[index].finished {
+                self.finish_step(rank, index);
+                changed = true;
+            }
+            let run = &self.nodes[rank].running[index];
+            if !run.resolved && waits && !ran(run).is_empty() {
+                index += 1;
+                continue;
+            }
+            let run = self.nodes[rank].running.remove(index).expect("just seen");
+            changed = true;
+            if run.resolved {
+                continue;
+            }
+            if let Outcome::Here(ran) = &run.outcome
+                && !ran.is_empty()
+            {
+                // Those before it in the line that are still running give up their stamps.
+                index -= self.resolve_older(rank, run.stamp);
+                let result =
+                    Answer { stamp: run.stamp, reused_from: None, origin: run.origin, reads: &run.reads };
+                self.publish(rank, &result, &ran.outs);
+            }
+        }
+        changed
+    }
+
+    /// Notes that the modelled end of a step has come.
+    fn finish_step(&mut self, rank: usize, index: usize) {
+        let keep = self.nodes[rank].deadline.is_some_and(|deadline| deadline.reaction != Reaction::Skip);
+        let node = &mut self.nodes[rank];
+        let run = &mut node.running[index];
+        run.finished = true;
+        let Outcome::Here(ran) = &mut run.outcome else { return };
+        node.tally.ended += 1;
+        node.tally.busy += run.end - run.start;
+        node.tally.units += ran.units;
+        if let Some(reason) = ran.stop_run.take() {
+            self.stop.get_or_insert(reason);
+        }
+        if keep && !ran.is_empty() && node.last.as_ref().is_none_or(|last| last.stamp < run.stamp) {
+            let (stamp, origin) = (run.stamp, run.origin);
+            node.last = Some(Finished { stamp, origin, reads: run.reads.clone(), outs: ran.outs.clone() });
+        }
+        if self.observers.is_empty() {
+            return;
+        }
+        let name = node.name.clone();
+        let event = StepEnd {
+            operator: &name,
+            stamp: run.stamp,
+            start: run.start,
+            end: run.end,
+            units: ran.units,
+            host_ns: ran.host_ns,
+            late: run.resolved,
+        };
+        self.tell(&Event::StepEnd(event));
+    }
+
+    /// Resolves what is older than `stamp`, which is being answered; gives the number of running steps that
+    /// left the line with it.
+    fn resolve_older(&mut self, rank: usize, stamp: Time) -> usize {
+        let mut left = 0;
+        let mut index = 0;
+        while let Some(run) = self.nodes[rank].running.get_mut(index) {
+            if run.stamp >= stamp {
+                break;
+            }
+            let (older, waits_only) = (run.stamp, run.finished);
+            let newly = !core::mem::replace(&mut run.resolved, true);
+            if newly && waits_only {
+                self.nodes[rank].running.remove(index);
+                left += 1;
+            } else {
+                index += 1;
+            }
+            if newly {
+                self.drop_stamp(rank, older, DropReason::Overtaken);
+            }
+        }
+        while self.nodes[rank].open.front().is_some_and(|open| open.stamp < stamp) {
+            let older = self.nodes[rank].discard(0);
+            self.drop_stamp(rank, older, DropReason::GivenUp);
+        }
+        left
+    }
+
+    /// (b) Handles the deadlines that have passed, in stamp order.
+    fn handle_deadlines(&mut self, rank: usize) -> bool {
+        let now = self.now;
+        if self.nodes[rank].deadline.is_none() {
+            return false;
+        }
+        let mut changed = false;
+        loop {
+            let node = &self.nodes[rank];
+            let late = |run: &super::node::Run| !run.resolved && run.deadline <= now;
+            if let Some(index) = node.running.iter().position(late) {
+                self.miss_running(rank, index);
+            } else if let Some(index) = node.open.iter().position(|open| open.deadline <= now) {
+                let open = self.nodes[rank].open[index];
+                self.nodes[rank].discard(index);
+                let missed = Missed { stamp: open.stamp, deadline: open.deadline, started: false };
+                self.react(rank, &missed, Step::default());
+            } else {
+                return changed;
+            }
+            changed = true;
+        }
+    }
+
+    fn miss_running(&mut self, rank: usize, index: usize) {
+        let run = &mut self.nodes[rank].running[index];
+        run.resolved = true;
+        let missed = Missed { stamp: run.stamp, deadline: run.deadline, started: true };
+        let origin = run.origin;
+        if run.finished {
+            // It only waited for an older result: its place is free from now on, and `reuse_last` takes it.
+            let run = self.nodes[rank].running.remove(index).expect("just seen");
+            let outs = ran(&run).outs.clone();
+            let own = Finished { stamp: run.stamp, origin, reads: run.reads, outs };
+            return self.react(rank, &missed, Step { own: Some(own), ..Step::default() });
+        }
+        let offered = run.offered.clone();
+        if offered.is_some() && !self.decides() {
+            // What the step offered under its budget is a function of its inputs: wait until it ran.
+            self.wait_for(rank, index);
+        }
+        let reads = self.nodes[rank].running[index].reads.clone();
+        let offered = offered.map(|offered| offered.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        self.react(rank, &missed, Step { own: None, offered, origin, reads });
+    }
+
+    /// Publishes the reaction to a missed deadline.
+    fn react(&mut self, rank: usize, missed: &Missed, step: Step) {
+        let reaction = self.nodes[rank].deadline.map_or(Reaction::Skip, |deadline| deadline.reaction);
+        self.nodes[rank].tally.misses += 1;
+        self.tell_miss(rank, missed, reaction, step.offered.as_ref().map_or(0, |(n, _)| *n));
+        self.resolve_older(rank, missed.stamp);
+        self.nodes[rank].floor = missed.stamp;
+        let last = self.nodes[rank].last.take();
+        match reaction {
+            Reaction::Skip => {}
+            Reaction::ReuseLast => {
+                if let Some(last) = step.own.as_ref().or(last.as_ref()) {
+                    let (reused_from, origin) = (Some(last.stamp), last.origin);
+                    let answer = Answer { stamp: missed.stamp, reused_from, origin, reads: &last.reads };
+                    self.publish(rank, &answer, &last.outs);
+                }
+            }
+            Reaction::OnDeadline => self.react_by_operator(rank, missed.stamp, step, last.as_ref()),
+        }
+        self.nodes[rank].last = last;
+    }
+
+    fn react_by_operator(&mut self, rank: usize, stamp: Time, step: Step, last: Option<&Finished>) {
+        let offered = step.offered.filter(|(n, _)| *n > 0).map(|(_, outs)| outs);
+        let miss = ErasedMiss {
+            stamp,
+            now: self.now,
+            last: last.map(|last| (last.stamp, &last.outs)),
+            offered: offered.as_ref(),
+        };
+        let outs = self.call_on_deadline(rank, &miss);
+        // It derives from the running step if that offered something, else from the newest result.
+        let (origin, reads) = match (&offered, last) {
+            (Some(_), _) => (step.origin, &step.reads[..]),
+            (None, Some(last)) => (last.origin, &last.reads[..]),
+            (None, None) => (None, &[][..]),
+        };
+        if outs.iter().any(Option::is_some) {
+            self.publish(rank, &Answer { stamp, reused_from: None, origin, reads }, &outs);
+        }
+    }
+
+    fn tell_miss(&mut self, rank: usize, missed: &Missed, reaction: Reaction, offers: u64) {
+        if self.observers.is_empty() {
+            return;
+        }
+        let name = self.nodes[rank].name.clone();
+        let &Missed { stamp, deadline, started } = missed;
+        let at = self.now;
+        self.tell(&Event::Miss(Miss { operator: &name, stamp, deadline, at, reaction, started }));
+        if self.decides() {
+            let decision = Decision::Deadline { operator: name.to_string(), stamp, at, offers };
+            self.tell(&Event::Decision(&decision));
+        }
+    }
+
+    /// (c) Takes in ticks and newly complete frames.
+    fn take_in(&mut self, rank: usize) -> bool {
+        let node = &mut self.nodes[rank];
+        for port in &mut node.timers {
+            if core::mem::take(&mut port.ticking) {
+                port.next = port.next.saturating_add(port.timer.period);
+                port.watermark = port.next.saturating_add(Span::from_ns(-1));
+            }
+        }
+        if node.open.len() == node.complete {
+            return false;
+        }
+        let joined = node.joined();
+        let before = node.complete;
+        while node.open.get(node.complete).is_some_and(|open| open.stamp <= joined) {
+            node.complete += 1;
+        }
+        node.complete > before
+    }
+
+    /// (d) Starts what the busy policy allows. Steps that need a slot start after the sweep.
+    fn start_allowed(&mut self, rank: usize) -> bool {
+        let node = &self.nodes[rank];
+        if node.complete == 0 || node.free_places() == 0 {
+            return false;
+        }
+        if node.uses.is_some() {
+            return self.start_without_slot(rank);
+        }
+        let places = node.free_places();
+        self.start_some(rank, places);
+        true
+    }
+
+    /// Starts up to `n` frames as the policy chooses them; those that it passes over are dropped.
+    pub(super) fn start_some(&mut self, rank: usize, n: usize) {
+        let node = &self.nodes[rank];
+        let starting = match node.policy {
+            Policy::Queue { .. } => n.min(1),
+            Policy::SkipToLatest | Policy::Pipelined { .. } => {
+                let starting = n.min(node.complete);
+                for _ in starting..node.complete {
+                    let stamp = self.nodes[rank].discard(0);
+                    self.drop_stamp(rank, stamp, DropReason::Skipped);
+                }
+                starting
+            }
+        };
+        for _ in 0..starting {
+            self.start(rank);
+        }
+    }
+
+    /// (e) Drops what the busy policy does not let wait.
+    pub(super) fn bound_queue(&mut self, rank: usize) {
+        loop {
+            let node = &self.nodes[rank];
+            if node.complete <= node.policy.waiting_max() {
+                return;
+            }
+            let (index, reason) = match node.policy {
+                Policy::SkipToLatest | Policy::Pipelined { .. } => (0, DropReason::Skipped),
+                Policy::Queue { full: Full::DropOldest, .. } => (0, DropReason::QueueFull),
+                Policy::Queue { full: Full::DropNewest, .. } => (node.complete - 1, DropReason::QueueFull),
+                Policy::Queue { full: Full::Fail, .. } => {
+                    let stamp = node.open[node.complete - 1].stamp;
+                    self.failure = Some(RunError::QueueFull { operator: node.name.to_string(), stamp });
+                    return;
+                }
+            };
+            let stamp = self.nodes[rank].discard(index);
+            self.drop_stamp(rank, stamp, reason);
+        }
+    }
+
+    /// Works out when the operator has something to do next.
+    pub(super) fn rearm(&mut self, rank: usize) {
+        let node = &self.nodes[rank];
+        let mut due = Time::MAX;
+        if let Some(feed) = &node.feed {
+            due = feed.front().map_or(Time::MAX, |record| record.visible_at);
+        }
+        for port in &node.timers {
+            due = due.min(port.next);
+        }
+        for port in &node.at {
+            due = port.pending.front().map_or(due, |(arrival, ..)| due.min(*arrival));
+        }
+        for run in &node.running {
+            if !run.finished {
+                due = due.min(run.end);
+            }
+            if !run.resolved {
+                due = due.min(run.deadline);
+            }
+        }
+        if node.deadline.is_some() {
+            due = node.open.iter().fold(due, |due, open| due.min(open.deadline));
+        }
+        self.due.set(rank, due);
+    }
+}
+
+/// What is published for a stamp, beside the payloads.
+pub(super) struct Answer<'a> {
+    pub(super) stamp: Time,
+    pub(super) reused_from: Option<Time>,
+    pub(super) origin: Option<Time>,
+    pub(super) reads: &'a [Option<Time>],
+}
+
+struct Missed {
+    stamp: Time,
+    deadline: Time,
+    started: bool,
+}
+
+/// What the step of a missed deadline has so far.
+#[derive(Default)]
+struct Step {
+    /// Its own result, where it only waited for an older one.
+    own: Option<Finished>,
+    /// How many values it offered, and the last.
+    offered: Option<(u64, Outs)>,
+    origin: Option<Time>,
+    reads: Vec<Option<Time>>,
+}
+
+fn ran(run: &super::node::Run) -> &super::node::Ran {
+    match &run.outcome {
+        Outcome::Here(ran) => ran,
+        Outcome::Away(_) => unreachable!("a step is settled before its end is handled"),
+    }
+}

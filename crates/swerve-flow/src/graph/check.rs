@@ -1,0 +1,245 @@
+//! The check of a whole graph before its first step, and the ranks that come of it.
+
+use std::collections::BTreeSet;
+
+use swerve_core::{Span, Time};
+use thiserror::Error;
+
+use super::{BodySpec, Graph, OperatorSpec};
+use crate::deadline::Length;
+use crate::input::{Edge, PortSpec};
+use crate::policy::Policy;
+
+/// A fault of a graph.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum GraphError {
+    /// Operators wait for each other in a circle.
+    #[error("cycle without a feedback edge: {}", operators.join(" -> "))]
+    Cycle {
+        /// The circle, each operator reading the one before it; the first is named again at the end.
+        operators: Vec<String>,
+    },
+    /// Two operators or streams share a name.
+    #[error("the name `{name}` is used twice")]
+    DuplicateName {
+        /// The name.
+        name: String,
+    },
+    /// A feedback edge was never connected to a stream.
+    #[error("feedback edge `{feedback}`, read by {}, is connected to no stream", readers.join(", "))]
+    Unconnected {
+        /// The edge.
+        feedback: String,
+        /// The operators that read it.
+        readers: Vec<String>,
+    },
+    /// A feedback edge was connected twice.
+    #[error("feedback edge `{feedback}` is connected twice")]
+    FeedbackTwice {
+        /// The edge.
+        feedback: String,
+    },
+    /// An operator was given a stream, edge or resource of another graph.
+    #[error("operator `{operator}` was given a handle of another graph")]
+    ForeignHandle {
+        /// The operator.
+        operator: String,
+    },
+    /// Nothing would ever make the operator fire.
+    #[error("operator `{operator}` has no synchronised input: give it an `At` or an `Every` port")]
+    NeverFires {
+        /// The operator.
+        operator: String,
+    },
+    /// A number that makes no sense.
+    #[error("operator `{operator}`: {reason}")]
+    Value {
+        /// The operator.
+        operator: String,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// A resource without slots.
+    #[error("resource `{resource}` has no slot, so {} would never start", users.join(", "))]
+    NoSlots {
+        /// The resource.
+        resource: String,
+        /// The operators that use it.
+        users: Vec<String>,
+    },
+    /// No operator has this name.
+    #[error("there is no operator `{operator}`")]
+    UnknownOperator {
+        /// The name.
+        operator: String,
+    },
+    /// A recorded publication names an output that the operator does not have.
+    #[error("operator `{operator}` has no output {port}, but a record was published there")]
+    PlaybackPort {
+        /// The operator.
+        operator: String,
+        /// The output.
+        port: usize,
+    },
+    /// A recorded payload is none of the stream's type.
+    #[error("operator `{operator}`, record of stamp {at}: {reason}")]
+    PlaybackPayload {
+        /// The operator.
+        operator: String,
+        /// The stamp of the record.
+        at: Time,
+        /// What did not fit.
+        reason: String,
+    },
+}
+
+/// Checks the graph; gives its operators in rank order.
+pub(crate) fn ranks(graph: &Graph) -> Result<Vec<usize>, GraphError> {
+    if let Some(fault) = graph.faults.first() {
+        return Err(fault.clone());
+    }
+    check_names(graph)?;
+    check_feedback(graph)?;
+    check_resources(graph)?;
+    graph.operators.iter().try_for_each(|operator| check_operator(graph, operator))?;
+    order(graph)
+}
+
+fn check_names(graph: &Graph) -> Result<(), GraphError> {
+    let mut operators = BTreeSet::new();
+    let mut streams = BTreeSet::new();
+    let twice = graph
+        .operators
+        .iter()
+        .map(|operator| &operator.name)
+        .find(|name| !operators.insert((*name).clone()))
+        .or_else(|| {
+            graph.streams.iter().map(|stream| &stream.name).find(|name| !streams.insert((*name).clone()))
+        });
+    match twice {
+        Some(name) => Err(GraphError::DuplicateName { name: name.to_string() }),
+        None => Ok(()),
+    }
+}
+
+fn check_feedback(graph: &Graph) -> Result<(), GraphError> {
+    let readers_of = |id| {
+        let reads = move |operator: &&OperatorSpec| {
+            let reads = |port: &PortSpec| matches!(port, PortSpec::Latest { edge, .. } if *edge == Edge::Feedback(id));
+            operator.ports.iter().any(reads) || operator.policy_edge() == Some(Edge::Feedback(id))
+        };
+        graph.operators.iter().filter(reads).map(|operator| operator.name.to_string()).collect::<Vec<_>>()
+    };
+    for (id, edge) in graph.feedbacks.iter().enumerate() {
+        let readers = readers_of(id);
+        if edge.stream.is_none() && !readers.is_empty() {
+            return Err(GraphError::Unconnected { feedback: edge.name.clone(), readers });
+        }
+    }
+    Ok(())
+}
+
+fn check_resources(graph: &Graph) -> Result<(), GraphError> {
+    for (id, resource) in graph.resources.iter().enumerate() {
+        if resource.slots == 0 {
+            let users = graph.operators.iter().filter(|operator| operator.uses == Some(id));
+            let users = users.map(|operator| operator.name.to_string()).collect();
+            return Err(GraphError::NoSlots { resource: resource.name.clone(), users });
+        }
+    }
+    Ok(())
+}
+
+fn check_operator(graph: &Graph, operator: &OperatorSpec) -> Result<(), GraphError> {
+    let name = || operator.name.to_string();
+    let handles = operator.ports.iter().all(|port| match *port {
+        PortSpec::At(id) => id < graph.streams.len(),
+        PortSpec::Latest { edge, .. } => graph.stream_of(edge).is_some_and(|id| id < graph.streams.len()),
+        PortSpec::Timer(_) => true,
+    });
+    let policy = operator
+        .policy_edge()
+        .is_none_or(|edge| graph.stream_of(edge).is_some_and(|id| id < graph.streams.len()));
+    if !handles || !policy || operator.uses.is_some_and(|id| id >= graph.resources.len()) {
+        return Err(GraphError::ForeignHandle { operator: name() });
+    }
+    if matches!(operator.body, BodySpec::Feed(_)) {
+        return Ok(());
+    }
+    if !operator.ports.iter().any(|port| matches!(port, PortSpec::At(_) | PortSpec::Timer(_))) {
+        return Err(GraphError::NeverFires { operator: name() });
+    }
+    match fault_of(operator) {
+        Some(reason) => Err(GraphError::Value { operator: name(), reason }),
+        None => Ok(()),
+    }
+}
+
+impl OperatorSpec {
+    /// What the length of the deadline is read from.
+    fn policy_edge(&self) -> Option<Edge> {
+        match self.deadline?.length {
+            Length::Policy(edge, _) => Some(edge),
+            Length::Static(_) => None,
+        }
+    }
+}
+
+fn fault_of(operator: &OperatorSpec) -> Option<&'static str> {
+    for port in &operator.ports {
+        match port {
+            PortSpec::Timer(timer) if timer.period <= Span::ZERO => {
+                return Some("the period of a timer has to be above zero");
+            }
+            PortSpec::Timer(timer) if timer.phase < Span::ZERO => {
+                return Some("the phase of a timer must not be below zero");
+            }
+            PortSpec::Latest { depth: 0, .. } => return Some("a window has to hold at least one message"),
+            _ => {}
+        }
+    }
+    match operator.policy {
+        Policy::Queue { capacity: 0, .. } => return Some("a queue has to hold at least one frame"),
+        Policy::Pipelined { places: 0, .. } => return Some("a pipeline has to have at least one place"),
+        _ => {}
+    }
+    if operator.delay < Span::ZERO {
+        return Some("a communication delay must not be below zero");
+    }
+    if let Some(Length::Static(length)) = operator.deadline.map(|deadline| deadline.length)
+        && length <= Span::ZERO
+    {
+        return Some("a deadline has to be above zero");
+    }
+    operator.runtime.fault()
+}
+
+/// Ranks are given one by one, each time to the operator declared first whose inputs all have one.
+fn order(graph: &Graph) -> Result<Vec<usize>, GraphError> {
+    let n = graph.operators.len();
+    let mut ranked = vec![false; n];
+    let mut order = Vec::with_capacity(n);
+    while order.len() < n {
+        let ready = |i: &usize| !ranked[*i] && graph.upstream(&graph.operators[*i]).all(|up| ranked[up]);
+        let Some(next) = (0..n).find(ready) else { return Err(cycle(graph, &ranked)) };
+        ranked[next] = true;
+        order.push(next);
+    }
+    Ok(order)
+}
+
+/// Walks upstream among the operators without rank until one comes again.
+fn cycle(graph: &Graph, ranked: &[bool]) -> GraphError {
+    let mut path = Vec::new();
+    let mut at = ranked.iter().position(|ranked| !ranked).expect("called when some operator has no rank");
+    while !path.contains(&at) {
+        path.push(at);
+        at = graph
+            .upstream(&graph.operators[at])
+            .find(|up| !ranked[*up])
+            .expect("an operator without rank waits for another one");
+    }
+    let start = path.iter().position(|i| *i == at).expect("the walk ended on its own path");
+    let circle = path[start..].iter().rev().chain(path.last());
+    GraphError::Cycle { operators: circle.map(|i| graph.operators[*i].name.to_string()).collect() }
+}

@@ -1,0 +1,308 @@
+//! Input ports: what an operator's step is given.
+
+use core::marker::PhantomData;
+use std::collections::VecDeque;
+
+use swerve_core::{Span, Time};
+
+use crate::graph::{Feedback, Stream};
+use crate::message::{Header, Message, Msg};
+use crate::payload::Payload;
+
+/// The inputs of an operator: a port, a tuple of up to twelve inputs (which may be tuples again), or a `Vec` of ports.
+pub trait Inputs: Sized + Send + 'static {
+    /// What a `Vec` has to remember of the graph: how many ports there are.
+    type Layout: Send + 'static;
+
+    /// The inputs of one step, from the slots that [`Connect`] declared, in that order.
+    fn read(layout: &Self::Layout, slots: &mut Slots<'_>) -> Self;
+}
+
+/// What may be connected to the inputs `I`: a [`Stream`] or [`Feedback`] per port, a [`Timer`] per [`Every`].
+pub trait Connect<I: Inputs> {
+    /// Declares the ports and what feeds them, in order.
+    fn connect(self, ports: &mut Ports) -> I::Layout;
+}
+
+/// A synchronised port: the message stamped exactly as the frame, if the stream has one.
+#[derive(Debug)]
+pub struct At<T> {
+    message: Option<Message<T>>,
+}
+
+/// The newest message that is visible when the step starts; its stamp may be later than the frame's.
+#[derive(Debug)]
+pub struct Latest<T> {
+    message: Option<Message<T>>,
+}
+
+/// The newest `N` messages that are visible when the step starts, oldest first.
+#[derive(Debug)]
+pub struct Window<T, const N: usize> {
+    messages: Vec<Message<T>>,
+}
+
+/// A timer port, synchronised and without payload: the operator fires at `phase + k * period`.
+#[derive(Clone, Copy, Debug)]
+pub struct Every {
+    ticked: bool,
+}
+
+/// The period and phase of an [`Every`] port, made by [`every`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timer {
+    pub(crate) period: Span,
+    pub(crate) phase: Span,
+}
+
+/// A timer with this period that ticks first at instant 0.
+pub const fn every(period: Span) -> Timer {
+    Timer { period, phase: Span::ZERO }
+}
+
+impl Timer {
+    /// Ticks first at `phase`.
+    #[must_use]
+    pub const fn phase(mut self, phase: Span) -> Self {
+        self.phase = phase;
+        self
+    }
+}
+
+impl Every {
+    /// Whether the frame's stamp is a tick of this timer (always, unless the operator joins other ports too).
+    pub fn ticked(&self) -> bool {
+        self.ticked
+    }
+}
+
+impl<T> At<T> {
+    /// The message, if the stream has one at this stamp.
+    pub fn get(&self) -> Option<&Message<T>> {
+        self.message.as_ref()
+    }
+
+    /// Its header.
+    pub fn header(&self) -> Option<&Header> {
+        self.get().map(Message::header)
+    }
+}
+
+impl<T> Latest<T> {
+    /// The message, if there is one yet.
+    pub fn get(&self) -> Option<&Message<T>> {
+        self.message.as_ref()
+    }
+
+    /// Its header.
+    pub fn header(&self) -> Option<&Header> {
+        self.get().map(Message::header)
+    }
+
+    /// How old what it describes is at `now`.
+    pub fn age(&self, now: Time) -> Option<Span> {
+        self.header().map(|header| now - header.stamp)
+    }
+}
+
+impl<T, const N: usize> Window<T, N> {
+    /// Up to `N` messages, oldest first.
+    pub fn get(&self) -> &[Message<T>] {
+        &self.messages
+    }
+
+    /// The newest.
+    pub fn newest(&self) -> Option<&Message<T>> {
+        self.messages.last()
+    }
+}
+
+/// What one port holds for one step.
+#[derive(Default)]
+pub(crate) enum Slot {
+    #[default]
+    Empty,
+    Message(Msg),
+    Window(VecDeque<Msg>),
+    Tick,
+}
+
+/// The filled ports of one step, in the order of their declaration.
+pub struct Slots<'a>(pub(crate) core::slice::IterMut<'a, Slot>);
+
+impl Slots<'_> {
+    fn next(&mut self) -> Slot {
+        self.0.next().map(core::mem::take).expect("the layout counts as many ports as were declared")
+    }
+
+    fn message<T: Payload>(&mut self) -> Option<Message<T>> {
+        match self.next() {
+            Slot::Message(msg) => Some(msg.typed()),
+            _ => None,
+        }
+    }
+}
+
+/// The ports of an operator as they are being declared.
+#[derive(Default)]
+pub struct Ports {
+    pub(crate) specs: Vec<PortSpec>,
+}
+
+/// One declared port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PortSpec {
+    At(usize),
+    Latest { edge: Edge, depth: usize, window: bool },
+    Timer(Timer),
+}
+
+/// What feeds a `Latest` or `Window` port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Edge {
+    Stream(usize),
+    Feedback(usize),
+}
+
+impl<T: Payload> Inputs for At<T> {
+    type Layout = ();
+
+    fn read((): &(), slots: &mut Slots<'_>) -> Self {
+        Self { message: slots.message() }
+    }
+}
+
+impl<T: Payload> Inputs for Latest<T> {
+    type Layout = ();
+
+    fn read((): &(), slots: &mut Slots<'_>) -> Self {
+        Self { message: slots.message() }
+    }
+}
+
+impl<T: Payload, const N: usize> Inputs for Window<T, N> {
+    type Layout = ();
+
+    fn read((): &(), slots: &mut Slots<'_>) -> Self {
+        match slots.next() {
+            Slot::Window(msgs) => Self { messages: msgs.iter().map(Msg::typed).collect() },
+            _ => Self { messages: Vec::new() },
+        }
+    }
+}
+
+impl Inputs for Every {
+    type Layout = ();
+
+    fn read((): &(), slots: &mut Slots<'_>) -> Self {
+        Self { ticked: matches!(slots.next(), Slot::Tick) }
+    }
+}
+
+impl<I: Inputs> Inputs for Vec<I> {
+    type Layout = Vec<I::Layout>;
+
+    fn read(layout: &Self::Layout, slots: &mut Slots<'_>) -> Self {
+        layout.iter().map(|port| I::read(port, slots)).collect()
+    }
+}
+
+impl<T: Payload> Connect<At<T>> for Stream<T> {
+    fn connect(self, ports: &mut Ports) {
+        ports.specs.push(PortSpec::At(self.id));
+    }
+}
+
+impl<T: Payload> Connect<Latest<T>> for Stream<T> {
+    fn connect(self, ports: &mut Ports) {
+        ports.specs.push(PortSpec::Latest { edge: Edge::Stream(self.id), depth: 1, window: false });
+    }
+}
+
+impl<T: Payload> Connect<Latest<T>> for Feedback<T> {
+    fn connect(self, ports: &mut Ports) {
+        ports.specs.push(PortSpec::Latest { edge: Edge::Feedback(self.id), depth: 1, window: false });
+    }
+}
+
+impl<T: Payload, const N: usize> Connect<Window<T, N>> for Stream<T> {
+    fn connect(self, ports: &mut Ports) {
+        ports.specs.push(PortSpec::Latest { edge: Edge::Stream(self.id), depth: N, window: true });
+    }
+}
+
+impl<T: Payload, const N: usize> Connect<Window<T, N>> for Feedback<T> {
+    fn connect(self, ports: &mut Ports) {
+        ports.specs.push(PortSpec::Latest { edge: Edge::Feedback(self.id), depth: N, window: true });
+    }
+}
+
+/// A stream or a feedback edge, where either may be: a `Vec` of [`Latest`] ports, the policy of a deadline.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<T> {
+    pub(crate) edge: Edge,
+    payload: PhantomData<fn() -> T>,
+}
+
+impl<T> From<Stream<T>> for Source<T> {
+    fn from(stream: Stream<T>) -> Self {
+        Self { edge: Edge::Stream(stream.id), payload: PhantomData }
+    }
+}
+
+impl<T> From<Feedback<T>> for Source<T> {
+    fn from(feedback: Feedback<T>) -> Self {
+        Self { edge: Edge::Feedback(feedback.id), payload: PhantomData }
+    }
+}
+
+impl<T: Payload> Connect<Latest<T>> for Source<T> {
+    fn connect(self, ports: &mut Ports) {
+        ports.specs.push(PortSpec::Latest { edge: self.edge, depth: 1, window: false });
+    }
+}
+
+impl Connect<Every> for Timer {
+    fn connect(self, ports: &mut Ports) {
+        ports.specs.push(PortSpec::Timer(self));
+    }
+}
+
+impl<I: Inputs, C: Connect<I>> Connect<Vec<I>> for Vec<C> {
+    fn connect(self, ports: &mut Ports) -> Vec<I::Layout> {
+        self.into_iter().map(|port| port.connect(ports)).collect()
+    }
+}
+
+macro_rules! tuples {
+    ($($($input:ident $source:ident $i:tt),+;)*) => {$(
+        impl<$($input: Inputs),+> Inputs for ($($input,)+) {
+            type Layout = ($($input::Layout,)+);
+
+            fn read(layout: &Self::Layout, slots: &mut Slots<'_>) -> Self {
+                ($($input::read(&layout.$i, slots),)+)
+            }
+        }
+
+        impl<$($input: Inputs, $source: Connect<$input>),+> Connect<($($input,)+)> for ($($source,)+) {
+            fn connect(self, ports: &mut Ports) -> ($($input::Layout,)+) {
+                ($(self.$i.connect(ports),)+)
+            }
+        }
+    )*};
+}
+
+tuples! {
+    A Sa 0;
+    A Sa 0, B Sb 1;
+    A Sa 0, B Sb 1, C Sc 2;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3, E Se 4;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3, E Se 4, F Sf 5;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3, E Se 4, F Sf 5, G Sg 6;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3, E Se 4, F Sf 5, G Sg 6, H Sh 7;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3, E Se 4, F Sf 5, G Sg 6, H Sh 7, I Si 8;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3, E Se 4, F Sf 5, G Sg 6, H Sh 7, I Si 8, J Sj 9;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3, E Se 4, F Sf 5, G Sg 6, H Sh 7, I Si 8, J Sj 9, K Sk 10;
+    A Sa 0, B Sb 1, C Sc 2, D Sd 3, E Se 4, F Sf 5, G Sg 6, H Sh 7, I Si 8, J Sj 9, K Sk 10, L Sl 11;
+}

@@ -1,0 +1,163 @@
+//! Output ports: what an operator's step publishes.
+
+use core::ops::{Deref, DerefMut};
+use std::sync::Arc;
+
+use crate::graph::Stream;
+use crate::payload::{Decode, Outs, Payload, Sent, decode};
+
+/// The outputs of an operator: `()`, a [`Port`], or a tuple of up to four ports.
+pub trait Outputs: Sized + Send + 'static {
+    /// The handles by which readers are connected: a [`Stream`] per port.
+    type Streams: Copy;
+    /// What a step sent or offered, by port.
+    type Values;
+
+    #[doc(hidden)]
+    fn declare(streams: &mut Declaration) -> Self::Streams;
+    #[doc(hidden)]
+    fn fresh(first: usize) -> Self;
+    #[doc(hidden)]
+    fn take(&mut self, sent: &mut Outs);
+    #[doc(hidden)]
+    fn values(outs: Option<&Outs>, first: usize) -> Self::Values;
+}
+
+/// The streams that an operator publishes, as they are being declared.
+pub struct Declaration {
+    pub(crate) first: usize,
+    pub(crate) types: Vec<(&'static str, Decode)>,
+}
+
+/// One output of an operator: carries at most one message per step.
+#[derive(Debug)]
+pub struct Port<T> {
+    pub(crate) index: usize,
+    sent: Option<Arc<T>>,
+}
+
+impl<T: Payload> Port<T> {
+    /// Room for one message. Dropping it publishes nothing.
+    pub fn loan(&mut self) -> Loan<'_, T> {
+        Loan { port: self }
+    }
+
+    /// Publishes `value`; the same as `loan().send(value)`. The last value sent in a step counts.
+    pub fn send(&mut self, value: T) {
+        self.loan().send(value);
+    }
+
+    /// Publishes a payload that exists already, without a copy.
+    pub fn forward(&mut self, value: Arc<T>) {
+        self.sent = Some(value);
+    }
+}
+
+/// Room for one message of a port; where it lies is the transport's business.
+pub struct Loan<'a, T> {
+    port: &'a mut Port<T>,
+}
+
+impl<'a, T: Payload> Loan<'a, T> {
+    /// Fills the room and publishes it.
+    pub fn send(self, value: T) {
+        self.port.sent = Some(Arc::new(value));
+    }
+
+    /// Fills the room, to be completed in place and sent then.
+    pub fn fill(self, value: T) -> Filled<'a, T> {
+        Filled { port: self.port, value: Arc::new(value) }
+    }
+}
+
+/// A filled loan, not published yet. Dropping it publishes nothing.
+pub struct Filled<'a, T> {
+    port: &'a mut Port<T>,
+    value: Arc<T>,
+}
+
+impl<T: Payload> Filled<'_, T> {
+    /// Publishes it.
+    pub fn send(self) {
+        self.port.sent = Some(self.value);
+    }
+}
+
+impl<T> Deref for Filled<'_, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T> DerefMut for Filled<'_, T> {
+    fn deref_mut(&mut self) -> &mut T {
+        Arc::get_mut(&mut self.value).expect("an unsent loan has one holder")
+    }
+}
+
+impl<T: Payload> Outputs for Port<T> {
+    type Streams = Stream<T>;
+    type Values = Option<Arc<T>>;
+
+    fn declare(streams: &mut Declaration) -> Stream<T> {
+        let stream = Stream::new(streams.first + streams.types.len());
+        streams.types.push((core::any::type_name::<T>(), decode::<T>));
+        stream
+    }
+
+    fn fresh(first: usize) -> Self {
+        Self { index: first, sent: None }
+    }
+
+    fn take(&mut self, sent: &mut Outs) {
+        sent[self.index] = self.sent.take().map(Sent::new);
+    }
+
+    fn values(outs: Option<&Outs>, first: usize) -> Self::Values {
+        outs.and_then(|outs| outs[first].as_ref()).map(Sent::typed)
+    }
+}
+
+impl Outputs for () {
+    type Streams = ();
+    type Values = ();
+
+    fn declare(_: &mut Declaration) {}
+    fn fresh(_: usize) {}
+    fn take(&mut self, _: &mut Outs) {}
+    fn values(_: Option<&Outs>, _: usize) {}
+}
+
+macro_rules! tuples {
+    ($($($port:ident $i:tt),+;)*) => {$(
+        impl<$($port: Payload),+> Outputs for ($(Port<$port>,)+) {
+            type Streams = ($(Stream<$port>,)+);
+            type Values = ($(Option<Arc<$port>>,)+);
+
+            fn declare(streams: &mut Declaration) -> Self::Streams {
+                ($(Port::<$port>::declare(streams),)+)
+            }
+
+            fn fresh(first: usize) -> Self {
+                ($(Port::<$port>::fresh(first + $i),)+)
+            }
+
+            fn take(&mut self, sent: &mut Outs) {
+                $(self.$i.take(sent);)+
+            }
+
+            fn values(outs: Option<&Outs>, first: usize) -> Self::Values {
+                ($(Port::<$port>::values(outs, first + $i),)+)
+            }
+        }
+    )*};
+}
+
+tuples! {
+    A 0;
+    A 0, B 1;
+    A 0, B 1, C 2;
+    A 0, B 1, C 2, D 3;
+}

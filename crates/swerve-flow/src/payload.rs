@@ -1,0 +1,83 @@
+//! What messages carry, with its type erased for the engine and for observers.
+
+use core::any::Any;
+use core::fmt;
+use std::sync::Arc;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use swerve_core::{Digest, digest_of};
+
+/// A type that a stream may carry: anything that can be written, read back and shared.
+pub trait Payload: Serialize + DeserializeOwned + Send + Sync + 'static {}
+
+impl<T: Serialize + DeserializeOwned + Send + Sync + 'static> Payload for T {}
+
+/// A payload whose type the holder does not know.
+pub trait ErasedPayload: Any + Send + Sync {
+    /// Appends the payload in CBOR (RFC 8949), the form in which logs hold it.
+    fn to_cbor(&self, out: &mut Vec<u8>);
+    /// The payload's fingerprint, as it enters the run's digest.
+    fn digest(&self) -> Digest;
+    /// The Rust type, for error messages and listings.
+    fn type_name(&self) -> &'static str;
+    /// The payload for a downcast, by an observer that knows the type.
+    fn as_any(&self) -> &dyn Any;
+}
+
+impl<T: Payload> ErasedPayload for T {
+    fn to_cbor(&self, out: &mut Vec<u8>) {
+        ciborium::into_writer(self, out).expect("message types serialize without fail, and memory takes all");
+    }
+
+    fn digest(&self) -> Digest {
+        digest_of(self)
+    }
+
+    fn type_name(&self) -> &'static str {
+        core::any::type_name::<T>()
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+}
+
+impl fmt::Debug for dyn ErasedPayload {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}({})", self.type_name(), self.digest())
+    }
+}
+
+/// A payload on its way: shared, with its digest taken once, where it was made.
+#[derive(Clone, Debug)]
+pub struct Sent {
+    pub(crate) payload: Arc<dyn ErasedPayload>,
+    pub(crate) digest: Digest,
+}
+
+impl Sent {
+    pub(crate) fn new<T: Payload>(payload: Arc<T>) -> Self {
+        let digest = digest_of(&*payload);
+        Self { payload, digest }
+    }
+
+    pub(crate) fn typed<T: Payload>(&self) -> Arc<T> {
+        let any: Arc<dyn Any + Send + Sync> = self.payload.clone();
+        any.downcast().expect("the graph's check compared the types of both ends")
+    }
+}
+
+/// At most this many output ports per operator.
+pub(crate) const OUTPUTS_MAX: usize = 4;
+
+/// One step's outputs, by port.
+pub(crate) type Outs = [Option<Sent>; OUTPUTS_MAX];
+
+/// How the engine makes a payload of one stream from its logged form.
+pub(crate) type Decode = fn(&[u8]) -> Result<Sent, String>;
+
+pub(crate) fn decode<T: Payload>(cbor: &[u8]) -> Result<Sent, String> {
+    let value: T = ciborium::from_reader(cbor).map_err(|error| error.to_string())?;
+    Ok(Sent::new(Arc::new(value)))
+}

@@ -1,0 +1,126 @@
+//! Publications of an earlier run, to be published again.
+
+use std::sync::Arc;
+
+use swerve_core::Time;
+
+use crate::graph::StreamSpec;
+use crate::observer::Publication;
+use crate::payload::{Payload, Sent};
+
+/// One publication of an operator in an earlier run.
+#[derive(Clone, Debug)]
+pub struct PlaybackRecord {
+    /// Which of the operator's outputs published it.
+    pub port: usize,
+    /// When it was published.
+    pub visible_at: Time,
+    /// In which sweep of that instant; 0 but for operators behind a shared resource.
+    pub pass: u32,
+    /// The watermark that it carried.
+    pub watermark: Time,
+    /// The message; none where a bare watermark was published.
+    pub message: Option<PlaybackMessage>,
+}
+
+/// The message of a [`PlaybackRecord`].
+#[derive(Clone, Debug)]
+pub struct PlaybackMessage {
+    /// The instant that it describes.
+    pub stamp: Time,
+    /// The stamp of the step that computed it, where it was a repeat.
+    pub reused_from: Option<Time>,
+    /// The stamp of the newest sensor frame that it derives from.
+    pub origin: Option<Time>,
+    /// What it carries.
+    pub payload: PlaybackPayload,
+}
+
+/// What a recorded message carries.
+#[derive(Clone)]
+pub struct PlaybackPayload(Kind);
+
+#[derive(Clone)]
+enum Kind {
+    Ready(Sent),
+    Cbor(Arc<[u8]>),
+}
+
+impl core::fmt::Debug for PlaybackPayload {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match &self.0 {
+            Kind::Ready(sent) => write!(f, "{:?}", sent.payload),
+            Kind::Cbor(bytes) => write!(f, "{} bytes of CBOR", bytes.len()),
+        }
+    }
+}
+
+impl PlaybackPayload {
+    /// A payload in memory.
+    pub fn value<T: Payload>(value: T) -> Self {
+        Self(Kind::Ready(Sent::new(Arc::new(value))))
+    }
+
+    /// A payload as a log holds it.
+    pub fn cbor(bytes: impl Into<Arc<[u8]>>) -> Self {
+        Self(Kind::Cbor(bytes.into()))
+    }
+}
+
+impl PlaybackRecord {
+    /// A message published at `visible_at`, with its own stamp as watermark.
+    pub fn message<T: Payload>(visible_at: Time, stamp: Time, value: T) -> Self {
+        let payload = PlaybackPayload::value(value);
+        let message = PlaybackMessage { stamp, reused_from: None, origin: Some(stamp), payload };
+        Self { port: 0, visible_at, pass: 0, watermark: stamp, message: Some(message) }
+    }
+
+    /// A watermark published at `visible_at` without a message.
+    pub fn bare(visible_at: Time, watermark: Time) -> Self {
+        Self { port: 0, visible_at, pass: 0, watermark, message: None }
+    }
+
+    /// The record of a publication that an observer saw.
+    pub fn of(publication: &Publication<'_>) -> Self {
+        let message = publication.stamp.zip(publication.payload).map(|(stamp, payload)| {
+            let mut cbor = Vec::new();
+            payload.to_cbor(&mut cbor);
+            PlaybackMessage {
+                stamp,
+                reused_from: publication.reused_from,
+                origin: publication.origin,
+                payload: PlaybackPayload::cbor(cbor),
+            }
+        });
+        Self {
+            port: publication.port,
+            visible_at: publication.visible_at,
+            pass: publication.pass,
+            watermark: publication.watermark,
+            message,
+        }
+    }
+
+    /// Whether the payload can be one of `stream`.
+    pub(crate) fn check(&self, stream: &StreamSpec) -> Result<(), (Time, String)> {
+        match &self.message {
+            Some(PlaybackMessage { payload: PlaybackPayload(Kind::Ready(sent)), stamp, .. })
+                if sent.payload.type_name() != stream.type_name =>
+            {
+                Err((*stamp, format!("expected {}, found {}", stream.type_name, sent.payload.type_name())))
+            }
+            Some(PlaybackMessage { payload: PlaybackPayload(Kind::Cbor(bytes)), stamp, .. }) => {
+                (stream.decode)(bytes).map(|_| ()).map_err(|reason| (*stamp, reason))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The payload in memory.
+    pub(crate) fn sent(&self, decode: crate::payload::Decode) -> Option<Sent> {
+        self.message.as_ref().map(|message| match &message.payload.0 {
+            Kind::Ready(sent) => sent.clone(),
+            Kind::Cbor(bytes) => decode(bytes).expect("the graph decoded every record when it took them in"),
+        })
+    }
+}

@@ -1,0 +1,91 @@
+//! What happens to frames that find their operator busy.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// The busy policy of an operator: how many steps it has under way, and which frames wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Policy {
+    /// One step at a time; then the newest waiting frame. The same as `Pipelined` with one place.
+    SkipToLatest,
+    /// One step at a time; up to `capacity` frames wait, and the oldest is next.
+    Queue {
+        /// How many frames may wait.
+        capacity: usize,
+        /// What gives when one more comes.
+        full: Full,
+    },
+    /// Up to `places` steps under way at once, as in a pipeline of stages.
+    Pipelined {
+        /// How many steps may be under way.
+        places: usize,
+        /// A result that would come after a newer one is dropped, instead of newer ones waiting for it.
+        overtaking: bool,
+    },
+}
+
+/// What gives when a queue is full.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Full {
+    /// The oldest waiting frame is dropped.
+    #[default]
+    DropOldest,
+    /// The newest waiting frame is dropped.
+    DropNewest,
+    /// The run ends as failed.
+    Fail,
+}
+
+impl Policy {
+    /// A queue of `capacity` frames that drops its oldest when full.
+    pub const fn queue(capacity: usize) -> Self {
+        Self::Queue { capacity, full: Full::DropOldest }
+    }
+
+    /// A pipeline of `places` steps whose results are published in order.
+    pub const fn pipelined(places: usize) -> Self {
+        Self::Pipelined { places, overtaking: false }
+    }
+
+    /// How many steps may be under way at once.
+    pub const fn places(self) -> usize {
+        match self {
+            Self::SkipToLatest | Self::Queue { .. } => 1,
+            Self::Pipelined { places, .. } => places,
+        }
+    }
+
+    /// How many complete frames may wait while no place is free.
+    pub const fn waiting_max(self) -> usize {
+        match self {
+            Self::SkipToLatest | Self::Pipelined { .. } => 1,
+            Self::Queue { capacity, .. } => capacity,
+        }
+    }
+
+    pub(crate) const fn overtakes(self) -> bool {
+        matches!(self, Self::Pipelined { overtaking: true, .. })
+    }
+}
+
+impl Default for Policy {
+    fn default() -> Self {
+        Self::SkipToLatest
+    }
+}
+
+impl fmt::Display for Policy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::SkipToLatest => f.write_str("skip_to_latest"),
+            Self::Queue { capacity, full: Full::DropOldest } => write!(f, "queue({capacity})"),
+            Self::Queue { capacity, full: Full::DropNewest } => write!(f, "queue({capacity}, drop_newest)"),
+            Self::Queue { capacity, full: Full::Fail } => write!(f, "queue({capacity}, fail)"),
+            Self::Pipelined { places, overtaking: false } => write!(f, "pipelined({places})"),
+            Self::Pipelined { places, overtaking: true } => write!(f, "pipelined({places}, overtaking)"),
+        }
+    }
+}

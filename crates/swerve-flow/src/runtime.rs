@@ -1,0 +1,215 @@
+//! Run-time models: how long a step takes in run time.
+
+use core::fmt;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Rng, Span, Time};
+
+/// How long the steps of an operator take.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum RuntimeModel {
+    /// No time at all.
+    #[default]
+    Zero,
+    /// Always the same.
+    Fixed(Span),
+    /// The listed times in turn, by the number of steps started so far.
+    Cycle(Vec<Span>),
+    /// Normally distributed, never below zero.
+    Normal {
+        /// Mean before the cut at zero.
+        mean: Span,
+        /// Standard deviation before the cut at zero.
+        deviation: Span,
+    },
+    /// Log-normally distributed.
+    LogNormal {
+        /// Half of the steps take less.
+        median: Span,
+        /// Standard deviation of the logarithm.
+        sigma: f64,
+    },
+    /// Percentiles in increasing order, 0 to 100, with the time that so many percent stay below.
+    /// Linear between them; the first time below the first, the last above the last.
+    Percentiles(Vec<(f64, Span)>),
+    /// `base + per_unit_ns * units`, with the units that the step counts by [`Context::spend`](crate::Context::spend).
+    Work {
+        /// What a step takes before its first unit.
+        base: Span,
+        /// Nanoseconds per unit.
+        per_unit_ns: f64,
+    },
+    /// From an earlier run, by stamp; a stamp without record draws from the recorded times.
+    Recorded(Arc<RecordedTimes>),
+    /// The time that the step takes on this host, times a factor. Not repeatable without its log.
+    Measured {
+        /// Modelled over measured time.
+        scale: f64,
+    },
+}
+
+/// The run times of one operator in an earlier run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordedTimes {
+    by_stamp: BTreeMap<Time, Span>,
+    sorted: Vec<Span>,
+}
+
+impl FromIterator<(Time, Span)> for RecordedTimes {
+    fn from_iter<I: IntoIterator<Item = (Time, Span)>>(records: I) -> Self {
+        let by_stamp: BTreeMap<Time, Span> = records.into_iter().collect();
+        let mut sorted: Vec<Span> = by_stamp.values().copied().collect();
+        sorted.sort_unstable();
+        Self { by_stamp, sorted }
+    }
+}
+
+/// What a model says when a step starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Draw {
+    /// The run time is known before the step ran.
+    Known(Span),
+    /// As `Known`, but drawn for want of a record.
+    Unrecorded(Span),
+    /// Known once the step has counted its units; never below this.
+    Work(Span),
+    /// Known once the step has run.
+    Measured,
+}
+
+impl RuntimeModel {
+    /// `self` for a step of `operator` for `stamp`, before which `started` steps started.
+    pub(crate) fn draw(&self, seed: u64, operator: &str, stamp: Time, started: u64) -> Draw {
+        // A key of its own, so that what a step draws and how long it takes stay independent.
+        let rng = || Rng::keyed(seed, operator, &[stamp.ns(), i64::from_le_bytes(*b"run time")]);
+        match self {
+            Self::Zero => Draw::Known(Span::ZERO),
+            Self::Fixed(span) => Draw::Known(*span),
+            Self::Cycle(spans) => Draw::Known(spans[(started % spans.len() as u64) as usize]),
+            Self::Normal { mean, deviation } => {
+                let ns = mean.ns() as f64 + deviation.ns() as f64 * rng().normal();
+                Draw::Known(whole(ns))
+            }
+            Self::LogNormal { median, sigma } => {
+                Draw::Known(whole(median.ns() as f64 * libm::exp(sigma * rng().normal())))
+            }
+            Self::Percentiles(points) => Draw::Known(percentile(points, 100.0 * rng().unit())),
+            Self::Work { base, .. } => Draw::Work(*base),
+            Self::Recorded(times) => match times.by_stamp.get(&stamp) {
+                Some(span) => Draw::Known(*span),
+                None => Draw::Unrecorded(
+                    times.sorted.get(rng().below(times.sorted.len())).copied().unwrap_or(Span::ZERO),
+                ),
+            },
+            Self::Measured { .. } => Draw::Measured,
+        }
+    }
+
+    /// The largest number of units that end within `left` under `Work`; 0 when not even the base does.
+    pub(crate) fn units_within(&self, left: Span) -> u64 {
+        let Self::Work { base, per_unit_ns } = self else { return u64::MAX };
+        let room = left.ns().saturating_sub(base.ns());
+        if room <= 0 {
+            return 0;
+        }
+        if *per_unit_ns <= 0.0 {
+            return u64::MAX;
+        }
+        // The quotient can be rounded up past the last unit that the model itself puts in time.
+        let units = (room as f64 / per_unit_ns) as u64;
+        if self.worked(units) > left { units.saturating_sub(1) } else { units }
+    }
+
+    /// The run time of `units` under `Work`.
+    pub(crate) fn worked(&self, units: u64) -> Span {
+        match self {
+            Self::Work { base, per_unit_ns } => *base + whole(per_unit_ns * units as f64),
+            _ => Span::ZERO,
+        }
+    }
+
+    /// The modelled time of a step that took `host_ns` on this host, under `Measured`.
+    pub(crate) fn measured(&self, host_ns: u64) -> Span {
+        match self {
+            Self::Measured { scale } => whole(host_ns as f64 * scale),
+            _ => Span::ZERO,
+        }
+    }
+
+    /// What is wrong with the model's numbers.
+    pub(crate) fn fault(&self) -> Option<&'static str> {
+        let finite = |x: f64| x.is_finite() && x >= 0.0;
+        match self {
+            Self::Fixed(span) if *span < Span::ZERO => Some("a fixed run time is below zero"),
+            Self::Cycle(spans) if spans.is_empty() => Some("a cycle of run times is empty"),
+            Self::Cycle(spans) if spans.iter().any(|s| *s < Span::ZERO) => {
+                Some("a run time of the cycle is below zero")
+            }
+            Self::Normal { mean, deviation } if *mean < Span::ZERO || *deviation < Span::ZERO => {
+                Some("mean or deviation of the run time is below zero")
+            }
+            Self::LogNormal { median, sigma } if *median <= Span::ZERO || !finite(*sigma) => {
+                Some("a log-normal run time needs a median above zero and a finite sigma not below zero")
+            }
+            Self::Percentiles(points) => fault_of_percentiles(points),
+            Self::Work { base, per_unit_ns } if *base < Span::ZERO || !finite(*per_unit_ns) => {
+                Some("base and time per unit have to be finite and not below zero")
+            }
+            Self::Measured { scale } if !finite(*scale) => {
+                Some("the scale of measured run times has to be finite and not below zero")
+            }
+            _ => None,
+        }
+    }
+}
+
+fn whole(ns: f64) -> Span {
+    Span::from_ns(ns.round().max(0.0) as i64)
+}
+
+fn percentile(points: &[(f64, Span)], percent: f64) -> Span {
+    let above = points.partition_point(|(p, _)| *p <= percent);
+    match (above.checked_sub(1).map(|i| points[i]), points.get(above)) {
+        (Some((p0, s0)), Some((p1, s1))) => {
+            let part = (percent - p0) / (p1 - p0);
+            whole(s0.ns() as f64 + part * (*s1 - s0).ns() as f64)
+        }
+        (Some((_, span)), None) => span,
+        (None, Some((_, span))) => *span,
+        (None, None) => Span::ZERO,
+    }
+}
+
+fn fault_of_percentiles(points: &[(f64, Span)]) -> Option<&'static str> {
+    if points.is_empty() {
+        return Some("a run time by percentiles needs at least one");
+    }
+    if !points.iter().all(|(p, s)| (0.0..=100.0).contains(p) && *s >= Span::ZERO) {
+        return Some("percentiles lie between 0 and 100, and their times are not below zero");
+    }
+    if !points.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1) {
+        return Some("percentiles have to increase, and their times must not decrease");
+    }
+    None
+}
+
+impl fmt::Display for RuntimeModel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Zero => f.write_str("zero"),
+            Self::Fixed(span) => write!(f, "fixed {span}"),
+            Self::Cycle(spans) => write!(f, "cycle of {}", spans.len()),
+            Self::Normal { mean, deviation } => write!(f, "normal {mean} +- {deviation}"),
+            Self::LogNormal { median, sigma } => write!(f, "log-normal {median}, sigma {sigma}"),
+            Self::Percentiles(points) => {
+                f.write_str("percentiles")?;
+                points.iter().try_for_each(|(p, s)| write!(f, " p{p} {s}"))
+            }
+            Self::Work { base, per_unit_ns } => write!(f, "work {base} + {per_unit_ns} ns per unit"),
+            Self::Recorded(times) => write!(f, "recorded ({} steps)", times.by_stamp.len()),
+            Self::Measured { scale } => write!(f, "measured x {scale}"),
+        }
+    }
+}

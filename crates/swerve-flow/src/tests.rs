@@ -1,0 +1,11 @@
+//! The rules of `docs/execution.md`, each pinned by a test named after its section.
+
+mod clock;
+mod deadlines;
+mod loops;
+mod net;
+mod ports;
+mod runtimes;
+mod sweep;
+mod throughput;
+mod words;

@@ -1,0 +1,128 @@
+//! Everything goes on as it went: straight lines fitted to past positions.
+//!
+//! Pylot (arXiv 2104.07830, prediction) fits `x(t)` and `y(t)` by least squares over the last positions and
+//! extrapolates. It takes the sensor period for the time between them and the ego's frame for the space;
+//! here the stamps of the sightings and the map are used, so that a missed frame or a turning ego does not
+//! bend the lines.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_geom::{Point2, Pose2, Vector2};
+use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
+
+/// What to do with an obstacle that was seen only once.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SingleSighting {
+    /// It goes on with its reported velocity.
+    #[default]
+    Velocity,
+    /// It stays where it is, as in Pylot.
+    Static,
+}
+
+/// Parameters of the linear predictor.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Params {
+    /// Past positions that are fitted, the present one included. More smooth better and lag more. Pylot: 5.
+    pub past_steps: usize,
+    /// Poses predicted after the present one. Pylot: 40.
+    pub future_steps: usize,
+    /// Time between predicted poses, seconds. Pylot: its sensor period, 0.05.
+    pub step_s: f64,
+    /// Below this speed the heading is the reported one, else the direction of motion, m/s.
+    pub heading_speed_min_mps: f64,
+    /// Treatment of an obstacle with one sighting.
+    pub single_sighting: SingleSighting,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self::best()
+    }
+}
+
+impl Params {
+    /// As Pylot: 2 s ahead from 5 positions, newcomers stand still.
+    pub fn paper() -> Self {
+        Self { single_sighting: SingleSighting::Static, ..Self::best() }
+    }
+
+    /// As Pylot, but newcomers move as reported.
+    pub fn best() -> Self {
+        Self {
+            past_steps: 5,
+            future_steps: 40,
+            step_s: 0.05,
+            heading_speed_min_mps: 0.1,
+            single_sighting: SingleSighting::Velocity,
+        }
+    }
+}
+
+/// The expected motion of every track, in the map frame; `path[0]` of each describes the list's stamp.
+///
+/// Tracks without a sighting are taken as seen once, at their present pose.
+pub fn predict(tracks: &TrackList, params: &Params) -> PredictionList {
+    let predictions = tracks.tracks.iter().map(|track| predict_track(track, tracks.stamp, params)).collect();
+    PredictionList { stamp: tracks.stamp, predictions }
+}
+
+fn predict_track(track: &Track, stamp: Time, params: &Params) -> Prediction {
+    let recent = &track.history[track.history.len().saturating_sub(params.past_steps)..];
+    let line = Line::fit(recent, stamp).unwrap_or_else(|| Line {
+        point: track.pose.point(),
+        velocity_mps: match params.single_sighting {
+            SingleSighting::Velocity => track.velocity_mps,
+            SingleSighting::Static => Vector2::default(),
+        },
+    });
+    let moves = line.velocity_mps.norm() > params.heading_speed_min_mps;
+    let heading_rad = if moves { line.velocity_mps.heading() } else { track.pose.heading_rad };
+    let step = Span::from_secs(params.step_s);
+    let path = (0..=params.future_steps as i64)
+        .map(|k| {
+            let ahead = step * k;
+            let point = line.point + line.velocity_mps * ahead.as_secs();
+            PredictedPose { at: stamp + ahead, pose: Pose2::new(point.x_m, point.y_m, heading_rad) }
+        })
+        .collect();
+    Prediction { id: track.id, kind: track.kind, extent: track.extent, probability: 1.0, path }
+}
+
+/// A motion at constant velocity.
+struct Line {
+    /// Where it is at the stamp.
+    point: Point2,
+    velocity_mps: Vector2,
+}
+
+impl Line {
+    /// The straight motion with the least sum of squared distances to `sightings`, evaluated at `stamp`.
+    /// `None` for fewer than two instants.
+    fn fit(sightings: &[Sighting], stamp: Time) -> Option<Self> {
+        let n = sightings.len() as f64;
+        let (mut t_mean, mut x_mean, mut y_mean) = (0.0, 0.0, 0.0);
+        for sighting in sightings {
+            t_mean += (sighting.at - stamp).as_secs() / n;
+            x_mean += sighting.point.x_m / n;
+            y_mean += sighting.point.y_m / n;
+        }
+        let (mut tt, mut tx, mut ty) = (0.0, 0.0, 0.0);
+        for sighting in sightings {
+            let t = (sighting.at - stamp).as_secs() - t_mean;
+            tt += t * t;
+            tx += t * (sighting.point.x_m - x_mean);
+            ty += t * (sighting.point.y_m - y_mean);
+        }
+        if sightings.len() < 2 || tt <= 0.0 {
+            return None;
+        }
+        let velocity_mps = Vector2::new(tx / tt, ty / tt);
+        Some(Self { point: Point2::new(x_mean, y_mean) + velocity_mps * -t_mean, velocity_mps })
+    }
+}
+
+#[cfg(test)]
+mod tests;

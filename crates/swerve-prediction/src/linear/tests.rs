@@ -1,0 +1,127 @@
+use super::*;
+use swerve_core::Rng;
+use swerve_msg::{ActorId, ActorKind, Extent};
+
+/// A track seen at `(ms, x, y)`, newest last, reported to move at 1 m/s along x.
+fn track(seen: &[(i64, f64, f64)]) -> TrackList {
+    let history: Vec<Sighting> =
+        seen.iter().map(|&(ms, x, y)| Sighting { at: Time::from_ms(ms), point: Point2::new(x, y) }).collect();
+    let &(ms, x, y) = seen.last().unwrap();
+    let track = Track {
+        id: ActorId(3),
+        kind: ActorKind::Pedestrian,
+        pose: Pose2::new(x, y, 1.0),
+        extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
+        velocity_mps: Vector2::new(1.0, 0.0),
+        history,
+    };
+    TrackList { stamp: Time::from_ms(ms), tracks: vec![track] }
+}
+
+fn only(tracks: &TrackList, params: &Params) -> Prediction {
+    predict(tracks, params).predictions.remove(0)
+}
+
+/// Velocity between the first two predicted poses.
+fn velocity(prediction: &Prediction) -> (f64, f64) {
+    let (a, b) = (&prediction.path[0], &prediction.path[1]);
+    let moved = b.pose.point() - a.pose.point();
+    let dt = (b.at - a.at).as_secs();
+    (moved.x / dt, moved.y / dt)
+}
+
+#[test]
+fn a_straight_motion_is_continued_exactly_from_uneven_stamps() {
+    let at = |ms: i64| (ms, 5.0 + 3.0 * ms as f64 * 1e-3, 2.0 - 4.0 * ms as f64 * 1e-3);
+    let prediction = only(&track(&[at(0), at(50), at(200), at(210), at(400)]), &Params::paper());
+    assert_eq!(prediction.path.len(), 41);
+    for (k, predicted) in prediction.path.iter().enumerate() {
+        let ms = 400 + 50 * k as i64;
+        assert_eq!(predicted.at, Time::from_ms(ms));
+        let (_, x, y) = at(ms);
+        assert!(predicted.pose.point().distance(Point2::new(x, y)) < 1e-9);
+        assert!(
+            (predicted.pose.heading_rad - Vector2::<swerve_geom::Map>::new(3.0, -4.0).heading()).abs() < 1e-9
+        );
+    }
+    assert_eq!(prediction.path[40].at - prediction.path[0].at, Span::from_ms(2000));
+}
+
+#[test]
+fn only_the_last_positions_count() {
+    let seen =
+        [(0, 99.0, -7.0), (50, 0.0, 0.0), (100, 0.1, 0.0), (150, 0.2, 0.0), (200, 0.3, 0.0), (250, 0.4, 0.0)];
+    let (vx, vy) = velocity(&only(&track(&seen), &Params::best()));
+    assert!((vx - 2.0).abs() < 1e-9 && vy.abs() < 1e-9);
+}
+
+#[test]
+fn one_sighting_moves_as_reported_or_stands() {
+    let seen = track(&[(70, 4.0, 5.0)]);
+    let best = only(&seen, &Params::best());
+    for (k, predicted) in best.path.iter().enumerate() {
+        let want = Point2::new(4.0 + 0.05 * k as f64, 5.0);
+        assert!(predicted.pose.point().distance(want) < 1e-12 && predicted.pose.heading_rad == 0.0);
+    }
+    let paper = only(&seen, &Params::paper());
+    assert!(paper.path.iter().all(|p| p.pose == Pose2::new(4.0, 5.0, 1.0)), "heading is kept too");
+    let mut bare = seen;
+    bare.tracks[0].history.clear();
+    assert_eq!(only(&bare, &Params::best()), best);
+}
+
+/// Least squares over five positions: after a person sets off at `v`, the fitted velocity is 0.2, 0.5, 0.8
+/// and then 1.0 of `v`, so the prediction is right only four frames later.
+#[test]
+fn the_fit_lags_behind_a_person_who_sets_off() {
+    let v = 2.75;
+    for (frames_walking, share) in [(0, 0.0), (1, 0.2), (2, 0.5), (3, 0.8), (4, 1.0), (5, 1.0)] {
+        let seen: Vec<(i64, f64, f64)> = (0..10)
+            .map(|k| {
+                let walked = (k + frames_walking - 9).max(0) as f64 * 0.05 * v;
+                (50 * k, 117.0, 4.5 - walked)
+            })
+            .collect();
+        let (vx, vy) = velocity(&only(&track(&seen), &Params::paper()));
+        assert!(vx.abs() < 1e-9);
+        assert!((vy + share * v).abs() < 1e-9, "{frames_walking} frames: {vy}");
+    }
+}
+
+/// With independent noise of deviation `sigma` on each of n positions `h` apart, the fitted velocity has the
+/// deviation `sigma / (h sqrt(n (n^2 - 1) / 12))`: for n = 5 that is `sigma / (h sqrt 10)`.
+#[test]
+fn noise_spreads_the_velocity_as_theory_says() {
+    let (sigma, h, runs) = (0.05, 0.05, 4000);
+    let mut rng = Rng::keyed(7, "noise", &[]);
+    let mut squares = 0.0;
+    for _ in 0..runs {
+        let seen: Vec<(i64, f64, f64)> =
+            (0..5).map(|k| (50 * k, h * k as f64 + sigma * rng.normal(), 0.0)).collect();
+        let (vx, _) = velocity(&only(&track(&seen), &Params::best()));
+        squares += (vx - 1.0) * (vx - 1.0) / f64::from(runs);
+    }
+    let want = sigma / (h * 10f64.sqrt());
+    assert!((squares.sqrt() / want - 1.0).abs() < 0.05, "{} against {want}", squares.sqrt());
+}
+
+#[test]
+fn a_still_obstacle_keeps_its_heading() {
+    let prediction = only(&track(&[(0, 1.0, 1.0), (50, 1.0, 1.001), (100, 1.0, 1.0)]), &Params::best());
+    assert!(prediction.path.iter().all(|p| p.pose.heading_rad == 1.0));
+}
+
+#[test]
+fn a_track_last_seen_before_the_stamp_is_moved_to_it() {
+    let mut tracks = track(&[(0, 0.0, 0.0), (50, 0.1, 0.0)]);
+    tracks.stamp = Time::from_ms(150);
+    let prediction = only(&tracks, &Params::best());
+    assert_eq!(prediction.path[0].at, Time::from_ms(150));
+    assert!((prediction.path[0].pose.x_m - 0.3).abs() < 1e-9);
+}
+
+#[test]
+fn equal_stamps_do_not_divide_by_zero() {
+    let prediction = only(&track(&[(50, 0.0, 0.0), (50, 1.0, 0.0)]), &Params::paper());
+    assert!(prediction.path.iter().all(|p| p.pose == Pose2::new(1.0, 0.0, 1.0)));
+}

@@ -1,0 +1,177 @@
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// How a run went, in one word.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Nothing was hit, the road was kept, and the run came to its goal or to the standstill it asks for.
+    Avoided,
+    /// Something was hit.
+    Collision,
+    /// Part of the ego left the drivable ground.
+    LeftRoad,
+    /// Time ran out first.
+    Timeout,
+}
+
+impl Verdict {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Avoided, Self::Collision, Self::LeftRoad, Self::Timeout];
+
+    /// The name in scenario files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Avoided => "avoided",
+            Self::Collision => "collision",
+            Self::LeftRoad => "left_road",
+            Self::Timeout => "timeout",
+        }
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A figure of a run that a scenario can put bounds on.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Metric {
+    /// Smallest distance between the ego's outline and any actor, metres.
+    MinDistanceM,
+    /// Speed of the ego at the first collision, m/s.
+    ImpactSpeedMps,
+    /// Closing speed along the contact normal at the first collision, m/s.
+    ClosingSpeedMps,
+    /// Speed of the ego at the end, m/s.
+    EndSpeedMps,
+    /// Length of the run, seconds.
+    DurationS,
+    /// Largest lateral acceleration, m/s².
+    LateralAccelMaxMps2,
+    /// Largest lateral jerk, m/s³.
+    LateralJerkMaxMps3,
+    /// Smallest distance of the ego's outline to the edge of the drivable ground, metres.
+    RoadMarginM,
+}
+
+impl Metric {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::MinDistanceM,
+        Self::ImpactSpeedMps,
+        Self::ClosingSpeedMps,
+        Self::EndSpeedMps,
+        Self::DurationS,
+        Self::LateralAccelMaxMps2,
+        Self::LateralJerkMaxMps3,
+        Self::RoadMarginM,
+    ];
+
+    /// The name in scenario files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::MinDistanceM => "min_distance_m",
+            Self::ImpactSpeedMps => "impact_speed_mps",
+            Self::ClosingSpeedMps => "closing_speed_mps",
+            Self::EndSpeedMps => "end_speed_mps",
+            Self::DurationS => "duration_s",
+            Self::LateralAccelMaxMps2 => "lateral_accel_max_mps2",
+            Self::LateralJerkMaxMps3 => "lateral_jerk_max_mps3",
+            Self::RoadMarginM => "road_margin_m",
+        }
+    }
+}
+
+/// Lowest and highest value allowed for a figure.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Bound {
+    /// Which figure.
+    pub metric: Metric,
+    /// Lowest value allowed.
+    pub min: Option<f64>,
+    /// Highest value allowed.
+    pub max: Option<f64>,
+}
+
+/// What is expected of a run.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Expectation {
+    /// The pipeline that this is expected of; `None`: any that has no entry of its own.
+    pub pipeline: Option<String>,
+    /// How the run goes.
+    pub verdict: Verdict,
+    /// Bounds on its figures. Never empty.
+    pub bounds: Vec<Bound>,
+}
+
+impl Expectation {
+    /// In what way a run differs from what is expected; empty when it is as expected. `figure` gives the
+    /// figures of the run, `None` for one that it does not have, which breaks its bound.
+    pub fn broken_by(&self, verdict: Verdict, figure: impl Fn(Metric) -> Option<f64>) -> Vec<String> {
+        let mut broken = Vec::new();
+        if verdict != self.verdict {
+            broken.push(format!("expected the verdict {}, got {verdict}", self.verdict));
+        }
+        for bound in &self.bounds {
+            let name = bound.metric.name();
+            match figure(bound.metric) {
+                None => broken.push(format!("{name} is bounded, but the run has none")),
+                Some(value) => {
+                    if let Some(min) = bound.min.filter(|&min| value.is_nan() || value < min) {
+                        broken.push(format!("expected {name} of at least {min}, got {value}"));
+                    }
+                    if let Some(max) = bound.max.filter(|&max| value.is_nan() || value > max) {
+                        broken.push(format!("expected {name} of at most {max}, got {value}"));
+                    }
+                }
+            }
+        }
+        broken
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_broken_bound_is_named() {
+        let bound = |metric, min, max| Bound { metric, min, max };
+        let expectation = Expectation {
+            pipeline: None,
+            verdict: Verdict::Avoided,
+            bounds: vec![
+                bound(Metric::MinDistanceM, Some(0.3), Some(3.0)),
+                bound(Metric::DurationS, None, Some(12.0)),
+                bound(Metric::ImpactSpeedMps, Some(1.0), None),
+            ],
+        };
+        let figures = |min_distance: f64| {
+            move |metric| match metric {
+                Metric::MinDistanceM => Some(min_distance),
+                Metric::DurationS => Some(11.0),
+                Metric::ImpactSpeedMps => Some(4.0),
+                _ => None,
+            }
+        };
+        assert_eq!(expectation.broken_by(Verdict::Avoided, figures(0.3)), Vec::<String>::new());
+        assert_eq!(
+            expectation.broken_by(Verdict::Collision, figures(0.2)),
+            [
+                "expected the verdict avoided, got collision",
+                "expected min_distance_m of at least 0.3, got 0.2",
+            ]
+        );
+        assert_eq!(
+            expectation.broken_by(Verdict::Avoided, figures(f64::NAN)).len(),
+            2,
+            "not-a-number breaks both sides"
+        );
+        assert_eq!(expectation.broken_by(Verdict::Avoided, |_| None).len(), 3);
+    }
+}

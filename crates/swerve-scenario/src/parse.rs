@@ -1,0 +1,166 @@
+//! From TOML to a [`Scenario`].
+
+mod actor;
+mod expect;
+mod reader;
+
+use std::collections::BTreeSet;
+
+use toml::de::DeTable;
+
+use self::reader::{Range, Source, Table, list, nearest};
+use crate::{EgoStart, End, Problem, Road, Scenario, Segment, Standstill, check};
+
+/// Places along and across the road, metres.
+const PLACE: Range = Range::between(-100_000.0, 100_000.0);
+/// Speeds, m/s.
+const SPEED: Range = Range::between(0.0, 100.0);
+/// Moving speeds, m/s.
+const MOVING: Range = Range::positive(100.0);
+/// Ways and distances, metres.
+const WAY: Range = Range::positive(100_000.0);
+/// Lengths of time, seconds.
+const DURATION: Range = Range::positive(86_400.0);
+/// Angles, radians.
+const ANGLE: Range = Range::between(-6.3, 6.3);
+
+/// Reads and checks a whole text.
+pub(crate) fn scenario(file: &str, text: &str) -> Result<Scenario, Vec<Problem>> {
+    let source = Source::new(file, text);
+    let (root, errors) = DeTable::parse_recoverable(text);
+    for error in &errors {
+        let line = error.span().map_or(0, |span| source.line(span.start));
+        source.report(line, "", format!("not TOML: {}", error.message()));
+    }
+    if !errors.is_empty() {
+        return Err(source.into_problems());
+    }
+    let scenario = read(&Table::new(&source, String::new(), 1, root.get_ref()));
+    let problems = source.into_problems();
+    if problems.is_empty() { Ok(scenario) } else { Err(problems) }
+}
+
+fn read(top: &Table<'_, '_>) -> Scenario {
+    let name = top.text("name");
+    let description = top.text_if_any("description").unwrap_or_default();
+    let road = road(top);
+    let ego = ego(top);
+    let tables = top.tables("actor", |actor| actor.text_if_any("name"));
+    let names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
+    unique(&tables, &names);
+    let actors = tables.iter().zip(&names).map(|(table, name)| actor::read(table, name, &names)).collect();
+    let end = end(top, &names);
+    let source = top.source;
+    let sound = source.guesses() == 0;
+    let expect = expect::read(top);
+    top.finish();
+    let scenario = Scenario { name, description, road, ego, end, actors, expect, draws: None };
+    if sound {
+        for (key, message) in check::problems(&scenario) {
+            source.report(source.line_of(&key), &key, message);
+        }
+    }
+    scenario
+}
+
+fn road(top: &Table<'_, '_>) -> Road {
+    let mut road = Road { segments: Vec::new(), lane_width_m: 4.0, left_m: 2.0, right_m: 2.0, friction: 0.9 };
+    let Some(table) = top.table("road") else { return road };
+    road.lane_width_m = table.number_or("lane_width_m", road.lane_width_m, Range::positive(20.0));
+    road.left_m = table.number_or("left_m", 0.5 * road.lane_width_m, Range::positive(100.0));
+    road.right_m = table.number_or("right_m", 0.5 * road.lane_width_m, Range::positive(100.0));
+    road.friction = table.number_or("friction", road.friction, Range::positive(2.0));
+    for segment in table.tables("segments", |_| None) {
+        // Zero is let through here: that the whole has no length is one clear problem of its own.
+        let length_m = segment.number("length_m", Range::between(0.0, 100_000.0));
+        let curvature_1pm = segment.number_or("curvature_1pm", 0.0, Range::between(-0.2, 0.2));
+        segment.finish();
+        road.segments.push(Segment { length_m, curvature_1pm });
+    }
+    if !table.has("segments") {
+        table.report("segments", "is missing: expected an array of { length_m, curvature_1pm }");
+    } else if road.length_m() == 0.0 {
+        table
+            .report("segments", "the route has no length: expected at least one piece with length_m above 0");
+    }
+    table.finish();
+    if road.length_m() == 0.0 {
+        road.segments.push(Segment { length_m: 0.0, curvature_1pm: 0.0 });
+    }
+    road
+}
+
+fn ego(top: &Table<'_, '_>) -> EgoStart {
+    let Some(table) = top.table("ego") else {
+        return EgoStart {
+            s_m: 0.0,
+            d_m: 0.0,
+            heading_rad: 0.0,
+            target_speed_mps: 0.0,
+            start_speed_mps: None,
+            end_m: 0.0,
+        };
+    };
+    let ego = EgoStart {
+        s_m: table.number_or("s_m", 0.0, PLACE),
+        d_m: table.number_or("d_m", 0.0, PLACE),
+        heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
+        target_speed_mps: table.number("target_speed_mps", SPEED),
+        start_speed_mps: table.number_if_any("start_speed_mps", SPEED),
+        end_m: table.number("end_m", PLACE),
+    };
+    table.finish();
+    ego
+}
+
+fn end(top: &Table<'_, '_>, names: &[String]) -> End {
+    let mut end = End { timeout_s: 30.0, after_collision_s: 2.0, standstill: None };
+    let Some(table) = top.table_if_any("end") else { return end };
+    end.timeout_s = table.number_or("timeout_s", end.timeout_s, DURATION);
+    end.after_collision_s =
+        table.number_or("after_collision_s", end.after_collision_s, Range::between(0.0, 3_600.0));
+    if let Some(still) = table.table_if_any("standstill") {
+        let near = still.text_if_any("near").and_then(|name| {
+            let found = names.iter().position(|n| *n == name);
+            if found.is_none() {
+                still.report("near", unknown_actor(&name, names, false));
+            }
+            found
+        });
+        let within_m = if still.has("near") {
+            still.number("within_m", WAY)
+        } else {
+            still.number_or("within_m", 1e5, WAY)
+        };
+        end.standstill = Some(Standstill { near, within_m, for_s: still.number("for_s", DURATION) });
+        still.finish();
+    }
+    table.finish();
+    end
+}
+
+fn unique(tables: &[Table<'_, '_>], names: &[String]) {
+    let mut seen = BTreeSet::new();
+    for (table, name) in tables.iter().zip(names) {
+        if name == "ego" {
+            table.report("name", "\"ego\" is the ego vehicle's own name");
+        }
+        if !name.is_empty() && !seen.insert(name) {
+            table.report("name", format!("another actor is named \"{name}\" already"));
+        }
+    }
+}
+
+/// What to say about a name that is no actor's.
+fn unknown_actor(name: &str, names: &[String], ego_too: bool) -> String {
+    let known = names.iter().map(String::as_str).chain(ego_too.then_some("ego"));
+    let known: Vec<&str> = known.filter(|n| !n.is_empty()).collect();
+    match nearest(name, known.iter().copied()) {
+        Some(near) => format!("unknown actor \"{name}\"; did you mean \"{near}\"?"),
+        None if known.is_empty() => format!("unknown actor \"{name}\"; the scenario has none"),
+        None => format!("unknown actor \"{name}\"; expected one of {}", list(&known)),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,186 @@
+use swerve_msg::{ActorKind, Extent};
+
+use super::reader::{Range, Table};
+use super::{ANGLE, DURATION, MOVING, PLACE, SPEED, WAY, unknown_actor};
+use crate::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint, Subject, Trigger};
+
+/// Kind, name in files, usual size (length, width, height in metres) and mass (kg).
+const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
+    (ActorKind::Car, "car", [4.5, 1.8, 1.5], 1_500.0),
+    (ActorKind::Truck, "truck", [5.2, 2.6, 2.5], 7_500.0),
+    (ActorKind::Motorcycle, "motorcycle", [2.2, 0.8, 1.5], 280.0),
+    (ActorKind::Cyclist, "cyclist", [1.8, 0.6, 1.8], 90.0),
+    (ActorKind::Pedestrian, "pedestrian", [0.5, 0.5, 1.8], 75.0),
+    (ActorKind::Static, "static", [1.0, 1.0, 1.0], 1_000.0),
+];
+
+/// One actor; `names` are those of all actors, for what refers to them.
+pub(super) fn read(table: &Table<'_, '_>, name: &str, names: &[String]) -> Actor {
+    let kind_names = KINDS.map(|(_, name, _, _)| name);
+    let (kind, _, size, mass) = KINDS[table.one_of("kind", &kind_names).unwrap_or(0)];
+    let actor = Actor {
+        name: name.to_owned(),
+        kind,
+        extent: extent(table, kind, size),
+        mass_kg: table.number_or("mass_kg", mass, Range::positive(100_000.0)),
+        s_m: table.number("s_m", PLACE),
+        d_m: table.number("d_m", PLACE),
+        heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
+        trigger: trigger(table, names),
+        motion: motions(table, kind),
+    };
+    if actor.trigger.is_some() && actor.motion.is_empty() {
+        table.report("trigger", "sets nothing off: the actor has no motion");
+    }
+    table.finish();
+    actor
+}
+
+fn extent(table: &Table<'_, '_>, kind: ActorKind, usual: [f64; 3]) -> Extent {
+    let [mut length_m, mut width_m, mut height_m] = usual;
+    let side = Range::positive(1_000.0);
+    if let Some(size) = table.table_if_any("size") {
+        if kind == ActorKind::Pedestrian {
+            width_m = 2.0 * size.number_or("radius_m", 0.5 * width_m, Range::positive(2.0));
+            length_m = width_m;
+        } else {
+            length_m = size.number_or("length_m", length_m, side);
+            width_m = size.number_or("width_m", width_m, side);
+        }
+        height_m = size.number_or("height_m", height_m, side);
+        size.finish();
+    } else if kind == ActorKind::Static {
+        table.report("size", "is missing: expected { length_m, width_m, height_m } of what cannot move");
+    }
+    Extent { length_m, width_m, height_m }
+}
+
+fn trigger(table: &Table<'_, '_>, names: &[String]) -> Option<Trigger> {
+    let table = table.table_if_any("trigger")?;
+    let which = table.only_one(&["distance", "time", "reaches"]);
+    let trigger = which.and_then(|key| {
+        let inner = table.table_if_any(key)?;
+        let trigger = match key {
+            "distance" => Trigger::Distance {
+                to: subject(&inner, "to", names),
+                within_m: inner.number("within_m", WAY),
+            },
+            "time" => Trigger::Time { at_s: inner.number("at_s", Range::between(0.0, 86_400.0)) },
+            _ => Trigger::Reaches { who: subject(&inner, "who", names), s_m: inner.number("s_m", PLACE) },
+        };
+        inner.finish();
+        Some(trigger)
+    });
+    table.finish();
+    trigger
+}
+
+fn subject(table: &Table<'_, '_>, key: &'static str, names: &[String]) -> Subject {
+    match table.text_if_any(key).as_deref() {
+        None | Some("ego") => Subject::Ego,
+        Some(name) => {
+            if let Some(index) = names.iter().position(|n| n == name) {
+                return Subject::Actor(index);
+            }
+            table.report(key, unknown_actor(name, names, true));
+            Subject::Ego
+        }
+    }
+}
+
+fn motions(table: &Table<'_, '_>, kind: ActorKind) -> Vec<Motion> {
+    let legs = table.tables("motion", |_| None);
+    if kind == ActorKind::Static && !legs.is_empty() {
+        table.report("motion", "an actor of kind \"static\" cannot move");
+    }
+    let motions: Vec<(usize, Motion)> =
+        legs.iter().enumerate().filter_map(|(i, leg)| motion(leg).map(|motion| (i, motion))).collect();
+    for (i, motion) in &motions {
+        if i + 1 < legs.len() && is_endless(motion) {
+            let next = &legs[i + 1];
+            let message =
+                "is never reached: the drive before it has no distance_m and does not come to a stop";
+            next.source.report(next.line, &next.path, message.to_owned());
+        }
+    }
+    motions.into_iter().map(|(_, motion)| motion).collect()
+}
+
+fn is_endless(motion: &Motion) -> bool {
+    match motion {
+        Motion::Drive { speeds, distance_m: None, .. } => {
+            speeds.last().is_some_and(|last| last.speed_mps > 0.0)
+        }
+        _ => false,
+    }
+}
+
+fn motion(table: &Table<'_, '_>) -> Option<Motion> {
+    let key = table.only_one(&["wait", "walk", "drive", "path"])?;
+    let leg = table.table_if_any(key)?;
+    let motion = match key {
+        "wait" => Motion::Wait { for_s: leg.number("for_s", DURATION) },
+        "walk" => walk(&leg),
+        "drive" => drive(&leg),
+        _ => Motion::Path { speed_mps: leg.number("speed_mps", MOVING), points: points(&leg) },
+    };
+    leg.finish();
+    table.finish();
+    Some(motion)
+}
+
+fn walk(leg: &Table<'_, '_>) -> Motion {
+    const WAYS: [(Direction, &str); 4] = [
+        (Direction::Left, "left"),
+        (Direction::Right, "right"),
+        (Direction::Ahead, "ahead"),
+        (Direction::Back, "back"),
+    ];
+    Motion::Walk {
+        speed_mps: leg.number("speed_mps", MOVING),
+        distance_m: leg.number("distance_m", WAY),
+        direction: WAYS[leg.one_of("direction", &WAYS.map(|(_, name)| name)).unwrap_or(0)].0,
+    }
+}
+
+fn drive(leg: &Table<'_, '_>) -> Motion {
+    let along = match leg.has("along").then(|| leg.one_of("along", &["road", "heading"])).flatten() {
+        Some(1) => Along::Heading,
+        _ => Along::Road,
+    };
+    let distance_m = leg.number_if_any("distance_m", WAY);
+    let speeds = match leg.only_one(&["speed_mps", "speeds"]) {
+        Some("speed_mps") => {
+            vec![SpeedPoint { at_s: 0.0, speed_mps: leg.number("speed_mps", MOVING) }]
+        }
+        Some(_) => speeds(leg),
+        None => Vec::new(),
+    };
+    if distance_m.is_some() && speeds.last().is_some_and(|last| last.speed_mps == 0.0) {
+        leg.report("distance_m", "is not needed: the speeds end at 0, which ends the leg");
+    }
+    Motion::Drive { along, speeds, distance_m }
+}
+
+fn speeds(leg: &Table<'_, '_>) -> Vec<SpeedPoint> {
+    let wanted = "an array of pairs [seconds since the leg began, m/s]";
+    let pairs = leg.pairs("speeds", wanted, [Range::between(0.0, 86_400.0), SPEED]);
+    if pairs.first().is_some_and(|first| first[0] != 0.0) {
+        leg.report("speeds", format!("expected the first pair at 0 s, found {} s", pairs[0][0]));
+    }
+    if let Some(two) = pairs.windows(2).find(|two| two[0][0] >= two[1][0]) {
+        leg.report(
+            "speeds",
+            format!("expected increasing times, found {} s after {} s", two[1][0], two[0][0]),
+        );
+    }
+    if pairs.len() == 1 && pairs[0][1] == 0.0 {
+        leg.report("speeds", "never moves: expected a speed above 0, or \"wait\"");
+    }
+    pairs.into_iter().map(|[at_s, speed_mps]| SpeedPoint { at_s, speed_mps }).collect()
+}
+
+fn points(leg: &Table<'_, '_>) -> Vec<RoadPlace> {
+    let pairs = leg.pairs("points", "an array of pairs [s, d] in metres", [PLACE, PLACE]);
+    pairs.into_iter().map(|[s_m, d_m]| RoadPlace { s_m, d_m }).collect()
+}

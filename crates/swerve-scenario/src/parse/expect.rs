@@ -1,0 +1,57 @@
+use super::reader::{Range, Table};
+use crate::{Bound, Expectation, Metric, Verdict};
+
+const FIGURE: Range = Range::between(-1e9, 1e9);
+
+/// The `[expect]` table and its `[expect.pipeline.NAME]` tables.
+pub(super) fn read(top: &Table<'_, '_>) -> Vec<Expectation> {
+    let Some(table) = top.table_if_any("expect") else {
+        let message = "is missing: expected a table with a verdict and at least one bound, as in \
+                       min_distance_m = { min = 0.3 }";
+        top.report("expect", message);
+        return Vec::new();
+    };
+    let mut expect = Vec::new();
+    let pipelines = table.table_if_any("pipeline");
+    // With entries for named pipelines only, nothing is expected of the others.
+    let only_named = pipelines.is_some() && table.keys().len() == 1;
+    if !only_named {
+        expect.push(expectation(&table, None));
+    }
+    if let Some(pipelines) = pipelines {
+        for name in pipelines.keys() {
+            if let Some(own) = pipelines.named_table(&name) {
+                expect.push(expectation(&own, Some(name)));
+            }
+        }
+    }
+    expect
+}
+
+fn expectation(table: &Table<'_, '_>, pipeline: Option<String>) -> Expectation {
+    let verdict = table.one_of("verdict", &Verdict::ALL.map(Verdict::name)).unwrap_or(0);
+    let bounds: Vec<Bound> = Metric::ALL.into_iter().filter_map(|metric| bound(table, metric)).collect();
+    if bounds.is_empty() && !Metric::ALL.into_iter().any(|metric| table.has(metric.name())) {
+        let message = "expected at least one bound beside the verdict, as in min_distance_m = { min = 0.3 }";
+        table.source.report(table.line, &table.path, message.to_owned());
+    }
+    table.finish();
+    Expectation { pipeline, verdict: Verdict::ALL[verdict], bounds }
+}
+
+fn bound(table: &Table<'_, '_>, metric: Metric) -> Option<Bound> {
+    let own = table.table_if_any(metric.name())?;
+    let (min, max) = (own.number_if_any("min", FIGURE), own.number_if_any("max", FIGURE));
+    own.finish();
+    match (min, max) {
+        (None, None) => {
+            table.report(metric.name(), "expected { min = ... }, { max = ... } or both");
+            None
+        }
+        (Some(low), Some(high)) if low > high => {
+            table.report(metric.name(), format!("the lowest value {low} is above the highest {high}"));
+            None
+        }
+        _ => Some(Bound { metric, min, max }),
+    }
+}

@@ -1,0 +1,209 @@
+//! Which actors a sensor on the ego can see: the one visibility rule, whatever planner is driven.
+//!
+//! An actor is listed when its centre is within range on the ground and at least one of its nine fixed points
+//! ([`fixed_points`]) is within the field of view and on a free line of sight: the straight segment from the
+//! sensor to the point meets no other actor's body (boxes; upright cylinders for people on foot). The ego's own body and the
+//! target itself do not block. Bodies that have been knocked over still count as upright.
+
+use serde::{Deserialize, Serialize};
+use swerve_geom::{Ego, Map, Point, Point2, math, wrap_angle};
+use swerve_msg::truth::{Actor, WorldState};
+use swerve_msg::{Obstacle, ObstacleList};
+use swerve_vehicle::Shape;
+
+/// Where a sensor sits on the ego.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorMount {
+    /// Ahead of the ego origin (rear axle), metres.
+    pub x_m: f64,
+    /// To the left of it, metres.
+    pub y_m: f64,
+    /// Above the ground, metres.
+    pub z_m: f64,
+    /// Turned from the ego's heading, radians; positive to the left.
+    pub yaw_rad: f64,
+}
+
+impl SensorMount {
+    /// The usual place: above the middle of the roof, 1.9 m up, looking ahead.
+    pub fn roof(shape: &Shape) -> Self {
+        Self { x_m: shape.center_ahead_m(), y_m: 0.0, z_m: 1.9, yaw_rad: 0.0 }
+    }
+}
+
+/// What a sensor can see.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensorParams {
+    /// Largest distance on the ground from the sensor to the centre of an actor, metres. Default 100.
+    pub range_m: f64,
+    /// The same for people (on foot or on bicycles), where it differs, metres. Default: as the others.
+    pub range_person_m: Option<f64>,
+    /// Full horizontal field of view around the sensor's axis, radians; 2 pi or more sees all round. Default 2 pi.
+    pub fov_rad: f64,
+    /// Whether bodies block the view. Default true.
+    pub occlusion: bool,
+}
+
+impl Default for SensorParams {
+    fn default() -> Self {
+        Self { range_m: 100.0, range_person_m: None, fov_rad: core::f64::consts::TAU, occlusion: true }
+    }
+}
+
+/// The actors that the sensor sees in this state, with the share of their fixed points that it sees.
+pub fn visible_obstacles(world: &WorldState, mount: &SensorMount, params: &SensorParams) -> ObstacleList {
+    let mut list = ObstacleList { stamp: world.stamp, obstacles: Vec::with_capacity(world.actors.len()) };
+    let view = View::new(world, mount, params);
+    for (i, actor) in world.actors.iter().enumerate() {
+        let visible_share = view.share(world, i, params);
+        if visible_share > 0.0 {
+            list.obstacles.push(Obstacle {
+                id: actor.id,
+                kind: actor.kind,
+                pose: actor.pose,
+                extent: actor.extent,
+                velocity_mps: actor.velocity_mps,
+                visible_share,
+            });
+        }
+    }
+    list
+}
+
+/// The nine points of an actor that a sensor looks for: the centre of its body, then four around its bottom
+/// and four around its top. Of a box these are the corners (front left, rear left, rear right, front right); of a
+/// person on foot, an upright cylinder, the points of the rims ahead, left, behind and right.
+pub fn fixed_points(actor: &Actor) -> [Point<Map>; 9] {
+    let (bottom, top) = (actor.z_m, actor.z_m + actor.extent.height_m);
+    let ring = if actor.is_round() {
+        let radius_m = 0.5 * actor.extent.width_m;
+        let (c, ahead) = (actor.pose.point(), actor.pose.direction() * radius_m);
+        [c + ahead, c + ahead.left(), c - ahead, c - ahead.left()]
+    } else {
+        actor.footprint().corners()
+    };
+    let at = |p: Point2, z: f64| Point::new(p.x_m, p.y_m, z);
+    let [a, b, c, d] = ring;
+    [
+        at(actor.pose.point(), 0.5 * (bottom + top)),
+        at(a, bottom),
+        at(b, bottom),
+        at(c, bottom),
+        at(d, bottom),
+        at(a, top),
+        at(b, top),
+        at(c, top),
+        at(d, top),
+    ]
+}
+
+/// A sensor in the world.
+struct View {
+    eye: Point<Map>,
+    axis_rad: f64,
+    half_fov_rad: f64,
+    all_round: bool,
+}
+
+impl View {
+    fn new(world: &WorldState, mount: &SensorMount, params: &SensorParams) -> Self {
+        let eye = world.ego.map_from_ego * Point::<Ego>::new(mount.x_m, mount.y_m, mount.z_m);
+        Self {
+            eye,
+            axis_rad: world.ego.state.pose.heading_rad + mount.yaw_rad,
+            half_fov_rad: 0.5 * params.fov_rad,
+            all_round: params.fov_rad >= core::f64::consts::TAU,
+        }
+    }
+
+    fn share(&self, world: &WorldState, target: usize, params: &SensorParams) -> f64 {
+        let actor = &world.actors[target];
+        let range_m = params.range_person_m.filter(|_| actor.kind.is_person()).unwrap_or(params.range_m);
+        let eye = Point2::new(self.eye.coords.x, self.eye.coords.y);
+        if eye.distance(actor.pose.point()) > range_m {
+            return 0.0;
+        }
+        let points = fixed_points(actor);
+        let seen = |point: &&Point<Map>| {
+            self.in_field(**point) && !(params.occlusion && self.is_blocked(world, target, **point))
+        };
+        points.iter().filter(seen).count() as f64 / points.len() as f64
+    }
+
+    fn in_field(&self, point: Point<Map>) -> bool {
+        if self.all_round {
+            return true;
+        }
+        let to = point - self.eye;
+        let bearing = math::atan2(to.coords.y, to.coords.x);
+        wrap_angle(bearing - self.axis_rad).abs() <= self.half_fov_rad
+    }
+
+    fn is_blocked(&self, world: &WorldState, target: usize, point: Point<Map>) -> bool {
+        world.actors.iter().enumerate().any(|(i, actor)| i != target && blocks(actor, self.eye, point))
+    }
+}
+
+/// Whether the segment from `from` to `to`, without its ends, passes through the body of `actor`.
+fn blocks(actor: &Actor, from: Point<Map>, to: Point<Map>) -> bool {
+    let ground = |p: Point<Map>| Point2::<Map>::new(p.coords.x, p.coords.y);
+    if !comes_near(actor, ground(from), ground(to)) {
+        return false;
+    }
+    // The part of the segment, as shares of its length, that is inside one pair of limits after the other.
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    let mut between = |start: f64, end: f64, low: f64, high: f64| {
+        let way = end - start;
+        if way == 0.0 {
+            if start <= low || start >= high {
+                leave = -1.0;
+            }
+            return;
+        }
+        let (a, b) = ((low - start) / way, (high - start) / way);
+        enter = enter.max(a.min(b));
+        leave = leave.min(a.max(b));
+    };
+    between(from.coords.z, to.coords.z, actor.z_m, actor.z_m + actor.extent.height_m);
+    if actor.is_round() {
+        match inside_circle(actor.pose.point(), 0.5 * actor.extent.width_m, ground(from), ground(to)) {
+            Some((a, b)) => (enter, leave) = (enter.max(a), leave.min(b)),
+            None => return false,
+        }
+    } else {
+        let a: Point2<Map> = actor.pose.to_local(ground(from));
+        let b: Point2<Map> = actor.pose.to_local(ground(to));
+        let (l, w) = (0.5 * actor.extent.length_m, 0.5 * actor.extent.width_m);
+        between(a.x_m, b.x_m, -l, l);
+        between(a.y_m, b.y_m, -w, w);
+    }
+    // A point that merely touches the body, as where two boxes stand side by side, stays visible.
+    leave - enter > 1e-9
+}
+
+/// Whether the segment comes within the circle around the body; spares the exact test for most.
+fn comes_near(actor: &Actor, from: Point2, to: Point2) -> bool {
+    let radius = actor.footprint().radius();
+    let (along, off) = (to - from, actor.pose.point() - from);
+    let length_squared = along.norm_squared();
+    let t = if length_squared > 0.0 { (off.dot(along) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+    (off - along * t).norm_squared() <= radius * radius
+}
+
+/// The shares of the segment between which it is inside a circle, if it is.
+fn inside_circle(center: Point2, radius_m: f64, from: Point2, to: Point2) -> Option<(f64, f64)> {
+    let (along, off) = (to - from, from - center);
+    let (a, half_b) = (along.norm_squared(), off.dot(along));
+    let c = off.norm_squared() - radius_m * radius_m;
+    if a == 0.0 {
+        return (c < 0.0).then_some((0.0, 1.0));
+    }
+    let discriminant = half_b * half_b - a * c;
+    if discriminant <= 0.0 {
+        return None;
+    }
+    let root = discriminant.sqrt();
+    Some(((-half_b - root) / a, (-half_b + root) / a))
+}

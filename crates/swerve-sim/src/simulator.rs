@@ -1,0 +1,418 @@
+use glam::Vec3;
+use rapier3d::prelude::{ColliderHandle, PhysicsWorld};
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_geom::{Obb, Point2, Pose2, Vector2};
+use swerve_msg::truth::{Actor, Collision, Infraction, InfractionKind, WorldState};
+use swerve_msg::{Command, Route};
+use swerve_scenario::{Scenario, Subject, Trigger};
+
+use crate::bodies::{self, Body, Mode};
+use crate::contact::{self, Motion2};
+use swerve_vehicle::VehicleParams;
+
+use crate::ego::EgoCar;
+use crate::rules::Rules;
+use crate::script::{Moment, Script};
+
+/// How the world is simulated.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct SimParams {
+    /// Length of one step. Default 5 ms (200 Hz); 1 ms to 20 ms are accepted.
+    pub dt: Span,
+    /// The ego vehicle.
+    pub vehicle: VehicleParams,
+}
+
+impl Default for SimParams {
+    fn default() -> Self {
+        Self { dt: Span::from_ms(5), vehicle: VehicleParams::default() }
+    }
+}
+
+/// Why a scenario cannot be simulated with the given parameters.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum SimError {
+    /// The step is too long for contacts or too short for `f32`.
+    #[error("a world step of {0} is outside 1 ms to 20 ms")]
+    Step(Span),
+    /// The scenario's actors and the ego must start apart.
+    #[error("the ego starts inside the actor \"{0}\"")]
+    EgoInside(String),
+    /// The ego must start on the road.
+    #[error("the ego starts {0:.2} m outside the drivable ground")]
+    OffRoad(f64),
+}
+
+/// One run of one scenario, a step at a time.
+pub struct Simulator {
+    scenario: Scenario,
+    params: SimParams,
+    route: Route,
+    world: PhysicsWorld,
+    ego: EgoCar,
+    ego_collider: ColliderHandle,
+    actors: Vec<Player>,
+    rules: Rules,
+    state: WorldState,
+}
+
+/// What one actor needs beside its state.
+#[derive(Debug)]
+struct Player {
+    body: Body,
+    script: Script,
+    set_off: Option<Time>,
+    contact: Contact,
+}
+
+/// The contact of the ego with one actor.
+#[derive(Clone, PartialEq, Debug)]
+enum Contact {
+    /// They are apart.
+    None,
+    /// They touch; reported once the impulse is known, or without one after `patience` more steps.
+    Begun { collision: Collision, patience: u8 },
+    /// They touch, or did and have not parted by [`PARTED_M`] since; it has been reported.
+    Reported,
+}
+
+/// The ego just before a step.
+struct Before {
+    outline: Obb,
+    motion: Motion2,
+    speed_mps: f64,
+}
+
+/// A contact is over when the gap is this wide, metres.
+const PARTED_M: f64 = 0.1;
+/// Steps that a contact of the outlines waits for an impulse of the bodies.
+const PATIENCE: u8 = 2;
+/// Physics may act on bodies across a gap of this much, metres.
+const MARGIN_M: f64 = 0.05;
+
+impl Simulator {
+    /// The scenario as `seed` draws it, at instant 0. A scenario that carries draws already is run as it is.
+    ///
+    /// # Errors
+    /// When the step is out of range, or the ego (in the outline of `params`) does not start on free road.
+    pub fn new(scenario: &Scenario, params: &SimParams, seed: u64) -> Result<Self, SimError> {
+        Self::exact(scenario.drawn(seed), params)
+    }
+
+    /// The scenario exactly as given, without drawing anything.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn exact(scenario: Scenario, params: &SimParams) -> Result<Self, SimError> {
+        if params.dt < Span::from_ms(1) || params.dt > Span::from_ms(20) {
+            return Err(SimError::Step(params.dt));
+        }
+        let route = scenario.road.route();
+        let pose = scenario.ego_pose(&route.line, &params.vehicle.shape);
+        free_road(&scenario, &route, &params.vehicle.shape.footprint(pose))?;
+        let mut world = PhysicsWorld::new();
+        world.gravity = Vec3::new(0.0, 0.0, -9.81);
+        world.integration_parameters.dt = params.dt.as_secs() as f32;
+        bodies::ground(&mut world, scenario.road.friction);
+        let ego = EgoCar::spawn(&mut world, &params.vehicle, pose, scenario.ego.start_speed());
+        bodies::foresee_contacts(&mut world, ego.handle());
+        let ego_collider = world.bodies[ego.handle()].colliders()[0];
+        let state = WorldState {
+            stamp: Time::ZERO,
+            ego: ego.truth(&world),
+            actors: Vec::new(),
+            collisions: Vec::new(),
+            infractions: Vec::new(),
+            ended: None,
+        };
+        let rules = Rules::new(&scenario);
+        let mut simulator = Self {
+            scenario,
+            params: params.clone(),
+            route,
+            world,
+            ego,
+            ego_collider,
+            actors: Vec::new(),
+            rules,
+            state,
+        };
+        simulator.populate();
+        simulator.pull_triggers();
+        Ok(simulator)
+    }
+
+    fn populate(&mut self) {
+        for (i, actor) in self.scenario.actors.iter().enumerate() {
+            let script = Script::new(actor, &self.route.line);
+            let moment = script.at(None, &self.route.line);
+            let state = Actor {
+                id: Scenario::id(i),
+                kind: actor.kind,
+                pose: moment.pose,
+                z_m: 0.0,
+                extent: actor.extent,
+                velocity_mps: moment.velocity_mps,
+            };
+            let body = Body::insert(&mut self.world, &state, actor.mass_kg);
+            let set_off = (actor.trigger.is_none() && script.moves()).then_some(Time::ZERO);
+            self.actors.push(Player { body, script, set_off, contact: Contact::None });
+            self.state.actors.push(state);
+        }
+    }
+
+    /// The scenario that is run, with the draws of the seed.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// The road as the stack is told about it.
+    pub fn route(&self) -> &Route {
+        &self.route
+    }
+
+    /// The parameters.
+    pub fn params(&self) -> &SimParams {
+        &self.params
+    }
+
+    /// The state after the last step; that of instant 0 before the first.
+    pub fn state(&self) -> &WorldState {
+        &self.state
+    }
+
+    /// Moves the world on by one step under `command` and returns the new state.
+    ///
+    /// A command with a number that is not finite is taken as full brake with straight wheels.
+    pub fn step(&mut self, command: Command) -> &WorldState {
+        let finite =
+            command.steering_rad.is_finite() && command.throttle.is_finite() && command.brake.is_finite();
+        let command = if finite { command } else { Command::FULL_BRAKE };
+        let before = self.before();
+        self.state.stamp += self.params.dt;
+        self.state.collisions.clear();
+        self.state.infractions.clear();
+        for i in 0..self.actors.len() {
+            self.send(i, &before);
+        }
+        let dt_s = self.params.dt.as_secs();
+        self.ego.apply(&mut self.world, &command, self.scenario.road.friction, dt_s);
+        self.world.step();
+        self.state.ego = self.ego.truth(&self.world);
+        self.state.ego.state.stamp = self.state.stamp;
+        let outline = self.outline();
+        for i in 0..self.actors.len() {
+            self.receive(i, &before, &outline);
+        }
+        self.judge(&outline);
+        self.pull_triggers();
+        &self.state
+    }
+
+    fn outline(&self) -> Obb {
+        self.params.vehicle.shape.footprint(self.state.ego.state.pose)
+    }
+
+    fn before(&self) -> Before {
+        let body = &self.world.bodies[self.ego.handle()];
+        let (at, velocity) = (body.center_of_mass(), body.linvel());
+        let velocity_mps = Vector2::new(f64::from(velocity.x), f64::from(velocity.y));
+        let motion = Motion2 {
+            at: Point2::new(f64::from(at.x), f64::from(at.y)),
+            velocity_mps,
+            yaw_rate_radps: f64::from(body.angvel().z),
+        };
+        Before { outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
+    }
+
+    /// Where the script has actor `i` at `instant`.
+    fn scripted(&self, i: usize, instant: Time) -> Moment {
+        let player = &self.actors[i];
+        player.script.at(player.set_off.map(|t| (instant - t).as_secs()), &self.route.line)
+    }
+
+    /// Prepares actor `i` for the step that ends at the present stamp.
+    fn send(&mut self, i: usize, before: &Before) {
+        if self.actors[i].body.mode != Mode::Scripted {
+            return;
+        }
+        if self.may_be_hit(i, before) {
+            let earlier = Time::from_ns(self.state.stamp.ns() - self.params.dt.ns());
+            let now = self.scripted(i, earlier);
+            self.actors[i].body.try_physics(&mut self.world, &now);
+            return;
+        }
+        let Some(set_off) = self.actors[i].set_off else { return };
+        let after_s = (self.state.stamp - set_off).as_secs();
+        // One step beyond the end still counts: it brings the body to rest at its place.
+        if !self.actors[i].script.is_over(after_s - self.params.dt.as_secs()) {
+            let next = self.scripted(i, self.state.stamp);
+            self.actors[i].body.follow(&mut self.world, &next);
+        }
+    }
+
+    /// Whether actor `i` could be touched by the ego or a loose actor within one step.
+    fn may_be_hit(&self, i: usize, before: &Before) -> bool {
+        let dt_s = self.params.dt.as_secs();
+        let actor = &self.state.actors[i];
+        let own = actor.velocity_mps.norm();
+        let reach_m = (before.speed_mps + own) * dt_s + MARGIN_M;
+        if near(&before.outline, actor, reach_m) && actor.gap_m(&before.outline) <= reach_m {
+            return true;
+        }
+        let loose = |j: usize| j != i && self.actors[j].body.mode == Mode::Hit;
+        (0..self.actors.len()).filter(|&j| loose(j)).any(|j| {
+            let other = &self.state.actors[j];
+            let reach_m = (other.velocity_mps.norm() + own) * dt_s + MARGIN_M;
+            let outline = other.footprint();
+            near(&outline, actor, reach_m) && actor.gap_m(&outline) <= reach_m
+        })
+    }
+
+    /// Takes over the state of actor `i` after the step, and notes a contact with the ego.
+    fn receive(&mut self, i: usize, before: &Before, outline: &Obb) {
+        let earlier = self.state.actors[i].clone();
+        match self.actors[i].body.mode {
+            Mode::Fixed => {}
+            Mode::Scripted => self.follow_script(i),
+            Mode::Trial | Mode::Hit => self.actors[i].body.read(&self.world, &mut self.state.actors[i]),
+        }
+        let touches_ego = self.contact(i, &earlier, before, outline);
+        if self.actors[i].body.mode == Mode::Trial {
+            if touches_ego || self.touches_loose(i) {
+                self.actors[i].body.mode = Mode::Hit;
+            } else {
+                let now = self.scripted(i, self.state.stamp);
+                self.actors[i].body.restore(&mut self.world, &now);
+                self.put(i, now);
+            }
+        }
+    }
+
+    fn follow_script(&mut self, i: usize) {
+        if self.actors[i].set_off.is_some() {
+            let now = self.scripted(i, self.state.stamp);
+            self.put(i, now);
+        }
+    }
+
+    fn put(&mut self, i: usize, Moment { pose, velocity_mps }: Moment) {
+        let actor = &mut self.state.actors[i];
+        (actor.pose, actor.z_m, actor.velocity_mps) = (pose, 0.0, velocity_mps);
+    }
+
+    fn touches_loose(&self, i: usize) -> bool {
+        let own = self.actors[i].body.collider;
+        self.actors.iter().enumerate().any(|(j, other)| {
+            let loose = j != i && other.body.mode == Mode::Hit;
+            loose && bodies::impulse_ns(&self.world, own, other.body.collider) > 0.0
+        })
+    }
+
+    /// Follows the contact between the ego and actor `i`; whether they touch in this step.
+    fn contact(&mut self, i: usize, earlier: &Actor, before: &Before, outline: &Obb) -> bool {
+        let actor = &self.state.actors[i];
+        if self.actors[i].contact == Contact::None && !near(outline, actor, 2.0 * PARTED_M) {
+            return false;
+        }
+        let gap_m = actor.gap_m(outline);
+        let impulse_ns = bodies::impulse_ns(&self.world, self.ego_collider, self.actors[i].body.collider);
+        let touching = gap_m == 0.0 || impulse_ns > 0.0;
+        let contact = &mut self.actors[i].contact;
+        if *contact == Contact::None && touching {
+            let horizon_s = 2.0 * self.params.dt.as_secs();
+            let collision = Collision {
+                stamp: self.state.stamp,
+                actor: actor.id,
+                impulse_ns: 0.0,
+                closing_speed_mps: contact::closing_speed(
+                    &before.outline,
+                    &before.motion,
+                    earlier,
+                    horizon_s,
+                ),
+                ego_speed_mps: before.speed_mps,
+            };
+            *contact = Contact::Begun { collision, patience: PATIENCE };
+        }
+        match contact {
+            Contact::Begun { collision, patience } if impulse_ns > 0.0 || *patience == 0 => {
+                collision.impulse_ns = impulse_ns;
+                self.state.collisions.push(collision.clone());
+                *contact = Contact::Reported;
+            }
+            Contact::Begun { patience, .. } => *patience -= 1,
+            Contact::Reported if gap_m > PARTED_M && impulse_ns == 0.0 => *contact = Contact::None,
+            _ => {}
+        }
+        touching
+    }
+
+    fn judge(&mut self, outline: &Obb) {
+        let center = outline.center.point();
+        self.rules.follow(&self.route, center);
+        if self.rules.leaves_road(&self.route, outline) {
+            self.state
+                .infractions
+                .push(Infraction { stamp: self.state.stamp, kind: InfractionKind::LeftRoad });
+        }
+        let ended = self.rules.ended(&self.state, center);
+        self.state.ended = self.state.ended.or(ended);
+    }
+
+    /// Sets off the actors whose trigger is met by the present state.
+    fn pull_triggers(&mut self) {
+        for i in 0..self.actors.len() {
+            if self.actors[i].set_off.is_none() && self.is_met(i) {
+                self.actors[i].set_off = Some(self.state.stamp);
+            }
+        }
+    }
+
+    fn is_met(&self, i: usize) -> bool {
+        let own = self.state.actors[i].pose.point();
+        match self.scenario.actors[i].trigger {
+            None => false,
+            Some(Trigger::Distance { to, within_m }) => self.center(to).point().distance(own) <= within_m,
+            Some(Trigger::Time { at_s }) => self.state.stamp - Time::ZERO >= Span::from_secs(at_s),
+            Some(Trigger::Reaches { who: Subject::Ego, s_m }) => self.rules.s_m() >= s_m,
+            Some(Trigger::Reaches { who, s_m }) => {
+                self.route.line.project(self.center(who).point()).s_m >= s_m
+            }
+        }
+    }
+
+    fn center(&self, who: Subject) -> Pose2 {
+        match who {
+            Subject::Ego => self.outline().center,
+            Subject::Actor(i) => self.state.actors[i].pose,
+        }
+    }
+}
+
+impl core::fmt::Debug for Simulator {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Simulator")
+            .field("scenario", &self.scenario.name)
+            .field("stamp", &self.state.stamp)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Whether the circles around the two come within `reach_m` of each other.
+fn near(outline: &Obb, actor: &Actor, reach_m: f64) -> bool {
+    let radius = outline.radius() + actor.footprint().radius() + reach_m;
+    (outline.center.point() - actor.pose.point()).norm_squared() <= radius * radius
+}
+
+fn free_road(scenario: &Scenario, route: &Route, outline: &Obb) -> Result<(), SimError> {
+    let margin_m = route.margin_m(outline);
+    if margin_m < 0.0 {
+        return Err(SimError::OffRoad(-margin_m));
+    }
+    match scenario.actors.iter().find(|actor| actor.distance_to(&route.line, outline) == 0.0) {
+        Some(actor) => Err(SimError::EgoInside(actor.name.clone())),
+        None => Ok(()),
+    }
+}

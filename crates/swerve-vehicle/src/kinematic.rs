@@ -1,0 +1,81 @@
+//! The kinematic single-track model: wheels roll without slip, within the car's limits.
+
+use swerve_geom::{Pose2, math};
+
+use crate::{Limits, VehicleParams};
+
+/// State of the kinematic model.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct KinematicState {
+    /// Pose of the ego origin (centre of the rear axle).
+    pub pose: Pose2,
+    /// Speed of the ego origin along its heading, m/s, never negative.
+    pub speed_mps: f64,
+    /// Angle of the front road wheels, radians.
+    pub steering_rad: f64,
+}
+
+/// A car whose wheels roll without slip.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Kinematic {
+    /// Distance between the axles, metres.
+    pub wheelbase_m: f64,
+    /// Bounds that commands are clamped to.
+    pub limits: Limits,
+}
+
+impl Kinematic {
+    /// The kinematic model of a car.
+    pub fn new(params: &VehicleParams) -> Self {
+        Self { wheelbase_m: params.shape.wheelbase_m, limits: params.limits }
+    }
+
+    /// Yaw rate at a speed and steering angle, rad/s.
+    pub fn yaw_rate_radps(&self, speed_mps: f64, steering_rad: f64) -> f64 {
+        speed_mps * math::tan(steering_rad) / self.wheelbase_m
+    }
+
+    /// The largest steering angle at which the lateral acceleration stays within the limits at this speed.
+    pub fn steering_max_rad(&self, speed_mps: f64) -> f64 {
+        let v2 = (speed_mps * speed_mps).max(1e-9);
+        math::atan(self.wheelbase_m * self.limits.lateral_accel_max_mps2 / v2)
+            .min(self.limits.steering_max_rad)
+    }
+
+    /// One step towards the wanted steering angle at the wanted acceleration: steering is bound by angle,
+    /// rate and lateral acceleration, acceleration by the limits; speed stops at zero.
+    ///
+    /// The pose moves along the arc of the step's mean speed and curvature, which is exact while both hold.
+    pub fn step(
+        &self,
+        state: KinematicState,
+        steering_rad: f64,
+        accel_mps2: f64,
+        dt_s: f64,
+    ) -> KinematicState {
+        let limits = &self.limits;
+        let accel = accel_mps2.clamp(-limits.brake_max_mps2, limits.accel_max_mps2);
+        let speed = (state.speed_mps + accel * dt_s).max(0.0);
+        let angle_most = self.steering_max_rad(speed);
+        let turn_most = limits.steering_rate_max_radps * dt_s;
+        let wanted = steering_rad.clamp(-angle_most, angle_most);
+        let steering = state.steering_rad + (wanted - state.steering_rad).clamp(-turn_most, turn_most);
+        let travelled_s = if accel < 0.0 && speed <= 0.0 { state.speed_mps / -accel } else { dt_s };
+        let way = 0.5 * (state.speed_mps + speed) * travelled_s;
+        let mean_steering = 0.5 * (state.steering_rad + steering);
+        let turned = way * math::tan(mean_steering) / self.wheelbase_m;
+        // Chord of the arc: its direction is half the turn, its length the way times sin(x)/x.
+        let half = 0.5 * turned;
+        let chord = if half.abs() < 1e-6 { way } else { way * math::sin(half) / half };
+        let (sin, cos) = math::sin_cos(state.pose.heading_rad + half);
+        KinematicState {
+            pose: Pose2::new(
+                state.pose.x_m + chord * cos,
+                state.pose.y_m + chord * sin,
+                state.pose.heading_rad + turned,
+            ),
+            speed_mps: speed,
+            steering_rad: steering,
+        }
+    }
+}

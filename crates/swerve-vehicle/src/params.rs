@@ -1,0 +1,418 @@
+//! Every number of the car, with its source.
+//!
+//! Sources: \[A\] Baidu Apollo's `mkz_config` (open source calibration of a Lincoln MKZ with drive-by-wire);
+//! \[C\] Althoff and Würsching, "CommonRoad: Vehicle Models", 2020, tables 6 and 7 (tyre: the PAC2002 set of
+//! the Adams/Tire handbook); \[P\] Pacejka, "Tire and Vehicle Dynamics", 3rd edition; \[E\] an estimate from
+//! the class of car, with the reasoning beside it.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape};
+
+/// The whole car. The default is a Lincoln MKZ with drive-by-wire and 1.8 t.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VehicleParams {
+    /// Outline and wheelbase.
+    pub shape: Shape,
+    /// What planners and controllers may ask for; the steering angle and rate also bind the actuator.
+    pub limits: Limits,
+    /// Mass and inertia.
+    pub body: BodyParams,
+    /// Springs, dampers, anti-roll bars.
+    pub suspension: SuspensionParams,
+    /// Wheels.
+    pub wheel: WheelParams,
+    /// Tyres, the same on all corners.
+    pub tyre: TyreParams,
+    /// Motor to wheels.
+    pub drivetrain: DrivetrainParams,
+    /// Brakes.
+    pub brakes: BrakeParams,
+    /// Steering actuator.
+    pub steering: SteeringParams,
+    /// Air drag.
+    pub aero: AeroParams,
+    /// Time from a command's arrival to the actuators' first reaction (drive-by-wire), seconds.
+    /// Raising it delays steering, throttle and brake alike.
+    pub dead_time_s: f64,
+}
+
+/// Mass and inertia.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BodyParams {
+    /// Mass of the whole car with its load, kg.
+    pub mass_kg: f64,
+    /// Centre of gravity above ground, metres.
+    pub cg_height_m: f64,
+    /// Share of the weight on the front axle, 0 to 1.
+    pub front_weight_share: f64,
+    /// Moment of inertia about the roll axis (x) through the centre of gravity, kg m².
+    pub roll_inertia_kgm2: f64,
+    /// Moment of inertia about the pitch axis (y), kg m².
+    pub pitch_inertia_kgm2: f64,
+    /// Moment of inertia about the yaw axis (z), kg m².
+    pub yaw_inertia_kgm2: f64,
+    /// Distance between the contact points of one axle, metres.
+    pub track_m: f64,
+}
+
+impl Default for BodyParams {
+    /// \[E\]: front-wheel-drive kerb weights put 58 to 60 % on the front axle, equipment in the boot moves
+    /// that to 55 %. Yaw inertia from the dynamic index `I / (m a b) = 0.9` usual for saloon cars; roll and
+    /// pitch from radii of gyration of 0.59 m and 1.28 m. Track: 1.583 m front, 1.587 m rear by the maker.
+    fn default() -> Self {
+        Self {
+            mass_kg: 1800.0,
+            cg_height_m: 0.55,
+            front_weight_share: 0.55,
+            roll_inertia_kgm2: 630.0,
+            pitch_inertia_kgm2: 2950.0,
+            yaw_inertia_kgm2: 3260.0,
+            track_m: 1.6,
+        }
+    }
+}
+
+/// Springs, dampers and anti-roll bars, as rates at the wheel. There is no unsprung mass of its own.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SuspensionParams {
+    /// Spring rate of one front corner (tyre in series), N/m.
+    pub front_spring_npm: f64,
+    /// Spring rate of one rear corner, N/m.
+    pub rear_spring_npm: f64,
+    /// Damper rate of one corner, N s/m.
+    pub damper_nspm: f64,
+    /// Front anti-roll bar: force on each wheel per metre of difference of compression, N/m.
+    pub front_anti_roll_npm: f64,
+    /// Rear anti-roll bar, N/m.
+    pub rear_anti_roll_npm: f64,
+    /// Compression beyond rest at which the bump stop is met, metres.
+    pub bump_stop_m: f64,
+    /// Extra rate behind the bump stop, N/m.
+    pub bump_stop_npm: f64,
+}
+
+impl Default for SuspensionParams {
+    /// \[E\]: body bounce near 1.3 Hz with damping ratio 0.34, and about 3 degrees of roll at 0.8 g, most of
+    /// the anti-roll stiffness in front as cars have it that shall understeer at the limit.
+    fn default() -> Self {
+        Self {
+            front_spring_npm: 30_000.0,
+            rear_spring_npm: 28_000.0,
+            damper_nspm: 2_500.0,
+            front_anti_roll_npm: 20_000.0,
+            rear_anti_roll_npm: 12_000.0,
+            bump_stop_m: 0.08,
+            bump_stop_npm: 150_000.0,
+        }
+    }
+}
+
+/// Wheels.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WheelParams {
+    /// Rolling radius, metres.
+    pub radius_m: f64,
+    /// Moment of inertia about the axle of one wheel with brake and share of the drivetrain, kg m².
+    pub spin_inertia_kgm2: f64,
+    /// Rolling resistance force per wheel load.
+    pub rolling_resistance: f64,
+}
+
+impl Default for WheelParams {
+    /// Radius \[A\], inertia \[C\]; rolling resistance \[E\] of a summer tyre on asphalt.
+    fn default() -> Self {
+        Self { radius_m: 0.335, spin_inertia_kgm2: 1.7, rolling_resistance: 0.012 }
+    }
+}
+
+/// Tyres. The peak friction is the ground's; the curve's shape and its initial slope are the tyre's.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TyreParams {
+    /// Force over longitudinal slip.
+    pub longitudinal: MagicFormula,
+    /// Force over the tangent of the slip angle.
+    pub lateral: MagicFormula,
+    /// Load at which the peak friction is exactly the ground's, newtons.
+    pub nominal_load_n: f64,
+    /// Relative loss of peak friction for a load twice the nominal one.
+    pub load_sensitivity: f64,
+    /// Relative loss of slip stiffness per load, for a load twice the nominal one.
+    pub stiffness_load_sensitivity: f64,
+    /// Way rolled until 63 % of a step of longitudinal slip has become force, metres.
+    pub relaxation_longitudinal_m: f64,
+    /// The same for lateral slip, metres.
+    pub relaxation_lateral_m: f64,
+}
+
+impl Default for TyreParams {
+    /// Shapes and stiffnesses \[C\] (`p_cx1, p_kx1, p_ex1`; `p_cy1, p_ky1, p_ey1`); load sensitivities and
+    /// relaxation lengths in the range of \[P\], sections 4.3 and 8.5.
+    fn default() -> Self {
+        Self {
+            longitudinal: MagicFormula { stiffness: 22.303, shape: 1.6411, curvature: 0.464 },
+            lateral: MagicFormula { stiffness: 21.92, shape: 1.3507, curvature: -0.0075 },
+            nominal_load_n: 4414.5,
+            load_sensitivity: 0.08,
+            stiffness_load_sensitivity: 0.15,
+            relaxation_longitudinal_m: 0.2,
+            relaxation_lateral_m: 0.4,
+        }
+    }
+}
+
+/// From pedal to drive torque; open differentials (equal torque left and right), no traction control, no
+/// engine braking, no reverse gear, no creep.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DrivetrainParams {
+    /// Largest torque at the driven wheels together, N m.
+    pub torque_max_nm: f64,
+    /// Largest power at the wheels, watts.
+    pub power_max_w: f64,
+    /// Time constant of the torque's first-order lag, seconds.
+    pub lag_s: f64,
+    /// Share of the torque that goes to the front axle: 1 is front-wheel drive.
+    pub front_share: f64,
+}
+
+impl Default for DrivetrainParams {
+    /// Front-wheel drive; 140 kW is the hybrid's system power by the maker (188 hp); torque \[E\] for
+    /// 4 m/s² from rest; lag \[E\] within the usual 0.1 s to 0.3 s.
+    fn default() -> Self {
+        Self { torque_max_nm: 2_400.0, power_max_w: 140_000.0, lag_s: 0.2, front_share: 1.0 }
+    }
+}
+
+/// Brakes.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BrakeParams {
+    /// Torque of all four brakes together at full pedal, N m.
+    pub torque_max_nm: f64,
+    /// Share of the front axle.
+    pub front_share: f64,
+    /// Time in which the torque rises from nothing to full pedal, seconds.
+    pub build_up_s: f64,
+    /// Anti-lock control.
+    pub abs: AbsParams,
+}
+
+impl Default for BrakeParams {
+    /// \[E\]: enough to lock all wheels on dry asphalt (1.2 g), 0.15 s build-up as hydraulic units have it.
+    fn default() -> Self {
+        Self { torque_max_nm: 7_100.0, front_share: 0.7, build_up_s: 0.15, abs: AbsParams::default() }
+    }
+}
+
+/// Anti-lock control of each wheel: the brake torque is scaled so that slip stays near the target. That the
+/// target follows the ground's friction stands for the search of real units for the peak.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AbsParams {
+    /// Whether it is there at all.
+    pub enabled: bool,
+    /// Slip that it aims at, as share of the slip of largest force on the present ground.
+    pub slip_target: f64,
+    /// Largest rate at which the torque is given back, as share of full brake per second.
+    pub apply_rate_ps: f64,
+    /// Largest rate at which the torque is taken away, as share of full brake per second.
+    pub release_rate_ps: f64,
+    /// Speed below which it stays out and wheels may lock, m/s.
+    pub speed_min_mps: f64,
+}
+
+impl Default for AbsParams {
+    /// \[E\]: the peak is flat on its near side and falls off behind: aim before it.
+    fn default() -> Self {
+        Self {
+            enabled: true,
+            slip_target: 0.8,
+            apply_rate_ps: 5.0,
+            release_rate_ps: 15.0,
+            speed_min_mps: 1.5,
+        }
+    }
+}
+
+/// Steering actuator; the angle and rate limits are in [`Limits`].
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SteeringParams {
+    /// Time constant of the first-order lag before the rate limit, seconds; 0 leaves the rate limit alone.
+    pub lag_s: f64,
+}
+
+impl Default for SteeringParams {
+    /// \[E\]: bandwidth near 3 Hz, usual for drive-by-wire steering.
+    fn default() -> Self {
+        Self { lag_s: 0.05 }
+    }
+}
+
+/// Air drag, acting at the centre of gravity.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AeroParams {
+    /// Drag coefficient times frontal area, m².
+    pub drag_area_m2: f64,
+    /// Density of the air, kg/m³.
+    pub air_density_kgpm3: f64,
+}
+
+impl Default for AeroParams {
+    /// Drag coefficient 0.28 by the maker, frontal area about 2.3 m².
+    fn default() -> Self {
+        Self { drag_area_m2: 0.64, air_density_kgpm3: 1.2 }
+    }
+}
+
+/// A parameter outside its range.
+#[derive(Clone, PartialEq, Debug, Error)]
+#[error("vehicle.{key} is {value}, must be {must}")]
+pub struct ParamsError {
+    /// Dotted key below `vehicle`.
+    pub key: &'static str,
+    /// What was given.
+    pub value: f64,
+    /// What is allowed.
+    pub must: &'static str,
+}
+
+impl VehicleParams {
+    /// The first parameter that is out of range, if any.
+    pub fn validate(&self) -> Result<(), ParamsError> {
+        let check = |key, value: f64, must, ok: bool| {
+            if ok && value.is_finite() { Ok(()) } else { Err(ParamsError { key, value, must }) }
+        };
+        for (key, value) in self.positive() {
+            check(key, value, "above 0", value > 0.0)?;
+        }
+        for (key, value) in self.not_negative() {
+            check(key, value, "at least 0", value >= 0.0)?;
+        }
+        for (key, value) in self.shares() {
+            check(key, value, "between 0 and 1", (0.0..=1.0).contains(&value))?;
+        }
+        let weight = self.body.front_weight_share;
+        check("body.front_weight_share", weight, "inside 0.2 to 0.8", (0.2..=0.8).contains(&weight))?;
+        let steering = self.limits.steering_max_rad;
+        check("limits.steering_max_rad", steering, "inside 0 to 1.2", steering > 0.0 && steering <= 1.2)?;
+        let tyre = &self.tyre;
+        for (key, shape) in
+            [("tyre.longitudinal.shape", tyre.longitudinal.shape), ("tyre.lateral.shape", tyre.lateral.shape)]
+        {
+            check(key, shape, "inside 1 to 2", (1.0..=2.0).contains(&shape))?;
+        }
+        for (key, curvature) in [
+            ("tyre.longitudinal.curvature", tyre.longitudinal.curvature),
+            ("tyre.lateral.curvature", tyre.lateral.curvature),
+        ] {
+            check(key, curvature, "inside -10 to 1", (-10.0..=1.0).contains(&curvature))?;
+        }
+        Ok(())
+    }
+
+    fn positive(&self) -> [(&'static str, f64); 19] {
+        let Self { shape, limits, body, suspension, wheel, tyre, drivetrain, brakes, .. } = self;
+        [
+            ("shape.length_m", shape.length_m),
+            ("shape.width_m", shape.width_m),
+            ("shape.height_m", shape.height_m),
+            ("shape.wheelbase_m", shape.wheelbase_m),
+            ("limits.steering_rate_max_radps", limits.steering_rate_max_radps),
+            ("body.mass_kg", body.mass_kg),
+            ("body.roll_inertia_kgm2", body.roll_inertia_kgm2),
+            ("body.pitch_inertia_kgm2", body.pitch_inertia_kgm2),
+            ("body.yaw_inertia_kgm2", body.yaw_inertia_kgm2),
+            ("body.track_m", body.track_m),
+            ("suspension.front_spring_npm", suspension.front_spring_npm),
+            ("suspension.rear_spring_npm", suspension.rear_spring_npm),
+            ("wheel.radius_m", wheel.radius_m),
+            ("wheel.spin_inertia_kgm2", wheel.spin_inertia_kgm2),
+            ("tyre.nominal_load_n", tyre.nominal_load_n),
+            ("tyre.relaxation_longitudinal_m", tyre.relaxation_longitudinal_m),
+            ("tyre.relaxation_lateral_m", tyre.relaxation_lateral_m),
+            ("drivetrain.torque_max_nm", drivetrain.torque_max_nm),
+            ("brakes.torque_max_nm", brakes.torque_max_nm),
+        ]
+    }
+
+    fn not_negative(&self) -> [(&'static str, f64); 18] {
+        let Self { shape, limits, body, suspension, wheel, drivetrain, brakes, steering, aero, .. } = self;
+        [
+            ("shape.rear_overhang_m", shape.rear_overhang_m),
+            ("limits.accel_max_mps2", limits.accel_max_mps2),
+            ("limits.brake_max_mps2", limits.brake_max_mps2),
+            ("limits.lateral_accel_max_mps2", limits.lateral_accel_max_mps2),
+            ("body.cg_height_m", body.cg_height_m),
+            ("suspension.damper_nspm", suspension.damper_nspm),
+            ("suspension.front_anti_roll_npm", suspension.front_anti_roll_npm),
+            ("suspension.rear_anti_roll_npm", suspension.rear_anti_roll_npm),
+            ("suspension.bump_stop_m", suspension.bump_stop_m),
+            ("suspension.bump_stop_npm", suspension.bump_stop_npm),
+            ("wheel.rolling_resistance", wheel.rolling_resistance),
+            ("drivetrain.power_max_w", drivetrain.power_max_w),
+            ("drivetrain.lag_s", drivetrain.lag_s),
+            ("brakes.build_up_s", brakes.build_up_s),
+            ("steering.lag_s", steering.lag_s),
+            ("aero.drag_area_m2", aero.drag_area_m2),
+            ("aero.air_density_kgpm3", aero.air_density_kgpm3),
+            ("dead_time_s", self.dead_time_s),
+        ]
+    }
+
+    fn shares(&self) -> [(&'static str, f64); 5] {
+        [
+            ("drivetrain.front_share", self.drivetrain.front_share),
+            ("brakes.front_share", self.brakes.front_share),
+            ("brakes.abs.slip_target", self.brakes.abs.slip_target),
+            ("tyre.load_sensitivity", self.tyre.load_sensitivity),
+            ("tyre.stiffness_load_sensitivity", self.tyre.stiffness_load_sensitivity),
+        ]
+    }
+
+    /// From the rear axle forward to the centre of gravity, metres.
+    pub fn cg_to_rear_m(&self) -> f64 {
+        self.body.front_weight_share * self.shape.wheelbase_m
+    }
+
+    /// From the centre of gravity forward to the front axle, metres.
+    pub fn cg_to_front_m(&self) -> f64 {
+        self.shape.wheelbase_m - self.cg_to_rear_m()
+    }
+
+    /// Load of each wheel at rest on level ground, newtons: front left, front right, rear left, rear right.
+    pub fn static_loads_n(&self) -> [f64; 4] {
+        let weight = self.body.mass_kg * GRAVITY_MPS2;
+        let front = 0.5 * weight * self.body.front_weight_share;
+        let rear = 0.5 * weight - front;
+        [front, front, rear, rear]
+    }
+
+    /// Mass that resists acceleration: the car's plus that of its spinning wheels, kg.
+    pub fn effective_mass_kg(&self) -> f64 {
+        let r = self.wheel.radius_m;
+        self.body.mass_kg + 4.0 * self.wheel.spin_inertia_kgm2 / (r * r)
+    }
+
+    /// Air drag and rolling resistance at `speed_mps`, newtons.
+    pub fn resistance_n(&self, speed_mps: f64) -> f64 {
+        let air = 0.5 * self.aero.air_density_kgpm3 * self.aero.drag_area_m2 * speed_mps * speed_mps.abs();
+        let rolling = self.wheel.rolling_resistance * self.body.mass_kg * GRAVITY_MPS2;
+        let rolling = if speed_mps.abs() < 1e-3 { 0.0 } else { rolling * speed_mps.signum() };
+        air + rolling
+    }
+
+    /// Largest torque at the driven wheels together when they turn at `wheel_speed_radps`, N m.
+    pub fn drive_torque_max_nm(&self, wheel_speed_radps: f64) -> f64 {
+        let drive = &self.drivetrain;
+        drive.torque_max_nm.min(drive.power_max_w / wheel_speed_radps.abs().max(1e-3))
+    }
+}

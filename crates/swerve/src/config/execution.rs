@@ -1,0 +1,212 @@
+//! How operators run, as TOML says it: run time, busy policy, deadline. Shared by pipelines and `swerve timing`.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Span;
+use swerve_flow::{Anchor, Full, Policy, Reaction, RuntimeModel};
+
+/// A run-time model: exactly one of its keys.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Runtime {
+    /// `zero = true`: no time at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zero: Option<bool>,
+    /// Always the same, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fixed_ms: Option<f64>,
+    /// The listed times in turn, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cycle_ms: Option<Vec<f64>>,
+    /// Mean and standard deviation, ms; cut at zero.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_ms: Option<[f64; 2]>,
+    /// Median in ms, and standard deviation of the logarithm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log_normal_ms: Option<[f64; 2]>,
+    /// Pairs of percentile and ms, increasing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub percentiles_ms: Option<Vec<[f64; 2]>>,
+    /// Base in ms and time per unit of work in µs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub work: Option<WorkTime>,
+    /// Measured on this host, times this factor; not repeatable without its log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<f64>,
+}
+
+/// Run time by counted work.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorkTime {
+    /// Before the first unit, ms.
+    #[serde(default)]
+    pub base_ms: f64,
+    /// Per unit, µs.
+    pub per_unit_us: f64,
+}
+
+/// The longest time that a configuration may name: a day.
+const MS_MAX: f64 = 86_400_000.0;
+
+/// Milliseconds as a span, refused when not finite, negative or longer than a day.
+pub fn span_ms(ms: f64) -> Result<Span, String> {
+    if ms.is_finite() && (0.0..=MS_MAX).contains(&ms) {
+        return Ok(Span::from_secs(ms * 1e-3));
+    }
+    Err(format!("expected milliseconds between 0 and {MS_MAX}, found {ms}"))
+}
+
+impl Runtime {
+    /// A constant time.
+    pub fn fixed(ms: f64) -> Self {
+        Self { fixed_ms: Some(ms), ..Self::default() }
+    }
+
+    /// The engine's model, or what is wrong.
+    pub fn model(&self) -> Result<RuntimeModel, String> {
+        let mut models = Vec::new();
+        if let Some(zero) = self.zero {
+            if !zero {
+                return Err("`zero` can only be true; name another model instead".into());
+            }
+            models.push(RuntimeModel::Zero);
+        }
+        if let Some(ms) = self.fixed_ms {
+            models.push(RuntimeModel::Fixed(span_ms(ms)?));
+        }
+        if let Some(times) = &self.cycle_ms {
+            let spans: Result<Vec<_>, _> = times.iter().map(|ms| span_ms(*ms)).collect();
+            let spans = spans?;
+            if spans.is_empty() || spans.contains(&Span::ZERO) {
+                return Err("`cycle_ms` needs at least one time, each above zero".into());
+            }
+            models.push(RuntimeModel::Cycle(spans));
+        }
+        if let Some([mean, deviation]) = self.normal_ms {
+            models.push(RuntimeModel::Normal { mean: span_ms(mean)?, deviation: span_ms(deviation)? });
+        }
+        if let Some([median, sigma]) = self.log_normal_ms {
+            if !(sigma.is_finite() && (0.0..=10.0).contains(&sigma)) {
+                return Err(format!("`log_normal_ms` needs a sigma between 0 and 10, found {sigma}"));
+            }
+            models.push(RuntimeModel::LogNormal { median: span_ms(median)?, sigma });
+        }
+        if let Some(points) = &self.percentiles_ms {
+            let points: Result<Vec<_>, String> =
+                points.iter().map(|[p, ms]| Ok((*p, span_ms(*ms)?))).collect();
+            models.push(RuntimeModel::Percentiles(percentiles(points?)?));
+        }
+        if let Some(work) = self.work {
+            let per_unit_ns = span_ms(work.per_unit_us * 1e-3).map(|_| work.per_unit_us * 1e3)?;
+            models.push(RuntimeModel::Work { base: span_ms(work.base_ms)?, per_unit_ns });
+        }
+        if let Some(scale) = self.measured {
+            if !(scale.is_finite() && (0.0..=1e6).contains(&scale)) {
+                return Err(format!("`measured` needs a factor between 0 and 1e6, found {scale}"));
+            }
+            models.push(RuntimeModel::Measured { scale });
+        }
+        match models.len() {
+            1 => Ok(models.remove(0)),
+            n => Err(format!(
+                "expected exactly one of zero, fixed_ms, cycle_ms, normal_ms, log_normal_ms, percentiles_ms, work, measured; found {n}"
+            )),
+        }
+    }
+}
+
+fn percentiles(points: Vec<(f64, Span)>) -> Result<Vec<(f64, Span)>, String> {
+    let inside = points.iter().all(|(p, _)| (0.0..=100.0).contains(p));
+    let rising = points.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1);
+    if points.is_empty() || !inside || !rising {
+        return Err("`percentiles_ms` needs pairs [percentile, ms] with percentiles rising within 0 to 100 and times that do not fall".into());
+    }
+    Ok(points)
+}
+
+/// Reads a busy policy: `skip_to_latest`, `queue(2)`, `queue(2, drop_newest)`, `pipelined(4)`, `pipelined(4, overtaking)`.
+pub fn parse_policy(text: &str) -> Result<Policy, String> {
+    let wrong = || {
+        format!(
+            "unknown policy `{text}`, expected skip_to_latest, queue(N), queue(N, drop_oldest | drop_newest | fail), pipelined(N) or pipelined(N, overtaking) with N from 1 to 1000000"
+        )
+    };
+    if text.trim() == "skip_to_latest" {
+        return Ok(Policy::SkipToLatest);
+    }
+    let (name, rest) = text.trim().split_once('(').ok_or_else(wrong)?;
+    let inner = rest.strip_suffix(')').ok_or_else(wrong)?;
+    let mut parts = inner.split(',').map(str::trim);
+    let n: usize = parts.next().and_then(|n| n.parse().ok()).ok_or_else(wrong)?;
+    let word = parts.next();
+    if parts.next().is_some() || !(1..=1_000_000).contains(&n) {
+        return Err(wrong());
+    }
+    match (name.trim(), word) {
+        ("queue", None | Some("drop_oldest")) => Ok(Policy::queue(n)),
+        ("queue", Some("drop_newest")) => Ok(Policy::Queue { capacity: n, full: Full::DropNewest }),
+        ("queue", Some("fail")) => Ok(Policy::Queue { capacity: n, full: Full::Fail }),
+        ("pipelined", None) => Ok(Policy::pipelined(n)),
+        ("pipelined", Some("overtaking")) => Ok(Policy::Pipelined { places: n, overtaking: true }),
+        _ => Err(wrong()),
+    }
+}
+
+/// A deadline of an operator.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Deadline {
+    /// Length, ms, above zero.
+    pub ms: f64,
+    /// From when it counts.
+    #[serde(default)]
+    pub anchor: Anchor,
+    /// What answers a miss.
+    #[serde(default)]
+    pub reaction: Reaction,
+}
+
+impl Deadline {
+    /// The engine's deadline, or what is wrong.
+    pub fn deadline(&self) -> Result<swerve_flow::Deadline, String> {
+        let length = span_ms(self.ms)?;
+        if length == Span::ZERO {
+            return Err("expected a deadline above zero".into());
+        }
+        Ok(swerve_flow::Deadline::after(length).anchor(self.anchor).reaction(self.reaction))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn policies_are_read_as_written() {
+        assert_eq!(parse_policy("queue(2)"), Ok(Policy::queue(2)));
+        assert_eq!(
+            parse_policy("queue( 2 , drop_newest )"),
+            Ok(Policy::Queue { capacity: 2, full: Full::DropNewest })
+        );
+        assert_eq!(
+            parse_policy("pipelined(4, overtaking)"),
+            Ok(Policy::Pipelined { places: 4, overtaking: true })
+        );
+        for wrong in
+            ["queue", "queue(0)", "queue(-1)", "pipelined(4, drop_newest)", "skip", "queue(1,drop_oldest,x)"]
+        {
+            assert!(parse_policy(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn exactly_one_model() {
+        assert_eq!(Runtime::fixed(5.0).model(), Ok(RuntimeModel::Fixed(Span::from_ms(5))));
+        assert!(Runtime::default().model().is_err());
+        assert!(Runtime { zero: Some(true), ..Runtime::fixed(1.0) }.model().is_err());
+        for ms in [f64::NAN, -1.0, f64::INFINITY, 1e12] {
+            assert!(Runtime::fixed(ms).model().is_err(), "{ms}");
+        }
+        assert!(Runtime { cycle_ms: Some(vec![5.0, 0.0]), ..Runtime::default() }.model().is_err());
+    }
+}

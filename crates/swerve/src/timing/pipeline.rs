@@ -1,0 +1,81 @@
+//! A pipeline of black boxes: what a timing file says, checked and with every default spelled out.
+
+use swerve_core::Span;
+use swerve_flow::{Anchor, Policy, Reaction, RuntimeModel};
+
+/// A pipeline whose operators compute nothing and take time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pipeline {
+    /// How long to run it; events at its very end still happen.
+    pub span: Span,
+    /// The operators, in the order of the file.
+    pub operators: Vec<BlackBox>,
+    /// The resources that operators share, in the order of the file.
+    pub resources: Vec<Resource>,
+}
+
+/// An operator of which only the timing is known; it publishes one message per frame on a stream of its own name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlackBox {
+    /// Its name, and that of its stream.
+    pub name: String,
+    /// Its timer, if it has one.
+    pub timer: Option<Timer>,
+    /// Operators whose streams are joined by stamp: indices into [`Pipeline::operators`].
+    pub at: Vec<usize>,
+    /// Operators of which the newest message is read.
+    pub latest: Vec<usize>,
+    /// As `latest`, through a feedback edge.
+    pub feedback: Vec<usize>,
+    /// How long its steps take.
+    pub runtime: RuntimeModel,
+    /// What happens to frames while it is busy.
+    pub policy: Policy,
+    /// Until when a stamp has to be answered.
+    pub deadline: Option<BoxDeadline>,
+    /// The resource that its steps occupy: index into [`Pipeline::resources`].
+    pub uses: Option<usize>,
+}
+
+/// Ticks at `phase + k * period`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timer {
+    /// From tick to tick; above zero.
+    pub period: Span,
+    /// The first tick; not below zero.
+    pub phase: Span,
+}
+
+/// The deadline of each stamp: anchor plus length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoxDeadline {
+    /// Above zero.
+    pub length: Span,
+    /// From when it counts.
+    pub anchor: Anchor,
+    /// What answers a stamp that missed it.
+    pub reaction: Reaction,
+}
+
+/// Something that at most `slots` steps use at a time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Resource {
+    /// Its name.
+    pub name: String,
+    /// At least one.
+    pub slots: usize,
+}
+
+impl BlackBox {
+    /// Every input that it reads, in the order at, latest, feedback.
+    pub fn inputs(&self) -> impl Iterator<Item = usize> {
+        self.at.iter().chain(&self.latest).chain(&self.feedback).copied()
+    }
+}
+
+impl Pipeline {
+    /// Whether nobody reads operator `i`, except through feedback: what it publishes is a result of the pipeline.
+    pub fn is_sink(&self, i: usize) -> bool {
+        !self.operators.iter().any(|op| op.at.contains(&i) || op.latest.contains(&i))
+    }
+}

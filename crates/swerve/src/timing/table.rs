@@ -1,0 +1,141 @@
+//! What `swerve timing` prints: response times, what every operator did, and how busy everything was.
+
+use core::fmt::Write as _;
+
+use swerve_core::Span;
+
+use super::pipeline::Pipeline;
+use super::trace::{Mark, Trace};
+
+/// The report of a run as aligned text.
+pub(crate) fn table(pipeline: &Pipeline, trace: &Trace) -> String {
+    let mut text = format!("span {} ms, {} operators\n", ms(pipeline.span), pipeline.operators.len());
+    for (title, rows) in [
+        (
+            "Response times: result minus the stamp of the newest sensor frame it derives from",
+            responses(pipeline, trace),
+        ),
+        ("Operators", operators(pipeline, trace)),
+        ("Resources", resources(pipeline, trace)),
+    ] {
+        if rows.len() > 1 {
+            let _ = write!(text, "\n{title}\n{}", aligned(&rows));
+        }
+    }
+    text
+}
+
+type Row = Vec<String>;
+
+fn row<const N: usize>(cells: [&str; N]) -> Row {
+    cells.map(str::to_owned).to_vec()
+}
+
+fn responses(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
+    let mut rows = vec![row(["result", "messages", "p50 ms", "p99 ms", "max ms"])];
+    for (i, op) in pipeline.operators.iter().enumerate().filter(|(i, _)| pipeline.is_sink(*i)) {
+        let times = sorted(
+            trace
+                .publications
+                .iter()
+                .filter(|p| p.operator == i && p.stamp.is_some())
+                .filter_map(|p| Some(p.visible_at - p.origin?)),
+        );
+        rows.push(vec![
+            op.name.clone(),
+            times.len().to_string(),
+            percentile(&times, 50),
+            percentile(&times, 99),
+            percentile(&times, 100),
+        ]);
+    }
+    rows
+}
+
+fn operators(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
+    let head =
+        ["operator", "steps", "messages", "repeats", "misses", "drops", "run p50 ms", "p99 ms", "busy"];
+    let mut rows = vec![row(head)];
+    for (i, op) in pipeline.operators.iter().enumerate() {
+        let messages = trace.publications.iter().filter(|p| p.operator == i && p.stamp.is_some());
+        let repeats = messages.clone().filter(|p| p.reused_from.is_some()).count();
+        let steps = trace.steps.iter().filter(|step| step.operator == i);
+        let times = sorted(steps.clone().filter_map(|step| Some(step.end? - step.start)));
+        let busy = share(trace.busy(i, pipeline.span), pipeline.span, op.policy.places());
+        rows.push(vec![
+            op.name.clone(),
+            steps.count().to_string(),
+            messages.count().to_string(),
+            repeats.to_string(),
+            count(&trace.misses, i),
+            count(&trace.drops, i),
+            percentile(&times, 50),
+            percentile(&times, 99),
+            busy,
+        ]);
+    }
+    rows
+}
+
+fn count(marks: &[Mark], i: usize) -> String {
+    marks.iter().filter(|mark| mark.operator == i).count().to_string()
+}
+
+fn resources(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
+    let mut rows = vec![row(["resource", "slots", "busy", "used by"])];
+    for (r, resource) in pipeline.resources.iter().enumerate() {
+        let users: Vec<usize> =
+            (0..pipeline.operators.len()).filter(|&i| pipeline.operators[i].uses == Some(r)).collect();
+        let busy = users.iter().fold(Span::ZERO, |sum, &i| sum + trace.busy(i, pipeline.span));
+        let names: Vec<&str> = users.iter().map(|&i| pipeline.operators[i].name.as_str()).collect();
+        rows.push(vec![
+            resource.name.clone(),
+            resource.slots.to_string(),
+            share(busy, pipeline.span, resource.slots),
+            names.join(", "),
+        ]);
+    }
+    rows
+}
+
+fn sorted(spans: impl Iterator<Item = Span>) -> Vec<Span> {
+    let mut spans: Vec<Span> = spans.collect();
+    spans.sort_unstable();
+    spans
+}
+
+/// The smallest of `sorted` that so many percent do not exceed (nearest rank), in ms.
+fn percentile(sorted: &[Span], percent: usize) -> String {
+    let rank = (sorted.len() * percent).div_ceil(100);
+    sorted.get(rank.saturating_sub(1)).map_or_else(|| "-".to_owned(), |span| ms(*span))
+}
+
+pub(crate) fn ms(span: Span) -> String {
+    let text = format!("{:.3}", span.as_ms());
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+fn share(busy: Span, span: Span, places: usize) -> String {
+    format!("{:.1} %", 100.0 * busy.as_secs() / (span.as_secs() * places as f64))
+}
+
+/// Columns as wide as their widest cell: the first and last text column to the left, figures to the right.
+fn aligned(rows: &[Row]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |c: usize| {
+        rows.iter().filter_map(|row| row.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let is_text = |c: usize| c == 0 || rows[0][c] == "used by";
+    let mut text = String::new();
+    for row in rows {
+        let cells: Vec<String> = (row.iter().enumerate())
+            .map(|(c, cell)| {
+                let fill = " ".repeat(widths[c] - cell.chars().count());
+                if is_text(c) { format!("{cell}{fill}") } else { format!("{fill}{cell}") }
+            })
+            .collect();
+        let _ = writeln!(text, "  {}", cells.join("  ").trim_end());
+    }
+    text
+}
