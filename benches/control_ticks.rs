@@ -5,14 +5,14 @@ use swerve_core::Rng;
 use swerve_geom::{Pose2, math};
 
 /// Wheelbase of the car, metres.
-pub const WHEELBASE_M: f64 = 2.85;
+pub(crate) const WHEELBASE_M: f64 = 2.85;
 
 /// One call of the predictive controller.
-pub struct Tick {
+pub(crate) struct Tick {
     /// Where the car is.
-    pub start: State,
+    pub(crate) start: State,
     /// The path ahead.
-    pub knots: Vec<Knot>,
+    pub(crate) knots: Vec<Knot>,
 }
 
 /// What the path is after `s` metres of way, to good approximation.
@@ -32,7 +32,7 @@ fn on_path(s: f64) -> State {
 }
 
 /// `n` ticks of 10 ms with a car that strays by decimetres, one every 0.1 s of the path.
-pub fn ticks(n: usize, horizon: usize) -> Vec<Tick> {
+pub(crate) fn ticks(n: usize, horizon: usize) -> Vec<Tick> {
     let mut rng = Rng::keyed(1, "ticks", &[]);
     (0..n)
         .map(|tick| {

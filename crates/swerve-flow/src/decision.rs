@@ -12,6 +12,11 @@ use crate::observer::DropReason;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "decision", rename_all = "snake_case")]
 pub enum Decision {
+    /// The run began.
+    Begin {
+        /// Whether the real clock moved it.
+        wall_clock: bool,
+    },
     /// A source's message, or its watermark alone, was taken in.
     Arrival {
         /// The source.
@@ -73,6 +78,7 @@ pub enum Decision {
 pub struct Replay {
     steps: BTreeMap<String, BTreeMap<Time, Decided>>,
     end: Option<Time>,
+    wall_clock: bool,
 }
 
 /// What was decided for one step.
@@ -87,6 +93,11 @@ impl Replay {
     /// What was decided for a step, if the earlier run had it.
     pub(crate) fn step(&self, operator: &str, stamp: Time) -> Option<Decided> {
         self.steps.get(operator)?.get(&stamp).copied()
+    }
+
+    /// Whether the earlier run followed the real clock.
+    pub(crate) fn of_wall_clock(&self) -> bool {
+        self.wall_clock
     }
 
     /// The last instant of the earlier run, if it was ended from outside.
@@ -108,6 +119,10 @@ impl FromIterator<Decision> for Replay {
                 }
                 Decision::Deadline { operator, stamp, offers, .. } => {
                     (operator, stamp, Decided { offers: Some(offers), ..Decided::default() })
+                }
+                Decision::Begin { wall_clock } => {
+                    replay.wall_clock = wall_clock;
+                    continue;
                 }
                 Decision::End { at } => {
                     replay.end = Some(at);

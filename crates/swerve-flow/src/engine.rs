@@ -4,6 +4,7 @@ mod commit;
 mod due;
 mod node;
 mod pool;
+mod reports;
 mod resource;
 mod setup;
 mod start;
@@ -24,6 +25,10 @@ pub(crate) struct Engine<'o> {
     nodes: Vec<Node>,
     streams: Vec<StreamState>,
     resources: Vec<ResourceState>,
+    /// The rank of each operator, in the order in which they were added.
+    rank_of: Vec<usize>,
+    /// The ranks of those that are fed from outside.
+    sources: Vec<usize>,
     due: Due,
     ready: Ready,
     /// The present instant.
@@ -31,7 +36,10 @@ pub(crate) struct Engine<'o> {
     /// Which sweep of this instant is under way, from 0.
     pass: u32,
     pool: Option<Pool>,
-    pub(crate) wall: Option<crate::wall::Pace>,
+    /// The real clock, if that is what moves this run.
+    wall: Option<crate::wall::Pace>,
+    /// Heavy operators have one step on the host at a time: this is a wall-clock run, or repeats one.
+    one_worker: bool,
     seed: u64,
     replay: Option<Replay>,
     digest: Hasher,
@@ -91,11 +99,6 @@ impl Engine<'_> {
         }
     }
 
-    /// Whether run times, drops and deadlines are no functions of the inputs.
-    fn decides(&self) -> bool {
-        self.wall.is_some()
-    }
-
     fn drop_stamp(&mut self, rank: usize, stamp: Time, reason: DropReason) {
         let node = &mut self.nodes[rank];
         let drops = &mut node.tally.drops;
@@ -112,10 +115,7 @@ impl Engine<'_> {
         let operator = node.name.clone();
         let at = self.now;
         self.tell(&Event::Drop(Dropped { operator: &operator, stamp, at, reason }));
-        if self.decides() {
-            let decision = Decision::Drop { operator: operator.to_string(), stamp, at, reason };
-            self.tell(&Event::Decision(&decision));
-        }
+        self.decide(|| Decision::Drop { operator: operator.to_string(), stamp, at, reason });
     }
 
     /// Ends the run: tells the observers, gives the report.

@@ -22,7 +22,7 @@ use crate::payload::{Decode, OUTPUTS_MAX, Payload};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
 use crate::runtime::RuntimeModel;
-use crate::wall::{Inbox, SourceHandle};
+use crate::wall::{Inbox, SourceHandle, StopHandle};
 
 /// A stream of messages of type `T`, to be connected to any number of readers.
 pub struct Stream<T> {
@@ -81,6 +81,8 @@ pub struct Graph {
     pub(crate) feedbacks: Vec<FeedbackSpec>,
     pub(crate) resources: Vec<ResourceSpec>,
     pub(crate) inbox: Arc<Inbox>,
+    /// The operators that are fed from outside.
+    pub(crate) sources: Vec<usize>,
     pub(crate) faults: Vec<GraphError>,
 }
 
@@ -95,6 +97,8 @@ pub(crate) struct OperatorSpec {
     pub(crate) origin: bool,
     pub(crate) heavy: bool,
     pub(crate) delay: Span,
+    /// When steps that are played back held slots of the resource.
+    pub(crate) held: Vec<(Time, Time)>,
     pub(crate) body: BodySpec,
 }
 
@@ -145,10 +149,16 @@ impl Graph {
 
     /// Adds a source that is fed from outside, under wall clock, through the returned handle.
     pub fn source<T: Payload>(&mut self, name: impl Into<String>) -> (Stream<T>, SourceHandle<T>) {
+        self.sources.push(self.operators.len());
         let handle = SourceHandle::new(self.inbox.clone(), self.operators.len());
         let stream =
             self.push::<crate::Port<T>>(name.into(), Vec::new(), BodySpec::Feed(Vec::new())).origin().out();
         (stream, handle)
+    }
+
+    /// Ends a wall-clock run of this graph from another thread.
+    pub fn stop_handle(&self) -> StopHandle {
+        StopHandle(self.inbox.clone())
     }
 
     /// Adds an operator that publishes `records` on one stream: a part of an earlier run, or a script.
@@ -182,6 +192,7 @@ impl Graph {
             origin: false,
             heavy: false,
             delay: Span::ZERO,
+            held: Vec::new(),
             body,
         });
         OperatorRef { graph: self, index, streams }
@@ -233,12 +244,25 @@ impl Graph {
                 reason,
             })?;
         }
+        self.sources.retain(|source| *source != index);
         let operator = &mut self.operators[index];
         operator.ports.clear();
         operator.deadline = None;
-        operator.uses = None;
         operator.heavy = false;
         operator.body = BodySpec::Feed(records);
+        Ok(())
+    }
+
+    /// Tells when the steps of an operator that is played back held the slots of its resource (start, end), so
+    /// that others wait for them as they did.
+    ///
+    /// # Errors
+    /// When there is no operator of that name.
+    pub fn playback_steps(&mut self, name: &str, mut steps: Vec<(Time, Time)>) -> Result<(), GraphError> {
+        let index = self.index_of(name)?;
+        steps.retain(|(start, end)| start < end);
+        steps.sort_unstable();
+        self.operators[index].held = steps;
         Ok(())
     }
 

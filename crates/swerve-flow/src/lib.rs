@@ -2,7 +2,7 @@
 //!
 //! A [`Graph`] is a value: operators are added with the streams that they read and give the streams that
 //! they publish. [`run_virtual`] runs it in virtual time, where the result is a function of graph and seed
-//! alone; `run_wall` runs the same graph against the real clock. What happens when is in
+//! alone; [`run_wall`] runs the same graph against the real clock. What happens when is in
 //! `docs/execution.md`; the engine does one sweep over its operators for every instant, in both.
 //!
 //! ```
@@ -109,4 +109,4 @@ pub use policy::{Full, Policy};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
 pub use virtual_time::{run_replay, run_virtual};
-pub use wall::SourceHandle;
+pub use wall::{SendError, SourceHandle, StopHandle, run_wall};

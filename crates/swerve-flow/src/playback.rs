@@ -70,7 +70,11 @@ impl PlaybackPayload {
 impl PlaybackRecord {
     /// A message published at `visible_at`, with its own stamp as watermark.
     pub fn message<T: Payload>(visible_at: Time, stamp: Time, value: T) -> Self {
-        let payload = PlaybackPayload::value(value);
+        Self::sent(visible_at, stamp, Sent::new(Arc::new(value)))
+    }
+
+    pub(crate) fn sent(visible_at: Time, stamp: Time, sent: Sent) -> Self {
+        let payload = PlaybackPayload(Kind::Ready(sent));
         let message = PlaybackMessage { stamp, reused_from: None, origin: Some(stamp), payload };
         Self { port: 0, visible_at, pass: 0, watermark: stamp, message: Some(message) }
     }
@@ -117,7 +121,7 @@ impl PlaybackRecord {
     }
 
     /// The payload in memory.
-    pub(crate) fn sent(&self, decode: crate::payload::Decode) -> Option<Sent> {
+    pub(crate) fn payload(&self, decode: crate::payload::Decode) -> Option<Sent> {
         self.message.as_ref().map(|message| match &message.payload.0 {
             Kind::Ready(sent) => sent.clone(),
             Kind::Cbor(bytes) => decode(bytes).expect("the graph decoded every record when it took them in"),

@@ -1,28 +1,268 @@
-//! Wall clock.
+//! Wall clock: the same sweep, whose instants the real clock, the sources and the workers give.
 
 use core::marker::PhantomData;
-use std::sync::Arc;
+use core::time::Duration;
+use std::collections::VecDeque;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use swerve_core::{Span, Time};
+use thiserror::Error;
+
+use crate::decision::Decision;
+use crate::engine::Engine;
+use crate::graph::Graph;
+use crate::observer::Observer;
+use crate::operator::TimeIsOut;
+use crate::options::RunOptions;
+use crate::payload::{Payload, Sent};
+use crate::report::{EndReason, RunError, RunReport};
+
+/// How many reports may wait for the engine; more are refused, so that a stuck engine does not eat the memory.
+const REPORTS_MAX: usize = 4096;
 
 /// Where sources and workers report to the engine.
 #[derive(Default)]
-pub(crate) struct Inbox {}
-
-/// Feeds a source of a graph from any thread.
-pub struct SourceHandle<T> {
-    inbox: Arc<Inbox>,
-    operator: usize,
-    payload: PhantomData<fn(T)>,
+pub(crate) struct Inbox {
+    state: Mutex<Reports>,
+    bell: Condvar,
 }
 
-impl<T> SourceHandle<T> {
-    pub(crate) fn new(inbox: Arc<Inbox>, operator: usize) -> Self {
-        Self { inbox, operator, payload: PhantomData }
+#[derive(Default)]
+struct Reports {
+    arrivals: VecDeque<Arrival>,
+    /// A worker is done with a step.
+    rung: bool,
+    stop: bool,
+    closed: bool,
+}
+
+/// Something that a source reported.
+pub(crate) struct Arrival {
+    /// The source, by its place among the operators as they were added.
+    pub(crate) operator: usize,
+    pub(crate) report: Report,
+}
+
+pub(crate) enum Report {
+    /// A message; the stamp is the instant at which it is taken in, if none is given.
+    Message(Option<Time>, Sent),
+    Watermark(Time),
+}
+
+/// Why a source's report was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum SendError {
+    /// The run is over.
+    #[error("the run is over")]
+    Over,
+    /// The engine does not keep up: too many reports wait.
+    #[error("{REPORTS_MAX} reports wait for the engine, which does not keep up")]
+    Full,
+}
+
+impl Inbox {
+    fn lock(&self) -> MutexGuard<'_, Reports> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn push(&self, arrival: Arrival) -> Result<(), SendError> {
+        let mut state = self.lock();
+        if state.closed {
+            return Err(SendError::Over);
+        }
+        if state.arrivals.len() >= REPORTS_MAX {
+            return Err(SendError::Full);
+        }
+        state.arrivals.push_back(arrival);
+        drop(state);
+        self.bell.notify_one();
+        Ok(())
+    }
+
+    fn ring(&self) {
+        self.lock().rung = true;
+        self.bell.notify_one();
     }
 }
 
-pub(crate) struct Pace;
+/// Feeds a source of a graph, from any thread. When the last clone is gone the stream is closed.
+pub struct SourceHandle<T> {
+    source: Arc<OpenSource>,
+    payload: PhantomData<fn(T)>,
+}
+
+impl<T> Clone for SourceHandle<T> {
+    fn clone(&self) -> Self {
+        Self { source: self.source.clone(), payload: PhantomData }
+    }
+}
+
+struct OpenSource {
+    inbox: Arc<Inbox>,
+    operator: usize,
+}
+
+impl Drop for OpenSource {
+    fn drop(&mut self) {
+        // Whether the run is over or too many reports wait, nobody is left to be told.
+        let mut state = self.inbox.lock();
+        state.arrivals.push_back(Arrival { operator: self.operator, report: Report::Watermark(Time::MAX) });
+        drop(state);
+        self.inbox.bell.notify_one();
+    }
+}
+
+impl<T: Payload> SourceHandle<T> {
+    pub(crate) fn new(inbox: Arc<Inbox>, operator: usize) -> Self {
+        Self { source: Arc::new(OpenSource { inbox, operator }), payload: PhantomData }
+    }
+
+    fn report(&self, report: Report) -> Result<(), SendError> {
+        self.source.inbox.push(Arrival { operator: self.source.operator, report })
+    }
+
+    /// Reports a message that describes the instant `stamp`. Stamps have to increase: one at or below the
+    /// stream's watermark is counted as too late.
+    ///
+    /// # Errors
+    /// When the run is over, or the engine does not keep up.
+    pub fn send(&self, stamp: Time, value: T) -> Result<(), SendError> {
+        self.report(Report::Message(Some(stamp), Sent::new(Arc::new(value))))
+    }
+
+    /// Reports a message that describes the instant at which the engine takes it in.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn send_now(&self, value: T) -> Result<(), SendError> {
+        self.report(Report::Message(None, Sent::new(Arc::new(value))))
+    }
+
+    /// Reports that no message with a stamp at or below `watermark` will come.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn advance(&self, watermark: Time) -> Result<(), SendError> {
+        self.report(Report::Watermark(watermark))
+    }
+}
+
+/// Ends a wall-clock run from any thread.
+#[derive(Clone)]
+pub struct StopHandle(pub(crate) Arc<Inbox>);
+
+impl StopHandle {
+    /// Ends the run after the present sweep.
+    pub fn stop(&self) {
+        self.0.lock().stop = true;
+        self.0.bell.notify_one();
+    }
+}
+
+/// The real clock of one run.
+#[derive(Clone, Copy)]
+pub(crate) struct Pace {
+    begin: Instant,
+}
+
 impl Pace {
-    pub(crate) fn time_is_out(&self, _deadline: swerve_core::Time) -> crate::operator::TimeIsOut {
-        Box::new(|| false)
+    fn now(self) -> Time {
+        Time::from_ns(i64::try_from(crate::host::ns_since(self.begin)).unwrap_or(i64::MAX))
+    }
+
+    /// Whether the real clock has reached a step's deadline.
+    pub(crate) fn time_is_out(self, deadline: Time) -> TimeIsOut {
+        Box::new(move || self.now() >= deadline)
+    }
+}
+
+/// What the engine woke up for.
+enum Wake {
+    /// Something is due.
+    Due,
+    /// Sources or workers reported, at this moment of the real clock.
+    Reports(VecDeque<Arrival>, Time),
+    Stop,
+}
+
+/// Runs a graph against the real clock. Its sources are fed through their handles; steps of heavy operators
+/// run on worker threads, all others on this one.
+///
+/// A step takes as long as it takes here, and at least as long as its run-time model says; a step of no run
+/// time that is not heavy takes none. What is no function of the inputs is told to the observers as
+/// [`Decision`]s, with which [`run_replay`](crate::run_replay) repeats the run.
+///
+/// # Errors
+/// As [`run_virtual`](crate::run_virtual), or when the system gives no worker thread.
+pub fn run_wall(
+    graph: Graph,
+    options: &RunOptions,
+    observers: Vec<&mut dyn Observer>,
+) -> Result<RunReport, RunError> {
+    let inbox = graph.inbox.clone();
+    let bell = inbox.clone();
+    let pace = Pace { begin: crate::host::now() };
+    let doorbell = Arc::new(move || bell.ring());
+    let mut engine = Engine::new(graph, options, None, observers, Some((pace, doorbell as _)))?;
+    engine.decide(|| Decision::Begin { wall_clock: true });
+    let end = pursue(&mut engine, options.until.unwrap_or(Time::MAX), pace, &inbox);
+    {
+        let mut state = inbox.lock();
+        state.closed = true;
+        state.arrivals.clear();
+    }
+    let at = engine.now();
+    engine.decide(|| Decision::End { at });
+    engine.finish(end)
+}
+
+fn pursue(engine: &mut Engine<'_>, until: Time, pace: Pace, inbox: &Inbox) -> EndReason {
+    engine.wake_all();
+    engine.sweep(Time::ZERO);
+    while !engine.is_over() {
+        let due = engine.next_due();
+        if due == Time::MAX && engine.is_idle() {
+            return EndReason::Idle;
+        }
+        // The run lasts until its end has passed on the real clock too.
+        let limit = due.min(until.saturating_add(Span::from_ns(1)));
+        match wait(inbox, pace, limit) {
+            Wake::Stop => return EndReason::Interrupted,
+            Wake::Due if due > until => return EndReason::Until,
+            Wake::Due => engine.sweep(due),
+            Wake::Reports(arrivals, at) => {
+                // Two sweeps never share an instant, so that a replay settles each in one.
+                let now = at.max(engine.now().saturating_add(Span::from_ns(1)));
+                engine.take_reports(arrivals, now);
+                engine.sweep(now);
+            }
+        }
+    }
+    EndReason::Until
+}
+
+/// Sleeps until `due` on the real clock, or until somebody reports.
+fn wait(inbox: &Inbox, pace: Pace, due: Time) -> Wake {
+    let mut state = inbox.lock();
+    loop {
+        if state.stop {
+            return Wake::Stop;
+        }
+        let now = pace.now();
+        // What is due comes before what was reported later.
+        if due <= now {
+            return Wake::Due;
+        }
+        if state.rung || !state.arrivals.is_empty() {
+            state.rung = false;
+            return Wake::Reports(core::mem::take(&mut state.arrivals), now);
+        }
+        state = if due == Time::MAX {
+            inbox.bell.wait(state).unwrap_or_else(PoisonError::into_inner)
+        } else {
+            let left = Duration::from_nanos((due - now).ns().unsigned_abs());
+            inbox.bell.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0
+        };
     }
 }

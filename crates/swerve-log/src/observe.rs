@@ -78,7 +78,7 @@ impl Recorder {
             | Decision::Deadline { at, .. }
             | Decision::Drop { at, .. }
             | Decision::End { at } => *at,
-            Decision::RunTime { .. } | Decision::Stop { .. } => self.now(),
+            Decision::Begin { .. } | Decision::RunTime { .. } | Decision::Stop { .. } => self.now(),
         };
         self.decision(at, |out| {
             ciborium::into_writer(decision, out).expect("decisions serialize, and memory takes all");

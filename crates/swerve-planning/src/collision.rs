@@ -312,7 +312,8 @@ impl Obstacles {
         Solid { x_m: a.x_m + (b.x_m - a.x_m) * u, y_m: a.y_m + (b.y_m - a.y_m) * u, cos, sin, ..a }
     }
 
-    fn fastest_mps(&self) -> f64 {
+    /// Fastest predicted motion of any point, m/s.
+    pub(crate) fn fastest_mps(&self) -> f64 {
         match self.mode {
             CollisionMode::SweptStatic => 0.0,
             CollisionMode::TimeIndexed => self.movers.iter().map(|m| m.speed_mps).fold(0.0, f64::max),

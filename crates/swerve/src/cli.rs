@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::{check, run, scenarios, study, timing};
+use crate::{check, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -18,6 +18,8 @@ enum Command {
     Run(run::RunArgs),
     /// Vary a run along axes over configuration keys and seeds
     Study(study::StudyArgs),
+    /// Compute a log's streams again and compare, or ask what would have been
+    Replay(replay::ReplayArgs),
     /// Run a pipeline of black boxes: response times, drops, misses, utilisation
     Timing(timing::TimingArgs),
     /// Check scenario, configuration, study and timing files without running them
@@ -31,6 +33,7 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => run::run(args),
         Command::Study(args) => study::run(args),
+        Command::Replay(args) => replay::run(args),
         Command::Timing(args) => timing::run(args),
         Command::Check(args) => check::run(args),
         Command::Scenarios(args) => scenarios::run(args),

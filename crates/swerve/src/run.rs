@@ -1,13 +1,14 @@
 //! `swerve run`: a scenario driven by a pipeline, measured, recorded, drawn.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, Metrics, Outline};
-use swerve_flow::{Event, Observer, RunOptions, RunReport, run_virtual};
-use swerve_log::{Recorder, RunStart, TraceWriter};
+use swerve_flow::{Event, Observer, RunOptions, RunReport, RuntimeModel, run_virtual};
+use swerve_log::{Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Imu, ObstacleList, Plan, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
@@ -241,6 +242,17 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Gives every operator the run times that it had in an earlier run.
+fn record_run_times(pipeline: &mut Pipeline, log: &Log) -> anyhow::Result<()> {
+    for (operator, times) in log.run_times() {
+        if let Ok(node) = pipeline.graph.operator(&operator) {
+            let times = Arc::new(times.into_iter().collect());
+            let _configured = node.runtime(RuntimeModel::Recorded(times));
+        }
+    }
+    Ok(())
+}
+
 /// The head of a log: all that it takes to run again without the files.
 fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
     let text =
@@ -268,6 +280,8 @@ pub struct Summary {
     /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
     as_expected: Option<bool>,
     not_as_expected: Vec<String>,
+    /// Run times drawn for want of a record, under recorded run times.
+    unrecorded: u64,
     #[serde(flatten)]
     metrics: Metrics,
 }
@@ -285,6 +299,7 @@ impl Summary {
             digest: outcome.digest,
             as_expected: broken.as_ref().map(Vec::is_empty),
             not_as_expected: broken.unwrap_or_default(),
+            unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
             metrics: outcome.metrics.clone(),
         }
     }
@@ -330,6 +345,9 @@ impl Summary {
             ]
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        if self.unrecorded > 0 {
+            let _ = writeln!(text, "{} steps had no record and drew their run time from the recorded ones", self.unrecorded);
+        }
         match self.as_expected {
             Some(true) => text += "as the scenario expects\n",
             Some(false) => {

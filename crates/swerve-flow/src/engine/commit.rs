@@ -155,7 +155,7 @@ impl Engine<'_> {
                 continue;
             };
             let decode = self.streams[self.nodes[rank].streams[record.port]].decode;
-            let Some(sent) = record.sent(decode) else { continue };
+            let Some(sent) = record.payload(decode) else { continue };
             let (stamp, reused_from, origin) = (message.stamp, message.reused_from, message.origin);
             let answer = Answer { stamp, reused_from, origin, reads: &[] };
             self.publish_on(rank, record.port, record.watermark, &answer, sent);

@@ -23,6 +23,8 @@ pub(crate) struct Node {
     pub(crate) on_deadline: Option<OnDeadline>,
     /// What a feed publishes next, in order of its instants.
     pub(crate) feed: Option<VecDeque<PlaybackRecord>>,
+    /// When the steps that a feed plays back hold slots of the resource, in order of their starts.
+    pub(crate) held: VecDeque<(Time, Time)>,
     pub(crate) at: Vec<AtPort>,
     pub(crate) timers: Vec<TimerPort>,
     pub(crate) latest: Vec<LatestPort>,
@@ -109,6 +111,8 @@ pub(crate) struct Run {
     /// The modelled end; a lower bound of it while `draw` still has to be settled.
     pub(crate) end: Time,
     pub(crate) settled: bool,
+    /// What the run-time model says, under wall clock: the step may take longer here, but not less.
+    pub(crate) least_end: Time,
     pub(crate) draw: Draw,
     /// `Time::MAX` where there is none.
     pub(crate) deadline: Time,

@@ -22,44 +22,42 @@ impl Engine<'_> {
     /// Starts, of the frames that may start, those that are known to need no slot.
     pub(super) fn start_without_slot(&mut self, rank: usize) -> bool {
         let node = &self.nodes[rank];
-        let frame = self.next_frame(rank, node.free_places());
+        let frame = self.next_frame(rank);
         if !self.takes_no_time(rank, node.open[frame].stamp) {
             return false;
         }
-        self.start_one_of(rank, self.nodes[rank].free_places());
+        self.start_next(rank);
         true
     }
 
-    /// Which of the complete frames is next when at most `n` may start.
-    fn next_frame(&self, rank: usize, n: usize) -> usize {
-        let node = &self.nodes[rank];
+    /// Which of the complete frames is next: by the places that are free, however many slots are.
+    fn next_frame(&self, rank: usize) -> usize {
+        let (node, places) = (&self.nodes[rank], self.places(rank));
         match node.policy {
             crate::Policy::Queue { .. } => 0,
             crate::Policy::SkipToLatest | crate::Policy::Pipelined { .. } => {
-                node.complete - n.min(node.complete)
+                node.complete - places.min(node.complete)
             }
         }
     }
 
     /// Starts what has a slot, in order of (instant since which it could have started, rank); then bounds the
-    /// queues of all users that had a turn, and publishes their watermarks.
+    /// queues of all users, of whatever resource, and publishes their watermarks, in rank order.
     pub(super) fn share_resources(&mut self) {
         if !self.resources.iter().any(|resource| resource.touched) {
             return;
         }
         let mut ranks: Vec<usize> = Vec::new();
         for resource in &mut self.resources {
-            if core::mem::take(&mut resource.touched) {
-                ranks.extend(&resource.users);
-            }
+            resource.touched = false;
+            ranks.extend(&resource.users);
         }
         ranks.sort_unstable();
         for &rank in &ranks {
             self.note_eligible(rank);
         }
-        while let Some((rank, slots)) = self.next_to_start(&ranks) {
-            let n = slots.min(self.nodes[rank].free_places());
-            self.start_one_of(rank, n);
+        while let Some(rank) = self.next_to_start(&ranks) {
+            self.start_next(rank);
             if self.failure.is_some() {
                 return;
             }
@@ -69,41 +67,46 @@ impl Engine<'_> {
         for rank in ranks {
             if core::mem::take(&mut self.nodes[rank].unsettled) {
                 self.bound_queue(rank);
-                self.publish_watermark(rank);
                 self.rearm(rank);
             }
+            // Also of a user that had no turn: what an earlier one has just published may raise it.
+            self.publish_watermark(rank);
         }
     }
 
     fn note_eligible(&mut self, rank: usize) {
-        let now = self.now;
+        let (now, places) = (self.now, self.places(rank));
         let node = &mut self.nodes[rank];
-        if node.complete > 0 && node.free_places() > 0 {
+        if node.complete > 0 && places > 0 {
             node.since.get_or_insert(now);
         } else {
             node.since = None;
         }
     }
 
-    /// Who starts next, and how many slots are free there.
-    fn next_to_start(&self, ranks: &[usize]) -> Option<(usize, usize)> {
+    /// Who starts next.
+    fn next_to_start(&self, ranks: &[usize]) -> Option<usize> {
         let eligible = ranks.iter().filter_map(|rank| {
             let node = &self.nodes[*rank];
-            let slots = self.free_slots(node.uses?);
-            (slots > 0).then_some((node.since?, *rank, slots))
+            (self.free_slots(node.uses?) > 0).then_some((node.since?, *rank))
         });
-        eligible.min().map(|(_, rank, slots)| (rank, slots))
+        eligible.min().map(|(_, rank)| rank)
     }
 
     fn free_slots(&self, id: usize) -> usize {
         let resource = &self.resources[id];
-        let runs = resource.users.iter().flat_map(|rank| &self.nodes[*rank].running);
-        resource.slots.saturating_sub(runs.filter(|run| run.slot && run.end > self.now).count())
+        let held = |rank: &usize| {
+            let node = &self.nodes[*rank];
+            let running = node.running.iter().filter(|run| run.slot && run.end > self.now).count();
+            running + node.held.iter().filter(|(start, end)| *start <= self.now && self.now < *end).count()
+        };
+        resource.slots.saturating_sub(resource.users.iter().map(held).sum())
     }
 
-    /// Starts the oldest of the frames that would start if `n` could; those before it are dropped.
-    fn start_one_of(&mut self, rank: usize, n: usize) {
-        for _ in 0..self.next_frame(rank, n) {
+    /// Starts the oldest of the frames that there are places for; those before it are dropped, and the others
+    /// wait until their turn comes, or for a slot.
+    fn start_next(&mut self, rank: usize) {
+        for _ in 0..self.next_frame(rank) {
             let stamp = self.nodes[rank].discard(0);
             self.drop_stamp(rank, stamp, crate::observer::DropReason::Skipped);
         }

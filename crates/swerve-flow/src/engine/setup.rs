@@ -15,6 +15,7 @@ use crate::input::{Edge, PortSpec, Slot};
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::report::{OperatorReport, RunError};
+use crate::wall::Pace;
 
 impl<'o> Engine<'o> {
     pub(crate) fn new(
@@ -22,7 +23,7 @@ impl<'o> Engine<'o> {
         options: &RunOptions,
         replay: Option<Replay>,
         observers: Vec<&'o mut dyn Observer>,
-        doorbell: Option<Doorbell>,
+        wall: Option<(Pace, Doorbell)>,
     ) -> Result<Self, RunError> {
         let order = ranks(&graph)?;
         let mut streams = streams(&graph);
@@ -32,7 +33,10 @@ impl<'o> Engine<'o> {
         }
         wire(&graph, &rank_of, &mut streams);
         let heavy = graph.operators.iter().any(|operator| operator.heavy);
-        let threads = if heavy && options.threads > 1 { options.threads } else { 0 };
+        // In virtual time one thread is this one; under wall clock it has to keep the time.
+        let threads =
+            if heavy && (options.threads > 1 || wall.is_some()) { options.threads.max(1) } else { 0 };
+        let (wall, doorbell) = wall.unzip();
         let mut resources: Vec<ResourceState> = graph
             .resources
             .iter()
@@ -59,12 +63,15 @@ impl<'o> Engine<'o> {
             nodes,
             streams,
             resources,
+            sources: graph.sources.iter().map(|index| rank_of[*index]).collect(),
+            rank_of,
             due,
             ready,
             now: Time::ZERO,
             pass: 0,
             pool: (threads > 0).then(|| Pool::new(threads, doorbell)).transpose()?,
-            wall: None,
+            one_worker: wall.is_some() || replay.as_ref().is_some_and(Replay::of_wall_clock),
+            wall,
             seed: options.seed,
             replay,
             digest: Hasher::new(),
@@ -160,6 +167,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         body,
         on_deadline,
         feed,
+        held: spec.held.into(),
         at,
         timers,
         latest,

@@ -53,13 +53,17 @@ impl Engine<'_> {
         let offered = meter.offered.clone();
         let due = (deadline < Time::MAX).then_some(deadline);
         let task = Task { now, stamp, deadline: due, seed: self.seed, meter };
-        let (end, settled) = match draw {
+        let (least_end, known) = match draw {
             Draw::Known(span) | Draw::Unrecorded(span) => (now.saturating_add(span), true),
             Draw::Work(base) => (now.saturating_add(base).min(deadline), false),
             Draw::Measured => (now, false),
         };
-        let node = &mut self.nodes[rank];
-        let away = node.heavy && end > now && self.pool.is_some();
+        let wall = self.wall.is_some();
+        let node = &self.nodes[rank];
+        let away = node.heavy && (least_end > now || wall) && self.pool.is_some();
+        // Under wall clock a worker says when it is done.
+        let end = if away && wall { Time::MAX } else { least_end };
+        let settled = known && (!wall || least_end == now) || (away && wall);
         let outcome = if away { self.send_away(rank, task) } else { self.run_here(rank, task) };
         let node = &mut self.nodes[rank];
         let slot = node.uses.is_some();
@@ -69,6 +73,7 @@ impl Engine<'_> {
             start: now,
             end,
             settled,
+            least_end,
             draw,
             deadline,
             finished,
@@ -145,6 +150,11 @@ impl Engine<'_> {
             return Draw::Known(span);
         }
         let draw = node.runtime.draw(self.seed, &node.name, stamp, node.tally.steps);
+        let instant = !node.heavy && matches!(draw, Draw::Known(Span::ZERO) | Draw::Unrecorded(Span::ZERO));
+        if self.one_worker && self.wall.is_none() && !instant {
+            // It was still running when the run that is being repeated ended.
+            return Draw::Known(Span::MAX);
+        }
         node.tally.unrecorded += u64::from(matches!(draw, Draw::Unrecorded(_)));
         draw
     }
@@ -238,10 +248,25 @@ impl Engine<'_> {
             self.failure = Some(RunError::Panic { operator: node.name.to_string(), message });
             return;
         }
+        if let (Some(units), Some(_)) = (ran.stopped_at, self.wall) {
+            let (operator, stamp) = (node.name.clone(), run.stamp);
+            self.decide(|| Decision::Stop { operator: operator.to_string(), stamp, units });
+        }
+        let node = &mut self.nodes[rank];
+        let run = &mut node.running[index];
+        let Outcome::Here(ran) = &mut run.outcome else { return };
         if run.settled {
             return;
         }
         run.settled = true;
+        if self.wall.is_some() {
+            let host =
+                run.start.saturating_add(Span::from_ns(i64::try_from(ran.host_ns).unwrap_or(i64::MAX)));
+            let modelled = run.start.saturating_add(node.runtime.measured(ran.host_ns));
+            run.end = run.least_end.max(host).max(modelled);
+            let (operator, stamp, run_time) = (node.name.clone(), run.stamp, run.end - run.start);
+            return self.decide(|| Decision::RunTime { operator: operator.to_string(), stamp, run_time });
+        }
         match run.draw {
             Draw::Known(_) | Draw::Unrecorded(_) => {}
             Draw::Work(_) => {
@@ -285,7 +310,9 @@ impl Engine<'_> {
 
     /// Whether the host time of the operator's steps is wanted.
     fn host_time(&self, rank: usize) -> bool {
-        !self.observers.is_empty() || matches!(self.nodes[rank].runtime, RuntimeModel::Measured { .. })
+        self.wall.is_some()
+            || !self.observers.is_empty()
+            || matches!(self.nodes[rank].runtime, RuntimeModel::Measured { .. })
     }
 }
 

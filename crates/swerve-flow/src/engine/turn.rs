@@ -20,6 +20,9 @@ impl Engine<'_> {
     pub(super) fn turn(&mut self, rank: usize) {
         if self.nodes[rank].feed.is_some() {
             self.publish_feed(rank);
+            let now = self.now;
+            self.nodes[rank].held.retain(|(_, end)| *end > now);
+            self.resources_touched(rank);
             return self.rearm(rank);
         }
         self.arrive(rank);
@@ -241,7 +244,7 @@ impl Engine<'_> {
             return self.react(rank, &missed, Step { own: Some(own), ..Step::default() });
         }
         let offered = run.offered.clone();
-        if offered.is_some() && !self.decides() {
+        if offered.is_some() && self.wall.is_none() {
             // What the step offered under its budget is a function of its inputs: wait until it ran.
             self.wait_for(rank, index);
         }
@@ -300,10 +303,7 @@ impl Engine<'_> {
         let &Missed { stamp, deadline, started } = missed;
         let at = self.now;
         self.tell(&Event::Miss(Miss { operator: &name, stamp, deadline, at, reaction, started }));
-        if self.decides() {
-            let decision = Decision::Deadline { operator: name.to_string(), stamp, at, offers };
-            self.tell(&Event::Decision(&decision));
-        }
+        self.decide(|| Decision::Deadline { operator: name.to_string(), stamp, at, offers });
     }
 
     /// (c) Takes in ticks and newly complete frames.
@@ -329,15 +329,25 @@ impl Engine<'_> {
     /// (d) Starts what the busy policy allows. Steps that need a slot start after the sweep.
     fn start_allowed(&mut self, rank: usize) -> bool {
         let node = &self.nodes[rank];
-        if node.complete == 0 || node.free_places() == 0 {
+        if node.complete == 0 || self.places(rank) == 0 {
             return false;
         }
         if node.uses.is_some() {
             return self.start_without_slot(rank);
         }
-        let places = node.free_places();
+        let places = self.places(rank);
         self.start_some(rank, places);
         true
+    }
+
+    /// How many steps may start now. Under wall clock a heavy operator has one worker at a time.
+    pub(super) fn places(&self, rank: usize) -> usize {
+        let node = &self.nodes[rank];
+        let free = node.free_places();
+        if !(node.heavy && self.one_worker) {
+            return free;
+        }
+        if node.running.iter().any(|run| run.end > self.now) { 0 } else { free.min(1) }
     }
 
     /// Starts up to `n` frames as the policy chooses them; those that it passes over are dropped.
@@ -387,6 +397,7 @@ impl Engine<'_> {
         let mut due = Time::MAX;
         if let Some(feed) = &node.feed {
             due = feed.front().map_or(Time::MAX, |record| record.visible_at);
+            due = node.held.iter().fold(due, |due, (_, end)| due.min(*end));
         }
         for port in &node.timers {
             due = due.min(port.next);

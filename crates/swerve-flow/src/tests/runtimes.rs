@@ -166,6 +166,37 @@ fn s4_a_frame_that_lacks_only_a_slot_waits_as_if_no_place_were_free() {
 }
 
 #[test]
+fn s4_places_choose_the_frames_and_slots_only_delay_them() {
+    let mut net = Net::new();
+    let gpu = net.graph.resource("gpu", 1);
+    // Two results at 50, as the second waited for the first.
+    let times = RuntimeModel::Cycle(vec![ms(50), ms(30)]);
+    let burst = net.stage("burst", tick(20)).runtime(times).policy(Policy::pipelined(4)).out();
+    net.stage("work", join(&[burst])).runtime(fixed(10)).uses(gpu).policy(Policy::pipelined(2)).out();
+    let log = net.run(70);
+    assert_eq!(log.messages("work"), [(0, 60), (20, 70)]);
+    assert_eq!(log.tally("work").drops.skipped, 0);
+}
+
+#[test]
+fn s4_watermarks_after_the_starts_pass_from_user_to_user_in_rank_order() {
+    let mut net = Net::new();
+    let (gpu, npu) = (net.graph.resource("gpu", 1), net.graph.resource("npu", 1));
+    net.stage("hog", tick(1000)).runtime(fixed(100)).uses(gpu).out();
+    let source = net.instant_messages("source", 20, 40);
+    let waits = net.stage("waits", join(&[source])).runtime(fixed(50)).uses(gpu).out();
+    net.stage("plain", join(&[waits])).out();
+    net.stage("user", join(&[waits])).runtime(fixed(5)).uses(npu).out();
+    let log = net.run(20);
+    // At 20 `waits` drops 0: `user` passes its watermark on at once, `plain` in the next sweep.
+    let end: Vec<_> = log.all().into_iter().filter(|line| line.contains("@20")).rev().take(3).collect();
+    assert_eq!(
+        end.iter().map(|line| line.split(' ').next().unwrap_or("")).collect::<Vec<_>>(),
+        ["plain", "user", "waits"]
+    );
+}
+
+#[test]
 fn s4_a_step_of_no_run_time_needs_no_slot() {
     let mut net = Net::new();
     let gpu = net.graph.resource("gpu", 1);

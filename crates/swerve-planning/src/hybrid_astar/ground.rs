@@ -11,7 +11,13 @@ use crate::road::Road;
 /// less than [`SLACK_M`]; [`Ground::free_exactly`] has the last word.
 const LOOK_M: f64 = 0.25;
 
-/// Added to the clearance during the search, metres.
+/// Distance between two looks at the edge of the road, metres.
+const ROAD_LOOK_M: f64 = 1.0;
+
+/// Obstacles further away than this are as good as none at a look, metres.
+const SPARE_M: f64 = 4.0;
+
+/// Added to the clearance and to the distance from the edge of the road during the search, metres.
 const SLACK_M: f64 = 0.02;
 
 /// The outline that moves: a rectangle ahead of the point that is planned for.
@@ -122,26 +128,60 @@ impl Ground<'_> {
     }
 
     fn place_free(&self, point: Point2, direction: [f64; 2], travelled_m: f64, clearance_m: f64) -> bool {
-        let (Area::Box(b) | Area::Road(_, _, b)) = self.area;
-        if point.x_m < b[0] || point.y_m < b[1] || point.x_m > b[2] || point.y_m > b[3] {
-            return false;
-        }
         let solid = self.outline.at(point, direction);
-        self.obstacles.solid_free(&solid, self.clock.at(travelled_m), clearance_m) && self.on_road(&solid)
+        self.within(point)
+            && self.obstacles.solid_free(&solid, self.clock.at(travelled_m), clearance_m)
+            && self.on_road(&solid, 0.0)
     }
 
-    fn on_road(&self, solid: &Solid) -> bool {
+    fn within(&self, point: Point2) -> bool {
+        let (Area::Box(b) | Area::Road(_, _, b)) = self.area;
+        b[0] <= point.x_m && b[1] <= point.y_m && point.x_m <= b[2] && point.y_m <= b[3]
+    }
+
+    fn on_road(&self, solid: &Solid, slack_m: f64) -> bool {
         match self.area {
             Area::Box(_) => true,
-            Area::Road(road, margin_m, _) => road.margin_m(solid) >= margin_m,
+            Area::Road(road, margin_m, _) => road.margin_m(solid) >= margin_m + slack_m,
         }
     }
 
-    /// Whether a piece that begins at `from` after `travelled_m` is free, at looks [`LOOK_M`] apart.
+    /// Whether a piece that begins at `from` after `travelled_m` is free, at looks [`LOOK_M`] apart: at obstacles not
+    /// before one can have come near since the last look, at the road every [`ROAD_LOOK_M`].
     pub(crate) fn piece_free(&self, from: Pose2, piece: Piece, travelled_m: f64) -> bool {
+        let need_m = self.clearance_m + SLACK_M;
+        let nearing = self.nearing(piece.curvature_1pm);
+        let (mut look_m, mut road_m) = (0.0, 0.0);
+        let end_m = piece.length_m - 1e-9;
         walk(from, piece, LOOK_M, |point, direction, s_m| {
-            self.place_free(point, direction, travelled_m + s_m, self.clearance_m + SLACK_M)
+            if !self.within(point) {
+                return false;
+            }
+            let (look, look_road) = (s_m >= look_m, s_m >= road_m || s_m >= end_m);
+            if !look && !look_road {
+                return true;
+            }
+            let solid = self.outline.at(point, direction);
+            if look {
+                let at = self.clock.at(travelled_m + s_m);
+                let spare_m = self.obstacles.distance_below(&solid, at, need_m + SPARE_M) - need_m;
+                if spare_m < 0.0 {
+                    return false;
+                }
+                look_m = s_m + spare_m / nearing;
+            }
+            if look_road {
+                road_m = s_m + ROAD_LOOK_M - 1e-9;
+                return self.on_road(&solid, SLACK_M);
+            }
+            true
         })
+    }
+
+    /// How much nearer something can come per metre driven.
+    fn nearing(&self, curvature_1pm: f64) -> f64 {
+        let slowest_mps = self.clock.speed_mps.min(self.clock.target_mps).max(CREEP_MPS);
+        1.0 + curvature_1pm.abs() * self.outline.reach_m() + self.obstacles.fastest_mps() / slowest_mps
     }
 
     /// The same for a whole path.
@@ -158,7 +198,7 @@ impl Ground<'_> {
     }
 
     /// Whether the pieces from `from` on are free, with nothing passed over: obstacles by bisection, the edge of
-    /// the road by looks 5 cm apart.
+    /// the road by looks 20 cm apart.
     pub(crate) fn free_exactly(&self, from: Pose2, pieces: &[Piece]) -> bool {
         let (mut pose, mut travelled_m) = (from, 0.0);
         for &piece in pieces {
@@ -173,7 +213,7 @@ impl Ground<'_> {
                 return false;
             }
             let stays =
-                walk(pose, piece, 0.05, |p, direction, _| self.on_road(&self.outline.at(p, direction)));
+                walk(pose, piece, 0.2, |p, direction, _| self.on_road(&self.outline.at(p, direction), 0.0));
             if !stays {
                 return false;
             }

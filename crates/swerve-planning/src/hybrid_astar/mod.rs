@@ -12,9 +12,9 @@ pub(crate) mod ground;
 mod motions;
 pub(crate) mod on_road;
 mod planner;
-mod search;
-mod shorten;
-mod solve;
+pub(crate) mod search;
+pub(crate) mod shorten;
+pub(crate) mod solve;
 
 pub use planner::{HybridAstar, Params};
-pub use solve::solve_posed;
+pub use solve::{Outcome, Solver, solve_posed};

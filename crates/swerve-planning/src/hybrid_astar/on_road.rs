@@ -11,7 +11,7 @@ use crate::request::{Budget, Goes, Request};
 use crate::road::Road;
 use crate::world::{
     Fallback, PathPoint, SpeedProfile, fall_back, follow_route, obstacle_in_range, route_pose_ahead,
-    timed_points, within_range,
+    timed_points,
 };
 
 /// Counts what a planner spends, and never asks again once told to stop.
@@ -80,7 +80,7 @@ pub(crate) trait PathSearch {
 pub(crate) struct OnRoad {
     pub(crate) goal_ahead_m: f64,
     pub(crate) goal_ahead_s: f64,
-    pub(crate) range_m: f64,
+    pub(crate) obstacle_range_m: f64,
     pub(crate) clearance_m: f64,
     pub(crate) lane_width_m: f64,
     pub(crate) horizon_s: f64,
@@ -121,11 +121,11 @@ impl Desk {
         budget: &mut dyn Budget,
     ) -> Plan {
         let start = request.start.pose;
-        if !obstacle_in_range(request.predictions, start, settings.range_m) {
+        if !obstacle_in_range(request.predictions, start, settings.obstacle_range_m) {
             return follow_route(request, SpeedProfile::Constant, settings.horizon_s, PlanStatus::Route);
         }
-        let near = within_range(request.predictions, start, settings.range_m);
-        self.obstacles.set(&near, settings.collision);
+        let range_m = settings.obstacle_range_m;
+        self.obstacles.set_near(request.predictions, settings.collision, start.point(), range_m);
         let goal = route_pose_ahead(&request.route.line, start, settings.goal_ahead_m);
         let bounds = around(&[start, goal], settings.lane_width_m);
         let speed_mps = request.target_speed_mps;
@@ -182,7 +182,7 @@ impl Desk {
         if d_m.abs() > 0.1 || off_rad.abs() > 0.02 {
             return None;
         }
-        let clear = !obstacle_in_range(request.predictions, start, settings.range_m);
+        let clear = !obstacle_in_range(request.predictions, start, settings.obstacle_range_m);
         let status = if clear { PlanStatus::Route } else { PlanStatus::Found };
         let plan = follow_route(request, SpeedProfile::Limited, settings.horizon_s, status);
         self.plan_free(&plan, request, settings.clearance_m).then_some(plan)
@@ -193,18 +193,19 @@ impl Desk {
         search: &mut impl PathSearch,
         settings: &OnRoad,
         request: &Request<'_>,
-        budget: &mut dyn Budget,
+        budget: &mut Counted<'_>,
     ) -> Option<Plan> {
         let (start, line) = (request.start.pose, &request.route.line);
         let outline = own_outline(request);
         let (clearance_m, edge_m) = self.margins(settings, request, &outline)?;
         let radius_m = turning_radius_m(request);
         let ahead_m = settings.goal_ahead_m.max(settings.goal_ahead_s * request.start.speed_mps);
-        let s_m = self.road.project(start.point()).s_m + ahead_m;
-        let heading_rad = line.at(s_m).pose.heading_rad;
-        for d_m in GOALS_M {
+        let from_s_m = self.road.project(start.point()).s_m;
+        let mut searches = 0;
+        for (stretch, d_m) in GOALS {
+            let s_m = from_s_m + ahead_m * stretch;
             let at = line.to_map(FrenetPoint { s_m, d_m });
-            let goal = Pose2::new(at.x_m, at.y_m, heading_rad);
+            let goal = Pose2::new(at.x_m, at.y_m, line.at(s_m).pose.heading_rad);
             let bounds = around(&[start, goal], request.route.left_m.max(request.route.right_m) + 2.0);
             let ground = Ground {
                 obstacles: &self.obstacles,
@@ -214,12 +215,18 @@ impl Desk {
                 clock: clock(request),
             };
             let direct = Dubins::shortest(start, goal, radius_m);
-            if ground.pose_free(goal, direct.length()) {
-                let task = Task { request, start, goal, radius_m, bounds };
-                return (search.best(&ground, &task, budget, &mut self.pieces)
-                    && ground.free_exactly(start, &self.pieces))
-                .then(|| self.timed(request))
-                .filter(|plan| self.plan_free(plan, request, (clearance_m - TIMING_M).max(0.0)));
+            if searches == SEARCHES_MAX || budget.stopped || !ground.pose_free(goal, direct.length()) {
+                continue;
+            }
+            searches += 1;
+            let task = Task { request, start, goal, radius_m, bounds };
+            if search.best(&ground, &task, budget, &mut self.pieces)
+                && ground.free_exactly(start, &self.pieces)
+            {
+                let plan = self.timed(request);
+                if self.plan_free(&plan, request, (clearance_m - TIMING_M).max(0.0)) {
+                    return Some(plan);
+                }
             }
         }
         None
@@ -253,8 +260,13 @@ impl Desk {
     }
 }
 
-/// Offsets from the line at which the way may end, in the order in which they are tried, metres.
-const GOALS_M: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, 4.0];
+/// Where the way may end, in the order in which it is tried: share of the distance asked for, and offset from the line
+/// in metres. Further on there is more room to come back to the line behind what was in the way.
+const GOALS: [(f64, f64); 8] =
+    [(1.0, 0.0), (1.5, 0.0), (1.0, 1.0), (1.0, -1.0), (1.0, 2.0), (1.0, -2.0), (1.0, 3.0), (1.0, 4.0)];
+
+/// Searches of one call at most.
+const SEARCHES_MAX: usize = 3;
 
 /// Allowance for chords instead of arcs and for the plan's times against the search's, metres.
 const TIMING_M: f64 = 0.05;
@@ -287,7 +299,7 @@ fn turning_radius_m(request: &Request<'_>) -> f64 {
 }
 
 /// The box around poses, grown.
-fn around(poses: &[Pose2], by_m: f64) -> [f64; 4] {
+pub(crate) fn around(poses: &[Pose2], by_m: f64) -> [f64; 4] {
     let start = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     let b =
         poses.iter().fold(start, |b, p| [b[0].min(p.x_m), b[1].min(p.y_m), b[2].max(p.x_m), b[3].max(p.y_m)]);

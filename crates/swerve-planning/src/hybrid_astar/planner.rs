@@ -10,6 +10,7 @@ use super::on_road::{Desk, OnRoad, PathSearch, Task, place_points};
 use super::search::{Arrival, Lattice, Search};
 use super::shorten::Shortener;
 use crate::collision::CollisionMode;
+use crate::params::{InvalidParam, require, require_not_negative, require_positive};
 use crate::posed::Preset;
 use crate::request::{Budget, Planner, Request};
 use crate::world::PathPoint;
@@ -38,12 +39,12 @@ pub struct Params {
     pub car_length_m: f64,
     /// `paper`: width of the car, metres.
     pub car_width_m: f64,
-    /// Expansions at most.
+    /// Expansions of one search at most; `best` may search again with another goal, three times in all.
     pub iterations_max: usize,
     /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
     /// Obstacles further away than this are not planned for, metres.
-    pub range_m: f64,
+    pub obstacle_range_m: f64,
     /// The goal lies this far ahead on the route, metres.
     pub goal_ahead_m: f64,
     /// `best`: and at least so many seconds ahead at the present speed.
@@ -53,17 +54,16 @@ pub struct Params {
 }
 
 impl Default for Params {
-    /// [`Params::best`].
     fn default() -> Self {
-        Self::best()
+        Self::fast(Preset::Best)
     }
 }
 
 impl Params {
-    /// The original with the settings of the paper's fast configuration.
-    pub const fn paper_fast() -> Self {
-        Self {
-            preset: Preset::Paper,
+    /// The paper's fast configuration; `best` has no steps to choose.
+    pub fn fast(preset: Preset) -> Self {
+        let paper = Self {
+            preset,
             collision: CollisionMode::TimeIndexed,
             step_m: 6.0,
             rad_step: 0.75,
@@ -75,29 +75,54 @@ impl Params {
             car_width_m: 1.8,
             iterations_max: 500,
             clearance_m: 0.5,
-            range_m: 70.0,
+            obstacle_range_m: 70.0,
             goal_ahead_m: 30.0,
             goal_ahead_s: 0.0,
             horizon_s: 5.0,
+        };
+        match preset {
+            Preset::Paper => paper,
+            Preset::Best => Self { iterations_max: 800, clearance_m: 0.3, goal_ahead_s: 3.0, ..paper },
         }
     }
 
-    /// The original with the settings of the paper's slow configuration.
-    pub const fn paper_slow() -> Self {
-        Self { step_m: 3.0, rad_step: 0.25, ..Self::paper_fast() }
+    /// The paper's slow configuration.
+    pub fn slow(preset: Preset) -> Self {
+        Self { step_m: 3.0, rad_step: 0.25, ..Self::fast(preset) }
     }
 
-    /// Ours.
-    pub const fn best() -> Self {
-        Self {
-            preset: Preset::Best,
-            iterations_max: 2000,
-            clearance_m: 0.3,
-            goal_ahead_s: 3.0,
-            ..Self::paper_fast()
+    /// Checks all ranges.
+    pub fn validate(&self) -> Result<(), InvalidParam> {
+        for (key, value) in [
+            ("step_m", self.step_m),
+            ("rad_step", self.rad_step),
+            ("rad_range", self.rad_range),
+            ("radius_m", self.radius_m),
+            ("completion_m", self.completion_m),
+            ("car_length_m", self.car_length_m),
+            ("car_width_m", self.car_width_m),
+            ("obstacle_range_m", self.obstacle_range_m),
+            ("goal_ahead_m", self.goal_ahead_m),
+            ("horizon_s", self.horizon_s),
+        ] {
+            require_positive(key, value)?;
         }
+        for (key, value) in [
+            ("lane_width_m", self.lane_width_m),
+            ("clearance_m", self.clearance_m),
+            ("goal_ahead_s", self.goal_ahead_s),
+        ] {
+            require_not_negative(key, value)?;
+        }
+        let coarse = self.rad_step * 1000.0 >= self.rad_range;
+        require("rad_step", self.rad_step, coarse, "must be at least a thousandth of rad_range")?;
+        let n = self.iterations_max;
+        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "must be 1 to 100,000")
     }
 }
+
+/// Most expansions that may be asked for: they bound the memory.
+const ITERATIONS_MAX: usize = 100_000;
 
 /// Hybrid A* as a motion planner.
 #[derive(Clone, Debug)]
@@ -118,8 +143,9 @@ struct LatticeSearch {
 }
 
 impl HybridAstar {
-    /// With these settings.
-    pub fn new(params: Params) -> Self {
+    /// With valid settings.
+    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+        params.validate()?;
         let lattice = LatticeSearch {
             params,
             search: Search::default(),
@@ -127,7 +153,12 @@ impl HybridAstar {
             motions: Vec::new(),
             pieces: Vec::new(),
         };
-        Self { params, desk: Desk::default(), lattice }
+        Ok(Self { params, desk: Desk::default(), lattice })
+    }
+
+    /// The settings.
+    pub fn params(&self) -> &Params {
+        &self.params
     }
 
     fn on_road(&self, request: &Request<'_>) -> OnRoad {
@@ -135,7 +166,7 @@ impl HybridAstar {
         OnRoad {
             goal_ahead_m: p.goal_ahead_m,
             goal_ahead_s: p.goal_ahead_s,
-            range_m: p.range_m,
+            obstacle_range_m: p.obstacle_range_m,
             clearance_m: p.clearance_m,
             lane_width_m: p.lane_width_m,
             horizon_s: p.horizon_s,
@@ -210,7 +241,7 @@ impl PathSearch for LatticeSearch {
         if found {
             self.pieces.clear();
             self.pieces.extend_from_slice(pieces);
-            self.shortener.shorten(ground, task.radius_m, task.start, pieces, 2.0);
+            self.shortener.shorten(ground, task.radius_m, task.start, pieces, step_m);
             // Shortcuts arrive earlier than the way they replace: what follows them may meet something.
             if !ground.free_exactly(task.start, pieces) {
                 pieces.clear();
@@ -230,28 +261,59 @@ mod tests {
 
     #[test]
     fn holds_what_every_planner_must() {
-        conformance(&|| HybridAstar::new(Params::best()), true);
-        conformance(&|| HybridAstar::new(Params::paper_fast()), false);
-        conformance(&|| HybridAstar::new(Params::paper_slow()), false);
+        conformance(&|| HybridAstar::new(Params::fast(Preset::Best)).unwrap(), true);
+        conformance(&|| HybridAstar::new(Params::fast(Preset::Paper)).unwrap(), false);
+        conformance(&|| HybridAstar::new(Params::slow(Preset::Paper)).unwrap(), false);
     }
 
     #[test]
     fn swerves_around_a_person_and_back() {
-        for speed in [16.0, 18.0, 20.0, 22.0] {
-            let world = World::straight(speed).with_person((30.0, 0.0), (0.0, 0.0));
-            let t = std::time::Instant::now();
-            let plan = HybridAstar::new(Params::best()).plan(&world.request(), &mut Unlimited::default());
-            println!("{speed} {:?} work {} {:?}", plan.status, plan.work, t.elapsed());
-            for p in &plan.points {
-                println!(
-                    "  {:.2} {:.2} {:.3} k {:.3} v {:.2}",
-                    p.pose.x_m, p.pose.y_m, p.pose.heading_rad, p.curvature_1pm, p.speed_mps
-                );
-                if speed > 16.0 {
-                    break;
-                }
+        for speed_mps in [16.0, 18.0, 20.0, 22.0] {
+            for ahead_m in [24.0, 30.0, 40.0] {
+                let world = World::straight(speed_mps).with_person((ahead_m, 0.0), (0.0, 0.0));
+                let mut planner = HybridAstar::new(Params::default()).unwrap();
+                let plan = planner.plan(&world.request(), &mut Unlimited::default());
+                assert_eq!(plan.status, PlanStatus::Found, "{speed_mps} {ahead_m}");
+                assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.2);
+                let last = plan.points[plan.points.len() - 1];
+                assert!(last.pose.y_m.abs() < 1e-6 && last.pose.heading_rad.abs() < 1e-6, "{last:?}");
+                assert!(last.pose.x_m >= 3.0 * speed_mps - 1e-6 && last.pose.x_m > ahead_m);
+                assert!(plan.points.iter().all(|p| p.speed_mps == speed_mps));
             }
-            assert_eq!(plan.status, PlanStatus::Found);
         }
+    }
+
+    #[test]
+    fn what_will_be_gone_is_no_reason_to_swerve() {
+        // She crosses 30 m ahead and has left the lane before the ego is there.
+        let world = World::straight(16.0).with_person((30.0, 0.5), (0.0, -3.0));
+        let plan = |collision| {
+            let params = Params { collision, ..Params::default() };
+            HybridAstar::new(params).unwrap().plan(&world.request(), &mut Unlimited::default())
+        };
+        let timed = plan(CollisionMode::TimeIndexed);
+        assert!(timed.status == PlanStatus::Found && timed.points.iter().all(|p| p.pose.y_m.abs() < 1e-9));
+        let swept = plan(CollisionMode::SweptStatic);
+        assert!(swept.points.iter().any(|p| p.pose.y_m.abs() > 0.5) || swept.status.is_fallback());
+    }
+
+    #[test]
+    fn paper_plans_only_with_something_in_range() {
+        let mut planner = HybridAstar::new(Params::slow(Preset::Paper)).unwrap();
+        let far = World::straight(16.0).with_person((75.0, 0.0), (0.0, 0.0));
+        let plan = planner.plan(&far.request(), &mut Unlimited::default());
+        assert_eq!((plan.status, plan.work), (PlanStatus::Route, 0));
+        let near = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
+        let plan = planner.plan(&near.request(), &mut Unlimited::default());
+        assert!(plan.work > 0);
+        assert!(plan.points.iter().all(|p| p.speed_mps == 16.0));
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let bad = Params { rad_step: 0.0, ..Params::default() };
+        assert_eq!(HybridAstar::new(bad).unwrap_err().key, "rad_step");
+        let bad = Params { clearance_m: f64::NAN, ..Params::default() };
+        assert_eq!(HybridAstar::new(bad).unwrap_err().key, "clearance_m");
     }
 }

@@ -48,6 +48,9 @@ const HEADINGS_MAX: f64 = 240.0;
 /// with less steering wins.
 const TURN_COST: f64 = 1e-3;
 
+/// Lengths that differ by less are the same: cells hold single precision.
+const SAME_M: f64 = 1e-3;
+
 const NONE: u32 = u32::MAX;
 
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +66,7 @@ struct Node {
 struct Cell {
     /// The search that wrote the rest; cells of older searches count as empty.
     generation: u32,
-    travelled_m: f64,
+    travelled_m: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -157,7 +160,7 @@ impl Search {
         self.work = 0;
         self.nodes.clear();
         self.open.clear();
-        let to_go_m = lattice.to_go_m(start, goal);
+        let to_go_m = lattice.estimate_m(start, goal);
         if !ground.pose_free(start, 0.0) {
             return false;
         }
@@ -255,8 +258,8 @@ impl Search {
             if !ground.piece_free(from.pose, piece, from.travelled_m) {
                 continue;
             }
-            self.cells[cell] = Cell { generation: self.generation, travelled_m };
-            let to_go_m = lattice.to_go_m(pose, goal).max(self.detour.length_m(ground, pose.point()));
+            self.cells[cell] = Cell { generation: self.generation, travelled_m: travelled_m as f32 };
+            let to_go_m = lattice.estimate_m(pose, goal).max(self.detour.length_m(ground, pose.point()));
             if to_go_m == f64::INFINITY {
                 continue;
             }
@@ -283,7 +286,7 @@ impl Search {
 
 impl Lattice<'_> {
     /// Lower bound of the way from `pose` to `goal` without obstacles, metres.
-    fn to_go_m(&self, pose: Pose2, goal: Pose2) -> f64 {
+    fn estimate_m(&self, pose: Pose2, goal: Pose2) -> f64 {
         match self.arrival {
             Arrival::Exact => Dubins::shortest(pose, goal, self.radius_m).length(),
             Arrival::Within(..) => pose.point().distance(goal.point()),
@@ -294,12 +297,12 @@ impl Lattice<'_> {
 impl Cell {
     /// Whether a way at least as short is known to this cell.
     fn holds(&self, generation: u32, travelled_m: f64) -> bool {
-        self.generation == generation && self.travelled_m <= travelled_m + 1e-9
+        self.generation == generation && f64::from(self.travelled_m) <= travelled_m + SAME_M
     }
 
     /// Whether a strictly shorter way has come since.
     fn is_better(&self, generation: u32, travelled_m: f64) -> bool {
-        self.generation == generation && self.travelled_m < travelled_m - 1e-9
+        self.generation == generation && f64::from(self.travelled_m) < travelled_m - SAME_M
     }
 }
 

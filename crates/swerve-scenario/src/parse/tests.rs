@@ -89,8 +89,22 @@ fn problems(old: &str, new: &str) -> Vec<String> {
     }
 }
 
+/// Text to replace in `FULL`, its replacement, and what is then reported.
+type Case<'a> = (&'a str, &'a str, Vec<&'a str>);
+
+fn check(table: &[Case<'_>]) {
+    let mut differs = Vec::new();
+    for (old, new, want) in table {
+        let got = problems(old, new);
+        if got != *want {
+            differs.push(format!("after {old:?} -> {new:?}\n  got  {got:#?}\n  want {want:#?}"));
+        }
+    }
+    assert!(differs.is_empty(), "{}", differs.join("\n"));
+}
+
 #[test]
-fn each_mistake_is_reported_once_with_its_line_and_key() {
+fn wrong_values_and_impossible_starts_are_reported_with_line_and_key() {
     #[rustfmt::skip]
     let table = [
         ("target_speed_mps = 10", "target_sped_mps = 10", vec![
@@ -131,6 +145,14 @@ fn each_mistake_is_reported_once_with_its_line_and_key() {
             "5 ego: the ego's start at s = 0 m, d = 0 m is inside the actor \"bus\"",
             "14 actor.bus.motion: an actor of kind \"static\" cannot move",
         ]),
+    ];
+    check(&table);
+}
+
+#[test]
+fn wrong_names_are_reported_with_the_nearest_valid_one() {
+    #[rustfmt::skip]
+    let table = [
         ("kind = \"truck\"", "kind = \"trukc\"", vec![
             "10 actor.bus.kind: expected one of \"car\", \"truck\", \"motorcycle\", \"cyclist\", \"pedestrian\", \
              \"static\", found \"trukc\"; did you mean \"truck\"?",
@@ -159,6 +181,14 @@ fn each_mistake_is_reported_once_with_its_line_and_key() {
             "15 actor.bus.name: another actor is named \"bus\" already",
         ]),
         ("name = \"bike\"", "name = 7", vec!["15 actor[2].name: expected a text that is not blank, found 7"]),
+    ];
+    check(&table);
+}
+
+#[test]
+fn wrong_motion_expectation_and_text_are_reported() {
+    #[rustfmt::skip]
+    let table = [
         ("[4.0, 0.0]", "[4.0, -1.0]", vec![
             "13 actor.bus.motion[1].drive.speeds[2]: expected a pair of a number from 0 to 86400 and a number \
              from 0 to 100, found an array",
@@ -193,14 +223,7 @@ fn each_mistake_is_reported_once_with_its_line_and_key() {
         ("kind = \"cyclist\"", "kind = \"cyclist\"\nkind = \"car\"", vec!["17 : not TOML: duplicate key"]),
         ("[road]", "[road", vec!["3 : not TOML: unclosed table, expected `]`"]),
     ];
-    let mut differs = Vec::new();
-    for (old, new, want) in table {
-        let got = problems(old, new);
-        if got != want {
-            differs.push(format!("after {old:?} -> {new:?}\n  got  {got:#?}\n  want {want:#?}"));
-        }
-    }
-    assert!(differs.is_empty(), "{}", differs.join("\n"));
+    check(&table);
 }
 
 #[test]

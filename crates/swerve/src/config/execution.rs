@@ -53,7 +53,7 @@ pub fn span_ms(ms: f64) -> Result<Span, String> {
     if ms.is_finite() && (0.0..=MS_MAX).contains(&ms) {
         return Ok(Span::from_secs(ms * 1e-3));
     }
-    Err(format!("expected milliseconds between 0 and {MS_MAX}, found {ms}"))
+    Err(format!("expected milliseconds between 0 and {MS_MAX}, found {ms:?}"))
 }
 
 impl Runtime {

@@ -112,6 +112,9 @@ impl Document {
     }
 
     fn place_of(&self, span: &Range<usize>) -> Option<&Place> {
+        if span.is_empty() {
+            return None; // of the whole file: a key that it lacks
+        }
         let holds = |r: &Range<usize>| r.start <= span.start && span.end <= r.end;
         self.places.iter().filter(|p| holds(&p.name) || holds(&p.value)).max_by_key(|p| p.key.len())
     }
@@ -241,6 +244,8 @@ mod tests {
             problem("\n[inner]\nhorizon = \"long\"\n"),
             "a.toml:3: inner.horizon: invalid type: string \"long\", expected f64"
         );
+        assert_eq!(problem("[other]\n"), "a.toml:1: other: unknown field `other`, expected `inner`");
+        assert_eq!(problem(""), "a.toml:1: missing field `inner`");
         assert!(problem("[inner\n").starts_with("a.toml:1: "), "{}", problem("[inner\n"));
     }
 

@@ -1,8 +1,8 @@
-use swerve_control::{Controller, Following, Input, Law, Params};
+use swerve_control::{Controller, Following, Input, Law, Params, Pedals};
 use swerve_flow::{Context, Every, Latest, Operator, Port};
 use swerve_msg::{Command, EgoState, Plan, Route};
 use swerve_planning::posed::Preset;
-use swerve_vehicle::pedals_for_accel;
+use swerve_vehicle::{VehicleParams, pedals_for_accel};
 
 use crate::config::{Config, ControllerName};
 
@@ -14,7 +14,6 @@ pub(super) struct ControllerOperator {
 
 impl ControllerOperator {
     pub(super) fn new(config: &Config, route: &Route) -> Self {
-        let vehicle = config.sim.vehicle.clone();
         let preset = match config.planning.preset {
             Preset::Paper => Following::Projection,
             Preset::Best => Following::Time,
@@ -24,15 +23,19 @@ impl ControllerOperator {
             ControllerName::PurePursuit => Law::PurePursuit,
             ControllerName::Stanley => Law::Stanley,
         };
-        let params =
-            Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
-        let (shape, limits) = (vehicle.shape, vehicle.limits);
-        let pedals = move |accel_mps2: f64, speed_mps: f64| {
-            let pedals = pedals_for_accel(&vehicle, speed_mps, accel_mps2);
-            swerve_control::Pedals { throttle: pedals.throttle, brake: pedals.brake }
-        };
-        Self { controller: Controller::new(params, shape, limits, Box::new(pedals)), route: route.clone() }
+        let params = Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
+        Self { controller: controller(&config.sim.vehicle, params), route: route.clone() }
     }
+}
+
+/// A controller that knows the pedals of `vehicle`.
+pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
+    let of = vehicle.clone();
+    let pedals = move |accel_mps2: f64, speed_mps: f64| {
+        let pedals = pedals_for_accel(&of, speed_mps, accel_mps2);
+        Pedals { throttle: pedals.throttle, brake: pedals.brake }
+    };
+    Controller::new(params, vehicle.shape, vehicle.limits, Box::new(pedals))
 }
 
 impl Operator for ControllerOperator {

@@ -17,6 +17,7 @@ use swerve_vehicle::VehicleParams;
 use crate::config::execution::{Runtime, parse_policy, span_ms};
 use crate::config::{Config, OPERATORS};
 
+pub use controller::controller;
 pub use planner::planner;
 
 /// A pipeline ready to run.
@@ -48,7 +49,7 @@ impl Pipeline {
 }
 
 /// The scenario under the configuration's speed, as its seed varies it.
-fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
+pub(crate) fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
     let mut scenario = scenario.clone();
     if let Some(speed) = config.ego.speed_mps {
         scenario.ego.target_speed_mps = speed;

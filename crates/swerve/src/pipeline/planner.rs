@@ -7,6 +7,7 @@ use swerve_flow::{At, Context, Operator, Port, Progress, Window};
 use swerve_msg::{EgoState, Plan, PredictionList, Route};
 use swerve_planning::fot::{self, Fot};
 use swerve_planning::hybrid_astar::{self, HybridAstar};
+use swerve_planning::rrt_star::{self, RrtStar};
 use swerve_planning::world::predicted_start;
 use swerve_planning::{Budget, Goes, Planner, Preset, Request};
 use swerve_scenario::Scenario;
@@ -63,13 +64,20 @@ pub fn planner(config: &Config) -> Result<Box<dyn Planner>, String> {
             Box::new(Fot::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
         }
         PlannerName::HybridAstar => {
-            let defaults = match (preset, fineness) {
-                (Preset::Paper, Fineness::Fast) => hybrid_astar::Params::paper_fast(),
-                (Preset::Paper, Fineness::Slow) => hybrid_astar::Params::paper_slow(),
-                (Preset::Best, _) => hybrid_astar::Params::best(),
+            let defaults = match fineness {
+                Fineness::Fast => hybrid_astar::Params::fast(preset),
+                Fineness::Slow => hybrid_astar::Params::slow(preset),
             };
             let defaults = hybrid_astar::Params { collision: planning.collision, ..defaults };
-            Box::new(HybridAstar::new(overridden(&defaults, &planning.params)?))
+            Box::new(HybridAstar::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
+        }
+        PlannerName::RrtStar => {
+            let defaults = match fineness {
+                Fineness::Fast => rrt_star::Params::fast(preset),
+                Fineness::Slow => rrt_star::Params::slow(preset),
+            };
+            let defaults = rrt_star::Params { collision: planning.collision, ..defaults };
+            Box::new(RrtStar::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
         }
         _ => return Err("not yet".into()),
     })

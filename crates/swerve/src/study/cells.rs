@@ -35,6 +35,20 @@ pub struct CellResult {
 }
 
 impl CellResult {
+    /// A result without figures.
+    pub fn blank(cell: &Cell, verdict: &str) -> Self {
+        Self {
+            labels: cell.labels.clone(),
+            verdict: verdict.into(),
+            min_distance_m: None,
+            impact_speed_mps: None,
+            lateral_jerk_max: None,
+            digest: None,
+            budget_ms: None,
+            error: None,
+        }
+    }
+
     /// Whether the run ended without collision and on the road.
     pub fn avoided(&self) -> bool {
         self.verdict == "avoided"
@@ -146,14 +160,5 @@ impl Runner<'_> {
 }
 
 fn failed(cell: &Cell, error: &anyhow::Error) -> CellResult {
-    CellResult {
-        labels: cell.labels.clone(),
-        verdict: "failed".into(),
-        min_distance_m: None,
-        impact_speed_mps: None,
-        lateral_jerk_max: None,
-        digest: None,
-        budget_ms: None,
-        error: Some(format!("{error:#}")),
-    }
+    CellResult { error: Some(format!("{error:#}")), ..CellResult::blank(cell, "failed") }
 }

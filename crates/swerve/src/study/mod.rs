@@ -4,6 +4,7 @@
 //! first one was stopped. Shards need no coordination: cell `k` belongs to shard `k mod n`.
 
 mod budget;
+mod limit;
 
 pub mod cells;
 pub mod grid;
@@ -16,7 +17,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
-use swerve_eval::Verdict;
 use swerve_scenario::Scenario;
 
 use crate::config::Config;
@@ -176,7 +176,7 @@ impl Bench {
         let config = self.config(cell)?;
         match &self.study.budget {
             Some(budget) if cell.labels.iter().any(|l| l == grid::LIMIT) => {
-                budget::largest_latency(cell, &config, &self.scenario, budget)
+                limit::largest_reaction(cell, &config, &self.scenario, budget)
             }
             Some(budget) => budget::largest_latency(cell, &config, &self.scenario, budget),
             None => Ok(summary(cell, &drive(&config, &self.scenario)?)),
@@ -196,11 +196,6 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
         budget_ms: None,
         error: None,
     }
-}
-
-/// Whether a run ended well.
-pub fn is_good(verdict: Verdict) -> bool {
-    verdict == Verdict::Avoided
 }
 
 fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::Result<()> {

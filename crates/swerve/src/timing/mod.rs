@@ -8,7 +8,6 @@
 mod gantt;
 mod json;
 mod pipeline;
-mod problem;
 mod read;
 mod simulate;
 mod table;
@@ -22,8 +21,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 
-pub use pipeline::{BlackBox, BoxDeadline, Pipeline, Resource, Timer};
-pub use problem::Problems;
+use crate::config::text::{Document, Problem};
+
+pub use pipeline::{BlackBox, Pipeline, Resource, Timer};
 pub use trace::{Mark, Publication, Step, Trace};
 
 /// Runs a pipeline of black boxes and prints its response times, losses and utilisation.
@@ -51,7 +51,9 @@ pub struct TimingArgs {
 /// When the file cannot be read or has problems (all of them, with line and key), the run fails (a full queue
 /// under `fail`), or the chart cannot be written.
 pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
-    let pipeline = read_file(&args.file)?;
+    let pipeline = read_file(&args.file).map_err(|problems| {
+        anyhow::anyhow!(problems.iter().map(Problem::to_string).collect::<Vec<_>>().join("\n"))
+    })?;
     let trace =
         simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
     if let Some(path) = &args.svg {
@@ -69,18 +71,17 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
 /// The pipeline that a file describes.
 ///
 /// # Errors
-/// When the file cannot be read, or has [`Problems`].
-pub fn read_file(path: &Path) -> anyhow::Result<Pipeline> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
-    Ok(parse(path, &text)?)
+/// When the file cannot be read, or all that is wrong with it: file, line, key and what was expected.
+pub fn read_file(path: &Path) -> Result<Pipeline, Vec<Problem>> {
+    read::pipeline(&Document::read(path).map_err(|problem| vec![problem])?)
 }
 
-/// The pipeline that `text` describes; `path` is for messages.
+/// The pipeline that `text` describes; `name` stands for its file in messages.
 ///
 /// # Errors
-/// All problems of the text, each with file, line, key and what was expected.
-pub fn parse(path: &Path, text: &str) -> Result<Pipeline, Problems> {
-    read::pipeline(text).map_err(|problems| Problems::new(path, text, problems))
+/// As [`read_file`].
+pub fn parse(name: &str, text: &str) -> Result<Pipeline, Vec<Problem>> {
+    read::pipeline(&Document::parse(name, text.to_owned()).map_err(|problem| vec![problem])?)
 }
 
 /// Runs `pipeline` over its span, the end included.

@@ -1,7 +1,7 @@
 //! A pipeline of black boxes: what a timing file says, checked and with every default spelled out.
 
 use swerve_core::Span;
-use swerve_flow::{Anchor, Policy, Reaction, RuntimeModel};
+use swerve_flow::{Deadline, Policy, RuntimeModel};
 
 /// A pipeline whose operators compute nothing and take time.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +32,7 @@ pub struct BlackBox {
     /// What happens to frames while it is busy.
     pub policy: Policy,
     /// Until when a stamp has to be answered.
-    pub deadline: Option<BoxDeadline>,
+    pub deadline: Option<Deadline>,
     /// The resource that its steps occupy: index into [`Pipeline::resources`].
     pub uses: Option<usize>,
 }
@@ -44,17 +44,6 @@ pub struct Timer {
     pub period: Span,
     /// The first tick; not below zero.
     pub phase: Span,
-}
-
-/// The deadline of each stamp: anchor plus length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BoxDeadline {
-    /// Above zero.
-    pub length: Span,
-    /// From when it counts.
-    pub anchor: Anchor,
-    /// What answers a stamp that missed it.
-    pub reaction: Reaction,
 }
 
 /// Something that at most `slots` steps use at a time.

@@ -2,8 +2,8 @@
 
 use swerve_core::Time;
 use swerve_flow::{
-    At, Context, Deadline, Event, Every, Feedback, Graph, Latest, Operator, Port, RunOptions, Source, Stream,
-    every, run_virtual,
+    At, Context, Event, Every, Feedback, Graph, Latest, Operator, Port, RunOptions, Source, Stream, every,
+    run_virtual,
 };
 
 use super::pipeline::{BlackBox, Pipeline};
@@ -53,9 +53,7 @@ fn graph(pipeline: &Pipeline) -> Graph {
             .runtime(op.runtime.clone())
             .policy(op.policy);
         if let Some(deadline) = op.deadline {
-            added = added.deadline(
-                Deadline::after(deadline.length).anchor(deadline.anchor).reaction(deadline.reaction),
-            );
+            added = added.deadline(deadline);
         }
         if let Some(resource) = op.uses {
             added = added.uses(resources[resource]);

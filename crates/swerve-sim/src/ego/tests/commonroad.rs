@@ -1,6 +1,7 @@
 //! The car beside the single-track drift model of the CommonRoad vehicle models (recorded data).
 
 use serde::{Deserialize, Serialize};
+use swerve_vehicle::SingleTrack;
 
 use super::*;
 
@@ -185,6 +186,41 @@ fn it_drives_as_the_drift_model_does() {
         }
     }
     compare_with_recorded(&ours);
+}
+
+/// The single-track model of `swerve-vehicle` on the same inputs, beside the full car: what it lacks (roll,
+/// lateral load transfer, relaxation) shows most when braking in the turn.
+#[test]
+fn the_single_track_model_is_near_the_full_car() {
+    let (reference, params) = (reference(), bare_car());
+    let model = SingleTrack::new(&params, reference.car.friction);
+    let dt_s = 0.005;
+    for case in &reference.cases {
+        let full = drive(&params, &reference, case, false);
+        let mut state = SingleTrack::straight(Pose2::default(), case.speed_mps);
+        let (mut peak, steps) = (0.0f64, (case.duration_s / dt_s).round() as u32);
+        for i in 0..steps {
+            let t = (f64::from(i) + 0.5) * dt_s;
+            // The input of the reference is a torque, part of which slows the wheels.
+            let braking = case.accel_mps2 * params.body.mass_kg / params.effective_mass_kg();
+            let accel = if t >= case.accel_from_s { braking } else { 0.0 };
+            state = model.step(state, steering_at(case, reference.steering_step_s, t), accel, dt_s);
+            peak = peak.max(state.yaw_rate_radps.abs());
+        }
+        let cg = state.pose.ahead(params.cg_to_rear_m());
+        let what = format!("{} {} m/s {} m/s²", case.kind, case.speed_mps, case.accel_mps2);
+        if case.kind == "lane_change" {
+            let off_m = cg.y_m - full.end_y_m;
+            let yaw = peak / full.peak_yaw_rate_radps - 1.0;
+            println!("{what}: {off_m:+.3} m, peak yaw rate {:+.2} %", 100.0 * yaw);
+            assert!(off_m.abs() < 0.15, "{what}: {off_m} m");
+            assert!(yaw.abs() < if case.accel_mps2 < 0.0 { 0.06 } else { 0.02 }, "{what}: {yaw}");
+        } else {
+            let way = (cg.x_m - params.cg_to_rear_m()) / full.end_x_m - 1.0;
+            println!("{what}: {way:+.4}");
+            assert!(way.abs() < 0.03, "{what}: {way}");
+        }
+    }
 }
 
 fn compare_with_recorded(ours: &[Ours]) {
