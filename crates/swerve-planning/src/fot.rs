@@ -163,7 +163,7 @@ impl Planner for Fot {
     }
 }
 
-/// A few candidates first, then all: when the budget ends, the best so far.
+/// A few candidates first, then all: when the budget ends, the best so far. Where all fail, slower ones.
 fn anytime(
     search: &mut Search,
     task: &Task<'_>,
@@ -178,8 +178,14 @@ fn anytime(
         Outcome::Stopped => return None,
     };
     match search.run(task, lattice, Some(budget), spent) {
+        Outcome::Found(candidate) => return Some(candidate),
+        Outcome::Stopped => return first,
+        Outcome::Nothing => {}
+    }
+    coarse.set_slower(lattice, task.params.slower_speeds);
+    match search.run(task, coarse, Some(budget), spent) {
         Outcome::Found(candidate) => Some(candidate),
-        Outcome::Nothing | Outcome::Stopped => first,
+        Outcome::Nothing | Outcome::Stopped => None,
     }
 }
 
@@ -237,6 +243,7 @@ fn checks<'a>(
             params.max_curvature_1pm
         },
         offset_m: (f64::NEG_INFINITY, f64::INFINITY),
+        smooth: best,
         drivable: best.then_some(drivable),
         heading: (cos, sin),
         tail_s: if best { params.tail_s } else { 0.0 },

@@ -60,6 +60,16 @@ impl Lattice {
         self.samples_s.clone_from(&of.samples_s);
     }
 
+    /// As `of`, with end speeds between standstill and below its slowest instead of its own.
+    pub(crate) fn set_slower(&mut self, of: &Self, speeds: u32) {
+        self.clone_from(of);
+        let below_mps = of.v_mps[0];
+        self.v_mps.clear();
+        if below_mps > 0.0 {
+            self.v_mps.extend((0..speeds).map(|k| below_mps * f64::from(k) / f64::from(speeds)));
+        }
+    }
+
     /// Keeps the offsets whose place in the order of refinement is below `kept`; see [`refinement`].
     pub(crate) fn keep_offsets(&mut self, kept: usize) {
         let n = self.d_m.len();
@@ -69,6 +79,7 @@ impl Lattice {
     }
 
     /// Number of candidates.
+    #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
         self.d_m.len() * self.t_s.len() * self.v_mps.len()
     }
