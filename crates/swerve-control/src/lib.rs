@@ -19,5 +19,8 @@ pub mod pid;
 mod reference;
 pub mod speed;
 
-pub use controller::{Controller, Following, Input, Law, Output, Params, Status, StopReason};
+pub use controller::{
+    AlongParams, Controller, Following, Input, Law, Output, Params, SlipParams, Status, StopParams,
+    StopReason,
+};
 pub use pedals::{AccelToPedals, LinearPedals, Pedals};
