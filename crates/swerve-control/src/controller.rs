@@ -1,11 +1,13 @@
 //! The controller: what to follow, at which speed, by which law.
 
 use serde::{Deserialize, Serialize};
-use swerve_core::Time;
+use swerve_core::{Span, Time};
+use swerve_geom::math;
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, Route};
 use swerve_vehicle::{Limits, Shape};
 
 use crate::lateral::{self, OnPath, PurePursuitParams, StanleyParams, WaypointParams};
+use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
 use crate::speed::{SpeedLaw, Target};
 use crate::{AccelToPedals, Pedals, pid, speed};
@@ -45,6 +47,8 @@ pub enum Law {
     /// Stanley and the speed law with feed-forward.
     #[default]
     Stanley,
+    /// Model predictive control of steering and acceleration.
+    Mpc,
 }
 
 /// Parameters of a [`Controller`].
@@ -69,6 +73,8 @@ pub struct Params {
     pub speed: speed::Params,
     /// Correction of the place when following by time.
     pub along: AlongParams,
+    /// Model predictive control.
+    pub mpc: mpc::Params,
 }
 
 impl Params {
@@ -124,6 +130,8 @@ pub struct Output {
     pub command: Command,
     /// What the command follows.
     pub status: Status,
+    /// With [`Law::Mpc`]: how the command came about.
+    pub mpc: Option<mpc::Report>,
 }
 
 /// What a command follows.
@@ -167,16 +175,28 @@ pub struct Controller {
     stopping: Option<(Time, f64)>,
     before: Option<Time>,
     steering_rad: f64,
+    mpc: Option<Predictive>,
+}
+
+/// The model predictive law and its buffer.
+struct Predictive {
+    mpc: Mpc,
+    knots: Vec<Knot>,
 }
 
 impl Controller {
     /// A controller for a vehicle of this shape and these limits, whose pedals `drive` knows.
     pub fn new(params: Params, shape: Shape, limits: Limits, drive: Box<dyn AccelToPedals>) -> Self {
+        let mpc = (params.law == Law::Mpc).then(|| Predictive {
+            mpc: Mpc::new(params.mpc, shape.wheelbase_m, &limits),
+            knots: Vec::with_capacity(params.mpc.horizon + 1),
+        });
         Self {
             params,
             shape,
             limits,
             drive,
+            mpc,
             reference: Reference::default(),
             pid: pid::Pid::new(params.pid),
             speed: SpeedLaw::new(params.speed),
@@ -194,19 +214,21 @@ impl Controller {
         if !is_finite(input.ego) {
             let brake = self.params.stop.blind_brake;
             let command = Command { steering_rad: self.steering_rad, throttle: 0.0, brake };
-            return Output { command, status: Status::Blind };
+            return Output { command, status: Status::Blind, mpc: None };
         }
         let status = self.load(input);
         let here = self.here(input, status);
-        let (steering_rad, pedals) = match self.params.law {
-            Law::Pid => self.step_pid(input, &here, dt_s),
-            Law::PurePursuit | Law::Stanley => self.step_tracker(input, &here, dt_s),
+        let mut report = None;
+        let (steering_rad, pedals) = match (&self.mpc, self.params.law) {
+            (_, Law::Pid) => self.step_pid(input, &here, dt_s),
+            (Some(_), Law::Mpc) => self.step_mpc(input, &here, status, &mut report),
+            _ => self.step_tracker(input, &here, dt_s),
         };
         let max = self.limits.steering_max_rad;
         self.steering_rad = steering_rad.clamp(-max, max);
         let command =
             Command { steering_rad: self.steering_rad, throttle: pedals.throttle, brake: pedals.brake };
-        Output { command, status }
+        Output { command, status, mpc: report }
     }
 
     /// Decides what to follow and loads it as the reference.
@@ -262,16 +284,20 @@ impl Controller {
             target.speed_mps = target.speed_mps.max(0.0);
         }
         if let Some((since, from_mps)) = self.stopping {
-            let decel = self.params.stop.decel_mps2;
-            let left = (from_mps - decel * (now - since).as_secs()).max(0.0);
-            target = Target { speed_mps: left, accel_mps2: if left > 0.0 { -decel } else { 0.0 } };
+            target = self.stop_target(since, from_mps, now);
         }
         Here { s_m, from_m, target }
     }
 
     /// How much of the path a law may look at, metres.
     fn reach_m(&self, speed_mps: f64) -> f64 {
-        let lookahead = self.params.pure_pursuit.lookahead_m(speed_mps);
+        let lookahead = match self.params.law {
+            Law::Mpc => {
+                let seconds = self.params.mpc.dt_s * self.params.mpc.horizon as f64;
+                speed_mps.max(0.0) * seconds + 0.5 * self.limits.accel_max_mps2 * seconds * seconds
+            }
+            _ => self.params.pure_pursuit.lookahead_m(speed_mps),
+        };
         lookahead.max(self.params.waypoint.waypoint_min_m) + 5.0
     }
 
@@ -301,9 +327,122 @@ impl Controller {
         (steering, self.speed.step(here.target, ego.speed_mps, dt_s, self.drive.as_ref()))
     }
 
+    fn step_mpc(
+        &mut self,
+        input: &Input<'_>,
+        here: &Here,
+        status: Status,
+        report: &mut Option<mpc::Report>,
+    ) -> (f64, Pedals) {
+        let ego = input.ego;
+        let mut predictive = self.mpc.take().expect("built with the law and put back below");
+        self.lay_knots(input, here, status, &mut predictive.knots);
+        let start = State {
+            pose: ego.pose,
+            speed_mps: ego.speed_mps,
+            steering_rad: ego.steering_rad,
+            accel_mps2: ego.accel_mps2,
+        };
+        let step = predictive.mpc.step(input.now, &start, &predictive.knots);
+        let wanted = predictive.knots.iter().fold(0.0, |v: f64, knot| v.max(knot.wanted_speed_mps));
+        self.mpc = Some(predictive);
+        *report = Some(step.report);
+        let rests = wanted < 0.05 && ego.speed_mps.abs() < 0.3;
+        let accel = if rests { -self.params.speed.hold_mps2 } else { step.accel_mps2 };
+        (step.steering_rad, self.drive.pedals(accel, ego.speed_mps))
+    }
+
+    /// Lays one knot per step of the horizon along the path, as fast as the ego can take up the wanted speeds.
+    fn lay_knots(&self, input: &Input<'_>, here: &Here, status: Status, knots: &mut Vec<Knot>) {
+        let Input { now, ego, route, .. } = *input;
+        let dt = Span::from_secs(self.params.mpc.dt_s);
+        let dt_s = dt.as_secs();
+        let (mut s_m, mut speed_mps) = (here.s_m, ego.speed_mps.max(0.0));
+        let slowest = -self.limits.brake_max_mps2 * dt_s;
+        let fastest = self.limits.accel_max_mps2 * dt_s;
+        knots.clear();
+        for k in 0..=self.params.mpc.horizon as i64 {
+            let on_path = self.at(s_m);
+            let wanted = self.wanted(input, status, now + dt * k, s_m);
+            let change = (wanted.speed_mps - speed_mps).clamp(slowest, fastest);
+            let (left_m, right_m) = self.room(route, &on_path);
+            knots.push(Knot {
+                state: State {
+                    pose: on_path.pose,
+                    speed_mps,
+                    steering_rad: self.steering_of(on_path.curvature_1pm),
+                    accel_mps2: 0.0,
+                },
+                wanted_along_m: wanted.ahead_m,
+                wanted_speed_mps: wanted.speed_mps.min(self.params.mpc.speed_max_mps),
+                wanted_accel_mps2: wanted.accel_mps2,
+                left_m,
+                right_m,
+            });
+            let next = (speed_mps + change).max(0.0);
+            s_m += 0.5 * (speed_mps + next) * dt_s;
+            speed_mps = next;
+        }
+    }
+
+    /// What the ego should do at `instant`, when it is then at arc length `s_m`.
+    fn wanted(&self, input: &Input<'_>, status: Status, instant: Time, s_m: f64) -> Wanted {
+        if let Some((since, from_mps)) = self.stopping {
+            let target = self.stop_target(since, from_mps, instant);
+            return Wanted { ahead_m: 0.0, speed_mps: target.speed_mps, accel_mps2: target.accel_mps2 };
+        }
+        let by_time = status == Status::Plan && self.params.following == Following::Time;
+        match input.plan.filter(|_| by_time).and_then(|plan| plan.at(instant)) {
+            Some(point) => {
+                // A lag beyond what the speed correction answers is made up bit by bit.
+                let along = self.params.along;
+                let most = along.speed_max_mps / along.gain_ps;
+                Wanted {
+                    ahead_m: (self.reference.s_at(instant) - s_m).clamp(-most, most),
+                    speed_mps: point.speed_mps,
+                    accel_mps2: point.accel_mps2,
+                }
+            }
+            None => {
+                let point = self.at(s_m);
+                Wanted { ahead_m: 0.0, speed_mps: point.speed_mps, accel_mps2: point.accel_mps2 }
+            }
+        }
+    }
+
+    /// Room for the ego origin to the left and right of a point of the path: the corridor within the road.
+    fn room(&self, route: &Route, on_path: &PlanPoint) -> (f64, f64) {
+        let mpc::Params { corridor_m, edge_m, .. } = self.params.mpc;
+        let d_m = route.line.project(on_path.pose.point()).d_m;
+        let aside_m = 0.5 * self.shape.width_m + edge_m;
+        let left_m = (route.left_m - d_m - aside_m).min(corridor_m);
+        let right_m = (route.right_m + d_m - aside_m).min(corridor_m);
+        (left_m, right_m)
+    }
+
+    /// Angle of the road wheels that drives a curvature, within the limit.
+    fn steering_of(&self, curvature_1pm: f64) -> f64 {
+        let max = self.limits.steering_max_rad;
+        math::atan(self.shape.wheelbase_m * curvature_1pm).clamp(-max, max)
+    }
+
+    fn stop_target(&self, since: Time, from_mps: f64, instant: Time) -> Target {
+        let decel = self.params.stop.decel_mps2;
+        let left = (from_mps - decel * (instant - since).as_secs()).max(0.0);
+        Target { speed_mps: left, accel_mps2: if left > 0.0 { -decel } else { 0.0 } }
+    }
+
     fn at(&self, s_m: f64) -> PlanPoint {
         self.reference.at(s_m).expect("every way to load the reference leaves a point in it")
     }
+}
+
+/// What the ego should do at one instant of the horizon.
+struct Wanted {
+    /// How far ahead of where it is expected, metres.
+    ahead_m: f64,
+    speed_mps: f64,
+    accel_mps2: f64,
 }
 
 /// Place and target of one step.

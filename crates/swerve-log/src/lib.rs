@@ -1,1 +1,31 @@
-//! swerve-log
+//! Runs on disk: the log that everything can be replayed from, and the trace that shows where time goes.
+//!
+//! [`Recorder`] writes a run into an MCAP file of CBOR messages on a thread of its own; [`Log`] and [`Reader`]
+//! read it back and need nothing but that file, damaged or not. [`TraceWriter`] writes the same run as a trace
+//! for <https://ui.perfetto.dev>. All times are instants of the run.
+//! Absences: no clock, no scenario, no configuration format; payloads stay bytes until a caller names a type.
+
+mod arrows;
+mod error;
+mod format;
+mod log;
+mod mcap_record;
+mod observe;
+mod reader;
+mod record;
+mod recorder;
+mod trace;
+mod writer;
+
+pub use error::LogError;
+pub use log::Log;
+pub use reader::Reader;
+pub use record::{
+    DecisionRecord, DropRecord, MessageHeader, MissRecord, PublicationRecord, Record, RunEnd, RunStart,
+    StepRecord, StreamInfo, WatermarkRecord,
+};
+pub use recorder::Recorder;
+pub use trace::TraceWriter;
+
+#[cfg(test)]
+mod tests;

@@ -172,6 +172,23 @@ impl Obstacles {
         }
     }
 
+    /// As [`set`](Self::set), leaving out what is never within `range_m` of `center` (centre to centre).
+    pub fn set_near(
+        &mut self,
+        predictions: &[Prediction],
+        mode: CollisionMode,
+        center: Point2,
+        range_m: f64,
+    ) {
+        self.set(&[], mode);
+        for prediction in predictions {
+            if prediction.path.iter().any(|p| p.pose.point().distance(center) <= range_m) {
+                let boxes = prediction.path.iter().map(|p| (p.at, prediction.extent.footprint(p.pose)));
+                self.push(boxes, mode);
+            }
+        }
+    }
+
     /// Replaces the content by boxes that stand still, keeping the storage.
     pub fn set_boxes(&mut self, boxes: impl IntoIterator<Item = Obb>) {
         self.set(&[], CollisionMode::TimeIndexed);
@@ -180,6 +197,7 @@ impl Obstacles {
         }
     }
 
+    /// Takes one obstacle in.
     fn push(&mut self, places: impl Iterator<Item = (Time, Obb)>, mode: CollisionMode) {
         let first = self.places.len();
         let mut mover = Mover {
@@ -294,7 +312,8 @@ impl Obstacles {
         Solid { x_m: a.x_m + (b.x_m - a.x_m) * u, y_m: a.y_m + (b.y_m - a.y_m) * u, cos, sin, ..a }
     }
 
-    fn fastest_mps(&self) -> f64 {
+    /// Fastest predicted motion of any point, m/s.
+    pub(crate) fn fastest_mps(&self) -> f64 {
         match self.mode {
             CollisionMode::SweptStatic => 0.0,
             CollisionMode::TimeIndexed => self.movers.iter().map(|m| m.speed_mps).fold(0.0, f64::max),

@@ -5,14 +5,19 @@
 //! Absences: no engine, no simulator, no file, no clock.
 
 pub mod collision;
+pub mod fot;
+pub mod hybrid_astar;
+pub mod params;
 pub mod posed;
 mod request;
 mod road;
+pub mod rrt_star;
 #[cfg(test)]
 mod testing;
 pub mod world;
 
 pub use collision::{CollisionMode, Obstacles, Solid};
+pub use params::InvalidParam;
 pub use posed::{Preset, Solution};
 pub use request::{Budget, Goes, Planner, Request, Unlimited};
 pub use road::Road;

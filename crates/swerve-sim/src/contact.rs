@@ -128,3 +128,80 @@ fn along(ego_motion: &Motion2, actor: &Actor, on_ego: Point2, normal: Vector2) -
     let relative = ego_motion.velocity_of(on_ego) - actor.velocity_mps;
     (relative.dot(normal) / length).max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_msg::{ActorId, ActorKind, Extent};
+
+    fn actor(kind: ActorKind, pose: Pose2, velocity_mps: Vector2, length_m: f64, width_m: f64) -> Actor {
+        let extent = Extent { length_m, width_m, height_m: 1.5 };
+        Actor { id: ActorId(1), kind, pose, z_m: 0.0, extent, velocity_mps }
+    }
+
+    fn ego(speed_mps: f64, heading_rad: f64) -> (Obb, Motion2) {
+        let center = Pose2::new(0.0, 0.0, heading_rad);
+        let velocity_mps = center.direction() * speed_mps;
+        (Obb::new(center, 5.0, 2.0), Motion2 { at: center.point(), velocity_mps, yaw_rate_radps: 0.0 })
+    }
+
+    #[test]
+    fn a_corner_meeting_a_face_closes_along_the_face_normal() {
+        // The ego's front left corner grazes a long wall at y = 2 under 0.2 rad: only sin(0.2) of its speed closes.
+        let (outline, motion) = ego(10.0, 0.2);
+        let (sin, cos) = swerve_geom::math::sin_cos(0.2);
+        let corner_y = 2.5 * sin + cos;
+        let wall = actor(
+            ActorKind::Static,
+            Pose2::new(0.0, corner_y + 0.01 + 0.5, 0.0),
+            Vector2::default(),
+            100.0,
+            1.0,
+        );
+        let closing = closing_speed(&outline, &motion, &wall, 0.02);
+        assert!((closing - 10.0 * sin).abs() < 1e-3, "{closing}");
+    }
+
+    #[test]
+    fn a_face_meeting_a_face_closes_with_all_of_the_speed_whatever_the_overlap() {
+        let (outline, motion) = ego(20.0, 0.0);
+        for offset in [0.0, 0.7, -1.4] {
+            let ahead =
+                actor(ActorKind::Car, Pose2::new(4.75 + 0.05, offset, 0.0), Vector2::new(5.0, 0.0), 4.5, 1.8);
+            let closing = closing_speed(&outline, &motion, &ahead, 0.01);
+            assert!((closing - 15.0).abs() < 1e-9, "{offset}: {closing}");
+        }
+    }
+
+    #[test]
+    fn someone_walking_into_the_side_closes_with_their_own_speed() {
+        let (outline, motion) = ego(20.0, 0.0);
+        let person =
+            actor(ActorKind::Pedestrian, Pose2::new(0.5, 1.255, 0.0), Vector2::new(0.0, -2.0), 0.5, 0.5);
+        let closing = closing_speed(&outline, &motion, &person, 0.01);
+        assert!((closing - 2.0).abs() < 1e-9, "{closing}");
+    }
+
+    #[test]
+    fn a_turning_car_swings_its_corner_in() {
+        let (outline, mut motion) = ego(0.0, 0.0);
+        motion.yaw_rate_radps = 1.0;
+        // Left of the nose: the corner at (2.5, 1) moves to the left at 2.5 m/s.
+        let person = actor(ActorKind::Pedestrian, Pose2::new(2.4, 1.251, 0.0), Vector2::default(), 0.5, 0.5);
+        let closing = closing_speed(&outline, &motion, &person, 0.01);
+        assert!((closing - 2.4).abs() < 0.01, "{closing}");
+    }
+
+    #[test]
+    fn nearest_places_agree_with_the_distance_of_rectangles() {
+        let (outline, _) = ego(0.0, 0.3);
+        for (x, y, heading) in [(6.0, 2.0, 0.5), (0.5, 4.0, -1.0), (-7.0, -3.0, 2.0)] {
+            let other = actor(ActorKind::Car, Pose2::new(x, y, heading), Vector2::default(), 4.0, 1.8);
+            let near = nearest(&outline, &other).unwrap();
+            assert!((near.gap_m - outline.distance(&other.footprint())).abs() < 1e-9);
+            assert!((near.on_ego.distance(near.on_actor) - near.gap_m).abs() < 1e-9);
+        }
+        let inside = actor(ActorKind::Car, Pose2::new(1.0, 0.0, 0.0), Vector2::default(), 1.0, 1.0);
+        assert_eq!(nearest(&outline, &inside), None);
+    }
+}

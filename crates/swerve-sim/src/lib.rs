@@ -20,3 +20,6 @@ pub mod sense;
 mod simulator;
 
 pub use simulator::{SimError, SimParams, Simulator};
+
+#[cfg(test)]
+mod tests;

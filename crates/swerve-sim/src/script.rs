@@ -201,3 +201,96 @@ fn time_for(speeds: &[SpeedPoint], way_m: f64) -> f64 {
     let last = speeds[speeds.len() - 1];
     if last.speed_mps > 0.0 { last.at_s + left_m / last.speed_mps } else { f64::INFINITY }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_scenario::Scenario;
+
+    fn script(road: &str, actor: &str) -> (Script, Polyline) {
+        let text = format!(
+            "name = \"x\"\n[road]\nsegments = {road}\nleft_m = 9.0\n[ego]\ntarget_speed_mps = 1.0\nend_m = 50.0\n\
+             [[actor]]\nname = \"a\"\nkind = \"car\"\n{actor}\n\
+             [expect]\nverdict = \"avoided\"\nduration_s = {{ max = 1.0 }}\n"
+        );
+        let scenario = Scenario::parse("x.toml", &text).unwrap_or_else(|p| panic!("{p:#?}"));
+        let line = scenario.road.line();
+        (Script::new(&scenario.actors[0], &line), line)
+    }
+
+    const STRAIGHT: &str = "[{ length_m = 200.0 }]";
+
+    #[test]
+    fn braking_from_10_over_4_s_takes_20_m() {
+        let (script, line) = script(
+            STRAIGHT,
+            "s_m = 30.0\nd_m = 4.0\nmotion = [{ drive = { speeds = [[0.0, 10.0], [4.0, 0.0]] } }]",
+        );
+        let at = |t: f64| script.at(Some(t), &line);
+        assert_eq!(script.at(None, &line).pose, Pose2::new(30.0, 4.0, 0.0));
+        assert!(
+            (at(2.0).pose.x_m - (30.0 + 15.0)).abs() < 1e-9 && (at(2.0).velocity_mps.x - 5.0).abs() < 1e-9
+        );
+        assert!((at(4.0).pose.x_m - 50.0).abs() < 1e-9 && at(4.0).velocity_mps.norm() == 0.0);
+        assert_eq!(at(99.0).pose, at(4.0).pose);
+        assert!(script.is_over(4.1) && !script.is_over(3.9));
+    }
+
+    #[test]
+    fn a_way_ends_a_drive_within_a_ramp() {
+        // 2 m/s² from rest: 9 m after 3 s at 6 m/s.
+        let (script, line) = script(
+            STRAIGHT,
+            "s_m = 30.0\nd_m = 4.0\nmotion = [{ drive = { speeds = [[0.0, 0.0], [5.0, 10.0]], distance_m = 9.0 } }]",
+        );
+        assert!((script.at(Some(2.999_999), &line).velocity_mps.x - 6.0).abs() < 1e-4);
+        let end = script.at(Some(3.1), &line);
+        assert!((end.pose.x_m - 39.0).abs() < 1e-9 && end.velocity_mps.norm() == 0.0, "{end:?}");
+    }
+
+    #[test]
+    fn a_drive_along_a_bend_keeps_its_distance_and_its_velocity_is_its_motion() {
+        let road = "[{ length_m = 20.0 }, { length_m = 100.0, curvature_1pm = 0.02 }]";
+        for (heading, sign) in [(0.0, 1.0), (3.0, -1.0)] {
+            let motion = "motion = [{ drive = { speed_mps = 8.0 } }]";
+            let (script, line) =
+                script(road, &format!("s_m = 60.0\nd_m = 4.0\nheading_rad = {heading}\n{motion}"));
+            for t in [0.5, 2.0, 4.0] {
+                let now = script.at(Some(t), &line);
+                let next = script.at(Some(t + 1e-5), &line);
+                let place = line.project(now.pose.point());
+                assert!((place.d_m - 4.0).abs() < 1e-3, "{place:?}");
+                // Beside a line with a point every metre, a place has its arc length to 0.1 m.
+                assert!((place.s_m - (60.0 + sign * 8.0 * t)).abs() < 0.1, "{place:?}");
+                let moved = (next.pose.point() - now.pose.point()) * 1e5;
+                assert!((moved - now.velocity_mps).norm() < 0.2, "{moved:?} {:?}", now.velocity_mps);
+            }
+        }
+    }
+
+    #[test]
+    fn legs_follow_one_another_without_a_jump() {
+        let (script, line) = script(
+            STRAIGHT,
+            "s_m = 30.0\nd_m = 4.0\nmotion = [{ wait = { for_s = 1.0 } }, { walk = { speed_mps = 2.0, distance_m = 3.0, \
+             direction = \"right\" } }, { path = { speed_mps = 5.0, points = [[35.0, 1.0], [35.0, 6.0]] } }]",
+        );
+        let at = |t: f64| script.at(Some(t), &line).pose;
+        let quarter = core::f64::consts::FRAC_PI_2;
+        assert_eq!(at(0.5), Pose2::new(30.0, 4.0, 0.0));
+        assert!((at(2.0).y_m - 2.0).abs() < 1e-9 && (at(2.0).heading_rad + quarter).abs() < 1e-12);
+        // At 2.5 s it is at (30, 1); 1 s on the first line of the path, 1 s on the second.
+        assert!(at(3.0).point().distance(Point2::new(32.5, 1.0)) < 1e-9, "{:?}", at(3.0));
+        assert!(at(4.0).point().distance(Point2::new(35.0, 3.5)) < 1e-9, "{:?}", at(4.0));
+        assert!(
+            at(9.0).point().distance(Point2::new(35.0, 6.0)) < 1e-9
+                && (at(9.0).heading_rad - quarter).abs() < 1e-9
+        );
+        let mut last = at(0.0).point();
+        for k in 1..900 {
+            let now = at(f64::from(k) * 0.005).point();
+            assert!(now.distance(last) <= 5.0 * 0.005 + 1e-9);
+            last = now;
+        }
+    }
+}

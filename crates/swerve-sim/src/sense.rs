@@ -8,3 +8,6 @@ mod obstacles;
 
 pub use motion::{GnssParams, ImuParams, PoseParams, gnss, imu, pose};
 pub use obstacles::{SensorMount, SensorParams, fixed_points, visible_obstacles};
+
+#[cfg(test)]
+mod tests;

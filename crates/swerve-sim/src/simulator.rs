@@ -73,8 +73,8 @@ enum Contact {
     None,
     /// They touch; reported once the impulse is known, or without one after `patience` more steps.
     Begun { collision: Collision, patience: u8 },
-    /// They touch, or did and have not parted by [`PARTED_M`] since; it has been reported.
-    Reported,
+    /// Reported. Over once they have been apart by [`PARTED_M`] for [`PARTED`] since `touched`.
+    Reported { touched: Time },
 }
 
 /// The ego just before a step.
@@ -84,8 +84,10 @@ struct Before {
     speed_mps: f64,
 }
 
-/// A contact is over when the gap is this wide, metres.
+/// A contact is over when the gap has been this wide for [`PARTED`], metres.
 const PARTED_M: f64 = 0.1;
+/// How long two bodies must be apart until touching again is a collision of its own, not a rebound.
+const PARTED: Span = Span::from_ms(1_000);
 /// Steps that a contact of the outlines waits for an impulse of the bodies.
 const PATIENCE: u8 = 2;
 /// Physics may act on bodies across a gap of this much, metres.
@@ -117,7 +119,7 @@ impl Simulator {
         bodies::ground(&mut world, scenario.road.friction);
         let ego = EgoCar::spawn(&mut world, &params.vehicle, pose, scenario.ego.start_speed());
         bodies::foresee_contacts(&mut world, ego.handle());
-        let ego_collider = world.bodies[ego.handle()].colliders()[0];
+        let ego_collider = ego.collider();
         let state = WorldState {
             stamp: Time::ZERO,
             ego: ego.truth(&world),
@@ -184,11 +186,8 @@ impl Simulator {
 
     /// Moves the world on by one step under `command` and returns the new state.
     ///
-    /// A command with a number that is not finite is taken as full brake with straight wheels.
+    /// A command that is not finite is refused: the one before goes on. One out of range is clamped.
     pub fn step(&mut self, command: Command) -> &WorldState {
-        let finite =
-            command.steering_rad.is_finite() && command.throttle.is_finite() && command.brake.is_finite();
-        let command = if finite { command } else { Command::FULL_BRAKE };
         let before = self.before();
         self.state.stamp += self.params.dt;
         self.state.collisions.clear();
@@ -340,10 +339,13 @@ impl Simulator {
             Contact::Begun { collision, patience } if impulse_ns > 0.0 || *patience == 0 => {
                 collision.impulse_ns = impulse_ns;
                 self.state.collisions.push(collision.clone());
-                *contact = Contact::Reported;
+                *contact = Contact::Reported { touched: self.state.stamp };
             }
             Contact::Begun { patience, .. } => *patience -= 1,
-            Contact::Reported if gap_m > PARTED_M && impulse_ns == 0.0 => *contact = Contact::None,
+            Contact::Reported { touched } if gap_m <= PARTED_M || impulse_ns > 0.0 => {
+                *touched = self.state.stamp;
+            }
+            Contact::Reported { touched } if self.state.stamp - *touched > PARTED => *contact = Contact::None,
             _ => {}
         }
         touching

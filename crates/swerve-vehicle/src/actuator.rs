@@ -109,3 +109,79 @@ impl Actuators {
         };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steer(steering_rad: f64) -> Controls {
+        Controls { steering_rad, ..Controls::default() }
+    }
+
+    #[test]
+    fn dead_time_delays_every_command_by_the_same_whole_steps() {
+        let mut line = DeadTime::new(0.015, steer(0.0));
+        let given = [0.1, 0.2, 0.2, 0.3, 0.4, 0.4, 0.4, 0.4];
+        let acted: Vec<f64> =
+            given.iter().map(|&angle| line.step(Some(steer(angle)), 0.005).steering_rad).collect();
+        assert_eq!(acted, [0.0, 0.0, 0.0, 0.1, 0.2, 0.2, 0.3, 0.4]);
+    }
+
+    #[test]
+    fn a_dead_time_between_two_steps_ends_with_the_next_step() {
+        let mut line = DeadTime::new(0.012, steer(0.0));
+        let acted: Vec<f64> = (0..5).map(|_| line.step(Some(steer(0.1)), 0.005).steering_rad).collect();
+        assert_eq!(acted, [0.0, 0.0, 0.0, 0.1, 0.1]);
+    }
+
+    #[test]
+    fn a_missing_command_leaves_the_last_one_in_force() {
+        let mut line = DeadTime::new(0.0, steer(0.0));
+        assert_eq!(line.step(Some(steer(0.1)), 0.005), steer(0.1));
+        assert_eq!(line.step(None, 0.005), steer(0.1));
+    }
+
+    #[test]
+    fn steering_follows_its_lag_and_never_beats_its_rate() {
+        let params = VehicleParams::default();
+        let mut actuators = Actuators::default();
+        let mut last = 0.0;
+        for _ in 0..200 {
+            actuators.step(&params, steer(0.5), 0.0, 0.005);
+            assert!(actuators.steering_rad - last <= 0.7 * 0.005 + 1e-12);
+            last = actuators.steering_rad;
+        }
+        assert!((last - 0.5).abs() < 1e-3, "{last}");
+        // Small steps are the first-order lag alone: 63 % after its time constant.
+        let mut actuators = Actuators::default();
+        for _ in 0..10 {
+            actuators.step(&params, steer(0.01), 0.0, 0.005);
+        }
+        assert!((actuators.steering_rad / 0.01 - 0.632).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_brake_builds_up_in_its_time_and_wins_over_the_accelerator() {
+        let params = VehicleParams::default();
+        let mut actuators = Actuators::default();
+        let both = Controls { steering_rad: 0.0, throttle: 1.0, brake: 1.0 };
+        for _ in 0..15 {
+            actuators.step(&params, both, 0.0, 0.005);
+        }
+        assert!((actuators.brake_nm / params.brakes.torque_max_nm - 0.5).abs() < 1e-9);
+        for _ in 0..15 {
+            actuators.step(&params, both, 0.0, 0.005);
+        }
+        assert!((actuators.brake_nm - params.brakes.torque_max_nm).abs() < 1e-6);
+        assert_eq!(actuators.drive_nm, 0.0);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_refused_and_the_rest_clamped() {
+        let params = VehicleParams::default();
+        assert_eq!(steer(f64::NAN).within(&params), None);
+        assert_eq!(Controls { throttle: f64::INFINITY, ..steer(0.0) }.within(&params), None);
+        let clamped = Controls { steering_rad: -9.0, throttle: 2.0, brake: -1.0 }.within(&params);
+        assert_eq!(clamped, Some(Controls { steering_rad: -0.61, throttle: 1.0, brake: 0.0 }));
+    }
+}

@@ -79,3 +79,53 @@ impl Kinematic {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn car() -> Kinematic {
+        Kinematic::new(&VehicleParams::default())
+    }
+
+    /// A quarter of a circle of radius `L / tan(delta)` around the point to the left.
+    #[test]
+    fn it_drives_circles() {
+        let steering_rad = 0.3;
+        let radius_m = 2.85 / math::tan(steering_rad);
+        let dt_s = 0.01;
+        let quarter_s = core::f64::consts::FRAC_PI_2 * radius_m / 4.0;
+        let mut state = KinematicState { speed_mps: 4.0, steering_rad, ..KinematicState::default() };
+        let steps = 100;
+        for _ in 0..steps {
+            state = car().step(state, steering_rad, 0.0, quarter_s / f64::from(steps));
+        }
+        assert!((state.pose.x_m - radius_m).abs() < 1e-9 && (state.pose.y_m - radius_m).abs() < 1e-9);
+        let next = car().step(state, steering_rad, 0.0, dt_s);
+        let turned = next.pose.heading_rad - state.pose.heading_rad;
+        assert!((turned / dt_s - car().yaw_rate_radps(4.0, steering_rad)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn it_stops_where_the_closed_form_says_and_stays() {
+        let mut state = KinematicState { speed_mps: 10.0, ..KinematicState::default() };
+        for _ in 0..200 {
+            state = car().step(state, 0.0, -99.0, 0.01);
+        }
+        assert_eq!(state.speed_mps, 0.0);
+        assert!((state.pose.x_m - 100.0 / 16.0).abs() < 1e-9, "{state:?}");
+    }
+
+    #[test]
+    fn it_keeps_within_rate_angle_and_lateral_acceleration() {
+        let mut state = KinematicState { speed_mps: 20.0, ..KinematicState::default() };
+        for _ in 0..100 {
+            let next = car().step(state, 1.0, 0.0, 0.01);
+            assert!(next.steering_rad - state.steering_rad <= 0.007 + 1e-12);
+            state = next;
+        }
+        let lateral = state.speed_mps * car().yaw_rate_radps(state.speed_mps, state.steering_rad);
+        assert!((lateral - 7.85).abs() < 1e-6, "{lateral}");
+        assert!((car().steering_max_rad(0.0) - 0.61).abs() < 1e-12);
+    }
+}

@@ -62,7 +62,7 @@ pub struct BodyParams {
 impl Default for BodyParams {
     /// \[E\]: front-wheel-drive kerb weights put 58 to 60 % on the front axle, equipment in the boot moves
     /// that to 55 %. Yaw inertia from the dynamic index `I / (m a b) = 0.9` usual for saloon cars; roll and
-    /// pitch from radii of gyration of 0.59 m and 1.28 m. Track: 1.583 m front, 1.587 m rear by the maker.
+    /// pitch from radii of gyration of 0.59 m and 1.28 m. Track: the platform's 1.59 m, rounded.
     fn default() -> Self {
         Self {
             mass_kg: 1800.0,
@@ -267,7 +267,7 @@ pub struct AeroParams {
 }
 
 impl Default for AeroParams {
-    /// Drag coefficient 0.28 by the maker, frontal area about 2.3 m².
+    /// \[E\]: drag coefficient 0.28, frontal area 2.3 m², usual for the class.
     fn default() -> Self {
         Self { drag_area_m2: 0.64, air_density_kgpm3: 1.2 }
     }
@@ -396,6 +396,21 @@ impl VehicleParams {
         [front, front, rear, rear]
     }
 
+    /// Cornering stiffness of the front and the rear axle at their static loads, N/rad: the slope at the
+    /// origin for linear models (controllers, estimators).
+    pub fn axle_cornering_stiffness_nprad(&self) -> [f64; 2] {
+        let loads_n = self.static_loads_n();
+        [loads_n[0], loads_n[2]].map(|load_n| 2.0 * load_n * self.tyre.cornering_stiffness_per_load(load_n))
+    }
+
+    /// Understeer gradient `K` of small lateral accelerations, rad s²/m: `delta = L kappa + K a_y`
+    /// (Pacejka, section 1.3.3, with both axles at static load).
+    pub fn understeer_gradient_rads2pm(&self) -> f64 {
+        let [front, rear] = self.axle_cornering_stiffness_nprad();
+        let share = self.body.front_weight_share;
+        self.body.mass_kg * (share / front - (1.0 - share) / rear)
+    }
+
     /// Mass that resists acceleration: the car's plus that of its spinning wheels, kg.
     pub fn effective_mass_kg(&self) -> f64 {
         let r = self.wheel.radius_m;
@@ -414,5 +429,43 @@ impl VehicleParams {
     pub fn drive_torque_max_nm(&self, wheel_speed_radps: f64) -> f64 {
         let drive = &self.drivetrain;
         drive.torque_max_nm.min(drive.power_max_w / wheel_speed_radps.abs().max(1e-3))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_car_is_valid_and_carries_its_weight() {
+        let params = VehicleParams::default();
+        assert_eq!(params.validate(), Ok(()));
+        let weight: f64 = params.static_loads_n().iter().sum();
+        assert!((weight - 1800.0 * GRAVITY_MPS2).abs() < 1e-9);
+        assert!((params.cg_to_rear_m() + params.cg_to_front_m() - 2.85).abs() < 1e-12);
+        assert!(params.understeer_gradient_rads2pm() > 0.0);
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_named() {
+        let wrong = |change: fn(&mut VehicleParams)| {
+            let mut params = VehicleParams::default();
+            change(&mut params);
+            params.validate().unwrap_err().to_string()
+        };
+        assert_eq!(wrong(|p| p.body.mass_kg = -1.0), "vehicle.body.mass_kg is -1, must be above 0");
+        assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "vehicle.dead_time_s is NaN, must be at least 0");
+        assert_eq!(
+            wrong(|p| p.brakes.front_share = 1.5),
+            "vehicle.brakes.front_share is 1.5, must be between 0 and 1"
+        );
+        assert_eq!(
+            wrong(|p| p.limits.steering_max_rad = 3.0),
+            "vehicle.limits.steering_max_rad is 3, must be inside 0 to 1.2"
+        );
+        assert_eq!(
+            wrong(|p| p.tyre.lateral.shape = 0.5),
+            "vehicle.tyre.lateral.shape is 0.5, must be inside 1 to 2"
+        );
     }
 }

@@ -31,3 +31,33 @@ pub fn pedals_for_accel(params: &VehicleParams, speed_mps: f64, accel_mps2: f64)
         Pedals { throttle: 0.0, brake: (-force * radius / params.brakes.torque_max_nm).min(1.0) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn force_balance_gives_back_the_acceleration() {
+        let params = VehicleParams::default();
+        for (speed, accel) in [(0.0, 1.0), (10.0, 2.0), (20.0, -4.0), (25.0, 0.0), (30.0, -0.05)] {
+            let pedals = pedals_for_accel(&params, speed, accel);
+            let drive = pedals.throttle * params.drive_torque_max_nm(speed / params.wheel.radius_m);
+            let brake = pedals.brake * params.brakes.torque_max_nm;
+            let force = (drive - brake) / params.wheel.radius_m - params.resistance_n(speed);
+            assert!((force / params.effective_mass_kg() - accel).abs() < 1e-9, "{speed} {accel}");
+            assert!(pedals.throttle == 0.0 || pedals.brake == 0.0);
+        }
+    }
+
+    #[test]
+    fn wishes_beyond_the_car_are_its_most_and_impossible_ones_nothing() {
+        let params = VehicleParams::default();
+        assert_eq!(pedals_for_accel(&params, 10.0, 50.0), Pedals { throttle: 1.0, brake: 0.0 });
+        assert_eq!(pedals_for_accel(&params, 10.0, -50.0), Pedals { throttle: 0.0, brake: 1.0 });
+        assert_eq!(pedals_for_accel(&params, 10.0, f64::NAN), Pedals::default());
+        assert_eq!(pedals_for_accel(&params, f64::INFINITY, 1.0), Pedals::default());
+        let mut pushed = params.clone();
+        pushed.drivetrain.power_max_w = 0.0;
+        assert_eq!(pedals_for_accel(&pushed, 10.0, 1.0), Pedals::default());
+    }
+}

@@ -2,6 +2,7 @@
 
 use swerve_geom::{Pose2, math};
 
+use crate::tyre::slip_for_force;
 use crate::{GRAVITY_MPS2, VehicleParams, combined_slip_force};
 
 /// State of the single-track model.
@@ -27,11 +28,13 @@ pub struct SingleTrackState {
 ///
 /// Each axle is one tyre of the car's own curves at half the axle's load, twice. Steady-state slip (no
 /// relaxation, no wheel spin): the asked acceleration is an asked longitudinal tyre force, split like brakes
-/// and drive, and what it takes of the friction circle is missing sideways. Below 1 m/s it rolls without slip.
+/// and drive, and what it takes of the tyre is missing sideways. Below 1 m/s it rolls without slip.
 #[derive(Clone, PartialEq, Debug)]
 pub struct SingleTrack {
     params: VehicleParams,
     friction: f64,
+    /// Longitudinal slip of largest force.
+    slip_peak: f64,
 }
 
 /// Longest inner step, seconds: keeps the tyres stable down to the kinematic speed.
@@ -42,7 +45,8 @@ const KINEMATIC_BELOW_MPS: f64 = 1.0;
 impl SingleTrack {
     /// The single-track model of a car on ground of the given friction.
     pub fn new(params: &VehicleParams, friction: f64) -> Self {
-        Self { params: params.clone(), friction }
+        let slip_peak = params.tyre.longitudinal.peak_slip(friction);
+        Self { params: params.clone(), friction, slip_peak }
     }
 
     /// A state that drives straight.
@@ -142,23 +146,77 @@ impl SingleTrack {
         let p = &self.params;
         let force = p.body.mass_kg * accel_mps2 + p.resistance_n(speed_mps);
         let radius = p.wheel.radius_m;
+        // Part of the torque goes into the wheels' own spin.
+        let per_torque = p.body.mass_kg / p.effective_mass_kg() / radius;
         let (force, front) = if force >= 0.0 {
-            (force.min(p.drive_torque_max_nm(speed_mps / radius) / radius), p.drivetrain.front_share)
+            (force.min(p.drive_torque_max_nm(speed_mps / radius) * per_torque), p.drivetrain.front_share)
         } else {
-            (force.max(-p.brakes.torque_max_nm / radius), p.brakes.front_share)
+            (force.max(-p.brakes.torque_max_nm * per_torque), p.brakes.front_share)
         };
         (force * front, force * (1.0 - front))
     }
 
-    /// Longitudinal force given and lateral force left on an axle: its two tyres, equally loaded.
+    /// Longitudinal and lateral force of an axle, its two tyres equally loaded: the longitudinal slip is the
+    /// one that gives the asked force beside this lateral slip, as far as the anti-lock control would let it.
     fn axle(&self, load_n: f64, asked_n: f64, slip_y: f64) -> (f64, f64) {
-        let pure = combined_slip_force(&self.params.tyre, 0.5 * load_n, self.friction, [0.0, slip_y]);
-        let peak = self.friction * load_n;
-        if peak <= 0.0 {
+        let tyre = &self.params.tyre;
+        let half = 0.5 * load_n;
+        if half <= 0.0 || self.friction <= 0.0 {
             return (0.0, 0.0);
         }
-        let given = asked_n.clamp(-peak, peak);
-        let left = (1.0 - (given / peak) * (given / peak)).max(0.0).sqrt();
-        (given, 2.0 * pure.fy_n * left)
+        let most = self.params.brakes.abs.slip_target * self.slip_peak;
+        let slip_x = slip_for_force(tyre, half, self.friction, 0.5 * asked_n, slip_y, most);
+        let force = combined_slip_force(tyre, half, self.friction, [slip_x, slip_y]);
+        (2.0 * force.fx_n, 2.0 * force.fy_n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn car() -> SingleTrack {
+        SingleTrack::new(&VehicleParams::default(), 0.9)
+    }
+
+    #[test]
+    fn in_a_steady_turn_it_needs_the_angle_of_the_understeer_gradient() {
+        let params = VehicleParams::default();
+        let (mut state, steering_rad) = (SingleTrack::straight(Pose2::default(), 20.0), 0.02);
+        for _ in 0..400 {
+            state = car().step(state, steering_rad, 0.0, 0.01);
+        }
+        let curvature = state.yaw_rate_radps / math::hypot(state.vx_mps, state.vy_mps);
+        let needed = 2.85 * curvature + params.understeer_gradient_rads2pm() * state.lateral_accel_mps2;
+        assert!((needed / steering_rad - 1.0).abs() < 0.02, "{needed}");
+        assert!((state.lateral_accel_mps2 - 3.0).abs() < 0.5);
+    }
+
+    #[test]
+    fn full_braking_stops_it_at_mu_g_and_it_stays() {
+        let mut state = SingleTrack::straight(Pose2::default(), 20.0);
+        for _ in 0..500 {
+            state = car().step(state, 0.0, -20.0, 0.01);
+        }
+        let ideal_m = 400.0 / (2.0 * 0.9 * GRAVITY_MPS2);
+        assert!((state.pose.x_m / ideal_m - 1.0).abs() < 0.02, "{state:?}");
+        assert_eq!((state.vx_mps, state.accel_mps2), (0.0, 0.0));
+    }
+
+    #[test]
+    fn it_never_corners_beyond_the_friction_and_brakes_at_its_expense() {
+        let corner = |accel_mps2: f64| {
+            let mut state = SingleTrack::straight(Pose2::default(), 25.0);
+            let mut most = 0.0f64;
+            for _ in 0..100 {
+                state = car().step(state, 0.3, accel_mps2, 0.01);
+                most = most.max(state.lateral_accel_mps2);
+                assert!(state.pose.is_finite());
+            }
+            most
+        };
+        let (free, braked) = (corner(0.0), corner(-7.0));
+        assert!(free < 0.9 * GRAVITY_MPS2 * 1.03 && free > 0.8 * GRAVITY_MPS2, "{free}");
+        assert!(braked < 0.93 * free, "{braked} of {free}");
     }
 }

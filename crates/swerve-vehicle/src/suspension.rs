@@ -32,3 +32,38 @@ pub(crate) fn wheel_loads_n(params: &VehicleParams, corners: &[Corner; 4]) -> [f
         load.max(0.0)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(compressions_m: [f64; 4]) -> [f64; 4] {
+        let corner = |compression_m| Corner { compression_m, compression_mps: 0.0 };
+        wheel_loads_n(&VehicleParams::default(), &compressions_m.map(corner))
+    }
+
+    #[test]
+    fn at_rest_every_wheel_has_its_static_load() {
+        assert_eq!(at([0.0; 4]), VehicleParams::default().static_loads_n());
+    }
+
+    #[test]
+    fn roll_moves_load_across_and_heave_adds_it() {
+        let params = VehicleParams::default();
+        let rest = params.static_loads_n();
+        let rolled = at([0.02, -0.02, 0.02, -0.02]);
+        let [front, rear] = [rolled[0] - rest[0], rolled[2] - rest[2]];
+        assert!((front - (30_000.0 * 0.02 + 20_000.0 * 0.04)).abs() < 1e-9);
+        assert!((rear - (28_000.0 * 0.02 + 12_000.0 * 0.04)).abs() < 1e-9);
+        assert!((rolled.iter().sum::<f64>() - rest.iter().sum::<f64>()).abs() < 1e-9);
+        let lowered = at([0.01; 4]);
+        assert!((lowered[0] - rest[0] - 300.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_lifted_wheel_carries_nothing_and_a_bump_stop_much() {
+        assert_eq!(at([-0.5; 4]), [0.0; 4]);
+        let stopped = at([0.1; 4])[0] - VehicleParams::default().static_loads_n()[0];
+        assert!((stopped - (3_000.0 + 150_000.0 * 0.02)).abs() < 1e-9);
+    }
+}

@@ -39,6 +39,17 @@ impl MagicFormula {
         0.5 * (low + high)
     }
 
+    /// The stretched slip, before the peak, that gives the share `force` (0 to 1) of the peak force.
+    fn b_slip_for(&self, force: f64) -> f64 {
+        let goal = math::tan(math::asin(force.clamp(0.0, 1.0)) / self.shape);
+        let mut s = goal;
+        for _ in 0..4 {
+            let slope = 1.0 - self.curvature * s * s / (1.0 + s * s);
+            s -= (s - self.curvature * (s - math::atan(s)) - goal) / slope.max(0.05);
+        }
+        s
+    }
+
     /// The slip of largest force on ground of the given friction, at nominal load.
     pub fn peak_slip(&self, friction: f64) -> f64 {
         self.peak_b_slip() / self.stretch(1.0, friction)
@@ -47,6 +58,27 @@ impl MagicFormula {
     /// The stretch `B` for which the slope at the origin is the stiffness, given the friction coefficient.
     fn stretch(&self, stiffness_scale: f64, friction: f64) -> f64 {
         self.stiffness * stiffness_scale / (self.shape * friction)
+    }
+}
+
+impl TyreParams {
+    fn overload(&self, load_n: f64) -> f64 {
+        (load_n / self.nominal_load_n - 1.0).clamp(-1.0, 3.0)
+    }
+
+    /// Peak friction at a load over that at the nominal load.
+    fn friction_scale(&self, load_n: f64) -> f64 {
+        (1.0 - self.load_sensitivity * self.overload(load_n)).max(0.3)
+    }
+
+    /// Slip stiffness per load at a load over that at the nominal load.
+    fn stiffness_scale(&self, load_n: f64) -> f64 {
+        (1.0 - self.stiffness_load_sensitivity * self.overload(load_n)).max(0.3)
+    }
+
+    /// Slope of the lateral force at the origin, per newton of load and radian.
+    pub fn cornering_stiffness_per_load(&self, load_n: f64) -> f64 {
+        self.lateral.stiffness * self.stiffness_scale(load_n)
     }
 }
 
@@ -71,9 +103,8 @@ pub fn combined_slip_force(params: &TyreParams, load_n: f64, friction: f64, slip
     if load_n <= 0.0 || friction <= 0.0 {
         return SlipForce::default();
     }
-    let overload = (load_n / params.nominal_load_n - 1.0).clamp(-1.0, 3.0);
-    let mu = friction * (1.0 - params.load_sensitivity * overload).max(0.3);
-    let stiffness_scale = (1.0 - params.stiffness_load_sensitivity * overload).max(0.3);
+    let mu = friction * params.friction_scale(load_n);
+    let stiffness_scale = params.stiffness_scale(load_n);
     let bx = params.longitudinal.stretch(stiffness_scale, mu);
     let by = params.lateral.stretch(stiffness_scale, mu);
     let (sx, sy) = (bx * slip[0], by * slip[1]);
@@ -89,6 +120,27 @@ pub fn combined_slip_force(params: &TyreParams, load_n: f64, friction: f64, slip
     let per_x = peak * params.longitudinal.shape_at(s) / s;
     let per_y = peak * params.lateral.shape_at(s) / s;
     SlipForce { fx_n: per_x * sx, fy_n: per_y * sy, fx_secant_n: per_x.max(0.0) * bx }
+}
+
+/// Longitudinal slip, at most `most`, that gives the force `asked_n` beside the lateral slip `slip_y`.
+pub(crate) fn slip_for_force(
+    params: &TyreParams,
+    load_n: f64,
+    friction: f64,
+    asked_n: f64,
+    slip_y: f64,
+    most: f64,
+) -> f64 {
+    let mu = friction * params.friction_scale(load_n);
+    let bx = params.longitudinal.stretch(params.stiffness_scale(load_n), mu);
+    let alone = params.longitudinal.b_slip_for(asked_n.abs() / (mu * load_n)) / bx;
+    let mut slip_x = alone.min(most) * asked_n.signum();
+    // Exact without lateral slip; with it the secant of the curve closes in.
+    for _ in 0..2 {
+        let force = combined_slip_force(params, load_n, friction, [slip_x, slip_y]);
+        slip_x = (asked_n / force.fx_secant_n.max(1.0)).clamp(-most, most);
+    }
+    slip_x
 }
 
 /// Speed below which the contact patch also damps: with no rolling the relaxation equation is a bare
@@ -169,5 +221,108 @@ impl ContactPatch {
             self.ux_m *= most / stored;
             self.uy_m *= most / stored;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tyre() -> TyreParams {
+        TyreParams::default()
+    }
+
+    #[test]
+    fn the_slope_at_the_origin_is_the_tyres_and_the_peak_the_grounds() {
+        let params = tyre();
+        let load_n = params.nominal_load_n;
+        for friction in [0.3, 0.9, 1.2] {
+            let small = 1e-5;
+            let force = combined_slip_force(&params, load_n, friction, [small, 0.0]);
+            assert!((force.fx_n / (small * load_n) / params.longitudinal.stiffness - 1.0).abs() < 1e-3);
+            let force = combined_slip_force(&params, load_n, friction, [0.0, small]);
+            assert!((force.fy_n / (small * load_n) / params.lateral.stiffness - 1.0).abs() < 1e-3);
+            for (curve, axis) in [(params.longitudinal, 0), (params.lateral, 1)] {
+                let at = |slip: f64| {
+                    let slips = if axis == 0 { [slip, 0.0] } else { [0.0, slip] };
+                    let force = combined_slip_force(&params, load_n, friction, slips);
+                    [force.fx_n, force.fy_n][axis]
+                };
+                let peak = curve.peak_slip(friction);
+                assert!((at(peak) / (friction * load_n) - 1.0).abs() < 1e-9, "{}", at(peak));
+                assert!(at(0.8 * peak) < at(peak) && at(1.3 * peak) < at(peak));
+            }
+        }
+    }
+
+    #[test]
+    fn no_slip_gives_more_than_the_friction_and_opposite_slips_opposite_forces() {
+        let params = tyre();
+        for i in 0..40 {
+            for j in 0..40 {
+                let slip = [f64::from(i - 20) * 0.013, f64::from(j - 20) * 0.017];
+                for load_n in [500.0, 4_000.0, 9_000.0] {
+                    let mu = 0.9 * params.friction_scale(load_n);
+                    let force = combined_slip_force(&params, load_n, 0.9, slip);
+                    let size = (force.fx_n * force.fx_n + force.fy_n * force.fy_n).sqrt();
+                    assert!(size <= mu * load_n * (1.0 + 1e-12), "{slip:?}: {force:?}");
+                    assert!(force.fx_n * slip[0] >= 0.0 && force.fy_n * slip[1] >= 0.0);
+                    let mirrored = combined_slip_force(&params, load_n, 0.9, [-slip[0], -slip[1]]);
+                    assert!(mirrored.fx_n == -force.fx_n && mirrored.fy_n == -force.fy_n);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_slip_for_a_force_gives_that_force() {
+        let params = tyre();
+        for asked_n in [-3_400.0, -1_000.0, 0.0, 500.0, 3_000.0] {
+            let slip = slip_for_force(&params, 4_000.0, 0.9, asked_n, 0.0, 0.2);
+            let force = combined_slip_force(&params, 4_000.0, 0.9, [slip, 0.0]).fx_n;
+            assert!((force - asked_n).abs() < 5.0, "{asked_n}: {force}");
+            let slip = slip_for_force(&params, 4_000.0, 0.9, 0.6 * asked_n, 0.05, 0.2);
+            let force = combined_slip_force(&params, 4_000.0, 0.9, [slip, 0.05]).fx_n;
+            assert!((force - 0.6 * asked_n).abs() < 10.0 + 0.03 * asked_n.abs(), "{asked_n}: {force}");
+        }
+        assert_eq!(slip_for_force(&params, 4_000.0, 0.9, -9_000.0, 0.0, 0.1), -0.1);
+    }
+
+    #[test]
+    fn braking_takes_from_cornering() {
+        let params = tyre();
+        let free = combined_slip_force(&params, 4_000.0, 0.9, [0.0, 0.08]).fy_n;
+        let braked = combined_slip_force(&params, 4_000.0, 0.9, [-0.1, 0.08]).fy_n;
+        assert!(braked < 0.75 * free, "{braked} of {free}");
+    }
+
+    #[test]
+    fn two_wheels_with_unequal_loads_hold_less_than_with_equal_ones() {
+        let at = |load_n| combined_slip_force(&tyre(), load_n, 0.9, [0.0, 0.1]).fy_n;
+        assert!(at(2_000.0) + at(6_000.0) < 2.0 * at(4_000.0));
+    }
+
+    /// After one relaxation length of rolling, 63 % of a small step of slip angle has become force.
+    #[test]
+    fn force_follows_slip_over_the_relaxation_length() {
+        let params = tyre();
+        let input = PatchInput { load_n: 4_000.0, friction: 0.9, vx_mps: 20.0, vy_mps: -0.1 };
+        let steady = combined_slip_force(&params, 4_000.0, 0.9, [0.0, 0.1 / 20.0]).fy_n;
+        let mut patch = ContactPatch::default();
+        let steps = 400;
+        let dt_s = params.relaxation_lateral_m / 20.0 / f64::from(steps);
+        let mut force = SlipForce::default();
+        for _ in 0..steps {
+            force = patch.step(&params, &input, 20.0, dt_s).0;
+        }
+        assert!((force.fy_n / steady - 0.632).abs() < 0.01, "{}", force.fy_n / steady);
+    }
+
+    #[test]
+    fn a_wheel_off_the_ground_feels_nothing_and_remembers_nothing() {
+        let mut patch = ContactPatch { ux_m: 0.1, uy_m: -0.1 };
+        let input = PatchInput { load_n: 0.0, friction: 0.9, vx_mps: 3.0, vy_mps: 1.0 };
+        assert_eq!(patch.step(&tyre(), &input, 9.0, 0.001), (SlipForce::default(), 0.0));
+        assert_eq!(patch, ContactPatch::default());
     }
 }

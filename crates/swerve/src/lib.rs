@@ -1,10 +1,15 @@
 //! The binary's library: configuration, operator adapters, graph assembly, commands, studies, reports.
 
+pub mod check;
+pub mod cli;
 pub mod config;
 pub mod files;
 pub mod output;
 pub mod pipeline;
 pub mod progress;
+pub mod replay;
 pub mod run;
+pub mod scenarios;
+pub mod story;
 pub mod study;
 pub mod timing;

@@ -1,10 +1,13 @@
 use super::*;
 use crate::bicycle::{self, DRIVE, curve, ego, lane_change, road, slalom};
-use swerve_core::Span;
 use swerve_geom::{Point2, Polyline, Pose2};
 
-const TICK: Span = Span::from_ms(10);
-const LAWS: [Law; 3] = [Law::Pid, Law::PurePursuit, Law::Stanley];
+/// Time between calls: as in a vehicle, and longer for the law that takes longer to test.
+fn tick(law: Law) -> Span {
+    Span::from_ms(if law == Law::Mpc { 50 } else { 10 })
+}
+
+const LAWS: [Law; 4] = [Law::Pid, Law::PurePursuit, Law::Stanley, Law::Mpc];
 
 fn controller(params: Params) -> Controller {
     Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE))
@@ -16,15 +19,16 @@ fn run(
     start: EgoState,
     plan: Option<&Plan>,
     route: &Route,
-    ticks: usize,
+    seconds: f64,
 ) -> (Vec<EgoState>, Output) {
     let mut controller = controller(params);
     let mut state = start;
     let mut states = Vec::new();
     let mut last = None;
-    for _ in 0..ticks {
+    let end = start.stamp + Span::from_secs(seconds);
+    while state.stamp < end {
         let output = controller.step(&Input { now: state.stamp, ego: &state, plan, route });
-        bicycle::drive(&mut state, output.command, TICK);
+        bicycle::drive(&mut state, output.command, tick(params.law));
         states.push(state);
         last = Some(output);
     }
@@ -51,12 +55,15 @@ fn law(law: Law, following: Following) -> Params {
 #[test]
 fn comes_back_to_a_straight_path_from_a_metre_beside_it() {
     let plan = curve(|_| (0.0, 0.0, 0.0), 10.0, 12.0);
-    for (law_, settle_s, overshoot_m) in
-        [(Law::Pid, 3.0, 0.10), (Law::PurePursuit, 4.0, 0.10), (Law::Stanley, 4.0, 0.05)]
-    {
+    for (law_, settle_s, overshoot_m) in [
+        (Law::Pid, 3.0, 0.10),
+        (Law::PurePursuit, 4.0, 0.10),
+        (Law::Stanley, 4.0, 0.05),
+        (Law::Mpc, 4.0, 0.10),
+    ] {
         for side in [1.0, -1.0] {
             let start = ego(Pose2::new(0.0, side, 0.0), 10.0);
-            let (states, _) = run(law(law_, Following::Projection), start, Some(&plan), &road(), 1000);
+            let (states, _) = run(law(law_, Following::Projection), start, Some(&plan), &road(), 10.0);
             let over = states.iter().map(|s| -side * s.pose.y_m).fold(0.0, f64::max);
             let late = states
                 .iter()
@@ -73,15 +80,18 @@ fn comes_back_to_a_straight_path_from_a_metre_beside_it() {
 fn tracks_the_slalom_at_10() {
     let plan = curve(slalom, 10.0, 20.0);
     let start = ego(plan.points[0].pose, 10.0);
+    let wide = Route { left_m: 6.0, right_m: 6.0, ..road() };
     for (law_, following, bound_m) in [
         (Law::Pid, Following::Projection, 0.05),
         (Law::PurePursuit, Following::Projection, 0.01),
         (Law::Stanley, Following::Projection, 0.01),
         (Law::PurePursuit, Following::Time, 0.01),
+        (Law::Mpc, Following::Projection, 0.05),
+        (Law::Mpc, Following::Time, 0.05),
         (Law::Stanley, Following::Time, 0.01),
     ] {
         let start = EgoState { steering_rad: 0.0, ..start };
-        let (states, output) = run(law(law_, following), start, Some(&plan), &road(), 1950);
+        let (states, output) = run(law(law_, following), start, Some(&plan), &wide, 19.5);
         let (cross, lag) = errors(&states, &plan);
         eprintln!("{law_:?} {following:?}: cross-track {cross:.3} m, lag {lag:.3} m");
         assert_eq!(output.status, Status::Plan);
@@ -96,8 +106,10 @@ fn tracks_the_slalom_at_10() {
 fn changes_lane_at_20() {
     let plan = curve(lane_change, 20.0, 8.0);
     let start = ego(Pose2::new(0.0, 0.0, 0.0), 20.0);
-    for (law_, bound_m) in [(Law::Pid, 0.05), (Law::PurePursuit, 0.01), (Law::Stanley, 0.01)] {
-        let (states, _) = run(law(law_, Following::Time), start, Some(&plan), &road(), 750);
+    for (law_, bound_m) in
+        [(Law::Pid, 0.05), (Law::PurePursuit, 0.01), (Law::Stanley, 0.01), (Law::Mpc, 0.05)]
+    {
+        let (states, _) = run(law(law_, Following::Time), start, Some(&plan), &road(), 7.5);
         let (cross, _) = errors(&states, &plan);
         eprintln!("{law_:?}: cross-track {cross:.3} m");
         assert!(cross < bound_m, "{law_:?}: {cross}");
@@ -108,8 +120,8 @@ fn changes_lane_at_20() {
 fn follows_the_route_at_the_first_speed_before_any_plan() {
     for law_ in LAWS {
         let start = ego(Pose2::new(0.0, 0.5, 0.0), 12.0);
-        let (states, output) = run(law(law_, Following::Time), start, None, &road(), 600);
-        let end = states[599];
+        let (states, output) = run(law(law_, Following::Time), start, None, &road(), 6.0);
+        let end = states.last().unwrap();
         assert_eq!(output.status, Status::Route);
         assert!(end.pose.y_m.abs() < 0.05 && (end.speed_mps - 12.0).abs() < 0.1, "{law_:?}: {end:?}");
     }
@@ -122,9 +134,9 @@ fn an_expired_plan_brings_a_comfortable_stop_beside_the_route() {
     for law_ in LAWS {
         for following in [Following::Time, Following::Projection] {
             let start = ego(plan.points[0].pose, 10.0);
-            let (states, output) = run(law(law_, following), start, Some(&plan), &road(), 1200);
+            let (states, output) = run(law(law_, following), start, Some(&plan), &road(), 12.0);
             assert_eq!(output.status, Status::Stopping(StopReason::PlanExpired));
-            let end = states[1199];
+            let end = states.last().unwrap();
             assert!(end.speed_mps < 0.01, "{law_:?}: {end:?}");
             // 20 m of plan and 25 m at 2 m/s².
             assert!((end.pose.x_m - 45.0).abs() < 1.5, "{law_:?} {following:?}: {}", end.pose.x_m);
@@ -145,9 +157,9 @@ fn an_empty_plan_and_a_plan_with_bad_numbers_bring_a_stop() {
     for law_ in LAWS {
         for (plan, reason) in [(&Plan::default(), StopReason::PlanEmpty), (&bad, StopReason::PlanNotFinite)] {
             let start = ego(Pose2::new(0.0, 0.0, 0.0), 10.0);
-            let (states, output) = run(law(law_, Following::Time), start, Some(plan), &road(), 800);
+            let (states, output) = run(law(law_, Following::Time), start, Some(plan), &road(), 8.0);
             assert_eq!(output.status, Status::Stopping(reason));
-            assert!(states[799].speed_mps < 0.01 && states[799].pose.y_m.abs() < 0.01);
+            assert!(states.last().unwrap().speed_mps < 0.01 && states.last().unwrap().pose.y_m.abs() < 0.01);
         }
     }
 }
@@ -159,9 +171,9 @@ fn a_plan_of_one_point_is_followed_straight_ahead() {
     plan.points[0].at = Time::from_ms(3000);
     for law_ in LAWS {
         let start = ego(Pose2::new(-25.0, 0.2, 0.0), 10.0);
-        let (states, output) = run(law(law_, Following::Projection), start, Some(&plan), &road(), 250);
+        let (states, output) = run(law(law_, Following::Projection), start, Some(&plan), &road(), 2.5);
         assert_eq!(output.status, Status::Plan);
-        assert!(states[249].pose.y_m.abs() < 0.1, "{law_:?}: {}", states[249].pose.y_m);
+        assert!(states.last().unwrap().pose.y_m.abs() < 0.1, "{law_:?}: {}", states.last().unwrap().pose.y_m);
     }
 }
 
@@ -208,7 +220,7 @@ fn headings_around_the_half_circle_are_nothing_special() {
     let route = Route { line, left_m: 6.0, right_m: 6.0 };
     for law_ in LAWS {
         let start = ego(route.line.at(0.0).pose, 10.0);
-        let (states, _) = run(law(law_, Following::Time), start, None, &route, 1500);
+        let (states, _) = run(law(law_, Following::Time), start, None, &route, 15.0);
         let worst = states.iter().map(|s| route.line.project(s.pose.point()).d_m.abs()).fold(0.0, f64::max);
         assert!(worst < 0.1, "{law_:?}: {worst}");
         let crosses = states.iter().any(|s| s.pose.heading_rad > 3.0)
@@ -230,7 +242,7 @@ fn a_car_before_the_start_of_the_plan_is_on_time() {
         ego(Pose2::new(-5.0, 0.0, 0.0), 10.0),
         Some(&plan),
         &road(),
-        100,
+        1.0,
     );
     assert_eq!(output.status, Status::Plan);
     assert!(states.iter().all(|s| (s.speed_mps - 10.0).abs() < 0.01), "no reason to change the speed");
@@ -244,18 +256,18 @@ fn following_by_time_catches_up() {
         ego(Pose2::new(-3.0, 0.0, 0.0), 10.0),
         Some(&plan),
         &road(),
-        1400,
+        14.0,
     );
-    let lag = plan.at(states[1399].stamp).unwrap().pose.x_m - states[1399].pose.x_m;
+    let lag = plan.at(states.last().unwrap().stamp).unwrap().pose.x_m - states.last().unwrap().pose.x_m;
     assert!(lag.abs() < 0.1, "{lag}");
     let (states, _) = run(
         law(Law::Stanley, Following::Projection),
         ego(Pose2::new(-3.0, 0.0, 0.0), 10.0),
         Some(&plan),
         &road(),
-        1400,
+        14.0,
     );
-    let lag = plan.at(states[1399].stamp).unwrap().pose.x_m - states[1399].pose.x_m;
+    let lag = plan.at(states.last().unwrap().stamp).unwrap().pose.x_m - states.last().unwrap().pose.x_m;
     assert!((lag - 3.0).abs() < 0.1, "by projection it stays behind: {lag}");
 }
 
@@ -264,7 +276,7 @@ fn wheels_never_turn_beyond_the_limit() {
     for law_ in LAWS {
         let start = ego(Pose2::new(0.0, 5.0, -2.5), 5.0);
         let plan = curve(|_| (0.0, 0.0, 0.0), 5.0, 20.0);
-        let (states, _) = run(law(law_, Following::Projection), start, Some(&plan), &road(), 500);
+        let (states, _) = run(law(law_, Following::Projection), start, Some(&plan), &road(), 5.0);
         assert!(states.iter().all(|s| s.steering_rad.abs() <= Limits::default().steering_max_rad));
     }
 }
@@ -274,7 +286,7 @@ fn the_same_inputs_give_the_same_bits() {
     let plan = curve(slalom, 10.0, 10.0);
     for law_ in LAWS {
         let go =
-            || run(law(law_, Following::Time), ego(plan.points[0].pose, 10.0), Some(&plan), &road(), 300).0;
+            || run(law(law_, Following::Time), ego(plan.points[0].pose, 10.0), Some(&plan), &road(), 3.0).0;
         assert_eq!(go(), go());
     }
 }

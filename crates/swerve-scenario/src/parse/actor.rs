@@ -93,7 +93,26 @@ fn motions(table: &Table<'_, '_>, kind: ActorKind) -> Vec<Motion> {
     if kind == ActorKind::Static && !legs.is_empty() {
         table.report("motion", "an actor of kind \"static\" cannot move");
     }
-    legs.iter().filter_map(motion).collect()
+    let motions: Vec<(usize, Motion)> =
+        legs.iter().enumerate().filter_map(|(i, leg)| motion(leg).map(|motion| (i, motion))).collect();
+    for (i, motion) in &motions {
+        if i + 1 < legs.len() && is_endless(motion) {
+            let next = &legs[i + 1];
+            let message =
+                "is never reached: the drive before it has no distance_m and does not come to a stop";
+            next.source.report(next.line, &next.path, message.to_owned());
+        }
+    }
+    motions.into_iter().map(|(_, motion)| motion).collect()
+}
+
+fn is_endless(motion: &Motion) -> bool {
+    match motion {
+        Motion::Drive { speeds, distance_m: None, .. } => {
+            speeds.last().is_some_and(|last| last.speed_mps > 0.0)
+        }
+        _ => false,
+    }
 }
 
 fn motion(table: &Table<'_, '_>) -> Option<Motion> {

@@ -300,7 +300,7 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    /// An array of pairs of numbers, as in `[[0.0, 5.0], [3.0, 0.0]]`; at least one.
+    /// An array of pairs of numbers, as in `[[0.0, 5.0], [3.0, 0.0]]`; at least one. Empty after a problem.
     pub(super) fn pairs(&self, key: &'static str, wanted: &str, ranges: [Range; 2]) -> Vec<[f64; 2]> {
         if !self.has(key) {
             self.missing(key, wanted);
@@ -327,6 +327,9 @@ impl<'a, 't> Table<'a, 't> {
                 let line = self.source.line(value.span().start);
                 self.source.report(line, &path, format!("expected a pair of {wanted}, found {found}"));
             }
+        }
+        if pairs.len() < array.len() {
+            pairs.clear();
         }
         pairs
     }
@@ -398,13 +401,16 @@ pub(super) fn list(names: &[&str]) -> String {
     names.iter().map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ")
 }
 
-/// The name nearest to what was written, if any is near.
+/// The name nearest to what was written, if any is near: by letters in common or by few slips of the pen.
 pub(super) fn nearest<'n>(written: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
     let mut best: Option<(f64, &str)> = None;
     for name in names {
+        let slips = strsim::damerau_levenshtein(written, name);
         let likeness = strsim::jaro_winkler(written, name);
-        if likeness > 0.75 && best.is_none_or(|(b, _)| likeness > b) {
-            best = Some((likeness, name));
+        let near = likeness > 0.75 || slips <= written.chars().count() / 3;
+        let score = likeness - slips as f64 * 0.01;
+        if near && best.is_none_or(|(b, _)| score > b) {
+            best = Some((score, name));
         }
     }
     best.map(|(_, name)| name)

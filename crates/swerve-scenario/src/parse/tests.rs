@@ -1,11 +1,13 @@
-use crate::{Direction, Motion, Scenario, Subject, Trigger};
+use crate::{Direction, Motion, Scenario, SpeedPoint, Subject, Trigger, Verdict};
 
 const TRUCK: &str = include_str!("../../../../scenarios/person_behind_truck.toml");
 
 #[test]
 fn the_person_behind_the_truck_is_read_as_written() {
     let scenario = Scenario::parse("person.toml", TRUCK).unwrap();
-    let person = &scenario.actors[1];
+    let (truck, person) = (&scenario.actors[0], &scenario.actors[1]);
+    assert_eq!((truck.s_m, truck.d_m), (110.0, 4.0));
+    assert_eq!((truck.extent.length_m, truck.extent.width_m, truck.extent.height_m), (5.2, 2.6, 2.5));
     assert_eq!(
         (person.s_m, person.d_m, person.extent.width_m, person.extent.height_m),
         (117.0, 4.5, 0.5, 1.8)
@@ -13,5 +15,261 @@ fn the_person_behind_the_truck_is_read_as_written() {
     assert_eq!(person.trigger, Some(Trigger::Distance { to: Subject::Ego, within_m: 26.0 }));
     let walk = Motion::Walk { speed_mps: 2.75, distance_m: 4.5, direction: Direction::Right };
     assert_eq!(person.motion, [walk]);
-    assert_eq!(scenario.ego.end_m, 180.0);
+    let road = &scenario.road;
+    assert_eq!((road.lane_width_m, road.left_m, road.right_m, road.friction), (4.0, 6.0, 2.0, 0.9));
+    assert_eq!((scenario.ego.s_m, scenario.ego.d_m, scenario.ego.end_m), (0.0, 0.0, 180.0));
+    assert_eq!(scenario.ego.start_speed(), scenario.ego.target_speed_mps);
+    assert_eq!(scenario.expectation("any").unwrap().verdict, Verdict::Collision);
+}
+
+#[test]
+fn every_scenario_that_ships_is_sound_and_named_after_its_file() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let scenario = Scenario::read(&path).unwrap_or_else(|problems| panic!("{problems:#?}"));
+        assert_eq!(path.file_stem().unwrap().to_str().unwrap(), scenario.name);
+        names.push(scenario.name);
+    }
+    assert!(names.len() >= 7, "{names:?}");
+}
+
+const FULL: &str = r#"
+name = "full"
+[road]
+segments = [{ length_m = 200.0, curvature_1pm = 0.005 }]
+[ego]
+target_speed_mps = 10
+end_m = 150.0
+[[actor]]
+name = "bus"
+kind = "truck"
+s_m = 40.0
+d_m = 4.0
+motion = [{ drive = { speeds = [[0.0, 5.0], [4.0, 0.0]] } }, { wait = { for_s = 2.0 } }, { path = { speed_mps = 3.0, points = [[60.0, 3.0]] } }]
+[[actor]]
+name = "bike"
+kind = "cyclist"
+s_m = 20.0
+d_m = 4.0
+trigger = { reaches = { who = "bus", s_m = 44.0 } }
+motion = [{ drive = { along = "heading", speed_mps = 3.0 } }]
+[end]
+timeout_s = 20.0
+standstill = { near = "bus", within_m = 10.0, for_s = 1.0 }
+[expect]
+verdict = "avoided"
+min_distance_m = { min = 0.5 }
+[expect.pipeline.slow]
+verdict = "collision"
+impact_speed_mps = { min = 2.0, max = 8.0 }
+"#;
+
+#[test]
+fn all_forms_are_read() {
+    let scenario = Scenario::parse("full.toml", FULL).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    assert_eq!(scenario.actors[1].trigger, Some(Trigger::Reaches { who: Subject::Actor(0), s_m: 44.0 }));
+    let Motion::Drive { speeds, distance_m: None, .. } = &scenario.actors[0].motion[0] else { panic!() };
+    assert_eq!(speeds[1], SpeedPoint { at_s: 4.0, speed_mps: 0.0 });
+    assert_eq!(scenario.actors[0].motion.len(), 3);
+    assert_eq!(scenario.end.standstill.unwrap().near, Some(0));
+    assert_eq!(scenario.expectation("slow").unwrap().verdict, Verdict::Collision);
+    assert_eq!(scenario.expectation("fast").unwrap().verdict, Verdict::Avoided);
+    assert_eq!(scenario.ego.target_speed_mps, 10.0, "a whole number is a number");
+}
+
+/// Replaces `old` in the text of `FULL` and returns what is reported, as `line key: message`.
+fn problems(old: &str, new: &str) -> Vec<String> {
+    assert!(FULL.contains(old), "{old}");
+    let text = FULL.replacen(old, new, 1);
+    match Scenario::parse("full.toml", &text) {
+        Ok(_) => Vec::new(),
+        Err(problems) => problems.iter().map(|p| format!("{} {}: {}", p.line, p.key, p.message)).collect(),
+    }
+}
+
+/// Text to replace in `FULL`, its replacement, and what is then reported.
+type Case<'a> = (&'a str, &'a str, Vec<&'a str>);
+
+fn check(table: &[Case<'_>]) {
+    let mut differs = Vec::new();
+    for (old, new, want) in table {
+        let got = problems(old, new);
+        if got != *want {
+            differs.push(format!("after {old:?} -> {new:?}\n  got  {got:#?}\n  want {want:#?}"));
+        }
+    }
+    assert!(differs.is_empty(), "{}", differs.join("\n"));
+}
+
+#[test]
+fn wrong_values_and_impossible_starts_are_reported_with_line_and_key() {
+    #[rustfmt::skip]
+    let table = [
+        ("target_speed_mps = 10", "target_sped_mps = 10", vec![
+            "5 ego.target_speed_mps: is missing: expected a number from 0 to 100",
+            "6 ego.target_sped_mps: unknown key; did you mean \"target_speed_mps\"?",
+        ]),
+        ("target_speed_mps = 10", "target_speed_mps = nan", vec![
+            "6 ego.target_speed_mps: expected a number from 0 to 100, found nan",
+        ]),
+        ("target_speed_mps = 10", "target_speed_mps = inf", vec![
+            "6 ego.target_speed_mps: expected a number from 0 to 100, found inf",
+        ]),
+        ("target_speed_mps = 10", "target_speed_mps = \"fast\"", vec![
+            "6 ego.target_speed_mps: expected a number from 0 to 100, found the text \"fast\"",
+        ]),
+        ("target_speed_mps = 10", "target_speed_mps = 500", vec![
+            "6 ego.target_speed_mps: expected a number from 0 to 100, found 500",
+        ]),
+        ("target_speed_mps = 10", "target_speed_mps = 0.0", vec![
+            "6 ego.target_speed_mps: a target speed of 0 never reaches the goal: expected a number above 0",
+        ]),
+        ("length_m = 200.0", "length_m = 0.0", vec![
+            "4 road.segments: the route has no length: expected at least one piece with length_m above 0",
+        ]),
+        ("end_m = 150.0", "end_m = 250.0", vec![
+            "7 ego.end_m: the goal at 250 m is beyond the end of the road at 200 m",
+        ]),
+        ("end_m = 150.0", "end_m = -1.0", vec![
+            "7 ego.end_m: the goal at -1 m is not ahead of the start at 0 m",
+        ]),
+        ("end_m = 150.0", "end_m = 150.0\nd_m = 2.0", vec![
+            "5 ego: the ego starts 0.93 m outside the drivable ground",
+        ]),
+        ("s_m = 40.0\nd_m = 4.0", "s_m = 1.0\nd_m = 0.5", vec![
+            "5 ego: the ego's start at s = 0 m, d = 0 m is inside the actor \"bus\"",
+        ]),
+        ("kind = \"truck\"", "kind = \"static\"\nsize = { length_m = 99.0, width_m = 9.0, height_m = 2.0 }", vec![
+            "5 ego: the ego's start at s = 0 m, d = 0 m is inside the actor \"bus\"",
+            "14 actor.bus.motion: an actor of kind \"static\" cannot move",
+        ]),
+    ];
+    check(&table);
+}
+
+#[test]
+fn wrong_names_are_reported_with_the_nearest_valid_one() {
+    #[rustfmt::skip]
+    let table = [
+        ("kind = \"truck\"", "kind = \"trukc\"", vec![
+            "10 actor.bus.kind: expected one of \"car\", \"truck\", \"motorcycle\", \"cyclist\", \"pedestrian\", \
+             \"static\", found \"trukc\"; did you mean \"truck\"?",
+        ]),
+        ("kind = \"truck\"", "kind = \"static\"", vec![
+            "8 actor.bus.size: is missing: expected { length_m, width_m, height_m } of what cannot move",
+            "13 actor.bus.motion: an actor of kind \"static\" cannot move",
+        ]),
+        ("who = \"bus\"", "who = \"bsu\"", vec![
+            "19 actor.bike.trigger.reaches.who: unknown actor \"bsu\"; did you mean \"bus\"?",
+        ]),
+        ("who = \"bus\"", "who = \"bike\"", vec![
+            "19 actor.bike.trigger.reaches.who: an actor cannot wait for itself",
+        ]),
+        ("near = \"bus\"", "near = \"tram\"", vec![
+            "23 end.standstill.near: unknown actor \"tram\"; expected one of \"bus\", \"bike\"",
+        ]),
+        ("{ reaches = ", "{ reach = ", vec![
+            "19 actor.bike.trigger: expected one of \"distance\", \"time\", \"reaches\"; did you mean \"reaches\"?",
+            "19 actor.bike.trigger.reach: unknown key; did you mean \"reaches\"?",
+        ]),
+        ("{ reaches = ", "{ time = { at_s = 1.0 }, reaches = ", vec![
+            "19 actor.bike.trigger: expected only one of \"distance\", \"time\", \"reaches\", found \"time\", \"reaches\"",
+        ]),
+        ("name = \"bike\"", "name = \"bus\"", vec![
+            "15 actor.bus.name: another actor is named \"bus\" already",
+        ]),
+        ("name = \"bike\"", "name = 7", vec!["15 actor[2].name: expected a text that is not blank, found 7"]),
+    ];
+    check(&table);
+}
+
+#[test]
+fn wrong_motion_expectation_and_text_are_reported() {
+    #[rustfmt::skip]
+    let table = [
+        ("[4.0, 0.0]", "[4.0, -1.0]", vec![
+            "13 actor.bus.motion[1].drive.speeds[2]: expected a pair of a number from 0 to 86400 and a number \
+             from 0 to 100, found an array",
+        ]),
+        ("[[0.0, 5.0], [4.0, 0.0]]", "[[0.0, 5.0], [4.0, 1.0], [4.0, 0.0]]", vec![
+            "13 actor.bus.motion[1].drive.speeds: expected increasing times, found 4 s after 4 s",
+        ]),
+        ("[4.0, 0.0]", "[4.0, 1.0]", vec![
+            "13 actor.bus.motion[2]: is never reached: the drive before it has no distance_m and does not come to a stop",
+        ]),
+        ("points = [[60.0, 3.0]]", "points = []", vec![
+            "13 actor.bus.motion[3].path.points: expected an array of pairs [s, d] in metres, found an empty array",
+        ]),
+        ("verdict = \"avoided\"", "verdict = \"fine\"", vec![
+            "25 expect.verdict: expected one of \"avoided\", \"collision\", \"left_road\", \"timeout\", found \"fine\"",
+        ]),
+        ("min_distance_m = { min = 0.5 }\n", "", vec![
+            "24 expect: expected at least one bound beside the verdict, as in min_distance_m = { min = 0.3 }",
+        ]),
+        ("min_distance_m = { min = 0.5 }", "min_distance_m = {}", vec![
+            "26 expect.min_distance_m: expected { min = ... }, { max = ... } or both",
+        ]),
+        ("{ min = 2.0, max = 8.0 }", "{ min = 9.0, max = 8.0 }", vec![
+            "29 expect.pipeline.slow.impact_speed_mps: the lowest value 9 is above the highest 8",
+        ]),
+        ("timeout_s = 20.0", "timeout_s = 0.0", vec![
+            "22 end.timeout_s: expected a number above 0 and at most 86400, found 0.0",
+        ]),
+        ("name = \"full\"", "name = \"full\"\ngoal = 1", vec![
+            "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"name\", \"road\"",
+        ]),
+        ("kind = \"cyclist\"", "kind = \"cyclist\"\nkind = \"car\"", vec!["17 : not TOML: duplicate key"]),
+        ("[road]", "[road", vec!["3 : not TOML: unclosed table, expected `]`"]),
+    ];
+    check(&table);
+}
+
+#[test]
+fn all_problems_of_a_file_come_at_once_in_the_order_of_lines() {
+    let text = FULL
+        .replace("end_m = 150.0", "end_m = 150.0\nspeed = 3")
+        .replace("kind = \"cyclist\"", "kind = \"horse\"")
+        .replace("for_s = 1.0", "for_s = -1.0")
+        .replace("verdict = \"avoided\"", "");
+    let found = Scenario::parse("full.toml", &text).unwrap_err();
+    let lines: Vec<usize> = found.iter().map(|p| p.line).collect();
+    assert_eq!(lines, [8, 17, 24, 25], "{found:#?}");
+    assert!(found[0].to_string().starts_with("full.toml:8: ego.speed: unknown key"), "{}", found[0]);
+}
+
+#[test]
+fn a_scenario_without_expectation_is_refused() {
+    let text = FULL.split("[expect]").next().unwrap();
+    let found = Scenario::parse("full.toml", text).unwrap_err();
+    assert_eq!(found.len(), 1);
+    assert_eq!((found[0].line, found[0].key.as_str()), (1, "expect"));
+    assert!(found[0].message.starts_with("is missing"), "{}", found[0]);
+}
+
+#[test]
+fn a_missing_file_is_one_problem() {
+    let found = Scenario::read(std::path::Path::new("no/such.toml")).unwrap_err();
+    assert_eq!(found.len(), 1);
+    assert!(found[0].to_string().starts_with("no/such.toml: cannot be read"), "{}", found[0]);
+}
+
+#[test]
+fn no_text_makes_the_reader_panic() {
+    use proptest::prelude::*;
+    let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig {
+        cases: 400,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    });
+    let cut = (0..FULL.len(), 0..FULL.len(), "[\\[\\]{}=\"a-z0-9 .\n-]{0,12}");
+    runner
+        .run(&cut, |(a, b, put)| {
+            let (a, b) = (a.min(b), a.max(b));
+            let text = format!("{}{put}{}", &FULL[..a], &FULL[b..]);
+            let _ = Scenario::parse("fuzz.toml", &text);
+            Ok(())
+        })
+        .unwrap();
 }

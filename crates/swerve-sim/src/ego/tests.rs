@@ -2,6 +2,8 @@
 
 use super::*;
 
+mod commonroad;
+
 const G: f64 = 9.81;
 
 /// A world with gravity and a step, and the car in it.
@@ -157,30 +159,30 @@ fn at_walking_pace_it_turns_as_its_geometry_says() {
     }
 }
 
-/// Yaw rate over the kinematic one gives the understeer gradient: `delta = L r / v + K a_y`.
+/// Steering angle over the kinematic one, per lateral acceleration, is the understeer gradient.
 #[test]
 fn it_understeers_as_its_axles_say() {
-    let params = car();
-    let speed_mps = 20.0;
-    let mut drive = Drive::new(&params, speed_mps, 200.0);
-    let pedals = swerve_vehicle::pedals_for_accel(&params, speed_mps, 0.0);
-    let steering_rad = 0.02;
-    let end = drive.run(4.0, |_| Command { throttle: pedals.throttle, ..steer(steering_rad) });
-    let (v, r) = (end.state.speed_mps, end.state.yaw_rate_radps);
-    let measured = (steering_rad - math::atan(params.shape.wheelbase_m * r / v)) / (v * r);
-    // Cornering stiffness per load of each axle at its static load (the load transfer of 3 m/s² adds less
-    // than the tolerance).
-    let slope = |load_n: f64| {
-        let over = load_n / params.tyre.nominal_load_n - 1.0;
-        params.tyre.lateral.stiffness * (1.0 - params.tyre.stiffness_load_sensitivity * over)
+    let gradient = |params: &VehicleParams, steering_rad: f64| {
+        let pedals = swerve_vehicle::pedals_for_accel(params, 20.0, 0.0);
+        let mut drive = Drive::new(params, 20.0, 200.0);
+        let end = drive.run(4.0, |_| Command { throttle: pedals.throttle, ..steer(steering_rad) });
+        let (v, r) = (end.state.speed_mps, end.state.yaw_rate_radps);
+        (steering_rad - math::atan(params.shape.wheelbase_m * r / v)) / (v * r)
     };
-    let loads_n = params.static_loads_n();
-    let expected = (1.0 / slope(loads_n[0]) - 1.0 / slope(loads_n[2])) / G;
-    println!(
-        "understeer gradient {measured:.6}, from the axles {expected:.6} rad s²/m, v {v:.2}, ay {:.2}",
-        v * r
-    );
-    assert!(measured > 0.0 && (measured - expected).abs() < 4e-4);
+    let mut nose_heavy = car();
+    nose_heavy.body.front_weight_share = 0.62;
+    nose_heavy.tyre.stiffness_load_sensitivity = 0.5;
+    let mut tail_heavy = nose_heavy.clone();
+    tail_heavy.body.front_weight_share = 0.45;
+    for mut params in [car(), nose_heavy, tail_heavy] {
+        // Rolling resistance and the force that overcomes it turn the car as well; the closed form has neither.
+        params.wheel.rolling_resistance = 0.0;
+        params.aero.drag_area_m2 = 0.0;
+        let (measured, expected) = (gradient(&params, 0.006), params.understeer_gradient_rads2pm());
+        println!("understeer gradient {measured:.6}, from the axles {expected:.6} rad s²/m");
+        assert!((measured - expected).abs() < 1e-5 + 0.03 * expected.abs());
+    }
+    let params = car();
     // Near the limit the front gives way first.
     let mut drive = Drive::new(&params, 30.0, 200.0);
     let end = drive.run(2.0, |_| steer(0.03));
@@ -352,6 +354,52 @@ fn the_same_drive_gives_the_same_bits() {
         serde_json::to_string(&end).unwrap()
     };
     assert_eq!(drive(), drive());
+}
+
+#[test]
+fn the_truth_agrees_with_itself() {
+    let mut drive = Drive::new(&car(), 15.0, 200.0);
+    let pedals = swerve_vehicle::pedals_for_accel(&car(), 15.0, 0.0);
+    let end = drive.run(4.0, |_| Command { throttle: pedals.throttle, ..steer(0.05) });
+    let state = end.state;
+    assert_eq!(state.stamp.as_secs(), 4.0);
+    let speed = end.velocity_mps.norm();
+    // A steady turn: the acceleration at the centre of gravity is speed times yaw rate, to the left.
+    assert!((state.lateral_accel_mps2 - speed * state.yaw_rate_radps).abs() < 0.05, "{state:?}");
+    let (roll, pitch, yaw) = end.map_from_ego.roll_pitch_yaw();
+    assert!(roll > 0.01 && roll < 0.04, "a left turn leans the car to the right: {roll}");
+    // An accelerometer that leans with the body feels gravity too.
+    let felt = end.specific_force_mps2.coords;
+    let expected_y = state.lateral_accel_mps2 * math::cos(roll) + G * math::sin(roll) * math::cos(pitch);
+    assert!((felt.y - expected_y).abs() < 0.05, "{felt:?} {expected_y}");
+    assert!((felt.norm() - math::hypot(G, speed * state.yaw_rate_radps)).abs() < 0.1);
+    assert!((end.angular_velocity_radps.coords.z - state.yaw_rate_radps).abs() < 0.01);
+    assert!((state.pose.heading_rad - yaw).abs() < 1e-9);
+    // Poses are what velocities add up to.
+    let next = drive.step(Command { throttle: pedals.throttle, ..steer(0.05) });
+    let moved = next.state.pose.point() - state.pose.point();
+    assert!((moved.dot(state.pose.direction()) / 0.005 - state.speed_mps).abs() < 0.05);
+}
+
+#[test]
+fn a_pose_in_the_map_is_where_the_car_starts() {
+    let mut world = PhysicsWorld::new();
+    let pose = Pose2::new(40.0, -3.0, 2.5);
+    let truth = EgoCar::spawn(&mut world, &car(), pose, 7.0).truth(&world);
+    assert!(truth.state.pose.point().distance(pose.point()) < 1e-5);
+    assert!((truth.state.pose.heading_rad - 2.5).abs() < 1e-6);
+    assert!((truth.state.speed_mps - 7.0).abs() < 1e-5);
+}
+
+#[test]
+fn parameters_come_from_text_and_unknown_ones_are_refused() {
+    let text = r#"{"body": {"mass_kg": 2000.0}, "dead_time_s": 0.1}"#;
+    let params: VehicleParams = serde_json::from_str(text).unwrap();
+    assert_eq!((params.body.mass_kg, params.body.cg_height_m, params.dead_time_s), (2000.0, 0.55, 0.1));
+    for wrong in [r#"{"bdoy": {}}"#, r#"{"body": {"mass_lb": 1.0}}"#, r#"{"brakes": {"abs": {"on": true}}}"#]
+    {
+        assert!(serde_json::from_str::<VehicleParams>(wrong).is_err(), "{wrong}");
+    }
 }
 
 #[test]

@@ -92,7 +92,8 @@ impl Runtime {
             models.push(RuntimeModel::LogNormal { median: span_ms(median)?, sigma });
         }
         if let Some(points) = &self.percentiles_ms {
-            let points: Result<Vec<_>, String> = points.iter().map(|[p, ms]| Ok((*p, span_ms(*ms)?))).collect();
+            let points: Result<Vec<_>, String> =
+                points.iter().map(|[p, ms]| Ok((*p, span_ms(*ms)?))).collect();
             models.push(RuntimeModel::Percentiles(percentiles(points?)?));
         }
         if let Some(work) = self.work {
@@ -183,9 +184,17 @@ mod tests {
     #[test]
     fn policies_are_read_as_written() {
         assert_eq!(parse_policy("queue(2)"), Ok(Policy::queue(2)));
-        assert_eq!(parse_policy("queue( 2 , drop_newest )"), Ok(Policy::Queue { capacity: 2, full: Full::DropNewest }));
-        assert_eq!(parse_policy("pipelined(4, overtaking)"), Ok(Policy::Pipelined { places: 4, overtaking: true }));
-        for wrong in ["queue", "queue(0)", "queue(-1)", "pipelined(4, drop_newest)", "skip", "queue(1,drop_oldest,x)"] {
+        assert_eq!(
+            parse_policy("queue( 2 , drop_newest )"),
+            Ok(Policy::Queue { capacity: 2, full: Full::DropNewest })
+        );
+        assert_eq!(
+            parse_policy("pipelined(4, overtaking)"),
+            Ok(Policy::Pipelined { places: 4, overtaking: true })
+        );
+        for wrong in
+            ["queue", "queue(0)", "queue(-1)", "pipelined(4, drop_newest)", "skip", "queue(1,drop_oldest,x)"]
+        {
             assert!(parse_policy(wrong).is_err(), "{wrong}");
         }
     }

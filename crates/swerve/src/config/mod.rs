@@ -1,4 +1,543 @@
 //! Configuration: text, then typed, then resolved and checked, once, at start.
+//!
+//! Every key has a default; a file and `--set` change single keys. Durations in files are milliseconds and
+//! angles degrees (their names say so); resolving converts them.
 
 pub mod execution;
 pub mod text;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use swerve_control::Following;
+use swerve_planning::CollisionMode;
+use swerve_planning::posed::Preset;
+use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount};
+use swerve_vehicle::VehicleParams;
+
+use execution::{Deadline, Runtime, WorkTime};
+use text::{Document, Problem};
+
+/// A whole configuration: what runs, how long it takes, what is recorded.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// The ego vehicle.
+    pub ego: EgoConfig,
+    /// The simulator.
+    pub sim: SimConfig,
+    /// What perception starts from.
+    pub sensing: SensingConfig,
+    /// The predictor.
+    pub prediction: PredictionConfig,
+    /// The motion planner.
+    pub planning: PlanningConfig,
+    /// The controller.
+    pub control: ControlConfig,
+    /// What is recorded.
+    pub log: LogConfig,
+    /// How single operators run, by name.
+    pub operator: BTreeMap<String, OperatorConfig>,
+    /// Shared resources, by name.
+    pub resource: BTreeMap<String, ResourceConfig>,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            ego: EgoConfig::default(),
+            sim: SimConfig::default(),
+            sensing: SensingConfig::default(),
+            prediction: PredictionConfig::default(),
+            planning: PlanningConfig::default(),
+            control: ControlConfig::default(),
+            log: LogConfig::default(),
+            operator: BTreeMap::new(),
+            resource: BTreeMap::new(),
+        }
+    }
+}
+
+/// The ego vehicle in the scenario.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EgoConfig {
+    /// Target and start speed, m/s; the scenario's when absent.
+    pub speed_mps: Option<f64>,
+}
+
+/// The simulator.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimConfig {
+    /// Step, ms: 1 to 20.
+    pub dt_ms: f64,
+    /// Draws start, speed, phases and triggers from the seed; off, all are exactly as the scenario says.
+    pub draws: bool,
+    /// The ego vehicle.
+    pub vehicle: VehicleParams,
+}
+
+impl Default for SimConfig {
+    fn default() -> Self {
+        Self { dt_ms: 5.0, draws: true, vehicle: VehicleParams::default() }
+    }
+}
+
+/// What the obstacle sensor reports.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// Simulator state cut by range, field of view and occlusion.
+    Truth,
+    /// Simulator state cut by range and field of view only.
+    TruthUnoccluded,
+}
+
+/// The sensors.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensingConfig {
+    /// What the obstacle sensor reports.
+    pub source: Source,
+    /// Period of the obstacle sensor, ms.
+    pub period_ms: f64,
+    /// Range of the obstacle sensor from the ego's centre, m.
+    pub range_m: f64,
+    /// Field of view of the obstacle sensor, degrees, symmetric around straight ahead.
+    pub fov_deg: f64,
+    /// Largest distance for people, m; that of the others when absent.
+    pub range_person_m: Option<f64>,
+    /// Where the obstacle sensor sits; the middle of the roof, 1.9 m up, when absent.
+    pub mount: Option<SensorMount>,
+    /// Period of the pose sensor, ms.
+    pub pose_period_ms: f64,
+    /// Period of the inertial sensor, ms.
+    pub imu_period_ms: f64,
+    /// Period of the satellite receiver, ms.
+    pub gnss_period_ms: f64,
+    /// Errors of the pose sensor.
+    pub pose: PoseParams,
+    /// Errors of the inertial sensor.
+    pub imu: ImuParams,
+    /// Errors of the satellite receiver.
+    pub gnss: GnssParams,
+}
+
+impl Default for SensingConfig {
+    fn default() -> Self {
+        Self {
+            source: Source::Truth,
+            period_ms: 50.0,
+            range_m: 100.0,
+            fov_deg: 360.0,
+            range_person_m: None,
+            mount: None,
+            pose_period_ms: 10.0,
+            imu_period_ms: 10.0,
+            gnss_period_ms: 100.0,
+            pose: PoseParams::default(),
+            imu: ImuParams::default(),
+            gnss: GnssParams::default(),
+        }
+    }
+}
+
+/// The predictor.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PredictionConfig {
+    /// With one sighting: the reported velocity (`best`), or standing still (`paper`).
+    pub preset: Preset,
+    /// Sightings that the straight line is fitted to.
+    pub past_steps: usize,
+    /// How far ahead, ms.
+    pub horizon_ms: f64,
+    /// Between predicted poses, ms.
+    pub step_ms: f64,
+}
+
+impl Default for PredictionConfig {
+    fn default() -> Self {
+        Self { preset: Preset::Best, past_steps: 5, horizon_ms: 5000.0, step_ms: 100.0 }
+    }
+}
+
+/// Motion planners by name.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlannerName {
+    /// Frenet optimal trajectories.
+    Fot,
+    /// RRT*.
+    RrtStar,
+    /// Hybrid A*.
+    HybridAstar,
+    /// Route following that slows and stops for what is ahead.
+    Waypoint,
+    /// Route following with emergency braking.
+    Aeb,
+}
+
+impl PlannerName {
+    /// The name in files and tables.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Fot => "fot",
+            Self::RrtStar => "rrt_star",
+            Self::HybridAstar => "hybrid_astar",
+            Self::Waypoint => "waypoint",
+            Self::Aeb => "aeb",
+        }
+    }
+}
+
+/// A planner's discretisation.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fineness {
+    /// Coarse.
+    Fast,
+    /// Fine.
+    Slow,
+}
+
+impl Fineness {
+    /// The name in files and tables.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Slow => "slow",
+        }
+    }
+}
+
+/// Where a plan starts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartState {
+    /// The pose measured at the stamp.
+    Measured,
+    /// Moved on by the expected run time.
+    Predicted,
+}
+
+/// The motion planner.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlanningConfig {
+    /// Which one.
+    pub planner: PlannerName,
+    /// Its discretisation.
+    pub config: Fineness,
+    /// The paper's behaviour, or ours; sets the defaults of the keys below.
+    pub preset: Preset,
+    /// What predictions mean for collision checks.
+    pub collision: CollisionMode,
+    /// Where a plan starts; the preset's when absent.
+    pub start: Option<StartState>,
+    /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
+    pub expected_ms: Option<f64>,
+    /// Parameters of the chosen planner that differ from its preset's and discretisation's.
+    pub params: toml::Table,
+    /// Run time by work, by planner and discretisation; `[operator.planner] runtime` goes before it.
+    pub cost: BTreeMap<PlannerName, BTreeMap<Fineness, WorkTime>>,
+    /// Latency added to every plan, ms.
+    pub added_latency_ms: f64,
+}
+
+impl Default for PlanningConfig {
+    fn default() -> Self {
+        Self {
+            planner: PlannerName::Fot,
+            config: Fineness::Fast,
+            preset: Preset::Best,
+            collision: CollisionMode::TimeIndexed,
+            start: None,
+            expected_ms: None,
+            params: toml::Table::new(),
+            cost: BTreeMap::new(),
+            added_latency_ms: 0.0,
+        }
+    }
+}
+
+impl PlanningConfig {
+    /// Run time by work of the chosen planner and discretisation.
+    pub fn cost_of_chosen(&self) -> Option<WorkTime> {
+        self.cost.get(&self.planner)?.get(&self.config).copied()
+    }
+
+    /// Where a plan starts.
+    pub fn start_state(&self) -> StartState {
+        self.start.unwrap_or(match self.preset {
+            Preset::Paper => StartState::Measured,
+            Preset::Best => StartState::Predicted,
+        })
+    }
+
+    /// Expected time from a sensor frame to its plan's first effect, ms.
+    pub fn expected_ms(&self) -> f64 {
+        self.expected_ms
+            .unwrap_or_else(|| self.cost_of_chosen().map_or(0.0, |cost| cost.base_ms) + self.added_latency_ms)
+    }
+}
+
+/// Controllers by name.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ControllerName {
+    /// The paper's speed PID and steering towards a waypoint.
+    Pid,
+    /// Speed PID and pure pursuit.
+    PurePursuit,
+    /// Speed PID and the Stanley law.
+    Stanley,
+}
+
+/// The controller.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlConfig {
+    /// Which one.
+    pub controller: ControllerName,
+    /// How a plan is followed; the planning preset's when absent.
+    pub following: Option<Following>,
+    /// Period, ms.
+    pub period_ms: f64,
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self { controller: ControllerName::Pid, following: None, period_ms: 10.0 }
+    }
+}
+
+/// What is recorded.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogConfig {
+    /// Sensors that run although no operator reads them: `gnss`.
+    pub sensors: Vec<String>,
+}
+
+/// How one operator runs.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OperatorConfig {
+    /// Run time; `zero` when absent (the planner: its cost).
+    pub runtime: Option<Runtime>,
+    /// Busy policy; `skip_to_latest` when absent.
+    pub policy: Option<String>,
+    /// Deadline.
+    pub deadline: Option<Deadline>,
+    /// Resource that its steps hold a slot of.
+    pub uses: Option<String>,
+    /// Communication delay of what it publishes, ms.
+    pub delay_ms: f64,
+}
+
+/// A shared resource.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResourceConfig {
+    /// Steps that it can hold at once.
+    pub slots: usize,
+}
+
+/// The operators of the driving pipeline, in the order of the graph.
+pub const OPERATORS: [&str; 9] =
+    ["world", "obstacles", "pose", "imu", "gnss", "tracker", "predictor", "planner", "controller"];
+
+impl Config {
+    /// Reads a file (or takes the defaults) and applies assignments in order; everything is checked.
+    pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+        let document = match file {
+            Some(path) => Document::read(path).map_err(|p| vec![p])?,
+            None => Document::parse("defaults", String::new()).map_err(|p| vec![p])?,
+        };
+        Self::from_document(&document, sets)
+    }
+
+    /// As [`load`](Self::load), from text that is already at hand.
+    pub fn from_document(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+        let plain: Self = document.to().map_err(|p| vec![p])?;
+        if sets.is_empty() {
+            return plain.checked(|key, message| document.problem(key, message));
+        }
+        // The file's own faults are told with their lines; what is left is a fault of an assignment.
+        plain.checked(|key, message| document.problem(key, message))?;
+        let mut table = document.table.clone();
+        for (key, value) in sets {
+            text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;
+            table.clone().try_into::<Self>().map_err(|error| {
+                let message = error.message().lines().next().unwrap_or_default().to_owned();
+                vec![set_problem(key, text::with_nearest_name(&message))]
+            })?;
+        }
+        let config: Self = table
+            .try_into()
+            .map_err(|error: toml::de::Error| vec![set_problem("", error.message().to_owned())])?;
+        config.checked(|key, message| {
+            let set = sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key));
+            match set {
+                Some((k, _)) => set_problem(k, message),
+                None => document.problem(key, message),
+            }
+        })
+    }
+
+    fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Vec<Problem>> {
+        let mut faults: Vec<(String, String)> = Vec::new();
+        let mut range = |key: &str, value: f64, low: f64, high: f64| {
+            if !(low..=high).contains(&value) {
+                faults.push((key.to_owned(), format!("expected {low} to {high}, found {value}")));
+            }
+        };
+        let sensing = &self.sensing;
+        range("ego.speed_mps", self.ego.speed_mps.unwrap_or(1.0), 0.0, 70.0);
+        range("sim.dt_ms", self.sim.dt_ms, 1.0, 20.0);
+        range("sensing.period_ms", sensing.period_ms, 1.0, 10_000.0);
+        range("sensing.range_m", sensing.range_m, 0.1, 10_000.0);
+        range("sensing.fov_deg", sensing.fov_deg, 1.0, 360.0);
+        range("sensing.pose_period_ms", sensing.pose_period_ms, 1.0, 10_000.0);
+        range("sensing.imu_period_ms", sensing.imu_period_ms, 1.0, 10_000.0);
+        range("sensing.gnss_period_ms", sensing.gnss_period_ms, 1.0, 10_000.0);
+        range("prediction.horizon_ms", self.prediction.horizon_ms, 50.0, 60_000.0);
+        range("prediction.step_ms", self.prediction.step_ms, 1.0, 10_000.0);
+        range("prediction.past_steps", self.prediction.past_steps as f64, 1.0, 1000.0);
+        range("control.period_ms", self.control.period_ms, 1.0, 1000.0);
+        range("planning.added_latency_ms", self.planning.added_latency_ms, 0.0, 100_000.0);
+        range("planning.expected_ms", self.planning.expected_ms.unwrap_or(0.0), 0.0, 10_000.0);
+        if let Err(fault) = self.sim.vehicle.validate() {
+            faults.push((
+                format!("sim.vehicle.{}", fault.key),
+                format!("expected {}, found {}", fault.must, fault.value),
+            ));
+        }
+        self.check_operators(&mut faults);
+        self.check_log(&mut faults);
+        if faults.is_empty() {
+            return Ok(self);
+        }
+        Err(faults.into_iter().map(|(key, message)| problem(&key, message)).collect())
+    }
+
+    fn check_log(&self, faults: &mut Vec<(String, String)>) {
+        for sensor in self.log.sensors.iter().filter(|s| *s != "gnss") {
+            faults.push(("log.sensors".into(), format!("unknown sensor `{sensor}`, expected `gnss`")));
+        }
+    }
+
+    fn check_operators(&self, faults: &mut Vec<(String, String)>) {
+        for (name, operator) in &self.operator {
+            let key = |last: &str| format!("operator.{name}.{last}");
+            if !OPERATORS.contains(&name.as_str()) {
+                let near = text::nearest(name, OPERATORS)
+                    .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+                let message = format!("unknown operator, expected one of {}{near}", OPERATORS.join(", "));
+                faults.push((format!("operator.{name}"), message));
+            }
+            if let Some(Err(message)) = operator.runtime.as_ref().map(Runtime::model) {
+                faults.push((key("runtime"), message));
+            }
+            if let Some(Err(message)) = operator.policy.as_deref().map(execution::parse_policy) {
+                faults.push((key("policy"), message));
+            }
+            if let Some(Err(message)) = operator.deadline.as_ref().map(Deadline::deadline) {
+                faults.push((key("deadline"), message));
+            }
+            if let Err(message) = execution::span_ms(operator.delay_ms) {
+                faults.push((key("delay_ms"), message));
+            }
+            if let Some(resource) = operator.uses.as_ref().filter(|r| !self.resource.contains_key(*r)) {
+                let names: Vec<&str> = self.resource.keys().map(String::as_str).collect();
+                let message =
+                    format!("unknown resource `{resource}`, expected one of [{}]", names.join(", "));
+                faults.push((key("uses"), message));
+            }
+        }
+        for (name, _) in self.resource.iter().filter(|(_, r)| r.slots == 0) {
+            faults.push((format!("resource.{name}.slots"), "expected at least 1".into()));
+        }
+        for (planner, by_fineness) in &self.planning.cost {
+            for (fineness, cost) in by_fineness {
+                let runtime = Runtime { work: Some(*cost), ..Runtime::default() };
+                if let Err(message) = runtime.model() {
+                    let key = format!("planning.cost.{}.{}", planner.as_str(), fineness.as_str());
+                    faults.push((key, message));
+                }
+            }
+        }
+    }
+
+    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that.
+    pub fn pipeline_name(&self) -> String {
+        match self.planning.preset {
+            Preset::Paper => format!("paper_{}", self.planning.planner.as_str()),
+            Preset::Best => self.planning.planner.as_str().to_owned(),
+        }
+    }
+
+    /// The whole configuration with every default spelled out, as TOML.
+    pub fn to_text(&self) -> String {
+        toml::to_string(self).expect("a configuration is plain tables and values")
+    }
+}
+
+fn set_problem(key: &str, message: impl Into<String>) -> Problem {
+    Problem { file: "--set".into(), line: None, key: key.to_owned(), message: message.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problems(text: &str, sets: &[&str]) -> Vec<String> {
+        let sets: Vec<_> = sets.iter().map(|s| text::parse_assignment(s).unwrap()).collect();
+        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let problems = Config::from_document(&document, &sets).expect_err("wrong on purpose");
+        problems.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn every_fault_is_told_with_file_line_and_key() {
+        let text = "[sim]\ndt_ms = nan\n[sensing]\nrange_m = -1\n[operator.planer]\npolicy = \"queue(0)\"\n[operator.planner]\nuses = \"gpu0\"\n";
+        let found = problems(text, &[]);
+        assert_eq!(found[0], "c.toml:2: sim.dt_ms: expected 1 to 20, found NaN");
+        assert_eq!(found[1], "c.toml:4: sensing.range_m: expected 0.1 to 10000, found -1");
+        assert!(found[2].starts_with("c.toml:5: operator.planer: unknown operator"), "{}", found[2]);
+        assert!(found[2].ends_with("(did you mean `planner`?)"), "{}", found[2]);
+        assert!(found[3].starts_with("c.toml:6: operator.planer.policy: unknown policy `queue(0)`"));
+        assert!(found[4].starts_with("c.toml:8: operator.planner.uses: unknown resource `gpu0`"));
+    }
+
+    #[test]
+    fn unknown_names_offer_the_nearest() {
+        let unknown = &problems("[planning]\nplanner = \"rrtstar\"\n", &[])[0];
+        assert!(unknown.starts_with("c.toml:2: planning.planner: unknown variant `rrtstar`"), "{unknown}");
+        assert!(unknown.ends_with("(did you mean `rrt_star`?)"), "{unknown}");
+        let unknown = &problems("", &["planning.planer=fot"])[0];
+        assert!(unknown.starts_with("--set: planning.planer: unknown field `planer`"), "{unknown}");
+        assert_eq!(problems("", &["sim.dt_ms=100"]), ["--set: sim.dt_ms: expected 1 to 20, found 100"]);
+    }
+
+    #[test]
+    fn the_resolved_text_reads_back_as_itself() {
+        let mut config = Config::default();
+        config.operator.insert(
+            "planner".into(),
+            OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() },
+        );
+        config
+            .planning
+            .cost
+            .insert(PlannerName::Fot, [(Fineness::Fast, WorkTime { base_ms: 1.0, per_unit_us: 2.0 })].into());
+        let document = Document::parse("resolved", config.to_text()).unwrap();
+        assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
+    }
+}

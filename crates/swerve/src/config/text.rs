@@ -60,9 +60,12 @@ impl Document {
         let file = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => Self::parse(&file, text),
-            Err(error) => {
-                Err(Problem { file, line: None, key: String::new(), message: format!("cannot be read: {error}") })
-            }
+            Err(error) => Err(Problem {
+                file,
+                line: None,
+                key: String::new(),
+                message: format!("cannot be read: {error}"),
+            }),
         }
     }
 
@@ -119,7 +122,11 @@ impl Document {
 
 fn collect_places(table: &DeTable<'_>, prefix: &str, places: &mut Vec<Place>) {
     for (name, value) in table {
-        let key = if prefix.is_empty() { name.get_ref().to_string() } else { format!("{prefix}.{}", name.get_ref()) };
+        let key = if prefix.is_empty() {
+            name.get_ref().to_string()
+        } else {
+            format!("{prefix}.{}", name.get_ref())
+        };
         places.push(Place { key: key.clone(), name: name.span(), value: value.span() });
         match value.get_ref() {
             DeValue::Table(inner) => collect_places(inner, &key, places),
@@ -244,7 +251,8 @@ mod tests {
 
     #[test]
     fn a_value_can_be_located_after_parsing() {
-        let document = Document::parse("a.toml", "x = 1\n[a]\nb = [\n 1,\n {c = 2},\n]\n".to_owned()).unwrap();
+        let document =
+            Document::parse("a.toml", "x = 1\n[a]\nb = [\n 1,\n {c = 2},\n]\n".to_owned()).unwrap();
         assert_eq!(document.problem("a.b[1].c", "").line, Some(5));
         assert_eq!(document.problem("a.missing", "").line, Some(2));
         assert_eq!(document.problem("nowhere", "").line, None);

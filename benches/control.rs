@@ -1,0 +1,102 @@
+//! Controllers: one quadratic program of the predictive law, and one step of every law.
+
+use std::hint::black_box;
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use swerve_control::mpc::{self, Mpc};
+use swerve_control::{Controller, Following, Input, Law, LinearPedals, Params};
+use swerve_core::{Span, Time};
+use swerve_geom::{Point2, Polyline, Pose2, math};
+use swerve_msg::{EgoState, Plan, PlanPoint, Route};
+use swerve_vehicle::{Limits, Shape};
+
+mod control_ticks;
+use control_ticks::{WHEELBASE_M, ticks};
+
+fn solver(horizon: usize) -> Mpc {
+    Mpc::new(mpc::Params { horizon, ..Default::default() }, WHEELBASE_M, &Limits::default())
+}
+
+/// The predictive law alone: with new data in a solver that is kept, and with a new solver every time.
+fn programs(criterion: &mut Criterion) {
+    for horizon in [20, 40] {
+        let ticks = ticks(200, horizon);
+        let mut group = criterion.benchmark_group(format!("control/mpc_{horizon}"));
+        let mut kept = solver(horizon);
+        let mut k = 0;
+        group.bench_function("update", |b| {
+            b.iter(|| {
+                k = (k + 1) % ticks.len();
+                black_box(kept.step(Time::ZERO, &ticks[k].start, &ticks[k].knots))
+            });
+        });
+        group.bench_function("new", |b| {
+            b.iter(|| {
+                k = (k + 1) % ticks.len();
+                black_box(solver(horizon).step(Time::ZERO, &ticks[k].start, &ticks[k].knots))
+            });
+        });
+        group.finish();
+    }
+}
+
+/// A plan of 5 s along y = 2 sin(x / 12) at 10 m/s, a point every 50 ms.
+fn plan() -> Plan {
+    let points = (0..=100)
+        .map(|k| {
+            let x_m = 0.5 * f64::from(k) / 1.0138;
+            let (sin, cos) = math::sin_cos(x_m / 12.0);
+            PlanPoint {
+                at: Time::from_ms(50 * i64::from(k)),
+                pose: Pose2::new(x_m, 2.0 * sin, math::atan(cos / 6.0)),
+                curvature_1pm: -sin / 72.0,
+                speed_mps: 10.0,
+                accel_mps2: 0.0,
+            }
+        })
+        .collect();
+    Plan { points, ..Plan::default() }
+}
+
+/// One step of each law with everything around it: reference, projection, pedals.
+fn laws(criterion: &mut Criterion) {
+    let plan = plan();
+    let line = Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(400.0, 0.0)]).expect("two points");
+    let route = Route { line, left_m: 6.0, right_m: 6.0 };
+    let mut group = criterion.benchmark_group("control/step");
+    for (name, law) in [
+        ("pid", Law::Pid),
+        ("pure_pursuit", Law::PurePursuit),
+        ("stanley", Law::Stanley),
+        ("mpc_20", Law::Mpc),
+    ] {
+        let params = Params { law, following: Following::Time, ..Params::default() };
+        let drive = Box::new(LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 });
+        let mut controller = Controller::new(params, Shape::default(), Limits::default(), drive);
+        let mut tick = 0;
+        group.bench_function(name, |b| {
+            b.iter_batched(
+                || {
+                    tick = (tick + 1) % 200;
+                    let now = Time::ZERO + Span::from_ms(10 * tick);
+                    let here = plan.at(now).expect("the plan has points");
+                    let pose = Pose2::new(here.pose.x_m - 0.2, here.pose.y_m + 0.1, here.pose.heading_rad);
+                    EgoState { stamp: now, pose, speed_mps: 9.8, ..EgoState::default() }
+                },
+                |ego| {
+                    let input = Input { now: ego.stamp, ego: &ego, plan: Some(&plan), route: &route };
+                    black_box(controller.step(&input))
+                },
+                BatchSize::SmallInput,
+            );
+        });
+    }
+    group.finish();
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default().sample_size(40).measurement_time(std::time::Duration::from_secs(3));
+    targets = programs, laws
+}
+criterion_main!(benches);

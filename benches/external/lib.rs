@@ -1,0 +1,1 @@
+//! Benches beside peers: see the folder `benches`.

@@ -1,0 +1,378 @@
+//! Linear time-varying model predictive control of the kinematic bicycle.
+//!
+//! States: position, heading, speed, steering angle, acceleration; inputs: steering rate and jerk, constant over
+//! steps of 0.1 s. The model is linearised along knots: the poses of the path that the ego can reach with its
+//! speed, one per step ([`Knot`]). In the axes of its knot each state deviates along and across the path, so
+//! that costs are diagonal and constant and the corridor is a bound; a step is one quadratic program,
+//! solved by Clarabel through its data-update path (interior point, pure Rust, a fixed number of iterations for
+//! a given problem, no time limit).
+//!
+//! - Bounds on steering angle and rate, acceleration, jerk and speed are hard, but one that the start state breaks
+//!   already is widened to the hardest allowed way back, so that it cannot make the problem infeasible.
+//! - The corridor is soft: beyond it a slack is paid for, linearly (so that it is kept exactly where that is
+//!   possible) and with its square.
+//! - Numbers that are not finite are refused before the solver, which would report them as infeasible.
+//! - When the solver ends with anything but a solution, the last solution goes on, shifted to the present; past
+//!   its use the car brakes with the wheels held. The [`Report`] says so.
+
+mod model;
+mod program;
+#[cfg(test)]
+mod tests;
+
+use clarabel::solver::{DefaultSettings, SolverStatus};
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_geom::Pose2;
+use swerve_vehicle::Limits;
+
+pub use model::State;
+pub use program::Problem;
+use program::Program;
+
+/// Parameters of the controller.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Params {
+    /// Steps that it looks ahead.
+    pub horizon: usize,
+    /// Length of a step, seconds.
+    pub dt_s: f64,
+    /// What it cares about.
+    pub weights: Weights,
+    /// Largest change of acceleration, m/s³.
+    pub jerk_max_mps3: f64,
+    /// Speed bound, m/s.
+    pub speed_max_mps: f64,
+    /// Half width of the corridor around the path, metres, cut by the drivable ground.
+    pub corridor_m: f64,
+    /// Distance between the car's side and the edge of the drivable ground that the corridor keeps, metres.
+    pub edge_m: f64,
+    /// How far ahead of the measured state the commanded one is taken from the solution, seconds: the delay of
+    /// the actuators.
+    pub lead_s: f64,
+    /// How old a solution may be that stands in for a failed one, seconds.
+    pub shift_max_s: f64,
+    /// Deceleration when there is no solution to shift, m/s² (positive).
+    pub fallback_brake_mps2: f64,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            horizon: 20,
+            dt_s: 0.1,
+            weights: Weights::default(),
+            jerk_max_mps3: 30.0,
+            speed_max_mps: 40.0,
+            corridor_m: 1.2,
+            edge_m: 0.2,
+            lead_s: 0.1,
+            shift_max_s: 0.5,
+            fallback_brake_mps2: 5.0,
+        }
+    }
+}
+
+/// Weights of the cost, per square of the unit named, each halved.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Weights {
+    /// Being early or late along the path, metres.
+    pub along: f64,
+    /// Being beside the path, metres.
+    pub across: f64,
+    /// Heading off the path's, radians.
+    pub heading: f64,
+    /// Speed off the wanted one, m/s.
+    pub speed: f64,
+    /// Steering off the path's curvature, radians.
+    pub steering: f64,
+    /// Acceleration off the wanted one, m/s².
+    pub accel: f64,
+    /// Steering rate, rad/s.
+    pub steering_rate: f64,
+    /// Jerk, m/s³.
+    pub jerk: f64,
+    /// Factor on the costs of the last state.
+    pub terminal: f64,
+    /// Price of leaving the corridor, per metre.
+    pub slack: f64,
+    /// Price of leaving the corridor, metres.
+    pub slack_squared: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            along: 1.0,
+            across: 4.0,
+            heading: 4.0,
+            speed: 1.0,
+            steering: 0.1,
+            accel: 0.05,
+            steering_rate: 0.5,
+            jerk: 0.001,
+            terminal: 2.0,
+            slack: 50.0,
+            slack_squared: 50.0,
+        }
+    }
+}
+
+impl Weights {
+    /// Pylot's: Q = diag(1, 1, 0.01, 0.01) on x, y, speed and heading, R = diag(0.01, 0.1) on acceleration and
+    /// steering, Rd = diag(0.01, 1) on their change per step of 0.1 s. Pylot's R weighs the steering itself;
+    /// here it weighs what differs from the path's curvature.
+    pub fn pylot() -> Self {
+        Self {
+            along: 1.0,
+            across: 1.0,
+            heading: 0.01,
+            speed: 0.01,
+            steering: 0.1,
+            accel: 0.01,
+            steering_rate: 1.0 * 0.1 * 0.1,
+            jerk: 0.01 * 0.1 * 0.1,
+            terminal: 1.0,
+            ..Self::default()
+        }
+    }
+
+    fn states(&self) -> [f64; model::N_STATES] {
+        [self.along, self.across, self.heading, self.speed, self.steering, self.accel]
+    }
+}
+
+/// Hard bounds.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Bounds {
+    pub(crate) steering_max_rad: f64,
+    pub(crate) steering_rate_max_radps: f64,
+    pub(crate) accel_min_mps2: f64,
+    pub(crate) accel_max_mps2: f64,
+    pub(crate) jerk_max_mps3: f64,
+    pub(crate) speed_max_mps: f64,
+}
+
+/// One step of the path: what the model is linearised around, and what is wanted there.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Knot {
+    /// A pose of the path, and the speed, steering and acceleration expected there.
+    pub state: State,
+    /// Where the ego should be, ahead of the pose along its heading, metres.
+    pub wanted_along_m: f64,
+    /// Speed that the ego should have, m/s.
+    pub wanted_speed_mps: f64,
+    /// Acceleration that the ego should have, m/s².
+    pub wanted_accel_mps2: f64,
+    /// Room to the left of the pose for the ego origin, metres; negative when the pose is outside.
+    pub left_m: f64,
+    /// Room to the right, metres.
+    pub right_m: f64,
+}
+
+impl Knot {
+    /// A knot on the x axis, with a metre of room to both sides.
+    pub(crate) fn straight(x_m: f64, speed_mps: f64) -> Self {
+        let state = State { pose: Pose2::new(x_m, 0.0, 0.0), speed_mps, ..State::default() };
+        Self { state, wanted_speed_mps: speed_mps, left_m: 1.0, right_m: 1.0, ..Self::default() }
+    }
+
+    fn is_finite(&self) -> bool {
+        self.state.is_finite()
+            && [self.wanted_along_m, self.wanted_speed_mps, self.wanted_accel_mps2, self.left_m, self.right_m]
+                .iter()
+                .all(|x| x.is_finite())
+    }
+}
+
+/// Where a command comes from.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// The solution of this step.
+    Solution,
+    /// An earlier solution, shifted to the present.
+    Shifted,
+    /// Nothing usable: wheels held, brakes on.
+    Brake,
+}
+
+/// How the solver ended.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Solved.
+    Solved,
+    /// Solved to reduced accuracy.
+    AlmostSolved,
+    /// No point meets the constraints.
+    Infeasible,
+    /// Out of iterations or progress.
+    Stalled,
+    /// A number was not finite: the solver was not called.
+    Refused,
+}
+
+/// What a step of the controller says about itself.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Report {
+    /// Where the command comes from.
+    pub source: Source,
+    /// How the solver ended.
+    pub ending: Ending,
+    /// Iterations of the solver.
+    pub iterations: u32,
+    /// How far outside the corridor the solution goes, metres.
+    pub slack_max_m: f64,
+}
+
+/// What the controller asks for.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Step {
+    /// Angle of the road wheels, radians.
+    pub steering_rad: f64,
+    /// Acceleration along the heading, m/s².
+    pub accel_mps2: f64,
+    /// How that came about.
+    pub report: Report,
+}
+
+/// The controller. Allocates at construction; a step allocates only what the solver does.
+pub struct Mpc {
+    params: Params,
+    program: Program,
+    /// The last solution: states at its instant and after each step.
+    solution: Vec<State>,
+    solved_at: Option<Time>,
+    steering_rad: f64,
+}
+
+impl Mpc {
+    /// A controller of a car with this wheelbase and these limits.
+    pub fn new(params: Params, wheelbase_m: f64, limits: &Limits) -> Self {
+        let bounds = Bounds {
+            steering_max_rad: limits.steering_max_rad,
+            steering_rate_max_radps: limits.steering_rate_max_radps,
+            accel_min_mps2: -limits.brake_max_mps2,
+            accel_max_mps2: limits.accel_max_mps2,
+            jerk_max_mps3: params.jerk_max_mps3,
+            speed_max_mps: params.speed_max_mps,
+        };
+        let horizon = params.horizon.max(1);
+        let program = Program::new(horizon, params.dt_s, wheelbase_m, &params.weights, &bounds, settings());
+        let params = Params { horizon, ..params };
+        Self {
+            params,
+            program,
+            solution: Vec::with_capacity(horizon + 1),
+            solved_at: None,
+            steering_rad: 0.0,
+        }
+    }
+
+    /// Steps that it looks ahead; [`step`](Self::step) wants one knot more.
+    pub fn horizon(&self) -> usize {
+        self.params.horizon
+    }
+
+    /// States of the last solution: at its instant and after each step. Empty before the first.
+    pub fn solution(&self) -> &[State] {
+        &self.solution
+    }
+
+    /// The problem that the solver was given last, for inspection and comparison.
+    pub fn problem(&self) -> Problem {
+        self.program.problem()
+    }
+
+    /// What to ask of the car that is at `start` at `now`, to drive along `knots`: `knots[k]` belongs to
+    /// `now + k dt`. Fewer or more knots than `horizon + 1` are refused like numbers that are not finite.
+    pub fn step(&mut self, now: Time, start: &State, knots: &[Knot]) -> Step {
+        let usable = knots.len() == self.params.horizon + 1;
+        let (ending, iterations) = if usable && start.is_finite() && knots.iter().all(Knot::is_finite) {
+            self.program.fill(start, knots);
+            let (status, iterations) = self.program.solve();
+            (ending(status), iterations)
+        } else {
+            (Ending::Refused, 0)
+        };
+        if matches!(ending, Ending::Solved | Ending::AlmostSolved) {
+            self.solution.clear();
+            self.solution.push(*start);
+            for (k, knot) in knots.iter().enumerate().skip(1) {
+                self.solution.push(model::deviated(&knot.state, self.program.deviation(k)));
+            }
+            self.solved_at = Some(now);
+            let slack_max_m = self.program.slack_max_m();
+            return self.command(now, Report { source: Source::Solution, ending, iterations, slack_max_m });
+        }
+        let shift_max = Span::from_secs(self.params.shift_max_s);
+        let source = match self.solved_at {
+            Some(at) if now >= at && now - at <= shift_max => Source::Shifted,
+            _ => Source::Brake,
+        };
+        self.command(now, Report { source, ending, iterations, slack_max_m: 0.0 })
+    }
+
+    /// The command out of the last solution at `now` plus the lead, or the brake.
+    fn command(&mut self, now: Time, report: Report) -> Step {
+        let accel_mps2 = match self.solved_at {
+            Some(at) if report.source != Source::Brake => {
+                let (steering_rad, accel_mps2) = self.solution_at((now - at).as_secs() + self.params.lead_s);
+                self.steering_rad = steering_rad;
+                accel_mps2
+            }
+            _ => -self.params.fallback_brake_mps2,
+        };
+        Step { steering_rad: self.steering_rad, accel_mps2, report }
+    }
+
+    /// Steering and acceleration `after_s` seconds after the instant of the last solution.
+    fn solution_at(&self, after_s: f64) -> (f64, f64) {
+        let steps = (after_s / self.params.dt_s).clamp(0.0, self.params.horizon as f64);
+        let k = (steps as usize).min(self.params.horizon - 1);
+        let (a, b, t) = (&self.solution[k], &self.solution[k + 1], steps - k as f64);
+        let mix = |a: f64, b: f64| a + (b - a) * t;
+        (mix(a.steering_rad, b.steering_rad), mix(a.accel_mps2, b.accel_mps2))
+    }
+}
+
+/// Settings under which data can be updated and the number of iterations depends on the problem alone.
+///
+/// Tolerances are what a vehicle can tell apart: with them, angles and accelerations agree with tighter ones to
+/// about 1e-4. Refining each linear solve to 1e-8 instead of 1e-13 saves a quarter of the time.
+fn settings() -> DefaultSettings<f64> {
+    DefaultSettings {
+        verbose: false,
+        max_iter: 50,
+        presolve_enable: false,
+        input_sparse_dropzeros: false,
+        max_threads: 1,
+        direct_solve_method: "qdldl".to_string(),
+        tol_gap_abs: 1e-5,
+        tol_gap_rel: 1e-5,
+        tol_feas: 1e-6,
+        iterative_refinement_reltol: 1e-8,
+        iterative_refinement_abstol: 1e-8,
+        ..DefaultSettings::default()
+    }
+}
+
+fn ending(status: SolverStatus) -> Ending {
+    match status {
+        SolverStatus::Solved => Ending::Solved,
+        SolverStatus::AlmostSolved => Ending::AlmostSolved,
+        SolverStatus::PrimalInfeasible
+        | SolverStatus::DualInfeasible
+        | SolverStatus::AlmostPrimalInfeasible
+        | SolverStatus::AlmostDualInfeasible => Ending::Infeasible,
+        SolverStatus::Unsolved
+        | SolverStatus::MaxIterations
+        | SolverStatus::MaxTime
+        | SolverStatus::NumericalError
+        | SolverStatus::InsufficientProgress
+        | SolverStatus::CallbackTerminated => Ending::Stalled,
+    }
+}

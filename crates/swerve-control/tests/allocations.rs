@@ -1,0 +1,84 @@
+//! What a step allocates, counted. One test in a program of its own: nothing else runs beside it.
+
+#![expect(unsafe_code, reason = "a counting allocator has to implement an unsafe trait")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use swerve_control::{Controller, Following, Input, Law, LinearPedals, Params, mpc};
+use swerve_core::{Span, Time};
+use swerve_geom::{Point2, Polyline, Pose2};
+use swerve_msg::{EgoState, Plan, PlanPoint, Route};
+use swerve_vehicle::{Limits, Shape};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is passed on to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        // SAFETY: `place` came from `alloc` with this layout.
+        unsafe { System.dealloc(place, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+fn plan() -> Plan {
+    let points = (0..200)
+        .map(|k| PlanPoint {
+            at: Time::from_ms(50 * k),
+            pose: Pose2::new(0.5 * k as f64, 0.0, 0.0),
+            speed_mps: 10.0,
+            ..Default::default()
+        })
+        .collect();
+    Plan { points, ..Default::default() }
+}
+
+/// Most allocations of one step, after a few that fill the buffers.
+fn worst(law: Law, horizon: usize) -> usize {
+    let params = Params {
+        law,
+        following: Following::Time,
+        mpc: mpc::Params { horizon, ..Default::default() },
+        ..Default::default()
+    };
+    let drive = Box::new(LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 });
+    let mut controller = Controller::new(params, Shape::default(), Limits::default(), drive);
+    let line = Polyline::new(&[Point2::new(-10.0, 0.0), Point2::new(500.0, 0.0)]).expect("two points");
+    let (plan, route) = (plan(), Route { line, left_m: 6.0, right_m: 2.0 });
+    let mut worst = 0;
+    for k in 0..20 {
+        let now = Time::ZERO + Span::from_ms(10 * k);
+        let pose = Pose2::new(0.1 * k as f64, 0.3 - 0.01 * k as f64, 0.0);
+        let ego = EgoState { stamp: now, pose, speed_mps: 9.8, ..Default::default() };
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let output = controller.step(&Input { now, ego: &ego, plan: Some(&plan), route: &route });
+        let count = ALLOCATIONS.load(Ordering::Relaxed) - before;
+        assert!(output.mpc.is_none_or(|report| report.source == mpc::Source::Solution));
+        if k >= 5 {
+            worst = worst.max(count);
+        }
+    }
+    worst
+}
+
+#[test]
+fn a_step_of_the_predictive_law_allocates_twice_and_of_the_others_never() {
+    for law in [Law::Pid, Law::PurePursuit, Law::Stanley] {
+        assert_eq!(worst(law, 20), 0, "{law:?}");
+    }
+    for horizon in [20, 40] {
+        let count = worst(Law::Mpc, horizon);
+        assert!(count <= 2, "{count} at horizon {horizon}");
+    }
+}

@@ -1,0 +1,164 @@
+//! The form of a log: an MCAP file (<https://mcap.dev/spec>) of CBOR messages (RFC 8949).
+//!
+//! - Metadata record `swerve_run`, first: version, seed, configuration.
+//! - One channel per stream, topic `/NAME`: `{header, payload}`, exactly in this order.
+//! - Channels `/swerve/watermarks`, `/swerve/steps`, `/swerve/misses`, `/swerve/drops`, `/swerve/decisions`.
+//! - Metadata record `swerve_run_end`, last: digest, instant, reason, report, number of records.
+//!
+//! A message's `log_time` is the instant of its publication, its `publish_time` the stamp, nanoseconds of run
+//! time, zero for instants before the run. Channel schemas are CDDL (RFC 8610) of the form.
+
+use std::collections::BTreeMap;
+
+use swerve_core::{Digest, Time};
+
+use crate::record::{MessageHeader, RunEnd, RunStart};
+
+/// Version of this form; a reader refuses any other.
+pub(crate) const FORM: &str = "1";
+pub(crate) const RUN_START: &str = "swerve_run";
+pub(crate) const RUN_END: &str = "swerve_run_end";
+pub(crate) const ENCODING: &str = "cbor";
+pub(crate) const SCHEMA_ENCODING: &str = "cddl";
+/// Key of a channel's metadata: which kind of record it carries.
+pub(crate) const KIND: &str = "kind";
+/// Longest record that a reader accepts, bytes.
+pub(crate) const RECORD_MAX: usize = 64 << 20;
+
+/// The kinds of channels.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Kind {
+    Stream,
+    Watermarks,
+    Steps,
+    Misses,
+    Drops,
+    Decisions,
+}
+
+impl Kind {
+    /// The kinds of which a log has one channel each.
+    pub(crate) const SINGLE: [Self; 5] =
+        [Self::Watermarks, Self::Steps, Self::Misses, Self::Drops, Self::Decisions];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Stream => "stream",
+            Self::Watermarks => "watermarks",
+            Self::Steps => "steps",
+            Self::Misses => "misses",
+            Self::Drops => "drops",
+            Self::Decisions => "decisions",
+        }
+    }
+
+    pub(crate) fn of(name: &str) -> Option<Self> {
+        core::iter::once(Self::Stream).chain(Self::SINGLE).find(|kind| kind.name() == name)
+    }
+
+    /// The form of a message in CDDL; times are nanoseconds since the run started.
+    pub(crate) fn schema(self) -> &'static str {
+        match self {
+            Self::Stream => {
+                "message = { header: header, payload: any }\n\
+                 header = { stamp: int, watermark: int, visible_at: int, pass: uint, seq: uint, \
+                 reused_from: int / null, origin: int / null }\n"
+            }
+            Self::Watermarks => {
+                "watermark = { stream: tstr, operator: tstr, port: uint, watermark: int, visible_at: int, \
+                 pass: uint, seq: uint }\n"
+            }
+            Self::Steps => {
+                "step = { operator: tstr, stamp: int, start: int, end: int, units: uint, host_ns: uint, \
+                 late: bool }\n"
+            }
+            Self::Misses => {
+                "miss = { operator: tstr, stamp: int, deadline: int, at: int, reaction: tstr, started: bool }\n"
+            }
+            Self::Drops => "drop = { operator: tstr, stamp: int, at: int, reason: tstr }\n",
+            Self::Decisions => "decision = { decision: tstr, * tstr => any }\n",
+        }
+    }
+}
+
+/// `time` where MCAP wants an unsigned number.
+pub(crate) fn unsigned(time: Time) -> u64 {
+    u64::try_from(time.ns()).unwrap_or(0)
+}
+
+/// A CBOR map of two, and its first key; then follow header, second key and payload.
+const BEFORE_HEADER: &[u8] = b"\xa2\x66header";
+const BEFORE_PAYLOAD: &[u8] = b"\x67payload";
+
+/// Appends a message of a stream to `out`. The payload goes in as it is, so that it can be compared byte for
+/// byte later.
+pub(crate) fn write_message(header: &MessageHeader, payload_cbor: &[u8], out: &mut Vec<u8>) {
+    out.extend_from_slice(BEFORE_HEADER);
+    ciborium::into_writer(header, &mut *out).expect("a header serializes, and memory takes all");
+    out.extend_from_slice(BEFORE_PAYLOAD);
+    out.extend_from_slice(payload_cbor);
+}
+
+/// Header and payload of a message of a stream.
+pub(crate) fn read_message(data: &[u8]) -> Result<(MessageHeader, &[u8]), String> {
+    let form = || "expected a message of the form {header, payload}".to_owned();
+    let mut rest = data.strip_prefix(BEFORE_HEADER).ok_or_else(form)?;
+    let header = ciborium::from_reader(&mut rest).map_err(|error| format!("in a message header: {error}"))?;
+    let payload = rest.strip_prefix(BEFORE_PAYLOAD).ok_or_else(form)?;
+    Ok((header, payload))
+}
+
+/// The metadata of a run's start.
+pub(crate) fn start_to_map(start: &RunStart) -> BTreeMap<String, String> {
+    let mut map = start.extra.clone();
+    map.insert("form".into(), FORM.into());
+    map.insert("version".into(), start.version.clone());
+    map.insert("seed".into(), start.seed.to_string());
+    map.insert("config".into(), start.config.clone());
+    map
+}
+
+/// The run's start from its metadata, or what is wrong with it.
+pub(crate) fn start_from_map(mut map: BTreeMap<String, String>) -> Result<RunStart, String> {
+    let form = take(&mut map, "form")?;
+    if form != FORM {
+        return Err(format!("expected form {FORM}, found `{form}`: written by another version"));
+    }
+    Ok(RunStart {
+        version: take(&mut map, "version")?,
+        seed: number(&take(&mut map, "seed")?, 10)?,
+        config: take(&mut map, "config")?,
+        extra: map,
+    })
+}
+
+/// The metadata of a run's end after `records` records.
+pub(crate) fn end_to_map(end: &RunEnd, records: u64) -> BTreeMap<String, String> {
+    BTreeMap::from([
+        ("digest".into(), end.digest.to_string()),
+        ("at_ns".into(), end.at.ns().to_string()),
+        ("reason".into(), end.reason.clone()),
+        ("report".into(), end.report.clone()),
+        ("records".into(), records.to_string()),
+    ])
+}
+
+/// The run's end from its metadata, with the number of records before it, or what is wrong with it.
+pub(crate) fn end_from_map(mut map: BTreeMap<String, String>) -> Result<(RunEnd, u64), String> {
+    let at_ns = take(&mut map, "at_ns")?;
+    let end = RunEnd {
+        digest: Digest(number(&take(&mut map, "digest")?, 16)?),
+        at: Time::from_ns(at_ns.parse().map_err(|_| format!("expected an instant, found `{at_ns}`"))?),
+        reason: take(&mut map, "reason")?,
+        report: take(&mut map, "report")?,
+    };
+    Ok((end, number(&take(&mut map, "records")?, 10)?))
+}
+
+fn take(map: &mut BTreeMap<String, String>, key: &str) -> Result<String, String> {
+    map.remove(key).ok_or_else(|| format!("expected an entry `{key}` in the run's metadata"))
+}
+
+fn number(text: &str, radix: u32) -> Result<u64, String> {
+    u64::from_str_radix(text, radix).map_err(|_| format!("expected a number, found `{text}`"))
+}

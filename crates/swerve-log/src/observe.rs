@@ -1,0 +1,140 @@
+//! The engine's events, taken in by the writers of this crate.
+
+use std::io::Write;
+
+use swerve_flow::{Decision, DropReason, EndReason, Event, Observer, Publication, Reaction, RunReport};
+
+use crate::record::{DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, WatermarkRecord};
+use crate::{Recorder, TraceWriter};
+
+impl Observer for Recorder {
+    fn event(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Publication(publication) => self.publication(publication),
+            Event::StepStart(_) => {} // its end says all of it
+            Event::StepEnd(e) => self.step(StepRecord {
+                operator: e.operator,
+                stamp: e.stamp,
+                start: e.start,
+                end: e.end,
+                units: e.units,
+                host_ns: e.host_ns,
+                late: e.late,
+            }),
+            Event::Miss(e) => self.miss(MissRecord {
+                operator: e.operator,
+                stamp: e.stamp,
+                deadline: e.deadline,
+                at: e.at,
+                reaction: reaction_name(e.reaction),
+                started: e.started,
+            }),
+            Event::Drop(e) => self.dropped(DropRecord {
+                operator: e.operator,
+                stamp: e.stamp,
+                at: e.at,
+                reason: reason_name(e.reason),
+            }),
+            Event::Decision(decision) => self.decided(decision),
+            Event::End(report) => self.end(run_end(report)),
+        }
+    }
+}
+
+impl Recorder {
+    fn publication(&mut self, p: &Publication<'_>) {
+        let (Some(stamp), Some(payload)) = (p.stamp, p.payload) else {
+            return self.watermark(WatermarkRecord {
+                stream: p.stream,
+                operator: p.operator,
+                port: p.port,
+                watermark: p.watermark,
+                visible_at: p.visible_at,
+                pass: p.pass,
+                seq: p.seq,
+            });
+        };
+        let header = MessageHeader {
+            stamp,
+            watermark: p.watermark,
+            visible_at: p.visible_at,
+            pass: p.pass,
+            seq: p.seq,
+            reused_from: p.reused_from,
+            origin: p.origin,
+        };
+        let info = || StreamInfo {
+            stream: p.stream.into(),
+            operator: p.operator.into(),
+            port: p.port,
+            type_name: payload.type_name().into(),
+        };
+        self.message(p.stream, info, header, |out| payload.to_cbor(out));
+    }
+
+    fn decided(&mut self, decision: &Decision) {
+        let at = match decision {
+            Decision::Arrival { at, .. }
+            | Decision::Deadline { at, .. }
+            | Decision::Drop { at, .. }
+            | Decision::End { at } => *at,
+            Decision::Begin { .. } | Decision::RunTime { .. } | Decision::Stop { .. } => self.now(),
+        };
+        self.decision(at, |out| {
+            ciborium::into_writer(decision, out).expect("decisions serialize, and memory takes all");
+        });
+    }
+}
+
+impl<W: Write> Observer for TraceWriter<W> {
+    fn event(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Publication(p) => {
+                if let Some(stamp) = p.stamp {
+                    // A repeat derives from what the repeated step read, not from its own stamp.
+                    let stamps = (stamp, p.origin);
+                    self.message(p.operator, p.stream, stamps, p.visible_at, p.reads.iter());
+                }
+            }
+            Event::StepStart(e) => self.step_start(e.operator, e.stamp, e.at, e.reads.iter()),
+            Event::StepEnd(e) => self.step_end(e.operator, e.stamp, e.end, e.units, e.late),
+            Event::Miss(e) => self.miss(e.operator, e.stamp, e.at, reaction_name(e.reaction)),
+            Event::Drop(e) => self.dropped(e.operator, e.stamp, e.at, reason_name(e.reason)),
+            Event::Decision(_) => {}
+            Event::End(report) => self.reach(report.at),
+        }
+    }
+}
+
+fn run_end(report: &RunReport) -> RunEnd {
+    let reason = match &report.end {
+        EndReason::Until => "until".into(),
+        EndReason::Stopped(by) => format!("stopped by {by}"),
+        EndReason::Idle => "idle".into(),
+        EndReason::Interrupted => "interrupted".into(),
+        EndReason::Failed(why) => format!("failed: {why}"),
+    };
+    let text = serde_json::to_string(report).expect("a report is plain data");
+    RunEnd { digest: report.digest, at: report.at, reason, report: text }
+}
+
+fn reaction_name(reaction: Reaction) -> &'static str {
+    match reaction {
+        Reaction::Skip => "skip",
+        Reaction::ReuseLast => "reuse_last",
+        Reaction::OnDeadline => "on_deadline",
+    }
+}
+
+fn reason_name(reason: DropReason) -> &'static str {
+    match reason {
+        DropReason::Skipped => "skipped",
+        DropReason::QueueFull => "queue_full",
+        DropReason::GivenUp => "given_up",
+        DropReason::Overtaken => "overtaken",
+        DropReason::TooLate => "too_late",
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,298 @@
+//! Reading a log, record by record.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::McapError;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use serde::de::DeserializeOwned;
+
+use crate::LogError;
+use crate::format::{self, Kind};
+use crate::mcap_record::{self, op, op_name};
+use crate::record::{DecisionRecord, PublicationRecord, Record, RunEnd, RunStart, StreamInfo};
+
+/// Reads a log from its start. Damage of any kind ends the reading with an error that names the place; what
+/// came before has been given.
+pub struct Reader {
+    path: PathBuf,
+    file: BufReader<File>,
+    size: u64,
+    mcap: LinearReader,
+    /// How much of the file went into `mcap`.
+    taken: u64,
+    context: Context,
+    over: bool,
+}
+
+/// What was read so far.
+#[derive(Default)]
+struct Context {
+    start: Option<RunStart>,
+    end: Option<RunEnd>,
+    schemas: BTreeMap<u16, String>,
+    channels: BTreeMap<u16, Channel>,
+    streams: Vec<Arc<StreamInfo>>,
+    records: u64,
+}
+
+#[derive(Clone)]
+enum Channel {
+    Stream(Arc<StreamInfo>),
+    Single(Kind),
+}
+
+/// What is wrong with a file.
+enum Fault {
+    Mcap(McapError),
+    Content(String),
+    Foreign(String),
+}
+
+impl Reader {
+    /// Opens a log and reads its run's start.
+    pub fn open(path: &Path) -> Result<Self, LogError> {
+        let failed = |source| LogError::Read { path: path.into(), source };
+        let mut file = File::open(path).map_err(failed)?;
+        let size =
+            file.seek(SeekFrom::End(0)).and_then(|size| file.rewind().map(|()| size)).map_err(failed)?;
+        let options = LinearReaderOptions::default()
+            .with_record_length_limit(format::RECORD_MAX)
+            .with_prevalidate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
+            .with_validate_summary_section_crc(true)
+            .with_check_finishes_after_end_magic(true);
+        let mut reader = Self {
+            path: path.into(),
+            file: BufReader::with_capacity(256 << 10, file),
+            size,
+            mcap: LinearReader::new_with_options(options),
+            taken: 0,
+            context: Context::default(),
+            over: false,
+        };
+        while reader.context.start.is_none() {
+            if reader.advance()?.is_some() || reader.over {
+                let problem = "expected the run's metadata before the first message".into();
+                return Err(LogError::Foreign { path: path.into(), problem });
+            }
+        }
+        Ok(reader)
+    }
+
+    /// The next record; `None` after the last one of a complete log.
+    pub fn next_record(&mut self) -> Result<Option<Record>, LogError> {
+        while !self.over {
+            if let Some(record) = self.advance()? {
+                return Ok(Some(record));
+            }
+        }
+        Ok(None)
+    }
+
+    /// What was known when the run started.
+    pub fn run_start(&self) -> &RunStart {
+        self.context.start.as_ref().expect("`open` gives no reader without it")
+    }
+
+    /// What was known when the run ended; `None` until all records were read.
+    pub fn run_end(&self) -> Option<&RunEnd> {
+        self.context.end.as_ref()
+    }
+
+    /// The streams met so far.
+    pub fn streams(&self) -> &[Arc<StreamInfo>] {
+        &self.context.streams
+    }
+
+    /// Takes in one MCAP record, or some more of the file.
+    fn advance(&mut self) -> Result<Option<Record>, LogError> {
+        let fault = match self.mcap.next_event() {
+            None => {
+                self.over = true;
+                return if self.context.end.is_some() { Ok(None) } else { Err(self.incomplete()) };
+            }
+            Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                // One MCAP record at most is asked for, and none longer than the limit gets this far; what
+                // the file does not hold is not asked of the memory either.
+                let held = usize::try_from(self.size.saturating_sub(self.taken)).unwrap_or(usize::MAX);
+                let n = wanted.min(held);
+                let read = self.file.read(self.mcap.insert(n));
+                let read = read.map_err(|source| LogError::Read { path: self.path.clone(), source })?;
+                self.mcap.notify_read(read);
+                self.taken += read as u64;
+                return Ok(None);
+            }
+            Some(Ok(LinearReadEvent::Record { data, opcode })) => match self.context.take(opcode, data) {
+                Ok(record) => return Ok(record),
+                Err(fault) => fault,
+            },
+            Some(Err(error)) => Fault::Mcap(error),
+        };
+        self.over = true;
+        Err(self.error(fault))
+    }
+
+    fn incomplete(&self) -> LogError {
+        LogError::Incomplete { path: self.path.clone(), size: self.size, records: self.context.records }
+    }
+
+    fn error(&mut self, fault: Fault) -> LogError {
+        let path = self.path.clone();
+        let last = self.last_record();
+        let cut_between = last.is_none_or(|(_, _, end)| end == self.size) && self.taken == self.size;
+        let (problem, at_end) = match fault {
+            Fault::Foreign(problem) => return LogError::Foreign { path, problem },
+            Fault::Content(problem) => (problem, false),
+            Fault::Mcap(McapError::UnexpectedEof) if cut_between && self.taken > MAGIC_LEN => {
+                if self.context.end.is_none() {
+                    return self.incomplete();
+                }
+                ("expected another record, found the end of the file".into(), true)
+            }
+            Fault::Mcap(error) => (describe(&error), false),
+        };
+        let (offset, record) = match last {
+            _ if at_end => (self.size, "the summary after the last record".into()),
+            Some((offset, opcode, _)) => (offset, op_name(opcode).to_owned()),
+            None => (0, "the magic number at its start".into()),
+        };
+        LogError::Damaged { path, offset, size: self.size, record, problem, records: self.context.records }
+    }
+
+    /// Start, opcode and end of the file's record that holds the last byte taken in, found by walking from
+    /// record to record; `None` when that byte lies before the first.
+    fn last_record(&mut self) -> Option<(u64, u8, u64)> {
+        let (mut last, mut offset) = (None, MAGIC_LEN);
+        while offset < self.taken {
+            let mut head = [0; HEAD_LEN];
+            self.file.seek(SeekFrom::Start(offset)).ok()?;
+            let whole = self.file.read_exact(&mut head).is_ok();
+            let [opcode, length @ ..] = head;
+            let end = offset.saturating_add(HEAD_LEN as u64).saturating_add(u64::from_le_bytes(length));
+            last = Some((offset, opcode, if whole { end } else { u64::MAX }));
+            offset = if whole { end } else { u64::MAX };
+        }
+        last
+    }
+}
+
+/// Length of the magic number at both ends of an MCAP file, bytes.
+const MAGIC_LEN: u64 = 8;
+/// Length of opcode and length before each record, bytes.
+const HEAD_LEN: usize = 9;
+
+/// An MCAP error in the words of an expectation.
+fn describe(error: &McapError) -> String {
+    match error {
+        McapError::UnexpectedEof => "expected more bytes, found the end of the file".into(),
+        McapError::BadMagic => "expected the magic number of an MCAP file".into(),
+        McapError::BytesAfterEndMagic => "expected the end of the file, found more bytes".into(),
+        McapError::BadChunkCrc { saved, calculated } => {
+            format!("expected contents with checksum {saved:08x}, found {calculated:08x}")
+        }
+        McapError::BadDataCrc { saved, calculated } => {
+            format!("expected all before it to have checksum {saved:08x}, found {calculated:08x}")
+        }
+        McapError::BadSummaryCrc { saved, calculated } => {
+            format!("expected a summary with checksum {saved:08x}, found {calculated:08x}")
+        }
+        McapError::RecordTooLarge { len, .. } | McapError::ChunkTooLarge(len) => {
+            format!("expected a record of at most {} bytes, found a length of {len}", format::RECORD_MAX)
+        }
+        other => format!("expected a sound MCAP record: {other}"),
+    }
+}
+
+impl Context {
+    /// Takes in one record; gives what a caller wants to know of it.
+    fn take(&mut self, opcode: u8, body: &[u8]) -> Result<Option<Record>, Fault> {
+        let broken = || Fault::Content(format!("expected {} within its length", op_name(opcode)));
+        match opcode {
+            op::SCHEMA => {
+                let (id, name) = mcap_record::schema(body).ok_or_else(broken)?;
+                self.schemas.insert(id, name);
+                Ok(None)
+            }
+            op::CHANNEL => self.channel(mcap_record::channel(body).ok_or_else(broken)?).map(|()| None),
+            op::METADATA => {
+                let (name, map) = mcap_record::metadata(body).ok_or_else(broken)?;
+                self.metadata(&name, map).map(|()| None)
+            }
+            op::MESSAGE => {
+                let (id, data) = mcap_record::message(body).ok_or_else(broken)?;
+                let record = self.message(id, data).map_err(Fault::Content)?;
+                self.records += 1;
+                Ok(Some(record))
+            }
+            _ => Ok(None), // indices and statistics; nothing of ours
+        }
+    }
+
+    fn metadata(&mut self, name: &str, map: BTreeMap<String, String>) -> Result<(), Fault> {
+        match name {
+            format::RUN_START => self.start = Some(format::start_from_map(map).map_err(Fault::Foreign)?),
+            format::RUN_END => {
+                let (end, records) = format::end_from_map(map).map_err(Fault::Content)?;
+                if records != self.records {
+                    return Err(Fault::Content(format!("expected {records} records before the run's end")));
+                }
+                self.end = Some(end);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn channel(&mut self, channel: mcap_record::Channel) -> Result<(), Fault> {
+        if self.channels.contains_key(&channel.id) {
+            return Ok(()); // the summary repeats them
+        }
+        let foreign = |key: &str| Fault::Foreign(format!("expected channels with an entry `{key}`"));
+        let mut metadata = channel.metadata;
+        let kind = metadata.get(format::KIND).and_then(|kind| Kind::of(kind));
+        let of = match kind.ok_or_else(|| foreign(format::KIND))? {
+            _ if channel.encoding != format::ENCODING => {
+                return Err(Fault::Foreign(format!("expected messages in {}", format::ENCODING)));
+            }
+            Kind::Stream => {
+                let mut take = |key| metadata.remove(key).ok_or_else(|| foreign(key));
+                let info = Arc::new(StreamInfo {
+                    stream: take("stream")?,
+                    operator: take("operator")?,
+                    port: take("port")?.parse().map_err(|_| foreign("port"))?,
+                    type_name: self.schemas.get(&channel.schema).cloned().unwrap_or_default(),
+                });
+                self.streams.push(info.clone());
+                Channel::Stream(info)
+            }
+            single => Channel::Single(single),
+        };
+        self.channels.insert(channel.id, of);
+        Ok(())
+    }
+
+    fn message(&self, id: u16, data: &[u8]) -> Result<Record, String> {
+        match self.channels.get(&id).ok_or_else(|| format!("expected a known channel, found number {id}"))? {
+            Channel::Stream(info) => {
+                let (header, payload) = format::read_message(data)?;
+                let payload_cbor = payload.into();
+                Ok(Record::Publication(PublicationRecord { stream: info.clone(), header, payload_cbor }))
+            }
+            Channel::Single(Kind::Watermarks) => parse(data).map(Record::Watermark),
+            Channel::Single(Kind::Steps) => parse(data).map(Record::Step),
+            Channel::Single(Kind::Misses) => parse(data).map(Record::Miss),
+            Channel::Single(Kind::Drops) => parse(data).map(Record::Drop),
+            Channel::Single(Kind::Decisions | Kind::Stream) => {
+                Ok(Record::Decision(DecisionRecord { cbor: data.into() }))
+            }
+        }
+    }
+}
+
+fn parse<T: DeserializeOwned>(data: &[u8]) -> Result<T, String> {
+    ciborium::from_reader(data).map_err(|error| format!("expected {}: {error}", core::any::type_name::<T>()))
+}

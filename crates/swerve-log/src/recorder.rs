@@ -1,0 +1,259 @@
+//! Writing a log while the run goes on.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use crossbeam_channel::{Sender, bounded};
+use serde::{Serialize, Serializer};
+use swerve_core::{Span, Time};
+
+use crate::LogError;
+use crate::record::{
+    DropRecord, MessageHeader, MissRecord, RunEnd, RunStart, StepRecord, StreamInfo, WatermarkRecord,
+};
+use crate::writer::LogWriter;
+
+/// Batches that may wait for the writer thread; with that many the run waits for the disk.
+const BATCHES: usize = 64;
+/// A batch goes to the writer thread when it holds this many records,
+const BATCH_RECORDS: usize = 256;
+/// or this many bytes of payload,
+const BATCH_BYTES: usize = 256 << 10;
+/// or this much run time.
+const BATCH_SPAN: Span = Span::from_ms(100);
+
+/// A name that many records share.
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub(crate) struct Name(pub(crate) Arc<str>);
+
+impl Serialize for Name {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.0)
+    }
+}
+
+impl core::borrow::Borrow<str> for Name {
+    fn borrow(&self) -> &str {
+        &self.0
+    }
+}
+
+/// One record on its way to the writer thread; ranges point into the batch's bytes.
+pub(crate) enum Item {
+    /// Declares the stream of the next number, from 0.
+    Stream(StreamInfo),
+    Message {
+        stream: usize,
+        header: MessageHeader,
+        payload: Range<usize>,
+    },
+    Watermark(WatermarkRecord<Name>),
+    Step(StepRecord<Name>),
+    Miss(MissRecord<Name>),
+    Drop(DropRecord<Name>),
+    Decision {
+        at: Time,
+        cbor: Range<usize>,
+    },
+    End(RunEnd),
+}
+
+/// Records on their way to the writer thread.
+#[derive(Default)]
+pub(crate) struct Batch {
+    pub(crate) items: Vec<Item>,
+    pub(crate) bytes: Vec<u8>,
+    since: Option<Time>,
+}
+
+/// Writes a run into a file, through a thread of its own.
+///
+/// The run hands over batches through a bounded queue and waits when that is full: nothing is ever dropped.
+/// Compression and disk are the writer thread's. The file grows chunk by chunk under its final name and can
+/// be read at any time, also after the process was killed; only [`finish`](Self::finish) after
+/// [`end`](Self::end) makes it a complete log. A failed write stops the recording but not the run, and is
+/// told by [`finish`](Self::finish).
+pub struct Recorder {
+    path: PathBuf,
+    batch: Batch,
+    now: Time,
+    names: BTreeSet<Name>,
+    streams: Vec<(Name, usize)>,
+    sender: Option<Sender<Batch>>,
+    thread: Option<JoinHandle<Result<u64, LogError>>>,
+}
+
+impl Recorder {
+    /// Creates the file (an existing one is replaced) and starts the writer thread.
+    pub fn create(path: &Path, start: &RunStart) -> Result<Self, LogError> {
+        let file = File::create(path).map_err(|source| LogError::Create { path: path.into(), source })?;
+        Self::start(path, BufWriter::with_capacity(64 << 10, file), start)
+    }
+
+    /// Records into any place; `path` is its name in errors.
+    pub fn start<W: Write + Seek + Send + 'static>(
+        path: &Path,
+        to: W,
+        start: &RunStart,
+    ) -> Result<Self, LogError> {
+        let mut writer = LogWriter::new(path, to, start)?;
+        let (sender, receiver) = bounded::<Batch>(BATCHES);
+        let work = move || {
+            // An error drops the receiver, which the run notices at its next batch.
+            for batch in receiver {
+                writer.write(&batch)?;
+            }
+            writer.close()
+        };
+        let thread = std::thread::Builder::new().name("swerve-log".into()).spawn(work);
+        let thread = thread.map_err(|source| LogError::Create { path: path.into(), source })?;
+        Ok(Self {
+            path: path.into(),
+            batch: Batch::default(),
+            now: Time::ZERO,
+            names: BTreeSet::new(),
+            streams: Vec::new(),
+            sender: Some(sender),
+            thread: Some(thread),
+        })
+    }
+
+    /// A message of a stream. `info` describes the stream the first time it is named, `encode` appends the
+    /// payload in CBOR.
+    pub fn message(
+        &mut self,
+        stream: &str,
+        info: impl FnOnce() -> StreamInfo,
+        header: MessageHeader,
+        encode: impl FnOnce(&mut Vec<u8>),
+    ) {
+        let known = self.streams.iter().find(|(name, _)| &*name.0 == stream).map(|&(_, number)| number);
+        let stream = known.unwrap_or_else(|| {
+            let number = self.streams.len();
+            let name = self.name(stream);
+            self.streams.push((name, number));
+            self.batch.items.push(Item::Stream(info()));
+            number
+        });
+        let payload = self.bytes(encode);
+        self.push(header.visible_at, Item::Message { stream, header, payload });
+    }
+
+    /// A watermark without a message.
+    pub fn watermark(&mut self, record: WatermarkRecord<&str>) {
+        let record = WatermarkRecord {
+            stream: self.name(record.stream),
+            operator: self.name(record.operator),
+            port: record.port,
+            watermark: record.watermark,
+            visible_at: record.visible_at,
+            pass: record.pass,
+            seq: record.seq,
+        };
+        self.push(record.visible_at, Item::Watermark(record));
+    }
+
+    /// A step that came to its end.
+    pub fn step(&mut self, record: StepRecord<&str>) {
+        let StepRecord { operator, stamp, start, end, units, host_ns, late } = record;
+        let operator = self.name(operator);
+        self.push(end, Item::Step(StepRecord { operator, stamp, start, end, units, host_ns, late }));
+    }
+
+    /// A missed deadline.
+    pub fn miss(&mut self, record: MissRecord<&str>) {
+        let MissRecord { operator, stamp, deadline, at, reaction, started } = record;
+        let (operator, reaction) = (self.name(operator), self.name(reaction));
+        self.push(at, Item::Miss(MissRecord { operator, stamp, deadline, at, reaction, started }));
+    }
+
+    /// A dropped frame or result.
+    pub fn dropped(&mut self, record: DropRecord<&str>) {
+        let DropRecord { operator, stamp, at, reason } = record;
+        let (operator, reason) = (self.name(operator), self.name(reason));
+        self.push(at, Item::Drop(DropRecord { operator, stamp, at, reason }));
+    }
+
+    /// A decision of the instant `at`; `encode` appends it in CBOR.
+    pub fn decision(&mut self, at: Time, encode: impl FnOnce(&mut Vec<u8>)) {
+        let cbor = self.bytes(encode);
+        self.push(at, Item::Decision { at, cbor });
+    }
+
+    /// The run is over; nothing may follow.
+    pub fn end(&mut self, end: RunEnd) {
+        self.push(end.at, Item::End(end));
+        self.send();
+    }
+
+    /// The instant of the last record.
+    pub(crate) fn now(&self) -> Time {
+        self.now
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Waits until all is written; the number of records, or what failed. Without [`end`](Self::end) before,
+    /// the file stays readable but incomplete.
+    pub fn finish(mut self) -> Result<u64, LogError> {
+        self.join().unwrap_or(Ok(0))
+    }
+
+    fn name(&mut self, name: &str) -> Name {
+        if let Some(known) = self.names.get(name) {
+            return known.clone();
+        }
+        let new = Name(name.into());
+        self.names.insert(new.clone());
+        new
+    }
+
+    fn bytes(&mut self, encode: impl FnOnce(&mut Vec<u8>)) -> Range<usize> {
+        let start = self.batch.bytes.len();
+        encode(&mut self.batch.bytes);
+        start..self.batch.bytes.len()
+    }
+
+    fn push(&mut self, at: Time, item: Item) {
+        self.now = at;
+        self.batch.items.push(item);
+        let since = *self.batch.since.get_or_insert(at);
+        let full = self.batch.items.len() >= BATCH_RECORDS || self.batch.bytes.len() >= BATCH_BYTES;
+        if full || at - since >= BATCH_SPAN {
+            self.send();
+        }
+    }
+
+    fn send(&mut self) {
+        let batch = core::mem::take(&mut self.batch);
+        if let Some(sender) = &self.sender
+            && !batch.items.is_empty()
+            && sender.send(batch).is_err()
+        {
+            self.sender = None; // the writer failed; `finish` tells why
+        }
+    }
+
+    fn join(&mut self) -> Option<Result<u64, LogError>> {
+        self.send();
+        self.sender = None;
+        let panicked =
+            |_| Err(LogError::Write { path: self.path.clone(), reason: "the writer panicked".into() });
+        self.thread.take().map(|thread| thread.join().unwrap_or_else(panicked))
+    }
+}
+
+impl Drop for Recorder {
+    /// Writes what is left, so that a run that fails leaves a readable log.
+    fn drop(&mut self) {
+        let _nobody_left_to_tell = self.join();
+    }
+}

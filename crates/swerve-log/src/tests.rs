@@ -1,0 +1,346 @@
+//! Logs written and read back, whole and damaged.
+
+use std::collections::BTreeMap;
+use std::io::{self, Cursor, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Digest, Rng, Span, Time};
+
+use crate::*;
+
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+struct Pose {
+    x_m: f64,
+    tag: String,
+}
+
+fn start() -> RunStart {
+    RunStart {
+        version: "0.1.0".into(),
+        seed: u64::MAX,
+        config: "[planner]\nkind = \"fot\"\n".into(),
+        extra: BTreeMap::from([("scenario".into(), "person".into())]),
+    }
+}
+
+fn end() -> RunEnd {
+    RunEnd { digest: Digest(0xabc), at: Time::from_ms(9), reason: "until".into(), report: "{}".into() }
+}
+
+fn info(stream: &str) -> StreamInfo {
+    StreamInfo { stream: stream.into(), operator: format!("{stream}r"), port: 1, type_name: "Pose".into() }
+}
+
+fn header(k: i64) -> MessageHeader {
+    MessageHeader {
+        stamp: Time::from_ms(k),
+        watermark: Time::from_ns(k * 1_000_000 + 1),
+        visible_at: Time::from_ms(k + 5),
+        pass: u32::from(k == 3),
+        seq: k as u64,
+        reused_from: (k == 4).then_some(Time::from_ms(3)),
+        origin: (k > 0).then_some(Time::from_ms(k - 1)),
+    }
+}
+
+fn pose(k: i64) -> Pose {
+    Pose { x_m: (k as f64) / 3.0, tag: format!("pose {k} {}", "x".repeat(k as usize % 50)) }
+}
+
+fn message(recorder: &mut Recorder, stream: &str, k: i64) {
+    recorder.message(stream, || info(stream), header(k), |out| ciborium::into_writer(&pose(k), out).unwrap());
+}
+
+/// A run of `n` messages on each of two streams, with all other kinds of records.
+fn record(recorder: &mut Recorder, n: i64) {
+    let at = Time::from_ms(n + 5);
+    for k in 0..n {
+        message(recorder, "pose", k);
+        message(recorder, "truth", k);
+        recorder.step(StepRecord {
+            operator: "planner",
+            stamp: Time::from_ms(n - k),
+            start: Time::from_ms(k),
+            end: Time::from_ms(k + 3),
+            units: 7,
+            host_ns: 1,
+            late: false,
+        });
+    }
+    recorder.watermark(WatermarkRecord {
+        stream: "pose",
+        operator: "poser",
+        port: 1,
+        watermark: Time::MAX,
+        visible_at: at,
+        pass: 0,
+        seq: n as u64,
+    });
+    let (operator, stamp) = ("planner", Time::from_ms(2));
+    recorder.miss(MissRecord { operator, stamp, deadline: at, at, reaction: "reuse_last", started: true });
+    recorder.dropped(DropRecord { operator, stamp, at, reason: "skipped" });
+    recorder.decision(at, |out| ciborium::into_writer(&("stop", 55), out).unwrap());
+}
+
+fn written(path: &Path, n: i64) -> Vec<u8> {
+    let mut recorder = Recorder::create(path, &start()).unwrap();
+    record(&mut recorder, n);
+    recorder.end(end());
+    assert_eq!(recorder.finish().unwrap(), 3 * n as u64 + 4);
+    std::fs::read(path).unwrap()
+}
+
+#[test]
+fn a_log_gives_back_what_was_recorded_from_the_file_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.mcap");
+    written(&path, 600);
+    let log = Log::read(&path).unwrap();
+    assert_eq!((&log.start, log.end.as_ref()), (&start(), Some(&end())));
+    let names: Vec<_> = log.streams.iter().map(|s| (**s).clone()).collect();
+    assert_eq!(names, [info("pose"), info("truth")]);
+    for stream in ["pose", "truth"] {
+        let messages: Vec<_> = log.publications(stream).collect();
+        assert_eq!(messages.len(), 600);
+        for (k, m) in (0..).zip(&messages) {
+            assert_eq!((m.header, m.decode::<Pose>().unwrap()), (header(k), pose(k)));
+        }
+    }
+    assert_eq!(log.steps().count(), 600);
+    assert_eq!(log.decisions().next().unwrap().decode::<(String, i32)>().unwrap(), ("stop".into(), 55));
+    let times = &log.run_times()["planner"];
+    assert_eq!((times.len(), times[0]), (600, (Time::from_ms(1), Span::from_ms(3))));
+    let [.., Record::Watermark(w), Record::Miss(m), Record::Drop(d), Record::Decision(_)] = &log.records[..]
+    else {
+        panic!("the last four records")
+    };
+    assert_eq!((w.watermark, w.seq), (Time::MAX, 600));
+    assert_eq!((m.reaction.as_str(), m.started, d.reason.as_str()), ("reuse_last", true, "skipped"));
+}
+
+#[test]
+fn the_same_run_gives_the_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let a = written(&dir.path().join("a"), 300);
+    assert_eq!(a, written(&dir.path().join("b"), 300));
+}
+
+#[test]
+fn a_message_of_another_type_is_an_error_that_names_both() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.mcap");
+    written(&path, 2);
+    let log = Log::read(&path).unwrap();
+    let error = log.publications("pose").next().unwrap().decode::<u32>().unwrap_err().to_string();
+    assert!(error.contains("`pose`, message 0") && error.contains("u32"), "{error}");
+}
+
+/// A file that others can look at while it is being written.
+#[derive(Clone, Default)]
+struct Shared(Arc<Mutex<Cursor<Vec<u8>>>>);
+
+impl Write for Shared {
+    fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap().write(data)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for Shared {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.0.lock().unwrap().seek(to)
+    }
+}
+
+#[test]
+fn a_log_cut_anywhere_is_read_up_to_there_and_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = written(&dir.path().join("whole"), 3000);
+    let path = dir.path().join("cut.mcap");
+    let mut most = 0;
+    for part in 1..60 {
+        std::fs::write(&path, &whole[..whole.len() * part / 60]).unwrap();
+        let (log, damage) = match Log::salvage(&path) {
+            Ok((log, damage)) => (log, damage.expect("a cut log is not complete")),
+            Err(error) => (Log::default(), error),
+        };
+        assert!(damage.to_string().contains("cut.mcap"), "{damage}");
+        assert!(matches!(damage, LogError::Damaged { .. } | LogError::Incomplete { .. }), "{damage}");
+        assert!(log.records.len() >= most, "more file gives no fewer records");
+        most = log.records.len();
+        for (k, m) in (0..).zip(log.publications("pose")) {
+            assert_eq!(m.decode::<Pose>().unwrap(), pose(k));
+        }
+    }
+    assert!(most > 2000, "each second of run time is flushed: {most}");
+}
+
+#[test]
+fn what_is_on_disk_before_the_end_is_a_readable_log() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = Shared::default();
+    let mut recorder = Recorder::start(Path::new("x"), file.clone(), &start()).unwrap();
+    record(&mut recorder, 2500);
+    recorder.finish().unwrap();
+    let path = dir.path().join("killed.mcap");
+    std::fs::write(&path, file.0.lock().unwrap().get_ref()).unwrap();
+    let (log, damage) = Log::salvage(&path).unwrap();
+    assert!(matches!(damage, Some(LogError::Incomplete { records: 7504, .. })), "{damage:?}");
+    assert_eq!((log.records.len(), log.end), (7504, None));
+    assert!(Log::read(&path).unwrap_err().to_string().contains("cut off"));
+}
+
+#[test]
+fn a_recorder_dropped_in_a_panic_leaves_a_readable_log() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.mcap");
+    let crash = std::panic::catch_unwind(|| {
+        let mut recorder = Recorder::create(&path, &start()).unwrap();
+        message(&mut recorder, "pose", 0);
+        std::panic::resume_unwind(Box::new("operator"));
+    });
+    assert!(crash.is_err());
+    let (log, damage) = Log::salvage(&path).unwrap();
+    assert!(log.records.len() == 1 && matches!(damage, Some(LogError::Incomplete { .. })));
+}
+
+#[test]
+fn mutated_files_give_an_error_or_the_truth_and_never_crash() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = written(&dir.path().join("whole"), 400);
+    let truth = Log::read(&dir.path().join("whole")).unwrap();
+    let path = dir.path().join("mutated.mcap");
+    let mut rng = Rng::keyed(1, "mutations", &[]);
+    let mut refused = 0;
+    for k in 0..300 {
+        let mut bytes = whole.clone();
+        for _ in 0..=rng.below(3) {
+            let at = rng.below(bytes.len());
+            match k % 4 {
+                0 => bytes[at] ^= 1 << rng.below(8),
+                1 => bytes[at] = rng.bits() as u8,
+                2 => bytes[at..].iter_mut().take(8).for_each(|b| *b = 0xff),
+                _ => drop(bytes.drain(at..bytes.len().min(at + rng.below(40)))),
+            }
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        match Log::salvage(&path) {
+            Ok((log, damage)) => {
+                assert!(truth.records.starts_with(&log.records), "mutation {k} gave other records");
+                assert!(damage.is_some() || log.records == truth.records, "mutation {k} lost records unseen");
+                refused += usize::from(damage.is_some());
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("mutated.mcap"), "{error}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > 290, "only what no checksum covers may pass: {refused}");
+}
+
+#[test]
+fn every_single_flipped_bit_of_the_messages_is_found() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = written(&dir.path().join("whole"), 5);
+    let path = dir.path().join("flipped.mcap");
+    for at in (0..whole.len() / 2).step_by(7) {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 1 << (at % 8);
+        std::fs::write(&path, &bytes).unwrap();
+        assert!(Log::read(&path).is_err(), "byte {at}");
+    }
+}
+
+#[test]
+fn files_that_are_no_logs_are_refused_with_place_and_expectation() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("f.mcap");
+    let refuse = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        Log::read(&path).unwrap_err().to_string()
+    };
+    let empty = refuse(b"");
+    assert!(empty.contains("f.mcap: damaged at byte 0 of 0") && empty.contains("found the end"), "{empty}");
+    let text = refuse(b"name = \"person behind truck\"");
+    assert!(text.contains("byte 0 of 28") && text.contains("magic number of an MCAP file"), "{text}");
+    let mut rng = Rng::keyed(2, "noise", &[]);
+    for size in [1, 8, 9, 100, 10_000] {
+        let noise: Vec<u8> = (0..size).map(|_| rng.bits() as u8).collect();
+        refuse(&noise);
+        let mut begun = b"\x89MCAP0\r\n".to_vec();
+        begun.extend(&noise);
+        refuse(&begun);
+    }
+    let huge = refuse(b"\x89MCAP0\r\n\x06\xff\xff\xff\xff\xff\xff\xff\x7f");
+    assert!(huge.contains("byte 8"), "{huge}");
+    let missing = Log::read(&dir.path().join("none.mcap")).unwrap_err().to_string();
+    assert!(missing.contains("none.mcap: cannot read the file"), "{missing}");
+}
+
+#[test]
+fn an_mcap_file_of_another_program_is_told_apart() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("other.mcap");
+    let mut writer = mcap::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
+    writer.add_channel(0, "/imu", "cdr", &BTreeMap::new()).unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    assert!(matches!(Log::read(&path), Err(LogError::Foreign { .. })), "{:?}", Log::read(&path).err());
+}
+
+#[test]
+fn damage_is_placed_at_the_record_that_holds_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = written(&dir.path().join("whole"), 400);
+    let summary = {
+        let reader = &whole[..];
+        mcap::Summary::read(reader).unwrap().unwrap()
+    };
+    let chunk = summary.chunk_indexes.last().unwrap();
+    let mut bytes = whole.clone();
+    bytes[(chunk.chunk_start_offset + chunk.chunk_length / 2) as usize] ^= 4;
+    let path = dir.path().join("bad.mcap");
+    std::fs::write(&path, &bytes).unwrap();
+    let (log, damage) = Log::salvage(&path).unwrap();
+    let Some(LogError::Damaged { offset, record, records, .. }) = &damage else { panic!("{damage:?}") };
+    assert_eq!((*offset, record.as_str()), (chunk.chunk_start_offset, "a chunk"));
+    assert_eq!(*records as usize, log.records.len());
+}
+
+/// A disk with room for so many bytes.
+struct Small(Cursor<Vec<u8>>, usize);
+
+impl Write for Small {
+    fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+        if self.0.get_ref().len() + data.len() > self.1 {
+            return Err(io::Error::other("no space left on device"));
+        }
+        self.0.write(data)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for Small {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.0.seek(to)
+    }
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_with_an_error_and_not_the_run() {
+    let small = Small(Cursor::default(), 20_000);
+    let mut recorder = Recorder::start(Path::new("out/log.mcap"), small, &start()).unwrap();
+    record(&mut recorder, 60_000);
+    recorder.end(end());
+    let error = recorder.finish().unwrap_err().to_string();
+    assert_eq!(error, "out/log.mcap: cannot write: no space left on device");
+    let none = Recorder::create(Path::new("/nonexistent/log.mcap"), &start());
+    assert!(matches!(none, Err(LogError::Create { .. })));
+}

@@ -1,0 +1,358 @@
+//! Writing a trace in the Trace Event Format, as <https://ui.perfetto.dev> and `chrome://tracing` open it.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use swerve_core::{Span, Time};
+
+use crate::LogError;
+use crate::arrows::{Arrow, Arrows};
+
+/// Writes what a run's steps did, as a trace in the run's own time.
+///
+/// - Every operator has a track, more where several of its steps run at once; each step is a slice from its
+///   start to its modelled end, with its stamp and its units of work. A step of no run time is shown 1 ns long,
+///   for arrows need something to hold on to.
+/// - Missed deadlines and dropped frames are instants on the operator's first track.
+/// - Arrows lead from the step that took a sensor frame through all that read what derives from it to the
+///   first step of a command operator; a counter shows the frame's age there.
+///
+/// Events are written in order of time. The trace is valid JSON once [`finish`](Self::finish) was called or
+/// the writer dropped, however the run ended.
+pub struct TraceWriter<W: Write = BufWriter<File>> {
+    path: PathBuf,
+    out: Option<W>,
+    failed: Option<io::Error>,
+    first: bool,
+    operators: Vec<Track>,
+    tids: u32,
+    running: Vec<Running>,
+    arrows: Arrows,
+    /// Events that may still be preceded by others, by time and order.
+    pending: BTreeMap<(Time, Place, u64), String>,
+    order: u64,
+    now: Time,
+}
+
+/// Of events of one instant, slices come first: arrows hold on to what was there before them.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    Slice,
+    Mark,
+}
+
+/// Steps that ended, remembered per operator for the messages that they publish later.
+const ENDED: usize = 64;
+
+/// An operator's tracks.
+struct Track {
+    name: String,
+    /// The name as a JSON string.
+    quoted: String,
+    /// Thread number of each lane, and whether a step runs there.
+    lanes: Vec<(u32, bool)>,
+    /// Stamp, thread number and last instant of the slices of its last steps.
+    ended: VecDeque<(Time, u32, Time)>,
+}
+
+/// A step that has started and not ended.
+struct Running {
+    operator: usize,
+    lane: usize,
+    stamp: Time,
+    start: Time,
+}
+
+impl TraceWriter {
+    /// Creates the file (an existing one is replaced). `commands` names the operators whose steps end arrows.
+    pub fn create(path: &Path, commands: &[&str]) -> Result<Self, LogError> {
+        let file = File::create(path).map_err(|source| LogError::Create { path: path.into(), source })?;
+        Ok(Self::to(path, BufWriter::with_capacity(64 << 10, file), commands))
+    }
+}
+
+impl<W: Write> TraceWriter<W> {
+    /// Writes to any place; `path` is its name in errors.
+    pub fn to(path: &Path, out: W, commands: &[&str]) -> Self {
+        let mut trace = Self {
+            path: path.into(),
+            out: Some(out),
+            failed: None,
+            first: true,
+            operators: Vec::new(),
+            tids: 0,
+            running: Vec::new(),
+            arrows: Arrows::new(commands),
+            pending: BTreeMap::new(),
+            order: 0,
+            now: Time::ZERO,
+        };
+        trace.raw("{\"displayTimeUnit\":\"ms\",\"traceEvents\":[\n");
+        trace.emit(
+            "{\"ph\":\"M\",\"pid\":1,\"name\":\"process_name\",\"args\":{\"name\":\"swerve, run time\"}}",
+        );
+        trace
+    }
+
+    /// A step started at `at`; `reads` names the streams it reads, each with the stamp of the newest message.
+    pub fn step_start<'a>(
+        &mut self,
+        operator: &str,
+        stamp: Time,
+        at: Time,
+        reads: impl Iterator<Item = (&'a str, Option<Time>)>,
+    ) {
+        self.reach(at);
+        let index = self.operator(operator);
+        let lane = self.lane(index);
+        self.running.push(Running { operator: index, lane, stamp, start: at });
+        let tid = self.operators[index].lanes[lane].0;
+        for arrow in self.arrows.step(operator, reads) {
+            self.arrow(&arrow, tid, at);
+        }
+    }
+
+    /// A step came to its modelled end.
+    pub fn step_end(&mut self, operator: &str, stamp: Time, end: Time, units: u64, late: bool) {
+        self.reach(end);
+        let index = self.operator(operator);
+        let found = self.running.iter().position(|r| r.operator == index && r.stamp == stamp);
+        if let Some(place) = found {
+            let step = self.running.remove(place);
+            self.slice(&step, end, if late { "late" } else { "" }, units);
+            let track = &mut self.operators[index];
+            track.lanes[step.lane].1 = false;
+            track.ended.push_back((stamp, track.lanes[step.lane].0, last_within(step.start, end)));
+            if track.ended.len() > ENDED {
+                track.ended.pop_front();
+            }
+        }
+    }
+
+    /// A message became visible at `at`; `reads` as for the step that computed it, `origin` the newest sensor
+    /// frame that it derives from.
+    pub fn message<'a>(
+        &mut self,
+        operator: &str,
+        stream: &str,
+        stamps: (Time, Option<Time>),
+        at: Time,
+        reads: impl Iterator<Item = (&'a str, Option<Time>)>,
+    ) {
+        self.reach(at);
+        let (stamp, origin) = stamps;
+        if let Some(arrow) = self.arrows.message(operator, stream, stamp, origin, reads) {
+            let index = self.operator(operator);
+            let (tid, from) = self.slice_of(index, stamp, at);
+            self.arrow(&arrow, tid, from);
+        }
+    }
+
+    /// A deadline was missed.
+    pub fn miss(&mut self, operator: &str, stamp: Time, at: Time, reaction: &str) {
+        self.instant(operator, at, &format!("missed, {reaction}"), stamp);
+    }
+
+    /// A frame or a result was dropped.
+    pub fn dropped(&mut self, operator: &str, stamp: Time, at: Time, reason: &str) {
+        self.instant(operator, at, &format!("dropped, {reason}"), stamp);
+    }
+
+    /// Completes the trace: running steps end at the last instant.
+    pub fn finish(mut self) -> Result<(), LogError> {
+        self.complete();
+        match self.failed.take() {
+            None => Ok(()),
+            Some(error) => Err(LogError::Write { path: self.path.clone(), reason: error.to_string() }),
+        }
+    }
+
+    /// Time has come to `at`: what can no longer be preceded is written.
+    pub(crate) fn reach(&mut self, at: Time) {
+        self.now = self.now.max(at);
+        let running = self.running.iter().map(|r| r.start).min();
+        // Arrows are drawn back by a nanosecond.
+        let safe = running.unwrap_or(self.now).min(self.now) - Span::from_ns(1);
+        while let Some(entry) = self.pending.first_entry() {
+            if entry.key().0 >= safe {
+                break;
+            }
+            let event = entry.remove();
+            self.emit(&event);
+        }
+    }
+
+    fn operator(&mut self, name: &str) -> usize {
+        if let Some(index) = self.operators.iter().position(|o| o.name == name) {
+            return index;
+        }
+        let quoted = serde_json::Value::from(name).to_string();
+        self.operators.push(Track { name: name.into(), quoted, lanes: Vec::new(), ended: VecDeque::new() });
+        self.operators.len() - 1
+    }
+
+    /// The first free lane of an operator, taken.
+    fn lane(&mut self, operator: usize) -> usize {
+        let free = self.operators[operator].lanes.iter().position(|(_, busy)| !busy);
+        let lane = free.unwrap_or_else(|| self.add_lane(operator));
+        self.operators[operator].lanes[lane].1 = true;
+        lane
+    }
+
+    /// Track of the slice of a step that publishes at `at`, and the last instant within it.
+    fn slice_of(&mut self, operator: usize, stamp: Time, at: Time) -> (u32, Time) {
+        let track = &self.operators[operator];
+        if let Some(step) = self.running.iter().find(|r| r.operator == operator && r.stamp == stamp) {
+            return (track.lanes[step.lane].0, last_within(step.start, at));
+        }
+        match track.ended.iter().rev().find(|(of, ..)| *of == stamp) {
+            Some(&(_, tid, last)) => (tid, last),
+            None => (self.first_lane(operator), at),
+        }
+    }
+
+    fn first_lane(&mut self, operator: usize) -> u32 {
+        if self.operators[operator].lanes.is_empty() {
+            self.add_lane(operator);
+        }
+        self.operators[operator].lanes[0].0
+    }
+
+    fn add_lane(&mut self, operator: usize) -> usize {
+        self.tids += 1;
+        let tid = self.tids;
+        let track = &mut self.operators[operator];
+        let lane = track.lanes.len();
+        track.lanes.push((tid, false));
+        let label = if lane == 0 { track.name.clone() } else { format!("{} ({})", track.name, lane + 1) };
+        let label = serde_json::Value::from(label);
+        let sort = operator * 1000 + lane;
+        let head = format!("{{\"ph\":\"M\",\"pid\":1,\"tid\":{tid},\"name\":");
+        self.emit(&format!("{head}\"thread_name\",\"args\":{{\"name\":{label}}}}}"));
+        self.emit(&format!("{head}\"thread_sort_index\",\"args\":{{\"sort_index\":{sort}}}}}"));
+        lane
+    }
+
+    fn slice(&mut self, step: &Running, end: Time, note: &str, units: u64) {
+        let track = &self.operators[step.operator];
+        let run_time = end - step.start;
+        let shown = run_time.max(Span::from_ns(1));
+        let event = format!(
+            "{{\"ph\":\"X\",\"pid\":1,\"tid\":{},\"name\":{},\"cat\":\"step\",\"ts\":{},\"dur\":{},\
+             \"args\":{{\"stamp_ms\":{},\"run_time_ms\":{},\"units\":{units}{}}}}}",
+            track.lanes[step.lane].0,
+            track.quoted,
+            Micros(step.start.ns()),
+            Micros(shown.ns()),
+            step.stamp.ns() as f64 / 1e6,
+            run_time.ns() as f64 / 1e6,
+            if note.is_empty() { String::new() } else { format!(",\"note\":\"{note}\"") },
+        );
+        self.hold(step.start, Place::Slice, event);
+    }
+
+    fn instant(&mut self, operator: &str, at: Time, name: &str, stamp: Time) {
+        self.reach(at);
+        let index = self.operator(operator);
+        let tid = self.first_lane(index);
+        let event = format!(
+            "{{\"ph\":\"i\",\"s\":\"t\",\"pid\":1,\"tid\":{tid},\"name\":{},\"cat\":\"loss\",\"ts\":{},\
+             \"args\":{{\"stamp_ms\":{}}}}}",
+            serde_json::Value::from(name),
+            Micros(at.ns()),
+            stamp.ns() as f64 / 1e6,
+        );
+        self.hold(at, Place::Mark, event);
+    }
+
+    fn arrow(&mut self, arrow: &Arrow, tid: u32, at: Time) {
+        let phase = match arrow {
+            Arrow::Start { .. } => "s",
+            Arrow::Through { .. } => "t",
+            Arrow::End { .. } => "f",
+        };
+        let mut event = format!(
+            "{{\"ph\":\"{phase}\",\"pid\":1,\"tid\":{tid},\"id\":{},\"name\":\"frame\",\"cat\":\"frame\",\
+             \"ts\":{}",
+            arrow.chain(),
+            Micros(at.ns()),
+        );
+        event.push_str(if phase == "f" { ",\"bp\":\"e\"}" } else { "}" });
+        self.hold(at, Place::Mark, event);
+        if let Arrow::End { sensor, stamp, .. } = arrow {
+            let name = serde_json::Value::from(format!("age of {sensor} when used"));
+            let age_ms = (at - *stamp).ns() as f64 / 1e6;
+            let counter = format!(
+                "{{\"ph\":\"C\",\"pid\":1,\"name\":{name},\"ts\":{},\"args\":{{\"ms\":{age_ms}}}}}",
+                Micros(at.ns())
+            );
+            self.hold(at, Place::Mark, counter);
+        }
+    }
+
+    fn hold(&mut self, at: Time, place: Place, event: String) {
+        self.order += 1;
+        self.pending.insert((at, place, self.order), event);
+    }
+
+    fn emit(&mut self, event: &str) {
+        if !core::mem::take(&mut self.first) {
+            self.raw(",\n");
+        }
+        self.raw(event);
+    }
+
+    fn raw(&mut self, text: &str) {
+        if let Some(out) = &mut self.out
+            && let Err(error) = out.write_all(text.as_bytes())
+        {
+            self.failed.get_or_insert(error);
+            self.out = None;
+        }
+    }
+
+    fn complete(&mut self) {
+        for step in core::mem::take(&mut self.running) {
+            self.slice(&step, self.now, "unfinished", 0);
+        }
+        for event in core::mem::take(&mut self.pending).into_values() {
+            self.emit(&event);
+        }
+        self.raw("\n]}\n");
+        if let Some(mut out) = self.out.take()
+            && let Err(error) = out.flush()
+        {
+            self.failed.get_or_insert(error);
+        }
+    }
+}
+
+impl<W: Write> Drop for TraceWriter<W> {
+    fn drop(&mut self) {
+        self.complete();
+    }
+}
+
+/// The last nanosecond of a slice.
+fn last_within(start: Time, end: Time) -> Time {
+    start.max(end - Span::from_ns(1))
+}
+
+/// Nanoseconds written as microseconds, without loss.
+struct Micros(i64);
+
+impl core::fmt::Display for Micros {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let ns = self.0.unsigned_abs();
+        if self.0 < 0 {
+            f.write_char('-')?;
+        }
+        write!(f, "{}.{:03}", ns / 1000, ns % 1000)
+    }
+}
+
+#[cfg(test)]
+mod tests;

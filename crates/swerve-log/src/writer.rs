@@ -1,0 +1,188 @@
+//! The writer thread's part: records into an MCAP file.
+
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+use std::path::{Path, PathBuf};
+
+use mcap::records::{MessageHeader as McapHeader, Metadata};
+use mcap::{Compression, McapError, WriteOptions};
+use serde::Serialize;
+use swerve_core::{Span, Time};
+
+use crate::LogError;
+use crate::format::{self, Kind, unsigned};
+use crate::record::{RunEnd, RunStart, StreamInfo};
+use crate::recorder::{Batch, Item};
+
+const CHUNK_BYTES: u64 = 1 << 20;
+/// At most this much run time is lost when the process is killed.
+const FLUSH_EVERY: Span = Span::from_ms(1000);
+
+/// Writes records into an MCAP file.
+pub(crate) struct LogWriter<W: Write + Seek> {
+    path: PathBuf,
+    /// `None` once closed.
+    mcap: Option<mcap::Writer<W>>,
+    singles: [u16; Kind::SINGLE.len()],
+    streams: Vec<u16>,
+    scratch: Vec<u8>,
+    records: u64,
+    flushed_at: Time,
+    ended: bool,
+}
+
+impl<W: Write + Seek> LogWriter<W> {
+    pub(crate) fn new(path: &Path, to: W, start: &RunStart) -> Result<Self, LogError> {
+        let options = WriteOptions::new()
+            .compression(Some(Compression::Lz4))
+            .chunk_size(Some(CHUNK_BYTES))
+            .disable_seeking(true) // a chunk reaches the file whole, so that a kill leaves none half written
+            .profile("swerve");
+        let failed = |error| write_error(path, &error);
+        let mut mcap = options.create(to).map_err(failed)?;
+        let metadata = Metadata { name: format::RUN_START.into(), metadata: format::start_to_map(start) };
+        mcap.write_metadata(&metadata).map_err(failed)?;
+        let mut singles = [0; Kind::SINGLE.len()];
+        for (id, kind) in singles.iter_mut().zip(Kind::SINGLE) {
+            let schema = add_schema(&mut mcap, &format!("swerve.{}", kind.name()), kind).map_err(failed)?;
+            let metadata = BTreeMap::from([(format::KIND.into(), kind.name().into())]);
+            let topic = format!("/swerve/{}", kind.name());
+            *id = mcap.add_channel(schema, &topic, format::ENCODING, &metadata).map_err(failed)?;
+        }
+        mcap.flush().map_err(failed)?;
+        Ok(Self {
+            path: path.into(),
+            mcap: Some(mcap),
+            singles,
+            streams: Vec::new(),
+            scratch: Vec::new(),
+            records: 0,
+            flushed_at: Time::ZERO,
+            ended: false,
+        })
+    }
+
+    /// Writes one batch. After an error the file is left as it is: readable, and without an end record.
+    pub(crate) fn write(&mut self, batch: &Batch) -> Result<(), LogError> {
+        batch.items.iter().try_for_each(|item| self.item(item, &batch.bytes)).map_err(|error| {
+            self.abandon();
+            write_error(&self.path, &error)
+        })
+    }
+
+    /// Completes the file when the run has ended, else leaves it incomplete; the number of records.
+    pub(crate) fn close(mut self) -> Result<u64, LogError> {
+        let Some(mcap) = &mut self.mcap else { return Ok(self.records) };
+        let written = if self.ended { mcap.finish().map(|_| ()) } else { mcap.flush() };
+        let written = written.and_then(|()| {
+            let Some(mcap) = self.mcap.take() else { return Ok(()) };
+            Ok(mcap.into_inner().flush()?)
+        });
+        written.map(|()| self.records).map_err(|error| write_error(&self.path, &error))
+    }
+
+    fn item(&mut self, item: &Item, bytes: &[u8]) -> Result<(), McapError> {
+        match item {
+            Item::Stream(info) => self.stream(info),
+            Item::Message { stream, header, payload } => {
+                self.scratch.clear();
+                format::write_message(header, &bytes[payload.clone()], &mut self.scratch);
+                let channel = self.streams[*stream];
+                self.put(channel, header.seq, header.visible_at, header.stamp)
+            }
+            Item::Watermark(r) => self.single(Kind::Watermarks, r, r.visible_at, r.watermark),
+            Item::Step(r) => self.single(Kind::Steps, r, r.end, r.stamp),
+            Item::Miss(r) => self.single(Kind::Misses, r, r.at, r.stamp),
+            Item::Drop(r) => self.single(Kind::Drops, r, r.at, r.stamp),
+            Item::Decision { at, cbor } => {
+                self.scratch.clear();
+                self.scratch.extend_from_slice(&bytes[cbor.clone()]);
+                self.put(self.channel(Kind::Decisions), 0, *at, *at)
+            }
+            Item::End(end) => self.end(end),
+        }
+    }
+
+    fn stream(&mut self, info: &StreamInfo) -> Result<(), McapError> {
+        let Some(mcap) = &mut self.mcap else { return Ok(()) };
+        let schema = add_schema(mcap, &info.type_name, Kind::Stream)?;
+        let metadata = BTreeMap::from([
+            (format::KIND.into(), Kind::Stream.name().into()),
+            ("stream".into(), info.stream.clone()),
+            ("operator".into(), info.operator.clone()),
+            ("port".into(), info.port.to_string()),
+        ]);
+        let topic = format!("/{}", info.stream);
+        self.streams.push(mcap.add_channel(schema, &topic, format::ENCODING, &metadata)?);
+        Ok(())
+    }
+
+    fn channel(&self, kind: Kind) -> u16 {
+        let place = Kind::SINGLE.iter().position(|k| *k == kind);
+        self.singles[place.expect("streams have channels of their own")]
+    }
+
+    fn single(
+        &mut self,
+        kind: Kind,
+        record: &impl Serialize,
+        at: Time,
+        stamp: Time,
+    ) -> Result<(), McapError> {
+        self.scratch.clear();
+        ciborium::into_writer(record, &mut self.scratch).expect("records serialize, and memory takes all");
+        self.put(self.channel(kind), 0, at, stamp)
+    }
+
+    /// Writes the scratch bytes as a message.
+    fn put(&mut self, channel_id: u16, seq: u64, at: Time, stamp: Time) -> Result<(), McapError> {
+        let Some(mcap) = &mut self.mcap else { return Ok(()) };
+        let header = McapHeader {
+            channel_id,
+            sequence: seq as u32, // MCAP's number wraps; the header in the message does not
+            log_time: unsigned(at),
+            publish_time: unsigned(stamp),
+        };
+        mcap.write_to_known_channel(&header, &self.scratch)?;
+        self.records += 1;
+        if at - self.flushed_at >= FLUSH_EVERY {
+            self.flushed_at = at;
+            mcap.flush()?;
+        }
+        Ok(())
+    }
+
+    fn end(&mut self, end: &RunEnd) -> Result<(), McapError> {
+        let Some(mcap) = &mut self.mcap else { return Ok(()) };
+        let metadata = format::end_to_map(end, self.records);
+        mcap.write_metadata(&Metadata { name: format::RUN_END.into(), metadata })?;
+        self.ended = true;
+        Ok(())
+    }
+
+    /// Lets go of the file without the footer that MCAP's own clean-up would write.
+    fn abandon(&mut self) {
+        if let Some(mcap) = self.mcap.take() {
+            drop(mcap.into_inner());
+        }
+    }
+}
+
+impl<W: Write + Seek> Drop for LogWriter<W> {
+    fn drop(&mut self) {
+        self.abandon();
+    }
+}
+
+fn add_schema<W: Write + Seek>(mcap: &mut mcap::Writer<W>, name: &str, kind: Kind) -> Result<u16, McapError> {
+    mcap.add_schema(name, format::SCHEMA_ENCODING, kind.schema().as_bytes())
+}
+
+fn write_error(path: &Path, error: &McapError) -> LogError {
+    // MCAP words every system error the same; the system's own words tell more.
+    let reason = match error {
+        McapError::Io(source) => source.to_string(),
+        other => other.to_string(),
+    };
+    LogError::Write { path: path.into(), reason }
+}

@@ -1,0 +1,285 @@
+//! Frenet optimal trajectories (Werling, Ziegler, Kammel, Thrun: Optimal Trajectory Generation for Dynamic
+//! Street Scenarios in a Frenét Frame, ICRA 2010).
+//!
+//! Candidates are all combinations of an end offset, an end speed and an end time: quintics across the line,
+//! quartics along it. Costs are the original planner's (Pylot's), so that figures compare; [`search`] says
+//! how the cheapest valid one is found without building them all.
+
+mod lattice;
+mod line;
+mod motion;
+mod params;
+mod poly;
+mod posed;
+mod search;
+
+pub use params::Params;
+pub use posed::solve as solve_posed;
+
+use swerve_core::Span;
+use swerve_geom::{Polyline, Pose2, angle_between, math};
+use swerve_msg::{Plan, PlanPoint, PlanStatus};
+use swerve_vehicle::{Limits, Shape};
+
+use crate::collision::Obstacles;
+use crate::params::InvalidParam;
+use crate::posed::Preset;
+use crate::request::{Budget, Goes, Planner, Request};
+use crate::road::Road;
+use crate::world::{Fallback, fall_back};
+use lattice::Lattice;
+use line::Line;
+use motion::{Checks, Drivable, FrenetState, Place};
+use search::{Candidate, Outcome, Search, Task};
+
+/// Largest time between two points of a plan, seconds.
+const POINT_STEP_S: f64 = 0.1;
+
+/// Distance of the reference line's points, metres.
+const LINE_STEP_M: f64 = 0.25;
+
+/// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
+#[derive(Clone, Debug)]
+pub struct Fot {
+    params: Params,
+    search: Search,
+    lattice: Lattice,
+    coarse: Lattice,
+    line: Line,
+    /// What `line` was made from.
+    route: Option<Polyline>,
+    road: Road,
+    obstacles: Obstacles,
+}
+
+impl Fot {
+    /// With valid parameters.
+    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+        params.validate()?;
+        Ok(Self {
+            params,
+            search: Search::default(),
+            lattice: Lattice::default(),
+            coarse: Lattice::default(),
+            line: Line::default(),
+            route: None,
+            road: Road::default(),
+            obstacles: Obstacles::default(),
+        })
+    }
+
+    /// The parameters.
+    pub fn params(&self) -> &Params {
+        &self.params
+    }
+
+    /// Takes in route and predictions.
+    fn set_world(&mut self, request: &Request<'_>) {
+        if self.route.as_ref() != Some(&request.route.line) {
+            let points = request.route.line.points();
+            match Polyline::smooth(points, LINE_STEP_M) {
+                Ok(smooth) => self.line.set(&smooth),
+                Err(_) => self.line.set(&request.route.line),
+            }
+            self.route = Some(request.route.line.clone());
+        }
+        self.road.set(request.route);
+        let center = request.start.pose.point();
+        let Params { collision, obstacle_range_m, .. } = self.params;
+        self.obstacles.set_near(request.predictions, collision, center, obstacle_range_m);
+    }
+
+    /// The start in the Frenet frame. `paper` takes speed and heading only, as the original.
+    fn frenet(&self, request: &Request<'_>) -> FrenetState {
+        let start = &request.start;
+        let guess_m = request.route.line.project(start.pose.point()).s_m;
+        let (s_m, d_m) = self.line.project(start.pose.point(), guess_m);
+        let node = self.line.at(s_m);
+        let turn = angle_between(math::atan2(node.sin, node.cos), start.pose.heading_rad);
+        let (sin, cos) = math::sin_cos(turn);
+        let speed_mps = start.speed_mps.max(0.0);
+        if self.params.preset == Preset::Paper {
+            return FrenetState { s: [s_m, speed_mps, 0.0], d: [d_m, speed_mps * sin, 0.0] };
+        }
+        let limits = request.limits;
+        // An ego that is almost standing cannot go on braking hard without rolling back.
+        let hardest = limits.brake_max_mps2.min(2.0 * speed_mps);
+        let along = start.accel_mps2.clamp(-hardest, limits.accel_max_mps2);
+        let lateral_max = limits.lateral_accel_max_mps2;
+        let across = (speed_mps * start.yaw_rate_radps).clamp(-lateral_max, lateral_max);
+        // Velocity and acceleration turned into the line's axes, then the line's own turning taken out
+        // (the second derivative of r(s) + d n, solved for s and d).
+        let stretch = (1.0 - node.curvature_1pm * d_m).max(0.1);
+        let (s1, d1) = (speed_mps * cos / stretch, speed_mps * sin);
+        let (accel_t, accel_n) = (along * cos - across * sin, along * sin + across * cos);
+        let turning = s1 * (node.bend_1pm2 * s1 * d_m + 2.0 * node.curvature_1pm * d1);
+        let s2 = (accel_t + turning) / stretch;
+        let d2 = accel_n - node.curvature_1pm * s1 * s1 * stretch;
+        FrenetState { s: [s_m, s1, s2], d: [d_m, d1, d2] }
+    }
+
+    /// The speed to aim for: `best` asks for no more change than the limits give within the earliest end.
+    fn target(&self, request: &Request<'_>) -> f64 {
+        let target_mps = request.target_speed_mps;
+        if self.params.preset == Preset::Paper {
+            return target_mps;
+        }
+        // From and to zero acceleration a quartic peaks at 1.5 times its mean.
+        let within_s = 0.9 * self.params.horizon_min_s / 1.5;
+        let v = request.start.speed_mps.max(0.0);
+        let slowest = (v - within_s * request.limits.brake_max_mps2).max(0.0);
+        target_mps.clamp(slowest, v + within_s * request.limits.accel_max_mps2)
+    }
+}
+
+impl Planner for Fot {
+    fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
+        self.set_world(request);
+        let start = self.frenet(request);
+        let target_mps = self.target(request);
+        self.lattice.set(&self.params, target_mps);
+        let best = self.params.preset == Preset::Best;
+        if best {
+            self.lattice.drop_reverse();
+        }
+        let Self { params, search, lattice, coarse, line, road, obstacles, .. } = self;
+        let checks = checks(params, request, obstacles, road);
+        let task = Task { params, line, cut_m: f64::INFINITY, start, target_mps, checks };
+        let mut spent = 0;
+        let found = if best {
+            anytime(search, &task, (lattice, coarse), budget, &mut spent)
+        } else {
+            built_whole(search, &task, lattice, budget, &mut spent)
+        };
+        let mut plan = match found {
+            Some(candidate) => to_plan(&task, &candidate, request),
+            None => {
+                let fallback = if best { Fallback::KeepOrBrake } else { Fallback::StopOnRoute };
+                fall_back(fallback, request, obstacles, 0.0, params.horizon_max_s)
+            }
+        };
+        plan.work = spent;
+        plan
+    }
+}
+
+/// A few candidates first, then all: when the budget ends, the best so far.
+fn anytime(
+    search: &mut Search,
+    task: &Task<'_>,
+    (lattice, coarse): (&Lattice, &mut Lattice),
+    budget: &mut dyn Budget,
+    spent: &mut u64,
+) -> Option<Candidate> {
+    coarse.set_coarse(lattice);
+    let first = match search.run(task, coarse, Some(budget), spent) {
+        Outcome::Found(candidate) => Some(candidate),
+        Outcome::Nothing => None,
+        Outcome::Stopped => return None,
+    };
+    match search.run(task, lattice, Some(budget), spent) {
+        Outcome::Found(candidate) => Some(candidate),
+        Outcome::Nothing | Outcome::Stopped => first,
+    }
+}
+
+/// Every candidate counts, as the original builds them all; when the budget ends, the best of the offsets
+/// looked at by then (coarse first).
+fn built_whole(
+    search: &mut Search,
+    task: &Task<'_>,
+    lattice: &mut Lattice,
+    budget: &mut dyn Budget,
+    spent: &mut u64,
+) -> Option<Candidate> {
+    let (offsets, block) = (lattice.d_m.len(), (lattice.t_s.len() * lattice.v_mps.len()) as u64);
+    for done in 0..offsets {
+        *spent += block;
+        if budget.spend(block) == Goes::Stop {
+            if done == 0 {
+                return None;
+            }
+            lattice.keep_offsets(done);
+            break;
+        }
+    }
+    match search.run(task, lattice, None, &mut 0) {
+        Outcome::Found(candidate) => Some(candidate),
+        Outcome::Nothing | Outcome::Stopped => None,
+    }
+}
+
+fn checks<'a>(
+    params: &Params,
+    request: &Request<'a>,
+    obstacles: &'a Obstacles,
+    road: &'a Road,
+) -> Checks<'a> {
+    let best = params.preset == Preset::Best;
+    let limits = request.limits;
+    let (sin, cos) = math::sin_cos(request.start.pose.heading_rad);
+    let drivable = Drivable {
+        lateral_accel_max_mps2: limits.lateral_accel_max_mps2,
+        accel_max_mps2: limits.accel_max_mps2,
+        brake_max_mps2: limits.brake_max_mps2,
+        steering_rate_max_radps: limits.steering_rate_max_radps,
+        road: Some((road, params.road_margin_m)),
+    };
+    let tightest = curvature_max_1pm(limits, request.shape);
+    Checks {
+        obstacles,
+        shape: request.shape,
+        at: request.start.stamp,
+        clearance_m: params.clearance_m,
+        curvature_max_1pm: if best {
+            params.max_curvature_1pm.min(tightest)
+        } else {
+            params.max_curvature_1pm
+        },
+        offset_m: (f64::NEG_INFINITY, f64::INFINITY),
+        drivable: best.then_some(drivable),
+        heading: (cos, sin),
+        tail_s: if best { params.tail_s } else { 0.0 },
+    }
+}
+
+/// Curvature at full lock, 1/m.
+fn curvature_max_1pm(limits: &Limits, shape: &Shape) -> f64 {
+    math::tan(limits.steering_max_rad) / shape.wheelbase_m
+}
+
+/// The candidate's motion with points at most [`POINT_STEP_S`] apart.
+fn to_plan(task: &Task<'_>, candidate: &Candidate, request: &Request<'_>) -> Plan {
+    let curvature_max = task.checks.curvature_max_1pm;
+    let points = places(task, candidate, POINT_STEP_S)
+        .map(|(t_s, place)| PlanPoint {
+            at: request.start.stamp + Span::from_secs(t_s),
+            pose: Pose2::new(place.x_m, place.y_m, math::atan2(place.sin, place.cos)),
+            // Near standstill a motion in time has no curvature worth the name.
+            curvature_1pm: place.curvature_1pm.clamp(-curvature_max, curvature_max),
+            speed_mps: place.speed_mps,
+            accel_mps2: place.accel_mps2,
+        })
+        .collect();
+    Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
+}
+
+/// Instants and places of a candidate with its tail, at most `step_s` apart.
+fn places<'a>(
+    task: &'a Task<'a>,
+    candidate: &'a Candidate,
+    step_s: f64,
+) -> impl Iterator<Item = (f64, Place)> + 'a {
+    let end_s = candidate.last_s + task.checks.tail_s;
+    let steps = (end_s / step_s - 1e-9).ceil().max(1.0);
+    let mut still = task.checks.heading;
+    (0..=steps as usize).map(move |k| {
+        let t_s = end_s * k as f64 / steps;
+        let place = candidate.motion.at(task.line, t_s, still);
+        still = (place.cos, place.sin);
+        (t_s, place)
+    })
+}
+
+#[cfg(test)]
+mod tests;

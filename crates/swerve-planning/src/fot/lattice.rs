@@ -1,0 +1,125 @@
+//! End states and sample instants.
+
+use super::params::Params;
+
+/// Slack when counting the end of a range, so that rounding does not lose its last value.
+const SLACK: f64 = 1e-9;
+
+/// All combinations of end offset, end time and end speed, and the instants that costs are summed over.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(crate) struct Lattice {
+    /// End offsets, metres, increasing.
+    pub(crate) d_m: Vec<f64>,
+    /// End times, seconds, increasing.
+    pub(crate) t_s: Vec<f64>,
+    /// End speeds, m/s, increasing.
+    pub(crate) v_mps: Vec<f64>,
+    /// Sample instants, seconds from the start, up to the latest end.
+    pub(crate) samples_s: Vec<f64>,
+    /// How many of the samples belong to each end time.
+    pub(crate) counts: Vec<usize>,
+}
+
+impl Lattice {
+    /// Fills the lattice. Values are summed up step by step, as the original does, so that the number of
+    /// samples for an end time (and with it the cost) is the same.
+    pub(crate) fn set(&mut self, p: &Params, target_mps: f64) {
+        fill(&mut self.d_m, -p.right_m, p.left_m + SLACK, p.lateral_step_m);
+        fill(&mut self.t_s, p.horizon_min_s, p.horizon_max_s + SLACK, p.time_step_s);
+        let spread_mps = p.speed_step_mps * f64::from(p.speed_steps);
+        fill(&mut self.v_mps, target_mps - spread_mps, target_mps + spread_mps + SLACK, p.speed_step_mps);
+        fill(&mut self.samples_s, 0.0, self.t_s[self.t_s.len() - 1], p.time_step_s);
+        self.counts.clear();
+        for &t in &self.t_s {
+            self.counts.push(self.samples_s.partition_point(|&s| s <= t));
+        }
+    }
+
+    /// Keeps the end speeds that are not below zero, and at least the last.
+    pub(crate) fn drop_reverse(&mut self) {
+        let negative = self.v_mps.partition_point(|&v| v < 0.0);
+        self.v_mps.drain(..negative.min(self.v_mps.len() - 1));
+    }
+
+    /// A sparse part of `of` that spans it: few offsets (with the one nearest to the line), few end times,
+    /// the middle speed.
+    pub(crate) fn set_coarse(&mut self, of: &Self) {
+        let middle =
+            (0..of.d_m.len()).min_by(|&a, &b| of.d_m[a].abs().total_cmp(&of.d_m[b].abs())).unwrap_or(0);
+        let stride = of.d_m.len().div_ceil(6);
+        self.d_m.clear();
+        self.d_m.extend((middle % stride..of.d_m.len()).step_by(stride).map(|i| of.d_m[i]));
+        self.t_s.clear();
+        self.counts.clear();
+        for i in (0..of.t_s.len()).step_by(of.t_s.len().div_ceil(3)) {
+            self.t_s.push(of.t_s[i]);
+            self.counts.push(of.counts[i]);
+        }
+        self.v_mps.clear();
+        self.v_mps.push(of.v_mps[of.v_mps.len() / 2]);
+        self.samples_s.clone_from(&of.samples_s);
+    }
+
+    /// Keeps the offsets whose place in the order of refinement is below `kept`; see [`refinement`].
+    pub(crate) fn keep_offsets(&mut self, kept: usize) {
+        let n = self.d_m.len();
+        let mut order: Vec<usize> = refinement(n).take(kept).collect();
+        order.sort_unstable();
+        self.d_m = order.into_iter().map(|i| self.d_m[i]).collect();
+    }
+
+    /// Number of candidates.
+    pub(crate) fn len(&self) -> usize {
+        self.d_m.len() * self.t_s.len() * self.v_mps.len()
+    }
+}
+
+/// The numbers below `n`, coarse first: every 2^k-th, then those half way between, and so on.
+fn refinement(n: usize) -> impl Iterator<Item = usize> {
+    let top = n.next_power_of_two().max(1);
+    let levels = top.trailing_zeros();
+    let first = core::iter::once(0);
+    let rest = (1..=levels).flat_map(move |level| {
+        let step = top >> level;
+        (0..1_usize << (level - 1)).map(move |k| step * (2 * k + 1))
+    });
+    first.chain(rest).filter(move |&i| i < n)
+}
+
+fn fill(values: &mut Vec<f64>, from: f64, to: f64, step: f64) {
+    values.clear();
+    let mut x = from;
+    while x <= to || values.is_empty() {
+        values.push(x);
+        x += step;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::posed::Preset;
+
+    #[test]
+    fn the_papers_configurations_have_their_sizes() {
+        let mut lattice = Lattice::default();
+        lattice.set(&Params::fast(Preset::Paper), 16.0);
+        assert_eq!((lattice.len(), lattice.counts[0], lattice.samples_s.len()), (825, 7, 17));
+        lattice.set(&Params::slow(Preset::Paper), 16.0);
+        assert_eq!(lattice.len(), 11_005);
+        let mut coarse = Lattice::default();
+        coarse.set_coarse(&lattice);
+        assert!(coarse.len() < 40 && coarse.d_m.iter().any(|d| d.abs() < 1e-9), "{coarse:?}");
+    }
+
+    #[test]
+    fn refinement_visits_everything_once_and_spreads() {
+        for n in 1..40 {
+            let mut seen: Vec<usize> = refinement(n).collect();
+            assert_eq!(seen.len(), n);
+            seen.sort_unstable();
+            assert_eq!(seen, (0..n).collect::<Vec<_>>());
+        }
+        assert_eq!(refinement(15).take(4).collect::<Vec<_>>(), [0, 8, 4, 12]);
+    }
+}

@@ -1,0 +1,139 @@
+//! The reference line as a table over arc length: positions, directions and curvatures without trigonometry.
+
+use swerve_geom::{Point2, Polyline, math};
+
+/// Distance between the entries, metres.
+const STEP_M: f64 = 0.25;
+
+/// Longest line that is taken over, metres: bounds the table.
+const LENGTH_MAX_M: f64 = 20_000.0;
+
+/// What the line has at one arc length.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Node {
+    pub(crate) x_m: f64,
+    pub(crate) y_m: f64,
+    pub(crate) cos: f64,
+    pub(crate) sin: f64,
+    pub(crate) curvature_1pm: f64,
+    /// Derivative of the curvature by arc length, 1/m².
+    pub(crate) bend_1pm2: f64,
+}
+
+/// A reference line. It goes on straight beyond its ends.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Line {
+    nodes: Vec<Node>,
+    length_m: f64,
+    step_m: f64,
+}
+
+impl Line {
+    /// From a polyline whose points are dense where it bends.
+    pub(crate) fn set(&mut self, polyline: &Polyline) {
+        self.length_m = polyline.length().min(LENGTH_MAX_M);
+        let n = (self.length_m / STEP_M).ceil().max(1.0) as usize;
+        self.step_m = self.length_m / n as f64;
+        self.nodes.clear();
+        for k in 0..=n {
+            let p = polyline.at(k as f64 * self.step_m);
+            let (sin, cos) = math::sin_cos(p.pose.heading_rad);
+            self.nodes.push(Node {
+                x_m: p.pose.x_m,
+                y_m: p.pose.y_m,
+                cos,
+                sin,
+                curvature_1pm: p.curvature_1pm,
+                bend_1pm2: 0.0,
+            });
+        }
+        for k in 0..n {
+            self.nodes[k].bend_1pm2 =
+                (self.nodes[k + 1].curvature_1pm - self.nodes[k].curvature_1pm) / self.step_m;
+        }
+    }
+
+    pub(crate) fn length_m(&self) -> f64 {
+        self.length_m
+    }
+
+    /// The line at `s_m`: between the entries positions go along the chord (within `κ step² / 8`, under a
+    /// millimetre), directions turn linearly.
+    pub(crate) fn at(&self, s_m: f64) -> Node {
+        let last = self.nodes.len() - 1;
+        if s_m < 0.0 || s_m >= self.length_m {
+            let (end, beyond_m) =
+                if s_m < 0.0 { (self.nodes[0], s_m) } else { (self.nodes[last], s_m - self.length_m) };
+            return Node {
+                x_m: end.x_m + end.cos * beyond_m,
+                y_m: end.y_m + end.sin * beyond_m,
+                curvature_1pm: 0.0,
+                bend_1pm2: 0.0,
+                ..end
+            };
+        }
+        let index = ((s_m / self.step_m) as usize).min(last - 1);
+        let (a, b) = (&self.nodes[index], &self.nodes[index + 1]);
+        let u = s_m / self.step_m - index as f64;
+        let mix = |p: f64, q: f64| p + (q - p) * u;
+        let (cos, sin) = (mix(a.cos, b.cos), mix(a.sin, b.sin));
+        let scale = 1.0 / math::hypot(cos, sin);
+        Node {
+            x_m: mix(a.x_m, b.x_m),
+            y_m: mix(a.y_m, b.y_m),
+            cos: cos * scale,
+            sin: sin * scale,
+            curvature_1pm: mix(a.curvature_1pm, b.curvature_1pm),
+            bend_1pm2: a.bend_1pm2,
+        }
+    }
+
+    /// Arc length and offset of `point`: from a first guess, refined against the table's own directions so
+    /// that going back gives the point.
+    pub(crate) fn project(&self, point: Point2, guess_s_m: f64) -> (f64, f64) {
+        let mut s_m = guess_s_m;
+        let mut d_m = 0.0;
+        for _ in 0..4 {
+            let node = self.at(s_m);
+            let (dx, dy) = (point.x_m - node.x_m, point.y_m - node.y_m);
+            d_m = node.cos * dy - node.sin * dx;
+            let stretch = (1.0 - node.curvature_1pm * d_m).max(0.2);
+            s_m += (node.cos * dx + node.sin * dy) / stretch;
+        }
+        (s_m, d_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_arc_is_followed_to_the_millimetre() {
+        let points: Vec<Point2> = (0..60)
+            .map(|k| {
+                let (sin, cos) = math::sin_cos(f64::from(k) * 0.05);
+                Point2::new(20.0 * sin, 20.0 - 20.0 * cos)
+            })
+            .collect();
+        let mut line = Line::default();
+        line.set(&Polyline::smooth(&points, 0.25).unwrap());
+        for k in 4..50 {
+            let node = line.at(f64::from(k));
+            let radius = math::hypot(node.x_m, node.y_m - 20.0);
+            assert!((radius - 20.0).abs() < 1e-3, "{k}: {radius}");
+            assert!((node.curvature_1pm - 0.05).abs() < 2e-3, "{k}: {node:?}");
+            let point = Point2::new(node.x_m - 2.0 * node.sin, node.y_m + 2.0 * node.cos);
+            let (s_m, d_m) = line.project(point, f64::from(k) + 0.7);
+            assert!((s_m - f64::from(k)).abs() < 1e-3 && (d_m - 2.0).abs() < 1e-3, "{k}: {s_m} {d_m}");
+        }
+    }
+
+    #[test]
+    fn the_ends_go_on_straight() {
+        let mut line = Line::default();
+        line.set(&Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(0.0, 0.5)]).unwrap());
+        let (before, beyond) = (line.at(-3.0), line.at(4.0));
+        assert!((before.y_m + 3.0).abs() < 1e-12 && (beyond.y_m - 4.0).abs() < 1e-12);
+    }
+}

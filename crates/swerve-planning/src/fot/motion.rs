@@ -1,0 +1,284 @@
+//! One candidate in full: its motion in the map, and whether it may be driven.
+
+use swerve_core::{Span, Time};
+use swerve_geom::math;
+use swerve_vehicle::Shape;
+
+use super::line::{Line, Node};
+use super::poly::{Quartic, Quintic};
+use crate::collision::{Obstacles, Solid};
+use crate::road::Road;
+
+/// Where the ego starts in the Frenet frame.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct FrenetState {
+    /// Arc length and its derivatives: m, m/s, m/s².
+    pub(crate) s: [f64; 3],
+    /// Offset and its derivatives: m, m/s, m/s².
+    pub(crate) d: [f64; 3],
+}
+
+/// A motion between two Frenet states; after its end it goes on along the line.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Motion {
+    lateral: Quintic,
+    longitudinal: Quartic,
+    end_s: f64,
+}
+
+/// The ego origin at one instant of a motion.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Place {
+    pub(crate) x_m: f64,
+    pub(crate) y_m: f64,
+    pub(crate) cos: f64,
+    pub(crate) sin: f64,
+    pub(crate) s_m: f64,
+    pub(crate) d_m: f64,
+    pub(crate) speed_mps: f64,
+    pub(crate) accel_mps2: f64,
+    pub(crate) curvature_1pm: f64,
+    /// `1 - κ d`: how much longer the line is than the parallel through here.
+    pub(crate) stretch: f64,
+    /// Speed along the line, m/s.
+    pub(crate) along_mps: f64,
+}
+
+/// Slower than this a motion's direction and curvature mean nothing, m/s.
+const STANDSTILL_MPS: f64 = 1e-3;
+
+impl Motion {
+    pub(crate) fn new(start: &FrenetState, d_m: f64, v_mps: f64, t_s: f64) -> Self {
+        Self {
+            lateral: Quintic::new(start.d, [d_m, 0.0, 0.0], t_s),
+            longitudinal: Quartic::new(start.s, [v_mps, 0.0], t_s),
+            end_s: t_s,
+        }
+    }
+
+    /// The motion in the map at `t_s`; `still` is the direction to take at standstill (cosine, sine).
+    pub(crate) fn at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
+        let inside_s = t_s.min(self.end_s);
+        let (mut s, d) = (self.longitudinal.at(inside_s), self.lateral.at(inside_s));
+        s.x += s.v * (t_s - inside_s);
+        let node = line.at(s.x);
+        // With the line's tangent and normal t' = κ s' n and n' = -κ s' t, differentiating
+        // p = r(s) + d n twice gives velocity and acceleration along and across the line.
+        let (k, kp) = (node.curvature_1pm, node.bend_1pm2);
+        let stretch = 1.0 - k * d.x;
+        let (along, across) = (s.v * stretch, d.v);
+        let accel_along = s.a * stretch - s.v * (kp * s.v * d.x + 2.0 * k * d.v);
+        let accel_across = d.a + k * s.v * s.v * stretch;
+        let speed = math::hypot(along, across);
+        let mut place = Place {
+            x_m: node.x_m - node.sin * d.x,
+            y_m: node.y_m + node.cos * d.x,
+            s_m: s.x,
+            d_m: d.x,
+            speed_mps: speed,
+            stretch,
+            along_mps: s.v,
+            ..Place::default()
+        };
+        if speed < STANDSTILL_MPS {
+            (place.cos, place.sin) = still;
+            place.accel_mps2 = accel_along;
+            return place;
+        }
+        (place.cos, place.sin) = turned(&node, along / speed, across / speed);
+        place.accel_mps2 = (along * accel_along + across * accel_across) / speed;
+        place.curvature_1pm = (along * accel_across - across * accel_along) / (speed * speed * speed);
+        place
+    }
+}
+
+fn turned(node: &Node, along: f64, across: f64) -> (f64, f64) {
+    (node.cos * along - node.sin * across, node.sin * along + node.cos * across)
+}
+
+/// The outline with the ego origin at `place`.
+pub(crate) fn outline(shape: &Shape, place: &Place) -> Solid {
+    let ahead_m = shape.center_ahead_m();
+    Solid {
+        x_m: place.x_m + place.cos * ahead_m,
+        y_m: place.y_m + place.sin * ahead_m,
+        cos: place.cos,
+        sin: place.sin,
+        half_length_m: 0.5 * shape.length_m,
+        half_width_m: 0.5 * shape.width_m,
+    }
+}
+
+/// What a motion must keep beyond the limits along the line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Checks<'a> {
+    pub(crate) obstacles: &'a Obstacles,
+    pub(crate) shape: &'a Shape,
+    /// Instant of the start.
+    pub(crate) at: Time,
+    pub(crate) clearance_m: f64,
+    pub(crate) curvature_max_1pm: f64,
+    /// Range that the ego origin's offset stays in; infinite: not looked at.
+    pub(crate) offset_m: (f64, f64),
+    /// What only drivable motions keep.
+    pub(crate) drivable: Option<Drivable<'a>>,
+    /// Direction of the ego at the start (cosine, sine).
+    pub(crate) heading: (f64, f64),
+    /// How long the motion is looked at beyond its end, seconds.
+    pub(crate) tail_s: f64,
+}
+
+/// Limits of the vehicle and the road.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drivable<'a> {
+    pub(crate) lateral_accel_max_mps2: f64,
+    pub(crate) accel_max_mps2: f64,
+    pub(crate) brake_max_mps2: f64,
+    pub(crate) steering_rate_max_radps: f64,
+    /// Ground that the whole outline stays on, with the margin to keep.
+    pub(crate) road: Option<(&'a Road, f64)>,
+}
+
+/// Largest time between two looks at the limits, seconds.
+const LOOK_S: f64 = 0.1;
+
+/// A start that breaks a limit may go on doing so, less and less, for this long, seconds.
+const GRACE_S: f64 = 1.0;
+
+/// Heading may change by this more than the curvature limit allows between two looks, radians: what the
+/// finite step leaves.
+const HEADING_SLACK_RAD: f64 = 0.03;
+
+/// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
+const CRAWL_MPS: f64 = 1.0;
+
+impl Checks<'_> {
+    /// Whether `motion` may be driven from 0 to `last_s`.
+    pub(crate) fn hold(&self, line: &Line, motion: &Motion, last_s: f64) -> bool {
+        let end_s = last_s + self.tail_s;
+        let steps = (end_s / LOOK_S).ceil().max(1.0);
+        let step_s = end_s / steps;
+        let first = motion.at(line, 0.0, self.heading);
+        let grace = Grace::new(self, &first);
+        let mut before = Place { cos: self.heading.0, sin: self.heading.1, ..first };
+        let (mut fastest_mps, mut quickest_radps): (f64, f64) = (0.0, 0.0);
+        for k in 0..=steps as usize {
+            let place = motion.at(line, k as f64 * step_s, (before.cos, before.sin));
+            if !self.limits_hold(&before, &place, k as f64 * step_s, step_s, &grace) {
+                return false;
+            }
+            fastest_mps = fastest_mps.max(place.speed_mps);
+            quickest_radps = quickest_radps.max(place.speed_mps * place.curvature_1pm.abs());
+            before = place;
+        }
+        self.free(line, motion, end_s, fastest_mps, quickest_radps, grace.clearance_m)
+    }
+
+    fn limits_hold(&self, before: &Place, place: &Place, t_s: f64, step_s: f64, grace: &Grace) -> bool {
+        let share = (1.0 - t_s / GRACE_S).max(0.0);
+        if place.stretch < 0.1 || place.along_mps < -1e-3 {
+            return false;
+        }
+        let slack_m = 1e-6 + grace.offset_m;
+        if place.d_m < self.offset_m.0 - slack_m || place.d_m > self.offset_m.1 + slack_m {
+            return false;
+        }
+        if place.speed_mps > CRAWL_MPS
+            && place.curvature_1pm.abs() > self.curvature_max_1pm.max(grace.curvature_1pm * share)
+        {
+            return false;
+        }
+        self.drivable.is_none_or(|d| self.drivable_holds(&d, before, place, (share, step_s), grace))
+    }
+
+    fn drivable_holds(
+        &self,
+        limits: &Drivable<'_>,
+        before: &Place,
+        place: &Place,
+        (share, step_s): (f64, f64),
+        grace: &Grace,
+    ) -> bool {
+        let lateral = place.curvature_1pm.abs() * place.speed_mps * place.speed_mps;
+        let accel = place.accel_mps2;
+        if lateral > limits.lateral_accel_max_mps2.max(grace.lateral_mps2 * share)
+            || accel > limits.accel_max_mps2.max(grace.accel_mps2 * share)
+            || accel < -limits.brake_max_mps2.max(-grace.accel_mps2 * share)
+        {
+            return false;
+        }
+        let moved_m = math::hypot(place.x_m - before.x_m, place.y_m - before.y_m);
+        let turn = (before.cos * place.sin - before.sin * place.cos).abs();
+        let forward = before.cos * place.cos + before.sin * place.sin > 0.0;
+        if !forward || turn > self.curvature_max_1pm * moved_m * 1.2 + HEADING_SLACK_RAD {
+            return false;
+        }
+        if share < 1.0 && before.speed_mps > CRAWL_MPS && place.speed_mps > CRAWL_MPS {
+            // Front wheels: δ = atan(L κ), so δ' is at most L κ'.
+            let change = self.shape.wheelbase_m * (place.curvature_1pm - before.curvature_1pm).abs();
+            if change > limits.steering_rate_max_radps * step_s * 1.05 {
+                return false;
+            }
+        }
+        limits.road.is_none_or(|(road, margin_m)| {
+            let needed_m = if share > 0.0 { margin_m.min(grace.margin_m) } else { margin_m };
+            road.margin_m(&outline(self.shape, place)) >= needed_m
+        })
+    }
+
+    fn free(
+        &self,
+        line: &Line,
+        motion: &Motion,
+        end_s: f64,
+        fastest_mps: f64,
+        quickest_radps: f64,
+        clearance_m: f64,
+    ) -> bool {
+        let mut place = |u: f64| {
+            let t_s = u * end_s;
+            let at = self.at + Span::from_secs(t_s);
+            (outline(self.shape, &motion.at(line, t_s, self.heading)), at)
+        };
+        let lever_m =
+            self.shape.center_ahead_m().abs() + 0.5 * math::hypot(self.shape.length_m, self.shape.width_m);
+        // The looks may have missed a little of the peak between them.
+        let travel_m = 1.05 * end_s * (fastest_mps + 0.1 + lever_m * quickest_radps);
+        self.obstacles.motion_free(&mut place, travel_m, clearance_m)
+    }
+}
+
+/// How far the start itself is off the limits: what a motion from it cannot be blamed for.
+struct Grace {
+    curvature_1pm: f64,
+    lateral_mps2: f64,
+    accel_mps2: f64,
+    offset_m: f64,
+    margin_m: f64,
+    clearance_m: f64,
+}
+
+impl Grace {
+    fn new(checks: &Checks<'_>, first: &Place) -> Self {
+        let (low, high) = checks.offset_m;
+        let offset_m = (low - first.d_m).max(first.d_m - high).max(0.0);
+        let mut grace = Self {
+            curvature_1pm: 0.0,
+            lateral_mps2: 0.0,
+            accel_mps2: 0.0,
+            offset_m: 1.1 * offset_m,
+            margin_m: f64::INFINITY,
+            clearance_m: checks.clearance_m,
+        };
+        if let Some(drivable) = &checks.drivable {
+            let body = outline(checks.shape, first);
+            grace.curvature_1pm = 1.1 * first.curvature_1pm.abs();
+            grace.lateral_mps2 = 1.1 * first.curvature_1pm.abs() * first.speed_mps * first.speed_mps;
+            grace.accel_mps2 = 1.1 * first.accel_mps2;
+            grace.margin_m = drivable.road.map_or(f64::INFINITY, |(road, _)| road.margin_m(&body) - 0.02);
+            let now_m = checks.obstacles.distance_below(&body, checks.at, checks.clearance_m);
+            grace.clearance_m = checks.clearance_m.min(0.95 * now_m);
+        }
+        grace
+    }
+}

@@ -1,0 +1,191 @@
+//! Parameters of the Frenet planner.
+
+use serde::{Deserialize, Serialize};
+
+use crate::collision::CollisionMode;
+use crate::params::{InvalidParam, require, require_not_negative, require_positive};
+use crate::posed::{FotConfig, Preset};
+
+/// Most candidates that a lattice may have.
+const CANDIDATES_MAX: f64 = 5e6;
+
+/// Parameters; the defaults are those of the paper's person-avoidance experiment (Pylot,
+/// `person_avoidance_frenet_*`), with left and right in our right-handed frame.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Params {
+    /// `paper`: the original's limits, start and fallback, every candidate counts. `best`: drivable, on the
+    /// road, full start state, keeps or brakes along the last plan. Source: ours.
+    pub preset: Preset,
+    /// How predicted motion is taken. Source: ours; Pylot's is `swept_static`.
+    pub collision: CollisionMode,
+    /// Obstacles that never come within this of the start are left out, metres. Source: Pylot (50).
+    pub obstacle_range_m: f64,
+    /// Largest speed along the line, m/s. Source: Pylot (35).
+    pub max_speed_mps: f64,
+    /// Largest acceleration along the line either way, m/s². Source: Pylot (10); `best` also keeps the
+    /// vehicle's limits.
+    pub max_accel_mps2: f64,
+    /// Largest curvature, 1/m. Source: Pylot (4); `best` also keeps the vehicle's limit.
+    pub max_curvature_1pm: f64,
+    /// Lateral samples reach this far to the left, metres. Source: Pylot (6).
+    pub left_m: f64,
+    /// Lateral samples reach this far to the right, metres. Source: Pylot (1).
+    pub right_m: f64,
+    /// Distance of lateral samples, metres. Source: the paper (0.5 fast, 0.1 slow).
+    pub lateral_step_m: f64,
+    /// Distance of samples in time and of end times, seconds. Source: the paper (0.3 fast, 0.1 slow).
+    pub time_step_s: f64,
+    /// Earliest end time, seconds. Source: Pylot (2).
+    pub horizon_min_s: f64,
+    /// Latest end time, seconds. Source: Pylot (5).
+    pub horizon_max_s: f64,
+    /// Distance of end speeds, m/s. Source: Pylot (0.25).
+    pub speed_step_mps: f64,
+    /// End speeds on either side of the target. Source: Pylot (2).
+    pub speed_steps: u32,
+    /// Distance to keep from obstacles, metres. Source: Pylot (0.3).
+    pub clearance_m: f64,
+    /// Distance to keep from the edge of the drivable ground, metres; `best` only. Source: ours.
+    pub road_margin_m: f64,
+    /// The plan goes on along the line for this long after its end time, checked as the rest, seconds;
+    /// `best` only. Source: ours: the next plan may come late or not at all.
+    pub tail_s: f64,
+    /// Weight of lateral offset and of end speed deviation (`kd`). Source: Pylot (1).
+    pub weight_offset: f64,
+    /// Weight of lateral speed (`kv`). Source: Pylot (0.1).
+    pub weight_lateral_speed: f64,
+    /// Weight of acceleration (`ka`). Source: Pylot (0.1).
+    pub weight_accel: f64,
+    /// Weight of jerk (`kj`). Source: Pylot (0.01).
+    pub weight_jerk: f64,
+    /// Weight of the end time (`kt`). Source: Pylot (0.01).
+    pub weight_time: f64,
+    /// Weight of nearness to obstacles (`ko`). Source: Pylot (100).
+    pub weight_obstacle: f64,
+    /// Weight of the lateral part (`klat`). Source: Pylot (1).
+    pub weight_lateral: f64,
+    /// Weight of the longitudinal part (`klon`). Source: Pylot (1).
+    pub weight_longitudinal: f64,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self::fast(Preset::Best)
+    }
+}
+
+impl Params {
+    /// The paper's fast configuration: 0.3 s, 0.5 m, 825 candidates.
+    pub fn fast(preset: Preset) -> Self {
+        Self {
+            preset,
+            collision: CollisionMode::TimeIndexed,
+            obstacle_range_m: 50.0,
+            max_speed_mps: 35.0,
+            max_accel_mps2: 10.0,
+            max_curvature_1pm: 4.0,
+            left_m: 6.0,
+            right_m: 1.0,
+            lateral_step_m: 0.5,
+            time_step_s: 0.3,
+            horizon_min_s: 2.0,
+            horizon_max_s: 5.0,
+            speed_step_mps: 0.25,
+            speed_steps: 2,
+            clearance_m: 0.3,
+            road_margin_m: 0.05,
+            tail_s: 1.0,
+            weight_offset: 1.0,
+            weight_lateral_speed: 0.1,
+            weight_accel: 0.1,
+            weight_jerk: 0.01,
+            weight_time: 0.01,
+            weight_obstacle: 100.0,
+            weight_lateral: 1.0,
+            weight_longitudinal: 1.0,
+        }
+    }
+
+    /// The paper's slow configuration: 0.1 s, 0.1 m, 11,005 candidates.
+    pub fn slow(preset: Preset) -> Self {
+        Self { lateral_step_m: 0.1, time_step_s: 0.1, ..Self::fast(preset) }
+    }
+
+    /// A posed problem's settings. Its frame has `d` positive along heading + 90 degrees, as ours.
+    pub(crate) fn posed(config: &FotConfig, preset: Preset) -> Self {
+        Self {
+            preset,
+            collision: CollisionMode::TimeIndexed,
+            obstacle_range_m: 1e9,
+            max_speed_mps: config.max_speed,
+            max_accel_mps2: config.max_accel,
+            max_curvature_1pm: config.max_curvature,
+            left_m: config.max_road_width_r,
+            right_m: config.max_road_width_l,
+            lateral_step_m: config.d_road_w,
+            time_step_s: config.dt,
+            horizon_min_s: config.mint,
+            horizon_max_s: config.maxt,
+            speed_step_mps: config.d_t_s,
+            speed_steps: config.n_s_sample.clamp(0.0, 1e6) as u32,
+            clearance_m: config.obstacle_clearance,
+            road_margin_m: 0.0,
+            tail_s: 0.0,
+            weight_offset: config.kd,
+            weight_lateral_speed: config.kv,
+            weight_accel: config.ka,
+            weight_jerk: config.kj,
+            weight_time: config.kt,
+            weight_obstacle: config.ko,
+            weight_lateral: config.klat,
+            weight_longitudinal: config.klon,
+        }
+    }
+
+    /// Number of candidates of the lattice, as counted by division.
+    fn candidates(&self) -> f64 {
+        let lateral = ((self.left_m + self.right_m) / self.lateral_step_m).floor() + 1.0;
+        let times = ((self.horizon_max_s - self.horizon_min_s) / self.time_step_s).floor() + 1.0;
+        lateral * times * (2.0 * f64::from(self.speed_steps) + 1.0)
+    }
+
+    /// Checks all ranges.
+    pub fn validate(&self) -> Result<(), InvalidParam> {
+        for (key, value) in [
+            ("obstacle_range_m", self.obstacle_range_m),
+            ("max_speed_mps", self.max_speed_mps),
+            ("max_accel_mps2", self.max_accel_mps2),
+            ("max_curvature_1pm", self.max_curvature_1pm),
+            ("lateral_step_m", self.lateral_step_m),
+            ("time_step_s", self.time_step_s),
+            ("horizon_min_s", self.horizon_min_s),
+            ("speed_step_mps", self.speed_step_mps),
+        ] {
+            require_positive(key, value)?;
+        }
+        for (key, value) in [
+            ("clearance_m", self.clearance_m),
+            ("road_margin_m", self.road_margin_m),
+            ("tail_s", self.tail_s),
+            ("weight_offset", self.weight_offset),
+            ("weight_lateral_speed", self.weight_lateral_speed),
+            ("weight_accel", self.weight_accel),
+            ("weight_jerk", self.weight_jerk),
+            ("weight_time", self.weight_time),
+            ("weight_obstacle", self.weight_obstacle),
+            ("weight_lateral", self.weight_lateral),
+            ("weight_longitudinal", self.weight_longitudinal),
+        ] {
+            require_not_negative(key, value)?;
+        }
+        let (low, high) = (self.horizon_min_s, self.horizon_max_s);
+        require("horizon_max_s", high, high >= low, "must be at least horizon_min_s")?;
+        require("left_m", self.left_m, self.left_m >= -self.right_m, "must be to the left of -right_m")?;
+        require("right_m", self.right_m, true, "must be finite")?;
+        let dense = self.time_step_s * 10_000.0 >= high;
+        require("time_step_s", self.time_step_s, dense, "must leave at most 10,000 samples in the horizon")?;
+        let n = self.candidates();
+        require("lateral_step_m", n, n <= CANDIDATES_MAX, "the lattice has more than 5 million candidates")
+    }
+}

@@ -1,0 +1,154 @@
+//! Posed problems for the Frenet planner.
+
+use swerve_core::Time;
+use swerve_geom::{Point2, Polyline, Pose2, math};
+use swerve_vehicle::{Limits, Shape};
+
+use super::lattice::Lattice;
+use super::line::Line;
+use super::motion::{Checks, FrenetState};
+use super::params::Params;
+use super::search::{Candidate, Search, Task};
+use super::{LINE_STEP_M, anytime, built_whole, curvature_max_1pm, places};
+use crate::collision::Obstacles;
+use crate::posed::{CLEARANCE_CAP_M, FotConfig, FotProblem, Preset, Solution, obb, path_length_m};
+use crate::request::Unlimited;
+
+/// Distance in time of the points of a solution's path, seconds.
+const PATH_STEP_S: f64 = 0.05;
+
+/// Distance of the looks that measure a solution's clearance, metres.
+const CLEARANCE_STEP_M: f64 = 0.1;
+
+/// The Lincoln of the other problems with its reference point in the middle, as the problems have it.
+fn centered_shape() -> Shape {
+    let shape = Shape::default();
+    Shape { rear_overhang_m: 0.5 * shape.length_m, ..shape }
+}
+
+/// A problem taken in: everything that a [`Task`] refers to.
+pub(super) struct Posed {
+    pub(super) params: Params,
+    pub(super) line: Line,
+    pub(super) start: FrenetState,
+    pub(super) obstacles: Obstacles,
+    shape: Shape,
+    target_mps: f64,
+}
+
+impl Posed {
+    /// In words what is wrong, if anything is.
+    pub(super) fn new(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Result<Self, String> {
+        let params = Params::posed(config, preset);
+        params.validate().map_err(|e| e.to_string())?;
+        let points: Vec<Point2> = problem.waypoints.iter().map(|p| Point2::new(p[0], p[1])).collect();
+        let polyline = Polyline::smooth(&points, LINE_STEP_M).map_err(|e| e.to_string())?;
+        let mut line = Line::default();
+        line.set(&polyline);
+        let start = frenet(problem, &polyline, &line)?;
+        let mut obstacles = Obstacles::default();
+        if problem.obstacles.iter().flatten().any(|x| !x.is_finite()) {
+            return Err("an obstacle is not finite".to_owned());
+        }
+        obstacles.set_boxes(problem.obstacles.iter().map(obb));
+        if !problem.target_speed.is_finite() {
+            return Err("the target speed is not finite".to_owned());
+        }
+        Ok(Self { params, line, start, obstacles, shape: centered_shape(), target_mps: problem.target_speed })
+    }
+
+    pub(super) fn task(&self) -> Task<'_> {
+        let p = &self.params;
+        let best = p.preset == Preset::Best;
+        let node = self.line.at(self.start.s[0]);
+        let tightest = curvature_max_1pm(&Limits::default(), &self.shape);
+        let checks = Checks {
+            obstacles: &self.obstacles,
+            shape: &self.shape,
+            at: Time::ZERO,
+            clearance_m: p.clearance_m,
+            curvature_max_1pm: if best { p.max_curvature_1pm.min(tightest) } else { p.max_curvature_1pm },
+            offset_m: if best { (-p.right_m, p.left_m) } else { (f64::NEG_INFINITY, f64::INFINITY) },
+            drivable: None,
+            heading: (node.cos, node.sin),
+            tail_s: 0.0,
+        };
+        Task {
+            params: p,
+            line: &self.line,
+            cut_m: self.line.length_m(),
+            start: self.start,
+            target_mps: self.target_mps,
+            checks,
+        }
+    }
+}
+
+/// The start as the original has it: all speed along the line, the heading's part across it, no acceleration.
+fn frenet(problem: &FotProblem, polyline: &Polyline, line: &Line) -> Result<FrenetState, String> {
+    let finite = |values: &[f64]| {
+        let all = values.iter().all(|v| v.is_finite());
+        if all { Ok(()) } else { Err("the start is not finite".to_owned()) }
+    };
+    if let Some([s, s1, d, d1, d2]) = problem.frenet_ic {
+        finite(&[s, s1, d, d1, d2])?;
+        return Ok(FrenetState { s: [s, s1, 0.0], d: [d, d1, d2] });
+    }
+    let (Some(pos), Some(vel)) = (problem.pos, problem.vel) else {
+        return Err("a start needs pos and vel, or frenet_ic".to_owned());
+    };
+    finite(&[pos[0], pos[1], vel[0], vel[1]])?;
+    let point = Point2::new(pos[0], pos[1]);
+    let (s_m, d_m) = line.project(point, polyline.project(point).s_m);
+    let node = line.at(s_m);
+    let across_mps = node.cos * vel[1] - node.sin * vel[0];
+    Ok(FrenetState { s: [s_m, math::hypot(vel[0], vel[1]), 0.0], d: [d_m, across_mps, 0.0] })
+}
+
+/// Solves one problem. The call's time is for the caller to measure.
+pub fn solve(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Solution {
+    let posed = match Posed::new(problem, config, preset) {
+        Ok(posed) => posed,
+        Err(reason) => return Solution::not_found(&problem.id, &reason, 0),
+    };
+    let task = posed.task();
+    let (mut search, mut lattice, mut coarse) = (Search::default(), Lattice::default(), Lattice::default());
+    lattice.set(&posed.params, task.target_mps);
+    let (mut spent, mut budget) = (0, Unlimited::default());
+    let found = match preset {
+        Preset::Best => anytime(&mut search, &task, (&lattice, &mut coarse), &mut budget, &mut spent),
+        Preset::Paper => built_whole(&mut search, &task, &mut lattice, &mut budget, &mut spent),
+    };
+    match found {
+        Some(candidate) => solution(&problem.id, &task, &candidate, spent),
+        None => Solution::not_found(&problem.id, "no candidate keeps all limits", spent),
+    }
+}
+
+fn solution(id: &str, task: &Task<'_>, candidate: &Candidate, work: u64) -> Solution {
+    let (mut path, mut curvature_max) = (Vec::new(), 0.0_f64);
+    let mut poses: Vec<(Pose2, Time)> = Vec::new();
+    for (t_s, place) in places(task, candidate, PATH_STEP_S) {
+        let heading_rad = math::atan2(place.sin, place.cos);
+        path.push([place.x_m, place.y_m, heading_rad, t_s]);
+        poses.push((Pose2::new(place.x_m, place.y_m, heading_rad), Time::ZERO));
+        curvature_max = curvature_max.max(place.curvature_1pm.abs());
+    }
+    let shape = task.checks.shape;
+    let outline = |pose: Pose2| shape.footprint(pose);
+    let clearance_m = task.checks.obstacles.path_clearance_m(outline, &poses, CLEARANCE_STEP_M);
+    Solution {
+        id: id.to_owned(),
+        found: true,
+        work,
+        length_m: path_length_m(&path),
+        cost: candidate.cost,
+        clearance_m: clearance_m.min(CLEARANCE_CAP_M),
+        curvature_max,
+        path,
+        ..Solution::default()
+    }
+}
+
+#[cfg(test)]
+mod tests;

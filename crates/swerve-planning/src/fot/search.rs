@@ -1,0 +1,490 @@
+//! The cheapest valid candidate, without looking at most of them.
+//!
+//! The cost of a candidate is a lateral part of (end offset, end time), a longitudinal part of (end speed,
+//! end time), both sums over time samples as in the original, and nearness to obstacles, which couples
+//! them. The first two are tables (lateral motion is linear in the end offset, so each sample's share is
+//! computed for all offsets at once). Nearness is bounded from below for whole ranges of offsets: at a
+//! sample all motions of a range lie on a stretch across the line, and no place on a stretch is further from
+//! a point than the further of its two ends. Ranges are taken from a heap by their bound and halved until
+//! single candidates come out in the order of their exact cost; the first that holds all limits is the
+//! answer, the same as that of looking at all of them.
+
+use core::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use swerve_core::{Span, Time};
+
+use super::lattice::Lattice;
+use super::line::Line;
+use super::motion::{Checks, FrenetState, Motion};
+use super::params::Params;
+use super::poly::{Quartic, Quintic};
+use crate::collision::Obstacles;
+use crate::request::{Budget, Goes};
+
+/// Ranges of at most this many offsets are evaluated one by one.
+const LEAVES: u32 = 3;
+
+/// Bounds are lowered by this share, so that rounding never puts one above what it bounds.
+const BOUND_SLACK: f64 = 1e-9;
+
+/// A posed search.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Task<'a> {
+    pub(crate) params: &'a Params,
+    pub(crate) line: &'a Line,
+    /// Samples beyond this arc length do not exist; infinite: the line goes on.
+    pub(crate) cut_m: f64,
+    pub(crate) start: FrenetState,
+    pub(crate) target_mps: f64,
+    pub(crate) checks: Checks<'a>,
+}
+
+/// The answer.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Candidate {
+    pub(crate) motion: Motion,
+    pub(crate) cost: f64,
+    pub(crate) d_m: f64,
+    pub(crate) v_mps: f64,
+    pub(crate) t_s: f64,
+    /// Until when it is driven: its end, or the last sample before the line's end, seconds.
+    pub(crate) last_s: f64,
+}
+
+/// How a search ended.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) enum Outcome {
+    /// The cheapest valid candidate.
+    Found(Candidate),
+    /// No candidate is valid.
+    Nothing,
+    /// The budget was used up before.
+    Stopped,
+}
+
+/// One pair of end time and end speed.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lon {
+    motion: Quartic,
+    cost: f64,
+    /// Samples before the line's end; zero when no candidate of the pair is valid.
+    count: usize,
+    /// First of its places in the arena; `NONE` before they are needed.
+    places: usize,
+}
+
+const NONE: usize = usize::MAX;
+
+/// A range of offsets of one pair, or one evaluated candidate.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Entry {
+    /// Lower bound of the cost; of a leaf the cost.
+    bound: f64,
+    leaf: bool,
+    /// Whether the bound has the obstacles in it.
+    refined: bool,
+    low: u32,
+    high: u32,
+    lon: u32,
+}
+
+impl Eq for Entry {}
+
+impl Ord for Entry {
+    /// The heap gives the greatest: lowest bound, then ranges before leaves, then the original's order.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other
+            .bound
+            .total_cmp(&self.bound)
+            .then(other.leaf.cmp(&self.leaf))
+            .then(other.low.cmp(&self.low))
+            .then(other.lon.cmp(&self.lon))
+            .then(other.high.cmp(&self.high))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// The search with its storage, which is kept from call to call.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Search {
+    /// End time x end offset.
+    lateral_cost: Vec<f64>,
+    /// End time x sample: offset of the motion to end offset 0, and how much of the end offset is added.
+    base_m: Vec<f64>,
+    basis: Vec<f64>,
+    /// End time x end speed.
+    lons: Vec<Lon>,
+    arena: Arena,
+    corners: Corners,
+    heap: BinaryHeap<Entry>,
+    scratch: Scratch,
+}
+
+/// Places of the line at the samples of a pair: position and normal.
+#[derive(Clone, Debug, Default)]
+struct Arena {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    normal_x: Vec<f64>,
+    normal_y: Vec<f64>,
+}
+
+/// Corners of all boxes grown by the clearance: (box x 4 + corner) x sample.
+#[derive(Clone, Debug, Default)]
+struct Corners {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    samples: usize,
+}
+
+/// Per sample: the two ends of the stretch and the sum of nearness.
+#[derive(Clone, Debug, Default)]
+struct Scratch {
+    ax: Vec<f64>,
+    ay: Vec<f64>,
+    bx: Vec<f64>,
+    by: Vec<f64>,
+    near: Vec<f64>,
+}
+
+impl Corners {
+    fn set(&mut self, obstacles: &Obstacles, at: Time, clearance_m: f64, samples_s: &[f64]) {
+        self.samples = samples_s.len();
+        self.x.clear();
+        self.y.clear();
+        let mut boxes = 0;
+        obstacles.for_each_at(at, |_| boxes += 1);
+        self.x.resize(boxes * 4 * self.samples, 0.0);
+        self.y.resize(boxes * 4 * self.samples, 0.0);
+        for (k, &t) in samples_s.iter().enumerate() {
+            let mut row = k;
+            obstacles.for_each_at(at + Span::from_secs(t), |solid| {
+                let mut grown = *solid;
+                grown.half_length_m += clearance_m;
+                grown.half_width_m += clearance_m;
+                for corner in grown.corners() {
+                    self.x[row] = corner.x_m;
+                    self.y[row] = corner.y_m;
+                    row += self.samples;
+                }
+            });
+        }
+    }
+}
+
+impl Search {
+    /// The cheapest valid candidate of `lattice`, as [`exhaustive`](Self::exhaustive) would find it.
+    ///
+    /// With a budget every candidate whose whole cost is computed counts as one unit.
+    pub(crate) fn run(
+        &mut self,
+        task: &Task<'_>,
+        lattice: &Lattice,
+        mut budget: Option<&mut dyn Budget>,
+        spent: &mut u64,
+    ) -> Outcome {
+        self.prepare(task, lattice);
+        while let Some(entry) = self.heap.pop() {
+            if entry.leaf {
+                let candidate = self.candidate(task, lattice, &entry);
+                if task.checks.hold(task.line, &candidate.motion, candidate.last_s) {
+                    return Outcome::Found(candidate);
+                }
+                continue;
+            }
+            let width = entry.high - entry.low + 1;
+            if !entry.refined && width > LEAVES {
+                let bound = self.bound(task, lattice, &entry);
+                self.heap.push(Entry { bound, refined: true, ..entry });
+            } else if width > LEAVES {
+                self.halve(task, lattice, &entry);
+            } else {
+                if let Some(budget) = budget.as_deref_mut() {
+                    *spent += u64::from(width);
+                    if budget.spend(u64::from(width)) == Goes::Stop {
+                        return Outcome::Stopped;
+                    }
+                }
+                self.evaluate(task, lattice, &entry);
+            }
+        }
+        Outcome::Nothing
+    }
+
+    /// Looks at every candidate: the reference that the search is tested against.
+    #[cfg(test)]
+    pub(crate) fn exhaustive(&mut self, task: &Task<'_>, lattice: &Lattice) -> Option<Candidate> {
+        self.prepare(task, lattice);
+        self.heap.clear();
+        let mut best: Option<Candidate> = None;
+        for d in 0..lattice.d_m.len() as u32 {
+            for lon in 0..self.lons.len() as u32 {
+                if self.lons[lon as usize].count < 2 {
+                    continue;
+                }
+                let entry = Entry { bound: 0.0, leaf: false, refined: false, low: d, high: d, lon };
+                let cost = self.cost(task, lattice, &entry);
+                let candidate = self.candidate(task, lattice, &Entry { bound: cost, ..entry });
+                if best.is_none_or(|b| cost < b.cost)
+                    && task.checks.hold(task.line, &candidate.motion, candidate.last_s)
+                {
+                    best = Some(candidate);
+                }
+            }
+        }
+        best
+    }
+
+    /// Every candidate with its lateral and longitudinal cost.
+    #[cfg(test)]
+    pub(crate) fn all(&mut self, task: &Task<'_>, lattice: &Lattice) -> Vec<(Candidate, f64, f64)> {
+        self.prepare(task, lattice);
+        let mut all = Vec::new();
+        for low in 0..lattice.d_m.len() as u32 {
+            for lon in 0..self.lons.len() as u32 {
+                if self.lons[lon as usize].count >= 2 {
+                    let entry = Entry { bound: 0.0, leaf: true, refined: false, low, high: low, lon };
+                    let bound = self.cost(task, lattice, &entry);
+                    let row = self.time_index(lattice, &entry) * lattice.d_m.len();
+                    let lateral = self.lateral_cost[row + low as usize];
+                    let candidate = self.candidate(task, lattice, &Entry { bound, ..entry });
+                    all.push((candidate, lateral, self.lons[lon as usize].cost));
+                }
+            }
+        }
+        all
+    }
+
+    /// Fills the tables and puts one range for each valid pair on the heap.
+    fn prepare(&mut self, task: &Task<'_>, lattice: &Lattice) {
+        self.corners.set(task.checks.obstacles, task.checks.at, task.params.clearance_m, &lattice.samples_s);
+        self.lateral(task, lattice);
+        self.longitudinal(task, lattice);
+        let n = lattice.samples_s.len();
+        let Scratch { ax, ay, bx, by, near } = &mut self.scratch;
+        for column in [ax, ay, bx, by, near] {
+            column.resize(n, 0.0);
+        }
+        self.heap.clear();
+        let high = lattice.d_m.len() as u32 - 1;
+        for index in 0..self.lons.len() {
+            if self.lons[index].count < 2 {
+                continue;
+            }
+            let entry = Entry { bound: 0.0, leaf: false, refined: false, low: 0, high, lon: index as u32 };
+            let bound = self.smooth_cost(task, lattice, &entry) * (1.0 - BOUND_SLACK);
+            self.heap.push(Entry { bound, ..entry });
+        }
+    }
+
+    /// Lateral cost of all end times and offsets (sums of absolute values over the samples).
+    fn lateral(&mut self, task: &Task<'_>, lattice: &Lattice) {
+        let (n, offsets, p) = (lattice.samples_s.len(), lattice.d_m.len(), task.params);
+        self.lateral_cost.clear();
+        self.lateral_cost.resize(lattice.t_s.len() * offsets, 0.0);
+        self.base_m.clear();
+        self.base_m.resize(lattice.t_s.len() * n, 0.0);
+        self.basis.clear();
+        self.basis.resize(lattice.t_s.len() * n, 0.0);
+        for (i, &t_s) in lattice.t_s.iter().enumerate() {
+            let base = Quintic::new(task.start.d, [0.0; 3], t_s);
+            let unit = Quintic::new([0.0; 3], [1.0, 0.0, 0.0], t_s);
+            let costs = &mut self.lateral_cost[i * offsets..(i + 1) * offsets];
+            for (k, &sample_s) in lattice.samples_s[..lattice.counts[i]].iter().enumerate() {
+                let (b, u) = (base.at(sample_s), unit.at(sample_s));
+                self.base_m[i * n + k] = b.x;
+                self.basis[i * n + k] = u.x;
+                for (cost, d) in costs.iter_mut().zip(&lattice.d_m) {
+                    *cost += p.weight_offset * (b.x + u.x * d).abs()
+                        + p.weight_lateral_speed * (b.v + u.v * d).abs()
+                        + p.weight_accel * (b.a + u.a * d).abs()
+                        + p.weight_jerk * (b.j + u.j * d).abs();
+                }
+            }
+        }
+    }
+
+    /// Longitudinal motion, cost and limits of all pairs.
+    fn longitudinal(&mut self, task: &Task<'_>, lattice: &Lattice) {
+        let p = task.params;
+        self.lons.clear();
+        self.arena.x.clear();
+        self.arena.y.clear();
+        self.arena.normal_x.clear();
+        self.arena.normal_y.clear();
+        for (i, &t_s) in lattice.t_s.iter().enumerate() {
+            for &v_mps in &lattice.v_mps {
+                let motion = Quartic::new(task.start.s, [v_mps, 0.0], t_s);
+                let (mut accel, mut jerk, mut last_mps) = (0.0, 0.0, 0.0);
+                let (mut count, mut valid) = (0, true);
+                for (k, &sample_s) in lattice.samples_s[..lattice.counts[i]].iter().enumerate() {
+                    let jet = motion.at(sample_s);
+                    accel += jet.a.abs();
+                    jerk += jet.j.abs();
+                    last_mps = jet.v;
+                    count += usize::from(count == k && jet.x <= task.cut_m);
+                    let held = sample_s == 0.0 || jet.a.abs() <= p.max_accel_mps2;
+                    valid &= held && jet.v <= p.max_speed_mps && jet.v >= -1e-3;
+                }
+                let cost = p.weight_accel * accel
+                    + p.weight_jerk * jerk
+                    + p.weight_time * t_s
+                    + p.weight_offset * (task.target_mps - last_mps).abs();
+                self.lons.push(Lon { motion, cost, count: if valid { count } else { 0 }, places: NONE });
+            }
+        }
+    }
+
+    fn time_index(&self, lattice: &Lattice, entry: &Entry) -> usize {
+        entry.lon as usize / lattice.v_mps.len()
+    }
+
+    /// The least lateral cost of the range with the longitudinal cost: a bound without obstacles.
+    fn smooth_cost(&self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
+        let row = self.time_index(lattice, entry) * lattice.d_m.len();
+        let costs = &self.lateral_cost[row + entry.low as usize..=row + entry.high as usize];
+        let least = costs.iter().copied().fold(f64::INFINITY, f64::min);
+        task.params.weight_lateral * least
+            + task.params.weight_longitudinal * self.lons[entry.lon as usize].cost
+    }
+
+    /// Exact cost of a single candidate; of a range a number no candidate in it is below.
+    fn cost(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
+        let smooth = self.smooth_cost(task, lattice, entry);
+        if task.params.weight_obstacle == 0.0 || self.corners.x.is_empty() {
+            return smooth;
+        }
+        smooth + task.params.weight_obstacle * self.nearness(task, lattice, entry)
+    }
+
+    fn bound(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
+        self.cost(task, lattice, entry) * (1.0 - BOUND_SLACK)
+    }
+
+    fn halve(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) {
+        let middle = entry.low + (entry.high - entry.low) / 2;
+        for (low, high) in [(entry.low, middle), (middle + 1, entry.high)] {
+            let half = Entry { low, high, ..*entry };
+            // What will be evaluated one by one anyway needs no bound of its own beyond its parent's.
+            let bound = if high - low < LEAVES { entry.bound } else { self.bound(task, lattice, &half) };
+            self.heap.push(Entry { bound, ..half });
+        }
+    }
+
+    fn evaluate(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) {
+        for d in entry.low..=entry.high {
+            let leaf = Entry { leaf: true, low: d, high: d, ..*entry };
+            let bound = self.cost(task, lattice, &leaf);
+            self.heap.push(Entry { bound, ..leaf });
+        }
+    }
+
+    fn candidate(&self, task: &Task<'_>, lattice: &Lattice, leaf: &Entry) -> Candidate {
+        let time = self.time_index(lattice, leaf);
+        let (t_s, d_m) = (lattice.t_s[time], lattice.d_m[leaf.low as usize]);
+        let v_mps = lattice.v_mps[leaf.lon as usize % lattice.v_mps.len()];
+        let count = self.lons[leaf.lon as usize].count;
+        Candidate {
+            motion: Motion::new(&task.start, d_m, v_mps, t_s),
+            cost: leaf.bound,
+            d_m,
+            v_mps,
+            t_s,
+            last_s: if task.cut_m.is_finite() { lattice.samples_s[count - 1] } else { t_s },
+        }
+    }
+
+    /// Sum over samples and boxes of 1 / distance to the nearest corner: exact for a single candidate, a
+    /// lower bound for a range.
+    fn nearness(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
+        self.place(task, lattice, entry.lon as usize);
+        let lon = self.lons[entry.lon as usize];
+        let (n, places) = (lon.count, lon.places);
+        let row = self.time_index(lattice, entry) * lattice.samples_s.len();
+        let (base_m, basis) = (&self.base_m[row..row + n], &self.basis[row..row + n]);
+        let (x, y) = (&self.arena.x[places..places + n], &self.arena.y[places..places + n]);
+        let normal_x = &self.arena.normal_x[places..places + n];
+        let normal_y = &self.arena.normal_y[places..places + n];
+        let Scratch { ax, ay, bx, by, near } = &mut self.scratch;
+        let (low_m, high_m) = (lattice.d_m[entry.low as usize], lattice.d_m[entry.high as usize]);
+        let ends = [(low_m, &mut *ax, &mut *ay), (high_m, &mut *bx, &mut *by)];
+        for (end_m, px, py) in ends {
+            let (px, py) = (&mut px[..n], &mut py[..n]);
+            for k in 0..n {
+                let d = base_m[k] + basis[k] * end_m;
+                px[k] = x[k] + normal_x[k] * d;
+                py[k] = y[k] + normal_y[k] * d;
+            }
+        }
+        let a = (&ax[..n], &ay[..n]);
+        if entry.low == entry.high {
+            return sum_nearness(&self.corners, a, None, &mut near[..n]);
+        }
+        sum_nearness(&self.corners, a, Some((&bx[..n], &by[..n])), &mut near[..n])
+    }
+
+    /// Computes where the line is at the samples of a pair, once.
+    fn place(&mut self, task: &Task<'_>, lattice: &Lattice, lon: usize) {
+        if self.lons[lon].places != NONE {
+            return;
+        }
+        self.lons[lon].places = self.arena.x.len();
+        let Lon { motion, count, .. } = self.lons[lon];
+        for &sample_s in &lattice.samples_s[..count] {
+            let node = task.line.at(motion.at(sample_s).x);
+            self.arena.x.push(node.x_m);
+            self.arena.y.push(node.y_m);
+            self.arena.normal_x.push(-node.sin);
+            self.arena.normal_y.push(node.cos);
+        }
+    }
+}
+
+type Points<'a> = (&'a [f64], &'a [f64]);
+
+/// Sum over samples and boxes of 1 / distance from `a` to the nearest corner; with `b`, of the stretch from
+/// `a` to `b`, where each corner counts as far as the further end.
+fn sum_nearness(corners: &Corners, a: Points<'_>, b: Option<Points<'_>>, near: &mut [f64]) -> f64 {
+    let n = near.len();
+    let mut total = 0.0;
+    let boxes = corners.x.len() / (4 * corners.samples);
+    for index in 0..boxes {
+        near.fill(f64::INFINITY);
+        for corner in 0..4 {
+            let first = (4 * index + corner) * corners.samples;
+            let (cx, cy) = (&corners.x[first..first + n], &corners.y[first..first + n]);
+            match b {
+                None => nearest(near, (cx, cy), a),
+                Some(b) => nearest_of_stretch(near, (cx, cy), a, b),
+            }
+        }
+        for squared in near.iter() {
+            total += 1.0 / squared.sqrt();
+        }
+    }
+    total
+}
+
+fn nearest(near: &mut [f64], corner: Points<'_>, a: Points<'_>) {
+    for (k, near) in near.iter_mut().enumerate() {
+        let (dx, dy) = (corner.0[k] - a.0[k], corner.1[k] - a.1[k]);
+        let squared = dx * dx + dy * dy;
+        *near = if squared < *near { squared } else { *near };
+    }
+}
+
+fn nearest_of_stretch(near: &mut [f64], corner: Points<'_>, a: Points<'_>, b: Points<'_>) {
+    for (k, near) in near.iter_mut().enumerate() {
+        let (ax, ay) = (corner.0[k] - a.0[k], corner.1[k] - a.1[k]);
+        let (bx, by) = (corner.0[k] - b.0[k], corner.1[k] - b.1[k]);
+        let (to_a, to_b) = (ax * ax + ay * ay, bx * bx + by * by);
+        let squared = if to_a > to_b { to_a } else { to_b };
+        *near = if squared < *near { squared } else { *near };
+    }
+}

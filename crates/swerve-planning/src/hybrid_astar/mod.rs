@@ -1,0 +1,20 @@
+//! Hybrid A*: search over poses with motions that a car can drive.
+//!
+//! Start pose, goal pose, obstacles (map frame, metres, radians) in; arcs and straights out. The method is that
+//! of D. Dolgov, S. Thrun, M. Montemerlo and J. Diebel, "Path planning for autonomous vehicles in unknown
+//! semi-structured environments", 2010: a lattice of arcs pruned on a grid of position and heading, an estimate
+//! that is the greater of the shortest path without obstacles and the way around them for a point, a try at the
+//! goal from every pose that is looked at, shortcuts afterwards.
+
+mod detour;
+pub(crate) mod dubins;
+pub(crate) mod ground;
+mod motions;
+pub(crate) mod on_road;
+mod planner;
+pub(crate) mod search;
+pub(crate) mod shorten;
+pub(crate) mod solve;
+
+pub use planner::{HybridAstar, Params};
+pub use solve::{Outcome, Solver, solve_posed};

@@ -1,0 +1,310 @@
+//! What RRT* and Hybrid A* do around their searches in the closed loop.
+
+use swerve_core::Time;
+use swerve_geom::{FrenetPoint, Pose2};
+use swerve_msg::{Plan, PlanStatus};
+
+use super::dubins::{Dubins, Piece, advance};
+use super::ground::{Area, Clock, Ground, Outline};
+use crate::collision::{CollisionMode, Obstacles};
+use crate::request::{Budget, Goes, Request};
+use crate::road::Road;
+use crate::world::{
+    Fallback, PathPoint, SpeedProfile, fall_back, follow_route, obstacle_in_range, route_pose_ahead,
+    timed_points,
+};
+
+/// Counts what a planner spends, and never asks again once told to stop.
+pub(crate) struct Counted<'a> {
+    inner: &'a mut dyn Budget,
+    pub(crate) spent: u64,
+    stopped: bool,
+}
+
+impl<'a> Counted<'a> {
+    pub(crate) fn new(inner: &'a mut dyn Budget) -> Self {
+        Self { inner, spent: 0, stopped: false }
+    }
+}
+
+impl Budget for Counted<'_> {
+    fn spend(&mut self, units: u64) -> Goes {
+        if self.stopped {
+            return Goes::Stop;
+        }
+        self.spent += units;
+        let goes = self.inner.spend(units);
+        self.stopped = goes == Goes::Stop;
+        goes
+    }
+}
+
+/// One search for a way from pose to pose.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Task<'a> {
+    /// The route that is followed.
+    pub(crate) request: &'a Request<'a>,
+    /// From here.
+    pub(crate) start: Pose2,
+    /// To there.
+    pub(crate) goal: Pose2,
+    /// Smallest turning radius, metres.
+    pub(crate) radius_m: f64,
+    /// The planned point stays in x_min, y_min, x_max, y_max, metres.
+    pub(crate) bounds: [f64; 4],
+}
+
+/// What differs between the planners.
+pub(crate) trait PathSearch {
+    /// The original's search: appends the poses of a path to `path`, which is empty; whether there is one.
+    fn paper(
+        &mut self,
+        ground: &Ground<'_>,
+        task: &Task<'_>,
+        budget: &mut dyn Budget,
+        path: &mut Vec<PathPoint>,
+    ) -> bool;
+
+    /// Our search for a way with turns of the task's radius that ends in the goal pose itself, free throughout.
+    fn best(
+        &mut self,
+        ground: &Ground<'_>,
+        task: &Task<'_>,
+        budget: &mut dyn Budget,
+        pieces: &mut Vec<Piece>,
+    ) -> bool;
+}
+
+/// Settings that the planners share.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct OnRoad {
+    pub(crate) goal_ahead_m: f64,
+    pub(crate) goal_ahead_s: f64,
+    pub(crate) obstacle_range_m: f64,
+    pub(crate) clearance_m: f64,
+    pub(crate) lane_width_m: f64,
+    pub(crate) horizon_s: f64,
+    pub(crate) collision: CollisionMode,
+    /// The outline that the original plans for.
+    pub(crate) outline: Outline,
+}
+
+/// Memory, kept between calls.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Desk {
+    obstacles: Obstacles,
+    road: Road,
+    pieces: Vec<Piece>,
+    path: Vec<PathPoint>,
+}
+
+/// Distance between points of a plan, metres.
+const POINT_M: f64 = 0.5;
+
+/// Distance that the best preset keeps from the edge of the road, metres.
+const EDGE_M: f64 = 0.05;
+
+/// Share of the allowed lateral acceleration that turns are laid out for.
+const LATERAL_SHARE: f64 = 0.9;
+
+/// Turns are laid out for the speed that is reached within this distance, metres.
+const SPEED_AHEAD_M: f64 = 15.0;
+
+impl Desk {
+    /// The original's behaviour: a search if anything is in range, at constant speed, without regard to the road; the
+    /// route otherwise, and where nothing is found.
+    pub(crate) fn plan_paper(
+        &mut self,
+        search: &mut impl PathSearch,
+        settings: &OnRoad,
+        request: &Request<'_>,
+        budget: &mut dyn Budget,
+    ) -> Plan {
+        let start = request.start.pose;
+        if !obstacle_in_range(request.predictions, start, settings.obstacle_range_m) {
+            return follow_route(request, SpeedProfile::Constant, settings.horizon_s, PlanStatus::Route);
+        }
+        let range_m = settings.obstacle_range_m;
+        self.obstacles.set_near(request.predictions, settings.collision, start.point(), range_m);
+        let goal = route_pose_ahead(&request.route.line, start, settings.goal_ahead_m);
+        let bounds = around(&[start, goal], settings.lane_width_m);
+        let speed_mps = request.target_speed_mps;
+        let ground = Ground {
+            obstacles: &self.obstacles,
+            clearance_m: settings.clearance_m,
+            outline: settings.outline,
+            area: Area::Box(bounds),
+            clock: Clock { start: request.start.stamp, speed_mps, target_mps: speed_mps, accel_mps2: 1.0 },
+        };
+        let task = Task { request, start, goal, radius_m: 0.0, bounds };
+        let mut counted = Counted::new(budget);
+        self.path.clear();
+        let found = search.paper(&ground, &task, &mut counted, &mut self.path);
+        let mut plan = if found {
+            let points =
+                timed_points(&self.path, &request.start, speed_mps, SpeedProfile::Constant, request.limits);
+            Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
+        } else {
+            fall_back(Fallback::FollowRoute, request, &self.obstacles, 0.0, settings.horizon_s)
+        };
+        plan.work = counted.spent;
+        plan
+    }
+
+    /// Ours: the route if it is free, else a drivable way around what is in the way and back to the route, on the road,
+    /// where everything will be at the moment of passing; else the last plan while it is free, else full brake.
+    pub(crate) fn plan_best(
+        &mut self,
+        search: &mut impl PathSearch,
+        settings: &OnRoad,
+        request: &Request<'_>,
+        budget: &mut dyn Budget,
+    ) -> Plan {
+        self.obstacles.set(request.predictions, settings.collision);
+        self.road.set(request.route);
+        let mut counted = Counted::new(budget);
+        let mut plan = self
+            .follow(settings, request)
+            .or_else(|| self.search(search, settings, request, &mut counted))
+            .unwrap_or_else(|| {
+                fall_back(Fallback::KeepOrBrake, request, &self.obstacles, 0.0, settings.horizon_s)
+            });
+        plan.work = counted.spent;
+        plan
+    }
+
+    /// The route itself, if the ego is on it and nothing is in the way.
+    fn follow(&self, settings: &OnRoad, request: &Request<'_>) -> Option<Plan> {
+        let start = request.start.pose;
+        let FrenetPoint { s_m, d_m } = self.road.project(start.point());
+        let off_rad =
+            swerve_geom::angle_between(request.route.line.at(s_m).pose.heading_rad, start.heading_rad);
+        if d_m.abs() > 0.1 || off_rad.abs() > 0.02 {
+            return None;
+        }
+        let clear = !obstacle_in_range(request.predictions, start, settings.obstacle_range_m);
+        let status = if clear { PlanStatus::Route } else { PlanStatus::Found };
+        let plan = follow_route(request, SpeedProfile::Limited, settings.horizon_s, status);
+        self.plan_free(&plan, request, settings.clearance_m).then_some(plan)
+    }
+
+    fn search(
+        &mut self,
+        search: &mut impl PathSearch,
+        settings: &OnRoad,
+        request: &Request<'_>,
+        budget: &mut dyn Budget,
+    ) -> Option<Plan> {
+        let (start, line) = (request.start.pose, &request.route.line);
+        let outline = own_outline(request);
+        let (clearance_m, edge_m) = self.margins(settings, request, &outline)?;
+        let radius_m = turning_radius_m(request);
+        let ahead_m = settings.goal_ahead_m.max(settings.goal_ahead_s * request.start.speed_mps);
+        let s_m = self.road.project(start.point()).s_m + ahead_m;
+        let heading_rad = line.at(s_m).pose.heading_rad;
+        for d_m in GOALS_M {
+            let at = line.to_map(FrenetPoint { s_m, d_m });
+            let goal = Pose2::new(at.x_m, at.y_m, heading_rad);
+            let bounds = around(&[start, goal], request.route.left_m.max(request.route.right_m) + 2.0);
+            let ground = Ground {
+                obstacles: &self.obstacles,
+                clearance_m,
+                outline,
+                area: Area::Road(&self.road, edge_m, bounds),
+                clock: clock(request),
+            };
+            let direct = Dubins::shortest(start, goal, radius_m);
+            if ground.pose_free(goal, direct.length()) {
+                let task = Task { request, start, goal, radius_m, bounds };
+                return (search.best(&ground, &task, budget, &mut self.pieces)
+                    && ground.free_exactly(start, &self.pieces))
+                .then(|| self.timed(request))
+                .filter(|plan| self.plan_free(plan, request, (clearance_m - TIMING_M).max(0.0)));
+            }
+        }
+        None
+    }
+
+    /// Clearance and distance from the edge of the road to keep: what is asked for, or what the start has where that is
+    /// less. `None` where the start already touches something.
+    fn margins(&self, settings: &OnRoad, request: &Request<'_>, outline: &Outline) -> Option<(f64, f64)> {
+        let pose = request.start.pose;
+        let (sin, cos) = swerve_geom::math::sin_cos(pose.heading_rad);
+        let solid = outline.at(pose.point(), [cos, sin]);
+        let wanted_m = settings.clearance_m;
+        let has_m = self.obstacles.distance_below(&solid, request.start.stamp, 2.0 * wanted_m + 1.0);
+        let edge_m = EDGE_M.min(self.road.margin_m(&solid) - TIMING_M);
+        (has_m > 0.0).then(|| (wanted_m.min(0.8 * has_m - TIMING_M).max(0.0), edge_m))
+    }
+
+    /// The plan along `pieces`.
+    fn timed(&mut self, request: &Request<'_>) -> Plan {
+        self.path.clear();
+        place_points(request.start.pose, &self.pieces, &mut self.path);
+        let (path, target_mps) = (&self.path, request.target_speed_mps);
+        let points = timed_points(path, &request.start, target_mps, SpeedProfile::Limited, request.limits);
+        Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
+    }
+
+    /// Whether a plan is free of collision, at its own times.
+    fn plan_free(&self, plan: &Plan, request: &Request<'_>, clearance_m: f64) -> bool {
+        let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        self.obstacles.path_free(|pose| request.shape.footprint(pose), &path, clearance_m)
+    }
+}
+
+/// Offsets from the line at which the way may end, in the order in which they are tried, metres.
+const GOALS_M: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, 4.0];
+
+/// Allowance for chords instead of arcs and for the plan's times against the search's, metres.
+const TIMING_M: f64 = 0.05;
+
+/// The car as it is.
+fn own_outline(request: &Request<'_>) -> Outline {
+    Outline {
+        half_length_m: 0.5 * request.shape.length_m,
+        half_width_m: 0.5 * request.shape.width_m,
+        center_ahead_m: request.shape.center_ahead_m(),
+    }
+}
+
+/// When the car is where: as [`timed_points`] has it where no turn asks for less speed.
+fn clock(request: &Request<'_>) -> Clock {
+    let (speed_mps, target_mps) = (request.start.speed_mps, request.target_speed_mps);
+    let limits = request.limits;
+    let accel_mps2 = if target_mps >= speed_mps { limits.accel_max_mps2 } else { limits.brake_max_mps2 };
+    Clock { start: request.start.stamp, speed_mps, target_mps, accel_mps2 }
+}
+
+/// Smallest radius of a turn: what the steering can do, and what lateral acceleration allows at the speed to come.
+fn turning_radius_m(request: &Request<'_>) -> f64 {
+    let limits = request.limits;
+    let v0 = request.start.speed_mps.max(0.0);
+    let reached = (v0 * v0 + 2.0 * limits.accel_max_mps2 * SPEED_AHEAD_M).sqrt();
+    let speed_mps = v0.max(request.target_speed_mps.min(reached));
+    let steered_m = request.shape.wheelbase_m / swerve_geom::math::tan(limits.steering_max_rad);
+    (speed_mps * speed_mps / (LATERAL_SHARE * limits.lateral_accel_max_mps2)).max(1.01 * steered_m)
+}
+
+/// The box around poses, grown.
+pub(crate) fn around(poses: &[Pose2], by_m: f64) -> [f64; 4] {
+    let start = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    let b =
+        poses.iter().fold(start, |b, p| [b[0].min(p.x_m), b[1].min(p.y_m), b[2].max(p.x_m), b[3].max(p.y_m)]);
+    [b[0] - by_m, b[1] - by_m, b[2] + by_m, b[3] + by_m]
+}
+
+/// Points along pieces from `start`, its own first and the end of the last piece last.
+pub(crate) fn place_points(start: Pose2, pieces: &[Piece], path: &mut Vec<PathPoint>) {
+    let curvature_1pm = pieces.first().map_or(0.0, |p| p.curvature_1pm);
+    path.push(PathPoint { pose: start, curvature_1pm });
+    let mut from = start;
+    for &Piece { curvature_1pm, length_m } in pieces {
+        let n = (length_m / POINT_M).ceil().max(1.0);
+        for k in 1..=n as usize {
+            let pose = advance(from, curvature_1pm, length_m * k as f64 / n);
+            path.push(PathPoint { pose, curvature_1pm });
+        }
+        from = advance(from, curvature_1pm, length_m);
+    }
+}

@@ -1,0 +1,145 @@
+//! Finds nodes by place: a grid of lists in two arrays.
+
+use swerve_geom::Point2;
+
+const NONE: u32 = u32::MAX;
+
+/// Cells at most: the side of a cell grows where an area would need more.
+const CELLS_MAX: f64 = 16_384.0;
+
+/// Points by place, in the order in which they came.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Grid {
+    x_m: f64,
+    y_m: f64,
+    side_m: f64,
+    nx: i64,
+    ny: i64,
+    /// Newest point of each cell.
+    first: Vec<u32>,
+    /// The point of the same cell that came before.
+    before: Vec<u32>,
+    points: Vec<Point2>,
+}
+
+impl Grid {
+    /// Forgets all points. Cells have about the given side; points outside `bounds` count to the cells at its edge.
+    pub(crate) fn begin(&mut self, bounds: [f64; 4], side_m: f64, points_max: usize) {
+        let (width_m, height_m) = ((bounds[2] - bounds[0]).max(1e-3), (bounds[3] - bounds[1]).max(1e-3));
+        self.side_m = side_m.clamp(0.25, 4.0).max((width_m * height_m / CELLS_MAX).sqrt());
+        (self.x_m, self.y_m) = (bounds[0], bounds[1]);
+        let count = |length_m: f64| (length_m / self.side_m).ceil().clamp(1.0, CELLS_MAX) as i64;
+        (self.nx, self.ny) = (count(width_m), count(height_m));
+        self.first.clear();
+        self.first.resize((self.nx * self.ny) as usize, NONE);
+        self.before.clear();
+        self.before.reserve(points_max);
+        self.points.clear();
+        self.points.reserve(points_max);
+    }
+
+    fn cell(&self, point: Point2) -> (i64, i64) {
+        let clamp = |v: f64, n: i64| ((v / self.side_m).floor() as i64).clamp(0, n - 1);
+        (clamp(point.x_m - self.x_m, self.nx), clamp(point.y_m - self.y_m, self.ny))
+    }
+
+    /// Adds a point; its index is the number of points before it.
+    pub(crate) fn push(&mut self, point: Point2) {
+        let (ix, iy) = self.cell(point);
+        let cell = &mut self.first[(iy * self.nx + ix) as usize];
+        self.before.push(*cell);
+        *cell = self.points.len() as u32;
+        self.points.push(point);
+    }
+
+    fn each_in(&self, ix: i64, iy: i64, mut visit: impl FnMut(u32, Point2)) {
+        if ix < 0 || iy < 0 || ix >= self.nx || iy >= self.ny {
+            return;
+        }
+        let mut at = self.first[(iy * self.nx + ix) as usize];
+        while at != NONE {
+            visit(at, self.points[at as usize]);
+            at = self.before[at as usize];
+        }
+    }
+
+    /// The nearest point, of equals the oldest. There is at least one point.
+    pub(crate) fn nearest(&self, to: Point2) -> u32 {
+        let (cx, cy) = self.cell(to);
+        let mut best = (f64::INFINITY, NONE);
+        for ring in 0..=self.nx.max(self.ny) {
+            // Nothing in this ring or further out is nearer than this.
+            let beyond_m = (ring - 1).max(0) as f64 * self.side_m;
+            if best.0 < beyond_m * beyond_m {
+                break;
+            }
+            let mut look = |ix: i64, iy: i64| {
+                self.each_in(ix, iy, |node, point| {
+                    let squared = (point - to).norm_squared();
+                    if (squared, node) < best {
+                        best = (squared, node);
+                    }
+                });
+            };
+            for ix in cx - ring..=cx + ring {
+                look(ix, cy - ring);
+                if ring > 0 {
+                    look(ix, cy + ring);
+                }
+            }
+            for iy in cy - ring + 1..cy + ring {
+                look(cx - ring, iy);
+                look(cx + ring, iy);
+            }
+        }
+        best.1
+    }
+
+    /// Calls `visit` with every point within `radius_m`.
+    pub(crate) fn within(&self, of: Point2, radius_m: f64, mut visit: impl FnMut(u32)) {
+        let low = self.cell(Point2::new(of.x_m - radius_m, of.y_m - radius_m));
+        let high = self.cell(Point2::new(of.x_m + radius_m, of.y_m + radius_m));
+        for iy in low.1..=high.1 {
+            for ix in low.0..=high.0 {
+                self.each_in(ix, iy, |node, point| {
+                    if (point - of).norm_squared() <= radius_m * radius_m {
+                        visit(node);
+                    }
+                });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_core::Rng;
+
+    #[test]
+    fn finds_what_looking_at_all_finds() {
+        let mut rng = Rng::keyed(5, "grid", &[]);
+        let mut grid = Grid::default();
+        grid.begin([-10.0, -3.0, 40.0, 5.0], 0.7, 500);
+        let mut points: Vec<Point2> = Vec::new();
+        for k in 0..500 {
+            // Some lie outside the bounds.
+            let point = Point2::new(rng.uniform(-15.0, 45.0), rng.uniform(-5.0, 7.0));
+            grid.push(point);
+            points.push(point);
+            let to = Point2::new(rng.uniform(-12.0, 42.0), rng.uniform(-5.0, 7.0));
+            let nearest = (0..=k).min_by(|&a, &b| {
+                let (a, b): (Point2, Point2) = (points[a], points[b]);
+                a.distance(to).total_cmp(&b.distance(to))
+            });
+            let found = grid.nearest(to) as usize;
+            let expected = points[nearest.unwrap()].distance(to);
+            assert!((points[found].distance(to) - expected).abs() < 1e-12, "{to:?}");
+            let mut within = vec![];
+            grid.within(to, 2.0, |node| within.push(node as usize));
+            within.sort_unstable();
+            let all: Vec<usize> = (0..=k).filter(|&i| points[i].distance(to) <= 2.0).collect();
+            assert_eq!(within, all);
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! The spaces in which the tree grows in the closed loop.
+
+use swerve_core::Rng;
+use swerve_geom::{FrenetPoint, Pose2};
+use swerve_msg::Route;
+
+use super::tree::Space;
+use crate::hybrid_astar::dubins::{Dubins, Piece, advance};
+use crate::hybrid_astar::ground::Ground;
+
+/// A point that turns on the spot: the original's idea of a car.
+pub(crate) struct PointSpace<'a> {
+    pub(crate) ground: &'a Ground<'a>,
+    pub(crate) bounds: [f64; 4],
+}
+
+impl Space for PointSpace<'_> {
+    fn draw(&self, rng: &mut Rng) -> Pose2 {
+        let b = &self.bounds;
+        Pose2::new(rng.uniform(b[0], b[2]), rng.uniform(b[1], b[3]), 0.0)
+    }
+
+    fn length_m(&self, from: Pose2, to: Pose2) -> f64 {
+        from.point().distance(to.point())
+    }
+
+    fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
+        let way = to.point() - from.point();
+        let length_m = way.norm();
+        if length_m <= step_m {
+            return to;
+        }
+        let point = from.point() + way * (step_m / length_m);
+        Pose2::new(point.x_m, point.y_m, 0.0)
+    }
+
+    fn free(&self, from: Pose2, to: Pose2, travelled_m: f64) -> bool {
+        let way = to.point() - from.point();
+        let piece = Piece { curvature_1pm: 0.0, length_m: way.norm() };
+        let from = Pose2::new(from.x_m, from.y_m, way.heading());
+        self.ground.piece_free(from, piece, travelled_m)
+    }
+}
+
+/// A car with a turning circle on a road.
+pub(crate) struct RoadSpace<'a> {
+    pub(crate) ground: &'a Ground<'a>,
+    pub(crate) route: &'a Route,
+    pub(crate) radius_m: f64,
+    /// Arc lengths of start and goal on the route, metres.
+    pub(crate) from_s_m: f64,
+    pub(crate) to_s_m: f64,
+    /// Half the width of the car, metres.
+    pub(crate) half_width_m: f64,
+}
+
+/// Headings are drawn up to this far off the road's, radians.
+const OFF_RAD: f64 = 0.35;
+
+impl RoadSpace<'_> {
+    /// The pose beside the line at arc length `s_m`, turned off the road's direction.
+    pub(crate) fn beside(&self, s_m: f64, d_m: f64, off_rad: f64) -> Pose2 {
+        let on_line = self.route.line.at(s_m).pose;
+        let at = self.route.line.to_map(FrenetPoint { s_m, d_m });
+        Pose2::new(at.x_m, at.y_m, on_line.heading_rad + off_rad)
+    }
+}
+
+impl Space for RoadSpace<'_> {
+    fn draw(&self, rng: &mut Rng) -> Pose2 {
+        let s_m = rng.uniform(self.from_s_m, self.to_s_m);
+        let d_m = rng.uniform(self.half_width_m - self.route.right_m, self.route.left_m - self.half_width_m);
+        self.beside(s_m, d_m, rng.uniform(-OFF_RAD, OFF_RAD))
+    }
+
+    fn length_m(&self, from: Pose2, to: Pose2) -> f64 {
+        Dubins::shortest(from, to, self.radius_m).length()
+    }
+
+    fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
+        let path = Dubins::shortest(from, to, self.radius_m);
+        if path.length() <= step_m {
+            return to;
+        }
+        let (mut at, mut left_m) = (from, step_m);
+        for piece in path.pieces {
+            at = advance(at, piece.curvature_1pm, piece.length_m.min(left_m));
+            left_m = (left_m - piece.length_m).max(0.0);
+        }
+        at
+    }
+
+    fn free(&self, from: Pose2, to: Pose2, travelled_m: f64) -> bool {
+        self.ground.path_free(from, &Dubins::shortest(from, to, self.radius_m), travelled_m)
+    }
+}

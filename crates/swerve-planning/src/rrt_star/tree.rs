@@ -1,0 +1,358 @@
+//! The tree: grown towards random places, rewired to be short.
+
+use swerve_core::Rng;
+use swerve_geom::{Point2, Pose2, math};
+
+use super::grid::Grid;
+use crate::request::{Budget, Goes};
+
+/// What the tree grows in: places, ways between them, what is in the way.
+pub(crate) trait Space {
+    /// A place drawn at random.
+    fn draw(&self, rng: &mut Rng) -> Pose2;
+    /// Length of the way from place to place, obstacles or not, metres.
+    fn length_m(&self, from: Pose2, to: Pose2) -> f64;
+    /// The place `step_m` along the way, or its end where that is nearer.
+    fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2;
+    /// Whether the way is free when it begins after `travelled_m`.
+    fn free(&self, from: Pose2, to: Pose2, travelled_m: f64) -> bool;
+}
+
+/// How the tree grows.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Growth {
+    /// Longest extension, metres.
+    pub(crate) step_m: f64,
+    /// Iterations at most.
+    pub(crate) iterations_max: u64,
+    /// Share of iterations that aim at the goal.
+    pub(crate) goal_share: f64,
+    /// Share of iterations that aim at a guide: a place given beforehand where short ways are known to bend.
+    pub(crate) guide_share: f64,
+    /// `gamma` of the rewiring radius `sqrt(gamma / pi * ln n / n)`, m².
+    pub(crate) gamma_m2: f64,
+    /// Longest rewiring radius, metres.
+    pub(crate) radius_max_m: f64,
+    /// When it is over.
+    pub(crate) until: Until,
+}
+
+/// When the growth is over.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) enum Until {
+    /// At the first node this near to the goal, metres: the original.
+    Arrival(f64),
+    /// When the iterations or the budget are used up. Nodes are joined to the goal itself, the way there is
+    /// tried at once, and after the first path only places are drawn that can shorten it (J. D. Gammell,
+    /// S. S. Srinivasa and T. D. Barfoot, "Informed RRT*", 2014).
+    Spent,
+}
+
+const NONE: u32 = u32::MAX;
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    pose: Pose2,
+    parent: u32,
+    first_child: u32,
+    next_sibling: u32,
+    /// Length of the way from the root, metres.
+    cost_m: f64,
+}
+
+/// A node that could be joined to another.
+#[derive(Clone, Copy, Debug)]
+struct Neighbour {
+    node: u32,
+    cost_m: f64,
+}
+
+/// The tree and its memory, kept between calls.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tree {
+    nodes: Vec<Node>,
+    grid: Grid,
+    near: Vec<Neighbour>,
+    stack: Vec<u32>,
+    /// Nodes with a free way to the goal, with its length.
+    arrived: Vec<(u32, f64)>,
+    /// Guides that are not in the tree yet.
+    guides: Vec<Pose2>,
+    /// Guides that are.
+    guide_nodes: Vec<u32>,
+    /// Iterations of the newest growth.
+    pub(crate) work: u64,
+}
+
+/// Draws of a place that could shorten the path before giving up on one that can.
+const DRAWS_MAX: usize = 24;
+
+/// A gain below this is none, metres.
+const GAIN_M: f64 = 1e-9;
+
+impl Tree {
+    /// Grows a tree from `start` towards `goal` within `bounds`; whether the goal was reached.
+    pub(crate) fn grow(
+        &mut self,
+        space: &impl Space,
+        growth: &Growth,
+        (start, goal, bounds): (Pose2, Pose2, [f64; 4]),
+        guides: &[Pose2],
+        rng: &mut Rng,
+        budget: &mut dyn Budget,
+    ) -> bool {
+        self.begin(growth, start, bounds, guides);
+        if growth.until == Until::Spent {
+            self.try_goal(space, 0, goal);
+            if self.best_m() <= space.length_m(start, goal) + GAIN_M {
+                return true;
+            }
+        }
+        for _ in 0..growth.iterations_max {
+            let goes = budget.spend(1);
+            self.work += 1;
+            if self.iterate(space, growth, (start, goal), rng) || goes == Goes::Stop {
+                break;
+            }
+        }
+        !self.arrived.is_empty()
+    }
+
+    fn begin(&mut self, growth: &Growth, start: Pose2, bounds: [f64; 4], guides: &[Pose2]) {
+        self.work = 0;
+        self.nodes.clear();
+        self.nodes.reserve(growth.iterations_max as usize + 1);
+        self.near.clear();
+        self.near.reserve(growth.iterations_max as usize + 1);
+        self.stack.clear();
+        self.stack.reserve(growth.iterations_max as usize + 1);
+        self.arrived.clear();
+        self.arrived.reserve(growth.iterations_max as usize + 1);
+        self.guides.clear();
+        self.guides.extend_from_slice(guides);
+        self.guide_nodes.clear();
+        self.guide_nodes.reserve(guides.len());
+        self.grid.begin(bounds, growth.radius_max_m, growth.iterations_max as usize + 1);
+        self.push(start, NONE, 0.0);
+    }
+
+    fn push(&mut self, pose: Pose2, parent: u32, cost_m: f64) -> u32 {
+        let node = self.nodes.len() as u32;
+        self.nodes.push(Node { pose, parent: NONE, first_child: NONE, next_sibling: NONE, cost_m });
+        self.grid.push(pose.point());
+        if parent != NONE {
+            self.adopt(parent, node);
+        }
+        node
+    }
+
+    /// One iteration; whether the growth is over.
+    fn iterate(
+        &mut self,
+        space: &impl Space,
+        growth: &Growth,
+        (start, goal): (Pose2, Pose2),
+        rng: &mut Rng,
+    ) -> bool {
+        let aim = rng.unit();
+        if aim < growth.guide_share && !self.guides.is_empty() {
+            self.add_guide(space, (start, goal), rng);
+            return false;
+        }
+        let wanted = if aim >= 1.0 - growth.goal_share { goal } else { self.draw(space, (start, goal), rng) };
+        let nearest = self.grid.nearest(wanted.point());
+        let from = self.nodes[nearest as usize].pose;
+        let pose = space.toward(from, wanted, growth.step_m);
+        if pose.point().distance(from.point()) < 1e-6 || self.is_useless(pose, (start, goal)) {
+            return false;
+        }
+        let n = self.nodes.len() as f64;
+        let radius_m = (growth.gamma_m2 / core::f64::consts::PI * math::ln(n.max(2.0)) / n).sqrt();
+        self.collect_near(space, pose, radius_m.min(growth.radius_max_m), nearest);
+        let Some(node) = self.connect(space, pose) else { return false };
+        self.rewire(space, node);
+        match growth.until {
+            Until::Arrival(near_m) => {
+                let arrives = pose.point().distance(goal.point()) < near_m;
+                if arrives {
+                    self.arrived.push((node, 0.0));
+                }
+                arrives
+            }
+            Until::Spent => {
+                self.try_goal(space, node, goal);
+                false
+            }
+        }
+    }
+
+    /// A random place; once there is a path, one through which a shorter path could go.
+    fn draw(&self, space: &impl Space, ends: (Pose2, Pose2), rng: &mut Rng) -> Pose2 {
+        let mut pose = space.draw(rng);
+        for _ in 0..DRAWS_MAX {
+            if !self.is_useless(pose, ends) {
+                break;
+            }
+            pose = space.draw(rng);
+        }
+        pose
+    }
+
+    /// Whether even the straight way through `pose` is no shorter than the best path.
+    fn is_useless(&self, pose: Pose2, (start, goal): (Pose2, Pose2)) -> bool {
+        let p = pose.point();
+        !self.arrived.is_empty() && start.point().distance(p) + p.distance(goal.point()) >= self.best_m()
+    }
+
+    /// Joins one of the guides to the tree, over all nodes it could be joined to.
+    fn add_guide(&mut self, space: &impl Space, ends: (Pose2, Pose2), rng: &mut Rng) {
+        let index = rng.below(self.guides.len());
+        let pose = self.guides[index];
+        if self.is_useless(pose, ends) {
+            self.guides.swap_remove(index);
+            return;
+        }
+        self.near.clear();
+        for node in 0..self.nodes.len() as u32 {
+            self.near.push(Neighbour { node, cost_m: 0.0 });
+        }
+        self.price(space, pose);
+        let Some(node) = self.connect(space, pose) else { return };
+        self.guides.swap_remove(index);
+        self.guide_nodes.push(node);
+        self.rewire(space, node);
+        self.try_goal(space, node, ends.1);
+    }
+
+    /// Fills `near` with the nodes around `pose`, `nearest` and the guides among them, and prices them.
+    fn collect_near(&mut self, space: &impl Space, pose: Pose2, radius_m: f64, nearest: u32) {
+        self.near.clear();
+        let near = &mut self.near;
+        self.grid.within(pose.point(), radius_m, |node| near.push(Neighbour { node, cost_m: 0.0 }));
+        if !self.near.iter().any(|n| n.node == nearest) {
+            self.near.push(Neighbour { node: nearest, cost_m: 0.0 });
+        }
+        self.price(space, pose);
+    }
+
+    /// Prices the ways over each of `near` to `pose`, drops those that cannot be part of a better path, and
+    /// sorts the rest, cheapest first.
+    fn price(&mut self, space: &impl Space, pose: Pose2) {
+        let (nodes, best_m) = (&self.nodes, self.best_m());
+        self.near.retain_mut(|n| {
+            let node = &nodes[n.node as usize];
+            if node.cost_m + node.pose.point().distance(pose.point()) >= best_m {
+                return false;
+            }
+            n.cost_m = node.cost_m + space.length_m(node.pose, pose);
+            n.cost_m < best_m
+        });
+        self.near.sort_unstable_by(|a, b| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node)));
+    }
+
+    /// Adds `pose` below the first of `near` from which the way is free: only as many ways are checked as needed.
+    fn connect(&mut self, space: &impl Space, pose: Pose2) -> Option<u32> {
+        let nodes = &self.nodes;
+        let parent = self.near.iter().find(|n| {
+            let node = &nodes[n.node as usize];
+            space.free(node.pose, pose, node.cost_m)
+        })?;
+        let (parent, cost_m) = (parent.node, parent.cost_m);
+        Some(self.push(pose, parent, cost_m))
+    }
+
+    /// Leads nodes of `near` over `node` where that is shorter.
+    fn rewire(&mut self, space: &impl Space, node: u32) {
+        let Node { pose, cost_m, parent, .. } = self.nodes[node as usize];
+        for i in 0..self.near.len() {
+            let other = self.near[i].node;
+            let at = self.nodes[other as usize];
+            let straight_m = pose.point().distance(at.pose.point());
+            if other == parent || cost_m + straight_m >= at.cost_m - GAIN_M {
+                continue;
+            }
+            let new_m = cost_m + space.length_m(pose, at.pose);
+            if new_m < at.cost_m - GAIN_M && space.free(pose, at.pose, cost_m) {
+                self.disown(other);
+                self.adopt(node, other);
+                self.lower(other, at.cost_m - new_m);
+            }
+        }
+    }
+
+    fn adopt(&mut self, parent: u32, child: u32) {
+        let first = core::mem::replace(&mut self.nodes[parent as usize].first_child, child);
+        let node = &mut self.nodes[child as usize];
+        (node.parent, node.next_sibling) = (parent, first);
+    }
+
+    fn disown(&mut self, child: u32) {
+        let Node { parent, next_sibling, .. } = self.nodes[child as usize];
+        let mut at = self.nodes[parent as usize].first_child;
+        if at == child {
+            self.nodes[parent as usize].first_child = next_sibling;
+            return;
+        }
+        while self.nodes[at as usize].next_sibling != child {
+            at = self.nodes[at as usize].next_sibling;
+        }
+        self.nodes[at as usize].next_sibling = next_sibling;
+    }
+
+    /// Takes `by_m` off the cost of `node` and all below it.
+    fn lower(&mut self, node: u32, by_m: f64) {
+        self.stack.push(node);
+        while let Some(at) = self.stack.pop() {
+            self.nodes[at as usize].cost_m -= by_m;
+            let mut child = self.nodes[at as usize].first_child;
+            while child != NONE {
+                self.stack.push(child);
+                child = self.nodes[child as usize].next_sibling;
+            }
+        }
+    }
+
+    /// Notes that `node` reaches the goal, if it does by a shorter path than all before.
+    fn try_goal(&mut self, space: &impl Space, node: u32, goal: Pose2) {
+        let Node { pose, cost_m, .. } = self.nodes[node as usize];
+        let best_m = self.best_m();
+        if cost_m + pose.point().distance(goal.point()) >= best_m - GAIN_M {
+            return;
+        }
+        let last_m = space.length_m(pose, goal);
+        if cost_m + last_m < best_m - GAIN_M && space.free(pose, goal, cost_m) {
+            self.arrived.push((node, last_m));
+        }
+    }
+
+    /// Length of the best path, infinite before the first.
+    pub(crate) fn best_m(&self) -> f64 {
+        self.arrived
+            .iter()
+            .fold(f64::INFINITY, |best, &(n, last)| best.min(self.nodes[n as usize].cost_m + last))
+    }
+
+    /// The poses of the best path from the start to its last node (the goal itself is not a node); forgets that
+    /// path, so that the next call gives the next best. `None` when there is no other.
+    pub(crate) fn take_best(&mut self, poses: &mut Vec<Pose2>) -> Option<f64> {
+        let nodes = &self.nodes;
+        let cost = |&(node, last_m): &(u32, f64)| nodes[node as usize].cost_m + last_m;
+        let best = (0..self.arrived.len())
+            .min_by(|&a, &b| cost(&self.arrived[a]).total_cmp(&cost(&self.arrived[b])))?;
+        let cost_m = cost(&self.arrived[best]);
+        let (node, _) = self.arrived.swap_remove(best);
+        poses.clear();
+        let mut at = node;
+        while at != NONE {
+            poses.push(nodes[at as usize].pose);
+            at = nodes[at as usize].parent;
+        }
+        poses.reverse();
+        Some(cost_m)
+    }
+
+    /// The places of all nodes, in the order in which they came.
+    pub(crate) fn places(&self) -> impl Iterator<Item = Point2> + '_ {
+        self.nodes.iter().map(|n| n.pose.point())
+    }
+}

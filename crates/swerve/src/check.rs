@@ -1,0 +1,57 @@
+//! `swerve check`: every problem of every file at once, without running anything.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+
+use crate::config::Config;
+use crate::config::text::{Document, Problem};
+use crate::study::Bench;
+
+/// `swerve check`.
+#[derive(clap::Args, Debug)]
+pub struct CheckArgs {
+    /// Files, or folders of them
+    #[arg(default_values = ["scenarios", "configs"])]
+    paths: Vec<PathBuf>,
+}
+
+/// Checks files and folders.
+pub fn run(args: &CheckArgs) -> anyhow::Result<()> {
+    let mut files = Vec::new();
+    for path in &args.paths {
+        if path.is_dir() { files.extend(crate::files::toml_files(path)?) } else { files.push(path.clone()) }
+    }
+    let mut faults = Vec::new();
+    for file in &files {
+        faults.extend(problems(file));
+    }
+    if faults.is_empty() {
+        crate::output::print(&format!("{} files, no problem\n", files.len()));
+        return Ok(());
+    }
+    for fault in &faults {
+        eprintln!("{fault}");
+    }
+    bail!("{} problems in {} files", faults.len(), files.len())
+}
+
+/// What kind of file this is shows in its top-level keys.
+fn problems(path: &Path) -> Vec<String> {
+    let document = match Document::read(path) {
+        Ok(document) => document,
+        Err(problem) => return vec![problem.to_string()],
+    };
+    let has = |key: &str| document.table.contains_key(key);
+    let told = |problems: Vec<Problem>| problems.iter().map(ToString::to_string).collect();
+    if has("road") || has("expect") || has("actor") {
+        let problems = swerve_scenario::Scenario::read(path).err().unwrap_or_default();
+        problems.iter().map(ToString::to_string).collect()
+    } else if has("base") || has("axis") {
+        Bench::open(path, &[]).err().map(|error| format!("{error:#}")).into_iter().collect()
+    } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
+        crate::timing::read_file(path).err().map(|error| format!("{error:#}")).into_iter().collect()
+    } else {
+        told(Config::from_document(&document, &[]).err().unwrap_or_default())
+    }
+}

@@ -1,0 +1,41 @@
+//! The command line.
+
+use clap::{Parser, Subcommand};
+
+use crate::{check, replay, run, scenarios, study, timing};
+
+/// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
+#[derive(Parser, Debug)]
+#[command(name = "swerve", version, about, arg_required_else_help = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Drive a scenario: verdict, figures, pictures, log
+    Run(run::RunArgs),
+    /// Vary a run along axes over configuration keys and seeds
+    Study(study::StudyArgs),
+    /// Compute a log's streams again and compare, or ask what would have been
+    Replay(replay::ReplayArgs),
+    /// Run a pipeline of black boxes: response times, drops, misses, utilisation
+    Timing(timing::TimingArgs),
+    /// Check scenario, configuration, study and timing files without running them
+    Check(check::CheckArgs),
+    /// List the scenarios of a folder
+    Scenarios(scenarios::ScenariosArgs),
+}
+
+/// Runs the command line.
+pub fn main(cli: &Cli) -> anyhow::Result<()> {
+    match &cli.command {
+        Command::Run(args) => run::run(args),
+        Command::Study(args) => study::run(args),
+        Command::Replay(args) => replay::run(args),
+        Command::Timing(args) => timing::run(args),
+        Command::Check(args) => check::run(args),
+        Command::Scenarios(args) => scenarios::run(args),
+    }
+}

@@ -1,0 +1,91 @@
+use swerve_flow::{Context, Every, Latest, Operator, Port};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{EgoState, Gnss, Imu, ObstacleList};
+use swerve_sim::sense::{
+    self, GnssParams, ImuParams, PoseParams, SensorMount, SensorParams, visible_obstacles,
+};
+
+use crate::config::{Config, Source};
+
+/// Simulator state cut by what the sensor can see.
+pub(super) struct Obstacles {
+    mount: SensorMount,
+    params: SensorParams,
+}
+
+impl Obstacles {
+    pub(super) fn new(config: &Config) -> Self {
+        let sensing = &config.sensing;
+        Self {
+            mount: sensing.mount.unwrap_or_else(|| SensorMount::roof(&config.sim.vehicle.shape)),
+            params: SensorParams {
+                range_m: sensing.range_m,
+                range_person_m: sensing.range_person_m,
+                fov_rad: sensing.fov_deg.to_radians(),
+                occlusion: sensing.source == Source::Truth,
+            },
+        }
+    }
+}
+
+impl Operator for Obstacles {
+    type In = (Every, Latest<WorldState>);
+    type Out = Port<ObstacleList>;
+
+    fn step(&mut self, _: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
+        if let Some(world) = world.get() {
+            out.loan().send(visible_obstacles(world, &self.mount, &self.params));
+        }
+    }
+}
+
+/// Localization, as good as its errors let it be.
+pub(super) struct Pose {
+    pub(super) params: PoseParams,
+    pub(super) seed: u64,
+}
+
+impl Operator for Pose {
+    type In = (Every, Latest<WorldState>);
+    type Out = Port<EgoState>;
+
+    fn step(&mut self, cx: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
+        if let Some(world) = world.get() {
+            out.loan().send(sense::pose(world, cx.name(), &self.params, self.seed));
+        }
+    }
+}
+
+/// Accelerations and turn rates at the centre of gravity.
+pub(super) struct Inertial {
+    pub(super) params: ImuParams,
+    pub(super) seed: u64,
+}
+
+impl Operator for Inertial {
+    type In = (Every, Latest<WorldState>);
+    type Out = Port<Imu>;
+
+    fn step(&mut self, cx: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
+        if let Some(world) = world.get() {
+            out.loan().send(sense::imu(world, cx.name(), &self.params, self.seed));
+        }
+    }
+}
+
+/// Satellite fixes.
+pub(super) struct Satellite {
+    pub(super) params: GnssParams,
+    pub(super) seed: u64,
+}
+
+impl Operator for Satellite {
+    type In = (Every, Latest<WorldState>);
+    type Out = Port<Gnss>;
+
+    fn step(&mut self, cx: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
+        if let Some(world) = world.get() {
+            out.loan().send(sense::gnss(world, cx.name(), &self.params, self.seed));
+        }
+    }
+}

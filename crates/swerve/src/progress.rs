@@ -1,0 +1,44 @@
+//! Progress of long work, on standard error.
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// A progress bar; silent where standard error is no terminal.
+pub struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// Counts the cells of a study.
+    pub fn cells(count: usize) -> Self {
+        let bar = ProgressBar::new(count as u64);
+        bar.set_style(style("{bar:32} {pos}/{len} cells  {elapsed}  {eta} left"));
+        Self { bar }
+    }
+
+    /// Follows simulated time, in tenths of a second.
+    pub fn simulated(until_s: f64) -> Self {
+        let bar = ProgressBar::new((until_s * 10.0) as u64);
+        bar.set_style(style("{bar:32} {msg}  {elapsed}"));
+        Self { bar }
+    }
+
+    /// One more cell is done.
+    pub fn cell_done(&self) {
+        self.bar.inc(1);
+    }
+
+    /// The run reached `now_s` seconds of simulated time.
+    pub fn simulated_to(&self, now_s: f64) {
+        self.bar.set_position((now_s * 10.0) as u64);
+        self.bar.set_message(format!("{now_s:.1} s simulated"));
+    }
+
+    /// Takes the bar away.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}

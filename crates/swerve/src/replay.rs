@@ -1,0 +1,247 @@
+//! `swerve replay`: a log's streams computed again from a cut on, compared byte for byte, or under other settings.
+//!
+//! Open loop: the operators above the cut publish what the log holds, at the instants at which they did; the
+//! command edge has no reader that matters. Nothing but the log is read.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::{Context as _, bail};
+use swerve_core::Digest;
+use swerve_flow::{
+    Decision, Event, Observer, PlaybackMessage, PlaybackPayload, PlaybackRecord, Publication, Replay, RunOptions,
+    run_replay,
+};
+use swerve_log::{Log, Record};
+use swerve_scenario::Scenario;
+
+use crate::config::text::{Document, Problem, nearest, parse_assignment};
+use crate::config::{Config, OPERATORS};
+use crate::pipeline::Pipeline;
+use crate::run::problems_error;
+
+/// `swerve replay`.
+#[derive(clap::Args, Debug)]
+pub struct ReplayArgs {
+    /// Log file (MCAP)
+    log: PathBuf,
+    /// Fail unless every stream below the cut comes out as logged, byte for byte
+    #[arg(long)]
+    verify: bool,
+    /// First operator that is computed again, with all that follow it
+    #[arg(long, default_value = "tracker", value_name = "OPERATOR")]
+    from: String,
+    /// Set a configuration key: what would have come out?
+    #[arg(long, value_name = "KEY=VALUE", conflicts_with = "verify")]
+    set: Vec<String>,
+    /// Worker threads for heavy steps; the result does not depend on them
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+}
+
+/// Runs `swerve replay`.
+pub fn run(args: &ReplayArgs) -> anyhow::Result<()> {
+    let log = Log::read(&args.log)?;
+    let cut = cut(&args.from)?;
+    let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
+    let comparison = replay(&log, cut, &sets?, args.threads)?;
+    crate::output::print(&comparison.text(args.set.is_empty()));
+    if args.verify && !comparison.is_same() {
+        bail!("{}: the replay differs from the log", args.log.display());
+    }
+    Ok(())
+}
+
+/// The place of the first operator that is computed again. Stages may be named instead of operators.
+fn cut(name: &str) -> anyhow::Result<usize> {
+    let stages = [("perception", "tracker"), ("prediction", "predictor"), ("planning", "planner"), ("control", "controller")];
+    let operator = stages.iter().find(|(stage, _)| *stage == name).map_or(name, |(_, operator)| operator);
+    let open = &OPERATORS[OPERATORS.iter().position(|o| *o == "tracker").unwrap_or(0)..];
+    if !open.contains(&operator) {
+        let near = nearest(name, open.iter().copied()).map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+        bail!("--from {name}: expected one of {}{near}; what is above them is the world and its sensors", open.join(", "));
+    }
+    Ok(OPERATORS.iter().position(|o| *o == operator).unwrap_or(0))
+}
+
+/// Computes the operators from place `cut` on again and compares.
+pub fn replay(log: &Log, cut: usize, sets: &[(String, toml::Value)], threads: usize) -> anyhow::Result<Comparison> {
+    let document = Document::parse("configuration of the log", log.start.config.clone())?;
+    let config = Config::from_document(&document, sets).map_err(|problems| problems_error(&problems))?;
+    let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
+    let scenario = Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
+    let mut pipeline = Pipeline::build(&config, &scenario)?;
+    let mut records = playback_records(log);
+    for operator in &OPERATORS[..cut] {
+        if pipeline.graph.operator(operator).is_ok() {
+            pipeline.graph.playback(operator, records.remove(*operator).unwrap_or_default())?;
+        }
+    }
+    let mut comparison = Comparison::against(log, &OPERATORS[cut..]);
+    let last = log.end.as_ref().map(|end| end.at);
+    let options = RunOptions { seed: log.start.seed, threads, until: last };
+    let report = run_replay(pipeline.graph, &options, decisions(log, sets.is_empty())?, vec![&mut comparison])?;
+    comparison.digest = report.digest;
+    Ok(comparison)
+}
+
+/// What was decided in the logged run. Under other settings only its end is: the rest follows from them.
+fn decisions(log: &Log, all: bool) -> anyhow::Result<Replay> {
+    let decisions: Result<Vec<Decision>, _> = log.decisions().map(|record| record.decode()).collect();
+    Ok(decisions?.into_iter().filter(|d| all || matches!(d, Decision::End { .. })).collect())
+}
+
+/// Everything that was published, by operator, in order.
+fn playback_records(log: &Log) -> BTreeMap<&str, Vec<PlaybackRecord>> {
+    let mut records: BTreeMap<&str, Vec<PlaybackRecord>> = BTreeMap::new();
+    for record in &log.records {
+        match record {
+            Record::Publication(p) => records.entry(&p.stream.operator).or_default().push(PlaybackRecord {
+                port: p.stream.port,
+                visible_at: p.header.visible_at,
+                pass: p.header.pass,
+                watermark: p.header.watermark,
+                message: Some(PlaybackMessage {
+                    stamp: p.header.stamp,
+                    reused_from: p.header.reused_from,
+                    origin: p.header.origin,
+                    payload: PlaybackPayload::cbor(p.payload_cbor.clone()),
+                }),
+            }),
+            Record::Watermark(w) => records.entry(&w.operator).or_default().push(PlaybackRecord {
+                port: w.port,
+                visible_at: w.visible_at,
+                pass: w.pass,
+                watermark: w.watermark,
+                message: None,
+            }),
+            _ => {}
+        }
+    }
+    records
+}
+
+/// How the streams below the cut compare with the log.
+pub struct Comparison {
+    expected: BTreeMap<String, std::vec::IntoIter<Said>>,
+    streams: BTreeMap<String, Counts>,
+    logged_digest: Option<Digest>,
+    digest: Digest,
+}
+
+/// A publication, reduced to what has to be the same.
+#[derive(Clone, PartialEq, Debug)]
+struct Said {
+    /// (stamp, watermark, visible_at, reused_from, origin) in ns.
+    header: [Option<i64>; 5],
+    payload: Vec<u8>,
+}
+
+#[derive(Clone, Default)]
+struct Counts {
+    same: u64,
+    different: u64,
+    missing: u64,
+    more: u64,
+    first: Option<String>,
+}
+
+impl Comparison {
+    fn against(log: &Log, operators: &[&str]) -> Self {
+        let mut expected: BTreeMap<String, Vec<Said>> = BTreeMap::new();
+        for record in &log.records {
+            match record {
+                Record::Publication(p) if operators.contains(&p.stream.operator.as_str()) => {
+                    let h = &p.header;
+                    let times = [Some(h.stamp), Some(h.watermark), Some(h.visible_at), h.reused_from, h.origin];
+                    let said = Said { header: times.map(|t| t.map(|t| t.ns())), payload: p.payload_cbor.to_vec() };
+                    expected.entry(p.stream.stream.clone()).or_default().push(said);
+                }
+                Record::Watermark(w) if operators.contains(&w.operator.as_str()) => {
+                    let times = [None, Some(w.watermark), Some(w.visible_at), None, None];
+                    let said = Said { header: times.map(|t| t.map(|t| t.ns())), payload: Vec::new() };
+                    expected.entry(w.stream.clone()).or_default().push(said);
+                }
+                _ => {}
+            }
+        }
+        let streams = expected.keys().map(|name| (name.clone(), Counts::default())).collect();
+        Self {
+            expected: expected.into_iter().map(|(name, said)| (name, said.into_iter())).collect(),
+            streams,
+            logged_digest: log.end.as_ref().map(|end| end.digest),
+            digest: Digest::default(),
+        }
+    }
+
+    /// Whether every stream came out as logged, and with it the digest over all streams.
+    pub fn is_same(&self) -> bool {
+        let streams = self.streams.values().all(|c| c.different + c.missing + c.more == 0);
+        streams && self.logged_digest.is_none_or(|logged| logged == self.digest)
+    }
+
+    fn text(&self, compare_digest: bool) -> String {
+        let head = ["stream", "same", "different", "missing", "more"].map(str::to_owned).to_vec();
+        let rows = self.streams.iter().map(|(name, c)| {
+            let numbers = [c.same, c.different, c.missing, c.more].map(|n| n.to_string());
+            std::iter::once(name.clone()).chain(numbers).collect()
+        });
+        let mut text = crate::study::table::align(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
+        for (name, counts) in &self.streams {
+            if let Some(first) = &counts.first {
+                text += &format!("{name}: first difference {first}\n");
+            }
+        }
+        if compare_digest && let Some(logged) = self.logged_digest {
+            let relation = if logged == self.digest { "as logged" } else { "not the logged one" };
+            text += &format!("digest {}, {relation} ({logged})\n", self.digest);
+        }
+        text
+    }
+
+    fn compare(&mut self, stream: &str, said: &Said) {
+        let counts = self.streams.entry(stream.to_owned()).or_default();
+        let what = match self.expected.get_mut(stream).and_then(Iterator::next) {
+            None => {
+                counts.more += 1;
+                "is not in the log"
+            }
+            Some(logged) if logged == *said => {
+                counts.same += 1;
+                return;
+            }
+            Some(logged) => {
+                counts.different += 1;
+                if logged.header == said.header { "has another payload" } else { "has other times" }
+            }
+        };
+        counts.first.get_or_insert_with(|| {
+            let at = said.header[2].unwrap_or_default() as f64 * 1e-9;
+            format!("at {at:.3} s: the publication {what}")
+        });
+    }
+}
+
+impl Observer for Comparison {
+    fn event(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Publication(p) if self.streams.contains_key(p.stream) => self.compare(p.stream, &said(p)),
+            Event::End(_) => {
+                for (stream, rest) in &mut self.expected {
+                    self.streams.entry(stream.clone()).or_default().missing += rest.count() as u64;
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn said(p: &Publication<'_>) -> Said {
+    let mut payload = Vec::new();
+    if let Some(carried) = p.payload {
+        carried.to_cbor(&mut payload);
+    }
+    let (reused, origin) = if p.stamp.is_some() { (p.reused_from, p.origin) } else { (None, None) };
+    let times = [p.stamp, Some(p.watermark), Some(p.visible_at), reused, origin];
+    Said { header: times.map(|t| t.map(|t| t.ns())), payload }
+}

@@ -1,0 +1,390 @@
+//! `swerve run`: a scenario driven by a pipeline, measured, recorded, drawn.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context as _, anyhow};
+use serde::Serialize;
+use swerve_core::{Digest, Span};
+use swerve_eval::{Evaluation, Metrics, Outline};
+use swerve_flow::{Event, Observer, RunOptions, RunReport, RuntimeModel, run_virtual};
+use swerve_log::{Log, Recorder, RunStart, TraceWriter};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{Imu, ObstacleList, Plan, Route};
+use swerve_scenario::{Expectation, Metric, Scenario};
+use swerve_vehicle::Shape;
+
+use crate::config::Config;
+use crate::config::text::{Problem, parse_assignment};
+use crate::files::write_whole;
+use crate::pipeline::Pipeline;
+use crate::progress::Progress;
+use crate::study::table::align;
+
+/// What is driven, by what.
+#[derive(clap::Args, Debug)]
+pub struct RunInput {
+    /// Scenario file (TOML)
+    pub scenario: PathBuf,
+    /// Configuration file (TOML); every key that it leaves out has a default
+    #[arg(short, long)]
+    pub config: Option<PathBuf>,
+    /// Set a configuration key, such as planning.planner=rrt_star
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Seed of everything random
+    #[arg(long)]
+    pub seed: Option<u64>,
+}
+
+/// `swerve run`.
+#[derive(clap::Args, Debug)]
+pub struct RunArgs {
+    #[command(flatten)]
+    input: RunInput,
+    /// Output folder [default: out/<scenario>]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Print one JSON object and nothing else
+    #[arg(long)]
+    json: bool,
+    /// Worker threads for heavy steps; the result does not depend on them
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    /// Take run times from an earlier log instead of the configuration
+    #[arg(long, value_name = "LOG")]
+    runtimes: Option<PathBuf>,
+}
+
+/// What a run came to.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Its measures.
+    pub metrics: Metrics,
+    /// One number that two equal runs share.
+    pub digest: Digest,
+    /// Smallest distance of the ego's outline to the edge of the drivable ground, m; negative outside.
+    pub road_margin_m: f64,
+    /// What the engine counted.
+    pub report: RunReport,
+}
+
+/// Several problems as one error.
+pub fn problems_error<P: ToString>(problems: &[P]) -> anyhow::Error {
+    let lines: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    anyhow!(lines.join("\n"))
+}
+
+/// Reads a scenario file; all its problems in one error.
+pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
+    Scenario::read(path).map_err(|problems| problems_error(&problems))
+}
+
+/// Reads and checks what a command line names.
+pub fn load(input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
+    let sets: Result<Vec<_>, Problem> = input.set.iter().map(|s| parse_assignment(s)).collect();
+    let mut sets = sets?;
+    if let Some(seed) = input.seed {
+        sets.push(("seed".into(), toml::Value::Integer(i64::try_from(seed).context("--seed is too large")?)));
+    }
+    let config =
+        Config::load(input.config.as_deref(), &sets).map_err(|problems| problems_error(&problems))?;
+    Ok((config, read_scenario(&input.scenario)?))
+}
+
+/// Drives a scenario without leaving files.
+pub fn drive(config: &Config, scenario: &Scenario) -> anyhow::Result<Outcome> {
+    drive_observed(config, scenario, 1, &mut [])
+}
+
+/// Drives a scenario; `observers` are told everything that happens.
+pub fn drive_observed(
+    config: &Config,
+    scenario: &Scenario,
+    threads: usize,
+    observers: &mut [&mut dyn Observer],
+) -> anyhow::Result<Outcome> {
+    let pipeline = Pipeline::build(config, scenario)?;
+    drive_pipeline(pipeline, config.seed, threads, observers)
+}
+
+/// Runs a pipeline that is already built.
+pub fn drive_pipeline(
+    pipeline: Pipeline,
+    seed: u64,
+    threads: usize,
+    observers: &mut [&mut dyn Observer],
+) -> anyhow::Result<Outcome> {
+    let mut measured = Measured::of(&pipeline)?;
+    let options = RunOptions::until(pipeline.until).seed(seed).threads(threads);
+    let report = {
+        let mut all: Vec<&mut dyn Observer> = vec![&mut measured];
+        all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
+        run_virtual(pipeline.graph, &options, all)?
+    };
+    Ok(Outcome {
+        metrics: measured.evaluation.metrics(),
+        digest: report.digest,
+        road_margin_m: measured.road_margin_m,
+        report,
+    })
+}
+
+/// Feeds the evaluation with what the engine tells.
+struct Measured {
+    evaluation: Evaluation,
+    operators: Vec<String>,
+    route: Route,
+    shape: Shape,
+    road_margin_m: f64,
+}
+
+impl Measured {
+    fn of(pipeline: &Pipeline) -> anyhow::Result<Self> {
+        let shape = pipeline.vehicle.shape;
+        let ego = Outline {
+            length_m: shape.length_m,
+            width_m: shape.width_m,
+            center_ahead_m: shape.center_ahead_m(),
+        };
+        let operators: Vec<String> =
+            pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
+        let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
+        let params = swerve_eval::Params { ego, dead_time, operators: operators.clone() };
+        Ok(Self {
+            evaluation: Evaluation::new(params),
+            operators,
+            route: pipeline.route.clone(),
+            shape,
+            road_margin_m: f64::INFINITY,
+        })
+    }
+
+    fn operator(&self, name: &str) -> Option<usize> {
+        self.operators.iter().position(|o| o == name)
+    }
+}
+
+impl Observer for Measured {
+    fn event(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Publication(publication) => {
+                let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+                let evaluation = &mut self.evaluation;
+                if let Some(world) = payload.downcast_ref::<WorldState>() {
+                    evaluation.world(world);
+                    let footprint = self.shape.footprint(world.ego.state.pose);
+                    self.road_margin_m = self.road_margin_m.min(self.route.margin_m(&footprint));
+                } else if let Some(imu) = payload.downcast_ref::<Imu>() {
+                    evaluation.imu(imu);
+                } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
+                    evaluation.seen(list);
+                } else if let Some(plan) = payload.downcast_ref::<Plan>() {
+                    evaluation.plan(plan);
+                } else if publication.operator == "controller" {
+                    evaluation.command(publication.visible_at, publication.origin);
+                }
+            }
+            Event::StepEnd(step) => {
+                if let Some(operator) = self.operator(step.operator) {
+                    self.evaluation.runtimes().step(operator, step.end - step.start);
+                }
+            }
+            Event::Miss(miss) => {
+                if let Some(operator) = self.operator(miss.operator) {
+                    self.evaluation.runtimes().missed(operator);
+                }
+            }
+            Event::Drop(dropped) => {
+                if let Some(operator) = self.operator(dropped.operator) {
+                    self.evaluation.runtimes().dropped(operator);
+                }
+            }
+            Event::StepStart(_) | Event::Decision(_) | Event::End(_) => {}
+        }
+    }
+}
+
+/// Shows how far simulated time has come.
+struct Shown {
+    progress: Progress,
+}
+
+impl Observer for Shown {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::Publication(publication) = event
+            && publication.operator == "pose"
+        {
+            self.progress.simulated_to(publication.visible_at.as_secs());
+        }
+    }
+}
+
+/// Runs `swerve run`.
+pub fn run(args: &RunArgs) -> anyhow::Result<()> {
+    let (config, scenario) = load(&args.input)?;
+    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
+    std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
+    let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
+    let mut recorder = Recorder::create(&out.join("log.mcap"), &run_start(&config, &args.input.scenario)?)?;
+    let mut trace = TraceWriter::create(&out.join("trace.json"), &["controller"])?;
+    let driven =
+        drive_observed(&config, &scenario, args.threads, &mut [&mut shown, &mut recorder, &mut trace]);
+    shown.progress.finish();
+    // What was recorded until a failure is kept, readable.
+    recorder.finish()?;
+    trace.finish()?;
+    let outcome = driven?;
+    let summary = Summary::of(&config, &scenario, &outcome);
+    let json = serde_json::to_string_pretty(&summary)? + "\n";
+    write_whole(&out.join("metrics.json"), json.as_bytes())?;
+    crate::output::print(&if args.json { json } else { summary.text(&out) });
+    Ok(())
+}
+
+/// Gives every operator the run times that it had in an earlier run.
+fn record_run_times(pipeline: &mut Pipeline, log: &Log) -> anyhow::Result<()> {
+    for (operator, times) in log.run_times() {
+        if let Ok(node) = pipeline.graph.operator(&operator) {
+            let times = Arc::new(times.into_iter().collect());
+            let _configured = node.runtime(RuntimeModel::Recorded(times));
+        }
+    }
+    Ok(())
+}
+
+/// The head of a log: all that it takes to run again without the files.
+fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
+    let text =
+        std::fs::read_to_string(scenario).with_context(|| format!("reading {}", scenario.display()))?;
+    Ok(RunStart {
+        version: env!("CARGO_PKG_VERSION").into(),
+        seed: config.seed,
+        config: config.to_text(),
+        extra: [("scenario".to_owned(), text), ("scenario_file".to_owned(), scenario.display().to_string())]
+            .into(),
+    })
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned())
+}
+
+/// What a run came to, as `metrics.json` and `--json` say it.
+#[derive(Serialize, Debug)]
+pub struct Summary {
+    scenario: String,
+    pipeline: String,
+    seed: u64,
+    digest: Digest,
+    /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
+    as_expected: Option<bool>,
+    not_as_expected: Vec<String>,
+    /// Run times drawn for want of a record, under recorded run times.
+    unrecorded: u64,
+    #[serde(flatten)]
+    metrics: Metrics,
+}
+
+impl Summary {
+    /// Sums up a run.
+    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome) -> Self {
+        let pipeline = config.pipeline_name();
+        let expected = scenario.expectation(&pipeline);
+        let broken = expected.map(|e| outcome.broken(e));
+        Self {
+            scenario: scenario.name.clone(),
+            pipeline,
+            seed: config.seed,
+            digest: outcome.digest,
+            as_expected: broken.as_ref().map(Vec::is_empty),
+            not_as_expected: broken.unwrap_or_default(),
+            unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
+            metrics: outcome.metrics.clone(),
+        }
+    }
+
+    /// For the terminal.
+    pub fn text(&self, out: &Path) -> String {
+        use std::fmt::Write as _;
+        let m = &self.metrics;
+        let mut text = format!("{}, {}, seed {}\n", self.scenario, self.pipeline, self.seed);
+        let verdict = m.verdict.name().to_uppercase();
+        let _ = match m.impact {
+            Some(i) => writeln!(
+                text,
+                "{verdict} at {:.2} s: ego at {:.1} m/s, closing at {:.1} m/s",
+                i.at_s, i.ego_speed_mps, i.closing_speed_mps
+            ),
+            None => writeln!(text, "{verdict}"),
+        };
+        let mut row = |name: &str, value: String| {
+            let _ = writeln!(text, "  {name:<18}{value}");
+        };
+        if let (Some(distance), Some(at)) = (m.min_distance_m, m.min_distance_at_s) {
+            row("minimum distance", format!("{distance:.2} m at {at:.2} s"));
+        }
+        let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));
+        let (raw, smooth) = (jerk(m.lateral_jerk.raw_max_mps3), jerk(m.lateral_jerk.smooth_max_mps3));
+        row("lateral jerk", format!("{raw} m/s3 raw, {smooth} m/s3 low-passed"));
+        if let Some(r) = &m.response {
+            let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
+            row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
+        }
+        row("digest", self.digest.to_string());
+        let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
+        let lines = m.operators.iter().map(|o| {
+            let ms = |x: f64| format!("{x:.1}");
+            vec![
+                o.operator.clone(),
+                o.steps.to_string(),
+                ms(o.p50_ms),
+                ms(o.p99_ms),
+                o.misses.to_string(),
+                o.drops.to_string(),
+            ]
+        });
+        text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        if self.unrecorded > 0 {
+            let _ = writeln!(text, "{} steps had no record and drew their run time from the recorded ones", self.unrecorded);
+        }
+        match self.as_expected {
+            Some(true) => text += "as the scenario expects\n",
+            Some(false) => {
+                let _ = writeln!(text, "not as the scenario expects: {}", self.not_as_expected.join("; "));
+            }
+            None => {}
+        }
+        let _ = writeln!(text, "in {}: story.svg, log.mcap, trace.json, metrics.json", out.display());
+        text
+    }
+}
+
+impl Outcome {
+    /// In what way the run differs from what is expected.
+    pub fn broken(&self, expected: &Expectation) -> Vec<String> {
+        let Some(verdict) = verdict(self.metrics.verdict) else {
+            return vec!["the run was ended before the scenario was".into()];
+        };
+        expected.broken_by(verdict, |metric| self.figure(metric))
+    }
+
+    /// A figure that a scenario can put bounds on.
+    fn figure(&self, metric: Metric) -> Option<f64> {
+        let metrics = &self.metrics;
+        match metric {
+            Metric::MinDistanceM => metrics.min_distance_m,
+            Metric::ImpactSpeedMps => Some(metrics.impact_speed_mps),
+            Metric::ClosingSpeedMps => Some(metrics.impact.map_or(0.0, |i| i.closing_speed_mps)),
+            Metric::EndSpeedMps => Some(metrics.drive.speed_end_mps),
+            Metric::DurationS => Some(metrics.drive.duration_s),
+            Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),
+            Metric::LateralJerkMaxMps3 => metrics.lateral_jerk.raw_max_mps3,
+            Metric::RoadMarginM => Some(self.road_margin_m),
+        }
+    }
+}
+
+fn verdict(verdict: swerve_eval::Verdict) -> Option<swerve_scenario::Verdict> {
+    swerve_scenario::Verdict::ALL.into_iter().find(|v| v.name() == verdict.name())
+}

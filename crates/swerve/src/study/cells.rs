@@ -1,0 +1,164 @@
+//! Runs the cells of a study: in parallel, resumable, each result kept the moment it is there.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::Context as _;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use swerve_core::Digest;
+
+use super::grid::{Cell, Study};
+use crate::progress::Progress;
+
+/// What one cell came to.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct CellResult {
+    /// What stands in the table, one an axis.
+    pub labels: Vec<String>,
+    /// How the run ended.
+    pub verdict: String,
+    /// Smallest distance to another actor, m.
+    pub min_distance_m: Option<f64>,
+    /// Ego speed at the first impact, m/s.
+    pub impact_speed_mps: Option<f64>,
+    /// Largest raw lateral jerk, m/s³.
+    pub lateral_jerk_max: Option<f64>,
+    /// Digest of the run.
+    pub digest: Option<Digest>,
+    /// Largest added latency that still avoids, ms; only in latency-budget studies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget_ms: Option<f64>,
+    /// What went wrong, when the run itself failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+}
+
+impl CellResult {
+    /// A result without figures.
+    pub fn blank(cell: &Cell, verdict: &str) -> Self {
+        Self {
+            labels: cell.labels.clone(),
+            verdict: verdict.into(),
+            min_distance_m: None,
+            impact_speed_mps: None,
+            lateral_jerk_max: None,
+            digest: None,
+            budget_ms: None,
+            error: None,
+        }
+    }
+
+    /// Whether the run ended without collision and on the road.
+    pub fn avoided(&self) -> bool {
+        self.verdict == "avoided"
+    }
+}
+
+/// Which part of the study this call runs.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Shard {
+    /// From 1.
+    pub index: usize,
+    /// How many there are.
+    pub count: usize,
+}
+
+impl std::str::FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match parts {
+            Some((index, count)) if index >= 1 && index <= count => Ok(Self { index, count }),
+            _ => Err(format!("expected I/N with 1 <= I <= N, found `{text}`")),
+        }
+    }
+}
+
+impl Shard {
+    fn holds(self, cell: &Cell) -> bool {
+        cell.index % self.count == self.index - 1
+    }
+}
+
+/// The finished cells of a study under its output folder, one file each.
+pub struct CellStore {
+    folder: PathBuf,
+}
+
+impl CellStore {
+    /// The store in `out`, made when it is not there.
+    pub fn open(out: &Path) -> anyhow::Result<Self> {
+        let folder = out.join("cells");
+        std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+        Ok(Self { folder })
+    }
+
+    /// The result of `cell`, when an earlier call finished it under the same fingerprint.
+    pub fn load(&self, cell: &Cell, fingerprint: Digest) -> Option<CellResult> {
+        let text = std::fs::read(self.path(cell, fingerprint)).ok()?;
+        serde_json::from_slice(&text).ok()
+    }
+
+    /// Keeps a finished cell: written beside its name first, so that a half-written file is never taken for a result.
+    pub fn save(&self, cell: &Cell, fingerprint: Digest, result: &CellResult) -> anyhow::Result<()> {
+        let text = serde_json::to_vec(result)?;
+        crate::files::write_whole(&self.path(cell, fingerprint), &text)
+    }
+
+    fn path(&self, cell: &Cell, fingerprint: Digest) -> PathBuf {
+        self.folder.join(format!("{:06}-{fingerprint}.json", cell.index))
+    }
+}
+
+/// How the cells of a study are run.
+pub struct Runner<'a> {
+    /// Finished cells.
+    pub store: &'a CellStore,
+    /// How many cells at once.
+    pub threads: usize,
+    /// Which part.
+    pub shard: Option<Shard>,
+    /// Set by Ctrl-C: no further cell is started.
+    pub stop: &'a AtomicBool,
+}
+
+impl Runner<'_> {
+    /// Runs every cell of the shard that is not finished yet. Results are in the order of the cells; a cell that
+    /// was not reached is `None`.
+    pub fn run<P, F>(&self, study: &Study, prepare: P, run: F) -> anyhow::Result<Vec<Option<CellResult>>>
+    where
+        P: Fn(&Cell) -> anyhow::Result<Digest> + Sync,
+        F: Fn(&Cell) -> anyhow::Result<CellResult> + Sync,
+    {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
+        let mine = |cell: &&Cell| self.shard.is_none_or(|shard| shard.holds(cell));
+        let progress = Progress::cells(study.cells.iter().filter(mine).count());
+        let one = |cell: &Cell| -> anyhow::Result<Option<CellResult>> {
+            if !mine(&cell) {
+                return Ok(None);
+            }
+            let fingerprint = prepare(cell)?;
+            let finished = self.store.load(cell, fingerprint);
+            let result = match finished {
+                Some(result) => result,
+                None if self.stop.load(Ordering::SeqCst) => return Ok(None),
+                None => {
+                    let result = run(cell).unwrap_or_else(|error| failed(cell, &error));
+                    self.store.save(cell, fingerprint, &result)?;
+                    result
+                }
+            };
+            progress.cell_done();
+            Ok(Some(result))
+        };
+        let results = pool.install(|| study.cells.par_iter().with_max_len(1).map(one).collect());
+        progress.finish();
+        results
+    }
+}
+
+fn failed(cell: &Cell, error: &anyhow::Error) -> CellResult {
+    CellResult { error: Some(format!("{error:#}")), ..CellResult::blank(cell, "failed") }
+}

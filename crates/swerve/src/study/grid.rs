@@ -1,0 +1,304 @@
+//! A study file: a base run and axes over configuration keys, expanded to cells.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::text::{Document, Problem};
+
+/// A study as its file says it.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyFile {
+    /// What it is for; becomes the title of its picture.
+    #[serde(default)]
+    pub description: String,
+    /// The run that the axes vary.
+    pub base: Base,
+    /// What varies, the slowest first.
+    pub axis: Vec<Axis>,
+    /// The latency budget, where that is asked for instead of a plain grid.
+    pub budget: Option<Budget>,
+}
+
+/// The run that the axes vary.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Base {
+    /// Scenario file, relative to the study's folder.
+    pub scenario: PathBuf,
+    /// Configuration file, relative to the study's folder.
+    pub config: Option<PathBuf>,
+    /// Keys set in every cell.
+    #[serde(default)]
+    pub set: toml::Table,
+}
+
+/// One thing that varies.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Axis {
+    /// Column name; the key's last part when absent.
+    pub name: Option<String>,
+    /// Dotted configuration key that takes the values. Absent when every value sets keys of its own.
+    pub key: Option<String>,
+    /// Values for `key`.
+    #[serde(default)]
+    pub values: Vec<toml::Value>,
+    /// Named settings of several keys at once, instead of `values`.
+    #[serde(default)]
+    pub settings: Vec<Setting>,
+}
+
+/// Several keys set together under one name.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setting {
+    /// Name in tables.
+    pub name: String,
+    /// Keys and values.
+    pub set: toml::Table,
+}
+
+/// Asks for the largest added latency at which the verdict is still good.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Budget {
+    /// Largest added latency looked at, ms.
+    pub max_ms: f64,
+    /// Step of the scan, ms.
+    #[serde(default = "Budget::scan_ms")]
+    pub scan_ms: f64,
+    /// Bisection ends at this width, ms.
+    #[serde(default = "Budget::resolution_ms")]
+    pub resolution_ms: f64,
+    /// Axis that gets one more step, `limit`: the largest reaction time at which the vehicle itself can still clear.
+    pub limit: Option<String>,
+}
+
+/// The name of the step that stands for the vehicle's own limit.
+pub const LIMIT: &str = "limit";
+
+impl Budget {
+    fn scan_ms() -> f64 {
+        50.0
+    }
+
+    fn resolution_ms() -> f64 {
+        5.0
+    }
+}
+
+/// A checked study.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// The study's name: its file's stem.
+    pub name: String,
+    /// Title for pictures.
+    pub description: String,
+    /// Scenario file.
+    pub scenario: PathBuf,
+    /// Configuration file.
+    pub config: Option<PathBuf>,
+    /// Column names, one an axis.
+    pub axes: Vec<String>,
+    /// Every combination, the last axis fastest.
+    pub cells: Vec<Cell>,
+    /// The latency budget, where asked for.
+    pub budget: Option<Budget>,
+}
+
+/// One combination of the axes.
+#[derive(Clone, PartialEq, Debug, Serialize)]
+pub struct Cell {
+    /// Position in the study, from 0.
+    pub index: usize,
+    /// What stands in the table, one an axis.
+    pub labels: Vec<String>,
+    /// Keys set on top of the base configuration, in order.
+    pub sets: Vec<(String, toml::Value)>,
+}
+
+/// More cells than this is a mistake.
+const CELLS_MAX: usize = 1_000_000;
+
+impl Study {
+    /// Reads and expands a study file.
+    pub fn read(path: &Path) -> Result<Self, Problem> {
+        let document = Document::read(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
+        Self::from_document(&document, folder, stem)
+    }
+
+    fn from_document(document: &Document, folder: &Path, name: String) -> Result<Self, Problem> {
+        let file: StudyFile = document.to()?;
+        let mut base = Vec::new();
+        flatten("", &file.base.set, &mut base);
+        let mut axes: Vec<String> = Vec::new();
+        let mut cells = vec![Cell { index: 0, labels: Vec::new(), sets: base }];
+        for (i, axis) in file.axis.iter().enumerate() {
+            let here = format!("axis[{i}]");
+            let (name, mut steps) = axis.steps().map_err(|message| document.problem(&here, message))?;
+            if file.budget.as_ref().and_then(|b| b.limit.as_ref()) == Some(&name) {
+                steps.push(Step { label: LIMIT.into(), sets: Vec::new() });
+            }
+            if axes.contains(&name) {
+                return Err(document.problem(&here, format!("a second axis of the name `{name}`")));
+            }
+            axes.push(name);
+            if cells.len() * steps.len() > CELLS_MAX {
+                return Err(document.problem(&here, format!("more than {CELLS_MAX} cells")));
+            }
+            cells = cells.iter().flat_map(|cell| steps.iter().map(move |step| cell.and(step))).collect();
+        }
+        if axes.is_empty() {
+            return Err(document.problem("axis", "expected at least one axis"));
+        }
+        if let Some(budget) = &file.budget {
+            if let Some(axis) = budget.limit.as_ref().filter(|name| !axes.contains(name)) {
+                return Err(document.problem("budget.limit", format!("no axis of the name `{axis}`")));
+            }
+            let good = |ms: f64| ms.is_finite() && ms > 0.0 && ms <= 1e5;
+            if !(good(budget.max_ms) && good(budget.scan_ms) && good(budget.resolution_ms)) {
+                return Err(document.problem("budget", "expected times above zero and at most 100000 ms"));
+            }
+        }
+        for (index, cell) in cells.iter_mut().enumerate() {
+            cell.index = index;
+        }
+        Ok(Self {
+            name,
+            description: file.description,
+            scenario: folder.join(&file.base.scenario),
+            config: file.base.config.as_ref().map(|c| folder.join(c)),
+            axes,
+            cells,
+            budget: file.budget,
+        })
+    }
+
+    /// The command line that repeats one cell.
+    pub fn command(&self, cell: &Cell) -> String {
+        let mut line = format!("swerve run {}", quoted(&self.scenario.display().to_string()));
+        if let Some(config) = &self.config {
+            line += &format!(" -c {}", quoted(&config.display().to_string()));
+        }
+        for (key, value) in &cell.sets {
+            line += &format!(" --set {}", quoted(&format!("{key}={value}")));
+        }
+        line
+    }
+}
+
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "./_-=+:,".contains(c);
+    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
+
+struct Step {
+    label: String,
+    sets: Vec<(String, toml::Value)>,
+}
+
+impl Cell {
+    fn and(&self, step: &Step) -> Self {
+        let mut cell = self.clone();
+        cell.labels.push(step.label.clone());
+        cell.sets.extend(step.sets.iter().cloned());
+        cell
+    }
+
+    /// The label of the axis at `axis`.
+    pub fn label(&self, axis: usize) -> &str {
+        &self.labels[axis]
+    }
+}
+
+impl Axis {
+    fn steps(&self) -> Result<(String, Vec<Step>), String> {
+        let from_values = self.values.iter().map(|value| {
+            let key = self.key.clone().ok_or("`values` need a `key`")?;
+            Ok(Step { label: label_of(value), sets: vec![(key, value.clone())] })
+        });
+        let from_settings = self.settings.iter().map(|setting| {
+            let mut sets = Vec::new();
+            flatten("", &setting.set, &mut sets);
+            Ok(Step { label: setting.name.clone(), sets })
+        });
+        let steps: Vec<Step> = from_values.chain(from_settings).collect::<Result<_, &str>>()?;
+        if steps.is_empty() {
+            return Err("expected `values` or `settings` that are not empty".into());
+        }
+        let last_part = self.key.as_deref().map(|key| key.rsplit('.').next().unwrap_or(key).to_owned());
+        let name = self.name.clone().or(last_part).ok_or("an axis without `key` needs a `name`")?;
+        Ok((name, steps))
+    }
+}
+
+fn label_of(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(s) => s.clone(),
+        other => other.to_string(),
+    }
+}
+
+/// Nested tables as dotted keys; keys that already hold dots stay as written.
+fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, toml::Value)>) {
+    for (name, value) in table {
+        let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+        match value {
+            toml::Value::Table(inner) if !inner.is_empty() && prefix_is_section(&key) => {
+                flatten(&key, inner, out)
+            }
+            _ => out.push((key, value.clone())),
+        }
+    }
+}
+
+/// Run-time models, deadlines and the like are values in the shape of tables: they replace what was there whole.
+fn prefix_is_section(key: &str) -> bool {
+    let last = key.rsplit('.').next().unwrap_or(key);
+    !matches!(last, "runtime" | "deadline")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn study(text: &str) -> Result<Study, Problem> {
+        let document = Document::parse("s.toml", text.to_owned())?;
+        Study::from_document(&document, Path::new("dir"), "s".into())
+    }
+
+    #[test]
+    fn axes_multiply_and_the_last_is_fastest() {
+        let study = study(
+            "base = { scenario = \"a.toml\", set = { \"x.y\" = 1 } }\n\
+             [[axis]]\nkey = \"planning.planner\"\nvalues = [\"fot\", \"rrt_star\"]\n\
+             [[axis]]\nname = \"load\"\n[[axis.settings]]\nname = \"high\"\nset = { operator.planner.runtime.fixed_ms = 5 }\n\
+             [[axis]]\nkey = \"seed\"\nvalues = [1, 2, 3]\n",
+        )
+        .unwrap();
+        assert_eq!(study.axes, ["planner", "load", "seed"]);
+        assert_eq!(study.cells.len(), 6);
+        assert_eq!(study.cells[4].labels, ["rrt_star", "high", "2"]);
+        let keys: Vec<&str> = study.cells[4].sets.iter().map(|(k, _)| k.as_str()).collect();
+        assert_eq!(keys, ["x.y", "planning.planner", "operator.planner.runtime", "seed"]);
+        assert_eq!(
+            study.command(&study.cells[0]),
+            "swerve run dir/a.toml --set x.y=1 --set 'planning.planner=\"fot\"' --set 'operator.planner.runtime={ fixed_ms = 5 }' --set seed=1"
+        );
+    }
+
+    #[test]
+    fn nonsense_names_its_place() {
+        let wrong = |text: &str| study(text).expect_err("wrong on purpose").to_string();
+        assert!(wrong("base = { scenario = \"a\" }\naxis = []\n").contains("at least one axis"));
+        assert_eq!(
+            wrong("base = { scenario = \"a\" }\n[[axis]]\nkey = \"seed\"\n"),
+            "s.toml:2: axis[0]: expected `values` or `settings` that are not empty"
+        );
+        assert!(wrong("base = { scenari = \"a\" }\n").contains("did you mean `scenario`"));
+    }
+}

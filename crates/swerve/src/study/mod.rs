@@ -1,0 +1,246 @@
+//! Studies: a base run varied along axes over configuration keys, with one result a cell.
+//!
+//! Cells run in parallel, each on one thread; what is finished is kept, so that a second call goes on where the
+//! first one was stopped. Shards need no coordination: cell `k` belongs to shard `k mod n`.
+
+mod budget;
+mod limit;
+
+pub mod cells;
+pub mod grid;
+pub mod heatmap;
+pub mod table;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context as _, bail};
+use swerve_core::{Digest, Hasher};
+use swerve_scenario::Scenario;
+
+use crate::config::Config;
+use crate::config::text::{Document, Problem};
+use crate::files::write_whole;
+use crate::run::{Outcome, drive, problems_error};
+use cells::{CellResult, CellStore, Runner, Shard};
+use grid::{Cell, Study};
+
+/// `swerve study`.
+#[derive(clap::Args, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct StudyArgs {
+    #[command(subcommand)]
+    command: Option<StudyCommand>,
+    /// Study file (TOML)
+    #[arg(required = true)]
+    file: Option<PathBuf>,
+    /// Output folder [default: out/<study's name>]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Cells run at once [default: one a core]
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Run only this share of the cells: 2/4 is the second of four
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Set a configuration key in every cell
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum StudyCommand {
+    /// Join the finished cells of shards into one table
+    Merge {
+        /// Output folders of the shards
+        #[arg(required = true)]
+        folders: Vec<PathBuf>,
+        /// Study file (TOML)
+        #[arg(long)]
+        study: PathBuf,
+        /// Output folder [default: out/<study's name>]
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Set a configuration key in every cell, as in the shards' calls
+        #[arg(long, value_name = "KEY=VALUE")]
+        set: Vec<String>,
+    },
+}
+
+/// Runs or merges a study.
+pub fn run(args: &StudyArgs) -> anyhow::Result<()> {
+    match (&args.command, &args.file) {
+        (Some(StudyCommand::Merge { folders, study, out, set }), _) => {
+            merge(study, folders, out.as_deref(), set)
+        }
+        (None, Some(file)) => {
+            let stop = Arc::new(AtomicBool::new(false));
+            let on_signal = stop.clone();
+            ctrlc::set_handler(move || on_signal.store(true, Ordering::SeqCst))
+                .context("listening for Ctrl-C")?;
+            let bench = Bench::open(file, &args.set)?;
+            let out = out_folder(&bench.study, args.out.as_deref());
+            let store = CellStore::open(&out)?;
+            let threads = args.threads.unwrap_or_else(cores);
+            let runner = Runner { store: &store, threads, shard: args.shard, stop: &stop };
+            let results =
+                runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
+            report(&bench.study, &results, &out)?;
+            finish(&bench.study, &results, args.shard, &stop)
+        }
+        (None, None) => bail!("expected a study file"),
+    }
+}
+
+fn finish(
+    study: &Study,
+    results: &[Option<CellResult>],
+    shard: Option<Shard>,
+    stop: &AtomicBool,
+) -> anyhow::Result<()> {
+    if let Some((cell, error)) =
+        study.cells.iter().zip(results).find_map(|(c, r)| Some((c, r.as_ref()?.error.as_ref()?)))
+    {
+        let failed = results.iter().flatten().filter(|r| r.error.is_some()).count();
+        bail!(
+            "{failed} cells failed, the first of them [{}]: {error}\n  {}",
+            cell.labels.join(" "),
+            study.command(cell)
+        );
+    }
+    let missing = results.iter().filter(|r| r.is_none()).count();
+    if stop.load(Ordering::SeqCst) && shard.is_none() {
+        bail!("stopped with {missing} cells to go; the same command goes on from here");
+    }
+    Ok(())
+}
+
+fn out_folder(study: &Study, out: Option<&Path>) -> PathBuf {
+    out.map_or_else(|| Path::new("out").join(&study.name), Path::to_path_buf)
+}
+
+/// Processors that this process may use.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// A study with everything its cells share.
+pub struct Bench {
+    /// The study.
+    pub study: Study,
+    scenario: Scenario,
+    scenario_text: String,
+    base: Document,
+    sets: Vec<(String, toml::Value)>,
+}
+
+impl Bench {
+    /// Reads a study, its scenario and its base configuration; `sets` apply to every cell, before the axes.
+    pub fn open(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let study = Study::read(file)?;
+        let sets: Result<Vec<_>, Problem> =
+            sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
+        let scenario = crate::run::read_scenario(&study.scenario)?;
+        let scenario_text = std::fs::read_to_string(&study.scenario)?;
+        let base = match &study.config {
+            Some(path) => Document::read(path)?,
+            None => Document::parse("defaults", String::new())?,
+        };
+        let bench = Self { study, scenario, scenario_text, base, sets: sets? };
+        // A wrong key is told before the first cell runs.
+        for cell in &bench.study.cells {
+            bench.config(cell)?;
+        }
+        Ok(bench)
+    }
+
+    fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
+        let sets: Vec<_> = self.sets.iter().chain(&cell.sets).cloned().collect();
+        Config::from_document(&self.base, &sets).map_err(|problems| {
+            problems_error(&problems).context(format!("cell [{}] of the study", cell.labels.join(" ")))
+        })
+    }
+
+    /// What a cell's result depends on, in one number.
+    pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
+        let mut hasher = Hasher::new();
+        hasher.value(&(env!("CARGO_PKG_VERSION"), self.config(cell)?.to_text(), &self.scenario_text));
+        hasher
+            .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
+        Ok(hasher.digest())
+    }
+
+    /// Runs one cell.
+    pub fn run_cell(&self, cell: &Cell) -> anyhow::Result<CellResult> {
+        let config = self.config(cell)?;
+        match &self.study.budget {
+            Some(budget) if cell.labels.iter().any(|l| l == grid::LIMIT) => {
+                limit::largest_reaction(cell, &config, &self.scenario, budget)
+            }
+            Some(budget) => budget::largest_latency(cell, &config, &self.scenario, budget),
+            None => Ok(summary(cell, &drive(&config, &self.scenario)?)),
+        }
+    }
+}
+
+fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
+    let metrics = &outcome.metrics;
+    CellResult {
+        labels: cell.labels.clone(),
+        verdict: metrics.verdict.name().to_owned(),
+        min_distance_m: metrics.min_distance_m,
+        impact_speed_mps: Some(metrics.impact_speed_mps),
+        lateral_jerk_max: metrics.lateral_jerk.raw_max_mps3,
+        digest: Some(outcome.digest),
+        budget_ms: None,
+        error: None,
+    }
+}
+
+fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::Result<()> {
+    let grid = table::Grid::of(study, results);
+    let title = if study.description.is_empty() { &study.name } else { &study.description };
+    write_whole(&out.join("cells.csv"), table::csv(study, results).as_bytes())?;
+    write_whole(&out.join("heatmap.svg"), heatmap::draw(&grid, title).as_bytes())?;
+    let commands: String = study.cells.iter().map(|cell| study.command(cell) + "\n").collect();
+    write_whole(&out.join("commands.txt"), commands.as_bytes())?;
+    let done = results.iter().flatten().count();
+    crate::output::print(&format!(
+        "{}\n{done} of {} cells in {}: cells.csv, heatmap.svg, commands.txt (one line repeats each cell)\n",
+        grid.text(),
+        study.cells.len(),
+        out.display()
+    ));
+    Ok(())
+}
+
+fn merge(file: &Path, folders: &[PathBuf], out: Option<&Path>, sets: &[String]) -> anyhow::Result<()> {
+    let bench = Bench::open(file, sets)?;
+    let out = out_folder(&bench.study, out);
+    for folder in folders {
+        anyhow::ensure!(
+            folder.join("cells").is_dir(),
+            "{}: no folder `cells` of a study in it",
+            folder.display()
+        );
+    }
+    let stores: Vec<CellStore> = folders.iter().map(|f| CellStore::open(f)).collect::<Result<_, _>>()?;
+    let joined = CellStore::open(&out)?;
+    let mut results = Vec::new();
+    for cell in &bench.study.cells {
+        let fingerprint = bench.fingerprint(cell)?;
+        let found = stores.iter().find_map(|store| store.load(cell, fingerprint));
+        if let Some(result) = &found {
+            joined.save(cell, fingerprint, result)?;
+        }
+        results.push(found);
+    }
+    report(&bench.study, &results, &out)?;
+    let missing = results.iter().filter(|r| r.is_none()).count();
+    anyhow::ensure!(
+        missing == 0,
+        "{missing} cells are in none of the folders (run the missing shards, then merge again)"
+    );
+    Ok(())
+}

@@ -1,0 +1,124 @@
+//! The house: who may depend on whom, under which licences, and how long pages are.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+fn metadata() -> Value {
+    // For this host only: what cargo fetched to build this test is then all that is needed, and no network.
+    let host = Command::new("rustc").arg("-vV").output().expect("rustc runs: it compiled this test");
+    let host = String::from_utf8(host.stdout).unwrap();
+    let host = host.lines().find_map(|line| line.strip_prefix("host: ")).unwrap();
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version=1", "--locked", "--offline", "--filter-platform", host])
+        .current_dir(root())
+        .output()
+        .expect("cargo runs: it built this test");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("cargo metadata is JSON")
+}
+
+/// The crate table of ARCHITECTURE.md: crate -> ours that it may use ("all" for every one).
+fn allowed() -> BTreeMap<String, BTreeSet<String>> {
+    let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    text.lines()
+        .filter(|line| line.starts_with("| `swerve"))
+        .map(|line| {
+            let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+            let name = cells[1].trim_matches('`').to_owned();
+            let uses = cells[3].split_whitespace().filter(|w| *w != "-").map(|w| match w {
+                "all" => "all".to_owned(),
+                short => format!("swerve-{short}"),
+            });
+            (name, uses.collect())
+        })
+        .collect()
+}
+
+#[test]
+fn crates_use_only_what_the_architecture_lists() {
+    let (allowed, metadata) = (allowed(), metadata());
+    let packages = metadata["packages"].as_array().unwrap();
+    let mut seen = 0;
+    for package in packages.iter().filter(|p| p["source"].is_null()) {
+        let name = package["name"].as_str().unwrap();
+        if matches!(name, "swerve-tests" | "swerve-benches") {
+            continue;
+        }
+        let uses = allowed.get(name).unwrap_or_else(|| panic!("ARCHITECTURE.md does not list {name}"));
+        for dependency in package["dependencies"].as_array().unwrap() {
+            let on = dependency["name"].as_str().unwrap();
+            let real = dependency["kind"].is_null();
+            if real && on.starts_with("swerve") {
+                assert!(
+                    uses.contains("all") || uses.contains(on),
+                    "{name} uses {on}, which the table of ARCHITECTURE.md does not list"
+                );
+            }
+        }
+        seen += 1;
+    }
+    assert!(seen >= 13, "only {seen} crates found");
+}
+
+/// Heavy packages and the only crates of ours that may name them.
+#[test]
+fn heavy_packages_stay_behind_one_crate() {
+    let owners = [
+        ("rapier3d", "swerve-sim"),
+        ("clarabel", "swerve-control"),
+        ("mcap", "swerve-log"),
+        ("clap", "swerve"),
+        ("anyhow", "swerve"),
+    ];
+    for package in metadata()["packages"].as_array().unwrap().iter().filter(|p| p["source"].is_null()) {
+        let name = package["name"].as_str().unwrap();
+        for dependency in package["dependencies"].as_array().unwrap().iter().filter(|d| d["kind"].is_null()) {
+            let on = dependency["name"].as_str().unwrap();
+            if let Some((_, owner)) = owners.iter().find(|(heavy, _)| *heavy == on) {
+                assert_eq!(name, *owner, "only {owner} may use {on}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_licence_is_permissive() {
+    const ALLOWED: [&str; 13] = [
+        "MIT",
+        "Apache-2.0",
+        "BSD-2-Clause",
+        "BSD-3-Clause",
+        "ISC",
+        "Zlib",
+        "0BSD",
+        "CC0-1.0",
+        "Unlicense",
+        "Unicode-3.0",
+        "IJG",
+        "BSL-1.0",
+        "Apache-2.0 WITH LLVM-exception",
+    ];
+    for package in metadata()["packages"].as_array().unwrap() {
+        let licence = package["license"].as_str().unwrap_or("none");
+        // `A OR B` gives the choice, `A AND B` does not; `/` is the old spelling of OR.
+        let normal = licence.replace(['(', ')'], "").replace('/', " OR ");
+        let permissive =
+            normal.split(" AND ").all(|part| part.split(" OR ").any(|one| ALLOWED.contains(&one.trim())));
+        assert!(permissive, "{} {} is under `{licence}`", package["name"], package["version"]);
+    }
+}
+
+#[test]
+fn pages_keep_their_length() {
+    for (page, lines_max) in [("README.md", 150), ("ARCHITECTURE.md", 250)] {
+        let lines = std::fs::read_to_string(root().join(page)).unwrap().lines().count();
+        assert!(lines <= lines_max, "{page} has {lines} lines, more than {lines_max}");
+    }
+}
