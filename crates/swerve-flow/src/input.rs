@@ -185,7 +185,7 @@ impl<T: Payload, const N: usize> Inputs for Window<T, N> {
 
     fn read((): &(), slots: &mut Slots<'_>) -> Self {
         match slots.next() {
-            Slot::Window(msgs) => Self { messages: msgs.iter().map(Msg::typed).collect() },
+            Slot::Window(msgs) => Self { messages: msgs.into_iter().map(Msg::typed).collect() },
             _ => Self { messages: Vec::new() },
         }
     }

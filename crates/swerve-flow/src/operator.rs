@@ -62,7 +62,7 @@ pub struct Context<'a> {
     pub(crate) seed: u64,
     pub(crate) rng: Option<Rng>,
     pub(crate) meter: Meter,
-    pub(crate) stop_run: Option<String>,
+    pub(crate) stop_run: Option<Box<str>>,
 }
 
 /// Counts the work of a step and cuts it.
@@ -162,7 +162,7 @@ impl Context<'_> {
 
     /// Ends the run after the sweep of the instant at which this step is done.
     pub fn stop_run(&mut self, reason: impl Into<String>) {
-        self.stop_run = Some(reason.into());
+        self.stop_run = Some(reason.into().into());
     }
 }
 

@@ -14,8 +14,8 @@ impl Engine<'_> {
         let node = &mut self.nodes[rank];
         node.floor = answer.stamp;
         let watermark = node.watermark();
-        for port in 0..node.streams.len() {
-            if let Some(sent) = &outs[port] {
+        for (port, sent) in outs.iter().enumerate() {
+            if let Some(sent) = sent {
                 self.publish_on(rank, port, watermark, answer, sent.clone());
             }
         }
@@ -121,17 +121,21 @@ impl Engine<'_> {
         let now = self.now;
         let stream = &mut self.streams[id];
         let arrival = now.saturating_add(stream.delay);
-        for &(rank, port) in &stream.readers {
+        let mut msg = msg;
+        for (index, &(rank, port)) in stream.readers.iter().enumerate() {
+            // The last one to be given the message takes it, where nobody looks into the stream's history.
+            let last = stream.depth == 0 && index + 1 == stream.readers.len();
+            let msg = if last { msg.take() } else { msg.clone() };
             let at = &mut self.nodes[rank].at[port];
             if arrival > now {
-                at.pending.push_back((arrival, msg.clone(), watermark));
+                at.pending.push_back((arrival, msg, watermark));
                 self.due.set(rank, self.due.get(rank).min(arrival));
                 continue;
             }
             at.watermark = watermark;
-            if let Some(msg) = &msg {
+            if let Some(msg) = msg {
                 at.fresh += 1;
-                at.queue.push_back(msg.clone());
+                at.queue.push_back(msg);
             }
             self.ready.insert(rank);
         }
@@ -146,7 +150,7 @@ impl Engine<'_> {
         loop {
             let node = &mut self.nodes[rank];
             let Some(feed) = &mut node.feed else { return };
-            if !feed.front().is_some_and(|record| (record.visible_at, record.pass) <= (now, pass)) {
+            if feed.front().is_none_or(|record| (record.visible_at, record.pass) > (now, pass)) {
                 return;
             }
             let record = feed.pop_front().expect("just seen");

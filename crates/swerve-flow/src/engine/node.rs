@@ -132,7 +132,7 @@ pub(crate) struct Run {
 pub(crate) enum Outcome {
     /// A worker has it, under this ticket.
     Away(u64),
-    Here(Box<Ran>),
+    Here(Ran),
 }
 
 /// A step that ran on the host.
@@ -144,9 +144,9 @@ pub(crate) struct Ran {
     pub(crate) stopped_at: Option<u64>,
     /// It went on after that.
     pub(crate) went_on: bool,
-    pub(crate) stop_run: Option<String>,
     pub(crate) host_ns: u64,
-    pub(crate) panic: Option<String>,
+    pub(crate) stop_run: Option<Box<str>>,
+    pub(crate) panic: Option<Box<str>>,
 }
 
 impl Ran {
@@ -251,6 +251,32 @@ impl Node {
         }
         let index = queue.binary_search_by_key(&stamp, |msg| msg.header.stamp).ok()?;
         queue.remove(index)
+    }
+
+    /// Lets go of slots that a played-back step held until `now`.
+    pub(crate) fn release_held(&mut self, now: Time) {
+        let mut index = 0;
+        while let Some((start, end)) = self.held.get(index)
+            && *start <= now
+        {
+            if *end <= now {
+                self.held.remove(index);
+            } else {
+                index += 1;
+            }
+        }
+    }
+
+    /// How many slots played-back steps hold at `now`.
+    pub(crate) fn held_now(&self, now: Time) -> usize {
+        self.held.iter().take_while(|(start, _)| *start <= now).filter(|(_, end)| now < *end).count()
+    }
+
+    /// When that number changes next.
+    pub(crate) fn held_change(&self, now: Time) -> Time {
+        let started = self.held.iter().take_while(|(start, _)| *start <= now).map(|(_, end)| *end);
+        let next = self.held.iter().map(|(start, _)| *start).find(|start| *start > now);
+        started.chain(next).min().unwrap_or(Time::MAX)
     }
 
     /// Removes the open frame at `index` and gives its stamp; its messages are forgotten.

@@ -201,7 +201,7 @@ impl Engine<'_> {
         let timed = self.host_time(rank);
         let node = &mut self.nodes[rank];
         let body = node.body.as_mut().expect("the operator is not away");
-        Outcome::Here(Box::new(run(&mut **body, &node.name, task, &mut node.slots, timed)))
+        Outcome::Here(run(&mut **body, &node.name, task, &mut node.slots, timed))
     }
 
     fn send_away(&mut self, rank: usize, task: Task) -> Outcome {
@@ -224,7 +224,7 @@ impl Engine<'_> {
         let Outcome::Away(ticket) = self.nodes[rank].running[index].outcome else { return };
         let done = self.pool.as_mut().expect("a worker has the step").wait(ticket);
         self.nodes[rank].body = Some(done.body);
-        self.nodes[rank].running[index].outcome = Outcome::Here(Box::new(done.ran));
+        self.nodes[rank].running[index].outcome = Outcome::Here(done.ran);
         self.settle_ran(rank, index);
     }
 
@@ -245,7 +245,7 @@ impl Engine<'_> {
         let run = &mut node.running[index];
         let Outcome::Here(ran) = &mut run.outcome else { return };
         if let Some(message) = ran.panic.take() {
-            self.failure = Some(RunError::Panic { operator: node.name.to_string(), message });
+            self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });
             return;
         }
         if let (Some(units), Some(_)) = (ran.stopped_at, self.wall) {
@@ -324,7 +324,7 @@ pub(super) fn run(body: &mut dyn Body, name: &str, task: Task, slots: &mut [Slot
     let begin = timed.then(crate::host::now);
     let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, &mut ran.outs)));
     ran.host_ns = begin.map_or(0, crate::host::ns_since);
-    ran.panic = result.err().map(|panic| said(&*panic));
+    ran.panic = result.err().map(|panic| said(&*panic).into());
     ran.units = cx.meter.units;
     ran.stopped_at = cx.meter.stopped_at;
     ran.went_on = cx.meter.went_on;

@@ -20,8 +20,7 @@ impl Engine<'_> {
     pub(super) fn turn(&mut self, rank: usize) {
         if self.nodes[rank].feed.is_some() {
             self.publish_feed(rank);
-            let now = self.now;
-            self.nodes[rank].held.retain(|(_, end)| *end > now);
+            self.nodes[rank].release_held(self.now);
             self.resources_touched(rank);
             return self.rearm(rank);
         }
@@ -100,7 +99,7 @@ impl Engine<'_> {
                 let stream =
                     &self.streams[self.nodes[rank].policy_stream.expect("set where a policy is read")];
                 let newest = stream.visible(self.now, matches!(edge, Edge::Feedback(_))).checked_sub(1);
-                newest.map_or(before, |index| *stream.history[index].sent.typed::<Span>())
+                newest.map_or(before, |index| *stream.history[index].sent.clone().typed::<Span>())
             }
         };
         anchor.saturating_add(length)
@@ -157,7 +156,7 @@ impl Engine<'_> {
         node.tally.busy += run.end - run.start;
         node.tally.units += ran.units;
         if let Some(reason) = ran.stop_run.take() {
-            self.stop.get_or_insert(reason);
+            self.stop.get_or_insert(reason.into());
         }
         if keep && !ran.is_empty() && node.last.as_ref().is_none_or(|last| last.stamp < run.stamp) {
             let (stamp, origin) = (run.stamp, run.origin);
@@ -397,7 +396,7 @@ impl Engine<'_> {
         let mut due = Time::MAX;
         if let Some(feed) = &node.feed {
             due = feed.front().map_or(Time::MAX, |record| record.visible_at);
-            due = node.held.iter().fold(due, |due, (_, end)| due.min(*end));
+            due = due.min(node.held_change(self.now));
         }
         for port in &node.timers {
             due = due.min(port.next);
