@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::{check, replay, run, scenarios, study, timing};
+use crate::{calibrate, check, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -24,6 +24,8 @@ enum Command {
     Timing(timing::TimingArgs),
     /// Check scenario, configuration, study and timing files without running them
     Check(check::CheckArgs),
+    /// Measure what the planners cost on this host and freeze that in a configuration
+    Calibrate(calibrate::CalibrateArgs),
     /// List the scenarios of a folder
     Scenarios(scenarios::ScenariosArgs),
 }
@@ -36,6 +38,7 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Replay(args) => replay::run(args),
         Command::Timing(args) => timing::run(args),
         Command::Check(args) => check::run(args),
+        Command::Calibrate(args) => calibrate::run(args),
         Command::Scenarios(args) => scenarios::run(args),
     }
 }

@@ -1,5 +1,6 @@
 //! The binary's library: configuration, operator adapters, graph assembly, commands, studies, reports.
 
+pub mod calibrate;
 pub mod check;
 pub mod cli;
 pub mod config;
