@@ -1,6 +1,7 @@
 //! The executor: one sweep for every instant, whatever moves the clock.
 
 mod commit;
+mod direct;
 mod due;
 mod node;
 mod pool;

@@ -21,7 +21,14 @@ impl Engine<'_> {
         }
     }
 
-    fn publish_on(&mut self, rank: usize, port: usize, watermark: Time, answer: &Answer<'_>, sent: Sent) {
+    pub(super) fn publish_on(
+        &mut self,
+        rank: usize,
+        port: usize,
+        watermark: Time,
+        answer: &Answer<'_>,
+        sent: Sent,
+    ) {
         let now = self.now;
         let node = &mut self.nodes[rank];
         node.tally.messages += 1;
@@ -74,18 +81,20 @@ impl Engine<'_> {
         }));
     }
 
-    /// (f) Publishes the operator's watermark where it rose without a message; says whether it did.
-    pub(super) fn publish_watermark(&mut self, rank: usize) -> bool {
+    /// (f) Publishes the operator's watermark where it rose without a message.
+    pub(super) fn publish_watermark(&mut self, rank: usize) {
         let watermark = self.nodes[rank].watermark();
-        let mut published = false;
         for port in 0..self.nodes[rank].streams.len() {
-            let stream = self.nodes[rank].streams[port];
-            if self.streams[stream].watermark < watermark {
-                self.publish_bare(rank, port, watermark, self.pass);
-                published = true;
-            }
+            self.publish_risen(rank, port, watermark);
         }
-        published
+    }
+
+    /// Publishes `watermark` on one stream, where it is above what the stream carried last.
+    pub(super) fn publish_risen(&mut self, rank: usize, port: usize, watermark: Time) {
+        let stream = self.nodes[rank].streams[port];
+        if self.streams[stream].watermark < watermark {
+            self.publish_bare(rank, port, watermark, self.pass);
+        }
     }
 
     pub(super) fn publish_bare(&mut self, rank: usize, port: usize, watermark: Time, pass: u32) {

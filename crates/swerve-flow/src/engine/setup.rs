@@ -160,7 +160,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         BodySpec::Operator(body, on_deadline) => (Some(body), Some(on_deadline), None),
         BodySpec::Feed(records) => (None, None, Some(records.into())),
     };
-    Node {
+    let mut node = Node {
         slots: order.iter().map(|_| Slot::Empty).collect(),
         tally: OperatorReport { name: spec.name.to_string(), ..OperatorReport::default() },
         name: spec.name,
@@ -184,6 +184,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         uses: spec.uses,
         origin: spec.origin,
         heavy: spec.heavy,
+        direct: false,
         open: VecDeque::new(),
         complete: 0,
         running: VecDeque::new(),
@@ -191,5 +192,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         last: None,
         since: None,
         unsettled: false,
-    }
+    };
+    node.direct = node.may_be_direct();
+    node
 }
