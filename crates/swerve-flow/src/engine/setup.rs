@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
-use swerve_core::{Hasher, Span, Time, digest_of};
+use swerve_core::{Span, Time, digest_of};
 
+use super::commit::Commits;
 use super::due::{Due, Ready};
 use super::node::{AtPort, LatestPort, Node, PortRef, StreamState, TimerPort};
 use super::pool::{Doorbell, Pool};
@@ -74,7 +75,7 @@ impl<'o> Engine<'o> {
             wall,
             seed: options.seed,
             replay,
-            digest: Hasher::new(),
+            digest: Commits::new(),
             instants: 0,
             observers,
             stop: None,
