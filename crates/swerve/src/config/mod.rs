@@ -300,6 +300,8 @@ pub enum ControllerName {
     PurePursuit,
     /// Speed PID and the Stanley law.
     Stanley,
+    /// Linear time-varying model predictive control.
+    Mpc,
 }
 
 /// The controller.
@@ -421,6 +423,9 @@ impl Config {
                 format!("sim.vehicle.{}", fault.key),
                 format!("expected {}, found {}", fault.must, fault.value),
             ));
+        }
+        if let Err(message) = crate::pipeline::planner(&self) {
+            faults.push(("planning.params".into(), message));
         }
         self.check_operators(&mut faults);
         self.check_log(&mut faults);
