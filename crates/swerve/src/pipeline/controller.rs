@@ -23,8 +23,7 @@ impl ControllerOperator {
             ControllerName::PurePursuit => Law::PurePursuit,
             ControllerName::Stanley => Law::Stanley,
         };
-        let params =
-            Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
+        let params = Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
         Self { controller: controller(&config.sim.vehicle, params), route: route.clone() }
     }
 }
