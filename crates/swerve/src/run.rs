@@ -382,11 +382,7 @@ impl Summary {
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
         if self.unrecorded > 0 {
-            let _ = writeln!(
-                text,
-                "{} steps had no record and drew their run time from the recorded ones",
-                self.unrecorded
-            );
+            let _ = writeln!(text, "{} steps had no record and drew their run time from the recorded ones", self.unrecorded);
         }
         match self.as_expected {
             Some(true) => text += "as the scenario expects\n",
