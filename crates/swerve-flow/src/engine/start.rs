@@ -321,14 +321,26 @@ pub(super) fn run(
     begin: Option<std::time::Instant>,
     ran: &mut Ran,
 ) {
-    let mut cx = Context { name, task };
-    let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, &mut ran.outs)));
+    ran.panic = step(body, name, task, slots, &mut ran.outs);
     ran.host_ns = begin.map_or(0, crate::host::ns_since);
-    ran.panic = result.err().map(|panic| said(&*panic).into());
     ran.units = task.meter.units;
     ran.stopped_at = task.meter.stopped_at;
     ran.went_on = task.meter.went_on;
     ran.stop_run = task.stop_run.take();
+}
+
+/// Calls the operator's step; gives what it panicked with.
+#[inline]
+pub(super) fn step(
+    body: &mut dyn Body,
+    name: &str,
+    task: &mut Task,
+    slots: &mut [Slot],
+    outs: &mut Outs,
+) -> Option<Box<str>> {
+    let mut cx = Context { name, task };
+    let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, outs)));
+    result.err().map(|panic| said(&*panic).into())
 }
 
 /// What a panic said.
