@@ -38,6 +38,8 @@ pub(crate) struct Node {
     pub(crate) runtime: RuntimeModel,
     pub(crate) policy: Policy,
     pub(crate) deadline: Option<Deadline>,
+    /// No open stamp has its deadline before this; `Time::MAX` without deadlines.
+    pub(crate) next_deadline: Time,
     /// The stream that decides how long the deadline is.
     pub(crate) policy_stream: Option<usize>,
     pub(crate) uses: Option<usize>,
@@ -243,6 +245,12 @@ impl Node {
         }
         let at = self.at.iter().fold(Time::MAX, |least, port| least.min(port.watermark));
         self.timers.iter().fold(at, |least, port| least.min(port.watermark))
+    }
+
+    /// Whether, after steps started, there is more to do at `now`: one of them is done, or late, or frames
+    /// are left to be started.
+    pub(crate) fn has_more(&self, now: Time) -> bool {
+        self.complete > 0 || self.next_deadline <= now || self.running.iter().any(|run| run.end <= now)
     }
 
     /// How many steps may still start.

@@ -50,7 +50,8 @@ impl Engine<'_> {
             Draw::Measured => (now, false),
         };
         let wall = self.wall.is_some();
-        let node = &self.nodes[rank];
+        let node = &mut self.nodes[rank];
+        node.next_deadline = node.next_deadline.min(deadline);
         let away = node.heavy && (least_end > now || wall) && self.pool.is_some();
         // Under wall clock a worker says when it is done.
         let end = if away && wall { Time::MAX } else { least_end };

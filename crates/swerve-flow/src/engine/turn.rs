@@ -29,11 +29,12 @@ impl Engine<'_> {
         }
         self.arrive(rank);
         loop {
-            let mut changed = self.publish_due(rank);
-            changed |= self.handle_deadlines(rank);
-            changed |= self.take_in(rank);
-            changed |= self.start_allowed(rank);
-            if !changed || self.failure.is_some() {
+            self.publish_due(rank);
+            let reacted = self.handle_deadlines(rank);
+            self.take_in(rank);
+            let started = self.start_allowed(rank);
+            // Only a reaction, or a step that is done already, gives (a) to (d) something more to do.
+            if !(reacted || started && self.nodes[rank].has_more(self.now)) || self.failure.is_some() {
                 break;
             }
         }
@@ -89,7 +90,9 @@ impl Engine<'_> {
                 Some(Anchor::Stamp) => self.deadline_from(rank, stamp),
                 Some(Anchor::Start) | None => Time::MAX,
             };
-            self.nodes[rank].open.insert(index, super::node::Open { stamp, deadline });
+            let node = &mut self.nodes[rank];
+            node.next_deadline = node.next_deadline.min(deadline);
+            node.open.insert(index, super::node::Open { stamp, deadline });
         }
     }
 
@@ -109,9 +112,8 @@ impl Engine<'_> {
     }
 
     /// (a) Publishes the results that are due, in stamp order.
-    fn publish_due(&mut self, rank: usize) -> bool {
+    fn publish_due(&mut self, rank: usize) {
         let now = self.now;
-        let mut changed = false;
         let mut waits = false;
         let mut index = 0;
         while let Some(run) = self.nodes[rank].running.get(index) {
@@ -127,7 +129,6 @@ impl Engine<'_> {
                 index += 1;
                 continue;
             }
-            changed = true;
             let running = &mut self.nodes[rank].running;
             let run = if index == 0 { running.pop_front() } else { running.remove(index) };
             let mut run = run.expect("just seen");
@@ -141,7 +142,6 @@ impl Engine<'_> {
                 index -= self.publish_result(rank, &mut run);
             }
         }
-        changed
     }
 
     /// Publishes the result of a step that came to its end and left the line; gives the number of older ones
@@ -229,7 +229,7 @@ impl Engine<'_> {
     /// (b) Handles the deadlines that have passed, in stamp order.
     fn handle_deadlines(&mut self, rank: usize) -> bool {
         let now = self.now;
-        if self.nodes[rank].deadline.is_none() {
+        if now < self.nodes[rank].next_deadline {
             return false;
         }
         let mut changed = false;
@@ -332,7 +332,7 @@ impl Engine<'_> {
     }
 
     /// (c) Takes in ticks and newly complete frames.
-    fn take_in(&mut self, rank: usize) -> bool {
+    fn take_in(&mut self, rank: usize) {
         let node = &mut self.nodes[rank];
         for port in &mut node.timers {
             if core::mem::take(&mut port.ticking) {
@@ -341,14 +341,12 @@ impl Engine<'_> {
             }
         }
         if node.open.len() == node.complete {
-            return false;
+            return;
         }
         let joined = node.joined();
-        let before = node.complete;
         while node.open.get(node.complete).is_some_and(|open| open.stamp <= joined) {
             node.complete += 1;
         }
-        node.complete > before
     }
 
     /// (d) Starts what the busy policy allows. Steps that need a slot start after the sweep.
@@ -418,7 +416,7 @@ impl Engine<'_> {
 
     /// Works out when the operator has something to do next.
     pub(super) fn rearm(&mut self, rank: usize) {
-        let node = &self.nodes[rank];
+        let node = &mut self.nodes[rank];
         let mut due = Time::MAX;
         if let Some(feed) = &node.feed {
             due = feed.front().map_or(Time::MAX, |record| record.visible_at);
@@ -434,12 +432,12 @@ impl Engine<'_> {
             if !run.finished {
                 due = due.min(run.end);
             }
-            if !run.resolved {
-                due = due.min(run.deadline);
-            }
         }
         if node.deadline.is_some() {
-            due = node.open.iter().fold(due, |due, open| due.min(open.deadline));
+            let running = node.running.iter().filter(|run| !run.resolved).map(|run| run.deadline);
+            let least = running.fold(Time::MAX, Time::min);
+            node.next_deadline = node.open.iter().fold(least, |least, open| least.min(open.deadline));
+            due = due.min(node.next_deadline);
         }
         self.due.set(rank, due);
     }
