@@ -317,7 +317,9 @@ class Run:
             changed = self.a_publish_results_due(op)
             changed |= self.b_handle_deadlines(op)
             changed |= self.c_take_complete_frames(op)
-            if op.resource is None:
+            if op.resource is None or op.next_runtime() == 0:
+                # "A step of zero run time needs no slot", so it does not wait for the last turn either: started after
+                # it, its result would be due at this very instant, and nothing would sweep the instant again.
                 changed |= self.d_start(op)
             if not changed:
                 break
@@ -346,21 +348,19 @@ class Run:
 
     def start_on_resources(self):
         """Steps start after the last turn, as slots are free, in order of (instant ready since, rank)."""
-        zero_time = False  # a step of zero run time that starts here has its result due at this very instant
         while True:
             self.note_readiness()
-            able = [op for op in self.users() if op.ready_since is not None
-                    and (self.free_slots(op.resource) > 0 or op.next_runtime() == 0)]
+            able = [op for op in self.users() if op.ready_since is not None and self.free_slots(op.resource) > 0]
             if not able:
-                return zero_time
+                return
             op = min(able, key=lambda op: (op.ready_since, self.ranked.index(op)))
-            zero_time |= op.next_runtime() == 0
             self.start(op, self.next_to_start(op))
             op.ready_since = None
 
     def resource_phase(self):
         """True when the instant has to be swept once more."""
-        again = self.start_on_resources()
+        self.start_on_resources()
+        again = False
         for op in self.users():  # then (e) and (f) of these operators, in rank order
             self.e_apply_bound(op)
             again |= self.publish_watermark_if_it_rose(op)

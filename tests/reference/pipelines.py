@@ -131,7 +131,7 @@ def random_pipeline(rng, span_ms=None):
             op["policy"] = random_policy(rng)
         if rng.random() < 0.45:
             op["deadline"] = random_deadline(rng, op["runtime"])
-        if busy and rng.random() < 0.6 and "zero" not in op["runtime"]:
+        if busy and rng.random() < 0.6:
             op["uses"] = rng.choice(["gpu", "gpu", "npu"])
         operators.append(op)
     if rng.random() < 0.5:

@@ -131,10 +131,12 @@ pub(crate) enum Slot {
 pub struct Slots<'a>(pub(crate) core::slice::IterMut<'a, Slot>);
 
 impl Slots<'_> {
+    #[inline]
     fn next(&mut self) -> Slot {
-        self.0.next().map(core::mem::take).expect("the layout counts as many ports as were declared")
+        core::mem::take(self.0.next().expect("the layout counts as many ports as were declared"))
     }
 
+    #[inline]
     fn message<T: Payload>(&mut self) -> Option<Message<T>> {
         match self.next() {
             Slot::Message(msg) => Some(msg.typed()),
@@ -185,7 +187,7 @@ impl<T: Payload, const N: usize> Inputs for Window<T, N> {
 
     fn read((): &(), slots: &mut Slots<'_>) -> Self {
         match slots.next() {
-            Slot::Window(msgs) => Self { messages: msgs.iter().map(Msg::typed).collect() },
+            Slot::Window(msgs) => Self { messages: msgs.into_iter().map(Msg::typed).collect() },
             _ => Self { messages: Vec::new() },
         }
     }

@@ -66,7 +66,7 @@ pub(crate) struct Msg {
 }
 
 impl Msg {
-    pub(crate) fn typed<T: Payload>(&self) -> Message<T> {
+    pub(crate) fn typed<T: Payload>(self) -> Message<T> {
         Message { header: self.header, value: self.sent.typed() }
     }
 }

@@ -116,7 +116,7 @@ impl<T: Payload> Outputs for Port<T> {
     }
 
     fn values(outs: Option<&Outs>, first: usize) -> Self::Values {
-        outs.and_then(|outs| outs[first].as_ref()).map(Sent::typed)
+        outs.and_then(|outs| outs[first].clone()).map(Sent::typed)
     }
 }
 

@@ -62,8 +62,8 @@ impl Sent {
         Self { payload, digest }
     }
 
-    pub(crate) fn typed<T: Payload>(&self) -> Arc<T> {
-        let any: Arc<dyn Any + Send + Sync> = self.payload.clone();
+    pub(crate) fn typed<T: Payload>(self) -> Arc<T> {
+        let any: Arc<dyn Any + Send + Sync> = self.payload;
         any.downcast().expect("the graph's check compared the types of both ends")
     }
 }

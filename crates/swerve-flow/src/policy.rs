@@ -5,10 +5,11 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 /// The busy policy of an operator: how many steps it has under way, and which frames wait.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
     /// One step at a time; then the newest waiting frame. The same as `Pipelined` with one place.
+    #[default]
     SkipToLatest,
     /// One step at a time; up to `capacity` frames wait, and the oldest is next.
     Queue {
@@ -68,12 +69,6 @@ impl Policy {
 
     pub(crate) const fn overtakes(self) -> bool {
         matches!(self, Self::Pipelined { overtaking: true, .. })
-    }
-}
-
-impl Default for Policy {
-    fn default() -> Self {
-        Self::SkipToLatest
     }
 }
 

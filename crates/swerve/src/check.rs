@@ -50,7 +50,7 @@ fn problems(path: &Path) -> Vec<String> {
     } else if has("base") || has("axis") {
         Bench::open(path, &[]).err().map(|error| format!("{error:#}")).into_iter().collect()
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
-        crate::timing::read_file(path).err().map(|error| format!("{error:#}")).into_iter().collect()
+        told(crate::timing::read_file(path).err().unwrap_or_default())
     } else {
         told(Config::from_document(&document, &[]).err().unwrap_or_default())
     }

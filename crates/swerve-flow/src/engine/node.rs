@@ -43,6 +43,8 @@ pub(crate) struct Node {
     pub(crate) uses: Option<usize>,
     pub(crate) origin: bool,
     pub(crate) heavy: bool,
+    /// It may take the shortcut of `engine/direct.rs`.
+    pub(crate) direct: bool,
     /// Open frames that have not started, in order of stamps; the first `complete` are complete.
     pub(crate) open: VecDeque<Open>,
     pub(crate) complete: usize,
@@ -132,7 +134,7 @@ pub(crate) struct Run {
 pub(crate) enum Outcome {
     /// A worker has it, under this ticket.
     Away(u64),
-    Here(Box<Ran>),
+    Here(Ran),
 }
 
 /// A step that ran on the host.
@@ -144,9 +146,9 @@ pub(crate) struct Ran {
     pub(crate) stopped_at: Option<u64>,
     /// It went on after that.
     pub(crate) went_on: bool,
-    pub(crate) stop_run: Option<String>,
     pub(crate) host_ns: u64,
-    pub(crate) panic: Option<String>,
+    pub(crate) stop_run: Option<Box<str>>,
+    pub(crate) panic: Option<Box<str>>,
 }
 
 impl Ran {
@@ -211,19 +213,26 @@ impl StreamState {
 impl Node {
     /// The watermark that a publication of this moment carries; `Time::MIN` when there is none.
     pub(crate) fn watermark(&self) -> Time {
-        let oldest = match self.running.iter().find(|run| !run.resolved) {
-            Some(run) => Some(run.stamp),
-            None => self.open.front().map(|open| open.stamp),
-        };
-        let below = oldest.map_or(Time::MAX, |stamp| stamp.saturating_add(Span::from_ns(-1)));
-        self.floor.max(self.joined().min(below))
+        let mut oldest = self.open.front().map_or(Time::MAX, |open| open.stamp);
+        if !self.running.is_empty()
+            && let Some(run) = self.running.iter().find(|run| !run.resolved)
+        {
+            oldest = run.stamp;
+        }
+        let mut least = self.joined();
+        if oldest < Time::MAX {
+            least = least.min(oldest.saturating_add(Span::from_ns(-1)));
+        }
+        self.floor.max(least)
     }
 
     /// The smallest watermark of the synchronised ports.
     pub(crate) fn joined(&self) -> Time {
-        let at = self.at.iter().map(|port| port.watermark);
-        let timers = self.timers.iter().map(|port| port.watermark);
-        at.chain(timers).min().unwrap_or(Time::MIN)
+        if self.at.is_empty() && self.timers.is_empty() {
+            return Time::MIN;
+        }
+        let at = self.at.iter().fold(Time::MAX, |least, port| least.min(port.watermark));
+        self.timers.iter().fold(at, |least, port| least.min(port.watermark))
     }
 
     /// How many steps may still start.
@@ -251,6 +260,32 @@ impl Node {
         }
         let index = queue.binary_search_by_key(&stamp, |msg| msg.header.stamp).ok()?;
         queue.remove(index)
+    }
+
+    /// Lets go of slots that a played-back step held until `now`.
+    pub(crate) fn release_held(&mut self, now: Time) {
+        let mut index = 0;
+        while let Some((start, end)) = self.held.get(index)
+            && *start <= now
+        {
+            if *end <= now {
+                self.held.remove(index);
+            } else {
+                index += 1;
+            }
+        }
+    }
+
+    /// How many slots played-back steps hold at `now`.
+    pub(crate) fn held_now(&self, now: Time) -> usize {
+        self.held.iter().take_while(|(start, _)| *start <= now).filter(|(_, end)| now < *end).count()
+    }
+
+    /// When that number changes next.
+    pub(crate) fn held_change(&self, now: Time) -> Time {
+        let started = self.held.iter().take_while(|(start, _)| *start <= now).map(|(_, end)| *end);
+        let next = self.held.iter().map(|(start, _)| *start).find(|start| *start > now);
+        started.chain(next).min().unwrap_or(Time::MAX)
     }
 
     /// Removes the open frame at `index` and gives its stamp; its messages are forgotten.

@@ -98,7 +98,7 @@ impl Engine<'_> {
         let held = |rank: &usize| {
             let node = &self.nodes[*rank];
             let running = node.running.iter().filter(|run| run.slot && run.end > self.now).count();
-            running + node.held.iter().filter(|(start, end)| *start <= self.now && self.now < *end).count()
+            running + node.held_now(self.now)
         };
         resource.slots.saturating_sub(resource.users.iter().map(held).sum())
     }
@@ -110,6 +110,6 @@ impl Engine<'_> {
             let stamp = self.nodes[rank].discard(0);
             self.drop_stamp(rank, stamp, crate::observer::DropReason::Skipped);
         }
-        self.start(rank);
+        self.start(rank, false);
     }
 }

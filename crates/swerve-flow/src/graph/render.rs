@@ -1,1 +1,314 @@
-//! Pictures of a graph.
+//! A graph as text, as a DOT file and as an SVG picture.
+
+use core::fmt::Write as _;
+
+use super::{GraphInfo, InputInfo, InputKind, OperatorInfo};
+
+/// Box size, gaps and margin of the picture, in pixels.
+const WIDTH: usize = 210;
+const LINE: usize = 15;
+const GAP_X: usize = 90;
+const GAP_Y: usize = 26;
+const MARGIN: usize = 24;
+
+impl GraphInfo {
+    /// One line per operator in rank order, and its inputs and streams below it.
+    pub fn text(&self) -> String {
+        let mut out = String::new();
+        for operator in &self.operators {
+            let _ =
+                writeln!(out, "{:>3} {}  [{}]", operator.rank, operator.name, operator.facts().join("; "));
+            for input in &operator.inputs {
+                let _ = writeln!(out, "      <- {}", input.text());
+            }
+            for (stream, payload) in &operator.outputs {
+                let _ = writeln!(out, "      -> {stream}: {payload}");
+            }
+        }
+        for (resource, slots) in &self.resources {
+            let users = self.operators.iter().filter(|operator| operator.uses.as_ref() == Some(resource));
+            let users: Vec<_> = users.map(|operator| operator.name.as_str()).collect();
+            let _ = writeln!(out, "resource {resource}, slots {slots}: {}", users.join(", "));
+        }
+        out
+    }
+
+    /// The graph in the DOT language of Graphviz.
+    pub fn dot(&self) -> String {
+        let mut out =
+            String::from("digraph swerve {\n  rankdir=LR;\n  node [shape=box, fontname=\"sans-serif\"];\n");
+        for operator in &self.operators {
+            let mut lines = vec![operator.name.clone()];
+            lines.extend(operator.facts());
+            let label: Vec<String> = lines.iter().map(|line| quoted(line)).collect();
+            let _ = writeln!(out, "  \"{}\" [label=\"{}\"];", quoted(&operator.name), label.join("\\n"));
+        }
+        for edge in self.edges() {
+            let mut attributes = format!("label=\"{}\"", quoted(edge.stream));
+            if edge.feedback {
+                attributes += ", style=dashed, constraint=false";
+            } else if !edge.joined {
+                attributes += ", color=gray50";
+            }
+            let from = quoted(&self.operators[edge.from].name);
+            let _ = writeln!(
+                out,
+                "  \"{from}\" -> \"{}\" [{attributes}];",
+                quoted(&self.operators[edge.to].name)
+            );
+        }
+        out + "}\n"
+    }
+
+    /// A picture: operators as boxes, from the sources on the left to the sinks on the right; synchronised
+    /// inputs as full lines, latest ones as grey lines, feedback as dashed lines below.
+    pub fn svg(&self) -> String {
+        let boxes = self.layout();
+        let width = boxes.iter().map(|b| b.x + WIDTH).max().unwrap_or(0) + MARGIN;
+        let below = boxes.iter().map(|b| b.y + b.height).max().unwrap_or(0);
+        let feedbacks = self.edges().iter().filter(|edge| edge.feedback).count();
+        let height = below + MARGIN + 18 * feedbacks;
+        let mut out = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+             height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\">\n\
+             <defs><marker id=\"tip\" viewBox=\"0 0 8 8\" refX=\"8\" refY=\"4\" markerWidth=\"7\" markerHeight=\"7\" \
+             orient=\"auto\"><path d=\"M0,0 L8,4 L0,8 z\" fill=\"context-stroke\"/></marker></defs>\n\
+             <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
+        );
+        let mut lane = below + 12;
+        for edge in self.edges() {
+            out += &edge_path(&edge, &boxes, lane);
+            lane += if edge.feedback { 18 } else { 0 };
+        }
+        for (operator, place) in self.operators.iter().zip(&boxes) {
+            out += &operator_box(operator, place);
+        }
+        out + "</svg>\n"
+    }
+
+    /// Every edge between operators, in rank order of its reader.
+    fn edges(&self) -> Vec<EdgeInfo<'_>> {
+        let mut edges = Vec::new();
+        for (to, operator) in self.operators.iter().enumerate() {
+            for input in &operator.inputs {
+                let from = self.operators.iter().position(|o| Some(&o.name) == input.from.as_ref());
+                let (Some(from), Some(stream)) = (from, &input.stream) else { continue };
+                let feedback = matches!(input.kind, InputKind::Latest { feedback: true, .. });
+                let nth = edges.iter().filter(|edge: &&EdgeInfo<'_>| edge.to == to && !edge.feedback).count();
+                edges.push(EdgeInfo { from, to, stream, feedback, joined: input.kind == InputKind::At, nth });
+            }
+        }
+        edges
+    }
+
+    /// Columns by the longest way from a source, rows in rank order.
+    fn layout(&self) -> Vec<Place> {
+        let mut column = vec![0; self.operators.len()];
+        for edge in self.edges().iter().filter(|edge| !edge.feedback) {
+            // Edges come in rank order of their readers, so the writer's column is final.
+            column[edge.to] = column[edge.to].max(column[edge.from] + 1);
+        }
+        let mut next_y = vec![MARGIN; column.iter().max().map_or(0, |last| last + 1)];
+        let place = |(operator, column): (&OperatorInfo, usize)| {
+            let height = LINE * (operator.box_lines().len() + 1) + 14;
+            let y = next_y[column];
+            next_y[column] += height + GAP_Y;
+            Place { x: MARGIN + column * (WIDTH + GAP_X), y, height }
+        };
+        self.operators.iter().zip(column).map(place).collect()
+    }
+}
+
+struct EdgeInfo<'a> {
+    from: usize,
+    to: usize,
+    stream: &'a str,
+    feedback: bool,
+    joined: bool,
+    /// Which of its reader's inputs it is, feedback left out.
+    nth: usize,
+}
+
+struct Place {
+    x: usize,
+    y: usize,
+    height: usize,
+}
+
+impl OperatorInfo {
+    /// What is worth saying of it beside its ports.
+    fn facts(&self) -> Vec<String> {
+        if self.feed {
+            return vec!["source".into()];
+        }
+        let mut facts = vec![format!("run time {}", self.runtime), self.policy.clone()];
+        facts.extend(self.deadline.iter().map(|deadline| format!("deadline {deadline}")));
+        facts.extend(self.uses.iter().map(|resource| format!("uses {resource}")));
+        if self.delay_ns > 0 {
+            facts.push(format!("delay {}", swerve_core::Span::from_ns(self.delay_ns)));
+        }
+        facts.extend(self.origin.then(|| "origin".into()));
+        facts.extend(self.heavy.then(|| "heavy".into()));
+        facts
+    }
+
+    /// What the picture says in its box, below its name: timers and facts, without what is the default.
+    fn box_lines(&self) -> Vec<String> {
+        let timers = self.inputs.iter().filter(|input| input.stream.is_none()).map(InputInfo::text);
+        let facts =
+            self.facts().into_iter().filter(|fact| fact != "skip_to_latest" && fact != "run time zero");
+        timers.chain(facts).collect()
+    }
+}
+
+impl InputInfo {
+    fn text(&self) -> String {
+        let stream = self.stream.as_deref().unwrap_or_default();
+        match self.kind {
+            InputKind::At => format!("at {stream}"),
+            InputKind::Latest { depth, feedback } => {
+                let kind = if depth > 1 { format!("newest {depth} of") } else { "latest".into() };
+                format!("{kind} {stream}{}", if feedback { " (feedback)" } else { "" })
+            }
+            InputKind::Every { period_ns, phase_ns } => {
+                let period = swerve_core::Span::from_ns(period_ns);
+                match phase_ns {
+                    0 => format!("every {period}"),
+                    _ => format!("every {period} from {}", swerve_core::Span::from_ns(phase_ns)),
+                }
+            }
+        }
+    }
+}
+
+fn operator_box(operator: &OperatorInfo, place: &Place) -> String {
+    let Place { x, y, height } = *place;
+    let fill = if operator.feed || operator.origin { "#e8f3ec" } else { "#eef2f8" };
+    let mut out = format!(
+        "<rect x=\"{x}\" y=\"{y}\" width=\"{WIDTH}\" height=\"{height}\" rx=\"5\" fill=\"{fill}\" stroke=\"#44546a\"/>\n\
+         <text x=\"{}\" y=\"{}\" font-size=\"13\" font-weight=\"bold\">{}</text>\n",
+        x + 10,
+        y + 18,
+        escaped(&operator.name)
+    );
+    for (i, line) in operator.box_lines().iter().enumerate() {
+        let line = if line.chars().count() > 38 {
+            line.chars().take(37).chain(['…']).collect()
+        } else {
+            line.clone()
+        };
+        let _ = writeln!(
+            out,
+            "<text x=\"{}\" y=\"{}\" fill=\"#444\">{}</text>",
+            x + 10,
+            y + 18 + LINE * (i + 1),
+            escaped(&line)
+        );
+    }
+    out
+}
+
+fn edge_path(edge: &EdgeInfo<'_>, boxes: &[Place], lane: usize) -> String {
+    let (from, to) = (&boxes[edge.from], &boxes[edge.to]);
+    let title = escaped(edge.stream);
+    let (x0, y0) = (from.x + WIDTH, from.y + from.height / 2);
+    if edge.feedback {
+        let (y0, x1, y1) = (from.y + from.height, to.x + WIDTH / 2, to.y + to.height);
+        let x0 = from.x + WIDTH / 2;
+        return format!(
+            "<path d=\"M{x0},{y0} V{lane} H{x1} V{y1}\" fill=\"none\" stroke=\"#b04a2f\" stroke-dasharray=\"5 4\" \
+             marker-end=\"url(#tip)\"><title>{title}</title></path>\n\
+             <text x=\"{}\" y=\"{}\" fill=\"#b04a2f\">{title}</text>\n",
+            x0.min(x1) + 8,
+            lane - 3,
+        );
+    }
+    let (x1, y1) = (to.x, to.y + (14 + 9 * edge.nth).min(to.height - 6));
+    let bend = (x1.saturating_sub(x0) / 2).clamp(30, 120);
+    let colour = if edge.joined { "#2b3a55" } else { "#9aa3b2" };
+    format!(
+        "<path d=\"M{x0},{y0} C{},{y0} {},{y1} {x1},{y1}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.4\" \
+         marker-end=\"url(#tip)\"><title>{title}</title></path>\n",
+        x0 + bend,
+        x1 - bend.min(x1),
+    )
+}
+
+fn quoted(text: &str) -> String {
+    text.replace('\\', "\\\\").replace('"', "\\\"")
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{
+        At, Context, Deadline, Every, Graph, GraphInfo, Latest, Operator, Policy, Port, Reaction,
+        RuntimeModel, every,
+    };
+    use swerve_core::Span;
+
+    struct Any;
+    impl Operator for Any {
+        type In = (Vec<Every>, Vec<At<Vec<f64>>>, Vec<Latest<Vec<f64>>>);
+        type Out = Port<Vec<f64>>;
+        fn step(&mut self, _: &mut Context<'_>, _: &Self::In, _: &mut Self::Out) {}
+    }
+
+    fn loop_of_three() -> GraphInfo {
+        let mut graph = Graph::new();
+        let commands = graph.feedback("commands");
+        let gpu = graph.resource("gpu0", 1);
+        let ms = Span::from_ms;
+        let timer = vec![every(ms(50)).phase(ms(5))];
+        let none: Vec<crate::Stream<Vec<f64>>> = vec![];
+        let world = graph.add("world", Any, (timer, none.clone(), vec![commands])).origin().out();
+        let untimed: Vec<crate::Timer> = vec![];
+        let detector = graph.add("detector \"a\" & <b>", Any, (untimed.clone(), vec![world], none));
+        let detector = detector.runtime(RuntimeModel::Fixed(ms(80))).policy(Policy::queue(2)).uses(gpu);
+        let boxes = detector.deadline(Deadline::after(ms(100)).reaction(Reaction::ReuseLast)).out();
+        let control = graph.add("control", Any, (untimed, vec![boxes], vec![world])).out();
+        graph.connect(commands, control);
+        graph.describe().unwrap()
+    }
+
+    #[test]
+    fn text_names_ranks_ports_models_policies_and_deadlines() {
+        let expected = "  0 world  [run time zero; skip_to_latest; origin]
+      <- every 50.000 ms from 5.000 ms
+      <- latest control (feedback)
+      -> world: Vec<f64>
+  1 detector \"a\" & <b>  [run time fixed 80.000 ms; queue(2); deadline 100.000 ms from arrival, then reuse_last; uses gpu0]
+      <- at world
+      -> detector \"a\" & <b>: Vec<f64>
+  2 control  [run time zero; skip_to_latest]
+      <- at detector \"a\" & <b>
+      <- latest world
+      -> control: Vec<f64>
+resource gpu0, slots 1: detector \"a\" & <b>
+";
+        assert_eq!(loop_of_three().text(), expected);
+    }
+
+    #[test]
+    fn dot_has_every_edge_and_dashes_feedback() {
+        let dot = loop_of_three().dot();
+        assert!(dot.contains(r#""world" -> "detector \"a\" & <b>" [label="world"];"#), "{dot}");
+        assert!(
+            dot.contains(r#""control" -> "world" [label="control", style=dashed, constraint=false];"#),
+            "{dot}"
+        );
+        assert_eq!(dot.matches(" -> ").count(), 4);
+    }
+
+    #[test]
+    fn svg_has_a_box_per_operator_and_a_path_per_edge() {
+        let svg = loop_of_three().svg();
+        assert_eq!(svg.matches("<rect ").count(), 1 + 3);
+        assert_eq!(svg.matches("marker-end").count(), 4);
+        assert_eq!(svg.matches("stroke-dasharray").count(), 1);
+        assert!(svg.contains("detector &quot;a&quot; &amp; &lt;b&gt;"));
+    }
+}

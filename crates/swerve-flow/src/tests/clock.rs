@@ -50,7 +50,7 @@ impl Operator for Spin {
                 cx.offer(out, value);
                 if cx.spend(1) == Progress::Stop {
                     // Half of them leave it to the reaction.
-                    if rounds % 2 == 0 {
+                    if rounds.is_multiple_of(2) {
                         out.send(n);
                     }
                     return;

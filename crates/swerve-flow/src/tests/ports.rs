@@ -183,14 +183,14 @@ fn the_graph_is_checked_whole() {
     });
     assert_eq!(slots, "resource `gpu` has no slot, so a would never start");
     let value = |reason: &str| format!("operator `a`: {reason}");
-    let period = refused(&|net| drop(net.stage("a", tick(0))));
+    let period = refused(&|net| _ = net.stage("a", tick(0)));
     assert_eq!(period, value("the period of a timer has to be above zero"));
-    let deadline = refused(&|net| drop(net.stage("a", tick(10)).deadline(Deadline::after(ms(0)))));
+    let deadline = refused(&|net| _ = net.stage("a", tick(10)).deadline(Deadline::after(ms(0))));
     assert_eq!(deadline, value("a deadline has to be above zero"));
-    let queue = refused(&|net| drop(net.stage("a", tick(10)).policy(Policy::queue(0))));
+    let queue = refused(&|net| _ = net.stage("a", tick(10)).policy(Policy::queue(0)));
     assert_eq!(queue, value("a queue has to hold at least one frame"));
-    let runtime = refused(&|net| drop(net.stage("a", tick(10)).runtime(fixed(-1))));
+    let runtime = refused(&|net| _ = net.stage("a", tick(10)).runtime(fixed(-1)));
     assert_eq!(runtime, value("a fixed run time is below zero"));
-    let foreign = refused(&|net| drop(net.stage("a", join(&[Stream::new(7)]))));
+    let foreign = refused(&|net| _ = net.stage("a", join(&[Stream::new(7)])));
     assert_eq!(foreign, "operator `a` was given a handle of another graph");
 }
