@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
-use swerve_geom::math;
+use swerve_geom::{Pose2, math};
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, Route};
 use swerve_vehicle::{Limits, Shape};
 
@@ -73,8 +73,27 @@ pub struct Params {
     pub speed: speed::Params,
     /// Correction of the place when following by time.
     pub along: AlongParams,
+    /// What slipping tyres add to the geometry; not used by [`Law::Pid`].
+    pub slip: SlipParams,
     /// Model predictive control.
     pub mpc: mpc::Params,
+}
+
+/// What slipping tyres add to the geometry of steering: fed forward, from the path's own lateral acceleration.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SlipParams {
+    /// Slip angle of the rear tyres per lateral acceleration, rad s²/m: in a turn the nose points that much
+    /// further in than the rear axle goes. Near the inverse of the tyres' stiffness per load and of gravity.
+    pub rear_s2pm: f64,
+    /// Steering beyond the geometric angle per lateral acceleration, rad s²/m: the understeer gradient.
+    pub understeer_s2pm: f64,
+}
+
+impl Default for SlipParams {
+    fn default() -> Self {
+        Self { rear_s2pm: 0.0055, understeer_s2pm: 0.0005 }
+    }
 }
 
 impl Params {
@@ -314,17 +333,34 @@ impl Controller {
     fn step_tracker(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Pedals) {
         let ego = input.ego;
         let beside = self.at(here.s_m);
-        let on_path = OnPath { pose: beside.pose, curvature_1pm: beside.curvature_1pm };
+        let slip = self.params.slip;
+        let speed = ego.speed_mps.max(0.0);
+        let preview_s = match self.params.law {
+            Law::PurePursuit => self.params.pure_pursuit.preview_s,
+            _ => self.params.stanley.preview_s,
+        };
+        let ahead = self.at(here.s_m + preview_s * speed);
+        let on_path = OnPath { pose: beside.pose, curvature_1pm: ahead.curvature_1pm };
+        let course = self.course(ego, &beside);
         let wheelbase = self.shape.wheelbase_m;
         let steering = if self.params.law == Law::PurePursuit {
             let params = &self.params.pure_pursuit;
             let goal = self.at(here.s_m + params.lookahead_m(ego.speed_mps)).pose.point();
-            lateral::pure_pursuit(ego.pose, goal, on_path, wheelbase, params)
+            lateral::pure_pursuit(course, goal, on_path, wheelbase, params)
         } else {
             let params = &self.params.stanley;
-            lateral::stanley(ego.pose, ego.speed_mps, ego.yaw_rate_radps, on_path, wheelbase, params)
+            lateral::stanley(course, ego.speed_mps, ego.yaw_rate_radps, on_path, wheelbase, params)
         };
+        let steering = steering + slip.understeer_s2pm * speed * speed * ahead.curvature_1pm;
         (steering, self.speed.step(here.target, ego.speed_mps, dt_s, self.drive.as_ref()))
+    }
+
+    /// The ego with the direction in which its rear axle goes on the path for a heading: the nose points
+    /// further into a turn than that.
+    fn course(&self, ego: &EgoState, beside: &PlanPoint) -> Pose2 {
+        let lateral = ego.speed_mps * ego.speed_mps * beside.curvature_1pm;
+        let heading = ego.pose.heading_rad - self.params.slip.rear_s2pm * lateral;
+        Pose2::new(ego.pose.x_m, ego.pose.y_m, heading)
     }
 
     fn step_mpc(
@@ -338,7 +374,7 @@ impl Controller {
         let mut predictive = self.mpc.take().expect("built with the law and put back below");
         self.lay_knots(input, here, status, &mut predictive.knots);
         let start = State {
-            pose: ego.pose,
+            pose: self.course(ego, &self.at(here.s_m)),
             speed_mps: ego.speed_mps,
             steering_rad: ego.steering_rad,
             accel_mps2: ego.accel_mps2,
@@ -465,5 +501,7 @@ fn plan_is_finite(plan: &Plan) -> bool {
     })
 }
 
+#[cfg(test)]
+mod slip_tests;
 #[cfg(test)]
 mod tests;

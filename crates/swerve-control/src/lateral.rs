@@ -51,11 +51,20 @@ pub struct PurePursuitParams {
     /// Whether the path's own curvature is fed forward and only the deviation is pursued; otherwise the law
     /// of the textbook, which cuts corners.
     pub feed_forward: bool,
+    /// The curvature fed forward is that of the path this far ahead, seconds: the lag of steering and tyres,
+    /// and of a law that has no damping of its own.
+    pub preview_s: f64,
 }
 
 impl Default for PurePursuitParams {
     fn default() -> Self {
-        Self { lookahead_s: 0.6, lookahead_min_m: 4.0, lookahead_max_m: 25.0, feed_forward: true }
+        Self {
+            lookahead_s: 0.6,
+            lookahead_min_m: 4.0,
+            lookahead_max_m: 25.0,
+            feed_forward: true,
+            preview_s: 0.2,
+        }
     }
 }
 
@@ -110,11 +119,13 @@ pub struct StanleyParams {
     pub softening_mps: f64,
     /// Steering per rad/s by which the car turns faster than the path, seconds.
     pub yaw_damping_s: f64,
+    /// The curvature fed forward is that of the path this far ahead, seconds: the lag of steering and tyres.
+    pub preview_s: f64,
 }
 
 impl Default for StanleyParams {
     fn default() -> Self {
-        Self { gain_ps: 2.0, softening_mps: 1.0, yaw_damping_s: 0.0 }
+        Self { gain_ps: 2.0, softening_mps: 1.0, yaw_damping_s: 0.15, preview_s: 0.15 }
     }
 }
 

@@ -18,6 +18,11 @@ pub mod pedals;
 pub mod pid;
 mod reference;
 pub mod speed;
+mod validate;
 
-pub use controller::{Controller, Following, Input, Law, Output, Params, Status, StopReason};
+pub use controller::{
+    AlongParams, Controller, Following, Input, Law, Output, Params, SlipParams, Status, StopParams,
+    StopReason,
+};
 pub use pedals::{AccelToPedals, LinearPedals, Pedals};
+pub use validate::ParamsError;

@@ -49,7 +49,7 @@ pub struct Params {
     /// Distance between the car's side and the edge of the drivable ground that the corridor keeps, metres.
     pub edge_m: f64,
     /// How far ahead of the measured state the commanded one is taken from the solution, seconds: the delay of
-    /// the actuators.
+    /// the actuators and tyres, which the model does not have.
     pub lead_s: f64,
     /// How old a solution may be that stands in for a failed one, seconds.
     pub shift_max_s: f64,
@@ -67,7 +67,7 @@ impl Default for Params {
             speed_max_mps: 40.0,
             corridor_m: 1.2,
             edge_m: 0.2,
-            lead_s: 0.1,
+            lead_s: 0.25,
             shift_max_s: 0.5,
             fallback_brake_mps2: 5.0,
         }
@@ -107,11 +107,11 @@ impl Default for Weights {
         Self {
             along: 1.0,
             across: 4.0,
-            heading: 4.0,
+            heading: 20.0,
             speed: 1.0,
-            steering: 0.1,
+            steering: 1.0,
             accel: 0.05,
-            steering_rate: 0.5,
+            steering_rate: 5.0,
             jerk: 0.001,
             terminal: 2.0,
             slack: 50.0,

@@ -56,6 +56,11 @@ pub enum Progress {
 /// What a step knows besides its inputs.
 pub struct Context<'a> {
     pub(crate) name: &'a str,
+    pub(crate) task: &'a mut Task,
+}
+
+/// What a step needs to run beside its inputs, on whatever thread, and what it leaves behind beside its outputs.
+pub(crate) struct Task {
     pub(crate) now: Time,
     pub(crate) stamp: Time,
     pub(crate) deadline: Option<Time>,
@@ -95,17 +100,17 @@ pub(crate) type TimeIsOut = Box<dyn Fn() -> bool + Send>;
 impl Context<'_> {
     /// The present instant: when the step starts.
     pub fn now(&self) -> Time {
-        self.now
+        self.task.now
     }
 
     /// The instant that the frame describes.
     pub fn stamp(&self) -> Time {
-        self.stamp
+        self.task.stamp
     }
 
     /// When this stamp has to be answered.
     pub fn deadline(&self) -> Option<Time> {
-        self.deadline
+        self.task.deadline
     }
 
     /// The operator's name in the graph.
@@ -115,8 +120,8 @@ impl Context<'_> {
 
     /// Random numbers of this operator and stamp, under the run's seed.
     pub fn rng(&mut self) -> &mut Rng {
-        let key = [self.stamp.ns()];
-        self.rng.get_or_insert_with(|| Rng::keyed(self.seed, self.name, &key))
+        let Task { stamp, seed, rng, .. } = &mut *self.task;
+        rng.get_or_insert_with(|| Rng::keyed(*seed, self.name, &[stamp.ns()]))
     }
 
     /// Counts `units` of work done; says whether there is time for more.
@@ -125,7 +130,7 @@ impl Context<'_> {
     /// deadline. A step that returns then ends at its deadline at the latest; one that goes on all the
     /// same takes as long as it counts.
     pub fn spend(&mut self, units: u64) -> Progress {
-        let meter = &mut self.meter;
+        let meter = &mut self.task.meter;
         meter.units = meter.units.saturating_add(units);
         if meter.stopped_at.is_some() {
             meter.went_on |= units > 0;
@@ -149,7 +154,7 @@ impl Context<'_> {
 
     /// As [`offer`](Self::offer), for a payload that exists already.
     pub fn offer_shared<T: Payload>(&mut self, port: &mut Port<T>, value: Arc<T>) {
-        let meter = &mut self.meter;
+        let meter = &mut self.task.meter;
         let Some(offered) = &meter.offered else { return };
         if meter.went_on || meter.offers_max.is_some_and(|max| meter.offers >= max) {
             return;
@@ -162,7 +167,7 @@ impl Context<'_> {
 
     /// Ends the run after the sweep of the instant at which this step is done.
     pub fn stop_run(&mut self, reason: impl Into<String>) {
-        self.stop_run = Some(reason.into().into());
+        self.task.stop_run = Some(reason.into().into());
     }
 }
 

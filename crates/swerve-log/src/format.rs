@@ -2,7 +2,8 @@
 //!
 //! - Metadata record `swerve_run`, first: version, seed, configuration.
 //! - One channel per stream, topic `/NAME`: `{header, payload}`, exactly in this order.
-//! - Channels `/swerve/watermarks`, `/swerve/steps`, `/swerve/misses`, `/swerve/drops`, `/swerve/decisions`.
+//! - Channels `/swerve/watermarks`, `/swerve/steps`, `/swerve/unfinished`,
+//!   `/swerve/misses`, `/swerve/drops`, `/swerve/decisions`.
 //! - Metadata record `swerve_run_end`, last: digest, instant, reason, report, number of records.
 //!
 //! A message's `log_time` is the instant of its publication, its `publish_time` the stamp, nanoseconds of run
@@ -31,6 +32,7 @@ pub(crate) enum Kind {
     Stream,
     Watermarks,
     Steps,
+    Unfinished,
     Misses,
     Drops,
     Decisions,
@@ -38,14 +40,15 @@ pub(crate) enum Kind {
 
 impl Kind {
     /// The kinds of which a log has one channel each.
-    pub(crate) const SINGLE: [Self; 5] =
-        [Self::Watermarks, Self::Steps, Self::Misses, Self::Drops, Self::Decisions];
+    pub(crate) const SINGLE: [Self; 6] =
+        [Self::Watermarks, Self::Steps, Self::Unfinished, Self::Misses, Self::Drops, Self::Decisions];
 
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Stream => "stream",
             Self::Watermarks => "watermarks",
             Self::Steps => "steps",
+            Self::Unfinished => "unfinished",
             Self::Misses => "misses",
             Self::Drops => "drops",
             Self::Decisions => "decisions",
@@ -72,6 +75,7 @@ impl Kind {
                 "step = { operator: tstr, stamp: int, start: int, end: int, units: uint, host_ns: uint, \
                  late: bool }\n"
             }
+            Self::Unfinished => "unfinished = { operator: tstr, stamp: int, start: int }\n",
             Self::Misses => {
                 "miss = { operator: tstr, stamp: int, deadline: int, at: int, reaction: tstr, started: bool }\n"
             }

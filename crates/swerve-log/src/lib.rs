@@ -22,7 +22,7 @@ pub use log::Log;
 pub use reader::Reader;
 pub use record::{
     DecisionRecord, DropRecord, MessageHeader, MissRecord, PublicationRecord, Record, RunEnd, RunStart,
-    StepRecord, StreamInfo, WatermarkRecord,
+    StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,
 };
 pub use recorder::Recorder;
 pub use trace::TraceWriter;

@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use swerve_core::Span;
+use swerve_core::{Span, Time};
+use swerve_flow::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 
 use crate::LogError;
 use crate::reader::Reader;
-use crate::record::{DecisionRecord, PublicationRecord, Record, RunEnd, RunStart, StepRecord, StreamInfo};
+use crate::record::{
+    DecisionRecord, PublicationRecord, Record, RunEnd, RunStart, StepRecord, StreamInfo, UnfinishedRecord,
+};
 
 /// A log, read whole: replay and comparison need all of it anyway. [`Reader`] goes record by record.
 #[derive(Clone, Debug, Default)]
@@ -75,13 +78,60 @@ impl Log {
         })
     }
 
-    /// Run times by operator, each with its stamp, ordered by stamp: what a run with recorded run times needs.
-    pub fn run_times(&self) -> BTreeMap<String, Vec<(swerve_core::Time, Span)>> {
+    /// Steps that had not ended when the run had.
+    pub fn unfinished(&self) -> impl Iterator<Item = &UnfinishedRecord> {
+        self.records.iter().filter_map(|record| match record {
+            Record::Unfinished(step) => Some(step),
+            _ => None,
+        })
+    }
+
+    /// Run times by operator, each with its stamp: what a run with recorded run times needs. A step that the
+    /// run's end cut off counts as taking until just after it: it did take longer than that.
+    pub fn run_times(&self) -> BTreeMap<String, Vec<(Time, Span)>> {
+        let after = self.end.as_ref().map(|end| end.at + Span::from_ns(1));
+        let ended = self.steps().map(|s| (&s.operator, s.stamp, s.end - s.start));
+        let cut_off = self.unfinished().filter_map(|s| Some((&s.operator, s.stamp, after? - s.start)));
         let mut times: BTreeMap<String, Vec<_>> = BTreeMap::new();
-        for step in self.steps() {
-            times.entry(step.operator.clone()).or_default().push((step.stamp, step.end - step.start));
+        for (operator, stamp, run_time) in ended.chain(cut_off) {
+            times.entry(operator.clone()).or_default().push((stamp, run_time));
         }
-        times.values_mut().for_each(|of| of.sort_by_key(|&(stamp, _)| stamp));
         times
+    }
+
+    /// What an operator published, watermarks included, to be published again: for
+    /// [`swerve_flow::Graph::playback`].
+    pub fn playback(&self, operator: &str) -> Vec<PlaybackRecord> {
+        let of = |record: &Record| match record {
+            Record::Publication(p) if p.stream.operator == operator => Some(PlaybackRecord {
+                port: p.stream.port,
+                visible_at: p.header.visible_at,
+                pass: p.header.pass,
+                watermark: p.header.watermark,
+                message: Some(PlaybackMessage {
+                    stamp: p.header.stamp,
+                    reused_from: p.header.reused_from,
+                    origin: p.header.origin,
+                    payload: PlaybackPayload::cbor(p.payload_cbor.clone()),
+                }),
+            }),
+            Record::Watermark(w) if w.operator == operator => Some(PlaybackRecord {
+                port: w.port,
+                visible_at: w.visible_at,
+                pass: w.pass,
+                watermark: w.watermark,
+                message: None,
+            }),
+            _ => None,
+        };
+        self.records.iter().filter_map(of).collect()
+    }
+
+    /// When an operator's steps held their places (start, end; those unfinished for ever): for
+    /// [`swerve_flow::Graph::playback_steps`].
+    pub fn held(&self, operator: &str) -> Vec<(Time, Time)> {
+        let ended = self.steps().filter(|s| s.operator == operator).map(|s| (s.start, s.end));
+        let unfinished = self.unfinished().filter(|s| s.operator == operator).map(|s| (s.start, Time::MAX));
+        ended.chain(unfinished).collect()
     }
 }

@@ -4,14 +4,19 @@ use std::io::Write;
 
 use swerve_flow::{Decision, DropReason, EndReason, Event, Observer, Publication, Reaction, RunReport};
 
-use crate::record::{DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, WatermarkRecord};
+use crate::record::{
+    DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,
+};
 use crate::{Recorder, TraceWriter};
 
 impl Observer for Recorder {
     fn event(&mut self, event: &Event<'_>) {
         match event {
             Event::Publication(publication) => self.publication(publication),
-            Event::StepStart(_) => {} // its end says all of it
+            Event::StepStart(e) => {
+                let (operator, stamp, start) = (e.operator, e.stamp, e.at);
+                self.step_started(&UnfinishedRecord { operator, stamp, start });
+            }
             Event::StepEnd(e) => self.step(StepRecord {
                 operator: e.operator,
                 stamp: e.stamp,

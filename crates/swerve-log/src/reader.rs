@@ -284,6 +284,7 @@ impl Context {
             }
             Channel::Single(Kind::Watermarks) => parse(data).map(Record::Watermark),
             Channel::Single(Kind::Steps) => parse(data).map(Record::Step),
+            Channel::Single(Kind::Unfinished) => parse(data).map(Record::Unfinished),
             Channel::Single(Kind::Misses) => parse(data).map(Record::Miss),
             Channel::Single(Kind::Drops) => parse(data).map(Record::Drop),
             Channel::Single(Kind::Decisions | Kind::Stream) => {

@@ -116,6 +116,17 @@ pub struct StepRecord<S = String> {
     pub late: bool,
 }
 
+/// A step that had not come to its end when the run had.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct UnfinishedRecord<S = String> {
+    /// Whose step.
+    pub operator: S,
+    /// For which stamp.
+    pub stamp: Time,
+    /// When it started.
+    pub start: Time,
+}
+
 /// A missed deadline.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct MissRecord<S = String> {
@@ -162,6 +173,8 @@ pub enum Record {
     Watermark(WatermarkRecord),
     /// A step.
     Step(StepRecord),
+    /// A step without its end.
+    Unfinished(UnfinishedRecord),
     /// A missed deadline.
     Miss(MissRecord),
     /// A dropped frame or result.

@@ -14,7 +14,8 @@ use swerve_core::{Span, Time};
 
 use crate::LogError;
 use crate::record::{
-    DropRecord, MessageHeader, MissRecord, RunEnd, RunStart, StepRecord, StreamInfo, WatermarkRecord,
+    DropRecord, MessageHeader, MissRecord, RunEnd, RunStart, StepRecord, StreamInfo, UnfinishedRecord,
+    WatermarkRecord,
 };
 use crate::writer::LogWriter;
 
@@ -54,6 +55,7 @@ pub(crate) enum Item {
     },
     Watermark(WatermarkRecord<Name>),
     Step(StepRecord<Name>),
+    Unfinished(UnfinishedRecord<Name>),
     Miss(MissRecord<Name>),
     Drop(DropRecord<Name>),
     Decision {
@@ -84,6 +86,7 @@ pub struct Recorder {
     now: Time,
     names: BTreeSet<Name>,
     streams: Vec<(Name, usize)>,
+    running: Vec<UnfinishedRecord<Name>>,
     sender: Option<Sender<Batch>>,
     thread: Option<JoinHandle<Result<u64, LogError>>>,
 }
@@ -118,6 +121,7 @@ impl Recorder {
             now: Time::ZERO,
             names: BTreeSet::new(),
             streams: Vec::new(),
+            running: Vec::new(),
             sender: Some(sender),
             thread: Some(thread),
         })
@@ -158,10 +162,19 @@ impl Recorder {
         self.push(record.visible_at, Item::Watermark(record));
     }
 
+    /// A step started. Only that it had not ended by [`end`](Self::end) comes into the log.
+    pub fn step_started(&mut self, record: &UnfinishedRecord<&str>) {
+        let operator = self.name(record.operator);
+        self.running.push(UnfinishedRecord { operator, stamp: record.stamp, start: record.start });
+    }
+
     /// A step that came to its end.
     pub fn step(&mut self, record: StepRecord<&str>) {
         let StepRecord { operator, stamp, start, end, units, host_ns, late } = record;
         let operator = self.name(operator);
+        if let Some(place) = self.running.iter().position(|r| r.stamp == stamp && r.operator == operator) {
+            self.running.remove(place);
+        }
         self.push(end, Item::Step(StepRecord { operator, stamp, start, end, units, host_ns, late }));
     }
 
@@ -187,6 +200,9 @@ impl Recorder {
 
     /// The run is over; nothing may follow.
     pub fn end(&mut self, end: RunEnd) {
+        for unfinished in core::mem::take(&mut self.running) {
+            self.push(end.at, Item::Unfinished(unfinished));
+        }
         self.push(end.at, Item::End(end));
         self.send();
     }

@@ -92,6 +92,7 @@ impl<W: Write + Seek> LogWriter<W> {
             }
             Item::Watermark(r) => self.single(Kind::Watermarks, r, r.visible_at, r.watermark),
             Item::Step(r) => self.single(Kind::Steps, r, r.end, r.stamp),
+            Item::Unfinished(r) => self.single(Kind::Unfinished, r, r.start, r.stamp),
             Item::Miss(r) => self.single(Kind::Misses, r, r.at, r.stamp),
             Item::Drop(r) => self.single(Kind::Drops, r, r.at, r.stamp),
             Item::Decision { at, cbor } => {

@@ -4,6 +4,7 @@
 //! Predictions are time-indexed: planners ask where things are at each moment.
 //! Absences: no engine, no simulator, no file, no clock.
 
+pub mod aeb;
 pub mod collision;
 pub mod fot;
 pub mod hybrid_astar;
@@ -14,6 +15,7 @@ mod road;
 pub mod rrt_star;
 #[cfg(test)]
 mod testing;
+pub mod waypoint;
 pub mod world;
 
 pub use collision::{CollisionMode, Obstacles, Solid};

@@ -240,7 +240,8 @@ pub fn fall_back(
     }
 }
 
-fn brake_length_m(request: &Request<'_>) -> f64 {
+/// Way to standstill under full brake, with something to spare, metres.
+pub fn brake_length_m(request: &Request<'_>) -> f64 {
     let v = request.start.speed_mps.max(0.0);
     v * v / (2.0 * request.limits.brake_max_mps2) + PATH_STEP_M
 }

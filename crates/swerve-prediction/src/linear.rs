@@ -61,6 +61,33 @@ impl Params {
     }
 }
 
+/// A parameter outside its range.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+#[error("prediction.{key} is {value}, must be {must}")]
+pub struct ParamsError {
+    /// Key below `prediction`.
+    pub key: &'static str,
+    /// What was given.
+    pub value: f64,
+    /// What is allowed.
+    pub must: &'static str,
+}
+
+impl Params {
+    /// The first parameter outside its range, if there is one.
+    pub fn validate(&self) -> Result<(), ParamsError> {
+        let Self { past_steps, future_steps, step_s, heading_speed_min_mps, .. } = *self;
+        let require = |ok: bool, key, value, must| {
+            if ok { Ok(()) } else { Err(ParamsError { key, value, must }) }
+        };
+        require(past_steps >= 1, "past_steps", past_steps as f64, "at least 1")?;
+        require(future_steps <= 10_000, "future_steps", future_steps as f64, "at most 10000")?;
+        require((1e-3..=10.0).contains(&step_s), "step_s", step_s, "from 0.001 to 10")?;
+        let slowest = heading_speed_min_mps;
+        require(slowest >= 0.0, "heading_speed_min_mps", slowest, "not negative")
+    }
+}
+
 /// The expected motion of every track, in the map frame; `path[0]` of each describes the list's stamp.
 ///
 /// Tracks without a sighting are taken as seen once, at their present pose.

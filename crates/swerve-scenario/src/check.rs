@@ -1,8 +1,10 @@
 //! What no single value shows: geometry, and what refers to what.
 
-use swerve_geom::{FrenetPoint, Obb};
+use swerve_geom::Obb;
+use swerve_msg::ActorKind;
 use swerve_vehicle::Shape;
 
+use crate::draw::EGO_START_M;
 use crate::{Scenario, Subject, Trigger};
 
 /// Problems of a scenario whose values are each in range, as (key, message).
@@ -13,6 +15,7 @@ pub(crate) fn problems(scenario: &Scenario) -> Vec<(String, String)> {
     }
     goal(scenario, &mut found);
     start(scenario, &Shape::default(), &mut found);
+    actors(scenario, &mut found);
     triggers(scenario, &mut found);
     found
 }
@@ -45,16 +48,32 @@ fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) 
         let message = format!("the ego starts {outside_m:.2} m outside the drivable ground");
         found.push(("ego".to_owned(), message));
     }
-    let behind = FrenetPoint { s_m: scenario.ego.s_m, d_m: scenario.ego.d_m };
-    for actor in &scenario.actors {
-        if actor.distance_to(&route.line, &footprint) > 0.0 {
-            continue;
-        }
-        let message = format!(
-            "the ego's start at s = {} m, d = {} m is inside the actor \"{}\"",
-            behind.s_m, behind.d_m, actor.name
-        );
+    // A seed moves the start along the road by up to this much.
+    let drawn = Obb { half_length_m: footprint.half_length_m + EGO_START_M, ..footprint };
+    for actor in scenario.actors.iter().filter(|actor| actor.distance_to(&route.line, &drawn) == 0.0) {
+        let inside = actor.distance_to(&route.line, &footprint) == 0.0;
+        let how = if inside { "" } else { ", or can be as a seed draws it (within 0.5 m)," };
+        let (s_m, d_m, name) = (scenario.ego.s_m, scenario.ego.d_m, &actor.name);
+        let message =
+            format!("the ego's start at s = {s_m} m, d = {d_m} m{how} is inside the actor \"{name}\"");
         found.push(("ego".to_owned(), message));
+    }
+}
+
+/// Actors that can be pushed must not start inside one another: physics would throw them apart.
+fn actors(scenario: &Scenario, found: &mut Vec<(String, String)>) {
+    let line = scenario.road.line();
+    for (i, actor) in scenario.actors.iter().enumerate() {
+        for other in &scenario.actors[..i] {
+            let both_fixed = actor.kind == ActorKind::Static && other.kind == ActorKind::Static;
+            // Of two round bodies the box of one is taken, which is larger than it.
+            let (round, square) = if actor.is_round() { (actor, other) } else { (other, actor) };
+            let rectangle = square.extent.footprint(square.pose(&line));
+            if !both_fixed && round.distance_to(&line, &rectangle) == 0.0 {
+                let message = format!("starts inside the actor \"{}\"", other.name);
+                found.push((format!("actor.{}", actor.name), message));
+            }
+        }
     }
 }
 

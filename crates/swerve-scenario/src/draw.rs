@@ -26,7 +26,7 @@ pub struct Draws {
     pub trigger_m: Vec<f64>,
 }
 
-const EGO_START_M: f64 = 0.5;
+pub(crate) const EGO_START_M: f64 = 0.5;
 const EGO_SPEED_MPS: f64 = 0.2;
 const TRIGGER_M: f64 = 0.25;
 

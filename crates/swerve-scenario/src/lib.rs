@@ -5,6 +5,58 @@
 //! metres to the left of the centre line of the ego's lane. **All places of vehicles, the ego's too, are of
 //! the centre of their outline.** [`Scenario::drawn`] applies all that a seed varies, and nothing else does.
 //!
+//! **The text form**, with every key (`?`: may be left out; lengths in metres, angles in radians):
+//!
+//! ```toml
+//! name = "person_crossing"
+//! description = "for people"                          # ?
+//!
+//! [road]                                              # from the map's origin along +x
+//! segments = [{ length_m = 100.0, curvature_1pm = 0.0 }]  # curvature ?, positive turns left
+//! lane_width_m = 4.0                                  # ?
+//! left_m = 6.0                                        # ? drivable to the left of the lane's centre: half the lane
+//! right_m = 2.0                                       # ? to the right: half the lane
+//! friction = 0.9                                      # ?
+//!
+//! [ego]
+//! s_m = 0.0                                           # ?
+//! d_m = 0.0                                           # ?
+//! heading_rad = 0.0                                   # ? relative to the road
+//! target_speed_mps = 12.0
+//! start_speed_mps = 12.0                              # ? the target speed
+//! end_m = 90.0                                        # the goal along the road
+//!
+//! [[actor]]
+//! name = "person"
+//! kind = "pedestrian"                                 # car, truck, motorcycle, cyclist, pedestrian, static
+//! size = { radius_m = 0.25, height_m = 1.8 }          # ? others: length_m, width_m, height_m
+//! mass_kg = 75.0                                      # ?
+//! s_m = 42.0
+//! d_m = 5.0
+//! heading_rad = 0.0                                   # ?
+//! trigger = { distance = { to = "ego", within_m = 30.0 } }  # ? at the start; or one of
+//! #         { time = { at_s = 2.0 } }
+//! #         { reaches = { who = "ego", s_m = 20.0 } }
+//! motion = [                                          # ? legs, one after the other
+//!   { wait = { for_s = 1.0 } },
+//!   { walk = { speed_mps = 3.5, distance_m = 5.5, direction = "right" } },    # left, right, ahead, back
+//!   { path = { speed_mps = 2.0, points = [[44.0, 1.0], [48.0, 1.0]] } },      # places [s, d]
+//!   { drive = { along = "road", speeds = [[0.0, 0.0], [3.0, 6.0]] } },        # or "heading"; or speed_mps = ...;
+//! ]                                                                           # distance_m ?
+//!
+//! [end]                                               # ?
+//! timeout_s = 30.0                                    # ?
+//! after_collision_s = 2.0                             # ?
+//! standstill = { near = "person", within_m = 25.0, for_s = 2.0 }  # ? ends the run; near and within_m ?
+//!
+//! [expect]
+//! verdict = "avoided"                                 # avoided, collision, left_road, timeout
+//! min_distance_m = { min = 0.3 }                      # at least one bound, of the figures in `Metric`
+//! [expect.pipeline.slow]                              # ? for a pipeline of that name
+//! verdict = "collision"
+//! impact_speed_mps = { min = 2.0, max = 9.0 }
+//! ```
+//!
 //! Absences: no physics, no clock; the only file it opens is the one that [`Scenario::read`] is given.
 
 mod check;

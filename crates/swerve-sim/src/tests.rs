@@ -1,5 +1,7 @@
 //! The world as a whole, against closed forms.
 
+mod scenarios;
+
 use swerve_core::{Span, Time, digest_of};
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{ActorId, Command};

@@ -57,7 +57,7 @@ impl DeadTime {
         if let Some(command) = given
             && self.waiting.back().map_or(&self.acting, |(_, last)| last) != &command
         {
-            self.waiting.push_back((self.now_ns + self.delay_ns, command));
+            self.waiting.push_back((self.now_ns.saturating_add(self.delay_ns), command));
         }
         while let Some((_, command)) = self.waiting.pop_front_if(|(due_ns, _)| *due_ns <= self.now_ns) {
             self.acting = command;

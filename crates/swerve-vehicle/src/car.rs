@@ -23,7 +23,7 @@ pub struct BodyMotion {
 pub struct Ground {
     /// Height in the map, metres.
     pub height_m: f64,
-    /// Peak friction coefficient of a tyre on it.
+    /// Peak friction coefficient of a tyre on it; what is not a number above 0 gives no grip.
     pub friction: f64,
 }
 
@@ -195,7 +195,7 @@ impl Car {
             let along = [heading[0] * cos - heading[1] * sin, heading[1] * cos + heading[0] * sin];
             let patch = PatchInput {
                 load_n: loads_n[i],
-                friction: ground[i].friction,
+                friction: ground[i].friction.max(0.0),
                 vx_mps: velocity.x * along[0] + velocity.y * along[1],
                 vy_mps: velocity.y * along[0] - velocity.x * along[1],
             };
@@ -307,5 +307,87 @@ impl Wheel {
             self.brake_share = (self.brake_share + rate * h_s).clamp(0.0, 1.0);
         }
         self.brake_share
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEVEL: Ground = Ground { height_m: 0.0, friction: 0.9 };
+
+    /// The body moves ahead at constant speed, whatever the forces.
+    fn ahead(car: &Car, speed_mps: f64, roll_rad: f64, height_m: f64) -> BodyMotion {
+        assert!(car.params().validate().is_ok());
+        BodyMotion {
+            map_from_ego: Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, height_m), roll_rad, 0.0, 0.0),
+            velocity_mps: Vector::new(speed_mps, 0.0, 0.0),
+            angular_velocity_radps: Vector::default(),
+        }
+    }
+
+    #[test]
+    fn at_rest_the_ground_carries_the_weight_and_does_nothing_else() {
+        let mut car = Car::new(&VehicleParams::default(), 0.0);
+        let motion = ahead(&car, 0.0, 0.0, 0.0);
+        let forces = car.step(&motion, &[LEVEL; 4], Controls::default(), 0.005);
+        let total = forces.wheels.iter().fold(forces.drag_n, |sum, wheel| sum + wheel.force_n).coords;
+        assert!(total.x == 0.0 && total.y == 0.0 && (total.z - 1800.0 * crate::GRAVITY_MPS2).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_open_differential_gives_both_wheels_the_torque_that_the_slippery_side_can_take() {
+        let mut car = Car::new(&VehicleParams::default(), 5.0);
+        let motion = ahead(&car, 5.0, 0.0, 0.0);
+        let ice = Ground { friction: 0.1, ..LEVEL };
+        let full = Controls { throttle: 1.0, ..Controls::default() };
+        for _ in 0..100 {
+            car.step(&motion, &[ice, LEVEL, ice, LEVEL], full, 0.005);
+        }
+        let [left, right, rear, _] = car.wheels();
+        assert!(left.slip > 1.0, "the wheel on ice spins: {left:?}");
+        assert!(right.slip > 0.0 && right.slip < 0.1, "the other one grips: {right:?}");
+        assert!(left.fx_n < 0.11 * left.load_n && right.fx_n > 3.0 * left.fx_n);
+        // Each side has half the torque: on the gripping side nearly all of it is force on the road.
+        let (drive_nm, _) = car.torques_nm();
+        assert!((right.fx_n * 0.335 / (0.5 * drive_nm) - 1.0).abs() < 0.1, "{right:?} {drive_nm}");
+        assert!(rear.fx_n < 0.0, "the rear axle is not driven: {rear:?}");
+    }
+
+    #[test]
+    fn in_the_air_on_its_roof_or_on_ground_without_grip_no_wheel_pushes_the_car_along() {
+        let no_grip = Ground { friction: f64::NAN, ..LEVEL };
+        for (roll_rad, height_m, ground) in
+            [(0.0, 1.0, LEVEL), (3.0, 1.4, LEVEL), (1.5, 0.9, LEVEL), (0.0, 0.0, no_grip)]
+        {
+            let mut car = Car::new(&VehicleParams::default(), 10.0);
+            let motion = ahead(&car, 10.0, roll_rad, height_m);
+            let controls = Controls { steering_rad: 0.3, throttle: 1.0, brake: 0.0 };
+            for _ in 0..40 {
+                let forces = car.step(&motion, &[ground; 4], controls, 0.005);
+                for wheel in forces.wheels {
+                    let force = wheel.force_n.coords;
+                    assert!(force.x == 0.0 && force.y == 0.0, "{wheel:?} at {roll_rad} rad, {height_m} m");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_locked_wheel_slides_with_its_force_against_the_motion() {
+        let mut params = VehicleParams::default();
+        params.brakes.abs.enabled = false;
+        let mut car = Car::new(&params, 15.0);
+        let motion = BodyMotion { velocity_mps: Vector::new(12.0, 9.0, 0.0), ..ahead(&car, 0.0, 0.0, 0.0) };
+        let brake = Controls { brake: 1.0, ..Controls::default() };
+        for _ in 0..200 {
+            car.step(&motion, &[LEVEL; 4], brake, 0.005);
+        }
+        for wheel in car.wheels() {
+            assert_eq!(wheel.spin_radps, 0.0);
+            // Not exactly: in full slide the two curves have fallen off by different shares.
+            let across = (wheel.fx_n * 9.0 - wheel.fy_n * 12.0).abs() / (15.0 * wheel.load_n);
+            assert!(wheel.fx_n < 0.0 && wheel.fy_n < 0.0 && across < 0.2, "{wheel:?}");
+        }
     }
 }

@@ -35,7 +35,7 @@ pub struct VehicleParams {
     /// Air drag.
     pub aero: AeroParams,
     /// Time from a command's arrival to the actuators' first reaction (drive-by-wire), seconds.
-    /// Raising it delays steering, throttle and brake alike.
+    /// Raising it delays steering, throttle and brake alike; at most 10.
     pub dead_time_s: f64,
 }
 
@@ -304,6 +304,8 @@ impl VehicleParams {
         check("body.front_weight_share", weight, "inside 0.2 to 0.8", (0.2..=0.8).contains(&weight))?;
         let steering = self.limits.steering_max_rad;
         check("limits.steering_max_rad", steering, "inside 0 to 1.2", steering > 0.0 && steering <= 1.2)?;
+        let dead = self.dead_time_s;
+        check("dead_time_s", dead, "inside 0 to 10", (0.0..=10.0).contains(&dead))?;
         let tyre = &self.tyre;
         for (key, shape) in
             [("tyre.longitudinal.shape", tyre.longitudinal.shape), ("tyre.lateral.shape", tyre.lateral.shape)]
@@ -344,7 +346,7 @@ impl VehicleParams {
         ]
     }
 
-    fn not_negative(&self) -> [(&'static str, f64); 18] {
+    fn not_negative(&self) -> [(&'static str, f64); 17] {
         let Self { shape, limits, body, suspension, wheel, drivetrain, brakes, steering, aero, .. } = self;
         [
             ("shape.rear_overhang_m", shape.rear_overhang_m),
@@ -364,7 +366,6 @@ impl VehicleParams {
             ("steering.lag_s", steering.lag_s),
             ("aero.drag_area_m2", aero.drag_area_m2),
             ("aero.air_density_kgpm3", aero.air_density_kgpm3),
-            ("dead_time_s", self.dead_time_s),
         ]
     }
 
@@ -454,7 +455,7 @@ mod tests {
             params.validate().unwrap_err().to_string()
         };
         assert_eq!(wrong(|p| p.body.mass_kg = -1.0), "vehicle.body.mass_kg is -1, must be above 0");
-        assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "vehicle.dead_time_s is NaN, must be at least 0");
+        assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "vehicle.dead_time_s is NaN, must be inside 0 to 10");
         assert_eq!(
             wrong(|p| p.brakes.front_share = 1.5),
             "vehicle.brakes.front_share is 1.5, must be between 0 and 1"

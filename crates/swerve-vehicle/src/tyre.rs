@@ -133,9 +133,12 @@ pub(crate) fn slip_for_force(
 ) -> f64 {
     let mu = friction * params.friction_scale(load_n);
     let bx = params.longitudinal.stretch(params.stiffness_scale(load_n), mu);
-    let alone = params.longitudinal.b_slip_for(asked_n.abs() / (mu * load_n)) / bx;
+    let share = asked_n.abs() / (mu * load_n);
+    // Exact without lateral slip, or, for a small force, from the slope at the origin; from there the secant
+    // of the curve closes in.
+    let curve = &params.longitudinal;
+    let alone = if share < 0.2 { share / curve.shape } else { curve.b_slip_for(share) } / bx;
     let mut slip_x = alone.min(most) * asked_n.signum();
-    // Exact without lateral slip; with it the secant of the curve closes in.
     for _ in 0..2 {
         let force = combined_slip_force(params, load_n, friction, [slip_x, slip_y]);
         slip_x = (asked_n / force.fx_secant_n.max(1.0)).clamp(-most, most);

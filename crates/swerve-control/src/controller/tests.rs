@@ -48,8 +48,13 @@ fn errors(states: &[EgoState], plan: &Plan) -> (f64, f64) {
     })
 }
 
+/// Parameters for the bicycle of these tests, which neither lags nor slips.
 fn law(law: Law, following: Following) -> Params {
-    Params { law, following, ..Default::default() }
+    let mut params = Params { law, following, ..Params::default() };
+    params.slip = SlipParams { rear_s2pm: 0.0, understeer_s2pm: 0.0 };
+    (params.pure_pursuit.preview_s, params.stanley.preview_s, params.stanley.yaw_damping_s) = (0.0, 0.0, 0.0);
+    params.mpc.lead_s = params.mpc.dt_s;
+    params
 }
 
 #[test]

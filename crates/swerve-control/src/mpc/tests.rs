@@ -228,7 +228,7 @@ fn numbers_that_are_not_finite_never_reach_the_solver() {
 
 #[test]
 fn a_failed_solve_goes_on_with_the_last_solution_and_then_brakes() {
-    let mut mpc = mpc(Params::default());
+    let mut mpc = mpc(Params { lead_s: 0.1, ..Params::default() });
     let knots = straight(20);
     let first = mpc.step(Time::from_ms(1000), &at(0.8, 9.0), &knots);
     assert_eq!(first.report.source, Source::Solution);
@@ -294,7 +294,9 @@ fn drive(mpc_params: Params, limits: Limits, plan: &Plan, seconds: f64) -> f64 {
     let params = crate::Params {
         law: Law::Mpc,
         following: Following::Time,
-        mpc: mpc_params,
+        slip: crate::SlipParams { rear_s2pm: 0.0, understeer_s2pm: 0.0 },
+        // The bicycle has no lag.
+        mpc: Params { lead_s: mpc_params.dt_s, ..mpc_params },
         ..crate::Params::default()
     };
     let pedals: Box<dyn AccelToPedals> = Box::new(DRIVE);
@@ -329,10 +331,10 @@ fn tracks_the_slalom_with_the_limits_and_weights_of_pylot() {
         accel_max_mps2: 3.0,
         ..Limits::default()
     };
-    let plan = curve(slalom, 10.0, 14.0);
+    let plan = curve(slalom, 10.0, 10.0);
     for horizon in [5, 20, 40] {
         let params = Params { horizon, weights: Weights::pylot(), speed_max_mps: 20.0, ..Params::default() };
-        let worst = drive(params, limits, &plan, 9.5);
+        let worst = drive(params, limits, &plan, 6.5);
         eprintln!("pylot's weights, N = {horizon}: {worst:.4} m");
         assert!(worst < 0.06, "N = {horizon}: {worst}");
     }
@@ -342,7 +344,7 @@ fn tracks_the_slalom_with_the_limits_and_weights_of_pylot() {
 fn tracks_slalom_and_lane_change_with_our_weights() {
     for horizon in [20, 40] {
         let params = Params { horizon, ..Params::default() };
-        let worst = drive(params, Limits::default(), &curve(slalom, 10.0, 14.0), 9.5);
+        let worst = drive(params, Limits::default(), &curve(slalom, 10.0, 10.0), 6.5);
         eprintln!("N = {horizon}: slalom {worst:.4} m");
         assert!(worst < 0.05, "slalom, N = {horizon}: {worst}");
         let params = Params { horizon, ..Params::default() };

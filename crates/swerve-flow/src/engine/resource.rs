@@ -110,6 +110,6 @@ impl Engine<'_> {
             let stamp = self.nodes[rank].discard(0);
             self.drop_stamp(rank, stamp, crate::observer::DropReason::Skipped);
         }
-        self.start(rank);
+        self.start(rank, false);
     }
 }

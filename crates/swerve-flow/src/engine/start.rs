@@ -14,23 +14,14 @@ use crate::decision::{Decided, Decision};
 use crate::graph::newest;
 use crate::input::Slot;
 use crate::observer::{Reads, StepStart};
-use crate::operator::{Body, Context, ErasedMiss, Meter, Offered};
+use crate::operator::{Body, Context, ErasedMiss, Meter, Offered, Task};
 use crate::payload::Outs;
 use crate::report::RunError;
 use crate::runtime::{Draw, RuntimeModel};
 
-/// What a step needs to run, on whatever thread.
-pub(super) struct Task {
-    pub(super) now: Time,
-    pub(super) stamp: Time,
-    pub(super) deadline: Option<Time>,
-    pub(super) seed: u64,
-    pub(super) meter: Meter,
-}
-
 impl Engine<'_> {
-    /// Starts the step for the oldest complete frame.
-    pub(super) fn start(&mut self, rank: usize) {
+    /// Starts the step for the oldest complete frame; `alone` if no other one starts in this pass of the turn.
+    pub(super) fn start(&mut self, rank: usize, alone: bool) {
         let now = self.now;
         self.wait_for_body(rank);
         let anchor = self.nodes[rank].deadline.map(|deadline| deadline.anchor);
@@ -52,7 +43,7 @@ impl Engine<'_> {
         let meter = self.meter(rank, deadline, decided);
         let offered = meter.offered.clone();
         let due = (deadline < Time::MAX).then_some(deadline);
-        let task = Task { now, stamp, deadline: due, seed: self.seed, meter };
+        let mut task = Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, stop_run: None };
         let (least_end, known) = match draw {
             Draw::Known(span) | Draw::Unrecorded(span) => (now.saturating_add(span), true),
             Draw::Work(base) => (now.saturating_add(base).min(deadline), false),
@@ -64,11 +55,8 @@ impl Engine<'_> {
         // Under wall clock a worker says when it is done.
         let end = if away && wall { Time::MAX } else { least_end };
         let settled = known && (!wall || least_end == now) || (away && wall);
-        let outcome = if away { self.send_away(rank, task) } else { self.run_here(rank, task) };
-        let node = &mut self.nodes[rank];
-        let slot = node.uses.is_some();
-        let (finished, resolved) = (false, false);
-        let run = Run {
+        let (finished, resolved, slot) = (false, false, node.uses.is_some());
+        let mut run = Run {
             stamp,
             start: now,
             end,
@@ -82,13 +70,20 @@ impl Engine<'_> {
             origin,
             reads,
             offered,
-            outcome,
+            outcome: Outcome::Here(Ran::default()),
         };
-        node.running.push_back(run);
-        if !away {
-            let index = node.running.len() - 1;
-            self.settle_ran(rank, index);
+        if away {
+            run.outcome = self.send_away(rank, task);
+            return self.nodes[rank].running.push_back(run);
         }
+        if let Outcome::Here(ran) = &mut run.outcome {
+            self.run_here(rank, &mut task, ran);
+        }
+        self.settle_ran(rank, &mut run);
+        if alone && run.end == now && self.nodes[rank].running.is_empty() && self.failure.is_none() {
+            return self.publish_at_once(rank, &mut run);
+        }
+        self.nodes[rank].running.push_back(run);
     }
 
     /// Puts what the step reads into the slots; gives the origin and the stamps that come of it.
@@ -115,7 +110,8 @@ impl Engine<'_> {
                 PortRef::Timer(port) => {
                     let timer = &node.timers[port];
                     let since = stamp - timer.timer.phase;
-                    let ticks = since.ns() >= 0 && since.ns() % timer.timer.period.ns() == 0;
+                    let only = node.order.len() == node.latest.len() + 1;
+                    let ticks = only || (since.ns() >= 0 && since.ns() % timer.timer.period.ns() == 0);
                     *slot = if ticks { Slot::Tick } else { Slot::Empty };
                     continue;
                 }
@@ -197,11 +193,11 @@ impl Engine<'_> {
         meter
     }
 
-    fn run_here(&mut self, rank: usize, task: Task) -> Outcome {
-        let timed = self.host_time(rank);
+    fn run_here(&mut self, rank: usize, task: &mut Task, ran: &mut Ran) {
+        let begin = self.host_time(rank).then(crate::host::now);
         let node = &mut self.nodes[rank];
         let body = node.body.as_mut().expect("the operator is not away");
-        Outcome::Here(run(&mut **body, &node.name, task, &mut node.slots, timed))
+        run(&mut **body, &node.name, task, &mut node.slots, begin, ran);
     }
 
     fn send_away(&mut self, rank: usize, task: Task) -> Outcome {
@@ -224,8 +220,10 @@ impl Engine<'_> {
         let Outcome::Away(ticket) = self.nodes[rank].running[index].outcome else { return };
         let done = self.pool.as_mut().expect("a worker has the step").wait(ticket);
         self.nodes[rank].body = Some(done.body);
-        self.nodes[rank].running[index].outcome = Outcome::Here(done.ran);
-        self.settle_ran(rank, index);
+        let mut run = self.nodes[rank].running.remove(index).expect("just seen");
+        run.outcome = Outcome::Here(done.ran);
+        self.settle_ran(rank, &mut run);
+        self.nodes[rank].running.insert(index, run);
     }
 
     /// Waits until the operator's state is back from the worker that runs its previous step.
@@ -240,9 +238,8 @@ impl Engine<'_> {
     }
 
     /// Works out the end of a step that ran, and notes if it failed.
-    fn settle_ran(&mut self, rank: usize, index: usize) {
-        let node = &mut self.nodes[rank];
-        let run = &mut node.running[index];
+    fn settle_ran(&mut self, rank: usize, run: &mut Run) {
+        let node = &self.nodes[rank];
         let Outcome::Here(ran) = &mut run.outcome else { return };
         if let Some(message) = ran.panic.take() {
             self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });
@@ -252,9 +249,7 @@ impl Engine<'_> {
             let (operator, stamp) = (node.name.clone(), run.stamp);
             self.decide(|| Decision::Stop { operator: operator.to_string(), stamp, units });
         }
-        let node = &mut self.nodes[rank];
-        let run = &mut node.running[index];
-        let Outcome::Here(ran) = &mut run.outcome else { return };
+        let node = &self.nodes[rank];
         if run.settled {
             return;
         }
@@ -316,20 +311,23 @@ impl Engine<'_> {
     }
 }
 
-/// Runs one step on the present thread.
-pub(super) fn run(body: &mut dyn Body, name: &str, task: Task, slots: &mut [Slot], timed: bool) -> Ran {
-    let Task { now, stamp, deadline, seed, meter } = task;
-    let mut cx = Context { name, now, stamp, deadline, seed, rng: None, meter, stop_run: None };
-    let mut ran = Ran::default();
-    let begin = timed.then(crate::host::now);
+/// Runs one step on the present thread; with `begin` given, its host time is taken from there.
+pub(super) fn run(
+    body: &mut dyn Body,
+    name: &str,
+    task: &mut Task,
+    slots: &mut [Slot],
+    begin: Option<std::time::Instant>,
+    ran: &mut Ran,
+) {
+    let mut cx = Context { name, task };
     let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, &mut ran.outs)));
     ran.host_ns = begin.map_or(0, crate::host::ns_since);
     ran.panic = result.err().map(|panic| said(&*panic).into());
-    ran.units = cx.meter.units;
-    ran.stopped_at = cx.meter.stopped_at;
-    ran.went_on = cx.meter.went_on;
-    ran.stop_run = cx.stop_run;
-    ran
+    ran.units = task.meter.units;
+    ran.stopped_at = task.meter.stopped_at;
+    ran.went_on = task.meter.went_on;
+    ran.stop_run = task.stop_run.take();
 }
 
 /// What a panic said.

@@ -5,7 +5,7 @@ use std::sync::PoisonError;
 use swerve_core::{Span, Time};
 
 use super::Engine;
-use super::node::{Finished, Outcome};
+use super::node::{Finished, Outcome, Run};
 use crate::deadline::{Anchor, Length, Reaction};
 use crate::decision::Decision;
 use crate::input::Edge;
@@ -23,6 +23,9 @@ impl Engine<'_> {
             self.nodes[rank].release_held(self.now);
             self.resources_touched(rank);
             return self.rearm(rank);
+        }
+        if self.direct_turn(rank) {
+            return;
         }
         self.arrive(rank);
         loop {
@@ -118,39 +121,51 @@ impl Engine<'_> {
                 index += 1;
                 continue;
             }
-            if !self.nodes[rank].running[index].finished {
-                self.finish_step(rank, index);
-                changed = true;
-            }
-            let run = &self.nodes[rank].running[index];
-            if !run.resolved && waits && !ran(run).is_empty() {
+            if waits && self.nodes[rank].running[index].finished {
                 index += 1;
                 continue;
             }
-            let run = self.nodes[rank].running.remove(index).expect("just seen");
             changed = true;
-            if run.resolved {
-                continue;
-            }
-            if let Outcome::Here(ran) = &run.outcome
-                && !ran.is_empty()
-            {
-                // Those before it in the line that are still running give up their stamps.
-                index -= self.resolve_older(rank, run.stamp);
-                let result =
-                    Answer { stamp: run.stamp, reused_from: None, origin: run.origin, reads: &run.reads };
-                self.publish(rank, &result, &ran.outs);
+            let running = &mut self.nodes[rank].running;
+            let run = if index == 0 { running.pop_front() } else { running.remove(index) };
+            let mut run = run.expect("just seen");
+            self.end_step(rank, &mut run);
+            if waits && !run.resolved && !ran(&run).is_empty() {
+                self.nodes[rank].running.insert(index, run);
+                index += 1;
+            } else {
+                index -= self.publish_result(rank, &mut run);
             }
         }
         changed
     }
 
+    /// Publishes the result of a step that came to its end and left the line; gives the number of older ones
+    /// that left the line with it.
+    fn publish_result(&mut self, rank: usize, run: &mut Run) -> usize {
+        let Outcome::Here(ran) = &mut run.outcome else { return 0 };
+        if run.resolved || ran.is_empty() {
+            return 0;
+        }
+        // Those before it in the line that are still running give up their stamps.
+        let left = self.resolve_older(rank, run.stamp);
+        let answer = Answer { stamp: run.stamp, reused_from: None, origin: run.origin, reads: &run.reads };
+        self.publish(rank, &answer, &mut ran.outs);
+        left
+    }
+
+    /// A step that takes no time, alone in its operator, is answered as soon as it ran.
+    pub(super) fn publish_at_once(&mut self, rank: usize, run: &mut Run) {
+        self.end_step(rank, run);
+        self.publish_result(rank, run);
+    }
+
     /// Notes that the modelled end of a step has come.
-    fn finish_step(&mut self, rank: usize, index: usize) {
-        let keep = self.nodes[rank].deadline.is_some_and(|deadline| deadline.reaction != Reaction::Skip);
+    fn end_step(&mut self, rank: usize, run: &mut Run) {
+        if core::mem::replace(&mut run.finished, true) {
+            return;
+        }
         let node = &mut self.nodes[rank];
-        let run = &mut node.running[index];
-        run.finished = true;
         let Outcome::Here(ran) = &mut run.outcome else { return };
         node.tally.ended += 1;
         node.tally.busy += run.end - run.start;
@@ -158,6 +173,7 @@ impl Engine<'_> {
         if let Some(reason) = ran.stop_run.take() {
             self.stop.get_or_insert(reason.into());
         }
+        let keep = node.deadline.is_some_and(|deadline| deadline.reaction != Reaction::Skip);
         if keep && !ran.is_empty() && node.last.as_ref().is_none_or(|last| last.stamp < run.stamp) {
             let (stamp, origin) = (run.stamp, run.origin);
             node.last = Some(Finished { stamp, origin, reads: run.reads.clone(), outs: ran.outs.clone() });
@@ -215,7 +231,7 @@ impl Engine<'_> {
         let mut changed = false;
         loop {
             let node = &self.nodes[rank];
-            let late = |run: &super::node::Run| !run.resolved && run.deadline <= now;
+            let late = |run: &Run| !run.resolved && run.deadline <= now;
             if let Some(index) = node.running.iter().position(late) {
                 self.miss_running(rank, index);
             } else if let Some(index) = node.open.iter().position(|open| open.deadline <= now) {
@@ -266,7 +282,7 @@ impl Engine<'_> {
                 if let Some(last) = step.own.as_ref().or(last.as_ref()) {
                     let (reused_from, origin) = (Some(last.stamp), last.origin);
                     let answer = Answer { stamp: missed.stamp, reused_from, origin, reads: &last.reads };
-                    self.publish(rank, &answer, &last.outs);
+                    self.publish(rank, &answer, &mut last.outs.clone());
                 }
             }
             Reaction::OnDeadline => self.react_by_operator(rank, missed.stamp, step, last.as_ref()),
@@ -282,7 +298,7 @@ impl Engine<'_> {
             last: last.map(|last| (last.stamp, &last.outs)),
             offered: offered.as_ref(),
         };
-        let outs = self.call_on_deadline(rank, &miss);
+        let mut outs = self.call_on_deadline(rank, &miss);
         // It derives from the running step if that offered something, else from the newest result.
         let (origin, reads) = match (&offered, last) {
             (Some(_), _) => (step.origin, &step.reads[..]),
@@ -290,7 +306,7 @@ impl Engine<'_> {
             (None, None) => (None, &[][..]),
         };
         if outs.iter().any(Option::is_some) {
-            self.publish(rank, &Answer { stamp, reused_from: None, origin, reads }, &outs);
+            self.publish(rank, &Answer { stamp, reused_from: None, origin, reads }, &mut outs);
         }
     }
 
@@ -364,7 +380,7 @@ impl Engine<'_> {
             }
         };
         for _ in 0..starting {
-            self.start(rank);
+            self.start(rank, starting == 1);
         }
     }
 
@@ -444,7 +460,7 @@ struct Step {
     reads: Vec<Option<Time>>,
 }
 
-fn ran(run: &super::node::Run) -> &super::node::Ran {
+fn ran(run: &Run) -> &super::node::Ran {
     match &run.outcome {
         Outcome::Here(ran) => ran,
         Outcome::Away(_) => unreachable!("a step is settled before its end is handled"),

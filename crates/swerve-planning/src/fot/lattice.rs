@@ -60,6 +60,16 @@ impl Lattice {
         self.samples_s.clone_from(&of.samples_s);
     }
 
+    /// As `of`, with end speeds between standstill and below its slowest instead of its own.
+    pub(crate) fn set_slower(&mut self, of: &Self, speeds: u32) {
+        self.clone_from(of);
+        let below_mps = of.v_mps[0];
+        self.v_mps.clear();
+        if below_mps > 0.0 {
+            self.v_mps.extend((0..speeds).map(|k| below_mps * f64::from(k) / f64::from(speeds)));
+        }
+    }
+
     /// Keeps the offsets whose place in the order of refinement is below `kept`; see [`refinement`].
     pub(crate) fn keep_offsets(&mut self, kept: usize) {
         let n = self.d_m.len();
@@ -69,6 +79,7 @@ impl Lattice {
     }
 
     /// Number of candidates.
+    #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
         self.d_m.len() * self.t_s.len() * self.v_mps.len()
     }
@@ -91,6 +102,9 @@ fn fill(values: &mut Vec<f64>, from: f64, to: f64, step: f64) {
     let mut x = from;
     while x <= to || values.is_empty() {
         values.push(x);
+        if x + step <= x {
+            break; // too large for the step to count
+        }
         x += step;
     }
 }
@@ -110,6 +124,15 @@ mod tests {
         let mut coarse = Lattice::default();
         coarse.set_coarse(&lattice);
         assert!(coarse.len() < 40 && coarse.d_m.iter().any(|d| d.abs() < 1e-9), "{coarse:?}");
+    }
+
+    #[test]
+    fn absurd_targets_give_small_lattices() {
+        for target in [f64::INFINITY, f64::NAN, 1e300, -1e300] {
+            let mut lattice = Lattice::default();
+            lattice.set(&Params::default(), target);
+            assert!(!lattice.v_mps.is_empty() && lattice.v_mps.len() < 10, "{target}");
+        }
     }
 
     #[test]

@@ -120,6 +120,8 @@ pub(crate) struct Checks<'a> {
     pub(crate) curvature_max_1pm: f64,
     /// Range that the ego origin's offset stays in; infinite: not looked at.
     pub(crate) offset_m: (f64, f64),
+    /// Whether the heading goes on from the ego's without a kink.
+    pub(crate) smooth: bool,
     /// What only drivable motions keep.
     pub(crate) drivable: Option<Drivable<'a>>,
     /// Direction of the ego at the start (cosine, sine).
@@ -149,13 +151,28 @@ const GRACE_S: f64 = 1.0;
 /// finite step leaves.
 const HEADING_SLACK_RAD: f64 = 0.03;
 
+/// As [`HEADING_SLACK_RAD`] where the ego creeps: a car turns this much within a hand's breadth of the path.
+const CREEP_SLACK_RAD: f64 = 0.1;
+
+/// Slower than this the ego creeps, m/s.
+const CREEP_MPS: f64 = 2.0;
+
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
-const CRAWL_MPS: f64 = 1.0;
+const CRAWL_MPS: f64 = 0.3;
 
 impl Checks<'_> {
     /// Whether `motion` may be driven from 0 to `last_s`.
-    pub(crate) fn hold(&self, line: &Line, motion: &Motion, last_s: f64) -> bool {
+    ///
+    /// `hint_s` is where an earlier motion hit something: similar ones tend to do so too, so that is looked
+    /// at first. It speeds the answer up and does not change it.
+    pub(crate) fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hint_s: &mut Option<f64>) -> bool {
         let end_s = last_s + self.tail_s;
+        if let Some(t_s) = *hint_s
+            && t_s <= end_s
+            && !self.clear_at(line, motion, t_s)
+        {
+            return false;
+        }
         let steps = (end_s / LOOK_S).ceil().max(1.0);
         let step_s = end_s / steps;
         let first = motion.at(line, 0.0, self.heading);
@@ -167,11 +184,27 @@ impl Checks<'_> {
             if !self.limits_hold(&before, &place, k as f64 * step_s, step_s, &grace) {
                 return false;
             }
+            // Most of what hits something does so at one of the looks: the closer check below is dearer.
+            let at = self.at + Span::from_secs(k as f64 * step_s);
+            if !self.obstacles.solid_free(&outline(self.shape, &place), at, grace.clearance_m) {
+                *hint_s = Some(k as f64 * step_s);
+                return false;
+            }
             fastest_mps = fastest_mps.max(place.speed_mps);
             quickest_radps = quickest_radps.max(place.speed_mps * place.curvature_1pm.abs());
             before = place;
         }
-        self.free(line, motion, end_s, fastest_mps, quickest_radps, grace.clearance_m)
+        self.free(line, motion, end_s, (fastest_mps, quickest_radps), grace.clearance_m)
+    }
+
+    /// Whether nothing is touched at one instant; standstill counts as clear, as it has no heading here.
+    fn clear_at(&self, line: &Line, motion: &Motion, t_s: f64) -> bool {
+        let place = motion.at(line, t_s, self.heading);
+        let at = self.at + Span::from_secs(t_s);
+        // Drivable motions may be granted less than the clearance.
+        let clearance_m = if self.drivable.is_some() { 0.0 } else { self.clearance_m };
+        place.speed_mps < STANDSTILL_MPS
+            || self.obstacles.solid_free(&outline(self.shape, &place), at, clearance_m)
     }
 
     fn limits_hold(&self, before: &Place, place: &Place, t_s: f64, step_s: f64, grace: &Grace) -> bool {
@@ -188,7 +221,19 @@ impl Checks<'_> {
         {
             return false;
         }
+        if self.smooth && !self.goes_on(before, place) {
+            return false;
+        }
         self.drivable.is_none_or(|d| self.drivable_holds(&d, before, place, (share, step_s), grace))
+    }
+
+    /// Whether the heading turns no more between two looks than the curvature limit lets it.
+    fn goes_on(&self, before: &Place, place: &Place) -> bool {
+        let moved_m = math::hypot(place.x_m - before.x_m, place.y_m - before.y_m);
+        let turn = (before.cos * place.sin - before.sin * place.cos).abs();
+        let forward = before.cos * place.cos + before.sin * place.sin > 0.0;
+        let slack = if before.speed_mps < CREEP_MPS { CREEP_SLACK_RAD } else { HEADING_SLACK_RAD };
+        forward && turn <= self.curvature_max_1pm * moved_m * 1.2 + slack
     }
 
     fn drivable_holds(
@@ -205,12 +250,6 @@ impl Checks<'_> {
             || accel > limits.accel_max_mps2.max(grace.accel_mps2 * share)
             || accel < -limits.brake_max_mps2.max(-grace.accel_mps2 * share)
         {
-            return false;
-        }
-        let moved_m = math::hypot(place.x_m - before.x_m, place.y_m - before.y_m);
-        let turn = (before.cos * place.sin - before.sin * place.cos).abs();
-        let forward = before.cos * place.cos + before.sin * place.sin > 0.0;
-        if !forward || turn > self.curvature_max_1pm * moved_m * 1.2 + HEADING_SLACK_RAD {
             return false;
         }
         if share < 1.0 && before.speed_mps > CRAWL_MPS && place.speed_mps > CRAWL_MPS {
@@ -231,8 +270,7 @@ impl Checks<'_> {
         line: &Line,
         motion: &Motion,
         end_s: f64,
-        fastest_mps: f64,
-        quickest_radps: f64,
+        (fastest_mps, quickest_radps): (f64, f64),
         clearance_m: f64,
     ) -> bool {
         let mut place = |u: f64| {

@@ -44,6 +44,9 @@ pub struct Params {
     pub speed_step_mps: f64,
     /// End speeds on either side of the target. Source: Pylot (2).
     pub speed_steps: u32,
+    /// Where no candidate is valid, this many end speeds from standstill up are looked at too; `best` only.
+    /// Source: ours: braking and swerving at once.
+    pub slower_speeds: u32,
     /// Distance to keep from obstacles, metres. Source: Pylot (0.3).
     pub clearance_m: f64,
     /// Distance to keep from the edge of the drivable ground, metres; `best` only. Source: ours.
@@ -93,6 +96,7 @@ impl Params {
             horizon_max_s: 5.0,
             speed_step_mps: 0.25,
             speed_steps: 2,
+            slower_speeds: 6,
             clearance_m: 0.3,
             road_margin_m: 0.05,
             tail_s: 1.0,
@@ -129,6 +133,7 @@ impl Params {
             horizon_max_s: config.maxt,
             speed_step_mps: config.d_t_s,
             speed_steps: config.n_s_sample.clamp(0.0, 1e6) as u32,
+            slower_speeds: 6,
             clearance_m: config.obstacle_clearance,
             road_margin_m: 0.0,
             tail_s: 0.0,
@@ -147,7 +152,7 @@ impl Params {
     fn candidates(&self) -> f64 {
         let lateral = ((self.left_m + self.right_m) / self.lateral_step_m).floor() + 1.0;
         let times = ((self.horizon_max_s - self.horizon_min_s) / self.time_step_s).floor() + 1.0;
-        lateral * times * (2.0 * f64::from(self.speed_steps) + 1.0)
+        lateral * times * (2.0 * f64::from(self.speed_steps) + 1.0).max(f64::from(self.slower_speeds))
     }
 
     /// Checks all ranges.

@@ -1,15 +1,15 @@
 //! Posed problems for the Frenet planner.
 
 use swerve_core::Time;
-use swerve_geom::{Point2, Polyline, Pose2, math};
+use swerve_geom::{Point2, Polyline, Pose2, angle_between, math};
 use swerve_vehicle::{Limits, Shape};
 
 use super::lattice::Lattice;
-use super::line::Line;
+use super::line::{Line, smoothed};
 use super::motion::{Checks, FrenetState};
 use super::params::Params;
 use super::search::{Candidate, Search, Task};
-use super::{LINE_STEP_M, anytime, built_whole, curvature_max_1pm, places};
+use super::{anytime, built_whole, curvature_max_1pm, places};
 use crate::collision::Obstacles;
 use crate::posed::{CLEARANCE_CAP_M, FotConfig, FotProblem, Preset, Solution, obb, path_length_m};
 use crate::request::Unlimited;
@@ -19,6 +19,9 @@ const PATH_STEP_S: f64 = 0.05;
 
 /// Distance of the looks that measure a solution's clearance, metres.
 const CLEARANCE_STEP_M: f64 = 0.1;
+
+/// Distance over which a solution's curvature is measured, metres.
+const CURVATURE_BASE_M: f64 = 0.5;
 
 /// The Lincoln of the other problems with its reference point in the middle, as the problems have it.
 fn centered_shape() -> Shape {
@@ -42,7 +45,7 @@ impl Posed {
         let params = Params::posed(config, preset);
         params.validate().map_err(|e| e.to_string())?;
         let points: Vec<Point2> = problem.waypoints.iter().map(|p| Point2::new(p[0], p[1])).collect();
-        let polyline = Polyline::smooth(&points, LINE_STEP_M).map_err(|e| e.to_string())?;
+        let polyline = smoothed(&points).map_err(|e| e.to_string())?;
         let mut line = Line::default();
         line.set(&polyline);
         let start = frenet(problem, &polyline, &line)?;
@@ -57,10 +60,21 @@ impl Posed {
         Ok(Self { params, line, start, obstacles, shape: centered_shape(), target_mps: problem.target_speed })
     }
 
+    /// Direction of the start's velocity, of the line at standstill (cosine, sine).
+    fn heading(&self) -> (f64, f64) {
+        let node = self.line.at(self.start.s[0]);
+        let along = self.start.s[1] * (1.0 - node.curvature_1pm * self.start.d[0]);
+        let speed = math::hypot(along, self.start.d[1]);
+        if speed < 1e-3 {
+            return (node.cos, node.sin);
+        }
+        let (c, s) = (along / speed, self.start.d[1] / speed);
+        (node.cos * c - node.sin * s, node.sin * c + node.cos * s)
+    }
+
     pub(super) fn task(&self) -> Task<'_> {
         let p = &self.params;
         let best = p.preset == Preset::Best;
-        let node = self.line.at(self.start.s[0]);
         let tightest = curvature_max_1pm(&Limits::default(), &self.shape);
         let checks = Checks {
             obstacles: &self.obstacles,
@@ -69,8 +83,9 @@ impl Posed {
             clearance_m: p.clearance_m,
             curvature_max_1pm: if best { p.max_curvature_1pm.min(tightest) } else { p.max_curvature_1pm },
             offset_m: if best { (-p.right_m, p.left_m) } else { (f64::NEG_INFINITY, f64::INFINITY) },
+            smooth: best,
             drivable: None,
-            heading: (node.cos, node.sin),
+            heading: self.heading(),
             tail_s: 0.0,
         };
         Task {
@@ -125,14 +140,27 @@ pub fn solve(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Soluti
     }
 }
 
+/// Largest change of heading over distance between points at least [`CURVATURE_BASE_M`] apart, 1/m.
+fn curvature_max_of(path: &[[f64; 4]]) -> f64 {
+    let mut last = path[0];
+    let mut most = 0.0_f64;
+    for &p in path {
+        let moved_m = math::hypot(p[0] - last[0], p[1] - last[1]);
+        if moved_m >= CURVATURE_BASE_M {
+            most = most.max(angle_between(last[2], p[2]).abs() / moved_m);
+            last = p;
+        }
+    }
+    most
+}
+
 fn solution(id: &str, task: &Task<'_>, candidate: &Candidate, work: u64) -> Solution {
-    let (mut path, mut curvature_max) = (Vec::new(), 0.0_f64);
+    let mut path = Vec::new();
     let mut poses: Vec<(Pose2, Time)> = Vec::new();
     for (t_s, place) in places(task, candidate, PATH_STEP_S) {
         let heading_rad = math::atan2(place.sin, place.cos);
         path.push([place.x_m, place.y_m, heading_rad, t_s]);
         poses.push((Pose2::new(place.x_m, place.y_m, heading_rad), Time::ZERO));
-        curvature_max = curvature_max.max(place.curvature_1pm.abs());
     }
     let shape = task.checks.shape;
     let outline = |pose: Pose2| shape.footprint(pose);
@@ -144,7 +172,7 @@ fn solution(id: &str, task: &Task<'_>, candidate: &Candidate, work: u64) -> Solu
         length_m: path_length_m(&path),
         cost: candidate.cost,
         clearance_m: clearance_m.min(CLEARANCE_CAP_M),
-        curvature_max,
+        curvature_max: curvature_max_of(&path),
         path,
         ..Solution::default()
     }

@@ -190,10 +190,11 @@ impl Search {
         spent: &mut u64,
     ) -> Outcome {
         self.prepare(task, lattice);
+        let mut hint_s = None;
         while let Some(entry) = self.heap.pop() {
             if entry.leaf {
                 let candidate = self.candidate(task, lattice, &entry);
-                if task.checks.hold(task.line, &candidate.motion, candidate.last_s) {
+                if task.checks.hold(task.line, &candidate.motion, candidate.last_s, &mut hint_s) {
                     return Outcome::Found(candidate);
                 }
                 continue;
@@ -232,7 +233,7 @@ impl Search {
                 let cost = self.cost(task, lattice, &entry);
                 let candidate = self.candidate(task, lattice, &Entry { bound: cost, ..entry });
                 if best.is_none_or(|b| cost < b.cost)
-                    && task.checks.hold(task.line, &candidate.motion, candidate.last_s)
+                    && task.checks.hold(task.line, &candidate.motion, candidate.last_s, &mut None)
                 {
                     best = Some(candidate);
                 }
@@ -328,7 +329,7 @@ impl Search {
                     accel += jet.a.abs();
                     jerk += jet.j.abs();
                     last_mps = jet.v;
-                    count += usize::from(count == k && jet.x <= task.cut_m);
+                    count += usize::from(count == k && jet.x < task.cut_m);
                     let held = sample_s == 0.0 || jet.a.abs() <= p.max_accel_mps2;
                     valid &= held && jet.v <= p.max_speed_mps && jet.v >= -1e-3;
                 }

@@ -1,6 +1,10 @@
 use super::*;
-use crate::testing::{World, conformance};
-use crate::{CollisionMode, Unlimited};
+use crate::testing::{Capped, World, conformance};
+use crate::world::predicted_start;
+use crate::{CollisionMode, Solid, Unlimited};
+use swerve_core::Time;
+use swerve_geom::Point2;
+use swerve_msg::{ActorId, ActorKind, EgoState, Extent, PredictedPose, Prediction, Route};
 
 #[test]
 fn best_conforms() {
@@ -33,7 +37,9 @@ fn a_person_is_passed_behind_in_time() {
         assert_eq!(timed.status, PlanStatus::Found);
         assert!(world.clearance_m(&timed, CollisionMode::TimeIndexed) >= 0.49);
         let swept = Params { collision: CollisionMode::SweptStatic, left_m: 1.0, ..Params::fast(preset) };
-        assert!(plan(&world, swept).status.is_fallback());
+        let stopped = plan(&world, swept);
+        let behind = |p: &PlanPoint| world.shape.footprint(p.pose).corners()[0].x_m < 25.75;
+        assert!(stopped.status.is_fallback() || stopped.points.iter().all(behind), "{preset:?}");
     }
 }
 
@@ -44,4 +50,112 @@ fn paper_counts_every_candidate_and_best_few() {
     assert_eq!(plan(&world, Params::slow(Preset::Paper)).work, 11_005);
     let best = plan(&world, Params::slow(Preset::Best));
     assert!(best.work > 0 && best.work < 3_000, "{}", best.work);
+}
+
+/// A budget that ends early gives a path from the coarse part, no cheaper than the whole answer.
+#[test]
+fn the_best_so_far_comes_when_the_budget_ends() {
+    let world = World::straight(16.0).with_person((25.0, 0.5), (0.0, 0.0));
+    let mut planner = Fot::new(Params::slow(Preset::Best)).unwrap();
+    let whole = planner.plan(&world.request(), &mut Unlimited::default());
+    let mut found = 0;
+    for units in (1..whole.work).step_by(7) {
+        let plan = planner.plan(&world.request(), &mut Capped::new(units));
+        if plan.status == PlanStatus::Found {
+            found += 1;
+            assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.0);
+        }
+    }
+    assert!(found > 0, "of {} units", whole.work);
+    let mut paper = Fot::new(Params::fast(Preset::Paper)).unwrap();
+    assert_eq!(paper.plan(&world.request(), &mut Capped::new(400)).status, PlanStatus::Found);
+}
+
+/// The person behind the truck: a street along x with y from -2 to 6, a truck at (110, 4), a person at
+/// (117, 4.5) who walks 2.75 m/s towards -y once the ego's centre is within 26 m, seen from 20 m on.
+/// The ego follows its plans exactly; each plan begins `delay_ms` after what it is made from.
+/// Smallest distance to truck and person.
+fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
+    let line: Vec<Point2> = (0..260).map(|x| Point2::new(f64::from(x), 0.0)).collect();
+    let route = Route { line: Polyline::new(&line).unwrap(), left_m: 6.0, right_m: 2.0 };
+    let (shape, limits) = (Shape::default(), Limits::default());
+    let mut ego = EgoState { pose: Pose2::new(60.0, 0.0, 0.0), speed_mps, ..EgoState::default() };
+    let (mut planner, mut walked_from, mut least_m) = (Fot::new(params).unwrap(), None, f64::INFINITY);
+    let mut previous: Option<Plan> = None;
+    for tick in 0..1000_i64 {
+        let now = Time::from_ms(10 * tick);
+        ego = match previous.as_ref().and_then(|plan| plan.at(now).filter(|_| plan.points[0].at <= now)) {
+            Some(p) => EgoState {
+                stamp: now,
+                pose: p.pose,
+                speed_mps: p.speed_mps,
+                accel_mps2: p.accel_mps2,
+                yaw_rate_radps: p.speed_mps * p.curvature_1pm,
+                ..ego
+            },
+            None => EgoState { stamp: now, pose: ego.pose.ahead(0.01 * ego.speed_mps), ..ego },
+        };
+        let body = Solid::from(&shape.footprint(ego.pose));
+        let gap_m = math::hypot(117.0 - body.x_m, 4.5 - body.y_m);
+        if walked_from.is_none() && gap_m < 26.0 {
+            walked_from = Some(now);
+        }
+        let walked_m =
+            |t: Time| walked_from.map_or(0.0, |from: Time| (2.75 * (t - from).as_secs()).clamp(0.0, 4.5));
+        let person_at = |t: Time| Pose2::new(117.0, 4.5 - walked_m(t), 0.0);
+        let boxes = [(Pose2::new(110.0, 4.0, 0.0), 5.2, 2.6), (person_at(now), 0.5, 0.5)];
+        for (pose, length, width) in boxes {
+            least_m = least_m.min(Solid::from(&swerve_geom::Obb::new(pose, length, width)).distance_m(&body));
+        }
+        if tick % 5 != 0 || ego.pose.x_m > 150.0 {
+            continue;
+        }
+        let moving = walked_m(now) > 0.0 && walked_m(now) < 4.5;
+        let velocity = if moving { -2.75 } else { 0.0 };
+        let predict = |pose: Pose2, velocity: f64, length_m: f64, width_m: f64, id: u32| Prediction {
+            id: ActorId(id),
+            kind: ActorKind::Pedestrian,
+            extent: Extent { length_m, width_m, height_m: 1.8 },
+            probability: 1.0,
+            path: (0..=50)
+                .map(|k| PredictedPose {
+                    at: now + Span::from_ms(100 * k),
+                    pose: Pose2::new(pose.x_m, pose.y_m + velocity * 0.1 * k as f64, 0.0),
+                })
+                .collect(),
+        };
+        let mut predictions = vec![predict(boxes[0].0, 0.0, 5.2, 2.6, 1)];
+        if gap_m < 20.0 {
+            predictions.push(predict(boxes[1].0, velocity, 0.5, 0.5, 2));
+        }
+        let start = predicted_start(&ego, previous.as_ref(), Span::from_ms(delay_ms));
+        let request = Request {
+            stamp: now,
+            start,
+            route: &route,
+            target_speed_mps: speed_mps,
+            predictions: &predictions,
+            shape: &shape,
+            limits: &limits,
+            previous: previous.as_ref(),
+            seed: 0,
+        };
+        let next = planner.plan(&request, &mut Unlimited::default());
+        // Until the new plan begins the old one goes on.
+        let mut points: Vec<PlanPoint> =
+            previous.iter().flat_map(|p| p.points.iter().copied()).filter(|p| p.at < start.stamp).collect();
+        points.extend(&next.points);
+        previous = Some(Plan { points, ..next });
+    }
+    least_m
+}
+
+#[test]
+fn the_person_behind_the_truck_is_avoided_when_there_is_time() {
+    for speed_mps in [16.0, 18.0, 20.0, 22.0] {
+        let least_m = person_behind_truck(speed_mps, Params::fast(Preset::Best), 20);
+        assert!(least_m > 0.1, "{speed_mps} m/s: {least_m}");
+    }
+    // With most of a second gone before a plan acts there is nothing to be done at 16 m/s.
+    assert_eq!(person_behind_truck(16.0, Params::fast(Preset::Best), 900), 0.0);
 }

@@ -58,7 +58,7 @@ impl Detour {
         self.open.clear();
         self.length_m.clear();
         self.closed.clear();
-        if !(self.nx <= SIDE_MAX && self.ny <= SIDE_MAX) || !wanted {
+        if !wanted || self.nx > SIDE_MAX || self.ny > SIDE_MAX {
             (self.nx, self.ny) = (0, 0);
             return;
         }

@@ -212,7 +212,8 @@ impl Ground<'_> {
             if !self.obstacles.motion_free(&mut place, travel_m, self.clearance_m) {
                 return false;
             }
-            let stays = walk(pose, piece, 0.2, |p, direction, _| self.on_road(&self.outline.at(p, direction), 0.0));
+            let stays =
+                walk(pose, piece, 0.2, |p, direction, _| self.on_road(&self.outline.at(p, direction), 0.0));
             if !stays {
                 return false;
             }

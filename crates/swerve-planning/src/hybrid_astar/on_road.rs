@@ -193,18 +193,19 @@ impl Desk {
         search: &mut impl PathSearch,
         settings: &OnRoad,
         request: &Request<'_>,
-        budget: &mut dyn Budget,
+        budget: &mut Counted<'_>,
     ) -> Option<Plan> {
         let (start, line) = (request.start.pose, &request.route.line);
         let outline = own_outline(request);
         let (clearance_m, edge_m) = self.margins(settings, request, &outline)?;
         let radius_m = turning_radius_m(request);
         let ahead_m = settings.goal_ahead_m.max(settings.goal_ahead_s * request.start.speed_mps);
-        let s_m = self.road.project(start.point()).s_m + ahead_m;
-        let heading_rad = line.at(s_m).pose.heading_rad;
-        for d_m in GOALS_M {
+        let from_s_m = self.road.project(start.point()).s_m;
+        let mut searches = 0;
+        for (stretch, d_m) in GOALS {
+            let s_m = from_s_m + ahead_m * stretch;
             let at = line.to_map(FrenetPoint { s_m, d_m });
-            let goal = Pose2::new(at.x_m, at.y_m, heading_rad);
+            let goal = Pose2::new(at.x_m, at.y_m, line.at(s_m).pose.heading_rad);
             let bounds = around(&[start, goal], request.route.left_m.max(request.route.right_m) + 2.0);
             let ground = Ground {
                 obstacles: &self.obstacles,
@@ -214,12 +215,18 @@ impl Desk {
                 clock: clock(request),
             };
             let direct = Dubins::shortest(start, goal, radius_m);
-            if ground.pose_free(goal, direct.length()) {
-                let task = Task { request, start, goal, radius_m, bounds };
-                return (search.best(&ground, &task, budget, &mut self.pieces)
-                    && ground.free_exactly(start, &self.pieces))
-                .then(|| self.timed(request))
-                .filter(|plan| self.plan_free(plan, request, (clearance_m - TIMING_M).max(0.0)));
+            if searches == SEARCHES_MAX || budget.stopped || !ground.pose_free(goal, direct.length()) {
+                continue;
+            }
+            searches += 1;
+            let task = Task { request, start, goal, radius_m, bounds };
+            if search.best(&ground, &task, budget, &mut self.pieces)
+                && ground.free_exactly(start, &self.pieces)
+            {
+                let plan = self.timed(request);
+                if self.plan_free(&plan, request, (clearance_m - TIMING_M).max(0.0)) {
+                    return Some(plan);
+                }
             }
         }
         None
@@ -253,8 +260,13 @@ impl Desk {
     }
 }
 
-/// Offsets from the line at which the way may end, in the order in which they are tried, metres.
-const GOALS_M: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, 4.0];
+/// Where the way may end, in the order in which it is tried: share of the distance asked for, and offset from the line
+/// in metres. Further on there is more room to come back to the line behind what was in the way.
+const GOALS: [(f64, f64); 8] =
+    [(1.0, 0.0), (1.5, 0.0), (1.0, 1.0), (1.0, -1.0), (1.0, 2.0), (1.0, -2.0), (1.0, 3.0), (1.0, 4.0)];
+
+/// Searches of one call at most.
+const SEARCHES_MAX: usize = 3;
 
 /// Allowance for chords instead of arcs and for the plan's times against the search's, metres.
 const TIMING_M: f64 = 0.05;

@@ -39,7 +39,7 @@ pub struct Params {
     pub car_length_m: f64,
     /// `paper`: width of the car, metres.
     pub car_width_m: f64,
-    /// Expansions at most.
+    /// Expansions of one search at most; `best` may search again with another goal, three times in all.
     pub iterations_max: usize,
     /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
@@ -82,7 +82,7 @@ impl Params {
         };
         match preset {
             Preset::Paper => paper,
-            Preset::Best => Self { iterations_max: 2000, clearance_m: 0.3, goal_ahead_s: 3.0, ..paper },
+            Preset::Best => Self { iterations_max: 800, clearance_m: 0.3, goal_ahead_s: 3.0, ..paper },
         }
     }
 
@@ -268,14 +268,52 @@ mod tests {
 
     #[test]
     fn swerves_around_a_person_and_back() {
-        for speed in [16.0, 18.0, 20.0, 22.0] {
-            let world = World::straight(speed).with_person((30.0, 0.0), (0.0, 0.0));
-            let mut planner = HybridAstar::new(Params::fast(Preset::Best)).unwrap();
-            let mut plan = planner.plan(&world.request(), &mut Unlimited::default());
-            let t = std::time::Instant::now();
-            for _ in 0..20 { plan = planner.plan(&world.request(), &mut Unlimited::default()); }
-            println!("{speed} {:?} work {} {:?}", plan.status, plan.work, t.elapsed() / 20);
-            assert_eq!(plan.status, PlanStatus::Found);
+        for speed_mps in [16.0, 18.0, 20.0, 22.0] {
+            for ahead_m in [24.0, 30.0, 40.0] {
+                let world = World::straight(speed_mps).with_person((ahead_m, 0.0), (0.0, 0.0));
+                let mut planner = HybridAstar::new(Params::default()).unwrap();
+                let plan = planner.plan(&world.request(), &mut Unlimited::default());
+                assert_eq!(plan.status, PlanStatus::Found, "{speed_mps} {ahead_m}");
+                assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.2);
+                let last = plan.points[plan.points.len() - 1];
+                assert!(last.pose.y_m.abs() < 1e-6 && last.pose.heading_rad.abs() < 1e-6, "{last:?}");
+                assert!(last.pose.x_m >= 3.0 * speed_mps - 1e-6 && last.pose.x_m > ahead_m);
+                assert!(plan.points.iter().all(|p| p.speed_mps == speed_mps));
+            }
         }
+    }
+
+    #[test]
+    fn what_will_be_gone_is_no_reason_to_swerve() {
+        // She crosses 30 m ahead and has left the lane before the ego is there.
+        let world = World::straight(16.0).with_person((30.0, 0.5), (0.0, -3.0));
+        let plan = |collision| {
+            let params = Params { collision, ..Params::default() };
+            HybridAstar::new(params).unwrap().plan(&world.request(), &mut Unlimited::default())
+        };
+        let timed = plan(CollisionMode::TimeIndexed);
+        assert!(timed.status == PlanStatus::Found && timed.points.iter().all(|p| p.pose.y_m.abs() < 1e-9));
+        let swept = plan(CollisionMode::SweptStatic);
+        assert!(swept.points.iter().any(|p| p.pose.y_m.abs() > 0.5) || swept.status.is_fallback());
+    }
+
+    #[test]
+    fn paper_plans_only_with_something_in_range() {
+        let mut planner = HybridAstar::new(Params::slow(Preset::Paper)).unwrap();
+        let far = World::straight(16.0).with_person((75.0, 0.0), (0.0, 0.0));
+        let plan = planner.plan(&far.request(), &mut Unlimited::default());
+        assert_eq!((plan.status, plan.work), (PlanStatus::Route, 0));
+        let near = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
+        let plan = planner.plan(&near.request(), &mut Unlimited::default());
+        assert!(plan.work > 0);
+        assert!(plan.points.iter().all(|p| p.speed_mps == 16.0));
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let bad = Params { rad_step: 0.0, ..Params::default() };
+        assert_eq!(HybridAstar::new(bad).unwrap_err().key, "rad_step");
+        let bad = Params { clearance_m: f64::NAN, ..Params::default() };
+        assert_eq!(HybridAstar::new(bad).unwrap_err().key, "clearance_m");
     }
 }

@@ -160,7 +160,7 @@ impl Search {
         self.work = 0;
         self.nodes.clear();
         self.open.clear();
-        let to_go_m = lattice.to_go_m(start, goal);
+        let to_go_m = lattice.estimate_m(start, goal);
         if !ground.pose_free(start, 0.0) {
             return false;
         }
@@ -259,7 +259,7 @@ impl Search {
                 continue;
             }
             self.cells[cell] = Cell { generation: self.generation, travelled_m: travelled_m as f32 };
-            let to_go_m = lattice.to_go_m(pose, goal).max(self.detour.length_m(ground, pose.point()));
+            let to_go_m = lattice.estimate_m(pose, goal).max(self.detour.length_m(ground, pose.point()));
             if to_go_m == f64::INFINITY {
                 continue;
             }
@@ -286,7 +286,7 @@ impl Search {
 
 impl Lattice<'_> {
     /// Lower bound of the way from `pose` to `goal` without obstacles, metres.
-    fn to_go_m(&self, pose: Pose2, goal: Pose2) -> f64 {
+    fn estimate_m(&self, pose: Pose2, goal: Pose2) -> f64 {
         match self.arrival {
             Arrival::Exact => Dubins::shortest(pose, goal, self.radius_m).length(),
             Arrival::Within(..) => pose.point().distance(goal.point()),

@@ -3,7 +3,7 @@
 use swerve_core::Time;
 use swerve_geom::Pose2;
 
-use super::dubins::{Piece, walk, advance};
+use super::dubins::{Piece, advance, walk};
 use super::ground::{Area, Clock, Ground, Outline};
 use super::motions::{fan, scan};
 use super::on_road::around;

@@ -72,8 +72,8 @@ impl Bender {
         self.stops.clear();
         let last = corners.len() - 1;
         let line = |a: usize, b: usize| -> Vector2 { corners[b].point() - corners[a].point() };
-        for i in 0..=last {
-            let point = corners[i].point();
+        for (i, corner) in corners.iter().enumerate() {
+            let point = corner.point();
             let before = if i == 0 { line(0, 1) } else { line(i - 1, i) }.heading();
             let after = if i == last { line(last - 1, last) } else { line(i, i + 1) }.heading();
             let mut push = |at: swerve_geom::Point2, heading_rad: f64| {

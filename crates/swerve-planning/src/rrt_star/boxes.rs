@@ -53,11 +53,6 @@ impl Boxes {
             }
         }
     }
-
-    /// Bounds of the point.
-    pub(crate) fn bounds(&self) -> AxisBox {
-        self.bounds
-    }
 }
 
 fn inside(b: &AxisBox, p: Point2) -> bool {

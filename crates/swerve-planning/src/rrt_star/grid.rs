@@ -20,6 +20,8 @@ pub(crate) struct Grid {
     /// The point of the same cell that came before.
     before: Vec<u32>,
     points: Vec<Point2>,
+    /// Cells with points lie between these, inclusive: x, y, x, y.
+    used: [i64; 4],
 }
 
 impl Grid {
@@ -36,6 +38,7 @@ impl Grid {
         self.before.reserve(points_max);
         self.points.clear();
         self.points.reserve(points_max);
+        self.used = [i64::MAX, i64::MAX, i64::MIN, i64::MIN];
     }
 
     fn cell(&self, point: Point2) -> (i64, i64) {
@@ -50,6 +53,8 @@ impl Grid {
         self.before.push(*cell);
         *cell = self.points.len() as u32;
         self.points.push(point);
+        let u = self.used;
+        self.used = [u[0].min(ix), u[1].min(iy), u[2].max(ix), u[3].max(iy)];
     }
 
     fn each_in(&self, ix: i64, iy: i64, mut visit: impl FnMut(u32, Point2)) {
@@ -66,8 +71,11 @@ impl Grid {
     /// The nearest point, of equals the oldest. There is at least one point.
     pub(crate) fn nearest(&self, to: Point2) -> u32 {
         let (cx, cy) = self.cell(to);
+        let [x0, y0, x1, y1] = self.used;
         let mut best = (f64::INFINITY, NONE);
-        for ring in 0..=self.nx.max(self.ny) {
+        // Rings of cells around the one that holds `to`, from the first that meets a used cell.
+        let first = (x0 - cx).max(cx - x1).max(y0 - cy).max(cy - y1).max(0);
+        for ring in first..=self.nx.max(self.ny) {
             // Nothing in this ring or further out is nearer than this.
             let beyond_m = (ring - 1).max(0) as f64 * self.side_m;
             if best.0 < beyond_m * beyond_m {
@@ -81,15 +89,17 @@ impl Grid {
                     }
                 });
             };
-            for ix in cx - ring..=cx + ring {
-                look(ix, cy - ring);
-                if ring > 0 {
-                    look(ix, cy + ring);
+            let (left, right) = ((cx - ring).max(x0), (cx + ring).min(x1));
+            let (low, high) = ((cy - ring + 1).max(y0), (cy + ring - 1).min(y1));
+            for iy in [cy - ring, cy + ring] {
+                if y0 <= iy && iy <= y1 && (ring > 0 || iy == cy) {
+                    (left..=right).for_each(|ix| look(ix, iy));
                 }
             }
-            for iy in cy - ring + 1..cy + ring {
-                look(cx - ring, iy);
-                look(cx + ring, iy);
+            for ix in [cx - ring, cx + ring] {
+                if x0 <= ix && ix <= x1 {
+                    (low..=high).for_each(|iy| look(ix, iy));
+                }
             }
         }
         best.1

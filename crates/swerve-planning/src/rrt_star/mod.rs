@@ -12,3 +12,4 @@ mod space;
 mod tree;
 
 pub use planner::{Params, RrtStar};
+pub use solve::{ITERATIONS_PER_MS, Solver, solve_posed};

@@ -1,7 +1,7 @@
 //! The tree: grown towards random places, rewired to be short.
 
 use swerve_core::Rng;
-use swerve_geom::{Point2, Pose2, math};
+use swerve_geom::{Pose2, math};
 
 use super::grid::Grid;
 use crate::request::{Budget, Goes};
@@ -48,6 +48,19 @@ pub(crate) enum Until {
     Spent,
 }
 
+/// From where to where.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aim<'a> {
+    /// The root.
+    pub(crate) start: Pose2,
+    /// What is to be reached.
+    pub(crate) goal: Pose2,
+    /// The tree lies within x_min, y_min, x_max, y_max, metres.
+    pub(crate) bounds: [f64; 4],
+    /// Places where short ways are known to bend.
+    pub(crate) guides: &'a [Pose2],
+}
+
 const NONE: u32 = u32::MAX;
 
 #[derive(Clone, Copy, Debug)]
@@ -91,17 +104,17 @@ const DRAWS_MAX: usize = 24;
 const GAIN_M: f64 = 1e-9;
 
 impl Tree {
-    /// Grows a tree from `start` towards `goal` within `bounds`; whether the goal was reached.
+    /// Grows a tree anew; whether the goal was reached.
     pub(crate) fn grow(
         &mut self,
         space: &impl Space,
         growth: &Growth,
-        (start, goal, bounds): (Pose2, Pose2, [f64; 4]),
-        guides: &[Pose2],
+        aim: &Aim<'_>,
         rng: &mut Rng,
         budget: &mut dyn Budget,
     ) -> bool {
-        self.begin(growth, start, bounds, guides);
+        let Aim { start, goal, .. } = *aim;
+        self.begin(growth, aim);
         if growth.until == Until::Spent {
             self.try_goal(space, 0, goal);
             if self.best_m() <= space.length_m(start, goal) + GAIN_M {
@@ -118,7 +131,8 @@ impl Tree {
         !self.arrived.is_empty()
     }
 
-    fn begin(&mut self, growth: &Growth, start: Pose2, bounds: [f64; 4], guides: &[Pose2]) {
+    fn begin(&mut self, growth: &Growth, aim: &Aim<'_>) {
+        let Aim { start, bounds, guides, .. } = *aim;
         self.work = 0;
         self.nodes.clear();
         self.nodes.reserve(growth.iterations_max as usize + 1);
@@ -224,7 +238,7 @@ impl Tree {
         self.try_goal(space, node, ends.1);
     }
 
-    /// Fills `near` with the nodes around `pose`, `nearest` and the guides among them, and prices them.
+    /// Fills `near` with the nodes around `pose`, `nearest` among them, and prices them.
     fn collect_near(&mut self, space: &impl Space, pose: Pose2, radius_m: f64, nearest: u32) {
         self.near.clear();
         let near = &mut self.near;
@@ -235,8 +249,7 @@ impl Tree {
         self.price(space, pose);
     }
 
-    /// Prices the ways over each of `near` to `pose`, drops those that cannot be part of a better path, and
-    /// sorts the rest, cheapest first.
+    /// Prices the ways over each of `near` to `pose`, and drops those that cannot be part of a better path.
     fn price(&mut self, space: &impl Space, pose: Pose2) {
         let (nodes, best_m) = (&self.nodes, self.best_m());
         self.near.retain_mut(|n| {
@@ -247,18 +260,20 @@ impl Tree {
             n.cost_m = node.cost_m + space.length_m(node.pose, pose);
             n.cost_m < best_m
         });
-        self.near.sort_unstable_by(|a, b| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node)));
     }
 
-    /// Adds `pose` below the first of `near` from which the way is free: only as many ways are checked as needed.
+    /// Adds `pose` below the cheapest of `near` from which the way is free. Only as many ways are checked as needed,
+    /// and as a rule the first few are enough, so nothing is sorted.
     fn connect(&mut self, space: &impl Space, pose: Pose2) -> Option<u32> {
-        let nodes = &self.nodes;
-        let parent = self.near.iter().find(|n| {
-            let node = &nodes[n.node as usize];
-            space.free(node.pose, pose, node.cost_m)
-        })?;
-        let (parent, cost_m) = (parent.node, parent.cost_m);
-        Some(self.push(pose, parent, cost_m))
+        loop {
+            let open = self.near.iter_mut().filter(|n| n.cost_m < f64::INFINITY);
+            let cheapest = open.min_by(|a, b| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node)))?;
+            let cost_m = core::mem::replace(&mut cheapest.cost_m, f64::INFINITY);
+            let (parent, node) = (cheapest.node, &self.nodes[cheapest.node as usize]);
+            if space.free(node.pose, pose, node.cost_m) {
+                return Some(self.push(pose, parent, cost_m));
+            }
+        }
     }
 
     /// Leads nodes of `near` over `node` where that is shorter.
@@ -349,10 +364,5 @@ impl Tree {
         }
         poses.reverse();
         Some(cost_m)
-    }
-
-    /// The places of all nodes, in the order in which they came.
-    pub(crate) fn places(&self) -> impl Iterator<Item = Point2> + '_ {
-        self.nodes.iter().map(|n| n.pose.point())
     }
 }

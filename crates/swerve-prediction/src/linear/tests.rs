@@ -125,3 +125,12 @@ fn equal_stamps_do_not_divide_by_zero() {
     let prediction = only(&track(&[(50, 0.0, 0.0), (50, 1.0, 0.0)]), &Params::paper());
     assert!(prediction.path.iter().all(|p| p.pose == Pose2::new(1.0, 0.0, 1.0)));
 }
+
+#[test]
+fn parameters_out_of_range_are_named() {
+    assert_eq!(Params::paper().validate(), Ok(()));
+    let error = Params { step_s: 0.0, ..Params::best() }.validate().unwrap_err();
+    assert_eq!(error.to_string(), "prediction.step_s is 0, must be from 0.001 to 10");
+    assert!(Params { past_steps: 0, ..Params::best() }.validate().is_err());
+    assert!(Params { heading_speed_min_mps: f64::NAN, ..Params::best() }.validate().is_err());
+}

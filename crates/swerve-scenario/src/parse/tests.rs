@@ -141,9 +141,17 @@ fn wrong_values_and_impossible_starts_are_reported_with_line_and_key() {
         ("s_m = 40.0\nd_m = 4.0", "s_m = 1.0\nd_m = 0.5", vec![
             "5 ego: the ego's start at s = 0 m, d = 0 m is inside the actor \"bus\"",
         ]),
+        ("s_m = 40.0\nd_m = 4.0", "s_m = 5.4\nd_m = 0.5", vec![
+            "5 ego: the ego's start at s = 0 m, d = 0 m, or can be as a seed draws it (within 0.5 m), is inside the \
+             actor \"bus\"",
+        ]),
+        ("s_m = 20.0\nd_m = 4.0", "s_m = 42.0\nd_m = 3.0", vec![
+            "14 actor.bike: starts inside the actor \"bus\"",
+        ]),
         ("kind = \"truck\"", "kind = \"static\"\nsize = { length_m = 99.0, width_m = 9.0, height_m = 2.0 }", vec![
             "5 ego: the ego's start at s = 0 m, d = 0 m is inside the actor \"bus\"",
             "14 actor.bus.motion: an actor of kind \"static\" cannot move",
+            "15 actor.bike: starts inside the actor \"bus\"",
         ]),
     ];
     check(&table);
@@ -246,6 +254,16 @@ fn a_scenario_without_expectation_is_refused() {
     assert_eq!(found.len(), 1);
     assert_eq!((found[0].line, found[0].key.as_str()), (1, "expect"));
     assert!(found[0].message.starts_with("is missing"), "{}", found[0]);
+}
+
+#[test]
+fn the_form_in_the_documentation_is_valid() {
+    let documentation = include_str!("../lib.rs");
+    let form = documentation.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let text: Vec<&str> = form.lines().map(|line| line.trim_start_matches("//!")).collect();
+    let scenario =
+        Scenario::parse("doc.toml", &text.join("\n")).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    assert_eq!((scenario.actors[0].motion.len(), scenario.expect.len()), (4, 2));
 }
 
 #[test]

@@ -229,7 +229,7 @@ fn plans(canvas: &mut Canvas, story: &Story, view: &View) {
         let paint = plan_color(&mark.plan);
         let dash = if mark.plan.status.is_fallback() { " stroke-dasharray=\"3 3\"" } else { "" };
         let style =
-            format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2.6\" stroke-opacity=\"0.75\"{dash}");
+            format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\" stroke-opacity=\"0.8\"{dash}");
         let points: Vec<Point2> = mark.plan.points.iter().map(|p| p.pose.point()).collect();
         polyline(canvas, view, &points, &style);
     }
@@ -241,6 +241,7 @@ fn plan_numbers(canvas: &mut Canvas, story: &Story, view: &View) {
     for (number, mark) in changes(story, view).take(NUMBERED) {
         let Some(ego) = story.ego_at(mark.at) else { continue };
         let (x, mut y) = view.at(ego.pose.point());
+        y -= 9.0;
         while taken.iter().any(|t| (t.0 - x).abs() < 15.0 && (t.1 - y).abs() < 15.0) {
             y -= 15.0;
         }

@@ -109,7 +109,12 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, (mut x, y): At) {
     }
     let changes: Vec<_> = birds_eye::changes(story, view).map(|(_, mark)| &mark.plan).collect();
     if changes.iter().any(|plan| !plan.status.is_fallback()) {
-        entry(canvas, &line(color::PLAN, "stroke-width=\"1.5\""), "plan at a change of mind");
+        let more = changes.len().saturating_sub(birds_eye::NUMBERED);
+        let text = match more {
+            0 => "plan at a change of mind".to_owned(),
+            more => format!("plan at a change of mind ({more} more not numbered)"),
+        };
+        entry(canvas, &line(color::PLAN, "stroke-width=\"2\""), &text);
     }
     if changes.iter().any(|plan| plan.status.is_fallback()) {
         let style = "stroke-width=\"1.5\" stroke-dasharray=\"2 3\"";

@@ -11,7 +11,8 @@ use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, Route};
 const EGO_EVERY: Span = Span::from_ms(20);
 /// Actor poses nearer to each other than this are left out, metres and radians.
 const ACTOR_MOVED: f64 = 0.01;
-/// A plan that deviates sideways by more than this from the one kept last is a change of mind, metres.
+/// A plan that deviates sideways by more than this from the one before it, or from the one kept last, is a
+/// change of mind, metres.
 const CHANGE_OF_MIND_M: f64 = 0.3;
 
 /// A run, as far as its figure shows it. Fill it while the run goes on, then [`conclude`](Self::conclude).
@@ -31,6 +32,8 @@ pub struct Story {
     pub actors: Vec<ActorTrace>,
     /// The plans at the changes of mind, in order of time.
     pub plans: Vec<PlanMark>,
+    /// The newest plan, kept or not.
+    newest: Option<Plan>,
     /// The result of the run; none before it is over.
     pub metrics: Option<Metrics>,
 }
@@ -60,8 +63,17 @@ pub struct PlanMark {
 impl Story {
     /// Nothing has happened yet.
     pub fn new(title: impl Into<String>, route: Route, lane_width_m: Option<f64>, outline: Outline) -> Self {
-        let (ego, actors, plans) = (Vec::new(), Vec::new(), Vec::new());
-        Self { title: title.into(), route, lane_width_m, outline, ego, actors, plans, metrics: None }
+        Self {
+            title: title.into(),
+            route,
+            lane_width_m,
+            outline,
+            ego: Vec::new(),
+            actors: Vec::new(),
+            plans: Vec::new(),
+            newest: None,
+            metrics: None,
+        }
     }
 
     /// Takes in the state of the world after one step.
@@ -83,9 +95,13 @@ impl Story {
 
     /// Takes in a plan that became visible at `at`; only changes of mind are kept.
     pub fn plan(&mut self, at: Time, plan: &Plan) {
-        if self.plans.last().is_none_or(|last| is_change_of_mind(&last.plan, plan)) {
+        // The one before shows a jump even where the one kept last does not reach any more; the one kept last
+        // shows a slow drift.
+        let before = self.newest.iter().chain(self.plans.last().map(|mark| &mark.plan));
+        if self.plans.is_empty() || before.into_iter().any(|old| is_change_of_mind(old, plan)) {
             self.plans.push(PlanMark { at, plan: plan.clone() });
         }
+        self.newest = Some(plan.clone());
     }
 
     /// The run is over, this came of it.

@@ -1,0 +1,178 @@
+//! Automatic emergency braking: the route at the target speed, and full brake below a time to collision.
+//!
+//! The time to collision is measured, not estimated: the ego's outline goes on at its present speed beside
+//! the route, everything else as predicted, until the two touch.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Span;
+use swerve_geom::{FrenetPoint, Pose2};
+use swerve_msg::{Plan, PlanStatus};
+
+use crate::collision::{CollisionMode, Obstacles, Solid};
+use crate::params::{InvalidParam, require, require_not_negative, require_positive};
+use crate::request::{Budget, Goes, Planner, Request};
+use crate::world::{SpeedProfile, brake_along, brake_length_m, follow_route, route_path};
+
+/// Parameters.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Params {
+    /// Brakes fully when a collision is nearer than this, seconds. Source: ours: a little over the 1.2 s
+    /// that stop a car from 18 m/s before standing traffic.
+    pub time_to_collision_s: f64,
+    /// Braking goes on until the time to collision is this many times that, or the ego stands. Source: ours.
+    pub release_factor: f64,
+    /// Passing nearer than this counts as touching, metres. Source: ours.
+    pub clearance_m: f64,
+    /// Time between two looks, seconds; motion between them is covered. Source: ours.
+    pub step_s: f64,
+    /// Length of the plan, seconds. Source: ours.
+    pub horizon_s: f64,
+    /// How predicted motion is taken. Source: ours.
+    pub collision: CollisionMode,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            time_to_collision_s: 1.5,
+            release_factor: 1.5,
+            clearance_m: 0.2,
+            step_s: 0.05,
+            horizon_s: 5.0,
+            collision: CollisionMode::TimeIndexed,
+        }
+    }
+}
+
+impl Params {
+    /// Checks all ranges.
+    pub fn validate(&self) -> Result<(), InvalidParam> {
+        require_positive("time_to_collision_s", self.time_to_collision_s)?;
+        require("release_factor", self.release_factor, self.release_factor >= 1.0, "must be at least 1")?;
+        require_not_negative("clearance_m", self.clearance_m)?;
+        require_positive("horizon_s", self.horizon_s)?;
+        let steps = self.time_to_collision_s * self.release_factor / self.step_s;
+        require(
+            "step_s",
+            self.step_s,
+            self.step_s > 0.0 && steps <= 10_000.0,
+            "must be above zero and not tiny",
+        )
+    }
+}
+
+/// The planner, with the storage it keeps from call to call.
+#[derive(Clone, Debug)]
+pub struct Aeb {
+    params: Params,
+    obstacles: Obstacles,
+}
+
+impl Aeb {
+    /// With valid parameters.
+    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+        params.validate()?;
+        Ok(Self { params, obstacles: Obstacles::default() })
+    }
+
+    /// Seconds until the ego touches something if it goes on along the route, if below `within_s`; each
+    /// step looked at counts as one unit.
+    fn time_to_collision_s(
+        &self,
+        request: &Request<'_>,
+        within_s: f64,
+        (budget, work): (&mut dyn Budget, &mut u64),
+    ) -> Option<f64> {
+        let line = &request.route.line;
+        let start = &request.start;
+        let FrenetPoint { s_m, d_m } = line.project(start.pose.point());
+        let speed_mps = start.speed_mps.max(0.0);
+        let outline = |t_s: f64| {
+            let on_line = line.at(s_m + speed_mps * t_s).pose;
+            let beside = on_line.point() + on_line.direction().left() * d_m;
+            let pose = Pose2::new(beside.x_m, beside.y_m, on_line.heading_rad);
+            Solid::from(&request.shape.footprint(pose))
+        };
+        let steps = (within_s / self.params.step_s).ceil().max(1.0) as usize;
+        for k in 0..steps {
+            *work += 1;
+            if budget.spend(1) == Goes::Stop {
+                return None;
+            }
+            let from_s = k as f64 * self.params.step_s;
+            let mut place = |u: f64| {
+                let t_s = from_s + u * self.params.step_s;
+                (outline(t_s), start.stamp + Span::from_secs(t_s))
+            };
+            // In bends the corners outrun the origin; twice its way is well above that.
+            let travel_m = 2.0 * speed_mps * self.params.step_s;
+            if !self.obstacles.motion_free(&mut place, travel_m, self.params.clearance_m) {
+                return Some(from_s);
+            }
+        }
+        None
+    }
+}
+
+impl Planner for Aeb {
+    fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
+        self.obstacles.set(request.predictions, self.params.collision);
+        let braking = request.previous.is_some_and(|p| p.status == PlanStatus::Brake);
+        let factor = if braking { self.params.release_factor } else { 1.0 };
+        let within_s = self.params.time_to_collision_s * factor;
+        let mut work = 0;
+        let plan = match self.time_to_collision_s(request, within_s, (budget, &mut work)) {
+            Some(_) => {
+                let path = route_path(&request.route.line, request.start.pose, brake_length_m(request));
+                brake_along(request, &path, PlanStatus::Brake)
+            }
+            None => follow_route(request, SpeedProfile::Limited, self.params.horizon_s, PlanStatus::Route),
+        };
+        Plan { work, ..plan }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::request::Unlimited;
+    use crate::testing::{World, conformance};
+
+    fn plan(world: &World) -> Plan {
+        Aeb::new(Params::default()).unwrap().plan(&world.request(), &mut Unlimited::default())
+    }
+
+    #[test]
+    fn conforms() {
+        conformance(&|| Aeb::new(Params::default()).unwrap(), false);
+    }
+
+    #[test]
+    fn brakes_at_the_time_to_collision_and_not_before() {
+        // Front at 3.89 m, person's near side 0.25 m before its centre, 0.2 m clearance: 1.5 s at 10 m/s.
+        let touch_m = 15.0 + 3.89 + 0.25 + 0.2;
+        let near = World::straight(10.0).with_person((touch_m - 0.6, 0.0), (0.0, 0.0));
+        assert_eq!(plan(&near).status, PlanStatus::Brake);
+        let far = World::straight(10.0).with_person((touch_m + 0.6, 0.0), (0.0, 0.0));
+        assert_eq!(plan(&far).status, PlanStatus::Route);
+    }
+
+    #[test]
+    fn a_person_who_will_be_gone_does_not_brake_it() {
+        let gone = World::straight(10.0).with_person((15.0, 0.5), (0.0, -3.0));
+        assert_eq!(plan(&gone).status, PlanStatus::Route);
+        let coming = World::straight(10.0).with_person((15.0, 4.0), (0.0, -3.0));
+        assert_eq!(plan(&coming).status, PlanStatus::Brake);
+    }
+
+    #[test]
+    fn braking_is_held_a_little_longer() {
+        let world = World::straight(10.0).with_person((21.0, 0.0), (0.0, 0.0));
+        assert_eq!(plan(&world).status, PlanStatus::Route);
+        let before = Plan { status: PlanStatus::Brake, ..Plan::default() };
+        let request = Request { previous: Some(&before), ..world.request() };
+        let mut planner = Aeb::new(Params::default()).unwrap();
+        assert_eq!(planner.plan(&request, &mut Unlimited::default()).status, PlanStatus::Brake);
+    }
+}
