@@ -151,6 +151,16 @@ pub(crate) struct Ran {
     pub(crate) panic: Option<Box<str>>,
 }
 
+impl Run {
+    /// Whether the step was told to stop, stopped, and sent nothing: its stamp is the reaction's to answer.
+    pub(crate) fn left_to_reaction(&self) -> bool {
+        let left = |ran: &Ran| ran.stopped_at.is_some() && !ran.went_on && ran.is_empty();
+        !self.resolved
+            && self.deadline < Time::MAX
+            && matches!(&self.outcome, Outcome::Here(ran) if left(ran))
+    }
+}
+
 impl Ran {
     pub(crate) fn is_empty(&self) -> bool {
         self.outs.iter().all(Option::is_none)

@@ -267,8 +267,9 @@ impl Engine<'_> {
             Draw::Work(_) => {
                 run.end = run.start.saturating_add(node.runtime.worked(ran.units));
                 if ran.stopped_at.is_some() && !ran.went_on {
-                    // A step that stops when told to ends in time.
-                    run.end = run.end.min(run.deadline);
+                    // A step that stops when told to ends in time; if it sends nothing, it ends at its deadline,
+                    // whose reaction has what it offered.
+                    run.end = if ran.is_empty() { run.deadline } else { run.end.min(run.deadline) };
                 }
             }
             Draw::Measured => {

@@ -10,7 +10,7 @@ use crate::deadline::{Anchor, Length, Reaction};
 use crate::decision::Decision;
 use crate::input::Edge;
 use crate::observer::{DropReason, Event, Miss, StepEnd};
-use crate::operator::ErasedMiss;
+use crate::operator::{ErasedMiss, Offered};
 use crate::payload::Outs;
 use crate::policy::{Full, Policy};
 use crate::report::RunError;
@@ -121,7 +121,9 @@ impl Engine<'_> {
                 index += 1;
                 continue;
             }
-            if waits && self.nodes[rank].running[index].finished {
+            let run = &self.nodes[rank].running[index];
+            if run.finished && (waits || run.left_to_reaction()) {
+                waits |= !self.nodes[rank].policy.overtakes();
                 index += 1;
                 continue;
             }
@@ -130,7 +132,9 @@ impl Engine<'_> {
             let run = if index == 0 { running.pop_front() } else { running.remove(index) };
             let mut run = run.expect("just seen");
             self.end_step(rank, &mut run);
-            if waits && !run.resolved && !ran(&run).is_empty() {
+            let silent = matches!(&run.outcome, Outcome::Here(ran) if ran.is_empty());
+            if run.left_to_reaction() || (waits && !run.resolved && !silent) {
+                waits |= !self.nodes[rank].policy.overtakes();
                 self.nodes[rank].running.insert(index, run);
                 index += 1;
             } else {
@@ -252,11 +256,17 @@ impl Engine<'_> {
         let missed = Missed { stamp: run.stamp, deadline: run.deadline, started: true };
         let origin = run.origin;
         if run.finished {
-            // It only waited for an older result: its place is free from now on, and `reuse_last` takes it.
-            let run = self.nodes[rank].running.remove(index).expect("just seen");
-            let outs = ran(&run).outs.clone();
-            let own = Finished { stamp: run.stamp, origin, reads: run.reads, outs };
-            return self.react(rank, &missed, Step { own: Some(own), ..Step::default() });
+            // Its place is free from now on: it only waited, for an older result or for this reaction.
+            let mut run = self.nodes[rank].running.remove(index).expect("just seen");
+            let offered = run.offered.take().map(|offered| snapshot(&offered));
+            let Outcome::Here(ran) = run.outcome else { return };
+            let step = if ran.is_empty() {
+                Step { own: None, offered, origin, reads: run.reads }
+            } else {
+                let own = Finished { stamp: run.stamp, origin, reads: run.reads, outs: ran.outs };
+                Step { own: Some(own), ..Step::default() }
+            };
+            return self.react(rank, &missed, step);
         }
         let offered = run.offered.clone();
         if offered.is_some() && self.wall.is_none() {
@@ -264,7 +274,7 @@ impl Engine<'_> {
             self.wait_for(rank, index);
         }
         let reads = self.nodes[rank].running[index].reads.clone();
-        let offered = offered.map(|offered| offered.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        let offered = offered.map(|offered| snapshot(&offered));
         self.react(rank, &missed, Step { own: None, offered, origin, reads });
     }
 
@@ -460,9 +470,6 @@ struct Step {
     reads: Vec<Option<Time>>,
 }
 
-fn ran(run: &Run) -> &super::node::Ran {
-    match &run.outcome {
-        Outcome::Here(ran) => ran,
-        Outcome::Away(_) => unreachable!("a step is settled before its end is handled"),
-    }
+fn snapshot(offered: &Offered) -> (u64, Outs) {
+    offered.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
