@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::{check, replay, run, scenarios, study, timing};
+use crate::{check, plan, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -22,6 +22,8 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Run a pipeline of black boxes: response times, drops, misses, utilisation
     Timing(timing::TimingArgs),
+    /// Pose planning problems of a file to a planner
+    Plan(plan::PlanArgs),
     /// Check scenario, configuration, study and timing files without running them
     Check(check::CheckArgs),
     /// List the scenarios of a folder
@@ -35,6 +37,7 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Study(args) => study::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Timing(args) => timing::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::Check(args) => check::run(args),
         Command::Scenarios(args) => scenarios::run(args),
     }

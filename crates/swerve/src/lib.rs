@@ -6,6 +6,7 @@ pub mod config;
 pub mod files;
 pub mod output;
 pub mod pipeline;
+pub mod plan;
 pub mod progress;
 pub mod replay;
 pub mod run;
