@@ -4,7 +4,7 @@ use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
-use crate::{calibrate, check, graph, replay, run, scenarios, study, timing};
+use crate::{calibrate, check, graph, plan, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -26,6 +26,8 @@ enum Command {
     Graph(graph::GraphArgs),
     /// Run a pipeline of black boxes: response times, drops, misses, utilisation
     Timing(timing::TimingArgs),
+    /// Pose planning problems of a file to a planner
+    Plan(plan::PlanArgs),
     /// Check scenario, configuration, study and timing files without running them
     Check(check::CheckArgs),
     /// Measure what the planners cost on this host and freeze that in a configuration
@@ -47,6 +49,7 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Replay(args) => replay::run(args),
         Command::Graph(args) => graph::run(args),
         Command::Timing(args) => timing::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::Check(args) => check::run(args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Scenarios(args) => scenarios::run(args),

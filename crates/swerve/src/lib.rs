@@ -8,6 +8,7 @@ pub mod files;
 pub mod graph;
 pub mod output;
 pub mod pipeline;
+pub mod plan;
 pub mod progress;
 pub mod replay;
 pub mod run;

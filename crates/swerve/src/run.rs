@@ -43,7 +43,7 @@ pub struct RunInput {
 pub struct RunArgs {
     #[command(flatten)]
     input: RunInput,
-    /// Output folder [default: out/<scenario>]
+    /// Output folder [default: out/ and the scenario's name]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Print one JSON object and nothing else
@@ -233,8 +233,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if let Some(log) = &args.runtimes {
         record_run_times(&mut pipeline, &Log::read(log)?);
     }
-    let mut told = Told { story: story(&config, &scenario, &pipeline) };
-    let observers: &mut [&mut dyn Observer] = &mut [&mut shown, &mut recorder, &mut trace, &mut told];
+    let mut story = story(&config, &scenario, &pipeline);
+    let observers: &mut [&mut dyn Observer] = &mut [&mut shown, &mut recorder, &mut trace, &mut story];
     let driven = drive_pipeline(pipeline, config.seed, args.threads, observers);
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
@@ -242,8 +242,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     trace.finish()?;
     let outcome = driven?;
     let summary = Summary::of(&config, &scenario, &outcome);
-    told.story.conclude(&outcome.metrics);
-    write_whole(&out.join("story.svg"), draw(&told.story).as_bytes())?;
+    story.conclude(&outcome.metrics);
+    write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     write_whole(&out.join("metrics.json"), json.as_bytes())?;
     crate::output::print(&if args.json { json } else { summary.text(&out) });
@@ -260,11 +260,7 @@ fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
     }
 }
 
-/// Takes down what the picture of the run shows.
-struct Told {
-    story: Story,
-}
-
+/// The picture of the run, to be filled in while it drives.
 fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     let title = format!(
         "{}: {} at {:.0} m/s, seed {}",
@@ -275,18 +271,6 @@ fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     );
     let lane_width_m = Some(scenario.road.lane_width_m);
     Story::new(title, pipeline.route.clone(), lane_width_m, outline(&pipeline.vehicle.shape))
-}
-
-impl Observer for Told {
-    fn event(&mut self, event: &Event<'_>) {
-        let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
-        if let Some(world) = payload.downcast_ref::<WorldState>() {
-            self.story.world(world);
-        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
-            self.story.plan(publication.visible_at, plan);
-        }
-    }
 }
 
 /// The head of a log: all that it takes to run again without the files.
@@ -382,11 +366,7 @@ impl Summary {
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
         if self.unrecorded > 0 {
-            let _ = writeln!(
-                text,
-                "{} steps had no record and drew their run time from the recorded ones",
-                self.unrecorded
-            );
+            let _ = writeln!(text, "{} steps had no record and drew their run time from the recorded ones", self.unrecorded);
         }
         match self.as_expected {
             Some(true) => text += "as the scenario expects\n",

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use swerve_geom::math;
 
 /// Okabe and Ito's colours, which the colour-blind can tell apart, and greys.
-pub(super) mod color {
+pub(crate) mod color {
     pub(crate) const EGO: &str = "#0072B2";
     pub(crate) const PERSON: &str = "#D55E00";
     pub(crate) const VEHICLE: &str = "#6F7781";
@@ -23,18 +23,18 @@ pub(super) mod color {
 }
 
 /// A place in the figure, pixels from its top left corner.
-pub(super) type At = (f64, f64);
+pub(crate) type At = (f64, f64);
 
 /// How a text stands.
 #[derive(Clone, Copy)]
-pub(super) struct Text<'a> {
-    pub(super) size: f64,
-    pub(super) color: &'a str,
+pub(crate) struct Text<'a> {
+    pub(crate) size: f64,
+    pub(crate) color: &'a str,
     /// `start`, `middle` or `end`.
-    pub(super) anchor: &'a str,
-    pub(super) bold: bool,
+    pub(crate) anchor: &'a str,
+    pub(crate) bold: bool,
     /// Whether a light rim sets it off from what is below.
-    pub(super) rim: bool,
+    pub(crate) rim: bool,
 }
 
 impl Default for Text<'_> {
@@ -44,18 +44,18 @@ impl Default for Text<'_> {
 }
 
 /// The figure under construction.
-pub(super) struct Canvas {
+pub(crate) struct Canvas {
     body: String,
     clips: usize,
 }
 
 impl Canvas {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { body: String::new(), clips: 0 }
     }
 
     /// The finished figure.
-    pub(super) fn finish(self, width: f64, height: f64, title: &str) -> String {
+    pub(crate) fn finish(self, width: f64, height: f64, title: &str) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" \
              font-family=\"Helvetica, Arial, 'DejaVu Sans', sans-serif\">\n<title>{title}</title>\n\
@@ -68,7 +68,7 @@ impl Canvas {
     }
 
     /// An open or closed line; `style` is SVG attributes of our own making.
-    pub(super) fn path(&mut self, points: impl IntoIterator<Item = At>, closed: bool, style: &str) {
+    pub(crate) fn path(&mut self, points: impl IntoIterator<Item = At>, closed: bool, style: &str) {
         let mut d = String::new();
         for (k, (x, y)) in points.into_iter().enumerate() {
             let command = if k == 0 { 'M' } else { 'L' };
@@ -80,22 +80,22 @@ impl Canvas {
         }
     }
 
-    pub(super) fn line(&mut self, from: At, to: At, style: &str) {
+    pub(crate) fn line(&mut self, from: At, to: At, style: &str) {
         self.path([from, to], false, style);
     }
 
-    pub(super) fn circle(&mut self, (x, y): At, radius: f64, style: &str) {
+    pub(crate) fn circle(&mut self, (x, y): At, radius: f64, style: &str) {
         let (x, y, r) = (number(x), number(y), number(radius));
         self.push(format_args!("<circle cx=\"{x}\" cy=\"{y}\" r=\"{r}\" {style}/>"));
     }
 
-    pub(super) fn rect(&mut self, (x, y): At, (width, height): (f64, f64), style: &str) {
+    pub(crate) fn rect(&mut self, (x, y): At, (width, height): (f64, f64), style: &str) {
         let (x, y, w, h) = (number(x), number(y), number(width), number(height));
         self.push(format_args!("<rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" {style}/>"));
     }
 
     /// A star with eight points.
-    pub(super) fn star(&mut self, (x, y): At, radius: f64, style: &str) {
+    pub(crate) fn star(&mut self, (x, y): At, radius: f64, style: &str) {
         let spike = |k: u32| {
             let r = if k.is_multiple_of(2) { radius } else { 0.45 * radius };
             let (sin, cos) = math::sin_cos(f64::from(k) * core::f64::consts::FRAC_PI_8);
@@ -104,11 +104,11 @@ impl Canvas {
         self.path((0..16).map(spike), true, style);
     }
 
-    pub(super) fn text(&mut self, at: At, text: &str, how: Text<'_>) {
+    pub(crate) fn text(&mut self, at: At, text: &str, how: Text<'_>) {
         self.turned_text(at, 0.0, text, how);
     }
 
-    pub(super) fn turned_text(&mut self, (x, y): At, turn_deg: f64, text: &str, how: Text<'_>) {
+    pub(crate) fn turned_text(&mut self, (x, y): At, turn_deg: f64, text: &str, how: Text<'_>) {
         let weight = if how.bold { " font-weight=\"bold\"" } else { "" };
         let turn = if turn_deg == 0.0 {
             String::new()
@@ -132,7 +132,7 @@ impl Canvas {
     }
 
     /// Whatever is drawn until [`end_clip`](Self::end_clip) shows only inside a rectangle.
-    pub(super) fn begin_clip(&mut self, at: At, size: (f64, f64)) {
+    pub(crate) fn begin_clip(&mut self, at: At, size: (f64, f64)) {
         self.clips += 1;
         let id = self.clips;
         self.push(format_args!("<clipPath id=\"clip{id}\">"));
@@ -140,7 +140,7 @@ impl Canvas {
         self.push(format_args!("</clipPath>\n<g clip-path=\"url(#clip{id})\">"));
     }
 
-    pub(super) fn end_clip(&mut self) {
+    pub(crate) fn end_clip(&mut self) {
         self.push(format_args!("</g>"));
     }
 
@@ -150,7 +150,7 @@ impl Canvas {
 }
 
 /// A number with at most two decimals, and none where none are needed.
-pub(super) fn number(value: f64) -> String {
+pub(crate) fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     let short = text.trim_end_matches('0').trim_end_matches('.');
     if short == "-0" { "0".into() } else { short.into() }
@@ -161,7 +161,7 @@ fn escape(text: &str) -> String {
 }
 
 /// A round step (1, 2 or 5 times a power of ten) that divides `range` into about `parts`.
-pub(super) fn round_step(range: f64, parts: f64) -> f64 {
+pub(crate) fn round_step(range: f64, parts: f64) -> f64 {
     let raw = (range / parts).max(1e-9);
     let mut step = 1e-9;
     while step * 10.0 <= raw {
@@ -171,7 +171,7 @@ pub(super) fn round_step(range: f64, parts: f64) -> f64 {
 }
 
 /// The multiples of `step` within a range.
-pub(super) fn multiples(low: f64, high: f64, step: f64) -> impl Iterator<Item = f64> {
+pub(crate) fn multiples(low: f64, high: f64, step: f64) -> impl Iterator<Item = f64> {
     let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
     (first..=last).map(move |k| k as f64 * step)
 }

@@ -6,7 +6,7 @@
 //! acceleration over one time axis. Map frame, metres, seconds of run time.
 
 mod birds_eye;
-mod canvas;
+pub(crate) mod canvas;
 mod draw;
 mod panels;
 mod record;

@@ -35,7 +35,7 @@ pub struct StudyArgs {
     /// Study file (TOML)
     #[arg(required = true)]
     file: Option<PathBuf>,
-    /// Output folder [default: out/<study's name>]
+    /// Output folder [default: out/ and the study's name]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Cells run at once [default: one a core]
@@ -59,7 +59,7 @@ enum StudyCommand {
         /// Study file (TOML)
         #[arg(long)]
         study: PathBuf,
-        /// Output folder [default: out/<study's name>]
+        /// Output folder [default: out/ and the study's name]
         #[arg(long)]
         out: Option<PathBuf>,
         /// Set a configuration key in every cell, as in the shards' calls

@@ -1,0 +1,139 @@
+//! `swerve plan`: planners on posed problems, without a world around them.
+//!
+//! A problem file is JSON: `configs` with named settings per planner, `problems` per planner (see
+//! [`swerve_planning::posed`]); whatever else it holds is passed over. Every problem is solved with one of the
+//! configurations; out come a table or JSON, and a picture of each problem.
+
+mod picture;
+mod read;
+mod solve;
+#[cfg(test)]
+mod tests;
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use clap::ValueEnum;
+use swerve_planning::{Preset, Solution};
+
+use crate::files::write_whole;
+use crate::study::table::align;
+
+pub use read::read;
+pub use solve::{REPEATS, solve_all};
+
+/// Which planner is posed the problems.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub enum PosedPlanner {
+    /// Frenet optimal trajectory
+    Fot,
+    /// RRT*
+    RrtStar,
+    /// Hybrid A*
+    HybridAstar,
+}
+
+impl PosedPlanner {
+    /// As the file and the command line name it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fot => "fot",
+            Self::RrtStar => "rrt_star",
+            Self::HybridAstar => "hybrid_astar",
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+#[value(rename_all = "snake_case")]
+enum PresetName {
+    Paper,
+    Best,
+}
+
+/// `swerve plan`.
+#[derive(clap::Args, Debug)]
+pub struct PlanArgs {
+    /// Problem file (JSON)
+    file: PathBuf,
+    /// Which planner
+    #[arg(long, value_enum)]
+    planner: PosedPlanner,
+    /// Which entry of the file's `configs` for that planner
+    #[arg(long, value_name = "NAME")]
+    config: String,
+    /// Limits and behaviour of the original, or ours
+    #[arg(long, value_enum, default_value = "best")]
+    preset: PresetName,
+    /// Print one JSON array and nothing else
+    #[arg(long)]
+    json: bool,
+    /// Draw a picture of each problem into this folder
+    #[arg(long, value_name = "DIR")]
+    svg: Option<PathBuf>,
+}
+
+/// Runs `swerve plan`.
+///
+/// # Errors
+/// When the file cannot be read or is no problem file (file and line), when it has no such configuration (the nearest
+/// name is offered) or no problem for the planner, or when a picture cannot be written.
+pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
+    let preset = match args.preset {
+        PresetName::Paper => Preset::Paper,
+        PresetName::Best => Preset::Best,
+    };
+    let file = read(&args.file)?;
+    let posed =
+        read::select(&file, args.planner, &args.config).with_context(|| args.file.display().to_string())?;
+    let solutions = solve_all(&file, &posed, preset);
+    if let Some(folder) = &args.svg {
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        for (k, solution) in solutions.iter().enumerate() {
+            let svg = picture::draw(&file, &posed, k, solution);
+            write_whole(&folder.join(picture_name(k, &solution.id)), svg.as_bytes())?;
+        }
+    }
+    let text =
+        if args.json { serde_json::to_string_pretty(&solutions)? + "\n" } else { table(args, &solutions) };
+    crate::output::print(&text);
+    Ok(())
+}
+
+/// A file name for a problem's picture, whatever characters its name has.
+fn picture_name(k: usize, id: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    format!("{k:03}_{}.svg", id.chars().map(plain).collect::<String>())
+}
+
+fn table(args: &PlanArgs, solutions: &[Solution]) -> String {
+    let head = ["problem", "ms", "work", "length m", "cost", "clearance m", "curvature 1/m", ""];
+    let mut lines = vec![head.map(str::to_owned).to_vec()];
+    for s in solutions {
+        let number = |x: f64, digits: usize| if s.found { format!("{x:.digits$}") } else { "-".into() };
+        lines.push(vec![
+            s.id.clone(),
+            format!("{:.3}", s.time_ms),
+            s.work.to_string(),
+            number(s.length_m, 2),
+            number(s.cost, 2),
+            number(s.clearance_m, 2),
+            number(s.curvature_max, 3),
+            s.reason.clone(),
+        ]);
+    }
+    let mut times: Vec<f64> = solutions.iter().map(|s| s.time_ms).collect();
+    times.sort_by(f64::total_cmp);
+    let at = |share: f64| times[((times.len() - 1) as f64 * share).round() as usize];
+    let found = solutions.iter().filter(|s| s.found).count();
+    format!(
+        "{}{} {}: {found} of {} solved, p50 {:.3} ms, p99 {:.3} ms (each call: the best of {REPEATS})\n",
+        align(&lines),
+        args.planner.name(),
+        args.config,
+        solutions.len(),
+        at(0.5),
+        at(0.99),
+    )
+}

@@ -1,0 +1,60 @@
+//! Posed problems solved and timed.
+
+use std::time::Instant;
+
+use swerve_planning::Unlimited;
+use swerve_planning::posed::ProblemFile;
+use swerve_planning::{Preset, Solution, fot, hybrid_astar, rrt_star};
+
+use super::read::Posed;
+
+/// How often each problem is solved; the fastest call counts, as others share the host's cores.
+pub const REPEATS: usize = 3;
+
+/// Solves all problems of a planner, in the order of the file.
+///
+/// What is timed is a planner's work for a call as it does it in a run: for RRT* and Hybrid A* the search to the
+/// finished path in a solver that keeps its memory, for FOT the whole call with all that it builds.
+/// Length, curvature and clearance of the result are not timed for the former two.
+pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<Solution> {
+    let problems = &file.problems;
+    match posed {
+        Posed::Fot(config) => {
+            problems.fot.iter().map(|p| timed(|| fot::solve_posed(p, config, preset), |s| s)).collect()
+        }
+        Posed::RrtStar(config) => {
+            let mut solver = rrt_star::Solver::default();
+            let solve = |p| {
+                let search = || solver.search(p, config, preset, &mut Unlimited::default());
+                timed(search, |_| rrt_star::solve_posed(p, config, preset, &mut Unlimited::default()))
+            };
+            problems.rrt_star.iter().map(solve).collect()
+        }
+        Posed::HybridAstar(config) => {
+            let mut solver = hybrid_astar::Solver::default();
+            let solve = |p| {
+                let search = || solver.search(p, config, preset, &mut Unlimited::default());
+                timed(search, |_| hybrid_astar::solve_posed(p, config, preset, &mut Unlimited::default()))
+            };
+            problems.hybrid_astar.iter().map(solve).collect()
+        }
+    }
+}
+
+/// Calls `call` a few times; the solution that `finish` makes of its last result gets the time of the fastest call.
+fn timed<R>(mut call: impl FnMut() -> R, finish: impl FnOnce(R) -> Solution) -> Solution {
+    let mut fastest_ms = f64::INFINITY;
+    let mut result = None;
+    for _ in 0..REPEATS {
+        let began = now();
+        result = Some(call());
+        fastest_ms = fastest_ms.min(began.elapsed().as_secs_f64() * 1e3);
+    }
+    let result = result.expect("it is called at least once");
+    Solution { time_ms: fastest_ms, ..finish(result) }
+}
+
+#[expect(clippy::disallowed_methods, reason = "the run time on this host is what is asked for")]
+fn now() -> Instant {
+    Instant::now()
+}

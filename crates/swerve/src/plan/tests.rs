@@ -1,0 +1,92 @@
+use super::*;
+
+/// One straight road with a box in the lane, one gap between two boxes, one turn.
+const FILE: &str = r#"{
+"meta": "passed over",
+"configs": {
+  "fot": {"fast": {"max_speed": 35.0, "max_accel": 10.0, "max_curvature": 4.0, "max_road_width_l": 6.0,
+    "max_road_width_r": 1.0, "d_road_w": 0.5, "dt": 0.3, "maxt": 5.0, "mint": 2.0, "d_t_s": 0.25,
+    "n_s_sample": 2.0, "obstacle_clearance": 0.5, "kd": 1.0, "kv": 0.1, "ka": 0.1, "kj": 0.01, "kt": 0.01,
+    "ko": 100.0, "klat": 1.0, "klon": 1.0}},
+  "rrt_star": {"fast": {"step_size": 0.5, "max_iterations": 2000, "end_dist_threshold": 2.0,
+    "obstacle_clearance": 1.5, "lane_width": 5.0}},
+  "hybrid_astar": {"fast": {"step_size": 3.0, "max_iterations": 500, "completion_threshold": 1.0,
+    "angle_completion_threshold": 100.0, "rad_step": 0.75, "rad_upper_range": 4.0, "rad_lower_range": 4.0,
+    "obstacle_clearance": 0.5, "lane_width": 6.0, "radius": 6.0, "car_length": 4.8, "car_width": 1.8}}
+},
+"problems": {
+  "fot": [{"id": "box ahead", "waypoints": [[0, 0], [40, 0], [120, 0]], "obstacles": [[28, -0.5, 29, 0.5]],
+    "pos": [0, 0], "vel": [14, 0], "target_speed": 14},
+    {"id": "walled in", "waypoints": [[0, 0], [40, 0], [120, 0]], "obstacles": [[12, -20, 13, 20]],
+    "pos": [0, 0], "vel": [14, 0], "target_speed": 14}],
+  "rrt_star": [{"id": "gap", "start": [0, 0], "goal": [40, 0],
+    "obstacles": [[18, -1.0, 20, 1.5], [26, -9, 27, -2.5]]}],
+  "hybrid_astar": [{"id": "side <step>", "start": [0, 0, 0], "goal": [35, 2, 0], "obstacles": [[15, -3, 19, 0.2]]}]
+}}"#;
+
+fn solutions(planner: PosedPlanner, preset: Preset) -> (swerve_planning::posed::ProblemFile, Vec<Solution>) {
+    let file = serde_json::from_str(FILE).unwrap();
+    let solutions = solve_all(&file, &read::select(&file, planner, "fast").unwrap(), preset);
+    (file, solutions)
+}
+
+#[test]
+fn every_planner_solves_its_problems_and_says_what_it_took() {
+    for planner in [PosedPlanner::Fot, PosedPlanner::RrtStar, PosedPlanner::HybridAstar] {
+        let (_, solutions) = solutions(planner, Preset::Best);
+        let s = &solutions[0];
+        assert!(s.found && s.reason.is_empty() && s.time_ms > 0.0 && s.work > 0, "{s:?}");
+        let needed_m = if planner == PosedPlanner::RrtStar { 1.5 } else { 0.5 };
+        assert!(s.clearance_m >= needed_m - 0.01, "{}", s.clearance_m);
+        let json = serde_json::to_value(s).unwrap();
+        let keys =
+            ["id", "found", "reason", "time_ms", "work", "length_m", "cost", "clearance_m", "curvature_max"];
+        assert!(keys.iter().all(|key| json.get(key).is_some()));
+        assert_eq!(json["path"][0].as_array().unwrap().len(), 4);
+    }
+    let (_, solutions) = solutions(PosedPlanner::Fot, Preset::Paper);
+    assert!(!solutions[1].found && !solutions[1].reason.is_empty() && solutions[1].path.is_empty());
+}
+
+#[test]
+fn pictures_show_path_and_outlines_and_escape_names() {
+    for (planner, name) in
+        [(PosedPlanner::Fot, "box ahead"), (PosedPlanner::HybridAstar, "side &lt;step&gt;")]
+    {
+        let (file, solutions) = solutions(planner, Preset::Best);
+        let posed = read::select(&file, planner, "fast").unwrap();
+        let svg = picture::draw(&file, &posed, 0, &solutions[0]);
+        let outlines = svg.matches("stroke-opacity=\"0.55\"").count();
+        assert!(svg.contains(&format!("<title>{name}</title>")) && outlines > 5, "{outlines}");
+        assert!(!svg.contains("NaN") && !svg.contains("inf"));
+    }
+    let (file, solutions) = solutions(PosedPlanner::Fot, Preset::Best);
+    let posed = read::select(&file, PosedPlanner::Fot, "fast").unwrap();
+    assert!(picture::draw(&file, &posed, 1, &solutions[1]).contains("not found"));
+    assert_eq!(picture_name(3, "a/b ../c"), "003_a_b_.._c.svg");
+}
+
+#[test]
+fn faults_name_file_line_and_the_nearest_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("problems.json");
+    let fault = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        format!("{:#}", read(&path).expect_err("wrong on purpose"))
+    };
+    let typo = fault(&FILE.replace("\"waypoints\": [[0, 0]", "\"waypoint\": [[0, 0]"));
+    assert!(typo.contains("problems.json:16: unknown field `waypoint`"), "{typo}");
+    assert!(typo.contains("did you mean `waypoints`?"), "{typo}");
+    let cut = fault(&FILE[..FILE.len() / 2]);
+    assert!(cut.contains("problems.json:") && cut.contains("EOF"), "{cut}");
+    let huge = fault(&FILE.replace("\"vel\": [14, 0]", "\"vel\": [1e999, 0]"));
+    assert!(huge.contains("out of range"), "{huge}");
+    assert!(format!("{:#}", read(&folder.path().join("none.json")).unwrap_err()).contains("none.json"));
+
+    let file = serde_json::from_str(FILE).unwrap();
+    let unknown = read::select(&file, PosedPlanner::Fot, "fats").unwrap_err().to_string();
+    assert_eq!(unknown, "configs.fot: no entry `fats`, there are fast (did you mean `fast`?)");
+    let mut empty: swerve_planning::posed::ProblemFile = serde_json::from_str(FILE).unwrap();
+    empty.problems.fot.clear();
+    assert!(read::select(&empty, PosedPlanner::Fot, "fast").is_err());
+}
