@@ -44,7 +44,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut work = work.ok_or("the file lacks a configuration")?;
         work.sort_unstable();
         let p99 = work[((work.len() as f64 * 0.99).ceil() as usize).clamp(1, work.len()) - 1];
-        println!("{name}: {} calls, p99 {p99} units, {:.2} us per unit", work.len(), paper_ms * 1e3 / p99 as f64);
+        println!(
+            "{name}: {} calls, p99 {p99} units, {:.2} us per unit",
+            work.len(),
+            paper_ms * 1e3 / p99 as f64
+        );
     }
     Ok(())
 }
@@ -53,7 +57,8 @@ fn rrt_star_work(file: &ProblemFile, config: RrtStarConfig) -> Vec<u64> {
     let mut work = Vec::new();
     for problem in file.problems.rrt_star.iter().filter(|p| p.group.starts_with("avoid")) {
         for seed in 0..SEEDS {
-            let mut solver = rrt_star::Solver { seed, ..rrt_star::Solver::default() };
+            let mut solver = rrt_star::Solver::default();
+            solver.seed = seed;
             solver.search(problem, &config, Preset::Paper, &mut Unlimited::default());
             work.push(solver.work());
         }
