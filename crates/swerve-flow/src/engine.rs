@@ -1,6 +1,7 @@
 //! The executor: one sweep for every instant, whatever moves the clock.
 
 mod commit;
+mod direct;
 mod due;
 mod node;
 mod pool;
@@ -10,11 +11,12 @@ mod setup;
 mod start;
 mod turn;
 
-use swerve_core::{Digest, Hasher, Time};
+use swerve_core::Time;
 
 use crate::decision::{Decision, Replay};
 use crate::observer::{DropReason, Dropped, Event, Observer};
 use crate::report::{EndReason, RunError, RunReport};
+use commit::Commits;
 use due::{Due, Ready};
 use node::{Node, StreamState};
 use pool::Pool;
@@ -42,7 +44,7 @@ pub(crate) struct Engine<'o> {
     one_worker: bool,
     seed: u64,
     replay: Option<Replay>,
-    digest: Hasher,
+    digest: Commits,
     instants: u64,
     observers: Vec<&'o mut dyn Observer>,
     /// Why the run ends after this sweep.
@@ -126,7 +128,7 @@ impl Engine<'_> {
             (None, None) => end,
         };
         let report = RunReport {
-            digest: self.digest(),
+            digest: self.digest.digest(),
             end,
             at: self.now,
             seed: self.seed,
@@ -139,9 +141,5 @@ impl Engine<'_> {
             Some(failure) => Err(failure),
             None => Ok(report),
         }
-    }
-
-    fn digest(&self) -> Digest {
-        self.digest.digest()
     }
 }

@@ -131,10 +131,12 @@ pub(crate) enum Slot {
 pub struct Slots<'a>(pub(crate) core::slice::IterMut<'a, Slot>);
 
 impl Slots<'_> {
+    #[inline]
     fn next(&mut self) -> Slot {
-        self.0.next().map(core::mem::take).expect("the layout counts as many ports as were declared")
+        core::mem::take(self.0.next().expect("the layout counts as many ports as were declared"))
     }
 
+    #[inline]
     fn message<T: Payload>(&mut self) -> Option<Message<T>> {
         match self.next() {
             Slot::Message(msg) => Some(msg.typed()),

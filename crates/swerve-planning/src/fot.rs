@@ -2,7 +2,7 @@
 //! Street Scenarios in a Frenét Frame, ICRA 2010).
 //!
 //! Candidates are all combinations of an end offset, an end speed and an end time: quintics across the line,
-//! quartics along it. Costs are the original planner's (Pylot's), so that figures compare; [`search`] says
+//! quartics along it. Costs are the original planner's (Pylot's), so that figures compare; `search.rs` says
 //! how the cheapest valid one is found without building them all.
 
 mod lattice;
@@ -34,9 +34,6 @@ use search::{Candidate, Outcome, Search, Task};
 
 /// Largest time between two points of a plan, seconds.
 const POINT_STEP_S: f64 = 0.1;
-
-/// Distance of the reference line's points, metres.
-const LINE_STEP_M: f64 = 0.25;
 
 /// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
 #[derive(Clone, Debug)]
@@ -76,8 +73,7 @@ impl Fot {
     /// Takes in route and predictions.
     fn set_world(&mut self, request: &Request<'_>) {
         if self.route.as_ref() != Some(&request.route.line) {
-            let points = request.route.line.points();
-            match Polyline::smooth(points, LINE_STEP_M) {
+            match line::smoothed(request.route.line.points()) {
                 Ok(smooth) => self.line.set(&smooth),
                 Err(_) => self.line.set(&request.route.line),
             }

@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::{check, plan, replay, run, scenarios, study, timing};
+use crate::{calibrate, check, graph, plan, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -20,12 +20,16 @@ enum Command {
     Study(study::StudyArgs),
     /// Compute a log's streams again and compare, or ask what would have been
     Replay(replay::ReplayArgs),
+    /// Print the dataflow of a configuration
+    Graph(graph::GraphArgs),
     /// Run a pipeline of black boxes: response times, drops, misses, utilisation
     Timing(timing::TimingArgs),
     /// Pose planning problems of a file to a planner
     Plan(plan::PlanArgs),
     /// Check scenario, configuration, study and timing files without running them
     Check(check::CheckArgs),
+    /// Measure what the planners cost on this host and freeze that in a configuration
+    Calibrate(calibrate::CalibrateArgs),
     /// List the scenarios of a folder
     Scenarios(scenarios::ScenariosArgs),
 }
@@ -36,9 +40,11 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Run(args) => run::run(args),
         Command::Study(args) => study::run(args),
         Command::Replay(args) => replay::run(args),
+        Command::Graph(args) => graph::run(args),
         Command::Timing(args) => timing::run(args),
         Command::Plan(args) => plan::run(args),
         Command::Check(args) => check::run(args),
+        Command::Calibrate(args) => calibrate::run(args),
         Command::Scenarios(args) => scenarios::run(args),
     }
 }

@@ -1,9 +1,11 @@
 //! The binary's library: configuration, operator adapters, graph assembly, commands, studies, reports.
 
+pub mod calibrate;
 pub mod check;
 pub mod cli;
 pub mod config;
 pub mod files;
+pub mod graph;
 pub mod output;
 pub mod pipeline;
 pub mod plan;

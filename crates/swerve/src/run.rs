@@ -19,6 +19,7 @@ use crate::config::text::{Problem, parse_assignment};
 use crate::files::write_whole;
 use crate::pipeline::Pipeline;
 use crate::progress::Progress;
+use crate::story::{Story, draw};
 use crate::study::table::align;
 
 /// What is driven, by what.
@@ -139,14 +140,14 @@ struct Measured {
     road_margin_m: f64,
 }
 
+fn outline(shape: &Shape) -> Outline {
+    Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
+}
+
 impl Measured {
     fn of(pipeline: &Pipeline) -> anyhow::Result<Self> {
         let shape = pipeline.vehicle.shape;
-        let ego = Outline {
-            length_m: shape.length_m,
-            width_m: shape.width_m,
-            center_ahead_m: shape.center_ahead_m(),
-        };
+        let ego = outline(&shape);
         let operators: Vec<String> =
             pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
         let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
@@ -228,14 +229,21 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
     let mut recorder = Recorder::create(&out.join("log.mcap"), &run_start(&config, &args.input.scenario)?)?;
     let mut trace = TraceWriter::create(&out.join("trace.json"), &["controller"])?;
-    let driven =
-        drive_observed(&config, &scenario, args.threads, &mut [&mut shown, &mut recorder, &mut trace]);
+    let mut pipeline = Pipeline::build(&config, &scenario)?;
+    if let Some(log) = &args.runtimes {
+        record_run_times(&mut pipeline, &Log::read(log)?);
+    }
+    let mut told = Told { story: story(&config, &scenario, &pipeline) };
+    let observers: &mut [&mut dyn Observer] = &mut [&mut shown, &mut recorder, &mut trace, &mut told];
+    let driven = drive_pipeline(pipeline, config.seed, args.threads, observers);
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
     recorder.finish()?;
     trace.finish()?;
     let outcome = driven?;
     let summary = Summary::of(&config, &scenario, &outcome);
+    told.story.conclude(&outcome.metrics);
+    write_whole(&out.join("story.svg"), draw(&told.story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     write_whole(&out.join("metrics.json"), json.as_bytes())?;
     crate::output::print(&if args.json { json } else { summary.text(&out) });
@@ -243,14 +251,42 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
 }
 
 /// Gives every operator the run times that it had in an earlier run.
-fn record_run_times(pipeline: &mut Pipeline, log: &Log) -> anyhow::Result<()> {
+fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
     for (operator, times) in log.run_times() {
         if let Ok(node) = pipeline.graph.operator(&operator) {
             let times = Arc::new(times.into_iter().collect());
             let _configured = node.runtime(RuntimeModel::Recorded(times));
         }
     }
-    Ok(())
+}
+
+/// Takes down what the picture of the run shows.
+struct Told {
+    story: Story,
+}
+
+fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
+    let title = format!(
+        "{}: {} at {:.0} m/s, seed {}",
+        scenario.name.replace('_', " "),
+        config.pipeline_name(),
+        config.ego.speed_mps.unwrap_or(scenario.ego.target_speed_mps),
+        config.seed
+    );
+    let lane_width_m = Some(scenario.road.lane_width_m);
+    Story::new(title, pipeline.route.clone(), lane_width_m, outline(&pipeline.vehicle.shape))
+}
+
+impl Observer for Told {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+        if let Some(world) = payload.downcast_ref::<WorldState>() {
+            self.story.world(world);
+        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
+            self.story.plan(publication.visible_at, plan);
+        }
+    }
 }
 
 /// The head of a log: all that it takes to run again without the files.

@@ -1,7 +1,9 @@
 //! Publishing: headers, the digest, and who is to be told.
 
-use swerve_core::{Digest, Time};
+use swerve_core::{Digest, Hasher, Time};
 
+use super::due::{Due, Ready};
+use super::node::Node;
 use super::turn::Answer;
 use super::{Engine, Event};
 use crate::message::{Header, Msg};
@@ -21,7 +23,14 @@ impl Engine<'_> {
         }
     }
 
-    fn publish_on(&mut self, rank: usize, port: usize, watermark: Time, answer: &Answer<'_>, sent: Sent) {
+    pub(super) fn publish_on(
+        &mut self,
+        rank: usize,
+        port: usize,
+        watermark: Time,
+        answer: &Answer<'_>,
+        sent: Sent,
+    ) {
         let now = self.now;
         let node = &mut self.nodes[rank];
         node.tally.messages += 1;
@@ -38,11 +47,11 @@ impl Engine<'_> {
         };
         stream.seq += 1;
         stream.watermark = watermark;
-        self.digest.bytes(&digested(stream.key, &header, sent.digest));
+        self.digest.message(stream.key, &header, sent.digest);
         if !self.observers.is_empty() {
             self.tell_publication(rank, port, &header, answer, &sent);
         }
-        self.deliver(id, Some(Msg { header, sent }), watermark);
+        self.deliver(id, Msg { header, sent });
     }
 
     fn tell_publication(
@@ -74,18 +83,20 @@ impl Engine<'_> {
         }));
     }
 
-    /// (f) Publishes the operator's watermark where it rose without a message; says whether it did.
-    pub(super) fn publish_watermark(&mut self, rank: usize) -> bool {
+    /// (f) Publishes the operator's watermark where it rose without a message.
+    pub(super) fn publish_watermark(&mut self, rank: usize) {
         let watermark = self.nodes[rank].watermark();
-        let mut published = false;
         for port in 0..self.nodes[rank].streams.len() {
-            let stream = self.nodes[rank].streams[port];
-            if self.streams[stream].watermark < watermark {
-                self.publish_bare(rank, port, watermark, self.pass);
-                published = true;
-            }
+            self.publish_risen(rank, port, watermark);
         }
-        published
+    }
+
+    /// Publishes `watermark` on one stream, where it is above what the stream carried last.
+    pub(super) fn publish_risen(&mut self, rank: usize, port: usize, watermark: Time) {
+        let stream = self.nodes[rank].streams[port];
+        if self.streams[stream].watermark < watermark {
+            self.publish_bare(rank, port, watermark, self.pass);
+        }
     }
 
     pub(super) fn publish_bare(&mut self, rank: usize, port: usize, watermark: Time, pass: u32) {
@@ -113,34 +124,39 @@ impl Engine<'_> {
                 payload: None,
             }));
         }
-        self.deliver(id, None, watermark);
+        self.deliver_bare(id, watermark);
     }
 
-    /// Hands a publication to the ports that read the stream.
-    fn deliver(&mut self, id: usize, msg: Option<Msg>, watermark: Time) {
+    /// Hands a message to the ports that read the stream.
+    fn deliver(&mut self, id: usize, msg: Msg) {
         let now = self.now;
         let stream = &mut self.streams[id];
         let arrival = now.saturating_add(stream.delay);
-        let mut msg = msg;
-        for (index, &(rank, port)) in stream.readers.iter().enumerate() {
-            // The last one to be given the message takes it, where nobody looks into the stream's history.
-            let last = stream.depth == 0 && index + 1 == stream.readers.len();
-            let msg = if last { msg.take() } else { msg.clone() };
+        let Some((&last, others)) = stream.readers.split_last() else { return stream.remember(msg, now) };
+        for &reader in others {
+            hand_over(&mut self.nodes, &mut self.due, &mut self.ready, reader, (arrival, now), msg.clone());
+        }
+        // The last reader takes the message itself, where nobody looks into the stream's history.
+        if stream.depth > 0 {
+            stream.remember(msg.clone(), now);
+        }
+        hand_over(&mut self.nodes, &mut self.due, &mut self.ready, last, (arrival, now), msg);
+    }
+
+    /// Hands a watermark without a message to the ports that read the stream.
+    fn deliver_bare(&mut self, id: usize, watermark: Time) {
+        let now = self.now;
+        let stream = &self.streams[id];
+        let arrival = now.saturating_add(stream.delay);
+        for &(rank, port) in &stream.readers {
             let at = &mut self.nodes[rank].at[port];
             if arrival > now {
-                at.pending.push_back((arrival, msg, watermark));
+                at.pending.push_back((arrival, None, watermark));
                 self.due.set(rank, self.due.get(rank).min(arrival));
-                continue;
+            } else {
+                at.watermark = watermark;
+                self.ready.insert(rank);
             }
-            at.watermark = watermark;
-            if let Some(msg) = msg {
-                at.fresh += 1;
-                at.queue.push_back(msg);
-            }
-            self.ready.insert(rank);
-        }
-        if let Some(msg) = msg {
-            stream.remember(msg, now);
         }
     }
 
@@ -167,12 +183,65 @@ impl Engine<'_> {
     }
 }
 
-/// What one message adds to the run's digest.
-fn digested(stream: u64, header: &Header, payload: Digest) -> [u8; 32] {
-    let mut bytes = [0; 32];
-    bytes[..8].copy_from_slice(&stream.to_le_bytes());
-    bytes[8..16].copy_from_slice(&header.stamp.ns().to_le_bytes());
-    bytes[16..24].copy_from_slice(&header.visible_at.ns().to_le_bytes());
-    bytes[24..].copy_from_slice(&payload.0.to_le_bytes());
-    bytes
+/// Gives a message to one port: now, or where the stream is delayed, when it arrives.
+#[inline]
+fn hand_over(
+    nodes: &mut [Node],
+    due: &mut Due,
+    ready: &mut Ready,
+    (rank, port): (usize, usize),
+    (arrival, now): (Time, Time),
+    msg: Msg,
+) {
+    let at = &mut nodes[rank].at[port];
+    if arrival > now {
+        let watermark = msg.header.watermark;
+        at.pending.push_back((arrival, Some(msg), watermark));
+        due.set(rank, due.get(rank).min(arrival));
+    } else {
+        at.watermark = msg.header.watermark;
+        at.fresh += 1;
+        at.queue.push_back(msg);
+        ready.insert(rank);
+    }
+}
+
+/// The run's digest, which takes in messages by the dozen.
+pub(super) struct Commits {
+    hasher: Hasher,
+    waiting: Vec<u8>,
+}
+
+/// How many bytes wait before they are hashed: 64 messages.
+const WAITING_MAX: usize = 2048;
+
+impl Commits {
+    pub(super) fn new() -> Self {
+        Self { hasher: Hasher::new(), waiting: Vec::with_capacity(WAITING_MAX) }
+    }
+
+    #[inline]
+    fn message(&mut self, stream: u64, header: &Header, payload: Digest) {
+        if self.waiting.len() >= WAITING_MAX {
+            self.flush();
+        }
+        let mut bytes = [0; 32];
+        bytes[..8].copy_from_slice(&stream.to_le_bytes());
+        bytes[8..16].copy_from_slice(&header.stamp.ns().to_le_bytes());
+        bytes[16..24].copy_from_slice(&header.visible_at.ns().to_le_bytes());
+        bytes[24..].copy_from_slice(&payload.0.to_le_bytes());
+        self.waiting.extend_from_slice(&bytes);
+    }
+
+    #[inline(never)]
+    fn flush(&mut self) {
+        self.hasher.bytes(&self.waiting);
+        self.waiting.clear();
+    }
+
+    /// The digest of all messages so far.
+    pub(super) fn digest(&mut self) -> Digest {
+        self.flush();
+        self.hasher.digest()
+    }
 }

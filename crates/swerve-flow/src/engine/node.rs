@@ -43,6 +43,8 @@ pub(crate) struct Node {
     pub(crate) uses: Option<usize>,
     pub(crate) origin: bool,
     pub(crate) heavy: bool,
+    /// It may take the shortcut of `engine/direct.rs`.
+    pub(crate) direct: bool,
     /// Open frames that have not started, in order of stamps; the first `complete` are complete.
     pub(crate) open: VecDeque<Open>,
     pub(crate) complete: usize,
@@ -211,19 +213,26 @@ impl StreamState {
 impl Node {
     /// The watermark that a publication of this moment carries; `Time::MIN` when there is none.
     pub(crate) fn watermark(&self) -> Time {
-        let oldest = match self.running.iter().find(|run| !run.resolved) {
-            Some(run) => Some(run.stamp),
-            None => self.open.front().map(|open| open.stamp),
-        };
-        let below = oldest.map_or(Time::MAX, |stamp| stamp.saturating_add(Span::from_ns(-1)));
-        self.floor.max(self.joined().min(below))
+        let mut oldest = self.open.front().map_or(Time::MAX, |open| open.stamp);
+        if !self.running.is_empty()
+            && let Some(run) = self.running.iter().find(|run| !run.resolved)
+        {
+            oldest = run.stamp;
+        }
+        let mut least = self.joined();
+        if oldest < Time::MAX {
+            least = least.min(oldest.saturating_add(Span::from_ns(-1)));
+        }
+        self.floor.max(least)
     }
 
     /// The smallest watermark of the synchronised ports.
     pub(crate) fn joined(&self) -> Time {
-        let at = self.at.iter().map(|port| port.watermark);
-        let timers = self.timers.iter().map(|port| port.watermark);
-        at.chain(timers).min().unwrap_or(Time::MIN)
+        if self.at.is_empty() && self.timers.is_empty() {
+            return Time::MIN;
+        }
+        let at = self.at.iter().fold(Time::MAX, |least, port| least.min(port.watermark));
+        self.timers.iter().fold(at, |least, port| least.min(port.watermark))
     }
 
     /// How many steps may still start.

@@ -137,8 +137,9 @@ impl Shared {
             if self.running.fetch_add(1, Ordering::Relaxed) > 0 {
                 self.overlapped.fetch_add(1, Ordering::Relaxed);
             }
-            let Job { rank, name, mut body, task, mut slots } = job;
-            let ran = run(&mut *body, &name, task, &mut slots, true);
+            let Job { rank, name, mut body, mut task, mut slots } = job;
+            let mut ran = Ran::default();
+            run(&mut *body, &name, &mut task, &mut slots, Some(crate::host::now()), &mut ran);
             drop(slots);
             self.running.fetch_sub(1, Ordering::Relaxed);
             self.lock().done.push(Done { ticket, rank, body, ran });

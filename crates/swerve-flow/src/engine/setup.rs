@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
-use swerve_core::{Hasher, Span, Time, digest_of};
+use swerve_core::{Span, Time, digest_of};
 
+use super::commit::Commits;
 use super::due::{Due, Ready};
 use super::node::{AtPort, LatestPort, Node, PortRef, StreamState, TimerPort};
 use super::pool::{Doorbell, Pool};
@@ -74,7 +75,7 @@ impl<'o> Engine<'o> {
             wall,
             seed: options.seed,
             replay,
-            digest: Hasher::new(),
+            digest: Commits::new(),
             instants: 0,
             observers,
             stop: None,
@@ -160,7 +161,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         BodySpec::Operator(body, on_deadline) => (Some(body), Some(on_deadline), None),
         BodySpec::Feed(records) => (None, None, Some(records.into())),
     };
-    Node {
+    let mut node = Node {
         slots: order.iter().map(|_| Slot::Empty).collect(),
         tally: OperatorReport { name: spec.name.to_string(), ..OperatorReport::default() },
         name: spec.name,
@@ -184,6 +185,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         uses: spec.uses,
         origin: spec.origin,
         heavy: spec.heavy,
+        direct: false,
         open: VecDeque::new(),
         complete: 0,
         running: VecDeque::new(),
@@ -191,5 +193,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         last: None,
         since: None,
         unsettled: false,
-    }
+    };
+    node.direct = node.may_be_direct();
+    node
 }

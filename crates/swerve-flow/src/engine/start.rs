@@ -43,7 +43,7 @@ impl Engine<'_> {
         let meter = self.meter(rank, deadline, decided);
         let offered = meter.offered.clone();
         let due = (deadline < Time::MAX).then_some(deadline);
-        let task = Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, stop_run: None };
+        let mut task = Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, stop_run: None };
         let (least_end, known) = match draw {
             Draw::Known(span) | Draw::Unrecorded(span) => (now.saturating_add(span), true),
             Draw::Work(base) => (now.saturating_add(base).min(deadline), false),
@@ -55,11 +55,8 @@ impl Engine<'_> {
         // Under wall clock a worker says when it is done.
         let end = if away && wall { Time::MAX } else { least_end };
         let settled = known && (!wall || least_end == now) || (away && wall);
-        let outcome = if away { self.send_away(rank, task) } else { self.run_here(rank, task) };
-        let node = &mut self.nodes[rank];
-        let slot = node.uses.is_some();
-        let (finished, resolved) = (false, false);
-        let run = Run {
+        let (finished, resolved, slot) = (false, false, node.uses.is_some());
+        let mut run = Run {
             stamp,
             start: now,
             end,
@@ -73,15 +70,18 @@ impl Engine<'_> {
             origin,
             reads,
             offered,
-            outcome,
+            outcome: Outcome::Here(Ran::default()),
         };
         if away {
-            return node.running.push_back(run);
+            run.outcome = self.send_away(rank, task);
+            return self.nodes[rank].running.push_back(run);
         }
-        let mut run = run;
+        if let Outcome::Here(ran) = &mut run.outcome {
+            self.run_here(rank, &mut task, ran);
+        }
         self.settle_ran(rank, &mut run);
         if alone && run.end == now && self.nodes[rank].running.is_empty() && self.failure.is_none() {
-            return self.publish_at_once(rank, run);
+            return self.publish_at_once(rank, &mut run);
         }
         self.nodes[rank].running.push_back(run);
     }
@@ -193,11 +193,11 @@ impl Engine<'_> {
         meter
     }
 
-    fn run_here(&mut self, rank: usize, task: Task) -> Outcome {
-        let timed = self.host_time(rank);
+    fn run_here(&mut self, rank: usize, task: &mut Task, ran: &mut Ran) {
+        let begin = self.host_time(rank).then(crate::host::now);
         let node = &mut self.nodes[rank];
         let body = node.body.as_mut().expect("the operator is not away");
-        Outcome::Here(run(&mut **body, &node.name, task, &mut node.slots, timed))
+        run(&mut **body, &node.name, task, &mut node.slots, begin, ran);
     }
 
     fn send_away(&mut self, rank: usize, task: Task) -> Outcome {
@@ -311,19 +311,23 @@ impl Engine<'_> {
     }
 }
 
-/// Runs one step on the present thread.
-pub(super) fn run(body: &mut dyn Body, name: &str, mut task: Task, slots: &mut [Slot], timed: bool) -> Ran {
-    let mut ran = Ran::default();
-    let begin = timed.then(crate::host::now);
-    let mut cx = Context { name, task: &mut task };
+/// Runs one step on the present thread; with `begin` given, its host time is taken from there.
+pub(super) fn run(
+    body: &mut dyn Body,
+    name: &str,
+    task: &mut Task,
+    slots: &mut [Slot],
+    begin: Option<std::time::Instant>,
+    ran: &mut Ran,
+) {
+    let mut cx = Context { name, task };
     let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, &mut ran.outs)));
     ran.host_ns = begin.map_or(0, crate::host::ns_since);
     ran.panic = result.err().map(|panic| said(&*panic).into());
     ran.units = task.meter.units;
     ran.stopped_at = task.meter.stopped_at;
     ran.went_on = task.meter.went_on;
-    ran.stop_run = task.stop_run;
-    ran
+    ran.stop_run = task.stop_run.take();
 }
 
 /// What a panic said.

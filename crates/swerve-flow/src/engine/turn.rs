@@ -24,6 +24,9 @@ impl Engine<'_> {
             self.resources_touched(rank);
             return self.rearm(rank);
         }
+        if self.direct_turn(rank) {
+            return;
+        }
         self.arrive(rank);
         loop {
             let mut changed = self.publish_due(rank);
@@ -131,7 +134,7 @@ impl Engine<'_> {
                 self.nodes[rank].running.insert(index, run);
                 index += 1;
             } else {
-                index -= self.publish_result(rank, run);
+                index -= self.publish_result(rank, &mut run);
             }
         }
         changed
@@ -139,7 +142,7 @@ impl Engine<'_> {
 
     /// Publishes the result of a step that came to its end and left the line; gives the number of older ones
     /// that left the line with it.
-    fn publish_result(&mut self, rank: usize, mut run: Run) -> usize {
+    fn publish_result(&mut self, rank: usize, run: &mut Run) -> usize {
         let Outcome::Here(ran) = &mut run.outcome else { return 0 };
         if run.resolved || ran.is_empty() {
             return 0;
@@ -152,8 +155,8 @@ impl Engine<'_> {
     }
 
     /// A step that takes no time, alone in its operator, is answered as soon as it ran.
-    pub(super) fn publish_at_once(&mut self, rank: usize, mut run: Run) {
-        self.end_step(rank, &mut run);
+    pub(super) fn publish_at_once(&mut self, rank: usize, run: &mut Run) {
+        self.end_step(rank, run);
         self.publish_result(rank, run);
     }
 

@@ -102,6 +102,9 @@ fn fill(values: &mut Vec<f64>, from: f64, to: f64, step: f64) {
     let mut x = from;
     while x <= to || values.is_empty() {
         values.push(x);
+        if x + step <= x {
+            break; // too large for the step to count
+        }
         x += step;
     }
 }
@@ -121,6 +124,15 @@ mod tests {
         let mut coarse = Lattice::default();
         coarse.set_coarse(&lattice);
         assert!(coarse.len() < 40 && coarse.d_m.iter().any(|d| d.abs() < 1e-9), "{coarse:?}");
+    }
+
+    #[test]
+    fn absurd_targets_give_small_lattices() {
+        for target in [f64::INFINITY, f64::NAN, 1e300, -1e300] {
+            let mut lattice = Lattice::default();
+            lattice.set(&Params::default(), target);
+            assert!(!lattice.v_mps.is_empty() && lattice.v_mps.len() < 10, "{target}");
+        }
     }
 
     #[test]

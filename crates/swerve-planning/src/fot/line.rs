@@ -1,12 +1,29 @@
 //! The reference line as a table over arc length: positions, directions and curvatures without trigonometry.
 
-use swerve_geom::{Point2, Polyline, math};
+use swerve_geom::{Point2, Polyline, PolylineError, math};
 
 /// Distance between the entries, metres.
 const STEP_M: f64 = 0.25;
 
 /// Longest line that is taken over, metres: bounds the table.
 const LENGTH_MAX_M: f64 = 20_000.0;
+
+/// Straight pieces longer than this are divided before smoothing, metres: a spline over one long piece would
+/// swing out of it as soon as the next one bends.
+const PIECE_MAX_M: f64 = 5.0;
+
+/// The smooth line through `points`.
+pub(crate) fn smoothed(points: &[Point2]) -> Result<Polyline, PolylineError> {
+    let mut dense: Vec<Point2> = Vec::with_capacity(points.len());
+    for (i, &p) in points.iter().enumerate() {
+        if let Some(&before) = i.checked_sub(1).and_then(|k| points.get(k)) {
+            let pieces = (before.distance(p) / PIECE_MAX_M).ceil().clamp(1.0, LENGTH_MAX_M) as usize;
+            dense.extend((1..pieces).map(|k| before + (p - before) * (k as f64 / pieces as f64)));
+        }
+        dense.push(p);
+    }
+    Polyline::smooth(&dense, STEP_M)
+}
 
 /// What the line has at one arc length.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
@@ -126,6 +143,20 @@ mod tests {
             let point = Point2::new(node.x_m - 2.0 * node.sin, node.y_m + 2.0 * node.cos);
             let (s_m, d_m) = line.project(point, f64::from(k) + 0.7);
             assert!((s_m - f64::from(k)).abs() < 1e-3 && (d_m - 2.0).abs() < 1e-3, "{k}: {s_m} {d_m}");
+        }
+    }
+
+    #[test]
+    fn a_long_straight_before_a_bend_stays_straight() {
+        let mut points = vec![Point2::new(-200.0, 0.0)];
+        points.extend((0..40).map(|k| {
+            let (sin, cos) = math::sin_cos(f64::from(k) * 0.05);
+            Point2::new(20.0 * sin, 20.0 - 20.0 * cos)
+        }));
+        let mut line = Line::default();
+        line.set(&smoothed(&points).unwrap());
+        for s in 0..195 {
+            assert!(line.at(f64::from(s)).y_m.abs() < 0.1, "{s}: {:?}", line.at(f64::from(s)));
         }
     }
 

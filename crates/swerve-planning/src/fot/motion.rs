@@ -194,7 +194,7 @@ impl Checks<'_> {
             quickest_radps = quickest_radps.max(place.speed_mps * place.curvature_1pm.abs());
             before = place;
         }
-        self.free(line, motion, end_s, fastest_mps, quickest_radps, grace.clearance_m)
+        self.free(line, motion, end_s, (fastest_mps, quickest_radps), grace.clearance_m)
     }
 
     /// Whether nothing is touched at one instant; standstill counts as clear, as it has no heading here.
@@ -270,8 +270,7 @@ impl Checks<'_> {
         line: &Line,
         motion: &Motion,
         end_s: f64,
-        fastest_mps: f64,
-        quickest_radps: f64,
+        (fastest_mps, quickest_radps): (f64, f64),
         clearance_m: f64,
     ) -> bool {
         let mut place = |u: f64| {

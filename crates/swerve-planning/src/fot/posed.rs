@@ -5,11 +5,11 @@ use swerve_geom::{Point2, Polyline, Pose2, angle_between, math};
 use swerve_vehicle::{Limits, Shape};
 
 use super::lattice::Lattice;
-use super::line::Line;
+use super::line::{Line, smoothed};
 use super::motion::{Checks, FrenetState};
 use super::params::Params;
 use super::search::{Candidate, Search, Task};
-use super::{LINE_STEP_M, anytime, built_whole, curvature_max_1pm, places};
+use super::{anytime, built_whole, curvature_max_1pm, places};
 use crate::collision::Obstacles;
 use crate::posed::{CLEARANCE_CAP_M, FotConfig, FotProblem, Preset, Solution, obb, path_length_m};
 use crate::request::Unlimited;
@@ -45,7 +45,7 @@ impl Posed {
         let params = Params::posed(config, preset);
         params.validate().map_err(|e| e.to_string())?;
         let points: Vec<Point2> = problem.waypoints.iter().map(|p| Point2::new(p[0], p[1])).collect();
-        let polyline = Polyline::smooth(&points, LINE_STEP_M).map_err(|e| e.to_string())?;
+        let polyline = smoothed(&points).map_err(|e| e.to_string())?;
         let mut line = Line::default();
         line.set(&polyline);
         let start = frenet(problem, &polyline, &line)?;

@@ -62,6 +62,22 @@ impl Runtime {
         Self { fixed_ms: Some(ms), ..Self::default() }
     }
 
+    /// What a step usually takes, ms, as far as the model itself tells: by work, what it takes before the first unit.
+    pub fn typical_ms(&self) -> f64 {
+        let mean = |times: &Vec<f64>| times.iter().sum::<f64>() / times.len().max(1) as f64;
+        let median = |points: &Vec<[f64; 2]>| {
+            points.iter().find(|[percent, _]| *percent >= 50.0).or(points.last()).map_or(0.0, |[_, ms]| *ms)
+        };
+        let first = |pair: &[f64; 2]| pair[0];
+        self.fixed_ms
+            .or(self.cycle_ms.as_ref().map(mean))
+            .or(self.normal_ms.as_ref().map(first))
+            .or(self.log_normal_ms.as_ref().map(first))
+            .or(self.percentiles_ms.as_ref().map(median))
+            .or(self.work.map(|work| work.base_ms))
+            .unwrap_or(0.0)
+    }
+
     /// The engine's model, or what is wrong.
     pub fn model(&self) -> Result<RuntimeModel, String> {
         let mut models = Vec::new();

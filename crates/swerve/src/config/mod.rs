@@ -16,7 +16,7 @@ use swerve_planning::posed::Preset;
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount};
 use swerve_vehicle::VehicleParams;
 
-use execution::{Deadline, Runtime, WorkTime};
+use execution::{Deadline, Runtime};
 use text::{Document, Problem};
 
 /// A whole configuration: what runs, how long it takes, what is recorded.
@@ -184,6 +184,9 @@ pub enum PlannerName {
 }
 
 impl PlannerName {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Fot, Self::RrtStar, Self::HybridAstar, Self::Waypoint, Self::Aeb];
+
     /// The name in files and tables.
     pub fn as_str(self) -> &'static str {
         match self {
@@ -244,8 +247,8 @@ pub struct PlanningConfig {
     pub expected_ms: Option<f64>,
     /// Parameters of the chosen planner that differ from its preset's and discretisation's.
     pub params: toml::Table,
-    /// Run time by work, by planner and discretisation; `[operator.planner] runtime` goes before it.
-    pub cost: BTreeMap<PlannerName, BTreeMap<Fineness, WorkTime>>,
+    /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it.
+    pub cost: BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>,
     /// Latency added to every plan, ms.
     pub added_latency_ms: f64,
 }
@@ -267,9 +270,9 @@ impl Default for PlanningConfig {
 }
 
 impl PlanningConfig {
-    /// Run time by work of the chosen planner and discretisation.
-    pub fn cost_of_chosen(&self) -> Option<WorkTime> {
-        self.cost.get(&self.planner)?.get(&self.config).copied()
+    /// Run time of the chosen planner and discretisation.
+    pub fn cost_of_chosen(&self) -> Option<&Runtime> {
+        self.cost.get(&self.planner)?.get(&self.config)
     }
 
     /// Where a plan starts.
@@ -283,7 +286,7 @@ impl PlanningConfig {
     /// Expected time from a sensor frame to its plan's first effect, ms.
     pub fn expected_ms(&self) -> f64 {
         self.expected_ms
-            .unwrap_or_else(|| self.cost_of_chosen().map_or(0.0, |cost| cost.base_ms) + self.added_latency_ms)
+            .unwrap_or_else(|| self.cost_of_chosen().map_or(0.0, Runtime::typical_ms) + self.added_latency_ms)
     }
 }
 
@@ -297,6 +300,8 @@ pub enum ControllerName {
     PurePursuit,
     /// Speed PID and the Stanley law.
     Stanley,
+    /// Linear time-varying model predictive control.
+    Mpc,
 }
 
 /// The controller.
@@ -419,6 +424,9 @@ impl Config {
                 format!("expected {}, found {}", fault.must, fault.value),
             ));
         }
+        if let Err(message) = crate::pipeline::planner(&self) {
+            faults.push(("planning.params".into(), message));
+        }
         self.check_operators(&mut faults);
         self.check_log(&mut faults);
         if faults.is_empty() {
@@ -466,8 +474,7 @@ impl Config {
         }
         for (planner, by_fineness) in &self.planning.cost {
             for (fineness, cost) in by_fineness {
-                let runtime = Runtime { work: Some(*cost), ..Runtime::default() };
-                if let Err(message) = runtime.model() {
+                if let Err(message) = cost.model() {
                     let key = format!("planning.cost.{}.{}", planner.as_str(), fineness.as_str());
                     faults.push((key, message));
                 }
@@ -536,7 +543,7 @@ mod tests {
         config
             .planning
             .cost
-            .insert(PlannerName::Fot, [(Fineness::Fast, WorkTime { base_ms: 1.0, per_unit_us: 2.0 })].into());
+            .insert(PlannerName::Fot, [(Fineness::Fast, Runtime::fixed(2.0))].into());
         let document = Document::parse("resolved", config.to_text()).unwrap();
         assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
     }

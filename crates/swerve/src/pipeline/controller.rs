@@ -22,6 +22,7 @@ impl ControllerOperator {
             ControllerName::Pid => Law::Pid,
             ControllerName::PurePursuit => Law::PurePursuit,
             ControllerName::Stanley => Law::Stanley,
+            ControllerName::Mpc => Law::Mpc,
         };
         let params =
             Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };

@@ -14,7 +14,7 @@ use swerve_scenario::{Scenario, sensor_phase};
 use swerve_sim::{SimParams, Simulator};
 use swerve_vehicle::VehicleParams;
 
-use crate::config::execution::{Runtime, parse_policy, span_ms};
+use crate::config::execution::{parse_policy, span_ms};
 use crate::config::{Config, OPERATORS};
 
 pub use controller::controller;
@@ -126,7 +126,7 @@ fn runtime(config: &Config, name: &str) -> Result<RuntimeModel, String> {
         return runtime.model();
     }
     match config.planning.cost_of_chosen().filter(|_| name == "planner") {
-        Some(cost) => Runtime { work: Some(cost), ..Runtime::default() }.model(),
+        Some(cost) => cost.model(),
         None => Ok(RuntimeModel::Zero),
     }
 }

@@ -5,11 +5,13 @@ use serde::de::DeserializeOwned;
 use swerve_core::Span;
 use swerve_flow::{At, Context, Operator, Port, Progress, Window};
 use swerve_msg::{EgoState, Plan, PredictionList, Route};
+use swerve_planning::aeb::{self, Aeb};
 use swerve_planning::fot::{self, Fot};
 use swerve_planning::hybrid_astar::{self, HybridAstar};
 use swerve_planning::rrt_star::{self, RrtStar};
+use swerve_planning::waypoint::{self, Waypoint};
 use swerve_planning::world::predicted_start;
-use swerve_planning::{Budget, Goes, Planner, Preset, Request};
+use swerve_planning::{Budget, Goes, Planner, Request};
 use swerve_scenario::Scenario;
 use swerve_vehicle::{Limits, Shape};
 
@@ -79,7 +81,14 @@ pub fn planner(config: &Config) -> Result<Box<dyn Planner>, String> {
             let defaults = rrt_star::Params { collision: planning.collision, ..defaults };
             Box::new(RrtStar::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
         }
-        _ => return Err("not yet".into()),
+        PlannerName::Waypoint => {
+            let params = overridden(&waypoint::Params::default(), &planning.params)?;
+            Box::new(Waypoint::new(params).map_err(|e| e.to_string())?)
+        }
+        PlannerName::Aeb => {
+            let defaults = aeb::Params { collision: planning.collision, ..aeb::Params::default() };
+            Box::new(Aeb::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
+        }
     })
 }
 

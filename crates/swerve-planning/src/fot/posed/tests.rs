@@ -170,7 +170,7 @@ fn own_problems_are_solved_as_by_looking_at_everything() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
     fn random_problems_are_solved_as_by_looking_at_everything(
         curvature in -0.03..0.03, speed in 0.0..22.0, y in -1.0..1.0,
@@ -208,7 +208,8 @@ fn recorded_problems_are_solved_as_by_looking_at_everything() {
     let Some((file, _)) = file() else { return };
     for (name, config) in &file.configs.fot {
         for (i, problem) in file.problems.fot.iter().enumerate() {
-            if name == "pylot_slow" && i % 9 != 0 {
+            // The whole set takes a minute; these keep a part of each group.
+            if i % (if name == "pylot_slow" { 31 } else { 3 }) != 0 {
                 continue;
             }
             for preset in [Preset::Paper, Preset::Best] {
@@ -278,6 +279,9 @@ fn table() {
     for name in ["pylot_fast", "pylot_slow"] {
         let config = &file.configs.fot[name];
         for preset in [Preset::Best, Preset::Paper] {
+            if name == "pylot_slow" && preset == Preset::Paper {
+                continue;
+            }
             let (mut ours_ms, mut theirs_ms, mut work, mut found) = (vec![], vec![], vec![], 0);
             let (mut missed, mut dearer, mut compared) = (vec![], vec![], 0);
             for problem in &file.problems.fot {

@@ -1,0 +1,95 @@
+//! `swerve calibrate`: what planning costs on this host, measured alone and frozen as percentiles.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use swerve_flow::{Event, Observer};
+
+use crate::config::execution::Runtime;
+use crate::config::{Config, Fineness, PlannerName};
+use crate::run::{RunInput, drive_observed, load};
+
+/// `swerve calibrate`.
+#[derive(clap::Args, Debug)]
+pub struct CalibrateArgs {
+    #[command(flatten)]
+    input: RunInput,
+    /// Ego speeds to drive the scenario at, m/s
+    #[arg(long, value_delimiter = ',', default_value = "16,18,20,22")]
+    speeds: Vec<f64>,
+    /// Write the configuration, with the measured run times in it, to this file instead of standard output
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// Percentiles that are kept.
+const PERCENTILES: [f64; 8] = [0.0, 10.0, 25.0, 50.0, 75.0, 90.0, 99.0, 100.0];
+
+/// Measures every planner and discretisation, one run at a time.
+pub fn run(args: &CalibrateArgs) -> anyhow::Result<()> {
+    let (base, scenario) = load(&args.input)?;
+    let mut config = base.clone();
+    for planner in PlannerName::ALL {
+        for fineness in [Fineness::Fast, Fineness::Slow] {
+            let mut host = HostTimes::default();
+            for (i, speed) in std::iter::once(&args.speeds[0]).chain(&args.speeds).enumerate() {
+                let mut cell: Config = base.clone();
+                cell.planning.planner = planner;
+                cell.planning.config = fineness;
+                cell.ego.speed_mps = Some(*speed);
+                drive_observed(&cell, &scenario, 1, &mut [&mut host])?;
+                if i == 0 {
+                    // The first run warms caches and branch predictors; its times are not the host's usual ones.
+                    host.ms.clear();
+                }
+            }
+            let runtime = host.percentiles().with_context(|| format!("{} never planned", planner.as_str()))?;
+            let of = |p: usize| runtime.percentiles_ms.as_ref().map_or(0.0, |points| points[p][1]);
+            eprintln!(
+                "{:>13} {}: {} plans, median {:.3} ms, p99 {:.3} ms",
+                planner.as_str(),
+                fineness.as_str(),
+                host.ms.len(),
+                of(3),
+                of(6)
+            );
+            config.planning.cost.entry(planner).or_default().insert(fineness, runtime);
+        }
+    }
+    match &args.out {
+        Some(path) => crate::files::write_whole(path, config.to_text().as_bytes()),
+        None => {
+            crate::output::print(&config.to_text());
+            Ok(())
+        }
+    }
+}
+
+/// What the planner's steps took on this host, ms.
+#[derive(Default)]
+struct HostTimes {
+    ms: Vec<f64>,
+}
+
+impl HostTimes {
+    fn percentiles(&mut self) -> Option<Runtime> {
+        self.ms.sort_by(f64::total_cmp);
+        let last = self.ms.len().checked_sub(1)?;
+        let at = |p: f64| {
+            let ms = self.ms[(p / 100.0 * last as f64).round() as usize];
+            (ms * 1e4).round() * 1e-4
+        };
+        let points = PERCENTILES.iter().map(|&p| [p, at(p)]).collect();
+        Some(Runtime { percentiles_ms: Some(points), ..Runtime::default() })
+    }
+}
+
+impl Observer for HostTimes {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::StepEnd(step) = event
+            && step.operator == "planner"
+        {
+            self.ms.push(step.host_ns as f64 * 1e-6);
+        }
+    }
+}
