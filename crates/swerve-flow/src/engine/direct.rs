@@ -3,11 +3,12 @@
 //! (a) to (f) come down to one step and one publication. It shows in no result.
 
 use super::Engine;
-use super::node::{Node, Ran};
-use super::start::run;
+use super::node::Node;
+use super::start::step;
 use super::turn::Answer;
 use crate::input::Slot;
 use crate::operator::{Meter, Task};
+use crate::payload::Outs;
 use crate::report::RunError;
 use crate::runtime::RuntimeModel;
 
@@ -52,25 +53,26 @@ impl Engine<'_> {
         let mut task =
             Task { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), stop_run: None };
         let body = node.body.as_mut().expect("only heavy operators go away");
-        let mut ran = Ran::default();
-        run(&mut **body, &node.name, &mut task, &mut node.slots, None, &mut ran);
+        let mut outs = Outs::default();
+        let panic = step(&mut **body, &node.name, &mut task, &mut node.slots, &mut outs);
         node.tally.steps += 1;
         node.tally.ended += 1;
-        node.tally.units += ran.units;
-        if let Some(reason) = ran.stop_run.take() {
+        node.tally.units += task.meter.units;
+        if let Some(reason) = task.stop_run.take() {
             self.stop.get_or_insert(reason.into());
         }
-        if let Some(message) = ran.panic.take() {
+        if let Some(message) = panic {
             self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });
             return true;
         }
-        if !ran.is_empty() {
+        if outs.iter().any(Option::is_some) {
             node.floor = stamp;
         }
         let watermark = node.floor.max(joined);
         let answer = Answer { stamp, reused_from: None, origin, reads: &[] };
-        for port in 0..node.streams.len() {
-            match ran.outs[port].take() {
+        let ports = node.streams.len();
+        for (port, sent) in outs.iter_mut().take(ports).enumerate() {
+            match sent.take() {
                 Some(sent) => self.publish_on(rank, port, watermark, &answer, sent),
                 None => self.publish_risen(rank, port, watermark),
             }

@@ -38,6 +38,8 @@ pub(crate) struct Node {
     pub(crate) runtime: RuntimeModel,
     pub(crate) policy: Policy,
     pub(crate) deadline: Option<Deadline>,
+    /// No open stamp has its deadline before this; `Time::MAX` without deadlines.
+    pub(crate) next_deadline: Time,
     /// The stream that decides how long the deadline is.
     pub(crate) policy_stream: Option<usize>,
     pub(crate) uses: Option<usize>,
@@ -151,6 +153,16 @@ pub(crate) struct Ran {
     pub(crate) panic: Option<Box<str>>,
 }
 
+impl Run {
+    /// Whether the step was told to stop, stopped, and sent nothing: its stamp is the reaction's to answer.
+    pub(crate) fn left_to_reaction(&self) -> bool {
+        let left = |ran: &Ran| ran.stopped_at.is_some() && !ran.went_on && ran.is_empty();
+        !self.resolved
+            && self.deadline < Time::MAX
+            && matches!(&self.outcome, Outcome::Here(ran) if left(ran))
+    }
+}
+
 impl Ran {
     pub(crate) fn is_empty(&self) -> bool {
         self.outs.iter().all(Option::is_none)
@@ -233,6 +245,12 @@ impl Node {
         }
         let at = self.at.iter().fold(Time::MAX, |least, port| least.min(port.watermark));
         self.timers.iter().fold(at, |least, port| least.min(port.watermark))
+    }
+
+    /// Whether, after steps started, there is more to do at `now`: one of them is done, or late, or frames
+    /// are left to be started.
+    pub(crate) fn has_more(&self, now: Time) -> bool {
+        self.complete > 0 || self.next_deadline <= now || self.running.iter().any(|run| run.end <= now)
     }
 
     /// How many steps may still start.

@@ -178,6 +178,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         runtime: spec.runtime,
         policy: spec.policy,
         deadline: spec.deadline,
+        next_deadline: Time::MAX,
         policy_stream: match spec.deadline.map(|deadline| deadline.length) {
             Some(Length::Policy(edge, _)) => Some(stream_of(edge)),
             _ => None,

@@ -50,7 +50,8 @@ impl Engine<'_> {
             Draw::Measured => (now, false),
         };
         let wall = self.wall.is_some();
-        let node = &self.nodes[rank];
+        let node = &mut self.nodes[rank];
+        node.next_deadline = node.next_deadline.min(deadline);
         let away = node.heavy && (least_end > now || wall) && self.pool.is_some();
         // Under wall clock a worker says when it is done.
         let end = if away && wall { Time::MAX } else { least_end };
@@ -267,8 +268,9 @@ impl Engine<'_> {
             Draw::Work(_) => {
                 run.end = run.start.saturating_add(node.runtime.worked(ran.units));
                 if ran.stopped_at.is_some() && !ran.went_on {
-                    // A step that stops when told to ends in time.
-                    run.end = run.end.min(run.deadline);
+                    // A step that stops when told to ends in time; if it sends nothing, it ends at its deadline,
+                    // whose reaction has what it offered.
+                    run.end = if ran.is_empty() { run.deadline } else { run.end.min(run.deadline) };
                 }
             }
             Draw::Measured => {
@@ -320,14 +322,26 @@ pub(super) fn run(
     begin: Option<std::time::Instant>,
     ran: &mut Ran,
 ) {
-    let mut cx = Context { name, task };
-    let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, &mut ran.outs)));
+    ran.panic = step(body, name, task, slots, &mut ran.outs);
     ran.host_ns = begin.map_or(0, crate::host::ns_since);
-    ran.panic = result.err().map(|panic| said(&*panic).into());
     ran.units = task.meter.units;
     ran.stopped_at = task.meter.stopped_at;
     ran.went_on = task.meter.went_on;
     ran.stop_run = task.stop_run.take();
+}
+
+/// Calls the operator's step; gives what it panicked with.
+#[inline]
+pub(super) fn step(
+    body: &mut dyn Body,
+    name: &str,
+    task: &mut Task,
+    slots: &mut [Slot],
+    outs: &mut Outs,
+) -> Option<Box<str>> {
+    let mut cx = Context { name, task };
+    let result = catch_unwind(AssertUnwindSafe(|| body.step(&mut cx, slots, outs)));
+    result.err().map(|panic| said(&*panic).into())
 }
 
 /// What a panic said.

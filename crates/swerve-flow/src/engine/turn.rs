@@ -10,7 +10,7 @@ use crate::deadline::{Anchor, Length, Reaction};
 use crate::decision::Decision;
 use crate::input::Edge;
 use crate::observer::{DropReason, Event, Miss, StepEnd};
-use crate::operator::ErasedMiss;
+use crate::operator::{ErasedMiss, Offered};
 use crate::payload::Outs;
 use crate::policy::{Full, Policy};
 use crate::report::RunError;
@@ -29,11 +29,12 @@ impl Engine<'_> {
         }
         self.arrive(rank);
         loop {
-            let mut changed = self.publish_due(rank);
-            changed |= self.handle_deadlines(rank);
-            changed |= self.take_in(rank);
-            changed |= self.start_allowed(rank);
-            if !changed || self.failure.is_some() {
+            self.publish_due(rank);
+            let reacted = self.handle_deadlines(rank);
+            self.take_in(rank);
+            let started = self.start_allowed(rank);
+            // Only a reaction, or a step that is done already, gives (a) to (d) something more to do.
+            if !(reacted || started && self.nodes[rank].has_more(self.now)) || self.failure.is_some() {
                 break;
             }
         }
@@ -89,7 +90,9 @@ impl Engine<'_> {
                 Some(Anchor::Stamp) => self.deadline_from(rank, stamp),
                 Some(Anchor::Start) | None => Time::MAX,
             };
-            self.nodes[rank].open.insert(index, super::node::Open { stamp, deadline });
+            let node = &mut self.nodes[rank];
+            node.next_deadline = node.next_deadline.min(deadline);
+            node.open.insert(index, super::node::Open { stamp, deadline });
         }
     }
 
@@ -109,9 +112,8 @@ impl Engine<'_> {
     }
 
     /// (a) Publishes the results that are due, in stamp order.
-    fn publish_due(&mut self, rank: usize) -> bool {
+    fn publish_due(&mut self, rank: usize) {
         let now = self.now;
-        let mut changed = false;
         let mut waits = false;
         let mut index = 0;
         while let Some(run) = self.nodes[rank].running.get(index) {
@@ -121,23 +123,25 @@ impl Engine<'_> {
                 index += 1;
                 continue;
             }
-            if waits && self.nodes[rank].running[index].finished {
+            let run = &self.nodes[rank].running[index];
+            if run.finished && (waits || run.left_to_reaction()) {
+                waits |= !self.nodes[rank].policy.overtakes();
                 index += 1;
                 continue;
             }
-            changed = true;
             let running = &mut self.nodes[rank].running;
             let run = if index == 0 { running.pop_front() } else { running.remove(index) };
             let mut run = run.expect("just seen");
             self.end_step(rank, &mut run);
-            if waits && !run.resolved && !ran(&run).is_empty() {
+            let silent = matches!(&run.outcome, Outcome::Here(ran) if ran.is_empty());
+            if run.left_to_reaction() || (waits && !run.resolved && !silent) {
+                waits |= !self.nodes[rank].policy.overtakes();
                 self.nodes[rank].running.insert(index, run);
                 index += 1;
             } else {
                 index -= self.publish_result(rank, &mut run);
             }
         }
-        changed
     }
 
     /// Publishes the result of a step that came to its end and left the line; gives the number of older ones
@@ -225,7 +229,7 @@ impl Engine<'_> {
     /// (b) Handles the deadlines that have passed, in stamp order.
     fn handle_deadlines(&mut self, rank: usize) -> bool {
         let now = self.now;
-        if self.nodes[rank].deadline.is_none() {
+        if now < self.nodes[rank].next_deadline {
             return false;
         }
         let mut changed = false;
@@ -252,11 +256,17 @@ impl Engine<'_> {
         let missed = Missed { stamp: run.stamp, deadline: run.deadline, started: true };
         let origin = run.origin;
         if run.finished {
-            // It only waited for an older result: its place is free from now on, and `reuse_last` takes it.
-            let run = self.nodes[rank].running.remove(index).expect("just seen");
-            let outs = ran(&run).outs.clone();
-            let own = Finished { stamp: run.stamp, origin, reads: run.reads, outs };
-            return self.react(rank, &missed, Step { own: Some(own), ..Step::default() });
+            // Its place is free from now on: it only waited, for an older result or for this reaction.
+            let mut run = self.nodes[rank].running.remove(index).expect("just seen");
+            let offered = run.offered.take().map(|offered| snapshot(&offered));
+            let Outcome::Here(ran) = run.outcome else { return };
+            let step = if ran.is_empty() {
+                Step { own: None, offered, origin, reads: run.reads }
+            } else {
+                let own = Finished { stamp: run.stamp, origin, reads: run.reads, outs: ran.outs };
+                Step { own: Some(own), ..Step::default() }
+            };
+            return self.react(rank, &missed, step);
         }
         let offered = run.offered.clone();
         if offered.is_some() && self.wall.is_none() {
@@ -264,7 +274,7 @@ impl Engine<'_> {
             self.wait_for(rank, index);
         }
         let reads = self.nodes[rank].running[index].reads.clone();
-        let offered = offered.map(|offered| offered.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        let offered = offered.map(|offered| snapshot(&offered));
         self.react(rank, &missed, Step { own: None, offered, origin, reads });
     }
 
@@ -322,7 +332,7 @@ impl Engine<'_> {
     }
 
     /// (c) Takes in ticks and newly complete frames.
-    fn take_in(&mut self, rank: usize) -> bool {
+    fn take_in(&mut self, rank: usize) {
         let node = &mut self.nodes[rank];
         for port in &mut node.timers {
             if core::mem::take(&mut port.ticking) {
@@ -331,14 +341,12 @@ impl Engine<'_> {
             }
         }
         if node.open.len() == node.complete {
-            return false;
+            return;
         }
         let joined = node.joined();
-        let before = node.complete;
         while node.open.get(node.complete).is_some_and(|open| open.stamp <= joined) {
             node.complete += 1;
         }
-        node.complete > before
     }
 
     /// (d) Starts what the busy policy allows. Steps that need a slot start after the sweep.
@@ -408,7 +416,7 @@ impl Engine<'_> {
 
     /// Works out when the operator has something to do next.
     pub(super) fn rearm(&mut self, rank: usize) {
-        let node = &self.nodes[rank];
+        let node = &mut self.nodes[rank];
         let mut due = Time::MAX;
         if let Some(feed) = &node.feed {
             due = feed.front().map_or(Time::MAX, |record| record.visible_at);
@@ -424,12 +432,12 @@ impl Engine<'_> {
             if !run.finished {
                 due = due.min(run.end);
             }
-            if !run.resolved {
-                due = due.min(run.deadline);
-            }
         }
         if node.deadline.is_some() {
-            due = node.open.iter().fold(due, |due, open| due.min(open.deadline));
+            let running = node.running.iter().filter(|run| !run.resolved).map(|run| run.deadline);
+            let least = running.fold(Time::MAX, Time::min);
+            node.next_deadline = node.open.iter().fold(least, |least, open| least.min(open.deadline));
+            due = due.min(node.next_deadline);
         }
         self.due.set(rank, due);
     }
@@ -460,9 +468,6 @@ struct Step {
     reads: Vec<Option<Time>>,
 }
 
-fn ran(run: &Run) -> &super::node::Ran {
-    match &run.outcome {
-        Outcome::Here(ran) => ran,
-        Outcome::Away(_) => unreachable!("a step is settled before its end is handled"),
-    }
+fn snapshot(offered: &Offered) -> (u64, Outs) {
+    offered.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }

@@ -285,6 +285,15 @@ fn s6_4_the_reaction_gets_what_was_offered_by_the_deadline() {
 }
 
 #[test]
+fn s6_4_a_step_that_stops_and_sends_nothing_leaves_the_stamp_to_the_reaction() {
+    let leaving = Anytime { goal: 99, leave: true, stubborn: false };
+    let (values, log) = anytime(leaving, work(11));
+    assert_eq!(values, [(0, 50, 9), (100, 150, 9)]);
+    assert_eq!((log.tally("work").misses, log.tally("work").drops.total()), (2, 0));
+    assert!(log.all().contains(&"work ends 0@50".to_string()), "its place is free at its deadline");
+}
+
+#[test]
 fn s6_4_under_other_models_a_step_cannot_be_cut() {
     let step = Anytime { goal: 20, leave: false, stubborn: false };
     let (values, log) = anytime(step, cycle(&[20, 80]));
