@@ -88,7 +88,12 @@ fn draw_square(svg: &mut String, square: &Square, x: f64, y: f64, budget_max: Op
         ),
         (None, runs) => (
             format!("{} of {runs}", square.avoided),
-            square.impact_median_mps().map_or_else(String::new, |v| format!("hit at {v:.1} m/s")),
+            match (square.impact_median_mps(), square.left_road) {
+                (Some(v), 0) => format!("hit at {v:.1} m/s"),
+                (Some(v), off) => format!("hit at {v:.1}, {off} off road"),
+                (None, 0) => String::new(),
+                (None, off) => format!("{off} off road"),
+            },
         ),
     };
     let up = if second.is_empty() { 5.0 } else { -2.0 };

@@ -71,6 +71,8 @@ pub struct Square {
     pub runs: usize,
     /// Of these, avoided.
     pub avoided: usize,
+    /// Of these, left the road without hitting anything.
+    pub left_road: usize,
     /// Of these, failed to run.
     pub failed: usize,
     /// Impact speeds of the others, m/s, sorted.
@@ -135,6 +137,7 @@ impl Square {
     fn add(&mut self, result: &CellResult) {
         self.runs += 1;
         self.avoided += usize::from(result.avoided());
+        self.left_road += usize::from(result.verdict == "left_road");
         self.failed += usize::from(result.error.is_some());
         self.impact_mps.extend(result.impact_speed_mps.filter(|_| result.verdict == "collision"));
         self.budget_ms.extend(result.budget_ms);
@@ -168,6 +171,9 @@ impl Square {
         let mut text = format!("{}/{}", self.avoided, self.runs);
         if let Some(impact) = self.impact_median_mps() {
             let _ = write!(text, " hit {impact:.1} m/s");
+        }
+        if self.left_road > 0 {
+            let _ = write!(text, " {} off road", self.left_road);
         }
         if self.failed > 0 {
             let _ = write!(text, " {} failed", self.failed);
