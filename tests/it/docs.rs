@@ -166,7 +166,7 @@ fn every_file_that_is_named_exists() {
                 exists(&folder, link);
             }
         }
-        for word in text.split(|c: char| c.is_whitespace() || "`\"'()=".contains(c)) {
+        for word in text.split(|c: char| c.is_whitespace() || "`\"'()[]=".contains(c)) {
             if top.iter().any(|top| word.starts_with(top)) && word.contains(['/', '.']) {
                 let from_root = root().join(word.trim_end_matches(['.', ',', ':', ';'])).exists();
                 exists(if from_root { root() } else { &folder }, word);
