@@ -296,6 +296,7 @@ pub struct Summary {
     scenario: String,
     pipeline: String,
     seed: u64,
+    #[serde(serialize_with = "as_printed")]
     digest: Digest,
     /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
     as_expected: Option<bool>,
@@ -304,6 +305,11 @@ pub struct Summary {
     unrecorded: u64,
     #[serde(flatten)]
     metrics: Metrics,
+}
+
+/// Hexadecimal digits, as everywhere else: many readers of JSON round numbers of 64 bits.
+fn as_printed<S: serde::Serializer>(digest: &Digest, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(digest)
 }
 
 impl Summary {
