@@ -540,10 +540,7 @@ mod tests {
             "planner".into(),
             OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() },
         );
-        config
-            .planning
-            .cost
-            .insert(PlannerName::Fot, [(Fineness::Fast, Runtime::fixed(2.0))].into());
+        config.planning.cost.insert(PlannerName::Fot, [(Fineness::Fast, Runtime::fixed(2.0))].into());
         let document = Document::parse("resolved", config.to_text()).unwrap();
         assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
     }
