@@ -41,6 +41,19 @@ pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> R
     Cli::try_parse_from(words)
 }
 
+/// An error with its causes, each told once: some errors already name theirs.
+pub fn message(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| {
+        if told.is_empty() {
+            cause
+        } else if told.ends_with(&cause) {
+            told
+        } else {
+            format!("{told}: {cause}")
+        }
+    })
+}
+
 /// Runs the command line.
 pub fn main(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {

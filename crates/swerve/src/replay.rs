@@ -8,9 +8,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
-use swerve_flow::{
-    Decision, Event, Observer, Publication, Replay, RunOptions, run_replay,
-};
+use swerve_flow::{Decision, Event, Observer, Publication, Replay, RunOptions, run_replay};
 use swerve_log::{Log, Record};
 use swerve_scenario::Scenario;
 
@@ -53,22 +51,37 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<()> {
 
 /// The place of the first operator that is computed again. Stages may be named instead of operators.
 fn cut(name: &str) -> anyhow::Result<usize> {
-    let stages = [("perception", "tracker"), ("prediction", "predictor"), ("planning", "planner"), ("control", "controller")];
+    let stages = [
+        ("perception", "tracker"),
+        ("prediction", "predictor"),
+        ("planning", "planner"),
+        ("control", "controller"),
+    ];
     let operator = stages.iter().find(|(stage, _)| *stage == name).map_or(name, |(_, operator)| operator);
     let open = &OPERATORS[OPERATORS.iter().position(|o| *o == "tracker").unwrap_or(0)..];
     if !open.contains(&operator) {
-        let near = nearest(name, open.iter().copied()).map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
-        bail!("--from {name}: expected one of {}{near}; what is above them is the world and its sensors", open.join(", "));
+        let near = nearest(name, open.iter().copied())
+            .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+        bail!(
+            "--from {name}: expected one of {}{near}; what is above them is the world and its sensors",
+            open.join(", ")
+        );
     }
     Ok(OPERATORS.iter().position(|o| *o == operator).unwrap_or(0))
 }
 
 /// Computes the operators from place `cut` on again and compares.
-pub fn replay(log: &Log, cut: usize, sets: &[(String, toml::Value)], threads: usize) -> anyhow::Result<Comparison> {
+pub fn replay(
+    log: &Log,
+    cut: usize,
+    sets: &[(String, toml::Value)],
+    threads: usize,
+) -> anyhow::Result<Comparison> {
     let document = Document::parse("configuration of the log", log.start.config.clone())?;
     let config = Config::from_document(&document, sets).map_err(|problems| problems_error(&problems))?;
     let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
-    let scenario = Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
+    let scenario =
+        Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     for operator in &OPERATORS[..cut] {
         if pipeline.graph.operator(operator).is_ok() {
@@ -79,7 +92,8 @@ pub fn replay(log: &Log, cut: usize, sets: &[(String, toml::Value)], threads: us
     let mut comparison = Comparison::against(log, &OPERATORS[cut..]);
     let last = log.end.as_ref().map(|end| end.at);
     let options = RunOptions { seed: log.start.seed, threads, until: last };
-    let report = run_replay(pipeline.graph, &options, decisions(log, sets.is_empty())?, vec![&mut comparison])?;
+    let report =
+        run_replay(pipeline.graph, &options, decisions(log, sets.is_empty())?, vec![&mut comparison])?;
     comparison.digest = report.digest;
     Ok(comparison)
 }
@@ -122,8 +136,10 @@ impl Comparison {
             match record {
                 Record::Publication(p) if operators.contains(&p.stream.operator.as_str()) => {
                     let h = &p.header;
-                    let times = [Some(h.stamp), Some(h.watermark), Some(h.visible_at), h.reused_from, h.origin];
-                    let said = Said { header: times.map(|t| t.map(|t| t.ns())), payload: p.payload_cbor.to_vec() };
+                    let times =
+                        [Some(h.stamp), Some(h.watermark), Some(h.visible_at), h.reused_from, h.origin];
+                    let said =
+                        Said { header: times.map(|t| t.map(|t| t.ns())), payload: p.payload_cbor.to_vec() };
                     expected.entry(p.stream.stream.clone()).or_default().push(said);
                 }
                 Record::Watermark(w) if operators.contains(&w.operator.as_str()) => {

@@ -224,15 +224,16 @@ impl Observer for Shown {
 /// Runs `swerve run`.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let (config, scenario) = load(&args.input)?;
+    let mut pipeline = Pipeline::build(&config, &scenario)?;
+    // The log is read before any file is made: it may be the one of this very folder.
+    if let Some(log) = &args.runtimes {
+        record_run_times(&mut pipeline, &Log::read(log)?);
+    }
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
     std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
     let mut recorder = Recorder::create(&out.join("log.mcap"), &run_start(&config, &args.input.scenario)?)?;
     let mut trace = TraceWriter::create(&out.join("trace.json"), &["controller"])?;
-    let mut pipeline = Pipeline::build(&config, &scenario)?;
-    if let Some(log) = &args.runtimes {
-        record_run_times(&mut pipeline, &Log::read(log)?);
-    }
     let mut story = story(&config, &scenario, &pipeline);
     let observers: &mut [&mut dyn Observer] = &mut [&mut shown, &mut recorder, &mut trace, &mut story];
     let driven = drive_pipeline(pipeline, config.seed, args.threads, observers);
@@ -251,7 +252,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
 }
 
 /// Gives every operator the run times that it had in an earlier run.
-fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
+pub fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
     for (operator, times) in log.run_times() {
         if let Ok(node) = pipeline.graph.operator(&operator) {
             let times = Arc::new(times.into_iter().collect());
@@ -274,7 +275,7 @@ fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
 }
 
 /// The head of a log: all that it takes to run again without the files.
-fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
+pub fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
     let text =
         std::fs::read_to_string(scenario).with_context(|| format!("reading {}", scenario.display()))?;
     Ok(RunStart {
@@ -296,8 +297,8 @@ pub struct Summary {
     scenario: String,
     pipeline: String,
     seed: u64,
-    #[serde(serialize_with = "as_printed")]
-    digest: Digest,
+    /// As everywhere else in hexadecimal digits: JSON readers keep no more than 53 bits of a number.
+    digest: String,
     /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
     as_expected: Option<bool>,
     not_as_expected: Vec<String>,
@@ -305,11 +306,6 @@ pub struct Summary {
     unrecorded: u64,
     #[serde(flatten)]
     metrics: Metrics,
-}
-
-/// Hexadecimal digits, as everywhere else: many readers of JSON round numbers of 64 bits.
-fn as_printed<S: serde::Serializer>(digest: &Digest, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_str(digest)
 }
 
 impl Summary {
@@ -322,7 +318,7 @@ impl Summary {
             scenario: scenario.name.clone(),
             pipeline,
             seed: config.seed,
-            digest: outcome.digest,
+            digest: outcome.digest.to_string(),
             as_expected: broken.as_ref().map(Vec::is_empty),
             not_as_expected: broken.unwrap_or_default(),
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
@@ -357,7 +353,7 @@ impl Summary {
             let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
             row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
         }
-        row("digest", self.digest.to_string());
+        row("digest", self.digest.clone());
         let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
         let lines = m.operators.iter().map(|o| {
             let ms = |x: f64| format!("{x:.1}");
@@ -372,7 +368,11 @@ impl Summary {
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
         if self.unrecorded > 0 {
-            let _ = writeln!(text, "{} steps had no record and drew their run time from the recorded ones", self.unrecorded);
+            let _ = writeln!(
+                text,
+                "{} steps had no record and drew their run time from the recorded ones",
+                self.unrecorded
+            );
         }
         match self.as_expected {
             Some(true) => text += "as the scenario expects\n",

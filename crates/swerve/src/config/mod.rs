@@ -542,7 +542,12 @@ mod tests {
         let cost = PlanningConfig::default().cost;
         for planner in PlannerName::ALL {
             for fineness in [Fineness::Fast, Fineness::Slow] {
-                assert!(cost[&planner][&fineness].model().is_ok(), "{} {}", planner.as_str(), fineness.as_str());
+                assert!(
+                    cost[&planner][&fineness].model().is_ok(),
+                    "{} {}",
+                    planner.as_str(),
+                    fineness.as_str()
+                );
             }
         }
     }

@@ -24,7 +24,8 @@ impl ControllerOperator {
             ControllerName::Stanley => Law::Stanley,
             ControllerName::Mpc => Law::Mpc,
         };
-        let params = Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
+        let params =
+            Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
         Self { controller: controller(&config.sim.vehicle, params), route: route.clone() }
     }
 }

@@ -31,7 +31,10 @@ pub(super) fn largest_latency(
 /// zero itself is bad.
 ///
 /// What is good again beyond the first bad value is so by chance, and nobody would build on it.
-pub(super) fn edge(budget: &Budget, mut good: impl FnMut(f64) -> anyhow::Result<bool>) -> anyhow::Result<Option<f64>> {
+pub(super) fn edge(
+    budget: &Budget,
+    mut good: impl FnMut(f64) -> anyhow::Result<bool>,
+) -> anyhow::Result<Option<f64>> {
     if !good(0.0)? {
         return Ok(None);
     }

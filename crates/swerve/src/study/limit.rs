@@ -212,7 +212,8 @@ impl Manoeuvre {
     fn plan(self, ego: &EgoState, route: &Route) -> Plan {
         let from = route.line.project(ego.pose.point());
         let speed_at = |t: f64| (ego.speed_mps - self.brake_mps2 * t).max(0.0);
-        let until_s = if self.brake_mps2 > 0.0 { (ego.speed_mps / self.brake_mps2).min(HORIZON_S) } else { HORIZON_S };
+        let until_s =
+            if self.brake_mps2 > 0.0 { (ego.speed_mps / self.brake_mps2).min(HORIZON_S) } else { HORIZON_S };
         let n = (until_s / POINT_S).ceil() as usize;
         let times: Vec<f64> = (0..=n).map(|k| until_s * k as f64 / n as f64).collect();
         let frenet = |t: f64| {
@@ -225,7 +226,11 @@ impl Manoeuvre {
             .iter()
             .map(|&t| {
                 let (here, ahead) = (route.line.to_map(frenet(t)), route.line.to_map(frenet(t + 1e-4)));
-                let heading = if speed_at(t) > 0.1 { (ahead - here).heading() } else { route.line.at(frenet(t).s_m).pose.heading_rad };
+                let heading = if speed_at(t) > 0.1 {
+                    (ahead - here).heading()
+                } else {
+                    route.line.at(frenet(t).s_m).pose.heading_rad
+                };
                 swerve_geom::Pose2::new(here.x_m, here.y_m, heading)
             })
             .collect();

@@ -109,8 +109,10 @@ fn finish(
             study.command(cell)
         );
     }
-    let missing = results.iter().filter(|r| r.is_none()).count();
-    if stop.load(Ordering::SeqCst) && shard.is_none() {
+    let mine = |cell: &Cell| shard.is_none_or(|shard| shard.holds(cell));
+    let missing =
+        study.cells.iter().zip(results).filter(|(cell, result)| result.is_none() && mine(cell)).count();
+    if stop.load(Ordering::SeqCst) && missing > 0 {
         bail!("stopped with {missing} cells to go; the same command goes on from here");
     }
     Ok(())
@@ -132,7 +134,6 @@ pub struct Bench {
     scenario: Scenario,
     scenario_text: String,
     base: Document,
-    sets: Vec<(String, toml::Value)>,
     /// The program itself: what another build finished is not taken for its result.
     program: Digest,
 }
@@ -140,16 +141,16 @@ pub struct Bench {
 impl Bench {
     /// Reads a study, its scenario and its base configuration; `sets` apply to every cell, before the axes.
     pub fn open(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let study = Study::read(file)?;
         let sets: Result<Vec<_>, Problem> =
             sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
+        let study = Study::read(file, &sets?)?;
         let scenario = crate::run::read_scenario(&study.scenario)?;
         let scenario_text = std::fs::read_to_string(&study.scenario)?;
         let base = match &study.config {
             Some(path) => Document::read(path)?,
             None => Document::parse("defaults", String::new())?,
         };
-        let bench = Self { study, scenario, scenario_text, base, sets: sets?, program: program()? };
+        let bench = Self { study, scenario, scenario_text, base, program: program()? };
         // A wrong key is told before the first cell runs.
         for cell in &bench.study.cells {
             bench.config(cell)?;
@@ -158,8 +159,7 @@ impl Bench {
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
-        let sets: Vec<_> = self.sets.iter().chain(&cell.sets).cloned().collect();
-        Config::from_document(&self.base, &sets).map_err(|problems| {
+        Config::from_document(&self.base, &cell.sets).map_err(|problems| {
             problems_error(&problems).context(format!("cell [{}] of the study", cell.labels.join(" ")))
         })
     }
