@@ -115,7 +115,7 @@ impl Form {
         if bytes.len() > FORM_MAX {
             self.rest.get_or_insert_default().update(bytes);
         } else {
-            self.bytes[self.len..self.len + bytes.len()].copy_from_slice(bytes);
+            copy_short(bytes, &mut self.bytes[self.len..self.len + bytes.len()]);
             self.len += bytes.len();
         }
     }
@@ -131,11 +131,28 @@ impl Form {
         self.rest.unwrap_or_default()
     }
 
-    fn digest(self) -> Digest {
-        match self.rest {
-            None => Digest(xxh3_64(&self.bytes[..self.len])),
-            Some(_) => Digest(self.spilled().digest()),
+    #[inline]
+    fn digest(&mut self) -> Digest {
+        if self.rest.is_some() {
+            self.spill();
         }
+        match &self.rest {
+            None => Digest(xxh3_64(&self.bytes[..self.len])),
+            Some(rest) => Digest(rest.digest()),
+        }
+    }
+}
+
+/// Copies between slices of equal length; numbers, which are most of what comes, without a call.
+#[inline]
+fn copy_short(from: &[u8], to: &mut [u8]) {
+    let n = from.len();
+    match (from.first_chunk::<8>(), from.last_chunk::<8>()) {
+        (Some(first), Some(last)) if n <= 16 && to.len() == n => {
+            to[..8].copy_from_slice(first);
+            to[n - 8..].copy_from_slice(last);
+        }
+        _ => to.copy_from_slice(from),
     }
 }
 
