@@ -180,14 +180,22 @@ fn sparkline(bins: &[f64]) -> String {
 fn table(cases: &[Case]) -> String {
     let mut head = vec!["model".to_owned(), "policy".to_owned()];
     head.extend(
-        ["detector", "tracker", "planner", "end to end", "frames through", "end to end, 0 to 600 ms"]
-            .map(str::to_owned),
+        [
+            "camera",
+            "detector",
+            "tracker",
+            "planner",
+            "end to end",
+            "frames through",
+            "end to end, 0 to 600 ms",
+        ]
+        .map(str::to_owned),
     );
     let mut lines = vec![head];
     for case in cases {
         let three = |sample: &Sample| SHARES.map(|share| format!("{:.0}", sample.at(share))).join(" / ");
         let mut line = vec![case.model.to_owned(), case.policy.to_owned()];
-        line.extend(case.ages[1..].iter().map(three));
+        line.extend(case.ages.iter().map(three));
         line.push(format!("{:.1} %", 100.0 * case.through));
         line.push(format!("|{}|", sparkline(&histogram(case))));
         lines.push(line);

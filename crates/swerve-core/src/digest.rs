@@ -147,12 +147,24 @@ impl Form {
 #[inline]
 fn copy_short(from: &[u8], to: &mut [u8]) {
     let n = from.len();
-    match (from.first_chunk::<8>(), from.last_chunk::<8>()) {
-        (Some(first), Some(last)) if n <= 16 && to.len() == n => {
-            to[..8].copy_from_slice(first);
-            to[n - 8..].copy_from_slice(last);
-        }
-        _ => to.copy_from_slice(from),
+    if n == 0 || n > 16 || to.len() != n {
+        to.copy_from_slice(from);
+    } else if n >= 8 {
+        copy_ends::<8>(from, to);
+    } else if n >= 4 {
+        copy_ends::<4>(from, to);
+    } else {
+        (to[0], to[n / 2], to[n - 1]) = (from[0], from[n / 2], from[n - 1]);
+    }
+}
+
+/// Copies the first and the last `N` of at most `2 N` bytes.
+#[inline]
+fn copy_ends<const N: usize>(from: &[u8], to: &mut [u8]) {
+    if let (Some(first), Some(last)) = (from.first_chunk::<N>(), from.last_chunk::<N>()) {
+        to[..N].copy_from_slice(first);
+        let n = to.len();
+        to[n - N..].copy_from_slice(last);
     }
 }
 
@@ -204,6 +216,16 @@ mod tests {
             after.update(&3_u64.to_le_bytes());
             after.update(&postcard::to_stdvec(&value).unwrap());
             assert_eq!(hasher.digest(), Digest(after.digest()), "{n}");
+        }
+    }
+
+    #[test]
+    fn short_copies_are_copies() {
+        let from: Vec<u8> = (1..=40).collect();
+        for n in 0..=40 {
+            let mut to = vec![0; n];
+            copy_short(&from[..n], &mut to);
+            assert_eq!(to, from[..n]);
         }
     }
 
