@@ -115,7 +115,7 @@ impl Form {
         if bytes.len() > FORM_MAX {
             self.rest.get_or_insert_default().update(bytes);
         } else {
-            copy_short(bytes, &mut self.bytes[self.len..self.len + bytes.len()]);
+            self.bytes[self.len..self.len + bytes.len()].copy_from_slice(bytes);
             self.len += bytes.len();
         }
     }
@@ -131,40 +131,11 @@ impl Form {
         self.rest.unwrap_or_default()
     }
 
-    #[inline]
-    fn digest(&mut self) -> Digest {
-        if self.rest.is_some() {
-            self.spill();
-        }
-        match &self.rest {
+    fn digest(self) -> Digest {
+        match self.rest {
             None => Digest(xxh3_64(&self.bytes[..self.len])),
-            Some(rest) => Digest(rest.digest()),
+            Some(_) => Digest(self.spilled().digest()),
         }
-    }
-}
-
-/// Copies between slices of equal length; numbers, which are most of what comes, without a call.
-#[inline]
-fn copy_short(from: &[u8], to: &mut [u8]) {
-    let n = from.len();
-    if n == 0 || n > 16 || to.len() != n {
-        to.copy_from_slice(from);
-    } else if n >= 8 {
-        copy_ends::<8>(from, to);
-    } else if n >= 4 {
-        copy_ends::<4>(from, to);
-    } else {
-        (to[0], to[n / 2], to[n - 1]) = (from[0], from[n / 2], from[n - 1]);
-    }
-}
-
-/// Copies the first and the last `N` of at most `2 N` bytes.
-#[inline]
-fn copy_ends<const N: usize>(from: &[u8], to: &mut [u8]) {
-    if let (Some(first), Some(last)) = (from.first_chunk::<N>(), from.last_chunk::<N>()) {
-        to[..N].copy_from_slice(first);
-        let n = to.len();
-        to[n - N..].copy_from_slice(last);
     }
 }
 
@@ -216,16 +187,6 @@ mod tests {
             after.update(&3_u64.to_le_bytes());
             after.update(&postcard::to_stdvec(&value).unwrap());
             assert_eq!(hasher.digest(), Digest(after.digest()), "{n}");
-        }
-    }
-
-    #[test]
-    fn short_copies_are_copies() {
-        let from: Vec<u8> = (1..=40).collect();
-        for n in 0..=40 {
-            let mut to = vec![0; n];
-            copy_short(&from[..n], &mut to);
-            assert_eq!(to, from[..n]);
         }
     }
 
