@@ -21,15 +21,28 @@ const CREEP_MPS: f64 = 0.1;
 /// The state expected `ahead` after `measured`.
 ///
 /// With a previous plan that covers both instants the ego is moved as the plan moves between them (its
-/// present offset from the plan is carried along); else it goes on with constant speed and yaw rate.
+/// present offset from the plan is carried along); with one that begins in between, the ego is taken to be
+/// on it then; else it goes on with constant speed and yaw rate.
 pub fn predicted_start(measured: &EgoState, previous: Option<&Plan>, ahead: Span) -> EgoState {
     let stamp = measured.stamp + ahead;
-    let covered = previous
-        .filter(|plan| plan.points.first().is_some_and(|p| p.at <= measured.stamp) && stamp <= plan.end());
-    match covered.and_then(|plan| Some((plan.at(measured.stamp)?, plan.at(stamp)?))) {
-        Some((now, then)) => moved_with_plan(measured, &now, &then, stamp),
-        None => moved_steadily(measured, ahead),
+    let steadily = moved_steadily(measured, ahead);
+    let Some(plan) = previous.filter(|plan| stamp <= plan.end()) else { return steadily };
+    let (Some(first), Some(then)) = (plan.points.first(), plan.at(stamp)) else { return steadily };
+    if stamp < first.at {
+        return steadily;
     }
+    if measured.stamp < first.at {
+        // The plan has not begun yet: its own first point is the best guess of where it will be taken up.
+        return moved_with_plan(&on_plan(measured, first), first, &then, stamp);
+    }
+    match plan.at(measured.stamp) {
+        Some(now) => moved_with_plan(measured, &now, &then, stamp),
+        None => steadily,
+    }
+}
+
+fn on_plan(measured: &EgoState, p: &PlanPoint) -> EgoState {
+    EgoState { stamp: p.at, pose: p.pose, speed_mps: p.speed_mps, ..*measured }
 }
 
 fn moved_with_plan(measured: &EgoState, now: &PlanPoint, then: &PlanPoint, stamp: Time) -> EgoState {
@@ -253,10 +266,14 @@ pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> O
     if previous.end() <= from {
         return None;
     }
-    let mut points = vec![previous.at(from)?];
-    points[0].at = from;
-    points.extend(previous.points.iter().filter(|p| p.at > from));
-    if points[0].pose.point().distance(request.start.pose.point()) > OFF_PLAN_M {
+    let rest = previous.points.iter().filter(|p| p.at > from).copied();
+    let begun = previous.points.first().is_some_and(|p| p.at <= from);
+    let now = previous.at(from).filter(|_| begun).map(|p| PlanPoint { at: from, ..p });
+    let points: Vec<PlanPoint> = now.into_iter().chain(rest).collect();
+    let first = points.first()?;
+    let wait_s = (first.at - from).as_secs();
+    let off_m = first.pose.point().distance(request.start.pose.point());
+    if off_m > OFF_PLAN_M + wait_s * request.start.speed_mps.max(0.0) {
         return None;
     }
     let path: Vec<(Pose2, Time)> = points.iter().map(|p| (p.pose, p.at)).collect();

@@ -43,7 +43,8 @@ pub fn run(args: &CalibrateArgs) -> anyhow::Result<()> {
                     host.ms.clear();
                 }
             }
-            let runtime = host.percentiles().with_context(|| format!("{} never planned", planner.as_str()))?;
+            let runtime =
+                host.percentiles().with_context(|| format!("{} never planned", planner.as_str()))?;
             let of = |p: usize| runtime.percentiles_ms.as_ref().map_or(0.0, |points| points[p][1]);
             eprintln!(
                 "{:>13} {}: {} plans, median {:.3} ms, p99 {:.3} ms",

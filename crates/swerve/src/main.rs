@@ -9,7 +9,7 @@ fn main() -> ExitCode {
     match swerve::cli::main(&cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", swerve::cli::message(&error));
             ExitCode::FAILURE
         }
     }

@@ -8,10 +8,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
-use swerve_flow::{
-    Decision, Event, Observer, PlaybackMessage, PlaybackPayload, PlaybackRecord, Publication, Replay,
-    RunOptions, run_replay,
-};
+use swerve_flow::{Decision, Event, Observer, Publication, Replay, RunOptions, run_replay};
 use swerve_log::{Log, Record};
 use swerve_scenario::Scenario;
 
@@ -86,10 +83,10 @@ pub fn replay(
     let scenario =
         Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
-    let mut records = playback_records(log);
     for operator in &OPERATORS[..cut] {
         if pipeline.graph.operator(operator).is_ok() {
-            pipeline.graph.playback(operator, records.remove(*operator).unwrap_or_default())?;
+            pipeline.graph.playback(operator, log.playback(operator))?;
+            pipeline.graph.playback_steps(operator, log.held(operator))?;
         }
     }
     let mut comparison = Comparison::against(log, &OPERATORS[cut..]);
@@ -105,36 +102,6 @@ pub fn replay(
 fn decisions(log: &Log, all: bool) -> anyhow::Result<Replay> {
     let decisions: Result<Vec<Decision>, _> = log.decisions().map(|record| record.decode()).collect();
     Ok(decisions?.into_iter().filter(|d| all || matches!(d, Decision::End { .. })).collect())
-}
-
-/// Everything that was published, by operator, in order.
-fn playback_records(log: &Log) -> BTreeMap<&str, Vec<PlaybackRecord>> {
-    let mut records: BTreeMap<&str, Vec<PlaybackRecord>> = BTreeMap::new();
-    for record in &log.records {
-        match record {
-            Record::Publication(p) => records.entry(&p.stream.operator).or_default().push(PlaybackRecord {
-                port: p.stream.port,
-                visible_at: p.header.visible_at,
-                pass: p.header.pass,
-                watermark: p.header.watermark,
-                message: Some(PlaybackMessage {
-                    stamp: p.header.stamp,
-                    reused_from: p.header.reused_from,
-                    origin: p.header.origin,
-                    payload: PlaybackPayload::cbor(p.payload_cbor.clone()),
-                }),
-            }),
-            Record::Watermark(w) => records.entry(&w.operator).or_default().push(PlaybackRecord {
-                port: w.port,
-                visible_at: w.visible_at,
-                pass: w.pass,
-                watermark: w.watermark,
-                message: None,
-            }),
-            _ => {}
-        }
-    }
-    records
 }
 
 /// How the streams below the cut compare with the log.

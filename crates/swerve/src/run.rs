@@ -43,7 +43,7 @@ pub struct RunInput {
 pub struct RunArgs {
     #[command(flatten)]
     input: RunInput,
-    /// Output folder [default: out/<scenario>]
+    /// Output folder [default: out/ and the scenario's name]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Print one JSON object and nothing else
@@ -224,17 +224,18 @@ impl Observer for Shown {
 /// Runs `swerve run`.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let (config, scenario) = load(&args.input)?;
+    let mut pipeline = Pipeline::build(&config, &scenario)?;
+    // The log is read before any file is made: it may be the one of this very folder.
+    if let Some(log) = &args.runtimes {
+        record_run_times(&mut pipeline, &Log::read(log)?);
+    }
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
     std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
     let mut recorder = Recorder::create(&out.join("log.mcap"), &run_start(&config, &args.input.scenario)?)?;
     let mut trace = TraceWriter::create(&out.join("trace.json"), &["controller"])?;
-    let mut pipeline = Pipeline::build(&config, &scenario)?;
-    if let Some(log) = &args.runtimes {
-        record_run_times(&mut pipeline, &Log::read(log)?);
-    }
-    let mut told = Told { story: story(&config, &scenario, &pipeline) };
-    let observers: &mut [&mut dyn Observer] = &mut [&mut shown, &mut recorder, &mut trace, &mut told];
+    let mut story = story(&config, &scenario, &pipeline);
+    let observers: &mut [&mut dyn Observer] = &mut [&mut shown, &mut recorder, &mut trace, &mut story];
     let driven = drive_pipeline(pipeline, config.seed, args.threads, observers);
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
@@ -242,8 +243,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     trace.finish()?;
     let outcome = driven?;
     let summary = Summary::of(&config, &scenario, &outcome);
-    told.story.conclude(&outcome.metrics);
-    write_whole(&out.join("story.svg"), draw(&told.story).as_bytes())?;
+    story.conclude(&outcome.metrics);
+    write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     write_whole(&out.join("metrics.json"), json.as_bytes())?;
     crate::output::print(&if args.json { json } else { summary.text(&out) });
@@ -251,7 +252,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
 }
 
 /// Gives every operator the run times that it had in an earlier run.
-fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
+pub fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
     for (operator, times) in log.run_times() {
         if let Ok(node) = pipeline.graph.operator(&operator) {
             let times = Arc::new(times.into_iter().collect());
@@ -260,11 +261,7 @@ fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
     }
 }
 
-/// Takes down what the picture of the run shows.
-struct Told {
-    story: Story,
-}
-
+/// The picture of the run, to be filled in while it drives.
 fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     let title = format!(
         "{}: {} at {:.0} m/s, seed {}",
@@ -277,20 +274,8 @@ fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     Story::new(title, pipeline.route.clone(), lane_width_m, outline(&pipeline.vehicle.shape))
 }
 
-impl Observer for Told {
-    fn event(&mut self, event: &Event<'_>) {
-        let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
-        if let Some(world) = payload.downcast_ref::<WorldState>() {
-            self.story.world(world);
-        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
-            self.story.plan(publication.visible_at, plan);
-        }
-    }
-}
-
 /// The head of a log: all that it takes to run again without the files.
-fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
+pub fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
     let text =
         std::fs::read_to_string(scenario).with_context(|| format!("reading {}", scenario.display()))?;
     Ok(RunStart {
@@ -312,7 +297,8 @@ pub struct Summary {
     scenario: String,
     pipeline: String,
     seed: u64,
-    digest: Digest,
+    /// As everywhere else in hexadecimal digits: JSON readers keep no more than 53 bits of a number.
+    digest: String,
     /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
     as_expected: Option<bool>,
     not_as_expected: Vec<String>,
@@ -332,7 +318,7 @@ impl Summary {
             scenario: scenario.name.clone(),
             pipeline,
             seed: config.seed,
-            digest: outcome.digest,
+            digest: outcome.digest.to_string(),
             as_expected: broken.as_ref().map(Vec::is_empty),
             not_as_expected: broken.unwrap_or_default(),
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
@@ -367,7 +353,7 @@ impl Summary {
             let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
             row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
         }
-        row("digest", self.digest.to_string());
+        row("digest", self.digest.clone());
         let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
         let lines = m.operators.iter().map(|o| {
             let ms = |x: f64| format!("{x:.1}");

@@ -14,7 +14,7 @@ const STOPS_MAX: f64 = 64.0;
 
 /// A metre at the smallest radius counts this much more than a straight one, at larger radii less by the square:
 /// of two ways of about the same length the one that is easier to steer wins.
-const TURN_COST: f64 = 0.02;
+const TURN_COST: f64 = 0.06;
 
 /// A pose of the path with the best way to it.
 #[derive(Clone, Copy, Debug)]

@@ -2,6 +2,7 @@
 
 use swerve_core::Time;
 use swerve_geom::Pose2;
+use swerve_vehicle::{Limits, Shape};
 
 use super::dubins::{Piece, advance, walk};
 use super::ground::{Area, Clock, Ground, Outline};
@@ -19,8 +20,11 @@ const POINT_M: f64 = 0.25;
 /// Distance of the looks that measure a solution's clearance, metres.
 const CLEARANCE_STEP_M: f64 = 0.1;
 
-/// Lateral acceleration at which the tightest turn of a solution is timed: 0.8 g, m/s².
+/// Lateral acceleration of a solution's speed at most: 0.8 g, m/s².
 const LATERAL_MPS2: f64 = 0.8 * 9.81;
+
+/// How far steering that takes its time may lead off the path where the curvature jumps, metres.
+const CUT_M: f64 = 0.04;
 
 /// Fastest speed at which a solution is timed, m/s.
 const SPEED_MAX_MPS: f64 = 20.0;
@@ -153,7 +157,27 @@ impl Solver {
     }
 }
 
-/// The solution along `pieces`, timed at the speed that keeps 0.8 g in the tightest turn.
+/// The speed at which the Lincoln follows `pieces`, m/s: it keeps 0.8 g in the tightest turn, and where the curvature
+/// jumps its steering, turning as fast as it can, leaves the path by [`CUT_M`] at most.
+///
+/// A step of curvature `k` that is ramped over a length `l` instead shifts the path by `k l² / 24`.
+fn drivable_mps(pieces: &[Piece]) -> f64 {
+    let (limits, wheelbase_m) = (Limits::default(), Shape::default().wheelbase_m);
+    let steering = |curvature_1pm: f64| swerve_geom::math::atan(wheelbase_m * curvature_1pm);
+    let mut speed_mps = SPEED_MAX_MPS;
+    let mut before_1pm = 0.0;
+    for piece in pieces {
+        let curvature_1pm = piece.curvature_1pm;
+        speed_mps = speed_mps.min((LATERAL_MPS2 / curvature_1pm.abs().max(1e-9)).sqrt());
+        let ramp_m = (24.0 * CUT_M / (curvature_1pm - before_1pm).abs().max(1e-9)).sqrt();
+        let turn = (steering(curvature_1pm) - steering(before_1pm)).abs().max(1e-9);
+        speed_mps = speed_mps.min(ramp_m * limits.steering_rate_max_radps / turn);
+        before_1pm = curvature_1pm;
+    }
+    speed_mps
+}
+
+/// The solution along `pieces`, timed at a steady speed at which the car can follow it.
 pub(crate) fn solution(
     id: &str,
     start: Pose2,
@@ -161,7 +185,7 @@ pub(crate) fn solution(
     distance_m: impl Fn(swerve_geom::Point2, [f64; 2]) -> f64,
 ) -> Solution {
     let curvature_max = pieces.iter().map(|p| p.curvature_1pm.abs()).fold(0.0, f64::max);
-    let speed_mps = (LATERAL_MPS2 / curvature_max.max(1e-9)).sqrt().min(SPEED_MAX_MPS);
+    let speed_mps = drivable_mps(pieces);
     let mut path = vec![[start.x_m, start.y_m, start.heading_rad, 0.0]];
     let (sin, cos) = swerve_geom::math::sin_cos(start.heading_rad);
     let mut clearance_m = distance_m(start.point(), [cos, sin]).min(CLEARANCE_CAP_M);

@@ -29,6 +29,13 @@ fn with_a_plan_the_start_moves_as_the_plan_does() {
     let there = predicted_start(&measured, Some(&plan), Span::from_ms(100));
     assert!((there.pose.x_m - 4.9).abs() < 1e-9 && (there.pose.y_m - 0.5).abs() < 1e-9, "{there:?}");
     assert!((there.speed_mps - 9.3).abs() < 1e-9);
+    // A plan that begins only later is taken as it is.
+    let early = EgoState { stamp: Time::from_ms(-200), ..measured };
+    let taken_up = predicted_start(&early, Some(&plan), Span::from_ms(300));
+    assert!(
+        (taken_up.pose.x_m - 0.9).abs() < 1e-9 && (taken_up.speed_mps - 9.8).abs() < 1e-9,
+        "{taken_up:?}"
+    );
     // Beyond its end the plan says nothing.
     let beyond = predicted_start(&measured, Some(&plan), Span::from_ms(1000));
     assert!((beyond.pose.x_m - 13.5).abs() < 1e-9);

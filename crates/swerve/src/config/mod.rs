@@ -229,6 +229,9 @@ pub enum StartState {
     Predicted,
 }
 
+/// Run time by planner and discretisation.
+pub type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
+
 /// The motion planner.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -247,8 +250,9 @@ pub struct PlanningConfig {
     pub expected_ms: Option<f64>,
     /// Parameters of the chosen planner that differ from its preset's and discretisation's.
     pub params: toml::Table,
-    /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it.
-    pub cost: BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>,
+    /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it. A file that names one
+    /// entry replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
+    pub cost: Cost,
     /// Latency added to every plan, ms.
     pub added_latency_ms: f64,
 }
@@ -263,7 +267,7 @@ impl Default for PlanningConfig {
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
-            cost: BTreeMap::new(),
+            cost: toml::from_str(include_str!("cost.toml")).expect("a test reads the built-in costs"),
             added_latency_ms: 0.0,
         }
     }
@@ -534,16 +538,28 @@ mod tests {
     }
 
     #[test]
+    fn every_planner_has_a_built_in_cost() {
+        let cost = PlanningConfig::default().cost;
+        for planner in PlannerName::ALL {
+            for fineness in [Fineness::Fast, Fineness::Slow] {
+                assert!(
+                    cost[&planner][&fineness].model().is_ok(),
+                    "{} {}",
+                    planner.as_str(),
+                    fineness.as_str()
+                );
+            }
+        }
+    }
+
+    #[test]
     fn the_resolved_text_reads_back_as_itself() {
         let mut config = Config::default();
         config.operator.insert(
             "planner".into(),
             OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() },
         );
-        config
-            .planning
-            .cost
-            .insert(PlannerName::Fot, [(Fineness::Fast, Runtime::fixed(2.0))].into());
+        config.planning.cost.insert(PlannerName::Fot, [(Fineness::Fast, Runtime::fixed(2.0))].into());
         let document = Document::parse("resolved", config.to_text()).unwrap();
         assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
     }

@@ -316,9 +316,11 @@ fn closest(canvas: &mut Canvas, story: &Story, view: &View) {
         }
     };
     let middle = view.at(footprint.center.point());
-    let place = (middle.0, label_height(view, &footprint, to.1 < middle.1));
-    let how = Text { size: 11.0, color: paint, anchor: "middle", bold: true, rim: true };
-    canvas.text(place, &label, how);
+    let is_below = to.1 < middle.1;
+    // Above the outline is where the actor came from, with its own labels to the right.
+    let (x, anchor) = if is_below { (middle.0, "middle") } else { (to.0 - 12.0, "end") };
+    let how = Text { size: 11.0, color: paint, anchor, bold: true, rim: true };
+    canvas.text((x, label_height(view, &footprint, is_below)), &label, how);
 }
 
 /// Height of a label just below an outline, or just above it.

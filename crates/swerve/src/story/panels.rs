@@ -87,7 +87,7 @@ fn axes(canvas: &mut Canvas, panel: &Panel, frame: &Frame, is_last: bool) {
             canvas.text((px, y + HEIGHT + 16.0), &number(t), how);
         }
     }
-    for v in multiples(frame.value.0, frame.value.1, round_step(frame.value.1 - frame.value.0, 4.0)) {
+    for v in multiples(frame.value.0, frame.value.1, round_step(frame.value.1 - frame.value.0, 5.0)) {
         let (_, py) = frame.at(frame.time.0, v);
         let zero = "stroke=\"#5B636D\" stroke-width=\"0.9\"";
         canvas.line((x, py), (x + frame.width, py), if v == 0.0 { zero } else { &grid });

@@ -163,7 +163,7 @@ impl ActorTrace {
     /// Where it was at an instant; its first or last pose outside its life.
     pub fn pose_at(&self, at: Time) -> Option<Pose2> {
         let after = self.poses.partition_point(|(t, _)| *t <= at);
-        let Some(&(since, from)) = self.poses.get(after.saturating_sub(1)) else { return None };
+        let &(since, from) = self.poses.get(after.saturating_sub(1))?;
         let Some(&(until, to)) = self.poses.get(after).filter(|_| after > 0) else { return Some(from) };
         Some(between(from, to, (at - since).as_secs() / (until - since).as_secs()))
     }

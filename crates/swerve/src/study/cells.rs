@@ -77,7 +77,8 @@ impl std::str::FromStr for Shard {
 }
 
 impl Shard {
-    fn holds(self, cell: &Cell) -> bool {
+    /// Whether a cell is in this share.
+    pub fn holds(self, cell: &Cell) -> bool {
         cell.index % self.count == self.index - 1
     }
 }
@@ -140,7 +141,8 @@ impl Runner<'_> {
                 return Ok(None);
             }
             let fingerprint = prepare(cell)?;
-            let finished = self.store.load(cell, fingerprint);
+            // A cell whose run failed is tried again: what was in its way may be gone.
+            let finished = self.store.load(cell, fingerprint).filter(|result| result.error.is_none());
             let result = match finished {
                 Some(result) => result,
                 None if self.stop.load(Ordering::SeqCst) => return Ok(None),

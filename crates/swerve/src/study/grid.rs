@@ -123,18 +123,24 @@ pub struct Cell {
 const CELLS_MAX: usize = 1_000_000;
 
 impl Study {
-    /// Reads and expands a study file.
-    pub fn read(path: &Path) -> Result<Self, Problem> {
+    /// Reads and expands a study file. `sets` go after the keys that its base sets, before the axes.
+    pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Problem> {
         let document = Document::read(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
-        Self::from_document(&document, folder, stem)
+        Self::from_document(&document, folder, stem, sets)
     }
 
-    fn from_document(document: &Document, folder: &Path, name: String) -> Result<Self, Problem> {
+    fn from_document(
+        document: &Document,
+        folder: &Path,
+        name: String,
+        sets: &[(String, toml::Value)],
+    ) -> Result<Self, Problem> {
         let file: StudyFile = document.to()?;
         let mut base = Vec::new();
         flatten("", &file.base.set, &mut base);
+        base.extend_from_slice(sets);
         let mut axes: Vec<String> = Vec::new();
         let mut cells = vec![Cell { index: 0, labels: Vec::new(), sets: base }];
         for (i, axis) in file.axis.iter().enumerate() {
@@ -268,7 +274,7 @@ mod tests {
 
     fn study(text: &str) -> Result<Study, Problem> {
         let document = Document::parse("s.toml", text.to_owned())?;
-        Study::from_document(&document, Path::new("dir"), "s".into())
+        Study::from_document(&document, Path::new("dir"), "s".into(), &[])
     }
 
     #[test]

@@ -35,7 +35,7 @@ pub struct StudyArgs {
     /// Study file (TOML)
     #[arg(required = true)]
     file: Option<PathBuf>,
-    /// Output folder [default: out/<study's name>]
+    /// Output folder [default: out/ and the study's name]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Cells run at once [default: one a core]
@@ -59,7 +59,7 @@ enum StudyCommand {
         /// Study file (TOML)
         #[arg(long)]
         study: PathBuf,
-        /// Output folder [default: out/<study's name>]
+        /// Output folder [default: out/ and the study's name]
         #[arg(long)]
         out: Option<PathBuf>,
         /// Set a configuration key in every cell, as in the shards' calls
@@ -109,8 +109,10 @@ fn finish(
             study.command(cell)
         );
     }
-    let missing = results.iter().filter(|r| r.is_none()).count();
-    if stop.load(Ordering::SeqCst) && shard.is_none() {
+    let mine = |cell: &Cell| shard.is_none_or(|shard| shard.holds(cell));
+    let missing =
+        study.cells.iter().zip(results).filter(|(cell, result)| result.is_none() && mine(cell)).count();
+    if stop.load(Ordering::SeqCst) && missing > 0 {
         bail!("stopped with {missing} cells to go; the same command goes on from here");
     }
     Ok(())
@@ -132,22 +134,23 @@ pub struct Bench {
     scenario: Scenario,
     scenario_text: String,
     base: Document,
-    sets: Vec<(String, toml::Value)>,
+    /// The program itself: what another build finished is not taken for its result.
+    program: Digest,
 }
 
 impl Bench {
     /// Reads a study, its scenario and its base configuration; `sets` apply to every cell, before the axes.
     pub fn open(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let study = Study::read(file)?;
         let sets: Result<Vec<_>, Problem> =
             sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
+        let study = Study::read(file, &sets?)?;
         let scenario = crate::run::read_scenario(&study.scenario)?;
         let scenario_text = std::fs::read_to_string(&study.scenario)?;
         let base = match &study.config {
             Some(path) => Document::read(path)?,
             None => Document::parse("defaults", String::new())?,
         };
-        let bench = Self { study, scenario, scenario_text, base, sets: sets? };
+        let bench = Self { study, scenario, scenario_text, base, program: program()? };
         // A wrong key is told before the first cell runs.
         for cell in &bench.study.cells {
             bench.config(cell)?;
@@ -156,8 +159,7 @@ impl Bench {
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
-        let sets: Vec<_> = self.sets.iter().chain(&cell.sets).cloned().collect();
-        Config::from_document(&self.base, &sets).map_err(|problems| {
+        Config::from_document(&self.base, &cell.sets).map_err(|problems| {
             problems_error(&problems).context(format!("cell [{}] of the study", cell.labels.join(" ")))
         })
     }
@@ -165,7 +167,7 @@ impl Bench {
     /// What a cell's result depends on, in one number.
     pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
         let mut hasher = Hasher::new();
-        hasher.value(&(env!("CARGO_PKG_VERSION"), self.config(cell)?.to_text(), &self.scenario_text));
+        hasher.value(&(self.program, self.config(cell)?.to_text(), &self.scenario_text));
         hasher
             .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
         Ok(hasher.digest())
@@ -182,6 +184,14 @@ impl Bench {
             None => Ok(summary(cell, &drive(&config, &self.scenario)?)),
         }
     }
+}
+
+/// One number for the running executable.
+fn program() -> anyhow::Result<Digest> {
+    let path = std::env::current_exe().context("finding the running program")?;
+    let mut hasher = Hasher::new();
+    hasher.bytes(&std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
+    Ok(hasher.digest())
 }
 
 fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {

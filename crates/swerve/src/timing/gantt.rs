@@ -17,7 +17,9 @@ const PLOT_PX_MIN: f64 = 1000.0;
 const PLOT_PX_MAX: f64 = 12_000.0;
 const LEFT_PX_MIN: f64 = 110.0;
 /// Bars are at least this wide on average, as far as the chart may grow.
-const STEP_PX: f64 = 26.0;
+const STEP_PX: f64 = 40.0;
+/// More steps than this do not fit into one chart: it shows the first part of the run.
+const STEPS_MAX: usize = 3000;
 /// Ticks of the axis stand about this far apart.
 const TICK_PX: f64 = 80.0;
 /// An approximation for the sans-serif faces of browsers at 11 px; labels only need not to collide.
@@ -33,7 +35,7 @@ pub(crate) fn svg(pipeline: &Pipeline, trace: &Trace) -> String {
     let mut svg = chart.head();
     chart.axis(&mut svg);
     chart.rows(&mut svg);
-    for (step, lane) in trace.steps.iter().zip(&chart.lanes) {
+    for (step, lane) in trace.steps.iter().zip(&chart.lanes).filter(|(step, _)| step.start <= chart.until) {
         chart.bar(&mut svg, step, *lane);
     }
     chart.marks(&mut svg);
@@ -53,6 +55,8 @@ struct Chart<'a> {
     left_px: f64,
     plot_px: f64,
     px_per_ms: f64,
+    /// The end of what is shown.
+    until: Time,
 }
 
 impl<'a> Chart<'a> {
@@ -69,9 +73,12 @@ impl<'a> Chart<'a> {
             .operators
             .iter()
             .map(|op| longest(op.name.chars().count().max(note(pipeline, op).chars().count())));
+        let end = Time::ZERO + pipeline.span;
+        let until = trace.steps.get(STEPS_MAX).map_or(end, |step| step.start.max(Time::from_ns(1)));
         let takes_time = |step: &&Step| step.end.is_none_or(|end| end > step.start);
+        let shown = trace.steps.iter().filter(takes_time).filter(|step| step.start <= until);
         let busiest = (0..pipeline.operators.len())
-            .map(|i| trace.steps.iter().filter(takes_time).filter(|step| step.operator == i).count())
+            .map(|i| shown.clone().filter(|step| step.operator == i).count())
             .max()
             .unwrap_or(0);
         let plot_px = (busiest as f64 * STEP_PX).clamp(PLOT_PX_MIN, PLOT_PX_MAX);
@@ -83,7 +90,8 @@ impl<'a> Chart<'a> {
             bottom_px: y,
             left_px: left_px.fold(LEFT_PX_MIN, f64::max),
             plot_px,
-            px_per_ms: plot_px / pipeline.span.as_ms(),
+            px_per_ms: plot_px / (until - Time::ZERO).as_ms(),
+            until,
         }
     }
 
@@ -93,11 +101,17 @@ impl<'a> Chart<'a> {
 
     fn head(&self) -> String {
         let (width, height) = (self.left_px + self.plot_px + 30.0, self.bottom_px + 62.0);
+        let all = Time::ZERO + self.pipeline.span;
+        let part = if self.until < all {
+            format!("the first {} of ", ms(self.until - Time::ZERO))
+        } else {
+            String::new()
+        };
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
              viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" font-size=\"11\" fill=\"#222\">\n\
              <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
-             <text x=\"12\" y=\"20\" font-size=\"14\" font-weight=\"bold\">Timing over {} ms</text>\n\
+             <text x=\"12\" y=\"20\" font-size=\"14\" font-weight=\"bold\">Timing over {part}{} ms</text>\n\
              <text x=\"12\" y=\"36\" fill=\"#666\">bars: steps, labelled by stamp in ms</text>\n",
             ms(self.pipeline.span)
         )
@@ -105,7 +119,7 @@ impl<'a> Chart<'a> {
 
     fn axis(&self, svg: &mut String) {
         let step = tick_ms(TICK_PX / self.px_per_ms);
-        let ticks = (self.pipeline.span.as_ms() / step).floor() as usize;
+        let ticks = ((self.until - Time::ZERO).as_ms() / step).floor() as usize;
         for tick in 0..=ticks {
             let at_ms = tick as f64 * step;
             let x = self.left_px + at_ms * self.px_per_ms;
@@ -151,7 +165,7 @@ impl<'a> Chart<'a> {
     }
 
     fn bar(&self, svg: &mut String, step: &Step, lane: usize) {
-        let end = step.end.unwrap_or(Time::ZERO + self.pipeline.span);
+        let end = step.end.map_or(self.until, |end| end.min(self.until));
         let (x, y) = (self.x(step.start), self.tops[step.operator] + LANE_PX * lane as f64);
         let width = (self.x(end) - x).max(1.5);
         let fill = FILLS[step.operator % FILLS.len()];
@@ -179,13 +193,13 @@ impl<'a> Chart<'a> {
     /// Publications, and below them misses and drops, stand on the lower edge of their row.
     fn marks(&self, svg: &mut String) {
         let foot = |operator: usize| self.tops.get(operator + 1).copied().unwrap_or(self.bottom_px) - 9.5;
-        for p in self.trace.publications.iter().filter(|p| p.stamp.is_some()) {
+        for p in self.trace.publications.iter().filter(|p| p.stamp.is_some() && p.visible_at <= self.until) {
             published(svg, self.x(p.visible_at), foot(p.operator) - 9.0, p.reused_from.is_some());
         }
-        for mark in &self.trace.drops {
+        for mark in self.trace.drops.iter().filter(|mark| mark.at <= self.until) {
             dropped(svg, self.x(mark.at), foot(mark.operator));
         }
-        for mark in &self.trace.misses {
+        for mark in self.trace.misses.iter().filter(|mark| mark.at <= self.until) {
             missed(svg, self.x(mark.at), foot(mark.operator));
         }
     }

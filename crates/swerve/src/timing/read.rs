@@ -11,7 +11,7 @@ use crate::config::execution::{Deadline, Runtime, parse_policy, span_ms};
 use crate::config::text::{Document, Problem, nearest};
 
 /// More ticks than this would not end in a sensible time.
-const TICKS_MAX: i64 = 10_000_000;
+const TICKS_MAX: i64 = 2_000_000;
 const SLOTS_MAX: usize = 1_000_000;
 
 #[derive(Deserialize)]

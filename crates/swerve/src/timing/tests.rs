@@ -277,6 +277,15 @@ fn the_chart_has_a_bar_for_each_step_and_survives_any_name() {
 }
 
 #[test]
+fn a_chart_of_a_long_run_shows_its_first_part_and_says_so() {
+    let text = GOOD.replace("span_ms = 2000", "span_ms = 3600000");
+    let pipeline = parse("p.toml", &text).expect("the file is good");
+    let svg = svg(&pipeline, &simulate(&pipeline, 1, 1).expect("it runs"));
+    assert!(svg.contains("the first ") && svg.contains(" of 3600000 ms"), "{}", &svg[..600]);
+    assert!(svg.len() < 2_000_000, "{} bytes", svg.len());
+}
+
+#[test]
 fn the_examples_are_good_and_say_what_they_promise() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/timing");
     for entry in std::fs::read_dir(folder).expect("the examples are there") {

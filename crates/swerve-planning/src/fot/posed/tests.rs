@@ -334,3 +334,23 @@ fn table() {
         }
     }
 }
+
+/// The car's dynamic model drives what `best` finds.
+#[test]
+fn the_car_drives_what_is_found() {
+    let Some((file, _)) = file() else { return };
+    let mut worst = (0.0, String::new());
+    for (name, every) in [("pylot_fast", 1), ("pylot_slow", 9)] {
+        for problem in file.problems.fot.iter().step_by(every) {
+            let solution = solve(problem, &file.configs.fot[name], Preset::Best);
+            if solution.found {
+                let off_m = crate::testing::driven_off_m(&solution.path);
+                assert!(off_m < 0.3, "{name} {}: {off_m}", solution.id);
+                if off_m > worst.0 {
+                    worst = (off_m, solution.id);
+                }
+            }
+        }
+    }
+    println!("furthest off its path: {worst:?}");
+}

@@ -1,0 +1,77 @@
+//! What FOT allocates once its memory has grown, counted: the plan that it hands out and nothing else. One test in
+//! a program of its own: nothing else runs beside it.
+
+#![expect(unsafe_code, reason = "a counting allocator has to implement an unsafe trait")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use swerve_core::{Span, Time};
+use swerve_geom::{Point2, Polyline, Pose2};
+use swerve_msg::{ActorId, ActorKind, EgoState, Extent, PlanStatus, PredictedPose, Prediction, Route};
+use swerve_planning::fot::{Fot, Params};
+use swerve_planning::{Planner, Preset, Request, Unlimited};
+use swerve_vehicle::{Limits, Shape};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is passed on to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        // SAFETY: `place` came from `alloc` with this layout.
+        unsafe { System.dealloc(place, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+#[test]
+fn a_plan_allocates_its_points_only() {
+    let points: Vec<Point2> = (0..200).map(|x| Point2::new(f64::from(x), 0.0)).collect();
+    let route = Route { line: Polyline::new(&points).unwrap(), left_m: 6.0, right_m: 2.0 };
+    let path = (0..=50)
+        .map(|k| PredictedPose {
+            at: Time::ZERO + Span::from_ms(100) * k,
+            pose: Pose2::new(55.0, 2.0 - 0.1 * k as f64, 0.0),
+        })
+        .collect();
+    let person = Prediction {
+        id: ActorId(1),
+        kind: ActorKind::Pedestrian,
+        extent: Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 },
+        probability: 1.0,
+        path,
+    };
+    let request = Request {
+        stamp: Time::ZERO,
+        start: EgoState { pose: Pose2::new(30.0, 0.0, 0.0), speed_mps: 14.0, ..EgoState::default() },
+        route: &route,
+        target_speed_mps: 14.0,
+        predictions: &[person],
+        shape: &Shape::default(),
+        limits: &Limits::default(),
+        previous: None,
+        seed: 0,
+    };
+    for preset in [Preset::Paper, Preset::Best] {
+        for params in [Params::fast(preset), Params::slow(preset)] {
+            let mut planner = Fot::new(params).unwrap();
+            assert_eq!(planner.plan(&request, &mut Unlimited::default()).status, PlanStatus::Found);
+            let before = ALLOCATIONS.load(Ordering::Relaxed);
+            let plan = planner.plan(&request, &mut Unlimited::default());
+            let count = ALLOCATIONS.load(Ordering::Relaxed) - before;
+            assert_eq!(plan.status, PlanStatus::Found);
+            // The vector of the points, sized at once.
+            assert!(count <= 1, "{preset:?}: {count} allocations for {} points", plan.points.len());
+        }
+    }
+}

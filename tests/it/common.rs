@@ -1,0 +1,38 @@
+//! Scenarios, configurations and recorded runs.
+
+use std::path::{Path, PathBuf};
+
+use swerve::config::Config;
+use swerve::config::text::parse_assignment;
+use swerve::pipeline::Pipeline;
+use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start};
+use swerve_log::Recorder;
+
+/// The repository.
+pub(crate) fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// The file of a shipped scenario.
+pub(crate) fn scenario_file(name: &str) -> PathBuf {
+    root().join("scenarios").join(name).with_extension("toml")
+}
+
+/// `--set` assignments, parsed.
+pub(crate) fn sets(assignments: &[&str]) -> Vec<(String, toml::Value)> {
+    assignments.iter().map(|a| parse_assignment(a).unwrap()).collect()
+}
+
+/// The default configuration under some assignments.
+pub(crate) fn config(assignments: &[&str]) -> Config {
+    Config::load(None, &sets(assignments)).unwrap_or_else(|problems| panic!("{problems:?}"))
+}
+
+/// Drives the scenario in `file` and records it in `log`.
+pub(crate) fn record(config: &Config, file: &Path, log: &Path, threads: usize) -> Outcome {
+    let pipeline = Pipeline::build(config, &read_scenario(file).unwrap()).unwrap();
+    let mut recorder = Recorder::create(log, &run_start(config, file).unwrap()).unwrap();
+    let outcome = drive_pipeline(pipeline, config.seed, threads, &mut [&mut recorder]).unwrap();
+    recorder.finish().unwrap();
+    outcome
+}

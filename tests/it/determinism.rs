@@ -1,0 +1,62 @@
+//! One number that equal runs share, whatever the machine does meanwhile.
+
+use swerve::config::Config;
+use swerve::pipeline::Pipeline;
+use swerve::run::{drive_observed, drive_pipeline, read_scenario, record_run_times};
+use swerve_core::Digest;
+use swerve_log::Log;
+
+use crate::common::{config, record, scenario_file};
+
+/// Plans that take longer than a frame, four at a time, in random times: steps that overlap on more than one
+/// thread and finish out of order.
+const OVERLAPPING: [&str; 2] = [
+    "operator.planner.runtime={ normal_ms = [120, 40] }",
+    "operator.planner.policy=\"pipelined(4, overtaking)\"",
+];
+
+fn digest(config: &Config, threads: usize) -> Digest {
+    let scenario = read_scenario(&scenario_file("person_crossing")).unwrap();
+    drive_observed(config, &scenario, threads, &mut []).unwrap().digest
+}
+
+#[test]
+fn threads_and_repeats_change_nothing_and_seeds_do() {
+    let config = config(&OVERLAPPING);
+    let one = digest(&config, 1);
+    for threads in [1, 2, 8, 8] {
+        assert_eq!(digest(&config, threads), one, "{threads} threads");
+    }
+    let other = Config { seed: 2, ..config };
+    assert_ne!(digest(&other, 1), one);
+    assert_eq!(digest(&other, 8), digest(&other, 1));
+}
+
+#[test]
+fn a_random_planner_repeats_itself_on_any_number_of_threads() {
+    let config = config(&[OVERLAPPING[0], OVERLAPPING[1], "planning.planner=rrt_star"]);
+    assert_eq!(digest(&config, 2), digest(&config, 1));
+}
+
+#[test]
+fn recorded_run_times_give_back_the_run_that_they_are_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scenario_file("person_crossing");
+    let scenario = read_scenario(&file).unwrap();
+    for (i, runtime) in
+        ["{ fixed_ms = 70 }", "{ normal_ms = [60, 25] }", "{ cycle_ms = [20, 130] }"].iter().enumerate()
+    {
+        let log = folder.path().join(format!("{i}.mcap"));
+        let assignment = format!("operator.planner.runtime={runtime}");
+        let modelled = record(&config(&[&assignment]), &file, &log, 1);
+        // Another model under the recorded times: it must not be asked.
+        let other = config(&["operator.planner.runtime={ fixed_ms = 1 }"]);
+        let mut pipeline = Pipeline::build(&other, &scenario).unwrap();
+        record_run_times(&mut pipeline, &Log::read(&log).unwrap());
+        let recorded = drive_pipeline(pipeline, other.seed, 1, &mut []).unwrap();
+        assert_eq!(recorded.digest, modelled.digest, "{runtime}");
+        assert_ne!(digest(&other, 1), modelled.digest, "{runtime}: the run times do not show in the digest");
+        let unrecorded: u64 = recorded.report.operators.iter().map(|o| o.unrecorded).sum();
+        assert_eq!(unrecorded, 0, "{runtime}");
+    }
+}

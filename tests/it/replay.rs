@@ -1,0 +1,133 @@
+//! A log's streams computed again: as they were, altered, under other settings, from damaged files.
+
+use std::path::{Path, PathBuf};
+
+use swerve::config::OPERATORS;
+use swerve::replay::replay;
+use swerve_log::{Log, LogError, Record};
+use swerve_msg::ObstacleList;
+use tempfile::TempDir;
+
+use crate::common::{config, record, scenario_file, sets};
+
+/// A recorded run in which plans take time and overlap.
+struct Recorded {
+    folder: TempDir,
+}
+
+impl Recorded {
+    fn of(scenario: &Path) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let config = config(&[
+            "operator.planner.runtime={ normal_ms = [70, 20] }",
+            "operator.planner.policy=\"pipelined(4, overtaking)\"",
+        ]);
+        record(&config, scenario, &folder.path().join("log.mcap"), 1);
+        Self { folder }
+    }
+
+    fn path(&self) -> PathBuf {
+        self.folder.path().join("log.mcap")
+    }
+
+    fn log(&self) -> Log {
+        Log::read(&self.path()).unwrap()
+    }
+}
+
+fn place(operator: &str) -> usize {
+    OPERATORS.iter().position(|o| *o == operator).unwrap()
+}
+
+#[test]
+fn every_cut_verifies_on_any_number_of_threads() {
+    let log = Recorded::of(&scenario_file("person_crossing")).log();
+    for operator in ["tracker", "predictor", "planner", "controller"] {
+        assert!(replay(&log, place(operator), &[], 1).unwrap().is_same(), "from {operator}");
+    }
+    assert!(replay(&log, place("tracker"), &[], 4).unwrap().is_same(), "4 threads");
+}
+
+#[test]
+fn the_scenario_file_is_not_needed() {
+    let elsewhere = tempfile::tempdir().unwrap();
+    let file = elsewhere.path().join("gone.toml");
+    std::fs::copy(scenario_file("person_crossing"), &file).unwrap();
+    let recorded = Recorded::of(&file);
+    drop(elsewhere);
+    assert!(!file.exists());
+    assert!(replay(&recorded.log(), place("tracker"), &[], 1).unwrap().is_same());
+}
+
+/// Flips the lowest bit of the first full-length number of the payload that is a coordinate: still an obstacle
+/// list, and another one.
+fn flip_one_bit(payload: &[u8]) -> Option<Vec<u8>> {
+    let read = |bytes: &[u8]| -> Option<ObstacleList> { ciborium::from_reader(bytes).ok() };
+    let before = read(payload)?;
+    (0..payload.len().saturating_sub(8)).filter(|&at| payload[at] == 0xfb).find_map(|at| {
+        let mut flipped = payload.to_vec();
+        flipped[at + 8] ^= 1;
+        let after = read(&flipped)?;
+        let moved = after.stamp == before.stamp && after.obstacles != before.obstacles;
+        moved.then_some(flipped)
+    })
+}
+
+#[test]
+fn one_flipped_bit_in_a_sensor_message_is_found() {
+    let mut log = Recorded::of(&scenario_file("person_crossing")).log();
+    let mut flipped = false;
+    for record in &mut log.records {
+        if let Record::Publication(p) = record
+            && p.stream.operator == "obstacles"
+            && let Some(payload) = flip_one_bit(&p.payload_cbor)
+        {
+            let bits: u32 =
+                payload.iter().zip(p.payload_cbor.iter()).map(|(a, b)| (a ^ b).count_ones()).sum();
+            assert_eq!(bits, 1);
+            p.payload_cbor = payload.into();
+            flipped = true;
+            break;
+        }
+    }
+    assert!(flipped, "no sensor message holds an obstacle");
+    for operator in ["tracker", "planner"] {
+        assert!(!replay(&log, place(operator), &[], 1).unwrap().is_same(), "from {operator}");
+    }
+}
+
+#[test]
+fn other_settings_differ_from_the_log_and_the_logged_ones_do_not() {
+    let log = Recorded::of(&scenario_file("person_crossing")).log();
+    let with = |set: &str| replay(&log, place("planner"), &sets(&[set]), 1).unwrap().is_same();
+    assert!(!with("planning.planner=waypoint"));
+    assert!(!with("operator.planner.runtime={ fixed_ms = 10 }"));
+    assert!(with("planning.planner=fot"));
+    let wrong = replay(&log, place("planner"), &sets(&["planning.planner=fott"]), 1);
+    let message = wrong.err().map(|e| format!("{e:#}")).unwrap();
+    assert!(message.contains("did you mean `fot`?"), "{message}");
+}
+
+#[test]
+fn damaged_logs_are_one_error_that_names_the_file() {
+    let recorded = Recorded::of(&scenario_file("person_crossing"));
+    let whole = std::fs::read(recorded.path()).unwrap();
+    let damaged = recorded.folder.path().join("damaged.mcap");
+    let error = |bytes: &[u8]| {
+        std::fs::write(&damaged, bytes).unwrap();
+        Log::read(&damaged).expect_err("damaged on purpose")
+    };
+    for part in [0.0, 0.001, 0.3, 0.7, 0.999] {
+        let cut = (part * whole.len() as f64) as usize;
+        let error = error(&whole[..cut]);
+        assert!(matches!(error, LogError::Damaged { .. } | LogError::Incomplete { .. }), "{error:?}");
+        let message = error.to_string();
+        assert!(message.contains("damaged.mcap") && message.lines().count() == 1, "cut at {cut}: {message}");
+    }
+    for part in [0.2, 0.5, 0.8] {
+        let mut bytes = whole.clone();
+        bytes[(part * whole.len() as f64) as usize] ^= 0x10;
+        let message = error(&bytes).to_string();
+        assert!(message.contains("damaged at byte") && message.lines().count() == 1, "{message}");
+    }
+}

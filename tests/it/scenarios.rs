@@ -1,0 +1,68 @@
+//! Every shipped scenario, under every pipeline that it expects something of.
+
+use std::path::PathBuf;
+
+use swerve::config::Config;
+use swerve::run::{drive, read_scenario};
+
+use crate::common::{config, root};
+
+fn files() -> Vec<PathBuf> {
+    let files = swerve::files::toml_files(&root().join("scenarios")).unwrap();
+    assert!(files.len() >= 7, "only {} scenarios found", files.len());
+    files
+}
+
+/// The pipeline that scenarios call `name`.
+fn named(name: &str) -> Config {
+    let (preset, planner) = match name.strip_prefix("paper_") {
+        Some(planner) => ("paper", planner),
+        None => ("best", name),
+    };
+    let config = config(&[&format!("planning.preset={preset}"), &format!("planning.planner={planner}")]);
+    assert_eq!(config.pipeline_name(), name);
+    config
+}
+
+/// In what way the run of `file` under `config` is not as the scenario expects.
+fn broken(file: &PathBuf, config: &Config) -> Vec<String> {
+    let scenario = read_scenario(file).unwrap();
+    let pipeline = config.pipeline_name();
+    let expected = scenario
+        .expectation(&pipeline)
+        .unwrap_or_else(|| panic!("{} expects nothing of {pipeline}", scenario.name));
+    let outcome = drive(config, &scenario).unwrap();
+    outcome.broken(expected).into_iter().map(|b| format!("{} under {pipeline}: {b}", scenario.name)).collect()
+}
+
+#[test]
+fn the_default_pipeline_does_as_every_scenario_expects() {
+    let broken: Vec<String> = files().iter().flat_map(|file| broken(file, &Config::default())).collect();
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
+
+#[test]
+fn every_pipeline_that_a_scenario_names_does_as_it_expects() {
+    let default = Config::default().pipeline_name();
+    let (mut runs, mut all_broken) = (0, Vec::new());
+    for file in files() {
+        let expect = read_scenario(&file).unwrap().expect;
+        for name in expect.into_iter().filter_map(|e| e.pipeline).filter(|name| *name != default) {
+            runs += 1;
+            all_broken.extend(broken(&file, &named(&name)));
+        }
+    }
+    assert!(all_broken.is_empty(), "{}", all_broken.join("\n"));
+    assert!(runs >= 7, "only {runs} expectations name a pipeline");
+}
+
+#[test]
+fn other_seeds_end_the_same_way() {
+    for (name, seeds) in [("person_behind_truck", 2..5), ("person_behind_parked_car", 2..4)] {
+        for seed in seeds {
+            let config = Config { seed, ..Config::default() };
+            let broken = broken(&crate::common::scenario_file(name), &config);
+            assert!(broken.is_empty(), "seed {seed}: {}", broken.join("; "));
+        }
+    }
+}
