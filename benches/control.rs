@@ -1,8 +1,10 @@
 //! Controllers: one quadratic program of the predictive law, and one step of every law.
 
 use std::hint::black_box;
+use std::path::Path;
 
-use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, criterion_group};
+use swerve_benches::{Goal, Rows, is_asked_to_measure};
 use swerve_control::mpc::{self, Mpc};
 use swerve_control::{Controller, Following, Input, Law, LinearPedals, Params};
 use swerve_core::{Span, Time};
@@ -99,4 +101,33 @@ criterion_group! {
     config = Criterion::default().sample_size(40).measurement_time(std::time::Duration::from_secs(3));
     targets = programs, laws
 }
-criterion_main!(benches);
+
+/// Median of a bench by criterion's estimate, milliseconds.
+fn median_ms(group: &str, name: &str) -> Option<f64> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../criterion").join(group.replace('/', "_"));
+    let text = std::fs::read_to_string(folder.join(name).join("new/estimates.json")).ok()?;
+    let estimates: serde_json::Value = serde_json::from_str(&text).ok()?;
+    Some(estimates["median"]["point_estimate"].as_f64()? * 1e-6)
+}
+
+fn main() {
+    benches();
+    Criterion::default().configure_from_args().final_summary();
+    if !is_asked_to_measure() {
+        return;
+    }
+    let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "control");
+    for (group, name, goal) in [
+        ("control/mpc_20", "update", Goal::Most(1.0)),
+        ("control/mpc_40", "update", Goal::None),
+        ("control/step", "pid", Goal::None),
+        ("control/step", "stanley", Goal::None),
+    ] {
+        let what = format!("{group} {name}, median");
+        match median_ms(group, name) {
+            Some(ms) => rows.row(&what, ms, &format!("{ms:.4} ms"), goal),
+            None => rows.skipped(&what, "not measured"),
+        }
+    }
+    rows.finish();
+}

@@ -1,1 +1,297 @@
-fn main() {}
+//! The latency study: what run-time model and busy policy make of the latency of a pipeline, in virtual time.
+//!
+//! A camera at 20 Hz, a detector of about 80 ms under the model and policy of each row, a tracker of 10 ms, a planner of
+//! 20 ms, a controller at 100 Hz. The latency of an operator is the age of the stamp at its publication; end to end is
+//! the age of the newest frame behind a command, at every command. All but `measured` give the same figures anywhere.
+
+use std::fmt::Write as _;
+use std::hint::black_box;
+use std::path::Path;
+use std::sync::Arc;
+
+use swerve::study::table::align;
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
+use swerve_core::{Rng, Span, Time};
+use swerve_flow::{
+    At, Context, Event, Every, Graph, Latest, Observer, Operator, Policy, Port, RecordedTimes, RunOptions,
+    RuntimeModel, every, run_virtual,
+};
+
+/// Twenty minutes: 24,000 frames, so that p99.9 rests on some two dozen.
+const UNTIL_MS: i64 = 1_200_000;
+const OPERATORS: [&str; 5] = ["camera", "detector", "tracker", "planner", "controller"];
+const SHARES: [f64; 3] = [0.5, 0.99, 0.999];
+/// Host time over modelled time of the measured detector, whose steps really take about 20 us.
+const SCALE: f64 = 4000.0;
+/// Histograms: this many bins over this many milliseconds.
+const BINS: usize = 40;
+const RANGE_MS: f64 = 600.0;
+
+struct Camera;
+impl Operator for Camera {
+    type In = Every;
+    type Out = Port<u64>;
+    fn step(&mut self, cx: &mut Context<'_>, _: &Every, out: &mut Port<u64>) {
+        out.send(cx.rng().bits());
+    }
+}
+
+/// Counts 300 to 1,100 units of work, and where it is measured works for some microseconds.
+struct Detector {
+    measured: bool,
+}
+impl Operator for Detector {
+    type In = At<u64>;
+    type Out = Port<u64>;
+    fn step(&mut self, cx: &mut Context<'_>, input: &At<u64>, out: &mut Port<u64>) {
+        let Some(frame) = input.get() else { return };
+        let units = cx.rng().uniform(300.0, 1100.0) as u64;
+        cx.spend(units);
+        if self.measured {
+            let began = now();
+            while began.elapsed().as_nanos() < 12_000 + 12 * u128::from(units) {
+                black_box(units);
+            }
+        }
+        out.send(**frame ^ units);
+    }
+}
+
+struct Next;
+impl Operator for Next {
+    type In = At<u64>;
+    type Out = Port<u64>;
+    fn step(&mut self, _: &mut Context<'_>, input: &At<u64>, out: &mut Port<u64>) {
+        if let Some(message) = input.get() {
+            out.pass_on(message);
+        }
+    }
+}
+
+struct Controller;
+impl Operator for Controller {
+    type In = (Every, Latest<u64>);
+    type Out = Port<u64>;
+    fn step(&mut self, _: &mut Context<'_>, (_, plan): &Self::In, out: &mut Port<u64>) {
+        if let Some(plan) = plan.get() {
+            out.pass_on(plan);
+        }
+    }
+}
+
+/// Ages at publication, milliseconds, by operator.
+#[derive(Default)]
+struct Ages {
+    ms: [Vec<f64>; 5],
+    /// The newest frame that a plan derives from, and how many plans there were.
+    plans: usize,
+}
+
+impl Observer for Ages {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let (Some(stamp), Some(operator)) =
+            (publication.stamp, OPERATORS.iter().position(|name| *name == publication.operator))
+        else {
+            return;
+        };
+        self.plans += usize::from(operator == 3);
+        let from = if operator == 4 { publication.origin } else { Some(stamp) };
+        let age = from.map(|from| (publication.visible_at - from).ns() as f64 * 1e-6);
+        self.ms[operator].extend(age);
+    }
+}
+
+fn models() -> Vec<(&'static str, RuntimeModel)> {
+    let ms = Span::from_ms;
+    let mut rng = Rng::keyed(7, "recorded", &[]);
+    let recorded: RecordedTimes = (0..UNTIL_MS / 100)
+        .map(|k| (Time::from_ms(100 * k), Span::from_us(rng.uniform(50_000.0, 110_000.0) as i64)))
+        .collect();
+    vec![
+        ("zero", RuntimeModel::Zero),
+        ("fixed", RuntimeModel::Fixed(ms(80))),
+        ("cycle", RuntimeModel::Cycle(vec![ms(60), ms(60), ms(120)])),
+        ("normal", RuntimeModel::Normal { mean: ms(80), deviation: ms(15) }),
+        ("log-normal", RuntimeModel::LogNormal { median: ms(75), sigma: 0.35 }),
+        (
+            "percentiles",
+            RuntimeModel::Percentiles(vec![(0.0, ms(60)), (50.0, ms(75)), (99.0, ms(160)), (99.9, ms(300))]),
+        ),
+        ("work", RuntimeModel::Work { base: ms(10), per_unit_ns: 100_000.0 }),
+        ("recorded", RuntimeModel::Recorded(Arc::new(recorded))),
+        ("measured", RuntimeModel::Measured { scale: SCALE }),
+    ]
+}
+
+fn policies() -> [(&'static str, Policy); 4] {
+    [
+        ("skip_to_latest", Policy::SkipToLatest),
+        ("queue(2)", Policy::queue(2)),
+        ("pipelined(4)", Policy::pipelined(4)),
+        ("pipelined(4, overtaking)", Policy::Pipelined { places: 4, overtaking: true }),
+    ]
+}
+
+/// One row: model, policy, ages, and how many frames of the camera came through to a plan.
+struct Case {
+    model: &'static str,
+    policy: &'static str,
+    ages: Vec<Sample>,
+    through: f64,
+}
+
+fn run(model: (&'static str, RuntimeModel), policy: (&'static str, Policy)) -> Case {
+    let ms = Span::from_ms;
+    let mut graph = Graph::new();
+    let fixed = |n| RuntimeModel::Fixed(ms(n));
+    let image = graph.add("camera", Camera, every(ms(50))).runtime(fixed(5)).origin().out();
+    let detector = Detector { measured: model.0 == "measured" };
+    let boxes = graph.add("detector", detector, image).runtime(model.1).policy(policy.1).out();
+    let tracks = graph.add("tracker", Next, boxes).runtime(fixed(10)).policy(policy.1).out();
+    let plan = graph.add("planner", Next, tracks).runtime(fixed(20)).policy(policy.1).out();
+    graph.add("controller", Controller, (every(ms(10)), plan)).out();
+    let mut ages = Ages::default();
+    let options = RunOptions::until(Time::from_ms(UNTIL_MS));
+    run_virtual(graph, &options, vec![&mut ages]).expect("a sound graph");
+    let frames = ages.ms[0].len().max(1);
+    let through = ages.plans as f64 / frames as f64;
+    Case { model: model.0, policy: policy.0, ages: ages.ms.into_iter().map(Sample::new).collect(), through }
+}
+
+/// Shares of the end-to-end ages by bin; what is beyond the range counts in the last.
+fn histogram(case: &Case) -> Vec<f64> {
+    let mut bins = vec![0.0; BINS];
+    let figures = case.ages[4].figures();
+    for ms in figures {
+        let bin = (ms / RANGE_MS * BINS as f64) as usize;
+        bins[bin.min(BINS - 1)] += 1.0 / figures.len() as f64;
+    }
+    bins
+}
+
+fn sparkline(bins: &[f64]) -> String {
+    const LEVELS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    let most = bins.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let level = |share: f64| if share > 0.0 { (share / most * 7.0).ceil() as usize + 1 } else { 0 };
+    bins.iter().map(|share| LEVELS[level(*share).min(8)]).collect()
+}
+
+fn table(cases: &[Case]) -> String {
+    let mut head = vec!["model".to_owned(), "policy".to_owned()];
+    head.extend(
+        [
+            "camera",
+            "detector",
+            "tracker",
+            "planner",
+            "end to end",
+            "frames through",
+            "end to end, 0 to 600 ms",
+        ]
+        .map(str::to_owned),
+    );
+    let mut lines = vec![head];
+    for case in cases {
+        let three = |sample: &Sample| SHARES.map(|share| format!("{:.0}", sample.at(share))).join(" / ");
+        let mut line = vec![case.model.to_owned(), case.policy.to_owned()];
+        line.extend(case.ages.iter().map(three));
+        line.push(format!("{:.1} %", 100.0 * case.through));
+        line.push(format!("|{}|", sparkline(&histogram(case))));
+        lines.push(line);
+    }
+    align(&lines)
+}
+
+/// Small multiples: a histogram of the end-to-end latency for each model (row) and policy (column).
+fn svg(cases: &[Case]) -> String {
+    const W: f64 = 270.0;
+    const H: f64 = 92.0;
+    const LEFT: f64 = 100.0;
+    const TOP: f64 = 62.0;
+    let columns = policies().len();
+    let (width, height) = (LEFT + W * columns as f64 + 10.0, TOP + H * (cases.len() / columns) as f64 + 10.0);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
+         font-family=\"Helvetica, Arial, sans-serif\" font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
+         <text x=\"10\" y=\"20\" font-size=\"15\" font-weight=\"bold\">End-to-end latency by run-time model and busy policy</text>\n\
+         <text x=\"10\" y=\"36\" fill=\"#5B636D\">age of the newest frame behind each command, 0 to 600 ms; lines: p50, p99, p99.9</text>\n"
+    );
+    for (k, case) in cases.iter().enumerate() {
+        let (x, y) = (LEFT + W * (k % columns) as f64, TOP + H * (k / columns) as f64);
+        if k < columns {
+            let _ = writeln!(
+                svg,
+                "<text x=\"{x}\" y=\"{}\" font-weight=\"bold\">{}</text>",
+                TOP - 8.0,
+                case.policy
+            );
+        }
+        if k % columns == 0 {
+            let _ =
+                writeln!(svg, "<text x=\"10\" y=\"{}\" font-weight=\"bold\">{}</text>", y + 40.0, case.model);
+        }
+        panel(&mut svg, case, (x, y), (W - 18.0, H - 28.0));
+    }
+    svg + "</svg>\n"
+}
+
+fn panel(svg: &mut String, case: &Case, (x, y): (f64, f64), (width, height): (f64, f64)) {
+    let bins = histogram(case);
+    let most = bins.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let _ =
+        writeln!(svg, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"#F4F3EF\"/>");
+    let step = width / BINS as f64;
+    for (bin, share) in bins.iter().enumerate().filter(|(_, share)| **share > 0.0) {
+        let tall = (share / most * (height - 2.0)).max(1.0);
+        let (left, top) = (x + step * bin as f64, y + height - tall);
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{tall:.1}\" fill=\"#0072B2\"/>",
+            step - 0.6
+        );
+    }
+    let figures = SHARES.map(|share| case.ages[4].at(share));
+    for (ms, color) in figures.iter().zip(["#009E73", "#C98A00", "#B00020"]) {
+        let at = x + width * (ms / RANGE_MS).min(1.0);
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{at:.1} {y}v{height}\" stroke=\"{color}\" stroke-width=\"1.4\" stroke-dasharray=\"3 2\"/>"
+        );
+    }
+    let [p50, p99, p999] = figures;
+    let _ = writeln!(
+        svg,
+        "<text x=\"{x}\" y=\"{:.1}\" fill=\"#5B636D\" font-size=\"10\">p50 {p50:.0}  p99 {p99:.0}  p99.9 {p999:.0} ms, {:.0} % of frames</text>",
+        y + height + 12.0,
+        100.0 * case.through
+    );
+}
+
+fn main() -> std::io::Result<()> {
+    if !is_asked_to_measure() {
+        return Ok(());
+    }
+    let folder = env!("CARGO_TARGET_TMPDIR");
+    let mut rows = Rows::new(folder, "latency");
+    let mut cases = Vec::new();
+    for model in models() {
+        for policy in policies() {
+            cases.push(run(model.clone(), policy));
+        }
+    }
+    print(
+        "milliseconds, p50 / p99 / p99.9: age of the stamp at publication; end to end: age of the frame behind a command",
+    );
+    print(&table(&cases));
+    let path = Path::new(folder).join("latency.svg");
+    std::fs::write(&path, svg(&cases))?;
+    for case in cases.iter().filter(|case| case.model == "log-normal") {
+        let [p50, p99, p999] = SHARES.map(|share| case.ages[4].at(share));
+        let what = format!("end to end, detector log-normal 75 ms, {}", case.policy);
+        rows.row(&what, p99, &format!("p50 {p50:.0} p99 {p99:.0} p99.9 {p999:.0} ms"), Goal::None);
+    }
+    rows.finish();
+    print(&format!("drawn in {}", path.display()));
+    Ok(())
+}

@@ -42,6 +42,11 @@ impl Sample {
         self.0[((self.0.len() - 1) as f64 * share).round() as usize]
     }
 
+    /// All of them, in order.
+    pub fn figures(&self) -> &[f64] {
+        &self.0
+    }
+
     /// The middle one.
     pub fn median(&self) -> f64 {
         self.at(0.5)

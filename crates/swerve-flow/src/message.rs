@@ -4,7 +4,7 @@ use core::ops::Deref;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use swerve_core::Time;
+use swerve_core::{Digest, Time};
 
 use crate::payload::{Payload, Sent};
 
@@ -30,6 +30,8 @@ pub struct Header {
 pub struct Message<T> {
     header: Header,
     value: Arc<T>,
+    /// The payload's fingerprint.
+    pub(crate) digest: Digest,
 }
 
 impl<T> Message<T> {
@@ -46,7 +48,7 @@ impl<T> Message<T> {
 
 impl<T> Clone for Message<T> {
     fn clone(&self) -> Self {
-        Self { header: self.header, value: self.value.clone() }
+        Self { header: self.header, value: self.value.clone(), digest: self.digest }
     }
 }
 
@@ -67,6 +69,6 @@ pub(crate) struct Msg {
 
 impl Msg {
     pub(crate) fn typed<T: Payload>(self) -> Message<T> {
-        Message { header: self.header, value: self.sent.typed() }
+        Message { header: self.header, digest: self.sent.digest, value: self.sent.typed() }
     }
 }

@@ -3,7 +3,10 @@
 use core::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
+use swerve_core::Digest;
+
 use crate::graph::Stream;
+use crate::message::Message;
 use crate::payload::{Decode, Outs, Payload, Sent, decode};
 
 /// The outputs of an operator: `()`, a [`Port`], or a tuple of up to four ports.
@@ -34,6 +37,8 @@ pub struct Declaration {
 pub struct Port<T> {
     pub(crate) index: usize,
     sent: Option<Arc<T>>,
+    /// The fingerprint of what is sent, where it is known already.
+    known: Option<Digest>,
 }
 
 impl<T: Payload> Port<T> {
@@ -49,7 +54,18 @@ impl<T: Payload> Port<T> {
 
     /// Publishes a payload that exists already, without a copy.
     pub fn forward(&mut self, value: Arc<T>) {
+        self.put(value, None);
+    }
+
+    /// Publishes what a message carries, without a copy and without taking its fingerprint again: what an
+    /// operator does that lets big payloads pass.
+    pub fn pass_on(&mut self, message: &Message<T>) {
+        self.put(message.shared(), Some(message.digest));
+    }
+
+    fn put(&mut self, value: Arc<T>, known: Option<Digest>) {
         self.sent = Some(value);
+        self.known = known;
     }
 }
 
@@ -61,7 +77,7 @@ pub struct Loan<'a, T> {
 impl<'a, T: Payload> Loan<'a, T> {
     /// Fills the room and publishes it.
     pub fn send(self, value: T) {
-        self.port.sent = Some(Arc::new(value));
+        self.port.put(Arc::new(value), None);
     }
 
     /// Fills the room, to be completed in place and sent then.
@@ -79,7 +95,7 @@ pub struct Filled<'a, T> {
 impl<T: Payload> Filled<'_, T> {
     /// Publishes it.
     pub fn send(self) {
-        self.port.sent = Some(self.value);
+        self.port.put(self.value, None);
     }
 }
 
@@ -108,11 +124,15 @@ impl<T: Payload> Outputs for Port<T> {
     }
 
     fn fresh(first: usize) -> Self {
-        Self { index: first, sent: None }
+        Self { index: first, sent: None, known: None }
     }
 
     fn take(&mut self, sent: &mut Outs) {
-        sent[self.index] = self.sent.take().map(Sent::new);
+        let known = self.known;
+        sent[self.index] = self.sent.take().map(|value| match known {
+            Some(digest) => Sent { payload: value, digest },
+            None => Sent::new(value),
+        });
     }
 
     fn values(outs: Option<&Outs>, first: usize) -> Self::Values {

@@ -194,3 +194,45 @@ fn the_graph_is_checked_whole() {
     let foreign = refused(&|net| _ = net.stage("a", join(&[Stream::new(7)])));
     assert_eq!(foreign, "operator `a` was given a handle of another graph");
 }
+
+/// Publishes what it gets, the second way.
+struct Again {
+    pass_on: bool,
+}
+
+impl Operator for Again {
+    type In = At<i64>;
+    type Out = Port<i64>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &At<i64>, out: &mut Port<i64>) {
+        let message = input.get().expect("only messages fire it");
+        if self.pass_on {
+            out.pass_on(message);
+        } else {
+            out.forward(message.shared());
+        }
+    }
+}
+
+#[test]
+fn what_is_passed_on_is_the_same_payload_with_the_same_digest() {
+    let run = |pass_on: bool| {
+        let mut net = Net::new();
+        let a = net.instant_messages("a", 10, 50);
+        net.graph.add("again", Again { pass_on }, a).out();
+        let mut payloads: Vec<(String, *const i64)> = Vec::new();
+        let mut observer = |event: &Event<'_>| {
+            if let Event::Publication(publication) = event
+                && let Some(payload) = publication.payload.and_then(|p| p.as_any().downcast_ref::<i64>())
+            {
+                payloads.push((publication.operator.to_owned(), payload));
+            }
+        };
+        let report = run_virtual(net.graph, &RunOptions::until(at(100)), vec![&mut observer]).unwrap();
+        let of = |name: &str| payloads.iter().filter(|p| p.0 == name).map(|p| p.1).collect::<Vec<_>>();
+        assert!(!of("a").is_empty());
+        assert_eq!(of("a"), of("again"));
+        report.digest
+    };
+    assert_eq!(run(true), run(false));
+}
