@@ -1,0 +1,8 @@
+//! The program as its users call it: one binary, one module a subject.
+
+mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
+mod output; // what goes where, and which options change it
+mod study; // cells, resuming, shards, failing cells, repeating a cell
+mod support; // a folder to call the program in
+
+mod interrupt; // Ctrl-C, behind SWERVE_SLOW=1
