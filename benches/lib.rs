@@ -1,1 +1,116 @@
-//! Benches of the workspace: see the files beside this one.
+//! Benches of the workspace: see the files beside this one. What they share: rows, medians, the summary's files.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The present moment of the real clock.
+#[expect(clippy::disallowed_methods, reason = "benches measure this host")]
+pub fn now() -> Instant {
+    Instant::now()
+}
+
+/// Waits; for senders that are to find their receiver asleep.
+#[expect(clippy::disallowed_methods, reason = "a sender at a fixed rate is what is measured")]
+pub fn sleep_ms(ms: u64) {
+    std::thread::sleep(std::time::Duration::from_millis(ms));
+}
+
+/// Writes results to standard output.
+#[expect(clippy::print_stdout, reason = "results of a bench go there")]
+pub fn print(text: &str) {
+    println!("{text}");
+}
+
+/// What was measured several times: sorted, never empty.
+#[derive(Clone, Debug)]
+pub struct Sample(Vec<f64>);
+
+impl Sample {
+    /// Of at least one figure.
+    ///
+    /// # Panics
+    /// Without any.
+    pub fn new(mut figures: Vec<f64>) -> Self {
+        assert!(!figures.is_empty(), "nothing was measured");
+        figures.sort_by(f64::total_cmp);
+        Self(figures)
+    }
+
+    /// The figure that a share of them stays at or below.
+    pub fn at(&self, share: f64) -> f64 {
+        self.0[((self.0.len() - 1) as f64 * share).round() as usize]
+    }
+
+    /// The middle one.
+    pub fn median(&self) -> f64 {
+        self.at(0.5)
+    }
+
+    /// The least one: what the host does when nobody disturbs it.
+    pub fn least(&self) -> f64 {
+        self.at(0.0)
+    }
+
+    /// `median [least .. largest] unit`
+    pub fn text(&self, digits: usize, unit: &str) -> String {
+        format!("{:.digits$} [{:.digits$} .. {:.digits$}] {unit}", self.median(), self.least(), self.at(1.0))
+    }
+}
+
+/// What a figure is held against.
+#[derive(Clone, Copy, Debug)]
+pub enum Goal {
+    /// At most this.
+    Most(f64),
+    /// At least this.
+    Least(f64),
+    /// It is there for comparison.
+    None,
+}
+
+/// The rows of one bench, printed as they come and kept for the summary.
+pub struct Rows {
+    file: PathBuf,
+    lines: String,
+}
+
+impl Rows {
+    /// Starts the rows of the bench `name`; `folder` is Cargo's folder for such files, `CARGO_TARGET_TMPDIR`.
+    pub fn new(folder: &str, name: &str) -> Self {
+        print(&format!("\n== {name}"));
+        Self { file: Path::new(folder).join(format!("swerve-bench-{name}.tsv")), lines: String::new() }
+    }
+
+    /// One row: what, the figure that is held against the goal, how it reads, and what the goal says.
+    pub fn row(&mut self, what: &str, figure: f64, reads: &str, goal: Goal) {
+        let (goal, verdict) = match goal {
+            Goal::Most(most) => {
+                (format!("<= {most}"), if figure <= most { "reached" } else { "NOT REACHED" })
+            }
+            Goal::Least(least) => {
+                (format!(">= {least}"), if figure >= least { "reached" } else { "NOT REACHED" })
+            }
+            Goal::None => ("-".to_owned(), ""),
+        };
+        print(&format!("{what:<66} {reads:<40} {goal:<10} {verdict}"));
+        let _infallible = writeln!(self.lines, "{what}\t{reads}\t{goal}\t{verdict}");
+    }
+
+    /// Something that could not be measured.
+    pub fn skipped(&mut self, what: &str, why: &str) {
+        self.row(what, 0.0, &format!("skipped: {why}"), Goal::None);
+    }
+
+    /// Keeps the rows for the summary.
+    pub fn finish(self) {
+        if let Err(error) = std::fs::write(&self.file, self.lines) {
+            print(&format!("{}: {error}", self.file.display()));
+        }
+    }
+}
+
+/// Whether the program was called to measure (`cargo bench`), not to be tried out (`cargo test --benches`).
+pub fn is_asked_to_measure() -> bool {
+    std::env::args().any(|argument| argument == "--bench")
+}

@@ -1,7 +1,9 @@
 //! Integration tests: one binary, one module a subject.
+#![expect(clippy::unwrap_used, reason = "a failed test says where")]
 
 mod common; // scenarios, configurations and recorded runs for the others
 mod determinism; // the digest: threads, seeds, repeats, recorded run times
+mod docs; // pages: commands, files, code and settings that they show
 mod replay; // logs computed again: verified, altered, damaged
 mod scenarios; // every shipped scenario under every pipeline that it expects something of
 mod tidy; // the house: dependency arrows, licences, page lengths

@@ -24,7 +24,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         let config = *file.configs.rrt_star.get(config)?;
         Some(rrt_star_work(&file, config))
     };
-    // The file has no `avoid*` configuration of the original's name for the paper's fast setting but this one.
     let hybrid_work = |config: &str| -> Option<Vec<u64>> {
         let config = file.configs.hybrid_astar.get(config)?;
         let posed = file.problems.hybrid_astar.iter().filter(|p| p.group.starts_with("avoid"));
@@ -51,9 +50,10 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn rrt_star_work(file: &ProblemFile, config: RrtStarConfig) -> Vec<u64> {
     let mut work = Vec::new();
+    let mut solver = rrt_star::Solver::default();
     for problem in file.problems.rrt_star.iter().filter(|p| p.group.starts_with("avoid")) {
         for seed in 0..SEEDS {
-            let mut solver = rrt_star::Solver { seed, ..rrt_star::Solver::default() };
+            solver.seed = seed;
             solver.search(problem, &config, Preset::Paper, &mut Unlimited::default());
             work.push(solver.work());
         }

@@ -26,14 +26,19 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<()> {
     for file in &files {
         faults.extend(problems(file));
     }
+    let files = counted(files.len(), "file");
     if faults.is_empty() {
-        crate::output::print(&format!("{} files, no problem\n", files.len()));
+        crate::output::print(&format!("{files}, no problem\n"));
         return Ok(());
     }
     for fault in &faults {
         eprintln!("{fault}");
     }
-    bail!("{} problems in {} files", faults.len(), files.len())
+    bail!("{} in {files}", counted(faults.len(), "problem"))
+}
+
+fn counted(n: usize, what: &str) -> String {
+    if n == 1 { format!("{n} {what}") } else { format!("{n} {what}s") }
 }
 
 /// What kind of file this is shows in its top-level keys.

@@ -1,5 +1,7 @@
 //! The command line.
 
+use std::ffi::OsString;
+
 use clap::{Parser, Subcommand};
 
 use crate::{calibrate, check, graph, plan, replay, run, scenarios, study, timing};
@@ -32,6 +34,11 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// List the scenarios of a folder
     Scenarios(scenarios::ScenariosArgs),
+}
+
+/// Reads a command line, the program's name first; the error is what the terminal would show.
+pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> Result<Cli, clap::Error> {
+    Cli::try_parse_from(words)
 }
 
 /// An error with its causes, each told once: some errors already name theirs.

@@ -70,8 +70,9 @@ impl Engine<'_> {
         }
         let watermark = node.floor.max(joined);
         let answer = Answer { stamp, reused_from: None, origin, reads: &[] };
-        for port in 0..node.streams.len() {
-            match outs[port].take() {
+        let ports = node.streams.len();
+        for (port, sent) in outs.iter_mut().take(ports).enumerate() {
+            match sent.take() {
                 Some(sent) => self.publish_on(rank, port, watermark, &answer, sent),
                 None => self.publish_risen(rank, port, watermark),
             }

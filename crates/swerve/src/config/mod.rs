@@ -229,6 +229,9 @@ pub enum StartState {
     Predicted,
 }
 
+/// Run time by planner and discretisation.
+pub type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
+
 /// The motion planner.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -247,8 +250,9 @@ pub struct PlanningConfig {
     pub expected_ms: Option<f64>,
     /// Parameters of the chosen planner that differ from its preset's and discretisation's.
     pub params: toml::Table,
-    /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it.
-    pub cost: BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>,
+    /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it. A file that names one
+    /// entry replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
+    pub cost: Cost,
     /// Latency added to every plan, ms.
     pub added_latency_ms: f64,
 }
@@ -263,7 +267,7 @@ impl Default for PlanningConfig {
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
-            cost: BTreeMap::new(),
+            cost: toml::from_str(include_str!("cost.toml")).expect("a test reads the built-in costs"),
             added_latency_ms: 0.0,
         }
     }
@@ -531,6 +535,21 @@ mod tests {
         let unknown = &problems("", &["planning.planer=fot"])[0];
         assert!(unknown.starts_with("--set: planning.planer: unknown field `planer`"), "{unknown}");
         assert_eq!(problems("", &["sim.dt_ms=100"]), ["--set: sim.dt_ms: expected 1 to 20, found 100"]);
+    }
+
+    #[test]
+    fn every_planner_has_a_built_in_cost() {
+        let cost = PlanningConfig::default().cost;
+        for planner in PlannerName::ALL {
+            for fineness in [Fineness::Fast, Fineness::Slow] {
+                assert!(
+                    cost[&planner][&fineness].model().is_ok(),
+                    "{} {}",
+                    planner.as_str(),
+                    fineness.as_str()
+                );
+            }
+        }
     }
 
     #[test]

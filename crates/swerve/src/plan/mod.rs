@@ -19,7 +19,7 @@ use swerve_planning::{Preset, Solution};
 use crate::files::write_whole;
 use crate::study::table::align;
 
-pub use read::read;
+pub use read::{Posed, read};
 pub use solve::{REPEATS, solve_all};
 
 /// Which planner is posed the problems.

@@ -88,7 +88,13 @@ fn draw_square(svg: &mut String, square: &Square, x: f64, y: f64, budget_max: Op
         ),
         (None, runs) => (
             format!("{} of {runs}", square.avoided),
-            square.impact_median_mps().map_or_else(String::new, |v| format!("hit at {v:.1} m/s")),
+            square
+                .impact_median_mps()
+                .map(|v| format!("hit at {v:.1} m/s"))
+                .into_iter()
+                .chain(square.others.iter().map(|(verdict, n)| format!("{n} {}", verdict.replace('_', " "))))
+                .collect::<Vec<_>>()
+                .join(", "),
         ),
     };
     let up = if second.is_empty() { 5.0 } else { -2.0 };

@@ -134,6 +134,8 @@ pub struct Bench {
     scenario: Scenario,
     scenario_text: String,
     base: Document,
+    /// The program itself: what another build finished is not taken for its result.
+    program: Digest,
 }
 
 impl Bench {
@@ -148,7 +150,7 @@ impl Bench {
             Some(path) => Document::read(path)?,
             None => Document::parse("defaults", String::new())?,
         };
-        let bench = Self { study, scenario, scenario_text, base };
+        let bench = Self { study, scenario, scenario_text, base, program: program()? };
         // A wrong key is told before the first cell runs.
         for cell in &bench.study.cells {
             bench.config(cell)?;
@@ -165,7 +167,7 @@ impl Bench {
     /// What a cell's result depends on, in one number.
     pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
         let mut hasher = Hasher::new();
-        hasher.value(&(env!("CARGO_PKG_VERSION"), self.config(cell)?.to_text(), &self.scenario_text));
+        hasher.value(&(self.program, self.config(cell)?.to_text(), &self.scenario_text));
         hasher
             .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
         Ok(hasher.digest())
@@ -182,6 +184,14 @@ impl Bench {
             None => Ok(summary(cell, &drive(&config, &self.scenario)?)),
         }
     }
+}
+
+/// One number for the running executable.
+fn program() -> anyhow::Result<Digest> {
+    let path = std::env::current_exe().context("finding the running program")?;
+    let mut hasher = Hasher::new();
+    hasher.bytes(&std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
+    Ok(hasher.digest())
 }
 
 fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {

@@ -1,5 +1,6 @@
 //! What a study comes to: `cells.csv`, a table for the terminal, a heat map.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::cells::CellResult;
@@ -71,8 +72,8 @@ pub struct Square {
     pub runs: usize,
     /// Of these, avoided.
     pub avoided: usize,
-    /// Of these, failed to run.
-    pub failed: usize,
+    /// Of these, what neither avoided nor hit, by verdict: `left_road`, `timeout`, `failed`.
+    pub others: BTreeMap<String, usize>,
     /// Impact speeds of the others, m/s, sorted.
     pub impact_mps: Vec<f64>,
     /// Latency budgets, ms, sorted.
@@ -135,7 +136,9 @@ impl Square {
     fn add(&mut self, result: &CellResult) {
         self.runs += 1;
         self.avoided += usize::from(result.avoided());
-        self.failed += usize::from(result.error.is_some());
+        if !matches!(result.verdict.as_str(), "avoided" | "collision") {
+            *self.others.entry(result.verdict.clone()).or_default() += 1;
+        }
         self.impact_mps.extend(result.impact_speed_mps.filter(|_| result.verdict == "collision"));
         self.budget_ms.extend(result.budget_ms);
     }
@@ -169,8 +172,8 @@ impl Square {
         if let Some(impact) = self.impact_median_mps() {
             let _ = write!(text, " hit {impact:.1} m/s");
         }
-        if self.failed > 0 {
-            let _ = write!(text, " {} failed", self.failed);
+        for (verdict, n) in &self.others {
+            let _ = write!(text, " {n} {}", verdict.replace('_', " "));
         }
         text
     }

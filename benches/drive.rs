@@ -1,0 +1,113 @@
+//! The closed loop: how many times faster than real time a core drives, and how long the paper's Table I takes.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use swerve::config::Config;
+use swerve::run::{drive_observed, read_scenario};
+use swerve::study::Bench;
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_flow::Observer;
+use swerve_log::{Recorder, RunStart};
+use swerve_scenario::Scenario;
+
+const ROUNDS: usize = 5;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Processor seconds of this process so far, all threads; zero where the system does not tell.
+fn cpu_s() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let after = text.rsplit_once(')').map_or("", |(_, after)| after);
+    let ticks = after.split_whitespace().skip(11).take(2).filter_map(|n| n.parse::<f64>().ok());
+    ticks.sum::<f64>() / 100.0
+}
+
+/// Drives once; gives the simulated seconds.
+fn drive(config: &Config, scenario: &Scenario, log: Option<&Path>) -> anyhow::Result<f64> {
+    let Some(log) = log else {
+        return Ok(drive_observed(config, scenario, 1, &mut [])?.report.at.as_secs());
+    };
+    let start = RunStart {
+        version: env!("CARGO_PKG_VERSION").into(),
+        seed: config.seed,
+        config: config.to_text(),
+        ..RunStart::default()
+    };
+    let mut recorder = Recorder::create(log, &start)?;
+    let outcome = drive_observed(config, scenario, 1, &mut [&mut recorder as &mut dyn Observer])?;
+    recorder.finish()?;
+    Ok(outcome.report.at.as_secs())
+}
+
+/// Simulated seconds per processor second and per second, over drives of half a second together.
+fn rates(config: &Config, scenario: &Scenario, log: Option<&Path>) -> anyhow::Result<(f64, f64)> {
+    let (began, began_cpu_s) = (now(), cpu_s());
+    let mut simulated_s = 0.0;
+    while began.elapsed().as_secs_f64() < 0.5 {
+        simulated_s += drive(config, scenario, log)?;
+    }
+    let (wall_s, used_s) = (began.elapsed().as_secs_f64(), cpu_s() - began_cpu_s);
+    let used_s = if began_cpu_s > 0.0 { used_s } else { wall_s };
+    Ok((simulated_s / used_s.max(0.01), simulated_s / wall_s))
+}
+
+fn loops(rows: &mut Rows) -> anyhow::Result<()> {
+    let scenario = read_scenario(&root().join("scenarios/person_behind_truck.toml"))?;
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("drive.mcap");
+    for (planner, goal) in [("waypoint", 100.0), ("fot", 20.0)] {
+        let set = vec![("planning.planner".to_owned(), toml::Value::String(planner.into()))];
+        let config = Config::load(Some(&root().join("configs/best.toml")), &set)
+            .map_err(|problems| swerve::run::problems_error(&problems))?;
+        for (logging, log) in [("off", None), ("on", Some(file.as_path()))] {
+            let (mut core, mut wall) = (vec![], vec![]);
+            for _ in 0..ROUNDS {
+                let (per_core, per_wall) = rates(&config, &scenario, log)?;
+                core.push(per_core);
+                wall.push(per_wall);
+            }
+            let (core, wall) = (Sample::new(core), Sample::new(wall));
+            let what = format!("person behind truck, {planner}, logging {logging}: times real time per core");
+            let reads = format!("{}, wall {:.0} x", core.text(0, "x"), wall.median());
+            let goal = if log.is_some() { Goal::Least(goal) } else { Goal::None };
+            rows.row(&what, core.median(), &reads, goal);
+        }
+    }
+    let _unneeded = std::fs::remove_file(file);
+    Ok(())
+}
+
+fn study(rows: &mut Rows) -> anyhow::Result<()> {
+    let bench = Bench::open(&root().join("configs/studies/planners.toml"), &[])?;
+    let next = AtomicUsize::new(0);
+    let cells = &bench.study.cells;
+    let (began, began_cpu_s) = (now(), cpu_s());
+    let worker = || -> anyhow::Result<()> {
+        while let Some(cell) = cells.get(next.fetch_add(1, Ordering::Relaxed)) {
+            bench.run_cell(cell)?;
+        }
+        Ok(())
+    };
+    std::thread::scope(|scope| {
+        let other = scope.spawn(worker);
+        worker()?;
+        other.join().map_err(|_| anyhow::anyhow!("a run panicked"))?
+    })?;
+    let (wall_s, used_s) = (began.elapsed().as_secs_f64(), cpu_s() - began_cpu_s);
+    let what = format!("Table I, {} runs on 2 threads", cells.len());
+    rows.row(&what, wall_s, &format!("{wall_s:.1} s ({used_s:.1} s of processor time)"), Goal::Most(60.0));
+    Ok(())
+}
+
+fn main() -> anyhow::Result<()> {
+    if !is_asked_to_measure() {
+        return Ok(());
+    }
+    let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "drive");
+    loops(&mut rows)?;
+    study(&mut rows)?;
+    rows.finish();
+    Ok(())
+}

@@ -1,0 +1,243 @@
+//! README, ARCHITECTURE and the how-to pages tell no lies: commands parse, files exist, settings check, code is quoted.
+//!
+//! In fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file;
+//! `rust PATH` lines that stand in that file, word for word. Names with `my_` are the reader's own.
+
+use std::path::{Path, PathBuf};
+
+use swerve::cli;
+
+fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// A page: its path from the root, and its text.
+fn pages() -> Vec<(PathBuf, String)> {
+    let mut paths: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "docs/README.md"].map(PathBuf::from).into();
+    let howto = std::fs::read_dir(root().join("docs/howto")).unwrap();
+    paths.extend(howto.map(|entry| Path::new("docs/howto").join(entry.unwrap().file_name())));
+    paths.sort();
+    assert!(paths.len() >= 9, "pages are missing: {paths:?}");
+    let read = |path: PathBuf| {
+        let text = std::fs::read_to_string(root().join(&path)).unwrap();
+        (path, text)
+    };
+    paths.into_iter().map(read).collect()
+}
+
+/// A fenced block: where it begins, what its fence says, its text.
+struct Block {
+    place: String,
+    info: String,
+    text: String,
+}
+
+fn blocks() -> Vec<Block> {
+    let mut blocks = Vec::new();
+    for (path, text) in pages() {
+        let mut open: Option<Block> = None;
+        for (i, line) in text.lines().enumerate() {
+            match (line.strip_prefix("```"), &mut open) {
+                (Some(_), Some(_)) => blocks.extend(open.take()),
+                (Some(info), None) => {
+                    let place = format!("{}:{}", path.display(), i + 1);
+                    open = Some(Block { place, info: info.trim().to_owned(), text: String::new() });
+                }
+                (None, Some(block)) => block.text += &format!("{line}\n"),
+                (None, None) => {}
+            }
+        }
+        assert!(open.is_none(), "{}: a fence is never closed", path.display());
+    }
+    blocks
+}
+
+/// The words of a shell line as far as pages need it: quotes, comments; variables stand for 1.
+fn words(line: &str) -> Vec<String> {
+    let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+    for c in line.chars() {
+        match (c, quote) {
+            ('"' | '\'', None) => {
+                quote = Some(c);
+                word.get_or_insert_default();
+            }
+            (c, Some(q)) if c == q => quote = None,
+            ('#', None) if word.is_none() => break,
+            (c, None) if c.is_whitespace() => words.extend(word.take()),
+            (c, _) => word.get_or_insert_default().push(c),
+        }
+    }
+    words.extend(word);
+    words.iter().map(|word| filled(word)).collect()
+}
+
+/// With `{}` and `$NAME` filled in.
+fn filled(word: &str) -> String {
+    let mut parts = word.split('$');
+    let first = parts.next().unwrap_or_default().to_owned();
+    let rest = parts
+        .map(|part| format!("1{}", part.trim_start_matches(|c: char| c.is_ascii_uppercase() || c == '_')));
+    rest.fold(first, |all, part| all + &part).replace("{}", "1")
+}
+
+/// The command lines of Swerve in a shell line, each as it would be split.
+fn calls(line: &str) -> Vec<Vec<String>> {
+    const ENDS: [&str; 8] = ["|", "||", "&", "&&", ";", ">", "<", ":::"];
+    let words = words(line);
+    let parts = words.split(|word| ENDS.contains(&word.as_str()));
+    let call = |part: &[String]| {
+        let at = part.iter().position(|word| word == "swerve")?;
+        let rest = &part[at + 1..];
+        // As in `cargo run -p swerve -- run`, but not `cargo test -p swerve`.
+        let rest = match rest.iter().position(|word| word == "--") {
+            Some(dashes) => &rest[dashes + 1..],
+            None if part[0] == "cargo" => return None,
+            None => rest,
+        };
+        Some(std::iter::once("swerve".to_owned()).chain(rest.iter().cloned()).collect())
+    };
+    parts.filter_map(call).collect()
+}
+
+#[test]
+fn every_command_parses() {
+    let mut seen = 0;
+    for block in blocks().iter().filter(|block| block.info == "sh") {
+        for line in block.text.replace("\\\n", " ").lines() {
+            for call in calls(line) {
+                let parsed = cli::parse(&call);
+                assert!(parsed.is_ok(), "{}: {line}\n{}", block.place, parsed.unwrap_err());
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen >= 20, "only {seen} commands found");
+}
+
+#[test]
+fn commands_in_running_text_exist() {
+    for (path, text) in pages() {
+        for quoted in text.split('`').skip(1).step_by(2) {
+            let mut words = quoted.split_whitespace();
+            let (Some("swerve"), Some(command)) = (words.next(), words.next()) else { continue };
+            let unknown = cli::parse(["swerve", "help", &command.to_lowercase()]).unwrap_err();
+            let known = unknown.exit_code() == 0 || command == "help";
+            assert!(known, "{}: `{quoted}`: no such command", path.display());
+            for flag in words.filter(|word| word.starts_with("--")) {
+                let help = unknown.to_string();
+                assert!(help.contains(flag), "{}: `{quoted}`: no flag {flag}", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn every_file_that_is_named_exists() {
+    let top = [
+        "README.md",
+        "ARCHITECTURE.md",
+        "CHANGELOG.md",
+        "crates/",
+        "configs/",
+        "scenarios/",
+        "docs/",
+        "tests/",
+        "benches/",
+        ".ci/",
+    ];
+    let mut seen = 0;
+    for (path, text) in pages() {
+        let folder = root().join(&path).parent().unwrap().to_path_buf();
+        let mut exists = |from: &Path, name: &str| {
+            let name = name.trim_end_matches(['.', ',', ':', ')']);
+            if name.contains("my_")
+                || name.contains(['*', '<', '{'])
+                || name.chars().any(char::is_uppercase) && !name.ends_with(".md")
+            {
+                return;
+            }
+            assert!(from.join(name).exists(), "{}: there is no {name}", path.display());
+            seen += 1;
+        };
+        for link in text.split("](").skip(1) {
+            let link = link.split([')', '#']).next().unwrap_or_default();
+            if !link.is_empty() && !link.contains("://") {
+                exists(&folder, link);
+            }
+        }
+        for word in text.split(|c: char| c.is_whitespace() || "`\"'()[]=".contains(c)) {
+            if top.iter().any(|top| word.starts_with(top)) && word.contains(['/', '.']) {
+                let from_root = root().join(word.trim_end_matches(['.', ',', ':', ';'])).exists();
+                exists(if from_root { root() } else { &folder }, word);
+            }
+        }
+    }
+    assert!(seen >= 40, "only {seen} files found");
+}
+
+#[test]
+fn every_setting_shown_is_sound() {
+    let top = tempfile::tempdir().unwrap();
+    copy_toml(&root().join("scenarios"), &top.path().join("scenarios"));
+    copy_toml(&root().join("configs"), &top.path().join("configs"));
+    let mut seen = 0;
+    for (i, block) in blocks().iter().enumerate() {
+        let Some(kind) = block.info.strip_prefix("toml") else { continue };
+        let folder = match kind.trim() {
+            "scenario" => "scenarios",
+            "config" => "configs",
+            "study" => "configs/studies",
+            "timing" => "configs/timing",
+            other => panic!("{}: a toml block is of no known kind: `{other}`", block.place),
+        };
+        let folder = top.path().join(folder);
+        std::fs::create_dir_all(&folder).unwrap();
+        let file = folder.join(format!("my_{i}.toml"));
+        std::fs::write(&file, &block.text).unwrap();
+        let check = cli::parse([Path::new("swerve"), Path::new("check"), &file]).unwrap();
+        let checked = cli::main(&check);
+        assert!(checked.is_ok(), "{}: {:#}\n(the problems are above)", block.place, checked.unwrap_err());
+        seen += 1;
+    }
+    assert!(seen >= 4, "only {seen} files of settings found");
+}
+
+fn copy_toml(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "toml") {
+            std::fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
+        }
+    }
+}
+
+#[test]
+fn code_is_quoted_word_for_word() {
+    /// Lines without what a doc comment or an indentation puts before them; blank ones left out.
+    fn plain(text: &str) -> String {
+        let bare = |line: &str| {
+            let line = line.trim();
+            let line = line.strip_prefix("//!").or(line.strip_prefix("///")).unwrap_or(line);
+            line.trim().to_owned()
+        };
+        text.lines().map(bare).filter(|line| !line.is_empty()).map(|line| line + "\n").collect()
+    }
+    let mut seen = 0;
+    for block in blocks() {
+        let Some(file) = block.info.strip_prefix("rust") else { continue };
+        let file = file.trim();
+        assert!(!file.is_empty(), "{}: whose lines are these? expected ```rust PATH", block.place);
+        let source = std::fs::read_to_string(root().join(file))
+            .unwrap_or_else(|e| panic!("{}: {file}: {e}", block.place));
+        assert!(
+            plain(&source).contains(&plain(&block.text)),
+            "{}: not in {file}:\n{}",
+            block.place,
+            block.text
+        );
+        seen += 1;
+    }
+    assert!(seen >= 3, "only {seen} pieces of code found");
+}
