@@ -75,16 +75,19 @@ impl Bench {
         said.stdout
     }
 
-    /// A line for a shell, as `commands.txt` holds them.
-    pub(crate) fn shell(&self, line: &str) -> Said {
+    /// A line for a shell that finds the program on its path, as `commands.txt` and the how-to pages hold them.
+    pub(crate) fn shell_command(&self, line: &str) -> Command {
         let program = Path::new(env!("CARGO_BIN_EXE_swerve"));
         let mut path = program.parent().unwrap().as_os_str().to_owned();
         path.push(":");
         path.push(std::env::var_os("PATH").unwrap_or_default());
         let mut shell = Command::new("sh");
-        Said::of(
-            &shell.args(["-c", line]).current_dir(self.folder.path()).env("PATH", path).output().unwrap(),
-        )
+        shell.args(["-c", line]).current_dir(self.folder.path()).env("PATH", path);
+        shell
+    }
+
+    pub(crate) fn shell(&self, line: &str) -> Said {
+        Said::of(&self.shell_command(line).output().unwrap())
     }
 }
 
