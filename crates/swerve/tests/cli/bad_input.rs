@@ -238,3 +238,19 @@ fn check_tells_all_problems_of_all_files() {
     assert!(!said.stderr.contains("short.toml:"), "{}", said.stderr);
     assert_eq!(bench.good(&["check", "short.toml"]), "1 file, no problem\n");
 }
+
+#[test]
+fn a_folder_that_cannot_be_made_is_told_before_anything_runs() {
+    let bench = Bench::new();
+    bench.write(
+        "study.toml",
+        "base = { scenario = \"short.toml\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n",
+    );
+    for args in [["run", "short.toml", "--out", "study.toml"], ["study", "study.toml", "--out", "short.toml"]]
+    {
+        let said = bench.swerve(&args);
+        check(&said, &["making ", args[3]], &args);
+        assert_eq!(said.stderr.lines().count(), 1, "{}", said.stderr);
+    }
+    assert_eq!(bench.read("short.toml"), SHORT);
+}

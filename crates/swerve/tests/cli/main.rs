@@ -1,4 +1,5 @@
 //! The program as its users call it: one binary, one module a subject.
+#![expect(clippy::unwrap_used, reason = "a failed test says where")]
 
 mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
 mod interrupt; // Ctrl-C in a study, behind SWERVE_SLOW=1
