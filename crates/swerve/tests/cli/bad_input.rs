@@ -159,11 +159,11 @@ fn studies() {
         case("[[axis]]\nkey = \"seed\"\nvalus = [1]\n", &["bad.toml:4: axis", "did you mean `values`?"]),
         case(
             "[[axis]]\nkey = \"planning.planner\"\nvalues = [\"fot\", \"fott\"]\n",
-            &["planning.planner: unknown variant `fott`", "did you mean `fot`?", "[fott]"],
+            &["bad.toml:4: planning.planner: unknown variant `fott`", "did you mean `fot`?", "[fott]"],
         ),
         case(
             "[[axis]]\nkey = \"sensing.range_m\"\nvalues = [20, -1]\n",
-            &["sensing.range_m: expected 0.1 to 10000, found -1", "[-1]"],
+            &["bad.toml:4: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1]"],
         ),
     ]);
 }
@@ -217,9 +217,15 @@ fn check_tells_all_problems_of_all_files() {
     );
     bench.write("b.toml", "[sim]\ndt_ms = 0\n[sensing]\nrange_m = -1\n[operator.planer]\nuses = \"gpu0\"\n");
     bench.write("c.toml", "base = { scenario = \"short.toml\" }\n[[axis]]\nkey = \"seed\"\n");
+    bench.write(
+        "g.toml",
+        "[base]\nscenario = \"short.toml\"\nset = { sim.dt_ms = 5 }\n[[axis]]\nkey = \"sensing.range_m\"\n\
+         values = [-1, 20, 0]\n[[axis]]\nname = \"s\"\n[[axis.settings]]\nname = \"a\"\nset = { ego.speed = 3 }\n\
+         [[axis.settings]]\nname = \"b\"\nset = { control.period_ms = 10 }\n",
+    );
     bench.write("d.toml", "span_ms = 100\n[[operator]]\nname = \"camera\"\nevery_ms = 0\n");
     bench.write("e.toml", "[planning\n");
-    let args = ["check", "short.toml", "a.toml", "b.toml", "c.toml", "d.toml", "e.toml", "f.toml"];
+    let args = ["check", "short.toml", "a.toml", "b.toml", "c.toml", "d.toml", "e.toml", "f.toml", "g.toml"];
     let said = bench.swerve(&args);
     let says = [
         "a.toml:11: ego.end_m: ",
@@ -232,7 +238,10 @@ fn check_tells_all_problems_of_all_files() {
         "d.toml:",
         "e.toml:1: ",
         "f.toml: cannot be read",
-        "in 7 files",
+        "g.toml:6: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1 b]",
+        "g.toml:6: sensing.range_m: expected 0.1 to 10000, found 0, in the cell [0 b]",
+        "g.toml:11: ego.speed: unknown field `speed`",
+        "in 8 files",
     ];
     check(&said, &says, &args);
     assert!(!said.stderr.contains("short.toml:"), "{}", said.stderr);
