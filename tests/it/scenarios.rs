@@ -1,6 +1,6 @@
 //! Every shipped scenario, under every pipeline that it expects something of.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use swerve::config::Config;
 use swerve::run::{drive, read_scenario};
@@ -25,7 +25,7 @@ fn named(name: &str) -> Config {
 }
 
 /// In what way the run of `file` under `config` is not as the scenario expects.
-fn broken(file: &PathBuf, config: &Config) -> Vec<String> {
+fn broken(file: &Path, config: &Config) -> Vec<String> {
     let scenario = read_scenario(file).unwrap();
     let pipeline = config.pipeline_name();
     let expected = scenario

@@ -53,7 +53,8 @@ fn problems(path: &Path) -> Vec<String> {
         let problems = swerve_scenario::Scenario::read(path).err().unwrap_or_default();
         problems.iter().map(ToString::to_string).collect()
     } else if has("base") || has("axis") {
-        Bench::open(path, &[]).err().map(|error| format!("{error:#}")).into_iter().collect()
+        let told = Bench::open(path, &[]).err().map(|error| format!("{error:#}")).unwrap_or_default();
+        told.lines().map(str::to_owned).collect()
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
         told(crate::timing::read_file(path).err().unwrap_or_default())
     } else {

@@ -1,5 +1,6 @@
 //! A study file: a base run and axes over configuration keys, expanded to cells.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -92,6 +93,10 @@ impl Budget {
 /// A checked study.
 #[derive(Clone, Debug)]
 pub struct Study {
+    /// The study's file, as the caller named it.
+    pub file: String,
+    /// The lines of the file that set configuration keys, by key.
+    pub lines: BTreeMap<String, usize>,
     /// The study's name: its file's stem.
     pub name: String,
     /// Title for pictures.
@@ -174,6 +179,8 @@ impl Study {
             cell.index = index;
         }
         Ok(Self {
+            file: document.file.clone(),
+            lines: lines(document, &file),
             name,
             description: file.description,
             scenario: folder.join(&file.base.scenario),
@@ -240,6 +247,33 @@ impl Axis {
         let name = self.name.clone().or(last_part).ok_or("an axis without `key` needs a `name`")?;
         Ok((name, steps))
     }
+}
+
+/// Where the file sets which key.
+fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
+    let mut lines = BTreeMap::new();
+    let mut at = |place: &str, key: &str| {
+        lines.extend(document.problem(place, "").line.map(|line| (key.to_owned(), line)));
+    };
+    let mut all_of = |place: &str, table: &toml::Table| {
+        let mut sets = Vec::new();
+        flatten("", table, &mut sets);
+        for (key, _) in &sets {
+            at(&format!("{place}.{key}"), key);
+        }
+    };
+    all_of("base.set", &file.base.set);
+    for (i, axis) in file.axis.iter().enumerate() {
+        for (j, setting) in axis.settings.iter().enumerate() {
+            all_of(&format!("axis[{i}].settings[{j}].set"), &setting.set);
+        }
+    }
+    for (i, axis) in file.axis.iter().enumerate() {
+        if let Some(key) = &axis.key {
+            at(&format!("axis[{i}].values"), key);
+        }
+    }
+    lines
 }
 
 fn label_of(value: &toml::Value) -> String {

@@ -151,11 +151,31 @@ impl Bench {
             None => Document::parse("defaults", String::new())?,
         };
         let bench = Self { study, scenario, scenario_text, base, program: program()? };
-        // A wrong key is told before the first cell runs.
-        for cell in &bench.study.cells {
-            bench.config(cell)?;
+        // What is wrong is told before the first cell runs.
+        let faults = bench.faults();
+        if faults.is_empty() { Ok(bench) } else { Err(problems_error(&faults)) }
+    }
+
+    /// What is wrong with the configurations of the cells, each fault once, with the first cell that has it.
+    fn faults(&self) -> Vec<Problem> {
+        let mut faults: Vec<(Problem, String)> = Vec::new();
+        for cell in &self.study.cells {
+            let problems = Config::from_document(&self.base, &cell.sets).err().unwrap_or_default();
+            for mut problem in problems {
+                if let Some(line) = self.study.lines.get(&problem.key).filter(|_| problem.file == "--set") {
+                    problem.file.clone_from(&self.study.file);
+                    problem.line = Some(*line);
+                }
+                if faults.iter().all(|(told, _)| *told != problem) {
+                    faults.push((problem, cell.labels.join(" ")));
+                }
+            }
         }
-        Ok(bench)
+        let told = |(fault, cell): (Problem, String)| {
+            let message = format!("{}, in the cell [{cell}]", fault.message);
+            Problem { message, ..fault }
+        };
+        faults.into_iter().map(told).collect()
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {

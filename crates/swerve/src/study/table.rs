@@ -224,6 +224,8 @@ mod tests {
             label("fot", "18", "2"),
         ];
         Study {
+            file: "s.toml".into(),
+            lines: std::collections::BTreeMap::new(),
             name: "s".into(),
             description: String::new(),
             scenario: "a".into(),

@@ -1,0 +1,265 @@
+//! What is wrong is told once, with its place and what was expected, and nothing finished is lost.
+
+use crate::support::{Bench, SHORT, Said};
+
+/// A call that has to fail: the file written before it, its arguments, and what the one line of its message holds.
+struct Case {
+    file: (&'static str, String),
+    args: &'static [&'static str],
+    says: &'static [&'static str],
+}
+
+/// The short scenario with one thing wrong.
+fn scenario(right: &str, wrong: &str) -> (&'static str, String) {
+    assert_eq!(SHORT.matches(right).count(), 1, "`{right}` is not once in the scenario");
+    ("bad.toml", SHORT.replace(right, wrong))
+}
+
+fn config(text: &str) -> (&'static str, String) {
+    ("bad.toml", text.to_owned())
+}
+
+/// Across the road, where the ego starts.
+const WALL: &str = "[[actor]]\nname = \"wall\"\nkind = \"static\"\n\
+                    size = { length_m = 1.0, width_m = 8.0, height_m = 3.0 }\ns_m = 1.0\nd_m = 0.0\n\n";
+
+const RUN: &[&str] = &["run", "bad.toml", "--out", "o"];
+const RUN_CONFIG: &[&str] = &["run", "short.toml", "-c", "bad.toml", "--out", "o"];
+
+fn check(said: &Said, says: &[&str], args: &[&str]) {
+    assert!(matches!(said.code, Some(1 | 2)), "{args:?} ends with {:?}", said.code);
+    for part in says {
+        assert!(said.stderr.contains(part), "{args:?} does not say `{part}`: {}", said.stderr);
+    }
+    for part in ["panicked", "backtrace", "RUST_"] {
+        assert!(!said.stderr.contains(part), "{args:?}: {}", said.stderr);
+    }
+    assert_eq!(said.stderr.matches("error: ").count(), 1, "{args:?}: {}", said.stderr);
+    assert_eq!(said.stdout, "", "{args:?}");
+}
+
+fn check_all(cases: Vec<Case>) {
+    for Case { file: (name, text), args, says } in cases {
+        let bench = Bench::new();
+        bench.write(name, &text);
+        let said = bench.swerve(args);
+        check(&said, says, args);
+        assert_eq!(said.stderr.lines().count(), 1, "{args:?}: {}", said.stderr);
+        assert!(!bench.path("o").exists(), "{args:?} left a folder behind");
+    }
+}
+
+#[test]
+fn scenarios() {
+    let case = |file, says| Case { file, args: RUN, says };
+    check_all(vec![
+        case(scenario("[end]", "[end]\nafter = 1"), &["bad.toml:", "end.after: unknown key"]),
+        case(
+            scenario("end_m = 20.0", "end_m = \"far\""),
+            &["bad.toml:11: ego.end_m: expected a number", "far"],
+        ),
+        case(
+            scenario("target_speed_mps = 12.0", "target_speed_mps = nan"),
+            &["bad.toml:10: ego.target_speed_mps: expected a number from 0 to 100, found nan"],
+        ),
+        case(
+            scenario("target_speed_mps = 12.0", "target_speed_mps = 1000"),
+            &["bad.toml:10: ego.target_speed_mps: expected a number from 0 to 100, found 1000"],
+        ),
+        case(
+            scenario("s_m = 30.0\nd_m = 4.0", "s_m = 0.0\nd_m = 0.0"),
+            &["bad.toml:9: ego: the ego's start at s = 0 m, d = 0 m is inside the actor \"person\""],
+        ),
+        case(
+            scenario("[expect]", &format!("{WALL}[expect]")),
+            &["bad.toml:9: ego: the ego's start", "is inside the actor \"wall\""],
+        ),
+        case(
+            scenario("length_m = 80.0", "length_m = 0.0"),
+            &["bad.toml:4: road.segments: the route has no length"],
+        ),
+        case(
+            scenario("to = \"ego\"", "to = \"persn\""),
+            &[
+                "bad.toml:18: actor.person.trigger.distance.to: unknown actor \"persn\"",
+                "did you mean \"person\"",
+            ],
+        ),
+        case(scenario("min_distance_m = { min = 0.5 }\n", ""), &["bad.toml:", "at least one bound"]),
+        case(scenario("[road]", "[road"), &["bad.toml:3: not TOML"]),
+    ]);
+}
+
+#[test]
+fn configurations() {
+    let case = |text, says| Case { file: config(text), args: RUN_CONFIG, says };
+    check_all(vec![
+        case(
+            "[planning]\nplaner = \"fot\"\n",
+            &["bad.toml:2: planning.planer: unknown field `planer`", "did you mean `planner`?"],
+        ),
+        case("[sim]\ndt_ms = \"5\"\n", &["bad.toml:2: sim.dt_ms: invalid type: string \"5\", expected f64"]),
+        case("\n[sim]\ndt_ms = 50\n", &["bad.toml:3: sim.dt_ms: expected 1 to 20, found 50"]),
+        case(
+            "[sensing]\nrange_m = nan\n",
+            &["bad.toml:2: sensing.range_m: expected 0.1 to 10000, found NaN"],
+        ),
+        case(
+            "[planning]\nplanner = \"rrtstar\"\n",
+            &["bad.toml:2: planning.planner: unknown variant `rrtstar`", "did you mean `rrt_star`?"],
+        ),
+        case(
+            "[operator.planner]\nruntime = { fixed_ms = -1 }\n",
+            &["bad.toml:2: operator.planner.runtime: expected milliseconds between 0 and 86400000, found -1"],
+        ),
+        case("[planning.params]\nnonsense = 1\n", &["bad.toml:", "planning.params", "nonsense"]),
+    ]);
+}
+
+#[test]
+fn command_lines() {
+    let case = |args, says| Case { file: ("unused", String::new()), args, says };
+    check_all(vec![
+        case(&["run", "nowhere.toml", "--out", "o"], &["nowhere.toml: cannot be read"]),
+        case(&["run", "short.toml", "-c", "nowhere.toml", "--out", "o"], &["nowhere.toml: cannot be read"]),
+        case(
+            &["run", "short.toml", "--out", "o", "--set", "planning.planner=fott"],
+            &["--set: planning.planner: unknown variant `fott`", "did you mean `fot`?"],
+        ),
+        case(
+            &["run", "short.toml", "--out", "o", "--set", "sim.dt_ms=nan"],
+            &["--set: sim.dt_ms: expected 1 to 20, found NaN"],
+        ),
+        case(&["run", "short.toml", "--out", "o", "--set", "seed"], &["--set: seed: expected key=value"]),
+        case(
+            &["run", "short.toml", "--out", "o", "--runtimes", "none.mcap"],
+            &["none.mcap: cannot read the file"],
+        ),
+        case(&["run", "short.toml", "--out", "short.toml"], &["making short.toml"]),
+        case(&["study", "nowhere.toml", "--out", "o"], &["nowhere.toml: cannot be read"]),
+        case(&["replay", "none.mcap"], &["none.mcap: cannot read the file"]),
+        case(&["replay", "short.toml"], &["short.toml", "MCAP"]),
+        case(&["timing", "nowhere.toml"], &["nowhere.toml"]),
+        case(&["graph", "nowhere.toml"], &["nowhere.toml: cannot be read"]),
+    ]);
+}
+
+#[test]
+fn an_error_tells_its_cause_once() {
+    let said = Bench::new().swerve(&["replay", "none.mcap"]);
+    assert_eq!(said.stderr.matches("No such file").count(), 1, "{}", said.stderr);
+}
+
+#[test]
+fn studies() {
+    let study = |text: &str| ("bad.toml", format!("base = {{ scenario = \"short.toml\" }}\n{text}"));
+    let case = |text, says| Case { file: study(text), args: &["study", "bad.toml", "--out", "o"], says };
+    check_all(vec![
+        case("[[axis]]\nkey = \"seed\"\n", &["bad.toml:2: axis[0]: expected `values` or `settings`"]),
+        case("[[axis]]\nkey = \"seed\"\nvalus = [1]\n", &["bad.toml:4: axis", "did you mean `values`?"]),
+        case(
+            "[[axis]]\nkey = \"planning.planner\"\nvalues = [\"fot\", \"fott\"]\n",
+            &["bad.toml:4: planning.planner: unknown variant `fott`", "did you mean `fot`?", "[fott]"],
+        ),
+        case(
+            "[[axis]]\nkey = \"sensing.range_m\"\nvalues = [20, -1]\n",
+            &["bad.toml:4: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1]"],
+        ),
+    ]);
+}
+
+#[test]
+fn damaged_logs() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "o"]);
+    let whole = std::fs::read(bench.path("o/log.mcap")).unwrap();
+    std::fs::write(bench.path("short.mcap"), &whole[..whole.len() / 2]).unwrap();
+    let mut wrong = whole.clone();
+    wrong[whole.len() / 3] ^= 1;
+    std::fs::write(bench.path("wrong.mcap"), wrong).unwrap();
+    for log in ["short.mcap", "wrong.mcap"] {
+        for args in [
+            &["replay", log, "--verify"][..],
+            &["replay", log, "--from", "planning", "--set", "planning.planner=waypoint"],
+            &["run", "short.toml", "--out", "p", "--runtimes", log],
+        ] {
+            let said = bench.swerve(args);
+            check(&said, &[log, "damaged at byte"], args);
+            assert_eq!(said.stderr.lines().count(), 1, "{}", said.stderr);
+        }
+    }
+    assert_eq!(std::fs::read(bench.path("o/log.mcap")).unwrap(), whole);
+    assert!(!bench.path("p").exists());
+    bench.good(&["replay", "o/log.mcap", "--verify"]);
+}
+
+/// A run that fails before it begins leaves the results of an earlier one as they are.
+#[test]
+fn a_wrong_call_loses_no_finished_result() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "o"]);
+    let files = ["log.mcap", "trace.json", "metrics.json", "story.svg"];
+    let read = || files.map(|name| std::fs::read(bench.path("o").join(name)).unwrap());
+    let before = read();
+    for extra in [["--runtimes", "none.mcap"], ["--set", "planning.planner=fott"], ["-c", "nowhere.toml"]] {
+        let args = [&["run", "short.toml", "--out", "o"][..], &extra].concat();
+        check(&bench.swerve(&args), &[], &args);
+        assert!(read() == before, "{extra:?}");
+    }
+}
+
+#[test]
+fn check_tells_all_problems_of_all_files() {
+    let bench = Bench::new();
+    bench.write(
+        "a.toml",
+        &SHORT.replace("end_m = 20.0", "end_m = nan").replace("to = \"ego\"", "to = \"eg\""),
+    );
+    bench.write("b.toml", "[sim]\ndt_ms = 0\n[sensing]\nrange_m = -1\n[operator.planer]\nuses = \"gpu0\"\n");
+    bench.write("c.toml", "base = { scenario = \"short.toml\" }\n[[axis]]\nkey = \"seed\"\n");
+    bench.write(
+        "g.toml",
+        "[base]\nscenario = \"short.toml\"\nset = { sim.dt_ms = 5 }\n[[axis]]\nkey = \"sensing.range_m\"\n\
+         values = [-1, 20, 0]\n[[axis]]\nname = \"s\"\n[[axis.settings]]\nname = \"a\"\nset = { ego.speed = 3 }\n\
+         [[axis.settings]]\nname = \"b\"\nset = { control.period_ms = 10 }\n",
+    );
+    bench.write("d.toml", "span_ms = 100\n[[operator]]\nname = \"camera\"\nevery_ms = 0\n");
+    bench.write("e.toml", "[planning\n");
+    let args = ["check", "short.toml", "a.toml", "b.toml", "c.toml", "d.toml", "e.toml", "f.toml", "g.toml"];
+    let said = bench.swerve(&args);
+    let says = [
+        "a.toml:11: ego.end_m: ",
+        "a.toml:18: actor.person.trigger.distance.to: unknown actor \"eg\"",
+        "b.toml:2: sim.dt_ms: expected 1 to 20, found 0",
+        "b.toml:4: sensing.range_m: expected 0.1 to 10000, found -1",
+        "b.toml:5: operator.planer: unknown operator",
+        "b.toml:6: operator.planer.uses: unknown resource `gpu0`",
+        "c.toml:2: axis[0]: expected `values` or `settings`",
+        "d.toml:",
+        "e.toml:1: ",
+        "f.toml: cannot be read",
+        "g.toml:6: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1 b]",
+        "g.toml:6: sensing.range_m: expected 0.1 to 10000, found 0, in the cell [0 b]",
+        "g.toml:11: ego.speed: unknown field `speed`",
+        "in 8 files",
+    ];
+    check(&said, &says, &args);
+    assert!(!said.stderr.contains("short.toml:"), "{}", said.stderr);
+    assert_eq!(bench.good(&["check", "short.toml"]), "1 file, no problem\n");
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_told_before_anything_runs() {
+    let bench = Bench::new();
+    bench.write(
+        "study.toml",
+        "base = { scenario = \"short.toml\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n",
+    );
+    for args in [["run", "short.toml", "--out", "study.toml"], ["study", "study.toml", "--out", "short.toml"]]
+    {
+        let said = bench.swerve(&args);
+        check(&said, &["making ", args[3]], &args);
+        assert_eq!(said.stderr.lines().count(), 1, "{}", said.stderr);
+    }
+    assert_eq!(bench.read("short.toml"), SHORT);
+}

@@ -1,0 +1,74 @@
+//! What goes where, and which options change it.
+
+use serde_json::Value;
+
+use crate::support::Bench;
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("not one JSON value: {e}: {text}"))
+}
+
+#[test]
+fn json_is_one_object_and_nothing_else() {
+    let bench = Bench::new();
+    let said = bench.swerve(&["run", "short.toml", "--json", "--out", "o"]);
+    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+    let object = json(&said.stdout);
+    assert!(object.is_object());
+    assert_eq!(object["verdict"], "avoided");
+    assert_eq!(object["as_expected"], true);
+    assert_eq!(said.stdout, bench.read("o/metrics.json"));
+    let digest =
+        object["digest"].as_str().expect("a digest is text: a number of 64 bits is not safe in JSON");
+    assert!(digest.len() == 16 && digest.chars().all(|c| c.is_ascii_hexdigit()), "{digest}");
+    let text = bench.good(&["run", "short.toml", "--out", "p"]);
+    assert!(text.contains(digest) && text.contains("AVOIDED"), "{text}");
+    for name in ["story.svg", "log.mcap", "trace.json", "metrics.json"] {
+        assert!(std::fs::metadata(bench.path("o").join(name)).unwrap().len() > 100, "{name}");
+    }
+    json(&bench.read("o/trace.json"));
+    assert!(bench.read("o/story.svg").trim_end().ends_with("</svg>"));
+}
+
+#[test]
+fn the_seed_varies_the_run_and_threads_do_not() {
+    let bench = Bench::new();
+    let digest = |extra: &[&str]| {
+        let args = [&["run", "short.toml", "--json", "--out", "o"][..], extra].concat();
+        json(&bench.good(&args))["digest"].clone()
+    };
+    let first = digest(&[]);
+    assert_eq!(digest(&["--seed", "1"]), first);
+    assert_eq!(digest(&["--set", "seed=1", "--threads", "4"]), first);
+    assert_ne!(digest(&["--seed", "2"]), first);
+    assert_eq!(digest(&["--seed", "2"]), digest(&["--set", "seed=2"]));
+}
+
+#[test]
+fn without_out_the_folder_has_the_scenarios_name() {
+    let bench = Bench::new();
+    let said = bench.good(&["run", "short.toml"]);
+    assert!(bench.path("out/short/metrics.json").is_file(), "{said}");
+}
+
+#[test]
+fn run_times_may_come_from_the_log_that_the_run_replaces() {
+    let bench = Bench::new();
+    let modelled = ["run", "short.toml", "--json", "--out", "o", "--set"];
+    let first = bench.good(&[&modelled[..], &["operator.planner.runtime={ normal_ms = [60, 20] }"]].concat());
+    let again = bench.good(&["run", "short.toml", "--json", "--out", "o", "--runtimes", "o/log.mcap"]);
+    assert_eq!(json(&again)["digest"], json(&first)["digest"]);
+    assert_eq!(json(&again)["unrecorded"], 0);
+}
+
+#[test]
+fn a_replay_verifies_after_the_scenario_file_is_gone() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "o"]);
+    std::fs::remove_file(bench.path("short.toml")).unwrap();
+    for from in ["perception", "prediction", "planning", "control", "tracker"] {
+        bench.good(&["replay", "o/log.mcap", "--verify", "--from", from]);
+    }
+    let what_if = ["replay", "o/log.mcap", "--from", "planning", "--set", "ego.speed_mps=8"];
+    assert!(bench.good(&what_if).contains("planner: first difference at "));
+}

@@ -1,0 +1,153 @@
+//! Cells, resuming, shards, failing cells, repeating a cell.
+
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use crate::support::Bench;
+
+/// Two keys that no study is made for, one of them with a numeric label, over a base that sets a third.
+const STUDY: &str = r#"
+[base]
+scenario = "short.toml"
+set = { operator.planner.runtime = { fixed_ms = 20 } }
+
+[[axis]]
+key = "control.period_ms"
+values = [10, 20]
+
+[[axis]]
+name = "range"
+key = "sensing.range_m"
+values = [15.0, 60.0]
+"#;
+
+fn bench() -> Bench {
+    let bench = Bench::new();
+    bench.write("study.toml", STUDY);
+    bench
+}
+
+fn cells(bench: &Bench, out: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(bench.path(out).join("cells")).unwrap();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn every_combination_is_a_row_and_its_command_repeats_it() {
+    let bench = bench();
+    let table = bench.good(&["study", "study.toml", "--out", "o", "--set", "ego.speed_mps=11"]);
+    assert!(table.contains("4 of 4 cells in o"), "{table}");
+    let csv = bench.read("o/cells.csv");
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(
+        rows[0],
+        ["period_ms", "range", "verdict", "min_distance_m", "impact_speed_mps", "lateral_jerk_max", "digest"]
+    );
+    let labels: Vec<_> = rows[1..].iter().map(|row| (row[0], row[1])).collect();
+    assert_eq!(labels, [("10", "15.0"), ("10", "60.0"), ("20", "15.0"), ("20", "60.0")]);
+    let mut digests: Vec<&str> = rows[1..].iter().map(|row| row[6]).collect();
+    assert!(rows[1..].iter().all(|row| row[2] == "avoided" && row[6].len() == 16), "{csv}");
+    let commands = bench.read("o/commands.txt");
+    assert_eq!(commands.lines().count(), 4);
+    for (line, digest) in commands.lines().zip(&digests) {
+        let said = bench.shell(&format!("{line} --json --out again"));
+        assert_eq!(said.code, Some(0), "{line}: {}", said.stderr);
+        let again: Value = serde_json::from_str(&said.stdout).unwrap();
+        assert_eq!(again["digest"], **digest, "{line}");
+    }
+    digests.sort_unstable();
+    digests.dedup();
+    assert_eq!(digests.len(), 4, "both keys change the run: {csv}");
+    assert!(bench.read("o/heatmap.svg").trim_end().ends_with("</svg>"));
+}
+
+#[test]
+fn finished_cells_are_kept_and_the_rest_is_run() {
+    let bench = bench();
+    bench.good(&["study", "study.toml", "--out", "o"]);
+    let (csv, files) = (bench.read("o/cells.csv"), cells(&bench, "o"));
+    assert_eq!(files.len(), 4);
+    std::fs::remove_file(&files[1]).unwrap();
+    std::fs::write(&files[2], "{ half a resu").unwrap();
+    // A figure that no run gives shows that the cell was not run again.
+    let mut kept: Value = serde_json::from_slice(&std::fs::read(&files[3]).unwrap()).unwrap();
+    kept["min_distance_m"] = 1234.5.into();
+    std::fs::write(&files[3], kept.to_string()).unwrap();
+    bench.good(&["study", "study.toml", "--out", "o"]);
+    let again = bench.read("o/cells.csv");
+    let (before, after): (Vec<&str>, Vec<&str>) = (csv.lines().collect(), again.lines().collect());
+    assert_eq!(after[..4], before[..4]);
+    assert!(after[4].contains(",1234.5000,"), "{}", after[4]);
+    // Under another configuration the cell is another one.
+    bench.good(&["study", "study.toml", "--out", "o", "--set", "sim.dt_ms=4"]);
+    assert!(!bench.read("o/cells.csv").contains("1234.5"));
+}
+
+#[test]
+fn shards_merge_to_the_same_bytes() {
+    let bench = bench();
+    bench.good(&["study", "study.toml", "--out", "whole"]);
+    let first = bench.good(&["study", "study.toml", "--out", "one", "--shard", "1/2"]);
+    assert!(first.contains("2 of 4 cells"), "{first}");
+    let early = bench.swerve(&["study", "merge", "one", "--study", "study.toml", "--out", "early"]);
+    assert!(
+        early.code == Some(1) && early.stderr.contains("2 cells are in none of the folders"),
+        "{early:?}"
+    );
+    bench.good(&["study", "study.toml", "--out", "two", "--shard", "2/2", "--threads", "1"]);
+    bench.good(&["study", "merge", "two", "one", "--study", "study.toml", "--out", "merged"]);
+    for name in ["cells.csv", "heatmap.svg", "commands.txt"] {
+        assert!(bench.read(&format!("merged/{name}")) == bench.read(&format!("whole/{name}")), "{name}");
+    }
+    for wrong in ["0/2", "3/2", "1", "a/b"] {
+        let said = bench.swerve(&["study", "study.toml", "--shard", wrong]);
+        assert!(said.code == Some(2) && said.stderr.contains("expected I/N with 1 <= I <= N"), "{said:?}");
+    }
+}
+
+/// A queue that is full and must not drop ends its run; the study tells, and keeps the others.
+#[test]
+fn a_failing_cell_leaves_the_others() {
+    let bench = bench();
+    bench.write(
+        "failing.toml",
+        r#"
+        [base]
+        scenario = "short.toml"
+        set = { operator.planner.runtime = { fixed_ms = 300 } }
+        [[axis]]
+        name = "policy"
+        key = "operator.planner.policy"
+        values = ["queue(1, fail)", "skip_to_latest"]
+        "#,
+    );
+    for call in ["first", "second"] {
+        let said = bench.swerve(&["study", "failing.toml", "--out", "o"]);
+        assert_eq!(said.code, Some(1), "{call} call");
+        assert!(
+            said.stderr.starts_with("error: 1 cells failed, the first of them [queue(1, fail)]: "),
+            "{said:?}"
+        );
+        assert!(said.stderr.contains("planner") && said.stderr.contains("swerve run short.toml"), "{said:?}");
+        assert!(!said.stderr.contains("panicked"), "{said:?}");
+        let csv = bench.read("o/cells.csv");
+        let rows: Vec<&str> = csv.lines().skip(1).collect();
+        assert_eq!(rows[0], "\"queue(1, fail)\",failed,,,,");
+        assert!(
+            rows.len() == 2 && rows[1].starts_with("skip_to_latest,") && !rows[1].contains("failed"),
+            "{csv}"
+        );
+    }
+}
+
+#[test]
+fn what_the_command_line_sets_goes_before_what_the_file_sets() {
+    let bench = bench();
+    let runtime = "operator.planner.runtime={ fixed_ms = 120 }";
+    bench.good(&["study", "study.toml", "--out", "file"]);
+    bench.good(&["study", "study.toml", "--out", "set", "--set", runtime]);
+    assert_ne!(bench.read("file/cells.csv"), bench.read("set/cells.csv"));
+}

@@ -1,0 +1,107 @@
+//! A folder to call the program in.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// Three seconds past somebody who stands beside the lane; short, so that many runs take little time.
+pub(crate) const SHORT: &str = r#"name = "short"
+
+[road]
+segments = [{ length_m = 80.0 }]
+lane_width_m = 4.0
+left_m = 6.0
+right_m = 2.0
+
+[ego]
+target_speed_mps = 12.0
+end_m = 20.0
+
+[[actor]]
+name = "person"
+kind = "pedestrian"
+s_m = 30.0
+d_m = 4.0
+trigger = { distance = { to = "ego", within_m = 25.0 } }
+motion = [{ walk = { speed_mps = 1.0, distance_m = 1.0, direction = "left" } }]
+
+[expect]
+verdict = "avoided"
+min_distance_m = { min = 0.5 }
+
+[end]
+timeout_s = 10.0
+"#;
+
+/// A folder with the scenario `short.toml` in it.
+pub(crate) struct Bench {
+    folder: TempDir,
+}
+
+impl Bench {
+    pub(crate) fn new() -> Self {
+        let bench = Self { folder: tempfile::tempdir().unwrap() };
+        bench.write("short.toml", SHORT);
+        bench
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub(crate) fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    pub(crate) fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    }
+
+    pub(crate) fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_swerve"));
+        command.args(args).current_dir(self.folder.path());
+        command
+    }
+
+    pub(crate) fn swerve(&self, args: &[&str]) -> Said {
+        Said::of(&self.command(args).output().unwrap())
+    }
+
+    /// As [`swerve`](Self::swerve), and it has to go well; gives what it printed.
+    pub(crate) fn good(&self, args: &[&str]) -> String {
+        let said = self.swerve(args);
+        assert!(said.code == Some(0), "{args:?}: {said:?}");
+        said.stdout
+    }
+
+    /// A line for a shell that finds the program on its path, as `commands.txt` and the how-to pages hold them.
+    pub(crate) fn shell_command(&self, line: &str) -> Command {
+        let program = Path::new(env!("CARGO_BIN_EXE_swerve"));
+        let mut path = program.parent().unwrap().as_os_str().to_owned();
+        path.push(":");
+        path.push(std::env::var_os("PATH").unwrap_or_default());
+        let mut shell = Command::new("sh");
+        shell.args(["-c", line]).current_dir(self.folder.path()).env("PATH", path);
+        shell
+    }
+
+    pub(crate) fn shell(&self, line: &str) -> Said {
+        Said::of(&self.shell_command(line).output().unwrap())
+    }
+}
+
+/// What a call of the program said.
+#[derive(Debug)]
+pub(crate) struct Said {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Said {
+    pub(crate) fn of(output: &Output) -> Self {
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("the program prints UTF-8");
+        Self { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
+    }
+}
