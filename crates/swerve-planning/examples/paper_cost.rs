@@ -43,7 +43,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut work = work.ok_or("the file lacks a configuration")?;
         work.sort_unstable();
         let p99 = work[((work.len() as f64 * 0.99).ceil() as usize).clamp(1, work.len()) - 1];
-        println!("{name}: {} calls, p99 {p99} units, {:.2} us per unit", work.len(), paper_ms * 1e3 / p99 as f64);
+        println!(
+            "{name}: {} calls, p99 {p99} units, {:.2} us per unit",
+            work.len(),
+            paper_ms * 1e3 / p99 as f64
+        );
     }
     Ok(())
 }
