@@ -4,6 +4,7 @@
 //! angles degrees (their names say so); resolving converts them.
 
 pub mod execution;
+mod planner;
 pub mod text;
 
 use std::collections::BTreeMap;
@@ -11,8 +12,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use swerve_control::Following;
-use swerve_planning::CollisionMode;
 use swerve_planning::posed::Preset;
+use swerve_planning::{CollisionMode, Planner};
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount};
 use swerve_vehicle::VehicleParams;
 
@@ -274,6 +275,11 @@ impl Default for PlanningConfig {
 }
 
 impl PlanningConfig {
+    /// The planner that this names, with its parameters; what is wrong with them, if they make none.
+    pub fn planner(&self) -> Result<Box<dyn Planner>, String> {
+        planner::planner(self)
+    }
+
     /// Run time of the chosen planner and discretisation.
     pub fn cost_of_chosen(&self) -> Option<&Runtime> {
         self.cost.get(&self.planner)?.get(&self.config)
@@ -428,7 +434,7 @@ impl Config {
                 format!("expected {}, found {}", fault.must, fault.value),
             ));
         }
-        if let Err(message) = crate::pipeline::planner(&self) {
+        if let Err(message) = self.planning.planner() {
             faults.push(("planning.params".into(), message));
         }
         self.check_operators(&mut faults);

@@ -18,7 +18,6 @@ use crate::config::execution::{parse_policy, span_ms};
 use crate::config::{Config, OPERATORS};
 
 pub use controller::controller;
-pub use planner::planner;
 
 /// A pipeline ready to run.
 pub struct Pipeline {

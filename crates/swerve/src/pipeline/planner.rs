@@ -1,22 +1,14 @@
 use std::sync::Arc;
 
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use swerve_core::Span;
 use swerve_flow::{At, Context, Operator, Port, Progress, Window};
 use swerve_msg::{EgoState, Plan, PredictionList, Route};
-use swerve_planning::aeb::{self, Aeb};
-use swerve_planning::fot::{self, Fot};
-use swerve_planning::hybrid_astar::{self, HybridAstar};
-use swerve_planning::rrt_star::{self, RrtStar};
-use swerve_planning::waypoint::{self, Waypoint};
 use swerve_planning::world::predicted_start;
 use swerve_planning::{Budget, Goes, Planner, Request};
 use swerve_scenario::Scenario;
 use swerve_vehicle::{Limits, Shape};
 
-use crate::config::text::with_nearest_name;
-use crate::config::{Config, Fineness, PlannerName, StartState};
+use crate::config::{Config, StartState};
 
 /// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
 const POSES: usize = 64;
@@ -41,7 +33,10 @@ impl PlannerOperator {
             StartState::Predicted => Some(Span::from_secs(config.planning.expected_ms() * 1e-3)),
         };
         Ok(Self {
-            planner: planner(config).map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
+            planner: config
+                .planning
+                .planner()
+                .map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: route.clone(),
             target_speed_mps: scenario.ego.target_speed_mps,
             shape: vehicle.shape,
@@ -50,53 +45,6 @@ impl PlannerOperator {
             previous: None,
         })
     }
-}
-
-/// The planner that a configuration names, with its parameters.
-pub fn planner(config: &Config) -> Result<Box<dyn Planner>, String> {
-    let planning = &config.planning;
-    let (preset, fineness) = (planning.preset, planning.config);
-    Ok(match planning.planner {
-        PlannerName::Fot => {
-            let defaults = match fineness {
-                Fineness::Fast => fot::Params::fast(preset),
-                Fineness::Slow => fot::Params::slow(preset),
-            };
-            let defaults = fot::Params { collision: planning.collision, ..defaults };
-            Box::new(Fot::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
-        }
-        PlannerName::HybridAstar => {
-            let defaults = match fineness {
-                Fineness::Fast => hybrid_astar::Params::fast(preset),
-                Fineness::Slow => hybrid_astar::Params::slow(preset),
-            };
-            let defaults = hybrid_astar::Params { collision: planning.collision, ..defaults };
-            Box::new(HybridAstar::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
-        }
-        PlannerName::RrtStar => {
-            let defaults = match fineness {
-                Fineness::Fast => rrt_star::Params::fast(preset),
-                Fineness::Slow => rrt_star::Params::slow(preset),
-            };
-            let defaults = rrt_star::Params { collision: planning.collision, ..defaults };
-            Box::new(RrtStar::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
-        }
-        PlannerName::Waypoint => {
-            let params = overridden(&waypoint::Params::default(), &planning.params)?;
-            Box::new(Waypoint::new(params).map_err(|e| e.to_string())?)
-        }
-        PlannerName::Aeb => {
-            let defaults = aeb::Params { collision: planning.collision, ..aeb::Params::default() };
-            Box::new(Aeb::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
-        }
-    })
-}
-
-/// A planner's parameters with what the configuration says otherwise.
-fn overridden<T: Serialize + DeserializeOwned>(defaults: &T, changes: &toml::Table) -> Result<T, String> {
-    let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
-    table.extend(changes.clone());
-    table.try_into().map_err(|error| with_nearest_name(error.message()))
 }
 
 impl Operator for PlannerOperator {
