@@ -75,7 +75,7 @@ fn faults_name_file_line_and_the_nearest_name() {
         format!("{:#}", read(&path).expect_err("wrong on purpose"))
     };
     let typo = fault(&FILE.replace("\"waypoints\": [[0, 0]", "\"waypoint\": [[0, 0]"));
-    assert!(typo.contains("problems.json:16: unknown field `waypoint`"), "{typo}");
+    assert!(typo.contains("problems.json:15: unknown field `waypoint`"), "{typo}");
     assert!(typo.contains("did you mean `waypoints`?"), "{typo}");
     let cut = fault(&FILE[..FILE.len() / 2]);
     assert!(cut.contains("problems.json:") && cut.contains("EOF"), "{cut}");
