@@ -448,12 +448,15 @@ fn memory(rows: &mut Rows) {
     rows.row("resident memory, message 1e5 to 1e6", percent.abs(), &reads, Goal::Most(1.0));
 }
 
+/// A part of the bench.
+type Part = fn(&mut Rows);
+
 fn main() {
     if !is_asked_to_measure() {
         return;
     }
     // Memory first, while the process is small.
-    let parts: [(&str, fn(&mut Rows)); 6] = [
+    let parts: [(&str, Part); 6] = [
         ("memory", memory),
         ("hops", hops),
         ("wakes", wakes),
