@@ -82,6 +82,14 @@ impl World {
         self.with(ActorKind::Pedestrian, (0.5, 0.5), from, velocity_mps)
     }
 
+    /// A person walks into the lane from behind an oncoming truck, first seen `late_s` ago 21.2 m ahead.
+    pub(crate) fn person_stepping_out(speed_mps: f64, late_s: f64) -> Self {
+        let driven_m = speed_mps * late_s;
+        Self::straight(speed_mps)
+            .with(ActorKind::Truck, (5.2, 2.6), (14.2 - driven_m, 4.0), (0.0, 0.0))
+            .with_person((21.2 - driven_m, 3.67 - 2.75 * late_s), (0.0, -2.75))
+    }
+
     pub(crate) fn request(&self) -> Request<'_> {
         Request {
             stamp: self.start.stamp,

@@ -3,6 +3,7 @@
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::{Plan, PlanStatus};
+use swerve_vehicle::Limits;
 
 use super::dubins::{Dubins, Piece, advance};
 use super::ground::{Area, Clock, Ground, Outline};
@@ -52,6 +53,8 @@ pub(crate) struct Task<'a> {
     pub(crate) radius_m: f64,
     /// The planned point stays in x_min, y_min, x_max, y_max, metres.
     pub(crate) bounds: [f64; 4],
+    /// Whether the search may take all its iterations, or a third of them: the later attempts of a call.
+    pub(crate) thorough: bool,
 }
 
 /// What differs between the planners.
@@ -136,7 +139,7 @@ impl Desk {
             area: Area::Box(bounds),
             clock: Clock { start: request.start.stamp, speed_mps, target_mps: speed_mps, accel_mps2: 1.0 },
         };
-        let task = Task { request, start, goal, radius_m: 0.0, bounds };
+        let task = Task { request, start, goal, radius_m: 0.0, bounds, thorough: true };
         let mut counted = Counted::new(budget);
         self.path.clear();
         let found = search.paper(&ground, &task, &mut counted, &mut self.path);
@@ -195,41 +198,66 @@ impl Desk {
         request: &Request<'_>,
         budget: &mut Counted<'_>,
     ) -> Option<Plan> {
-        let (start, line) = (request.start.pose, &request.route.line);
         let outline = own_outline(request);
         let (clearance_m, edge_m) = self.margins(settings, request, &outline)?;
-        let radius_m = turning_radius_m(request);
         let ahead_m = settings.goal_ahead_m.max(settings.goal_ahead_s * request.start.speed_mps);
-        let from_s_m = self.road.project(start.point()).s_m;
-        let mut searches = 0;
-        for (stretch, d_m) in GOALS {
-            let s_m = from_s_m + ahead_m * stretch;
-            let at = line.to_map(FrenetPoint { s_m, d_m });
-            let goal = Pose2::new(at.x_m, at.y_m, line.at(s_m).pose.heading_rad);
-            let bounds = around(&[start, goal], request.route.left_m.max(request.route.right_m) + 2.0);
-            let ground = Ground {
-                obstacles: &self.obstacles,
-                clearance_m,
-                outline,
-                area: Area::Road(&self.road, edge_m, bounds),
-                clock: clock(request),
-            };
-            let direct = Dubins::shortest(start, goal, radius_m);
-            if searches == SEARCHES_MAX || budget.stopped || !ground.pose_free(goal, direct.length()) {
-                continue;
-            }
-            searches += 1;
-            let task = Task { request, start, goal, radius_m, bounds };
-            if search.best(&ground, &task, budget, &mut self.pieces)
-                && ground.free_exactly(start, &self.pieces)
-            {
-                let plan = self.timed(request);
-                if self.plan_free(&plan, request, (clearance_m - TIMING_M).max(0.0)) {
-                    return Some(plan);
+        let from_s_m = self.road.project(request.start.pose.point()).s_m;
+        for attempt in &ATTEMPTS {
+            let target_mps = attempt.target_mps(request);
+            let limits = Limits { brake_max_mps2: attempt.brake(request.limits), ..*request.limits };
+            let slowed = Request { target_speed_mps: target_mps, limits: &limits, ..*request };
+            let mut searches = 0;
+            for (stretch, d_m) in GOALS {
+                if searches == attempt.searches || budget.stopped {
+                    break;
+                }
+                let s_m = from_s_m + ahead_m * stretch;
+                let clearance_m = clearance_m * attempt.clearance;
+                let demands = Demands { clearance_m, edge_m, outline, thorough: attempt.thorough() };
+                match self.reach(search, &slowed, demands, FrenetPoint { s_m, d_m }, budget) {
+                    Outcome::NoGoal => {}
+                    Outcome::NoWay => searches += 1,
+                    Outcome::Way(plan) => return Some(plan),
                 }
             }
         }
         None
+    }
+
+    /// A way to one goal, driven as `request` has it.
+    fn reach(
+        &mut self,
+        search: &mut impl PathSearch,
+        request: &Request<'_>,
+        Demands { clearance_m, edge_m, outline, thorough }: Demands,
+        at: FrenetPoint,
+        budget: &mut Counted<'_>,
+    ) -> Outcome {
+        let (start, line) = (request.start.pose, &request.route.line);
+        let radius_m = turning_radius_m(request);
+        let point = line.to_map(at);
+        let goal = Pose2::new(point.x_m, point.y_m, line.at(at.s_m).pose.heading_rad);
+        let bounds = around(&[start, goal], request.route.left_m.max(request.route.right_m) + 2.0);
+        let ground = Ground {
+            obstacles: &self.obstacles,
+            clearance_m,
+            outline,
+            area: Area::Road(&self.road, edge_m, bounds),
+            clock: clock(request),
+        };
+        let direct = Dubins::shortest(start, goal, radius_m);
+        if !ground.pose_free(goal, direct.length()) {
+            return Outcome::NoGoal;
+        }
+        let task = Task { request, start, goal, radius_m, bounds, thorough };
+        let found =
+            search.best(&ground, &task, budget, &mut self.pieces) && ground.free_exactly(start, &self.pieces);
+        if !found {
+            return Outcome::NoWay;
+        }
+        let plan = self.timed(request);
+        let free = self.plan_free(&plan, request, (clearance_m - TIMING_M).max(0.0));
+        if free { Outcome::Way(plan) } else { Outcome::NoWay }
     }
 
     /// Clearance and distance from the edge of the road to keep: what is asked for, or what the start has where that is
@@ -265,8 +293,72 @@ impl Desk {
 const GOALS: [(f64, f64); 8] =
     [(1.0, 0.0), (1.5, 0.0), (1.0, 1.0), (1.0, -1.0), (1.0, 2.0), (1.0, -2.0), (1.0, 3.0), (1.0, 4.0)];
 
-/// Searches of one call at most.
-const SEARCHES_MAX: usize = 3;
+/// What a way must hold, and how long it is looked for.
+#[derive(Clone, Copy, Debug)]
+struct Demands {
+    /// Distance to keep from obstacles, metres.
+    clearance_m: f64,
+    /// Distance to keep from the edge of the road, metres.
+    edge_m: f64,
+    /// What moves.
+    outline: Outline,
+    /// Whether the search may take all its iterations.
+    thorough: bool,
+}
+
+/// What became of one goal.
+enum Outcome {
+    /// Something will be in the goal itself.
+    NoGoal,
+    /// No way to it was found.
+    NoWay,
+    /// A plan that gets there.
+    Way(Plan),
+}
+
+/// One way to drive around something.
+struct Attempt {
+    /// Deceleration meanwhile, m/s².
+    brake_mps2: f64,
+    /// Share of the clearance that is kept.
+    clearance: f64,
+    /// Goals that are searched for at most.
+    searches: usize,
+}
+
+/// What is tried, from the most to the least comfortable: at the speed to hold, braking meanwhile, and both again
+/// nearer to what is in the way.
+const ATTEMPTS: [Attempt; 6] = [
+    Attempt { brake_mps2: 0.0, clearance: 1.0, searches: 3 },
+    Attempt { brake_mps2: 3.0, clearance: 1.0, searches: 1 },
+    Attempt { brake_mps2: 6.0, clearance: 1.0, searches: 1 },
+    Attempt { brake_mps2: 0.0, clearance: 0.4, searches: 1 },
+    Attempt { brake_mps2: 3.0, clearance: 0.4, searches: 1 },
+    Attempt { brake_mps2: 6.0, clearance: 0.4, searches: 1 },
+];
+
+/// Braking lasts this long, seconds, but not below [`SLOWEST`] of the speed at its beginning.
+const BRAKING_S: f64 = 1.5;
+const SLOWEST: f64 = 0.4;
+
+impl Attempt {
+    /// Whether searches may take all their iterations: those of the first attempt.
+    fn thorough(&self) -> bool {
+        self.brake_mps2 == 0.0 && self.clearance == 1.0
+    }
+
+    /// The speed to reach, m/s.
+    fn target_mps(&self, request: &Request<'_>) -> f64 {
+        let (v0, target_mps) = (request.start.speed_mps.max(0.0), request.target_speed_mps);
+        let slowed_mps = (v0 - self.brake_mps2 * BRAKING_S).max(SLOWEST * v0);
+        if self.brake_mps2 > 0.0 { target_mps.min(slowed_mps) } else { target_mps }
+    }
+
+    /// Deceleration at most, m/s².
+    fn brake(&self, limits: &Limits) -> f64 {
+        if self.brake_mps2 > 0.0 { self.brake_mps2.min(limits.brake_max_mps2) } else { limits.brake_max_mps2 }
+    }
+}
 
 /// Allowance for chords instead of arcs and for the plan's times against the search's, metres.
 const TIMING_M: f64 = 0.05;

@@ -39,7 +39,8 @@ pub struct Params {
     pub car_length_m: f64,
     /// `paper`: width of the car, metres.
     pub car_width_m: f64,
-    /// Expansions of one search at most; `best` may search again with another goal, three times in all.
+    /// Expansions of one search at most; `best` may search again with other goals, three times in all, and then with
+    /// a third of them while braking or nearer to what is in the way, five times in all.
     pub iterations_max: usize,
     /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
@@ -233,7 +234,7 @@ impl PathSearch for LatticeSearch {
             radius_m: task.radius_m,
             cell_m: 0.5,
             cell_rad: step_m / task.radius_m,
-            expansions_max: self.params.iterations_max,
+            expansions_max: self.params.iterations_max / if task.thorough { 1 } else { 3 },
             detours: false,
             good_enough: 1.0,
         };
@@ -279,6 +280,20 @@ mod tests {
                 assert!(last.pose.y_m.abs() < 1e-6 && last.pose.heading_rad.abs() < 1e-6, "{last:?}");
                 assert!(last.pose.x_m >= 3.0 * speed_mps - 1e-6 && last.pose.x_m > ahead_m);
                 assert!(plan.points.iter().all(|p| p.speed_mps == speed_mps));
+            }
+        }
+    }
+
+    #[test]
+    fn finds_the_gap_where_a_person_steps_out() {
+        for speed_mps in [16.0, 18.0, 20.0, 22.0] {
+            for late_s in [0.0, 0.05, 0.1, 0.2] {
+                let world = World::person_stepping_out(speed_mps, late_s);
+                let mut planner = HybridAstar::new(Params::default()).unwrap();
+                let plan = planner.plan(&world.request(), &mut Unlimited::default());
+                assert_eq!(plan.status, PlanStatus::Found, "{speed_mps} {late_s}");
+                assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.06, "{speed_mps} {late_s}");
+                assert!(world.margin_m(&plan) > -0.02, "{speed_mps} {late_s}");
             }
         }
     }
