@@ -356,7 +356,7 @@ impl Summary {
         row("digest", self.digest.clone());
         let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
         let lines = m.operators.iter().map(|o| {
-            let ms = |x: f64| format!("{x:.1}");
+            let ms = |x: f64| format!("{x:.2}");
             vec![
                 o.operator.clone(),
                 o.steps.to_string(),
