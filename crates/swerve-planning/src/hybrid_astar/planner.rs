@@ -232,7 +232,8 @@ impl PathSearch for LatticeSearch {
             motions: &motions,
             arrival: Arrival::Exact,
             radius_m: task.radius_m,
-            cell_m: 0.5,
+            // Narrow gaps need more places side by side; further attempts are there for them.
+            cell_m: if task.thorough { 0.5 } else { 0.25 },
             cell_rad: step_m / task.radius_m,
             expansions_max: self.params.iterations_max / if task.thorough { 1 } else { 3 },
             detours: false,
