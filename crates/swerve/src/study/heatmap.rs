@@ -14,7 +14,7 @@ pub fn draw(grid: &Grid, title: &str) -> String {
     let longest = grid.rows.iter().map(|r| r.chars().count()).max().unwrap_or(0);
     let left = MARGIN + 16.0 + 7.6 * longest as f64;
     let width = (left + SQUARE_W * grid.columns.len() as f64 + MARGIN)
-        .max(MARGIN * 2.0 + 7.4 * title.chars().count() as f64);
+        .max(MARGIN * 2.0 + 9.4 * title.chars().count() as f64);
     let height = TOP + SQUARE_H * grid.rows.len() as f64 + 58.0;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" height=\"{height:.0}\" font-family=\"Helvetica, Arial, sans-serif\" font-size=\"13\">\n<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
