@@ -32,7 +32,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "KEY=VALUE", conflicts_with = "verify")]
     set: Vec<String>,
     /// Worker threads for heavy steps; the result does not depend on them
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = crate::cli::threads())]
     threads: usize,
 }
 

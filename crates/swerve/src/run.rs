@@ -50,7 +50,7 @@ pub struct RunArgs {
     #[arg(long)]
     json: bool,
     /// Worker threads for heavy steps; the result does not depend on them
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = crate::cli::threads())]
     threads: usize,
     /// Take run times from an earlier log instead of the configuration
     #[arg(long, value_name = "LOG")]

@@ -1,7 +1,7 @@
 //! A study file: a base run and axes over configuration keys, expanded to cells.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -157,6 +157,7 @@ impl Study {
             if axes.contains(&name) {
                 return Err(document.problem(&here, format!("a second axis of the name `{name}`")));
             }
+            refuse_overridden(sets, &steps, &name)?;
             axes.push(name);
             if cells.len() * steps.len() > CELLS_MAX {
                 return Err(document.problem(&here, format!("more than {CELLS_MAX} cells")));
@@ -183,8 +184,8 @@ impl Study {
             lines: lines(document, &file),
             name,
             description: file.description,
-            scenario: folder.join(&file.base.scenario),
-            config: file.base.config.as_ref().map(|c| folder.join(c)),
+            scenario: beside(folder, &file.base.scenario),
+            config: file.base.config.as_ref().map(|config| beside(folder, config)),
             axes,
             cells,
             budget: file.budget,
@@ -201,6 +202,40 @@ impl Study {
             line += &format!(" --set {}", quoted(&format!("{key}={value}")));
         }
         line
+    }
+}
+
+/// `path` as seen from where `folder` is, without the detours (`configs/../scenarios`) that lead to the same file.
+fn beside(folder: &Path, path: &Path) -> PathBuf {
+    let joined = folder.join(path);
+    let mut short = PathBuf::new();
+    for part in joined.components() {
+        match (part, short.components().next_back()) {
+            (Component::ParentDir, Some(Component::Normal(_))) => {
+                short.pop();
+            }
+            _ => short.push(part),
+        }
+    }
+    // Through a symbolic link, `a/..` may be elsewhere.
+    let same = joined.canonicalize().is_ok_and(|there| short.canonicalize().is_ok_and(|here| here == there));
+    if same { short } else { joined }
+}
+
+/// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
+fn refuse_overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Result<(), Problem> {
+    let overrides = |theirs: &str, ours: &str| {
+        ours.strip_prefix(theirs).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    };
+    let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| overrides(k, key)));
+    match sets.iter().find(|(key, _)| varied(key)) {
+        None => Ok(()),
+        Some((key, _)) => Err(Problem {
+            file: "--set".to_owned(),
+            line: None,
+            key: key.clone(),
+            message: format!("the axis `{axis}` of the study varies it"),
+        }),
     }
 }
 

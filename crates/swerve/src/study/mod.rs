@@ -39,7 +39,7 @@ pub struct StudyArgs {
     #[arg(long)]
     out: Option<PathBuf>,
     /// Cells run at once [default: one a core]
-    #[arg(long)]
+    #[arg(long, value_parser = crate::cli::threads())]
     threads: Option<usize>,
     /// Run only this share of the cells: 2/4 is the second of four
     #[arg(long, value_name = "I/N")]

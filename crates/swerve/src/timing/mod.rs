@@ -41,7 +41,7 @@ pub struct TimingArgs {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Worker threads; the result does not depend on them.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = crate::cli::threads())]
     pub threads: usize,
 }
 

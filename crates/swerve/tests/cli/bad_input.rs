@@ -145,6 +145,19 @@ fn command_lines() {
 }
 
 #[test]
+fn thread_counts_are_bounded() {
+    for args in [
+        &["run", "short.toml", "--threads", "100000"][..],
+        &["run", "short.toml", "--threads", "0"],
+        &["replay", "log.mcap", "--threads", "257"],
+        &["study", "study.toml", "--threads", "0"],
+        &["timing", "short.toml", "--threads", "4000000000"],
+    ] {
+        check(&Bench::new().swerve(args), &["--threads", args[3], "1..=256"], args);
+    }
+}
+
+#[test]
 fn an_error_tells_its_cause_once() {
     let said = Bench::new().swerve(&["replay", "none.mcap"]);
     assert_eq!(said.stderr.matches("No such file").count(), 1, "{}", said.stderr);
@@ -166,6 +179,16 @@ fn studies() {
             &["bad.toml:4: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1]"],
         ),
     ]);
+}
+
+#[test]
+fn what_an_axis_varies_cannot_be_set_as_well() {
+    let axis = "[[axis]]\nkey = \"planning.planner\"\nvalues = [\"fot\"]\n";
+    check_all(vec![Case {
+        file: ("bad.toml", format!("base = {{ scenario = \"short.toml\" }}\n{axis}")),
+        args: &["study", "bad.toml", "--out", "o", "--set", "planning.planner=aeb"],
+        says: &["--set: planning.planner: the axis `planner` of the study varies it"],
+    }]);
 }
 
 #[test]
