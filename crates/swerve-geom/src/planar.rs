@@ -237,6 +237,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
         fn local_and_back(x in -99.0..99.0, y in -99.0..99.0, h in -9.0..9.0, px in -99.0..99.0, py in -99.0..99.0) {
             let pose = Pose2::<Map>::new(x, y, h);
