@@ -151,12 +151,6 @@ const GRACE_S: f64 = 1.0;
 /// finite step leaves.
 const HEADING_SLACK_RAD: f64 = 0.03;
 
-/// As [`HEADING_SLACK_RAD`] where the ego creeps: a car turns this much within a hand's breadth of the path.
-const CREEP_SLACK_RAD: f64 = 0.1;
-
-/// Slower than this the ego creeps, m/s.
-const CREEP_MPS: f64 = 2.0;
-
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
 const CRAWL_MPS: f64 = 0.3;
 
@@ -216,9 +210,7 @@ impl Checks<'_> {
         if place.d_m < self.offset_m.0 - slack_m || place.d_m > self.offset_m.1 + slack_m {
             return false;
         }
-        if place.speed_mps > CRAWL_MPS
-            && place.curvature_1pm.abs() > self.curvature_max_1pm.max(grace.curvature_1pm * share)
-        {
+        if place.curvature_1pm.abs() > self.curvature_max_1pm.max(grace.curvature_1pm * share) {
             return false;
         }
         if self.smooth && !self.goes_on(before, place) {
@@ -232,8 +224,7 @@ impl Checks<'_> {
         let moved_m = math::hypot(place.x_m - before.x_m, place.y_m - before.y_m);
         let turn = (before.cos * place.sin - before.sin * place.cos).abs();
         let forward = before.cos * place.cos + before.sin * place.sin > 0.0;
-        let slack = if before.speed_mps < CREEP_MPS { CREEP_SLACK_RAD } else { HEADING_SLACK_RAD };
-        forward && turn <= self.curvature_max_1pm * moved_m * 1.2 + slack
+        forward && turn <= self.curvature_max_1pm * moved_m * 1.2 + HEADING_SLACK_RAD
     }
 
     fn drivable_holds(
