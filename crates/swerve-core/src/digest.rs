@@ -1,10 +1,13 @@
 //! Digests: one number that two equal runs share.
 
+mod form;
+
 use core::fmt;
 
-use postcard::ser_flavors::Flavor;
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+use xxhash_rust::xxh3::Xxh3;
+
+use form::Form;
 
 /// A 64-bit fingerprint (XXH3), printed as sixteen hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
@@ -45,12 +48,14 @@ impl Hasher {
         self.xxh.update(&n.to_le_bytes());
     }
 
-    /// Takes in a value through its serialized form (postcard), without storing that form.
+    /// Takes in a value through its serialized form (fixed-width words), without storing that form whole.
+    ///
+    /// Floats count by their bits: 0.0 and -0.0 differ, and so do NaNs of different sign or payload.
     ///
     /// # Panics
-    /// When the value's `Serialize` refuses, or holds a sequence of unknown length: a bug of the type.
+    /// When the value's `Serialize` refuses: a bug of the type.
     pub fn value<T: Serialize + ?Sized>(&mut self, value: &T) {
-        let mut form = Form::new(Some(core::mem::take(&mut self.xxh)));
+        let mut form = Form::after(core::mem::take(&mut self.xxh));
         form.take_in(value);
         self.xxh = form.spilled();
     }
@@ -72,98 +77,23 @@ impl fmt::Debug for Hasher {
 /// # Panics
 /// As [`Hasher::value`].
 pub fn digest_of<T: Serialize + ?Sized>(value: &T) -> Digest {
-    let mut form = Form::new(None);
+    let mut form = Form::new();
     form.take_in(value);
     form.digest()
-}
-
-/// What a serialized form is collected in before it is hashed: most messages fit, and are hashed at once.
-const FORM_MAX: usize = 128;
-
-/// A serialized form on its way to its digest.
-struct Form {
-    bytes: [u8; FORM_MAX],
-    len: usize,
-    /// Takes in what does not fit; absent as long as all fits.
-    rest: Option<Xxh3>,
-}
-
-impl Form {
-    fn new(rest: Option<Xxh3>) -> Self {
-        Self { bytes: [0; FORM_MAX], len: 0, rest }
-    }
-
-    fn take_in<T: Serialize + ?Sized>(&mut self, value: &T) {
-        postcard::serialize_with_flavor::<T, _, ()>(value, Sink(self))
-            .expect("message types serialize without fail");
-    }
-
-    #[inline]
-    fn push(&mut self, byte: u8) {
-        if self.len == FORM_MAX {
-            self.spill();
-        }
-        self.bytes[self.len] = byte;
-        self.len += 1;
-    }
-
-    #[inline]
-    fn extend(&mut self, bytes: &[u8]) {
-        if self.len + bytes.len() > FORM_MAX {
-            self.spill();
-        }
-        if bytes.len() > FORM_MAX {
-            self.rest.get_or_insert_default().update(bytes);
-        } else {
-            self.bytes[self.len..self.len + bytes.len()].copy_from_slice(bytes);
-            self.len += bytes.len();
-        }
-    }
-
-    #[cold]
-    fn spill(&mut self) {
-        self.rest.get_or_insert_default().update(&self.bytes[..self.len]);
-        self.len = 0;
-    }
-
-    fn spilled(mut self) -> Xxh3 {
-        self.spill();
-        self.rest.unwrap_or_default()
-    }
-
-    fn digest(self) -> Digest {
-        match self.rest {
-            None => Digest(xxh3_64(&self.bytes[..self.len])),
-            Some(_) => Digest(self.spilled().digest()),
-        }
-    }
-}
-
-struct Sink<'a>(&'a mut Form);
-
-impl Flavor for Sink<'_> {
-    type Output = ();
-
-    #[inline]
-    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
-        self.0.push(byte);
-        Ok(())
-    }
-
-    #[inline]
-    fn try_extend(&mut self, bytes: &[u8]) -> postcard::Result<()> {
-        self.0.extend(bytes);
-        Ok(())
-    }
-
-    fn finalize(self) -> postcard::Result<()> {
-        Ok(())
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A sequence that does not say how long it is.
+    struct Uncounted(Vec<u64>);
+
+    impl Serialize for Uncounted {
+        fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            serializer.collect_seq(self.0.iter().filter(|_| true))
+        }
+    }
 
     #[test]
     fn equal_values_share_a_digest_and_one_bit_tells() {
@@ -173,21 +103,46 @@ mod tests {
 
     #[test]
     fn forms_of_any_length_hash_as_one_run_of_bytes() {
-        for n in [0, 1, 7, 13, 14, 15, 120, 126, 127, 128, 129, 240, 300, 511, 5000] {
+        for n in [0, 1, 7, 13, 14, 15, 29, 30, 31, 32, 120, 127, 128, 240, 247, 248, 249, 256, 257, 511, 5000]
+        {
             let text: String = (0..n).map(|i| char::from(b'a' + (i % 26) as u8)).collect();
             let numbers: Vec<f64> = (0..n).map(|i| f64::from(i as u32)).collect();
-            let value = (text, numbers, 7_u8);
+            let value = (&text, &numbers, 7_u8, Some(-3_i16), true);
+            let count = (n as u64).to_le_bytes();
+            let mut form = [&count[..], text.as_bytes()].concat();
+            form.extend(count);
+            numbers.iter().for_each(|x| form.extend(x.to_le_bytes()));
+            form.extend([7, 1, 0xfd, 0xff, 1]);
             let mut bytes = Xxh3::new();
-            bytes.update(&postcard::to_stdvec(&value).unwrap());
+            bytes.update(&form);
             assert_eq!(digest_of(&value), Digest(bytes.digest()), "{n}");
             let mut hasher = Hasher::new();
             hasher.number(3);
             hasher.value(&value);
             let mut after = Xxh3::new();
             after.update(&3_u64.to_le_bytes());
-            after.update(&postcard::to_stdvec(&value).unwrap());
+            after.update(&form);
             assert_eq!(hasher.digest(), Digest(after.digest()), "{n}");
         }
+    }
+
+    #[test]
+    fn floats_count_by_their_bits_and_lengths_tell_sequences_apart() {
+        assert_ne!(digest_of(&0.0_f64), digest_of(&-0.0_f64));
+        let other_nan = f64::from_bits(f64::NAN.to_bits() ^ 1);
+        assert_eq!(digest_of(&f64::NAN), digest_of(&f64::NAN));
+        assert_ne!(digest_of(&f64::NAN), digest_of(&other_nan));
+        assert_ne!(digest_of(&(vec![1_u64], vec![2_u64, 3])), digest_of(&(vec![1_u64, 2], vec![3_u64])));
+        assert_ne!(digest_of(&("ab", "c")), digest_of(&("a", "bc")));
+        let pair = |a: &[u64], b: &[u64]| digest_of(&(Uncounted(a.to_vec()), Uncounted(b.to_vec())));
+        assert_ne!(pair(&[1], &[2, 3]), pair(&[1, 2], &[3]));
+        assert_ne!(digest_of(&None::<u8>), digest_of(&Some(0_u8)));
+    }
+
+    #[test]
+    fn the_digest_of_a_value_is_the_same_on_any_machine() {
+        let value = (-1_i64, 2.5_f32, "swerve", [Some('x'), None], vec![(1_u16, false)]);
+        assert_eq!(digest_of(&value).to_string(), "137bcd1e013822cf");
     }
 
     #[test]
