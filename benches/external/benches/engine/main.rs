@@ -133,7 +133,6 @@ fn main() {
     ratio(&mut rows, "swerve made anew / copper, log off", &made, &off.hop_ns, goal);
     ratio(&mut rows, "swerve passed on / copper, mock clock", &passed, &mock.hop_ns, Goal::None);
     ratio(&mut rows, "swerve made anew / copper, mock clock", &made, &mock.hop_ns, Goal::None);
-    ratio(&mut rows, "swerve made anew / copper, log on", &made, &logged.hop_ns, Goal::None);
     ratio(&mut rows, "swerve passed on / one message of the channel", &passed, &channel, Goal::None);
     rows.finish();
 }
