@@ -28,11 +28,10 @@ const ANGLE: Range = Range::between(-6.3, 6.3);
 pub(crate) fn scenario(file: &str, text: &str) -> Result<Scenario, Vec<Problem>> {
     let source = Source::new(file, text);
     let (root, errors) = DeTable::parse_recoverable(text);
-    for error in &errors {
+    // The first is the mistake, what follows from it is noise.
+    if let Some(error) = errors.first() {
         let line = error.span().map_or(0, |span| source.line(span.start));
         source.report(line, "", format!("not TOML: {}", error.message()));
-    }
-    if !errors.is_empty() {
         return Err(source.into_problems());
     }
     let scenario = read(&Table::new(&source, String::new(), 1, root.get_ref()));

@@ -34,8 +34,8 @@ pub struct RunInput {
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Seed of everything random
-    #[arg(long)]
-    pub seed: Option<u64>,
+    #[arg(long, value_parser = clap::value_parser!(i64).range(0..))]
+    pub seed: Option<i64>,
 }
 
 /// `swerve run`.
@@ -86,7 +86,7 @@ pub fn load(input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
     let sets: Result<Vec<_>, Problem> = input.set.iter().map(|s| parse_assignment(s)).collect();
     let mut sets = sets?;
     if let Some(seed) = input.seed {
-        sets.push(("seed".into(), toml::Value::Integer(i64::try_from(seed).context("--seed is too large")?)));
+        sets.push(("seed".into(), toml::Value::Integer(seed)));
     }
     let config =
         Config::load(input.config.as_deref(), &sets).map_err(|problems| problems_error(&problems))?;
