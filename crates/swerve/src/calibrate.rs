@@ -15,7 +15,7 @@ pub struct CalibrateArgs {
     #[command(flatten)]
     input: RunInput,
     /// Ego speeds to drive the scenario at, m/s
-    #[arg(long, value_delimiter = ',', default_value = "16,18,20,22")]
+    #[arg(long, value_delimiter = ',', default_value = "16,18,20,22", value_parser = speed)]
     speeds: Vec<f64>,
     /// Write the configuration, with the measured run times in it, to this file instead of standard output
     #[arg(long)]
@@ -25,9 +25,20 @@ pub struct CalibrateArgs {
 /// Percentiles that are kept.
 const PERCENTILES: [f64; 8] = [0.0, 10.0, 25.0, 50.0, 75.0, 90.0, 99.0, 100.0];
 
+/// A speed at which a planner has something to do.
+fn speed(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(mps) if mps > 0.0 && mps <= 70.0 => Ok(mps),
+        _ => Err("expected m/s above 0 and at most 70".to_owned()),
+    }
+}
+
 /// Measures every planner and discretisation, one run at a time.
 pub fn run(args: &CalibrateArgs) -> anyhow::Result<()> {
     let (base, scenario) = load(&args.input)?;
+    if let Some(path) = &args.out {
+        crate::files::refuse_unwritable(path)?;
+    }
     let mut config = base.clone();
     for planner in PlannerName::ALL {
         for fineness in [Fineness::Fast, Fineness::Slow] {
@@ -59,10 +70,7 @@ pub fn run(args: &CalibrateArgs) -> anyhow::Result<()> {
     }
     match &args.out {
         Some(path) => crate::files::write_whole(path, config.to_text().as_bytes()),
-        None => {
-            crate::output::print(&config.to_text());
-            Ok(())
-        }
+        None => crate::output::print(&config.to_text()),
     }
 }
 

@@ -22,14 +22,14 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<()> {
     for path in &args.paths {
         if path.is_dir() { files.extend(crate::files::toml_files(path)?) } else { files.push(path.clone()) }
     }
+    anyhow::ensure!(!files.is_empty(), "no .toml file to check");
     let mut faults = Vec::new();
     for file in &files {
         faults.extend(problems(file));
     }
     let files = counted(files.len(), "file");
     if faults.is_empty() {
-        crate::output::print(&format!("{files}, no problem\n"));
-        return Ok(());
+        return crate::output::print(&format!("{files}, no problem\n"));
     }
     for fault in &faults {
         eprintln!("{fault}");
@@ -47,11 +47,14 @@ fn problems(path: &Path) -> Vec<String> {
         Ok(document) => document,
         Err(problem) => return vec![problem.to_string()],
     };
+    if document.table.is_empty() {
+        return vec![document.problem("", "there is nothing in it").to_string()];
+    }
     let has = |key: &str| document.table.contains_key(key);
     let told = |problems: Vec<Problem>| problems.iter().map(ToString::to_string).collect();
     if has("road") || has("expect") || has("actor") {
-        let problems = swerve_scenario::Scenario::read(path).err().unwrap_or_default();
-        problems.iter().map(ToString::to_string).collect()
+        let told = crate::run::read_scenario(path).err().map(|error| error.to_string()).unwrap_or_default();
+        told.lines().map(str::to_owned).collect()
     } else if has("base") || has("axis") {
         let told = Bench::open(path, &[]).err().map(|error| format!("{error:#}")).unwrap_or_default();
         told.lines().map(str::to_owned).collect()

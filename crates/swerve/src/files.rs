@@ -6,10 +6,31 @@ use anyhow::Context as _;
 
 /// Writes `bytes` under `path`: first beside it, then renamed, so that a reader never sees half a file.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let beside = beside(path);
+    std::fs::write(&beside, bytes)
+        .and_then(|()| std::fs::rename(&beside, path))
+        .with_context(|| format!("writing {}", path.display()))
+}
+
+fn beside(path: &Path) -> PathBuf {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let beside = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    std::fs::write(&beside, bytes).with_context(|| format!("writing {}", beside.display()))?;
-    std::fs::rename(&beside, path).with_context(|| format!("writing {}", path.display()))
+    path.with_file_name(format!(".{name}.{}.part", std::process::id()))
+}
+
+/// Fails where [`write_whole`] would: to be asked before long work, not after it.
+pub fn refuse_unwritable(path: &Path) -> anyhow::Result<()> {
+    anyhow::ensure!(!path.is_dir(), "writing {}: it is a folder", path.display());
+    let beside = beside(path);
+    std::fs::write(&beside, [])
+        .and_then(|()| std::fs::remove_file(&beside))
+        .with_context(|| format!("writing {}", path.display()))
+}
+
+/// Fails where a picture would take the place of a file that it is drawn from, or of another one of its kind.
+pub fn refuse_toml(picture: &Path) -> anyhow::Result<()> {
+    let is_toml = picture.extension().is_some_and(|e| e == "toml");
+    anyhow::ensure!(!is_toml, "{}: a picture would replace a configuration", picture.display());
+    Ok(())
 }
 
 /// The `.toml` files below `folder`, in order of their names.

@@ -20,11 +20,13 @@ pub struct GraphArgs {
 
 /// Prints the graph.
 pub fn run(args: &GraphArgs) -> anyhow::Result<()> {
+    if let Some(file) = &args.svg {
+        crate::files::refuse_toml(file)?;
+    }
     let (config, scenario) = load(&args.input)?;
     let info = Pipeline::build(&config, &scenario)?.graph.describe()?;
     if let Some(file) = &args.svg {
         crate::files::write_whole(file, info.svg().as_bytes())?;
     }
-    crate::output::print(&if args.dot { info.dot() } else { info.text() });
-    Ok(())
+    crate::output::print(&if args.dot { info.dot() } else { info.text() })
 }

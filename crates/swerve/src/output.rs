@@ -1,9 +1,14 @@
 //! Results go to standard output in one place; everything else goes to standard error.
 
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
+
+use anyhow::Context as _;
 
 /// Writes to standard output. A reader that has gone away (`swerve ... | head`) is no error.
-pub fn print(text: &str) {
+pub fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("writing to standard output"),
+    }
 }

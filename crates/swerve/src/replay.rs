@@ -42,7 +42,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<()> {
     let cut = cut(&args.from)?;
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
     let comparison = replay(&log, cut, &sets?, args.threads)?;
-    crate::output::print(&comparison.text(args.set.is_empty()));
+    crate::output::print(&comparison.text(args.set.is_empty()))?;
     if args.verify && !comparison.is_same() {
         bail!("{}: the replay differs from the log", args.log.display());
     }

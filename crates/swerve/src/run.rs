@@ -15,7 +15,7 @@ use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
 use crate::config::Config;
-use crate::config::text::{Problem, parse_assignment};
+use crate::config::text::{Document, Problem, nearest, parse_assignment};
 use crate::files::write_whole;
 use crate::pipeline::Pipeline;
 use crate::progress::Progress;
@@ -78,7 +78,21 @@ pub fn problems_error<P: ToString>(problems: &[P]) -> anyhow::Error {
 
 /// Reads a scenario file; all its problems in one error.
 pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
-    Scenario::read(path).map_err(|problems| problems_error(&problems))
+    let scenario = Scenario::read(path).map_err(|problems| problems_error(&problems))?;
+    let names: Vec<String> = Config::pipeline_names().collect();
+    let known = |name: &&String| names.contains(name);
+    let unknown: Vec<&String> =
+        scenario.expect.iter().filter_map(|e| e.pipeline.as_ref()).filter(|name| !known(name)).collect();
+    if unknown.is_empty() {
+        return Ok(scenario);
+    }
+    let document = Document::read(path)?;
+    let problem = |name: &&String| {
+        let near = nearest(name, names.iter().map(String::as_str));
+        let hint = near.map_or_else(|| names.join(", "), |near| format!("did you mean `{near}`?"));
+        document.problem(&format!("expect.pipeline.{name}"), format!("unknown pipeline `{name}` ({hint})"))
+    };
+    Err(problems_error(&unknown.iter().map(problem).collect::<Vec<_>>()))
 }
 
 /// Reads and checks what a command line names.
@@ -232,8 +246,10 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
     std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
-    let mut recorder = Recorder::create(&out.join("log.mcap"), &run_start(&config, &args.input.scenario)?)?;
-    let mut trace = TraceWriter::create(&out.join("trace.json"), &["controller"])?;
+    // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
+    let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
+    let mut recorder = Recorder::create(&log_part, &run_start(&config, &args.input.scenario)?)?;
+    let mut trace = TraceWriter::create(&trace_part, &["controller"])?;
     let mut story = story(&config, &scenario, &pipeline);
     let observers: &mut [&mut dyn Observer] = &mut [&mut shown, &mut recorder, &mut trace, &mut story];
     let driven = drive_pipeline(pipeline, config.seed, args.threads, observers);
@@ -241,14 +257,17 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     // What was recorded until a failure is kept, readable.
     recorder.finish()?;
     trace.finish()?;
-    let outcome = driven?;
+    let outcome =
+        driven.with_context(|| format!("what was recorded until then is in {}", log_part.display()))?;
+    for (part, whole) in [(log_part, "log.mcap"), (trace_part, "trace.json")] {
+        std::fs::rename(part, out.join(whole)).with_context(|| format!("writing {whole}"))?;
+    }
     let summary = Summary::of(&config, &scenario, &outcome);
     story.conclude(&outcome.metrics);
     write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     write_whole(&out.join("metrics.json"), json.as_bytes())?;
-    crate::output::print(&if args.json { json } else { summary.text(&out) });
-    Ok(())
+    crate::output::print(&if args.json { json } else { summary.text(&out) })
 }
 
 /// Gives every operator the run times that it had in an earlier run.

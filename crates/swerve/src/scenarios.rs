@@ -21,8 +21,7 @@ pub fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
         lines.push(vec![path.display().to_string(), format!("  {about}")]);
     }
     anyhow::ensure!(!lines.is_empty(), "{}: no .toml file in this folder", args.folder.display());
-    crate::output::print(&left(&lines));
-    Ok(())
+    crate::output::print(&left(&lines))
 }
 
 fn left(lines: &[Vec<String>]) -> String {

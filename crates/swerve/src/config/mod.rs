@@ -494,10 +494,20 @@ impl Config {
 
     /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that.
     pub fn pipeline_name(&self) -> String {
-        match self.planning.preset {
-            Preset::Paper => format!("paper_{}", self.planning.planner.as_str()),
-            Preset::Best => self.planning.planner.as_str().to_owned(),
+        Self::name_of(self.planning.planner, self.planning.preset)
+    }
+
+    fn name_of(planner: PlannerName, preset: Preset) -> String {
+        match preset {
+            Preset::Paper => format!("paper_{}", planner.as_str()),
+            Preset::Best => planner.as_str().to_owned(),
         }
+    }
+
+    /// All that [`pipeline_name`](Self::pipeline_name) may be.
+    pub fn pipeline_names() -> impl Iterator<Item = String> {
+        let of = |preset| PlannerName::ALL.into_iter().map(move |planner| Self::name_of(planner, preset));
+        of(Preset::Best).chain(of(Preset::Paper))
     }
 
     /// The whole configuration with every default spelled out, as TOML.

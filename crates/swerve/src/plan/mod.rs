@@ -97,8 +97,7 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
     }
     let text =
         if args.json { serde_json::to_string_pretty(&solutions)? + "\n" } else { table(args, &solutions) };
-    crate::output::print(&text);
-    Ok(())
+    crate::output::print(&text)
 }
 
 /// A file name for a problem's picture, whatever characters its name has.

@@ -278,6 +278,10 @@ impl Axis {
         if steps.is_empty() {
             return Err("expected `values` or `settings` that are not empty".into());
         }
+        if let Some(twice) = (1..steps.len()).find(|&i| steps[..i].iter().any(|s| s.label == steps[i].label))
+        {
+            return Err(format!("`{}` stands twice", steps[twice].label));
+        }
         let last_part = self.key.as_deref().map(|key| key.rsplit('.').next().unwrap_or(key).to_owned());
         let name = self.name.clone().or(last_part).ok_or("an axis without `key` needs a `name`")?;
         Ok((name, steps))
@@ -369,6 +373,10 @@ mod tests {
     #[test]
     fn nonsense_names_its_place() {
         let wrong = |text: &str| study(text).expect_err("wrong on purpose").to_string();
+        assert_eq!(
+            wrong("base = { scenario = \"a\" }\n[[axis]]\nkey = \"seed\"\nvalues = [3, 1, 3]\n"),
+            "s.toml:2: axis[0]: `3` stands twice"
+        );
         assert!(wrong("base = { scenario = \"a\" }\naxis = []\n").contains("at least one axis"));
         assert_eq!(
             wrong("base = { scenario = \"a\" }\n[[axis]]\nkey = \"seed\"\n"),

@@ -75,11 +75,12 @@ pub fn run(args: &StudyArgs) -> anyhow::Result<()> {
             merge(study, folders, out.as_deref(), set)
         }
         (None, Some(file)) => {
+            let bench = Bench::open(file, &args.set)?;
+            // Only now is there something to finish in order; until here a signal ends the program at once.
             let stop = Arc::new(AtomicBool::new(false));
             let on_signal = stop.clone();
             ctrlc::set_handler(move || on_signal.store(true, Ordering::SeqCst))
                 .context("listening for Ctrl-C")?;
-            let bench = Bench::open(file, &args.set)?;
             let out = out_folder(&bench.study, args.out.as_deref());
             let store = CellStore::open(&out)?;
             let threads = args.threads.unwrap_or_else(cores);
@@ -241,8 +242,7 @@ fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::
         grid.text(),
         study.cells.len(),
         out.display()
-    ));
-    Ok(())
+    ))
 }
 
 fn merge(file: &Path, folders: &[PathBuf], out: Option<&Path>, sets: &[String]) -> anyhow::Result<()> {

@@ -16,7 +16,6 @@ mod trace;
 #[cfg(test)]
 mod tests;
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -51,21 +50,19 @@ pub struct TimingArgs {
 /// When the file cannot be read or has problems (all of them, with line and key), the run fails (a full queue
 /// under `fail`), or the chart cannot be written.
 pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
+    if let Some(path) = &args.svg {
+        crate::files::refuse_toml(path)?;
+    }
     let pipeline = read_file(&args.file).map_err(|problems| {
         anyhow::anyhow!(problems.iter().map(Problem::to_string).collect::<Vec<_>>().join("\n"))
     })?;
     let trace =
         simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
     if let Some(path) = &args.svg {
-        std::fs::write(path, svg(&pipeline, &trace))
-            .with_context(|| format!("writing {}", path.display()))?;
+        crate::files::write_whole(path, svg(&pipeline, &trace).as_bytes())?;
     }
     let text = if args.json { json(&pipeline, &trace) } else { table(&pipeline, &trace) };
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough, as in `swerve timing ... | head`.
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        written => written.context("writing to standard output"),
-    }
+    crate::output::print(&text)
 }
 
 /// The pipeline that a file describes.

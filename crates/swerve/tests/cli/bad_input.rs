@@ -85,6 +85,13 @@ fn scenarios() {
                 "did you mean \"person\"",
             ],
         ),
+        case(
+            scenario(
+                "[end]",
+                "[expect.pipeline.fott]\nverdict = \"avoided\"\nmin_distance_m = { min = 0.5 }\n[end]",
+            ),
+            &["bad.toml:25: expect.pipeline.fott: unknown pipeline `fott` (did you mean `fot`?)"],
+        ),
         case(scenario("min_distance_m = { min = 0.5 }\n", ""), &["bad.toml:", "at least one bound"]),
         case(scenario("[road]", "[road"), &["bad.toml:3: not TOML"]),
     ]);
@@ -137,6 +144,10 @@ fn command_lines() {
         ),
         case(&["run", "short.toml", "--out", "short.toml"], &["making short.toml"]),
         case(&["study", "nowhere.toml", "--out", "o"], &["nowhere.toml: cannot be read"]),
+        case(&["calibrate", "short.toml", "--out", "no/o"], &["writing no/o: No such file"]),
+        case(&["graph", "short.toml", "--svg", "short.toml"], &["short.toml: a picture would replace"]),
+        case(&["timing", "short.toml", "--svg", "short.toml"], &["short.toml: a picture would replace"]),
+        case(&["check", "unused"], &["unused: there is nothing in it"]),
         case(&["replay", "none.mcap"], &["none.mcap: cannot read the file"]),
         case(&["replay", "short.toml"], &["short.toml", "MCAP"]),
         case(&["timing", "nowhere.toml"], &["nowhere.toml"]),
@@ -179,6 +190,25 @@ fn studies() {
             &["bad.toml:4: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1]"],
         ),
     ]);
+}
+
+#[test]
+fn speeds_to_calibrate_at_are_speeds() {
+    for speeds in ["nan", "0", "-1", "71", "1e308", "16,inf"] {
+        let speeds = format!("--speeds={speeds}");
+        let args = ["calibrate", "short.toml", &speeds];
+        check(&Bench::new().swerve(&args), &["--speeds", "expected m/s above 0 and at most 70"], &args);
+    }
+}
+
+/// A full disk behind standard output is an error, a reader who has gone is none.
+#[test]
+#[cfg(target_os = "linux")]
+fn lost_output_is_told() {
+    let bench = Bench::new();
+    let said = bench.shell("swerve graph short.toml > /dev/full");
+    check(&said, &["writing to standard output"], &["graph"]);
+    assert_eq!(bench.shell("swerve graph short.toml | head -1").stderr, "");
 }
 
 #[test]
