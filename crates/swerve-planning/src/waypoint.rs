@@ -3,17 +3,24 @@
 //! As Pylot's waypoint planner: everything predicted gives a stop factor by its distance and its angle off
 //! the route's direction; the target speed is multiplied by the least of them. Pylot's angles are in a
 //! left-handed frame; here they are positive to the left. Its lane filter needs a map and is left out.
+//!
+//! Pylot's factors for vehicles never reach zero, so it creeps on until it touches what stands in its way. Our preset
+//! stops before whatever is, or will be, in the ego's corridor along the route: Pylot's factors, and a speed profile
+//! that ends at zero there.
 
 use serde::{Deserialize, Serialize};
-use swerve_geom::angle_between;
+use swerve_geom::{Polyline, angle_between, math};
 use swerve_msg::{ActorKind, Plan, PlanStatus, Prediction};
 use swerve_vehicle::Limits;
 
-use crate::params::{InvalidParam, require_positive};
+use crate::params::{InvalidParam, require_not_negative, require_positive};
+use crate::posed::Preset;
 use crate::request::{Budget, Goes, Planner, Request};
-use crate::world::{SpeedProfile, brake_along, route_path, route_pose_ahead, timed_points};
+use crate::world::{
+    PATH_STEP_M, PathPoint, SpeedProfile, brake_along, route_path, route_pose_ahead, timed_points,
+};
 
-/// Parameters. Source of all defaults but the last four: Pylot's flags.
+/// Parameters. Source of all defaults that do not say otherwise: Pylot's flags.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
@@ -42,6 +49,11 @@ pub struct Params {
     pub horizon_s: f64,
     /// Reductions below this share of the target speed are stops. Source: ours.
     pub stop_below: f64,
+    /// Distance to stop before what is in the corridor, bumper to outline, metres; zero: the stop factors alone, as
+    /// Pylot. Source: ours.
+    pub standstill_gap_m: f64,
+    /// Passing nearer than this is in the corridor, metres. Source: ours.
+    pub corridor_margin_m: f64,
 }
 
 impl Default for Params {
@@ -59,11 +71,21 @@ impl Default for Params {
             comfort_brake_mps2: 4.0,
             horizon_s: 5.0,
             stop_below: 0.05,
+            standstill_gap_m: 0.0,
+            corridor_margin_m: 0.3,
         }
     }
 }
 
 impl Params {
+    /// The original's stop factors alone (`paper`), or with a stop before what is in the way (`best`).
+    pub fn of(preset: Preset) -> Self {
+        match preset {
+            Preset::Paper => Self::default(),
+            Preset::Best => Self { standstill_gap_m: 4.0, ..Self::default() },
+        }
+    }
+
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), InvalidParam> {
         for (key, value) in [
@@ -82,7 +104,8 @@ impl Params {
         ] {
             require_positive(key, value)?;
         }
-        Ok(())
+        require_not_negative("standstill_gap_m", self.standstill_gap_m)?;
+        require_not_negative("corridor_margin_m", self.corridor_margin_m)
     }
 
     /// Share of the target speed that a person allows, at `distance_m` and `angle_rad` off the route.
@@ -137,6 +160,74 @@ impl Waypoint {
             f64::min(least, factor)
         })
     }
+
+    /// Way that the ego may go before one obstacle, metres: to the standstill gap before the first predicted place in
+    /// the ego's corridor, and on for as long as the obstacle, braking fully from then on, would go itself. `None`
+    /// where it is never in the corridor ahead of the ego.
+    fn way_before_m(&self, request: &Request<'_>, prediction: &Prediction) -> Option<f64> {
+        let (line, shape) = (&request.route.line, request.shape);
+        let half_m = 0.5 * shape.width_m + self.params.corridor_margin_m;
+        let front_m = line.project(request.start.pose.point()).s_m + shape.length_m - shape.rear_overhang_m;
+        let in_the_way = |k: &usize| {
+            Extents::of(line, prediction, *k).is_some_and(|e| e.right_m < half_m && e.left_m > -half_m)
+        };
+        let first = (0..prediction.path.len()).find(in_the_way)?;
+        let at = Extents::of(line, prediction, first)?;
+        if at.to_m <= front_m {
+            return None;
+        }
+        let speed_mps = Extents::of(line, prediction, first + 1).map_or(0.0, |next| {
+            let dt_s = (prediction.path[first + 1].at - prediction.path[first].at).as_secs();
+            ((next.from_m - at.from_m) / dt_s.max(1e-3)).max(0.0)
+        });
+        let rolls_m = speed_mps * speed_mps / (2.0 * request.limits.brake_max_mps2);
+        Some((at.from_m - front_m - self.params.standstill_gap_m + rolls_m).max(0.0))
+    }
+
+    /// Along the route at `speed_mps` and to a stop after `way_m`: braking gently where that suffices.
+    fn stopping(&self, request: &Request<'_>, path: &[PathPoint], (speed_mps, way_m): (f64, f64)) -> Plan {
+        let start_mps = request.start.speed_mps.max(0.0);
+        let needed_mps2 = start_mps * start_mps / (2.0 * way_m.max(1e-6));
+        if needed_mps2 >= request.limits.brake_max_mps2 {
+            return brake_along(request, path, PlanStatus::Route);
+        }
+        let line = &request.route.line;
+        let end = line.at(line.project(request.start.pose.point()).s_m + way_m);
+        let before = (way_m / PATH_STEP_M).ceil().max(1.0) as usize;
+        let mut path = path[..before.min(path.len())].to_vec();
+        path.push(PathPoint { pose: end.pose, curvature_1pm: end.curvature_1pm });
+        let brake_max_mps2 =
+            self.params.comfort_brake_mps2.max(needed_mps2).min(request.limits.brake_max_mps2);
+        let limits = Limits { brake_max_mps2, ..*request.limits };
+        let points = timed_points(&path, &request.start, speed_mps, SpeedProfile::LimitedToStop, &limits);
+        Plan { stamp: request.stamp, status: PlanStatus::Route, points, work: 0 }
+    }
+}
+
+/// What an obstacle covers along and beside the route.
+struct Extents {
+    from_m: f64,
+    to_m: f64,
+    right_m: f64,
+    left_m: f64,
+}
+
+impl Extents {
+    /// Of the place `k` of a prediction; `None` beyond its last.
+    fn of(line: &Polyline, prediction: &Prediction, k: usize) -> Option<Self> {
+        let pose = prediction.path.get(k)?.pose;
+        let at = line.project(pose.point());
+        let (sin, cos) = math::sin_cos(pose.heading_rad - line.at(at.s_m).pose.heading_rad);
+        let (length_m, width_m) = (prediction.extent.length_m, prediction.extent.width_m);
+        let along_m = 0.5 * (length_m * cos.abs() + width_m * sin.abs());
+        let across_m = 0.5 * (length_m * sin.abs() + width_m * cos.abs());
+        Some(Self {
+            from_m: at.s_m - along_m,
+            to_m: at.s_m + along_m,
+            right_m: at.d_m - across_m,
+            left_m: at.d_m + across_m,
+        })
+    }
 }
 
 impl Planner for Waypoint {
@@ -158,6 +249,14 @@ impl Planner for Waypoint {
         if factor < self.params.stop_below {
             return Plan { work, ..brake_along(request, &path, PlanStatus::Route) };
         }
+        if self.params.standstill_gap_m > 0.0 {
+            let looked_at = request.predictions.iter().take(work as usize);
+            let ways_m = looked_at.filter_map(|prediction| self.way_before_m(request, prediction));
+            let way_m = ways_m.fold(f64::INFINITY, f64::min);
+            if way_m < (path.len() - 1) as f64 * PATH_STEP_M {
+                return Plan { work, ..self.stopping(request, &path, (speed_mps, way_m)) };
+            }
+        }
         let brake_max_mps2 = self.params.comfort_brake_mps2.min(request.limits.brake_max_mps2);
         let limits = Limits { brake_max_mps2, ..*request.limits };
         let points = timed_points(&path, &request.start, speed_mps, SpeedProfile::Limited, &limits);
@@ -167,6 +266,8 @@ impl Planner for Waypoint {
 
 #[cfg(test)]
 mod tests {
+    use swerve_vehicle::Shape;
+
     use super::*;
     use crate::request::Unlimited;
     use crate::testing::{World, conformance};
@@ -207,6 +308,69 @@ mod tests {
         assert_eq!(last_speed(&behind), 10.0);
         let oncoming = World::straight(10.0).with(ActorKind::Car, (4.5, 1.9), (15.0, 4.0), (0.0, 0.0));
         assert_eq!(last_speed(&oncoming), 10.0);
+    }
+
+    fn planned(world: &World) -> Plan {
+        let mut planner = Waypoint::new(Params::of(Preset::Best)).unwrap();
+        planner.plan(&world.request(), &mut Unlimited::default())
+    }
+
+    /// Where the front bumper stops, metres ahead of where it is.
+    fn stop_m(world: &World) -> f64 {
+        let plan = planned(world);
+        let last = plan.points[plan.points.len() - 1];
+        assert!(last.speed_mps < 1e-5);
+        last.pose.x_m - world.start.pose.x_m
+    }
+
+    #[test]
+    fn best_conforms() {
+        conformance(&|| Waypoint::new(Params::of(Preset::Best)).unwrap(), false);
+    }
+
+    #[test]
+    fn best_stops_its_gap_before_what_stands() {
+        // Bumper to tail: 40 - 2.25 less the front overhang and wheelbase; 4 m of that are kept.
+        let shape = Shape::default();
+        let front_m = shape.length_m - shape.rear_overhang_m;
+        let car = (ActorKind::Car, (4.5, 1.9));
+        let ahead = World::straight(10.0).with(car.0, car.1, (40.0, 0.0), (0.0, 0.0));
+        assert!((stop_m(&ahead) - (40.0 - 2.25 - front_m - 4.0)).abs() < 1e-6);
+        // The corridor is half the ego's width and 0.3 m: just inside, and just beside of it.
+        let edge_m = 0.5 * shape.width_m + 0.3 + 0.5 * 1.9;
+        let inside = World::straight(10.0).with(car.0, car.1, (40.0, -edge_m + 0.01), (0.0, 0.0));
+        assert!((stop_m(&inside) - stop_m(&ahead)).abs() < 1e-6);
+        let beside = World::straight(10.0).with(car.0, car.1, (40.0, -edge_m - 0.01), (0.0, 0.0));
+        assert!(planned(&beside).points.iter().all(|p| p.speed_mps > 1.0));
+        let behind = World::straight(10.0).with(car.0, car.1, (-8.0, 0.0), (0.0, 0.0));
+        assert!(planned(&behind).points.iter().all(|p| p.speed_mps == 10.0));
+    }
+
+    #[test]
+    fn best_brakes_as_hard_as_it_must() {
+        let front_m = Shape::default().length_m - Shape::default().rear_overhang_m;
+        // 10 m/s within 10 m: 5 m/s², more than comfort and less than all.
+        let ahead = World::straight(10.0).with(ActorKind::Car, (4.0, 1.9), (front_m + 16.0, 0.0), (0.0, 0.0));
+        assert!((stop_m(&ahead) - 10.0).abs() < 1e-6);
+        let plan = planned(&ahead);
+        let hardest = plan.points.iter().map(|p| p.accel_mps2).fold(0.0, f64::min);
+        assert!((hardest + 5.0).abs() < 1e-6, "{hardest}");
+        // Within 5 m it cannot: full brake, v² / 2b.
+        let near = World::straight(10.0).with(ActorKind::Car, (4.0, 1.9), (front_m + 11.0, 0.0), (0.0, 0.0));
+        let b = near.limits.brake_max_mps2;
+        assert!((stop_m(&near) - 100.0 / (2.0 * b)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn best_gives_who_drives_ahead_their_braking_way() {
+        let front_m = Shape::default().length_m - Shape::default().rear_overhang_m;
+        let lead = |v: f64| {
+            let world =
+                World::straight(10.0).with(ActorKind::Car, (4.0, 1.9), (front_m + 20.0, 0.0), (v, 0.0));
+            (stop_m(&world), world.limits.brake_max_mps2)
+        };
+        let ((standing_m, _), (moving_m, b)) = (lead(0.0), lead(6.0));
+        assert!((moving_m - standing_m - 36.0 / (2.0 * b)).abs() < 1e-6);
     }
 
     #[test]

@@ -98,6 +98,8 @@ pub enum SpeedProfile {
     Constant,
     /// From the start's speed within acceleration, braking and lateral limits.
     Limited,
+    /// The same, and at rest in the path's last point.
+    LimitedToStop,
 }
 
 /// One point of a path without times.
@@ -140,7 +142,10 @@ pub fn timed_points(
     let gaps_m: Vec<f64> = path.windows(2).map(|p| p[0].pose.point().distance(p[1].pose.point())).collect();
     let speeds_mps = match profile {
         SpeedProfile::Constant => vec![target_mps; path.len()],
-        SpeedProfile::Limited => limited_speeds(path, &gaps_m, start.speed_mps, target_mps, limits),
+        SpeedProfile::Limited => limited_speeds(path, &gaps_m, start.speed_mps, (target_mps, false), limits),
+        SpeedProfile::LimitedToStop => {
+            limited_speeds(path, &gaps_m, start.speed_mps, (target_mps, true), limits)
+        }
     };
     let mut at = start.stamp;
     let mut points: Vec<PlanPoint> = Vec::with_capacity(path.len());
@@ -165,12 +170,12 @@ pub fn timed_points(
     points
 }
 
-/// Forward and backward pass over `v² = v0² + 2 a s`.
+/// Forward and backward pass over `v² = v0² + 2 a s`; where it `stops` the last speed is zero.
 fn limited_speeds(
     path: &[PathPoint],
     gaps_m: &[f64],
     start_mps: f64,
-    target_mps: f64,
+    (target_mps, stops): (f64, bool),
     limits: &Limits,
 ) -> Vec<f64> {
     let mut speeds: Vec<f64> = path
@@ -180,6 +185,9 @@ fn limited_speeds(
             target_mps.max(0.0).min((limits.lateral_accel_max_mps2 / curve).sqrt())
         })
         .collect();
+    if let Some(last) = speeds.last_mut().filter(|_| stops) {
+        *last = 0.0;
+    }
     let reach = |from: f64, a: f64, gap: f64| (from * from + 2.0 * a * gap).max(0.0).sqrt();
     for i in (0..gaps_m.len()).rev() {
         speeds[i] = speeds[i].min(reach(speeds[i + 1], limits.brake_max_mps2, gaps_m[i]));

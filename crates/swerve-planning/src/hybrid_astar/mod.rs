@@ -7,6 +7,7 @@
 //! goal from every pose that is looked at, shortcuts afterwards.
 
 mod detour;
+mod drive;
 pub(crate) mod dubins;
 pub(crate) mod ground;
 mod motions;

@@ -2,8 +2,9 @@
 
 use swerve_core::Time;
 use swerve_geom::Pose2;
-use swerve_vehicle::{Limits, Shape};
+use swerve_vehicle::{Kinematic, VehicleParams};
 
+use super::drive::worst_offset_m;
 use super::dubins::{Piece, advance, walk};
 use super::ground::{Area, Clock, Ground, Outline};
 use super::motions::{fan, scan};
@@ -23,11 +24,17 @@ const CLEARANCE_STEP_M: f64 = 0.1;
 /// Lateral acceleration of a solution's speed at most: 0.8 g, m/s².
 const LATERAL_MPS2: f64 = 0.8 * 9.81;
 
-/// How far steering that takes its time may lead off the path where the curvature jumps, metres.
-const CUT_M: f64 = 0.04;
+/// How far the driven car may be off a solution's path, metres.
+const OFF_MAX_M: f64 = 0.25;
 
 /// Fastest speed at which a solution is timed, m/s.
 const SPEED_MAX_MPS: f64 = 20.0;
+
+/// No solution is timed much slower than this, m/s.
+const SPEED_MIN_MPS: f64 = 0.5;
+
+/// What the speed is multiplied by as long as the car leaves the path.
+const SLOWER: f64 = 0.9;
 
 /// Expansions of the best preset, at most: it ends much earlier where the ground is bounded as in the problems.
 const EXPANSIONS_MAX: usize = 6000;
@@ -157,22 +164,15 @@ impl Solver {
     }
 }
 
-/// The speed at which the Lincoln follows `pieces`, m/s: it keeps 0.8 g in the tightest turn, and where the curvature
-/// jumps its steering, turning as fast as it can, leaves the path by [`CUT_M`] at most.
-///
-/// A step of curvature `k` that is ramped over a length `l` instead shifts the path by `k l² / 24`.
-fn drivable_mps(pieces: &[Piece]) -> f64 {
-    let (limits, wheelbase_m) = (Limits::default(), Shape::default().wheelbase_m);
-    let steering = |curvature_1pm: f64| swerve_geom::math::atan(wheelbase_m * curvature_1pm);
-    let mut speed_mps = SPEED_MAX_MPS;
-    let mut before_1pm = 0.0;
-    for piece in pieces {
-        let curvature_1pm = piece.curvature_1pm;
-        speed_mps = speed_mps.min((LATERAL_MPS2 / curvature_1pm.abs().max(1e-9)).sqrt());
-        let ramp_m = (24.0 * CUT_M / (curvature_1pm - before_1pm).abs().max(1e-9)).sqrt();
-        let turn = (steering(curvature_1pm) - steering(before_1pm)).abs().max(1e-9);
-        speed_mps = speed_mps.min(ramp_m * limits.steering_rate_max_radps / turn);
-        before_1pm = curvature_1pm;
+/// The speed at which the Lincoln follows `pieces` from `start`, m/s: it keeps 0.8 g in the tightest turn, and the
+/// vehicle model, driven along them, stays within [`OFF_MAX_M`].
+fn drivable_mps(start: Pose2, pieces: &[Piece]) -> f64 {
+    let car = Kinematic::new(&VehicleParams::default());
+    let bends = pieces.iter().map(|piece| piece.curvature_1pm.abs().max(1e-9));
+    let fastest_mps = bends.map(|bend_1pm| (LATERAL_MPS2 / bend_1pm).sqrt()).fold(SPEED_MAX_MPS, f64::min);
+    let mut speed_mps = fastest_mps;
+    while speed_mps > SPEED_MIN_MPS && worst_offset_m(&car, start, pieces, speed_mps) > OFF_MAX_M {
+        speed_mps *= SLOWER;
     }
     speed_mps
 }
@@ -185,7 +185,7 @@ pub(crate) fn solution(
     distance_m: impl Fn(swerve_geom::Point2, [f64; 2]) -> f64,
 ) -> Solution {
     let curvature_max = pieces.iter().map(|p| p.curvature_1pm.abs()).fold(0.0, f64::max);
-    let speed_mps = drivable_mps(pieces);
+    let speed_mps = drivable_mps(start, pieces);
     let mut path = vec![[start.x_m, start.y_m, start.heading_rad, 0.0]];
     let (sin, cos) = swerve_geom::math::sin_cos(start.heading_rad);
     let mut clearance_m = distance_m(start.point(), [cos, sin]).min(CLEARANCE_CAP_M);

@@ -41,7 +41,7 @@ pub(super) fn planner(planning: &PlanningConfig) -> Result<Box<dyn Planner>, Str
             Box::new(RrtStar::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
         }
         PlannerName::Waypoint => {
-            let params = overridden(&waypoint::Params::default(), &planning.params)?;
+            let params = overridden(&waypoint::Params::of(planning.preset), &planning.params)?;
             Box::new(Waypoint::new(params).map_err(|e| e.to_string())?)
         }
         PlannerName::Aeb => {
