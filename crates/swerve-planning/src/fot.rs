@@ -5,6 +5,7 @@
 //! quartics along it. Costs are the original planner's (Pylot's), so that figures compare; `search.rs` says
 //! how the cheapest valid one is found without building them all.
 
+mod follow;
 mod lattice;
 mod line;
 mod motion;
@@ -159,7 +160,8 @@ impl Planner for Fot {
     }
 }
 
-/// A few candidates first, then all: when the budget ends, the best so far. Where all fail, slower ones.
+/// A few candidates first, then all: when the budget ends, the best so far. Where all fail, those that stop or
+/// follow behind what is in the way, then slower ones.
 fn anytime(
     search: &mut Search,
     task: &Task<'_>,
@@ -177,6 +179,17 @@ fn anytime(
         Outcome::Found(candidate) => return Some(candidate),
         Outcome::Stopped => return first,
         Outcome::Nothing => {}
+    }
+    if task.params.follow_gap_m > 0.0 {
+        coarse.set_aims(lattice, task.start.d[0], |t_s| follow::aim(task, t_s));
+        // The place says how near to come; nearness in the cost would favour braking late and hard, which
+        // takes fewer samples.
+        let params = Params { weight_obstacle: 0.0, ..*task.params };
+        match search.run(&Task { params: &params, ..*task }, coarse, Some(budget), spent) {
+            Outcome::Found(candidate) => return Some(candidate),
+            Outcome::Stopped => return None,
+            Outcome::Nothing => {}
+        }
     }
     coarse.set_slower(lattice, task.params.slower_speeds);
     match search.run(task, coarse, Some(budget), spent) {

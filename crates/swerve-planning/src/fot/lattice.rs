@@ -1,6 +1,7 @@
 //! End states and sample instants.
 
 use super::params::Params;
+use super::poly::Quintic;
 
 /// Slack when counting the end of a range, so that rounding does not lose its last value.
 const SLACK: f64 = 1e-9;
@@ -18,12 +19,35 @@ pub(crate) struct Lattice {
     pub(crate) samples_s: Vec<f64>,
     /// How many of the samples belong to each end time.
     pub(crate) counts: Vec<usize>,
+    /// Per end time where to be then, instead of end speeds; empty: the end speeds count.
+    pub(crate) aims: Vec<Aim>,
+}
+
+/// A place to be at with a speed.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Aim {
+    /// Arc length, metres.
+    pub(crate) s_m: f64,
+    /// Speed, m/s.
+    pub(crate) v_mps: f64,
+}
+
+impl Aim {
+    /// To the place, or where that is too near for the speed to be reached before it, to the speed alone.
+    pub(crate) fn motion(&self, start: [f64; 3], t_s: f64) -> Quintic {
+        let to_speed = Quintic::to_velocity(start, [self.v_mps, 0.0], t_s);
+        if to_speed.at(t_s).x >= self.s_m {
+            return to_speed;
+        }
+        Quintic::new(start, [self.s_m, self.v_mps, 0.0], t_s)
+    }
 }
 
 impl Lattice {
     /// Fills the lattice. Values are summed up step by step, as the original does, so that the number of
     /// samples for an end time (and with it the cost) is the same.
     pub(crate) fn set(&mut self, p: &Params, target_mps: f64) {
+        self.aims.clear();
         fill(&mut self.d_m, -p.right_m, p.left_m + SLACK, p.lateral_step_m);
         fill(&mut self.t_s, p.horizon_min_s, p.horizon_max_s + SLACK, p.time_step_s);
         let spread_mps = p.speed_step_mps * f64::from(p.speed_steps);
@@ -39,6 +63,29 @@ impl Lattice {
     pub(crate) fn drop_reverse(&mut self) {
         let negative = self.v_mps.partition_point(|&v| v < 0.0);
         self.v_mps.drain(..negative.min(self.v_mps.len() - 1));
+    }
+
+    /// End speeds, or one place, per end time.
+    pub(crate) fn speeds(&self) -> usize {
+        if self.aims.is_empty() { self.v_mps.len() } else { 1 }
+    }
+
+    /// As `of`, with end times from its first sample on and a place to be at for each instead of end speeds;
+    /// times without one are left out. The offset `now_m` is one of the end offsets: at standstill there is
+    /// no other.
+    pub(crate) fn set_aims(&mut self, of: &Self, now_m: f64, aim: impl Fn(f64) -> Option<Aim>) {
+        self.clone_from(of);
+        self.d_m.insert(self.d_m.partition_point(|&d| d < now_m), now_m);
+        self.t_s.clear();
+        self.counts.clear();
+        self.aims.clear();
+        for (k, &t_s) in of.samples_s.iter().enumerate().skip(1) {
+            if let Some(aim) = aim(t_s) {
+                self.t_s.push(t_s);
+                self.counts.push(k + 1);
+                self.aims.push(aim);
+            }
+        }
     }
 
     /// A sparse part of `of` that spans it: few offsets (with the one nearest to the line), few end times,
@@ -58,6 +105,7 @@ impl Lattice {
         self.v_mps.clear();
         self.v_mps.push(of.v_mps[of.v_mps.len() / 2]);
         self.samples_s.clone_from(&of.samples_s);
+        self.aims.clear();
     }
 
     /// As `of`, with end speeds between standstill and below its slowest instead of its own.

@@ -5,7 +5,7 @@ use swerve_geom::math;
 use swerve_vehicle::Shape;
 
 use super::line::{Line, Node};
-use super::poly::{Quartic, Quintic};
+use super::poly::Quintic;
 use crate::collision::{Obstacles, Solid};
 use crate::road::Road;
 
@@ -22,7 +22,7 @@ pub(crate) struct FrenetState {
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Motion {
     lateral: Quintic,
-    longitudinal: Quartic,
+    longitudinal: Quintic,
     end_s: f64,
 }
 
@@ -48,12 +48,9 @@ pub(crate) struct Place {
 const STANDSTILL_MPS: f64 = 1e-3;
 
 impl Motion {
-    pub(crate) fn new(start: &FrenetState, d_m: f64, v_mps: f64, t_s: f64) -> Self {
-        Self {
-            lateral: Quintic::new(start.d, [d_m, 0.0, 0.0], t_s),
-            longitudinal: Quartic::new(start.s, [v_mps, 0.0], t_s),
-            end_s: t_s,
-        }
+    /// To offset `d_m` at `t_s`, when `longitudinal` ends.
+    pub(crate) fn new(start: &FrenetState, longitudinal: Quintic, d_m: f64, t_s: f64) -> Self {
+        Self { lateral: Quintic::new(start.d, [d_m, 0.0, 0.0], t_s), longitudinal, end_s: t_s }
     }
 
     /// The motion in the map at `t_s`; `still` is the direction to take at standstill (cosine, sine).

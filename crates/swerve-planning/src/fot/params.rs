@@ -47,6 +47,12 @@ pub struct Params {
     /// Where no candidate is valid, this many end speeds from standstill up are looked at too; `best` only.
     /// Source: ours: braking and swerving at once.
     pub slower_speeds: u32,
+    /// Where nothing at about the target speed is valid, the ego stops or follows this far behind what is in
+    /// its way, metres; `best` only, 0: not at all. Source: ours; stopping and following are Werling 2010,
+    /// section V.
+    pub follow_gap_m: f64,
+    /// Added to the gap per speed of what is followed, seconds. Source: ours.
+    pub follow_time_s: f64,
     /// Distance to keep from obstacles, metres. Source: Pylot (0.3).
     pub clearance_m: f64,
     /// Distance to keep from the edge of the drivable ground, metres; `best` only. Source: ours.
@@ -97,6 +103,8 @@ impl Params {
             speed_step_mps: 0.25,
             speed_steps: 2,
             slower_speeds: 6,
+            follow_gap_m: 2.0,
+            follow_time_s: 1.0,
             clearance_m: 0.3,
             road_margin_m: 0.05,
             tail_s: 1.0,
@@ -134,6 +142,8 @@ impl Params {
             speed_step_mps: config.d_t_s,
             speed_steps: config.n_s_sample.clamp(0.0, 1e6) as u32,
             slower_speeds: 6,
+            follow_gap_m: 0.0,
+            follow_time_s: 0.0,
             clearance_m: config.obstacle_clearance,
             road_margin_m: 0.0,
             tail_s: 0.0,
@@ -152,7 +162,10 @@ impl Params {
     fn candidates(&self) -> f64 {
         let lateral = ((self.left_m + self.right_m) / self.lateral_step_m).floor() + 1.0;
         let times = ((self.horizon_max_s - self.horizon_min_s) / self.time_step_s).floor() + 1.0;
-        lateral * times * (2.0 * f64::from(self.speed_steps) + 1.0).max(f64::from(self.slower_speeds))
+        let speeds = (2.0 * f64::from(self.speed_steps) + 1.0).max(f64::from(self.slower_speeds));
+        // Following takes every sample as an end time, with one place each and the start's offset too.
+        let follows = (lateral + 1.0) * (self.horizon_max_s / self.time_step_s);
+        (lateral * times * speeds).max(follows)
     }
 
     /// Checks all ranges.
@@ -170,6 +183,8 @@ impl Params {
             require_positive(key, value)?;
         }
         for (key, value) in [
+            ("follow_gap_m", self.follow_gap_m),
+            ("follow_time_s", self.follow_time_s),
             ("clearance_m", self.clearance_m),
             ("road_margin_m", self.road_margin_m),
             ("tail_s", self.tail_s),

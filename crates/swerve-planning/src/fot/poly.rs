@@ -1,12 +1,9 @@
 //! The polynomials that are optimal in squared jerk (Werling 2010, sections IV and V).
 
-/// `x(t)` of degree five between two full states: position, velocity and acceleration at both ends.
+/// `x(t)` of degree five between two full states (position, velocity and acceleration at both ends), or of
+/// degree four where the end position is free.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Quintic([f64; 6]);
-
-/// `x(t)` of degree four from a full state to a velocity and acceleration, wherever that is.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Quartic([f64; 5]);
 
 /// Value and first three derivatives.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
@@ -36,6 +33,14 @@ impl Quintic {
         ])
     }
 
+    /// From `from` = (x, v, a) at 0 to velocity and acceleration `to` = (v, a) at `t > 0`, wherever that is.
+    pub(crate) fn to_velocity(from: [f64; 3], to: [f64; 2], t: f64) -> Self {
+        let [x0, v0, a0] = from;
+        let dv = to[0] - (v0 + a0 * t);
+        let da = (to[1] - a0) * t;
+        Self([x0, v0, 0.5 * a0, (dv - da / 3.0) / (t * t), (0.25 * da - 0.5 * dv) / (t * t * t), 0.0])
+    }
+
     pub(crate) fn at(&self, t: f64) -> Jet {
         let [c0, c1, c2, c3, c4, c5] = self.0;
         Jet {
@@ -43,26 +48,6 @@ impl Quintic {
             v: c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
             a: 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
             j: 6.0 * c3 + t * (24.0 * c4 + t * 60.0 * c5),
-        }
-    }
-}
-
-impl Quartic {
-    /// From `from` = (x, v, a) at 0 to velocity and acceleration `to` = (v, a) at `t > 0`.
-    pub(crate) fn new(from: [f64; 3], to: [f64; 2], t: f64) -> Self {
-        let [x0, v0, a0] = from;
-        let dv = to[0] - (v0 + a0 * t);
-        let da = (to[1] - a0) * t;
-        Self([x0, v0, 0.5 * a0, (dv - da / 3.0) / (t * t), (0.25 * da - 0.5 * dv) / (t * t * t)])
-    }
-
-    pub(crate) fn at(&self, t: f64) -> Jet {
-        let [c0, c1, c2, c3, c4] = self.0;
-        Jet {
-            x: c0 + t * (c1 + t * (c2 + t * (c3 + t * c4))),
-            v: c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * 4.0 * c4)),
-            a: 2.0 * c2 + t * (6.0 * c3 + t * 12.0 * c4),
-            j: 6.0 * c3 + t * 24.0 * c4,
         }
     }
 }
@@ -84,7 +69,7 @@ mod tests {
             let (start, end) = (five.at(0.0), five.at(t));
             prop_assert!(near(start.x, x) && near(start.v, v) && near(start.a, a));
             prop_assert!(near(end.x, to_x) && near(end.v, to_v) && near(end.a, to_a), "{end:?}");
-            let four = Quartic::new([x, v, a], [to_v, to_a], t);
+            let four = Quintic::to_velocity([x, v, a], [to_v, to_a], t);
             let (start, end) = (four.at(0.0), four.at(t));
             prop_assert!(near(start.x, x) && near(start.v, v) && near(start.a, a));
             prop_assert!(near(end.v, to_v) && near(end.a, to_a), "{end:?}");

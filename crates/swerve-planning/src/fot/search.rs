@@ -18,7 +18,7 @@ use super::lattice::Lattice;
 use super::line::Line;
 use super::motion::{Checks, FrenetState, Motion};
 use super::params::Params;
-use super::poly::{Quartic, Quintic};
+use super::poly::Quintic;
 use crate::collision::Obstacles;
 use crate::request::{Budget, Goes};
 
@@ -66,7 +66,9 @@ pub(crate) enum Outcome {
 /// One pair of end time and end speed.
 #[derive(Clone, Copy, Debug, Default)]
 struct Lon {
-    motion: Quartic,
+    motion: Quintic,
+    /// End speed, m/s.
+    v_mps: f64,
     cost: f64,
     /// Samples before the line's end; zero when no candidate of the pair is valid.
     count: usize,
@@ -313,37 +315,56 @@ impl Search {
 
     /// Longitudinal motion, cost and limits of all pairs.
     fn longitudinal(&mut self, task: &Task<'_>, lattice: &Lattice) {
-        let p = task.params;
         self.lons.clear();
         self.arena.x.clear();
         self.arena.y.clear();
         self.arena.normal_x.clear();
         self.arena.normal_y.clear();
-        for (i, &t_s) in lattice.t_s.iter().enumerate() {
+        for (time, &t_s) in lattice.t_s.iter().enumerate() {
+            if let Some(aim) = lattice.aims.get(time) {
+                let motion = aim.motion(task.start.s, t_s);
+                let off_m = aim.s_m - motion.at(t_s).x;
+                self.push_lon(task, lattice, time, (motion, aim.v_mps), |_| off_m);
+                continue;
+            }
             for &v_mps in &lattice.v_mps {
-                let motion = Quartic::new(task.start.s, [v_mps, 0.0], t_s);
-                let (mut accel, mut jerk, mut last_mps) = (0.0, 0.0, 0.0);
-                let (mut count, mut valid) = (0, true);
-                for (k, &sample_s) in lattice.samples_s[..lattice.counts[i]].iter().enumerate() {
-                    let jet = motion.at(sample_s);
-                    accel += jet.a.abs();
-                    jerk += jet.j.abs();
-                    last_mps = jet.v;
-                    count += usize::from(count == k && jet.x < task.cut_m);
-                    let held = sample_s == 0.0 || jet.a.abs() <= p.max_accel_mps2;
-                    valid &= held && jet.v <= p.max_speed_mps && jet.v >= -1e-3;
-                }
-                let cost = p.weight_accel * accel
-                    + p.weight_jerk * jerk
-                    + p.weight_time * t_s
-                    + p.weight_offset * (task.target_mps - last_mps).abs();
-                self.lons.push(Lon { motion, cost, count: if valid { count } else { 0 }, places: NONE });
+                let motion = Quintic::to_velocity(task.start.s, [v_mps, 0.0], t_s);
+                self.push_lon(task, lattice, time, (motion, v_mps), |last_mps| task.target_mps - last_mps);
             }
         }
     }
 
+    /// A pair with its cost; `off` is how far off its aim it ends, from the speed at its last sample.
+    fn push_lon(
+        &mut self,
+        task: &Task<'_>,
+        lattice: &Lattice,
+        time: usize,
+        (motion, v_mps): (Quintic, f64),
+        off: impl Fn(f64) -> f64,
+    ) {
+        let p = task.params;
+        let (mut accel, mut jerk, mut last_mps) = (0.0, 0.0, 0.0);
+        let (mut count, mut valid) = (0, true);
+        for (k, &sample_s) in lattice.samples_s[..lattice.counts[time]].iter().enumerate() {
+            let jet = motion.at(sample_s);
+            accel += jet.a.abs();
+            jerk += jet.j.abs();
+            last_mps = jet.v;
+            count += usize::from(count == k && jet.x < task.cut_m);
+            let held = sample_s == 0.0 || jet.a.abs() <= p.max_accel_mps2;
+            valid &= held && jet.v <= p.max_speed_mps && jet.v >= -1e-3;
+        }
+        let cost = p.weight_accel * accel
+            + p.weight_jerk * jerk
+            + p.weight_time * lattice.t_s[time]
+            + p.weight_offset * off(last_mps).abs();
+        let count = if valid { count } else { 0 };
+        self.lons.push(Lon { motion, v_mps, cost, count, places: NONE });
+    }
+
     fn time_index(&self, lattice: &Lattice, entry: &Entry) -> usize {
-        entry.lon as usize / lattice.v_mps.len()
+        entry.lon as usize / lattice.speeds()
     }
 
     /// The least lateral cost of the range with the longitudinal cost: a bound without obstacles.
@@ -389,10 +410,9 @@ impl Search {
     fn candidate(&self, task: &Task<'_>, lattice: &Lattice, leaf: &Entry) -> Candidate {
         let time = self.time_index(lattice, leaf);
         let (t_s, d_m) = (lattice.t_s[time], lattice.d_m[leaf.low as usize]);
-        let v_mps = lattice.v_mps[leaf.lon as usize % lattice.v_mps.len()];
-        let count = self.lons[leaf.lon as usize].count;
+        let Lon { motion, v_mps, count, .. } = self.lons[leaf.lon as usize];
         Candidate {
-            motion: Motion::new(&task.start, d_m, v_mps, t_s),
+            motion: Motion::new(&task.start, motion, d_m, t_s),
             cost: leaf.bound,
             d_m,
             v_mps,

@@ -2,6 +2,7 @@ use super::*;
 use crate::testing::{Capped, World, conformance};
 use crate::world::predicted_start;
 use crate::{CollisionMode, Solid, Unlimited};
+use proptest::prelude::*;
 use swerve_core::Time;
 use swerve_geom::Point2;
 use swerve_msg::{ActorId, ActorKind, EgoState, Extent, PredictedPose, Prediction, Route};
@@ -158,4 +159,112 @@ fn the_person_behind_the_truck_is_avoided_when_there_is_time() {
     }
     // With most of a second gone before a plan acts there is nothing to be done at 16 m/s.
     assert_eq!(person_behind_truck(16.0, Params::fast(Preset::Best), 900), 0.0);
+}
+
+/// Speeds and the last pose of an ego that follows its plans exactly, each made every 50 ms in a world that the
+/// given time changes.
+fn driven(
+    from_mps: f64,
+    target_mps: f64,
+    seconds: i64,
+    world_at: impl Fn(f64) -> World,
+) -> (Vec<f64>, Pose2) {
+    let mut planner = Fot::new(Params::default()).unwrap();
+    let mut ego = EgoState { speed_mps: from_mps, ..EgoState::default() };
+    let (mut speeds, mut previous): (Vec<f64>, Option<Plan>) = (Vec::new(), None);
+    for tick in 0..20 * seconds {
+        let now = Time::from_ms(50 * tick);
+        if let Some(p) = previous.as_ref().and_then(|plan| plan.at(now)) {
+            ego = EgoState {
+                pose: p.pose,
+                speed_mps: p.speed_mps,
+                accel_mps2: p.accel_mps2,
+                yaw_rate_radps: p.speed_mps * p.curvature_1pm,
+                ..ego
+            };
+        }
+        ego.stamp = now;
+        speeds.push(ego.speed_mps);
+        let world = world_at(now.as_secs());
+        let request = Request {
+            stamp: now,
+            start: ego,
+            target_speed_mps: target_mps,
+            previous: previous.as_ref(),
+            ..world.request()
+        };
+        previous = Some(planner.plan(&request, &mut Unlimited::default()));
+    }
+    (speeds, ego.pose)
+}
+
+/// Distance from the front bumper to `x_m`.
+fn gap_m(pose: Pose2, x_m: f64) -> f64 {
+    let shape = Shape::default();
+    x_m - pose.x_m - (shape.length_m - shape.rear_overhang_m)
+}
+
+fn jam(rear_m: f64) -> World {
+    let mut world = World::straight(10.0);
+    for y in [-0.5, 4.0] {
+        world = world.with(ActorKind::Car, (4.0, 2.0), (rear_m + 2.0, y), (0.0, 0.0));
+    }
+    world
+}
+
+#[test]
+fn the_ego_stops_once_before_a_blocked_road_and_keeps_the_gap() {
+    for from_mps in [0.0, 6.0, 10.0] {
+        let (speeds, pose) = driven(from_mps, 10.0, 20, |_| jam(70.0));
+        let top = speeds.iter().position(|&v| v > 9.0).unwrap();
+        let braking = speeds[top..].iter().skip_while(|&&v| v > 8.0);
+        assert!(braking.clone().zip(braking.skip(1)).all(|(a, b)| *b <= a + 0.05), "{from_mps}: {speeds:?}");
+        assert!(speeds[speeds.len() - 1] < 0.01, "{from_mps}: {speeds:?}");
+        assert!((gap_m(pose, 70.0) - Params::default().follow_gap_m).abs() < 0.3, "{from_mps}: {pose:?}");
+    }
+}
+
+#[test]
+fn slow_traffic_is_followed_at_its_speed_and_distance() {
+    let leader_mps = 4.0;
+    let place = |t: f64| 40.0 + leader_mps * t;
+    let (speeds, pose) = driven(10.0, 10.0, 20, |t| {
+        let mut world = World::straight(10.0);
+        world.start.stamp = Time::from_ms((t * 1000.0).round() as i64);
+        for y in [-0.5, 4.0] {
+            world = world.with(ActorKind::Car, (4.0, 2.0), (place(t) + 2.0, y), (leader_mps, 0.0));
+        }
+        world
+    });
+    assert!((speeds[speeds.len() - 1] - leader_mps).abs() < 0.3, "{speeds:?}");
+    let p = Params::default();
+    let wanted_m = p.follow_gap_m + p.follow_time_s * leader_mps;
+    assert!((gap_m(pose, place(19.95)) - wanted_m).abs() < 1.0, "{pose:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #[test]
+    fn places_to_be_at_are_searched_as_by_looking_at_everything(
+        speed in 0.0..20.0, offset in -0.5..1.0, ahead in 8.0..60.0, across in -1.5..1.5,
+    ) {
+        let mut world = World::straight(speed).with(ActorKind::Car, (4.0, 2.0), (ahead, across), (0.5, 0.0));
+        world.start.pose.y_m += offset;
+        let mut planner = Fot::new(Params::default()).unwrap();
+        let request = world.request();
+        planner.set_world(&request);
+        let start = planner.frenet(&request);
+        let Fot { params, line, road, obstacles, .. } = &planner;
+        let checks = checks(params, &request, obstacles, road);
+        let task = Task { params, line, cut_m: f64::INFINITY, start, target_mps: speed, checks };
+        let (mut lattice, mut aims) = (Lattice::default(), Lattice::default());
+        lattice.set(params, speed);
+        aims.set_aims(&lattice, start.d[0], |t_s| follow::aim(&task, t_s));
+        let want = Search::default().exhaustive(&task, &aims);
+        let got = match Search::default().run(&task, &aims, None, &mut 0) {
+            Outcome::Found(candidate) => Some(candidate),
+            Outcome::Nothing | Outcome::Stopped => None,
+        };
+        prop_assert_eq!(got, want);
+    }
 }
