@@ -15,6 +15,7 @@ use swerve_core::Time;
 
 use crate::decision::{Decision, Replay};
 use crate::observer::{DropReason, Dropped, Event, Observer};
+use crate::payload::Outs;
 use crate::report::{EndReason, RunError, RunReport};
 use commit::Commits;
 use due::{Due, Ready};
@@ -33,6 +34,8 @@ pub(crate) struct Engine<'o> {
     sources: Vec<usize>,
     due: Due,
     ready: Ready,
+    /// Where a step that takes the shortcut leaves its outputs; empty in between.
+    outs: Outs,
     /// The present instant.
     now: Time,
     /// Which sweep of this instant is under way, from 0.

@@ -169,6 +169,7 @@ pub(crate) enum Edge {
 impl<T: Payload> Inputs for At<T> {
     type Layout = ();
 
+    #[inline(always)]
     fn read((): &(), slots: &mut Slots<'_>) -> Self {
         Self { message: slots.message() }
     }

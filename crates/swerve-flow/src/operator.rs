@@ -70,11 +70,18 @@ pub(crate) struct Task {
     pub(crate) stop_run: Option<Box<str>>,
 }
 
-/// Counts the work of a step and cuts it.
+/// Counts the work of a step.
 #[derive(Default)]
 pub(crate) struct Meter {
     /// Units counted so far.
     pub(crate) units: u64,
+    /// What cuts the step; none where nothing can.
+    pub(crate) cut: Option<Box<Cut>>,
+}
+
+/// What cuts a step before its own end, and what it offers for that case.
+#[derive(Default)]
+pub(crate) struct Cut {
     /// The count at which the step is told to stop.
     pub(crate) limit: Option<u64>,
     /// The count at which the step was told to stop.
@@ -132,13 +139,14 @@ impl Context<'_> {
     pub fn spend(&mut self, units: u64) -> Progress {
         let meter = &mut self.task.meter;
         meter.units = meter.units.saturating_add(units);
-        if meter.stopped_at.is_some() {
-            meter.went_on |= units > 0;
+        let Some(cut) = &mut meter.cut else { return Progress::Continue };
+        if cut.stopped_at.is_some() {
+            cut.went_on |= units > 0;
             return Progress::Stop;
         }
-        let at_limit = meter.limit.is_some_and(|limit| meter.units >= limit);
-        if at_limit || meter.time_is_out.as_ref().is_some_and(|out| out()) {
-            meter.stopped_at = Some(meter.units);
+        let at_limit = cut.limit.is_some_and(|limit| meter.units >= limit);
+        if at_limit || cut.time_is_out.as_ref().is_some_and(|out| out()) {
+            cut.stopped_at = Some(meter.units);
             return Progress::Stop;
         }
         Progress::Continue
@@ -154,14 +162,14 @@ impl Context<'_> {
 
     /// As [`offer`](Self::offer), for a payload that exists already.
     pub fn offer_shared<T: Payload>(&mut self, port: &mut Port<T>, value: Arc<T>) {
-        let meter = &mut self.task.meter;
-        let Some(offered) = &meter.offered else { return };
-        if meter.went_on || meter.offers_max.is_some_and(|max| meter.offers >= max) {
+        let Some(cut) = &mut self.task.meter.cut else { return };
+        let Some(offered) = &cut.offered else { return };
+        if cut.went_on || cut.offers_max.is_some_and(|max| cut.offers >= max) {
             return;
         }
-        meter.offers += 1;
+        cut.offers += 1;
         let mut slot = offered.lock().unwrap_or_else(PoisonError::into_inner);
-        slot.0 = meter.offers;
+        slot.0 = cut.offers;
         slot.1[port.index] = Some(Sent::new(value));
     }
 

@@ -127,6 +127,7 @@ impl<T: Payload> Outputs for Port<T> {
         Self { index: first, sent: None, known: None }
     }
 
+    #[inline(always)]
     fn take(&mut self, sent: &mut Outs) {
         let known = self.known;
         sent[self.index] = self.sent.take().map(|value| match known {

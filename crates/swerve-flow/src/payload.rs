@@ -62,6 +62,7 @@ impl Sent {
         Self { payload, digest }
     }
 
+    #[inline]
     pub(crate) fn typed<T: Payload>(self) -> Arc<T> {
         let any: Arc<dyn Any + Send + Sync> = self.payload;
         any.downcast().expect("the graph's check compared the types of both ends")

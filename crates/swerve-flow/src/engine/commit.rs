@@ -51,7 +51,7 @@ impl Engine<'_> {
         if !self.observers.is_empty() {
             self.tell_publication(rank, port, &header, answer, &sent);
         }
-        self.deliver(id, Msg { header, sent });
+        self.deliver(id, header, sent);
     }
 
     fn tell_publication(
@@ -128,19 +128,28 @@ impl Engine<'_> {
     }
 
     /// Hands a message to the ports that read the stream.
-    fn deliver(&mut self, id: usize, msg: Msg) {
+    #[inline]
+    fn deliver(&mut self, id: usize, header: Header, sent: Sent) {
         let now = self.now;
         let stream = &mut self.streams[id];
         let arrival = now.saturating_add(stream.delay);
-        let Some((&last, others)) = stream.readers.split_last() else { return stream.remember(msg, now) };
-        for &reader in others {
-            hand_over(&mut self.nodes, &mut self.due, &mut self.ready, reader, (arrival, now), msg.clone());
-        }
-        // The last reader takes the message itself, where nobody looks into the stream's history.
         if stream.depth > 0 {
-            stream.remember(msg.clone(), now);
+            stream.remember(Msg { header, sent: sent.clone() }, now);
         }
-        hand_over(&mut self.nodes, &mut self.due, &mut self.ready, last, (arrival, now), msg);
+        let Some((&last, others)) = stream.readers.split_last() else { return };
+        for &reader in others {
+            let msg = Msg { header, sent: sent.clone() };
+            hand_over(&mut self.nodes, &mut self.due, &mut self.ready, reader, (arrival, now), msg);
+        }
+        // The last reader takes the payload itself: most streams have one reader.
+        hand_over(
+            &mut self.nodes,
+            &mut self.due,
+            &mut self.ready,
+            last,
+            (arrival, now),
+            Msg { header, sent },
+        );
     }
 
     /// Hands a watermark without a message to the ports that read the stream.
@@ -184,7 +193,7 @@ impl Engine<'_> {
 }
 
 /// Gives a message to one port: now, or where the stream is delayed, when it arrives.
-#[inline]
+#[inline(always)]
 fn hand_over(
     nodes: &mut [Node],
     due: &mut Due,

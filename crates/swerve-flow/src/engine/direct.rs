@@ -8,7 +8,6 @@ use super::start::step;
 use super::turn::Answer;
 use crate::input::Slot;
 use crate::operator::{Meter, Task};
-use crate::payload::Outs;
 use crate::report::RunError;
 use crate::runtime::RuntimeModel;
 
@@ -53,8 +52,7 @@ impl Engine<'_> {
         let mut task =
             Task { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), stop_run: None };
         let body = node.body.as_mut().expect("only heavy operators go away");
-        let mut outs = Outs::default();
-        let panic = step(&mut **body, &node.name, &mut task, &mut node.slots, &mut outs);
+        let panic = step(&mut **body, &node.name, &mut task, &mut node.slots, &mut self.outs);
         node.tally.steps += 1;
         node.tally.ended += 1;
         node.tally.units += task.meter.units;
@@ -65,14 +63,14 @@ impl Engine<'_> {
             self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });
             return true;
         }
-        if outs.iter().any(Option::is_some) {
+        let ports = node.streams.len();
+        if self.outs[..ports].iter().any(Option::is_some) {
             node.floor = stamp;
         }
         let watermark = node.floor.max(joined);
         let answer = Answer { stamp, reused_from: None, origin, reads: &[] };
-        let ports = node.streams.len();
-        for (port, sent) in outs.iter_mut().take(ports).enumerate() {
-            match sent.take() {
+        for port in 0..ports {
+            match self.outs[port].take() {
                 Some(sent) => self.publish_on(rank, port, watermark, &answer, sent),
                 None => self.publish_risen(rank, port, watermark),
             }

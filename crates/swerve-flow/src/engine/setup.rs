@@ -15,6 +15,7 @@ use crate::graph::{BodySpec, Graph, OperatorSpec, ranks};
 use crate::input::{Edge, PortSpec, Slot};
 use crate::observer::Observer;
 use crate::options::RunOptions;
+use crate::payload::Outs;
 use crate::report::{OperatorReport, RunError};
 use crate::wall::Pace;
 
@@ -68,6 +69,7 @@ impl<'o> Engine<'o> {
             rank_of,
             due,
             ready,
+            outs: Outs::default(),
             now: Time::ZERO,
             pass: 0,
             pool: (threads > 0).then(|| Pool::new(threads, doorbell)).transpose()?,

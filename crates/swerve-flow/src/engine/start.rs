@@ -14,7 +14,7 @@ use crate::decision::{Decided, Decision};
 use crate::graph::newest;
 use crate::input::Slot;
 use crate::observer::{Reads, StepStart};
-use crate::operator::{Body, Context, ErasedMiss, Meter, Offered, Task};
+use crate::operator::{Body, Context, Cut, ErasedMiss, Meter, Offered, Task};
 use crate::payload::Outs;
 use crate::report::RunError;
 use crate::runtime::{Draw, RuntimeModel};
@@ -40,8 +40,8 @@ impl Engine<'_> {
         self.nodes[rank].tally.steps += 1;
         self.tell_start(rank, stamp, deadline, &reads);
 
-        let meter = self.meter(rank, deadline, decided);
-        let offered = meter.offered.clone();
+        let meter = Meter { units: 0, cut: self.cut(rank, deadline, decided) };
+        let offered = meter.cut.as_ref().and_then(|cut| cut.offered.clone());
         let due = (deadline < Time::MAX).then_some(deadline);
         let mut task = Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, stop_run: None };
         let (least_end, known) = match draw {
@@ -167,31 +167,25 @@ impl Engine<'_> {
         matches!(draw, Draw::Known(Span::ZERO) | Draw::Unrecorded(Span::ZERO))
     }
 
-    fn meter(&self, rank: usize, deadline: Time, decided: Option<Decided>) -> Meter {
-        let node = &self.nodes[rank];
-        let mut meter = Meter::default();
+    /// What cuts the step, where anything does.
+    fn cut(&self, rank: usize, deadline: Time, decided: Option<Decided>) -> Option<Box<Cut>> {
         if deadline == Time::MAX {
-            return meter;
+            return None;
         }
-        let cut = match (decided, &self.wall) {
-            (Some(decided), _) => {
-                meter.limit = decided.stop_at;
-                meter.offers_max = decided.offers;
-                true
+        let node = &self.nodes[rank];
+        let mut cut = match (decided, &self.wall, &node.runtime) {
+            (Some(decided), ..) => {
+                Cut { limit: decided.stop_at, offers_max: decided.offers, ..Cut::default() }
             }
-            (None, Some(wall)) => {
-                meter.time_is_out = Some(wall.time_is_out(deadline));
-                true
+            (None, Some(wall), _) => Cut { time_is_out: Some(wall.time_is_out(deadline)), ..Cut::default() },
+            (None, None, model @ RuntimeModel::Work { .. }) => {
+                Cut { limit: Some(model.units_within(deadline - self.now)), ..Cut::default() }
             }
-            (None, None) => {
-                let work = matches!(node.runtime, RuntimeModel::Work { .. });
-                meter.limit = work.then(|| node.runtime.units_within(deadline - self.now));
-                work
-            }
+            (None, None, _) => return None,
         };
         let reaction = node.deadline.map(|deadline| deadline.reaction);
-        meter.offered = (cut && reaction == Some(Reaction::OnDeadline)).then(offered);
-        meter
+        cut.offered = (reaction == Some(Reaction::OnDeadline)).then(offered);
+        Some(Box::new(cut))
     }
 
     fn run_here(&mut self, rank: usize, task: &mut Task, ran: &mut Ran) {
@@ -325,8 +319,9 @@ pub(super) fn run(
     ran.panic = step(body, name, task, slots, &mut ran.outs);
     ran.host_ns = begin.map_or(0, crate::host::ns_since);
     ran.units = task.meter.units;
-    ran.stopped_at = task.meter.stopped_at;
-    ran.went_on = task.meter.went_on;
+    if let Some(cut) = &task.meter.cut {
+        (ran.stopped_at, ran.went_on) = (cut.stopped_at, cut.went_on);
+    }
     ran.stop_run = task.stop_run.take();
 }
 
