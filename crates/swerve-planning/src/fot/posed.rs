@@ -24,7 +24,7 @@ const PATH_STEP_MIN_S: f64 = 0.004;
 const CLEARANCE_STEP_M: f64 = 0.1;
 
 /// As [`CLEARANCE_STEP_M`], where the clearance is about what is needed.
-const CLEARANCE_FINE_M: f64 = 0.01;
+const CLEARANCE_FINE_M: f64 = 0.02;
 
 /// Distance over which a solution's curvature is measured, metres.
 const CURVATURE_BASE_M: f64 = 0.5;
