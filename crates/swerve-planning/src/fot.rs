@@ -246,6 +246,7 @@ fn checks<'a>(
         shape: request.shape,
         at: request.start.stamp,
         clearance_m: params.clearance_m,
+        exact: false,
         curvature_max_1pm: if best {
             params.max_curvature_1pm.min(tightest)
         } else {

@@ -114,6 +114,8 @@ pub(crate) struct Checks<'a> {
     /// Instant of the start.
     pub(crate) at: Time,
     pub(crate) clearance_m: f64,
+    /// Whether the clearance is kept to a fraction of a millimetre, among things that stand.
+    pub(crate) exact: bool,
     pub(crate) curvature_max_1pm: f64,
     /// Range that the ego origin's offset stays in; infinite: not looked at.
     pub(crate) offset_m: (f64, f64),
@@ -147,6 +149,9 @@ const GRACE_S: f64 = 1.0;
 /// Heading may change by this more than the curvature limit allows between two looks, radians: what the
 /// finite step leaves.
 const HEADING_SLACK_RAD: f64 = 0.03;
+
+/// What an exact clearance is kept to, metres.
+const EXACT_M: f64 = 2e-4;
 
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
 const CRAWL_MPS: f64 = 0.3;
@@ -271,6 +276,27 @@ impl Checks<'_> {
         // The looks may have missed a little of the peak between them.
         let travel_m = 1.05 * end_s * (fastest_mps + 0.1 + lever_m * quickest_radps);
         self.obstacles.motion_free(&mut place, travel_m, clearance_m)
+            && (!self.exact || self.kept(&mut place, (0.0, 1.0), travel_m, clearance_m + EXACT_M))
+    }
+
+    /// Whether the stretch keeps `limit_m` to what stands: as [`Obstacles::motion_free`], looked at more closely
+    /// where it is near.
+    fn kept(
+        &self,
+        place: &mut dyn FnMut(f64) -> (Solid, Time),
+        (low, high): (f64, f64),
+        travel_m: f64,
+        limit_m: f64,
+    ) -> bool {
+        let middle = 0.5 * (low + high);
+        let (solid, at) = place(middle);
+        let enough_m = limit_m + 0.5 * travel_m;
+        let distance_m = self.obstacles.distance_below(&solid, at, enough_m);
+        if distance_m < limit_m || distance_m >= enough_m || travel_m <= EXACT_M {
+            return distance_m >= limit_m;
+        }
+        self.kept(place, (low, middle), 0.5 * travel_m, limit_m)
+            && self.kept(place, (middle, high), 0.5 * travel_m, limit_m)
     }
 }
 

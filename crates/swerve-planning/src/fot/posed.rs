@@ -17,8 +17,14 @@ use crate::request::Unlimited;
 /// Distance in time of the points of a solution's path, seconds.
 const PATH_STEP_S: f64 = 0.05;
 
+/// Points are brought closer together down to this, seconds.
+const PATH_STEP_MIN_S: f64 = 0.004;
+
 /// Distance of the looks that measure a solution's clearance, metres.
 const CLEARANCE_STEP_M: f64 = 0.1;
+
+/// As [`CLEARANCE_STEP_M`], where the clearance is about what is needed.
+const CLEARANCE_FINE_M: f64 = 0.02;
 
 /// Distance over which a solution's curvature is measured, metres.
 const CURVATURE_BASE_M: f64 = 0.5;
@@ -81,6 +87,7 @@ impl Posed {
             shape: &self.shape,
             at: Time::ZERO,
             clearance_m: p.clearance_m,
+            exact: true,
             curvature_max_1pm: if best { p.max_curvature_1pm.min(tightest) } else { p.max_curvature_1pm },
             offset_m: if best { (-p.right_m, p.left_m) } else { (f64::NEG_INFINITY, f64::INFINITY) },
             smooth: best,
@@ -155,16 +162,18 @@ fn curvature_max_of(path: &[[f64; 4]]) -> f64 {
 }
 
 fn solution(id: &str, task: &Task<'_>, candidate: &Candidate, work: u64) -> Solution {
-    let mut path = Vec::new();
-    let mut poses: Vec<(Pose2, Time)> = Vec::new();
-    for (t_s, place) in places(task, candidate, PATH_STEP_S) {
-        let heading_rad = math::atan2(place.sin, place.cos);
-        path.push([place.x_m, place.y_m, heading_rad, t_s]);
-        poses.push((Pose2::new(place.x_m, place.y_m, heading_rad), Time::ZERO));
+    let needed_m = task.checks.clearance_m;
+    let (mut path, mut clearance_m) = path_of(task, candidate, PATH_STEP_S, CLEARANCE_STEP_M);
+    let mut step_s = PATH_STEP_S;
+    // The straight pieces between the points cut corners of the motion: where that takes away clearance that
+    // is needed, points are closer together.
+    while clearance_m < needed_m + CLEARANCE_STEP_M * CLEARANCE_STEP_M {
+        (path, clearance_m) = path_of(task, candidate, step_s, CLEARANCE_FINE_M);
+        if clearance_m >= needed_m || step_s < PATH_STEP_MIN_S {
+            break;
+        }
+        step_s *= 0.5;
     }
-    let shape = task.checks.shape;
-    let outline = |pose: Pose2| shape.footprint(pose);
-    let clearance_m = task.checks.obstacles.path_clearance_m(outline, &poses, CLEARANCE_STEP_M);
     Solution {
         id: id.to_owned(),
         found: true,
@@ -176,6 +185,20 @@ fn solution(id: &str, task: &Task<'_>, candidate: &Candidate, work: u64) -> Solu
         path,
         ..Solution::default()
     }
+}
+
+/// The candidate's path with points at most `step_s` apart, and the clearance of going straight between them.
+fn path_of(task: &Task<'_>, candidate: &Candidate, step_s: f64, look_m: f64) -> (Vec<[f64; 4]>, f64) {
+    let mut path = Vec::new();
+    let mut poses: Vec<(Pose2, Time)> = Vec::new();
+    for (t_s, place) in places(task, candidate, step_s) {
+        let heading_rad = math::atan2(place.sin, place.cos);
+        path.push([place.x_m, place.y_m, heading_rad, t_s]);
+        poses.push((Pose2::new(place.x_m, place.y_m, heading_rad), Time::ZERO));
+    }
+    let outline = |pose: Pose2| task.checks.shape.footprint(pose);
+    let clearance_m = task.checks.obstacles.path_clearance_m(outline, &poses, look_m);
+    (path, clearance_m)
 }
 
 #[cfg(test)]
