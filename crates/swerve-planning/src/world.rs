@@ -2,7 +2,7 @@
 //! path becomes a plan, and what to do when there is none.
 
 use swerve_core::{Span, Time};
-use swerve_geom::{Polyline, Pose2, angle_between, math};
+use swerve_geom::{Ego, Point2, Polyline, Pose2, angle_between, math};
 use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus, Prediction};
 use swerve_vehicle::Limits;
 
@@ -285,7 +285,22 @@ pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> O
         return None;
     }
     let path: Vec<(Pose2, Time)> = points.iter().map(|p| (p.pose, p.at)).collect();
-    obstacles.path_free(|pose| request.shape.footprint(pose), &path, clearance_m).then_some(Plan {
+    let free =
+        |path: &[(Pose2, Time)]| obstacles.path_free(|pose| request.shape.footprint(pose), path, clearance_m);
+    // An ego beside its plan may stay beside it: that has to be free as well.
+    let beside = || -> Vec<(Pose2, Time)> {
+        let off = if now.is_some() {
+            first.pose.to_local(request.start.pose.point())
+        } else {
+            Point2::<Ego>::new(0.0, 0.0)
+        };
+        let moved = |pose: Pose2| {
+            let point = pose.from_local(off);
+            Pose2::new(point.x_m, point.y_m, pose.heading_rad)
+        };
+        path.iter().map(|&(pose, at)| (moved(pose), at)).collect()
+    };
+    (free(&path) && free(&beside())).then_some(Plan {
         stamp: request.stamp,
         status: PlanStatus::Kept,
         points,

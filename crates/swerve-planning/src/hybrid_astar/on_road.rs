@@ -202,7 +202,9 @@ impl Desk {
         let (clearance_m, edge_m) = self.margins(settings, request, &outline)?;
         let ahead_m = settings.goal_ahead_m.max(settings.goal_ahead_s * request.start.speed_mps);
         let from_s_m = self.road.project(request.start.pose.point()).s_m;
-        for attempt in &ATTEMPTS {
+        // Full braking is not undone for a way that passes more closely than asked for.
+        let braking = request.previous.is_some_and(|plan| plan.status == PlanStatus::Brake);
+        for attempt in ATTEMPTS.iter().filter(|attempt| !braking || attempt.clearance == 1.0) {
             let target_mps = attempt.target_mps(request);
             let limits = Limits { brake_max_mps2: attempt.brake(request.limits), ..*request.limits };
             let slowed = Request { target_speed_mps: target_mps, limits: &limits, ..*request };
