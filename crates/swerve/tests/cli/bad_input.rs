@@ -147,7 +147,6 @@ fn command_lines() {
         case(&["calibrate", "short.toml", "--out", "no/o"], &["writing no/o: No such file"]),
         case(&["graph", "short.toml", "--svg", "short.toml"], &["short.toml: a picture would replace"]),
         case(&["timing", "short.toml", "--svg", "short.toml"], &["short.toml: a picture would replace"]),
-        case(&["check", "unused"], &["unused: there is nothing in it"]),
         case(&["replay", "none.mcap"], &["none.mcap: cannot read the file"]),
         case(&["replay", "short.toml"], &["short.toml", "MCAP"]),
         case(&["timing", "nowhere.toml"], &["nowhere.toml"]),
@@ -278,7 +277,19 @@ fn check_tells_all_problems_of_all_files() {
     );
     bench.write("d.toml", "span_ms = 100\n[[operator]]\nname = \"camera\"\nevery_ms = 0\n");
     bench.write("e.toml", "[planning\n");
-    let args = ["check", "short.toml", "a.toml", "b.toml", "c.toml", "d.toml", "e.toml", "f.toml", "g.toml"];
+    bench.write("h.toml", "# nothing yet\n");
+    let args = [
+        "check",
+        "short.toml",
+        "a.toml",
+        "b.toml",
+        "c.toml",
+        "d.toml",
+        "e.toml",
+        "f.toml",
+        "g.toml",
+        "h.toml",
+    ];
     let said = bench.swerve(&args);
     let says = [
         "a.toml:11: ego.end_m: ",
@@ -294,7 +305,8 @@ fn check_tells_all_problems_of_all_files() {
         "g.toml:6: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1 b]",
         "g.toml:6: sensing.range_m: expected 0.1 to 10000, found 0, in the cell [0 b]",
         "g.toml:11: ego.speed: unknown field `speed`",
-        "in 8 files",
+        "h.toml: there is nothing in it",
+        "in 9 files",
     ];
     check(&said, &says, &args);
     assert!(!said.stderr.contains("short.toml:"), "{}", said.stderr);
