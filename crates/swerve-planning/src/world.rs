@@ -300,7 +300,19 @@ pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> O
         };
         path.iter().map(|&(pose, at)| (moved(pose), at)).collect()
     };
-    (free(&path) && free(&beside())).then_some(Plan {
+    // What comes after it counts too: it is kept only as long as the ego can still come to a stop, be it at its end or
+    // while it is being driven.
+    let stops_from = |k: usize| {
+        let p = &points[k];
+        let start = EgoState { stamp: p.at, pose: p.pose, speed_mps: p.speed_mps, ..request.start };
+        let poses: Vec<Pose2> = points[k..].iter().map(|p| p.pose).collect();
+        let braking = brake_along(&Request { start, ..*request }, &with_curvature(&poses), PlanStatus::Brake);
+        let stop: Vec<(Pose2, Time)> = braking.points.iter().map(|p| (p.pose, p.at)).collect();
+        free(&stop)
+    };
+    let soon = points.iter().position(|p| p.at >= from + BRAKE_LATER).unwrap_or(points.len() - 1);
+    let stops = stops_from(points.len() - 1) || stops_from(soon);
+    (free(&path) && stops && free(&beside())).then_some(Plan {
         stamp: request.stamp,
         status: PlanStatus::Kept,
         points,
@@ -310,6 +322,9 @@ pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> O
 
 /// An ego further from its plan than this is not on it, metres.
 const OFF_PLAN_M: f64 = 2.0;
+
+/// How long a plan may be driven on where only braking can follow it: some periods of planning.
+const BRAKE_LATER: Span = Span::from_ms(300);
 
 /// Full brake along the rest of the previous plan's path, or along the present arc without one.
 pub fn brake(request: &Request<'_>) -> Plan {
