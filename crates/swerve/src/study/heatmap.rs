@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::table::{Grid, Square};
 
-const SQUARE_W: f64 = 118.0;
+const SQUARE_W: f64 = 176.0;
 const SQUARE_H: f64 = 46.0;
 const TOP: f64 = 86.0;
 const MARGIN: f64 = 24.0;
