@@ -28,6 +28,7 @@ mod material;
 mod mesh;
 mod renderer;
 mod scene;
+pub mod town;
 mod vector;
 mod weather;
 

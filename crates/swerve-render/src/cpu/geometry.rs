@@ -1,0 +1,329 @@
+//! From instances to triangles on the image: culling, transformation, set-up.
+//!
+//! Edges and attributes are planes over the image (Olano and Greer 1997): for a triangle with corners `A B C`
+//! in the camera frame, the ray `r = (x, y, 1)` meets it at `z r = αA + βB + γC`, and `γ/z = (A x B)·r / det`.
+//! So every attribute over depth is affine in the pixel, and no triangle need be clipped: corners behind the
+//! camera are as good as others.
+
+use super::resolve::Item;
+use crate::mesh::Mesh;
+use crate::vector::{cross, dot, sub};
+
+/// A pinhole image: what the planes are relative to. The centre of pixel `(i, j)` is where `x = i`, `y = j`.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Pinhole {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) fx: f64,
+    pub(super) fy: f64,
+    /// Principal point in the coordinates of pixel centres: half a pixel less than usual.
+    pub(super) cx: f64,
+    pub(super) cy: f64,
+    pub(super) near: f32,
+    pub(super) far: f32,
+}
+
+/// Value of a quantity over the image: `[a, b, c]` is `a x + b y + c`.
+pub(super) type Plane = [f32; 3];
+
+/// A triangle as the rasteriser needs it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TriRaster {
+    /// Inverse depth.
+    pub(super) w: Plane,
+    /// Of each edge: where it crosses row 0 and how far it moves per row, pixels.
+    pub(super) edges: [[f32; 2]; 3],
+    /// First and last-but-one column and row.
+    pub(super) columns: [u16; 2],
+    pub(super) rows: [u16; 2],
+    /// Bits 0 to 2: the edge bounds the inside from the left. Bit 3: parts are nearer than the near plane.
+    pub(super) flags: u32,
+    /// Entry in the table of surfaces.
+    pub(super) surface: u32,
+}
+
+/// What shading needs besides: everything over depth.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TriShade {
+    pub(super) u: Plane,
+    pub(super) v: Plane,
+    /// Normal in the map frame.
+    pub(super) normal: [Plane; 3],
+}
+
+/// Rows that share lists of triangles, and are the unit of work.
+pub(super) const BAND: usize = 16;
+
+/// Triangles of one piece of work.
+#[derive(Debug, Default)]
+pub(super) struct Chunk {
+    pub(super) raster: Vec<TriRaster>,
+    pub(super) shade: Vec<TriShade>,
+    /// For each band the triangles that touch it, in order.
+    pub(super) bands: Vec<Vec<u32>>,
+    corners: Vec<Corner>,
+}
+
+/// A vertex in the camera frame, in double precision so that shared edges are exactly shared.
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    p: [f32; 3],
+    /// Pixel.
+    x: f32,
+    y: f32,
+    /// Bits: outside of left, right, top, bottom, far; nearer than near.
+    out: u32,
+}
+
+const NEARER: u32 = 1;
+
+/// A mesh placed before the camera: `camera_from_body` rotation by rows and translation, and the rotation of
+/// normals to the map.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placement {
+    pub(super) camera: [[f32; 3]; 3],
+    pub(super) offset: [f32; 3],
+    pub(super) map: [[f32; 3]; 3],
+}
+
+/// Applies a matrix of rows.
+pub(super) fn turn(rows: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
+    [dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)]
+}
+
+/// Tests of spheres against what the image shows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frustum {
+    /// Normals of the four sides, inwards, camera frame.
+    sides: [[f32; 3]; 4],
+    near: f32,
+    far: f32,
+}
+
+impl Frustum {
+    /// Of the rows `from..to` of an image.
+    pub(super) fn new(image: &Pinhole, (from, to): (usize, usize)) -> Self {
+        let left = (-0.5 - image.cx) / image.fx;
+        let right = (image.width as f64 - 0.5 - image.cx) / image.fx;
+        let top = (from as f64 - 0.5 - image.cy) / image.fy;
+        let bottom = (to as f64 - 0.5 - image.cy) / image.fy;
+        let side = |x: f64, y: f64, z: f64| {
+            let length = (x * x + y * y + z * z).sqrt();
+            [x / length, y / length, z / length].map(|v| v as f32)
+        };
+        let sides =
+            [side(1.0, 0.0, -left), side(-1.0, 0.0, right), side(0.0, 1.0, -top), side(0.0, -1.0, bottom)];
+        Self { sides, near: image.near, far: image.far }
+    }
+
+    /// Whether a sphere may be seen.
+    pub(super) fn touches(&self, centre: [f32; 3], radius: f32) -> bool {
+        centre[2] + radius >= self.near
+            && centre[2] - radius <= self.far
+            && self.sides.iter().all(|side| dot(*side, centre) >= -radius)
+    }
+
+    /// Whether something that extends from a sphere along a vector may be seen.
+    pub(super) fn touches_swept(&self, centre: [f32; 3], radius: f32, along: [f32; 3]) -> bool {
+        let end = [centre[0] + along[0], centre[1] + along[1], centre[2] + along[2]];
+        centre[2].max(end[2]) + radius >= self.near
+            && self.sides.iter().all(|side| dot(*side, centre).max(dot(*side, end)) >= -radius)
+    }
+}
+
+impl Chunk {
+    /// Empties it for a new pass over an image with so many rows.
+    pub(super) fn clear(&mut self, height: usize) {
+        self.raster.clear();
+        self.shade.clear();
+        let bands = height.div_ceil(BAND);
+        self.bands.resize_with(bands.max(self.bands.len()), Vec::new);
+        self.bands.iter_mut().for_each(Vec::clear);
+    }
+
+    /// Adds triangles `range` of a mesh; `rows` bounds what is drawn. `shaded` also fills [`Self::shade`].
+    pub(super) fn add(
+        &mut self,
+        image: &Pinhole,
+        rows: (usize, usize),
+        (mesh, item): (&Mesh, &Item),
+        shaded: bool,
+    ) {
+        let placement = &item.placement;
+        self.corners.clear();
+        let view = Viewport::new(image, rows);
+        self.corners.extend(mesh.positions().iter().map(|p| view.corner(placement, *p)));
+        let (triangles, materials) = (mesh.triangles(), mesh.triangle_materials());
+        let range = item.range.0..item.range.1;
+        for (triangle, material) in triangles[range.clone()].iter().zip(&materials[range]) {
+            let surface = item.surfaces + u32::from(*material);
+            let two_sided = mesh.materials()[usize::from(*material)].is_two_sided;
+            let [a, b, c] = triangle.map(|k| self.corners[k as usize]);
+            if a.out & b.out & c.out != 0 {
+                continue;
+            }
+            let normal = cross(sub(b.p, a.p), sub(c.p, a.p));
+            let facing = dot(normal, a.p);
+            let flipped = facing > 0.0;
+            if facing == 0.0 || (flipped && !two_sided) {
+                continue;
+            }
+            let (b, c) = if flipped { (c, b) } else { (b, c) };
+            let Some((columns, span)) = view.bounds([a, b, c]) else { continue };
+            let Some((raster, planes)) = set_up(image, [a, b, c], (columns, span), surface) else { continue };
+            let id = self.raster.len() as u32;
+            self.raster.push(raster);
+            if shaded {
+                let order = if flipped { [triangle[0], triangle[2], triangle[1]] } else { *triangle };
+                self.shade.push(shade((mesh, item), order.map(|k| k as usize), &planes, flipped));
+            }
+            for band in usize::from(span[0]) / BAND..=(usize::from(span[1]) - 1) / BAND {
+                self.bands[band].push(id);
+            }
+        }
+    }
+}
+
+/// The part of an image that is drawn.
+struct Viewport<'a> {
+    image: &'a Pinhole,
+    f: [f32; 2],
+    c: [f32; 2],
+    left: f32,
+    right: f32,
+    top: f32,
+    bottom: f32,
+    rows: (usize, usize),
+}
+
+impl<'a> Viewport<'a> {
+    fn new(image: &'a Pinhole, rows: (usize, usize)) -> Self {
+        let (f, c) = ([image.fx as f32, image.fy as f32], [image.cx as f32, image.cy as f32]);
+        // Half a pixel more on every side than pixel centres need.
+        let (left, right) = (-1.0 - c[0], image.width as f32 - c[0]);
+        let (top, bottom) = (rows.0 as f32 - 1.0 - c[1], rows.1 as f32 - c[1]);
+        Self { image, f, c, left, right, top, bottom, rows }
+    }
+
+    fn corner(&self, placement: &Placement, position: [f32; 3]) -> Corner {
+        let [x, y, z] = turn(&placement.camera, position);
+        let p = [x + placement.offset[0], y + placement.offset[1], z + placement.offset[2]];
+        let (u, v) = (self.f[0] * p[0], self.f[1] * p[1]);
+        let bit = |condition: bool, k: u32| u32::from(condition) << k;
+        let out = bit(p[2] < self.image.near, 0)
+            | bit(u < self.left * p[2], 1)
+            | bit(u > self.right * p[2], 2)
+            | bit(v < self.top * p[2], 3)
+            | bit(v > self.bottom * p[2], 4)
+            | bit(p[2] > self.image.far, 5);
+        let inverse = 1.0 / p[2].max(1e-6);
+        Corner { p, x: u * inverse + self.c[0], y: v * inverse + self.c[1], out }
+    }
+
+    /// Columns and rows that a triangle may cover, `None` if it covers no centre of a pixel.
+    fn bounds(&self, corners: [Corner; 3]) -> Option<([u16; 2], [u16; 2])> {
+        let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
+        let mut take = |x: f32, y: f32| {
+            low = [low[0].min(x), low[1].min(y)];
+            high = [high[0].max(x), high[1].max(y)];
+        };
+        let near = self.image.near;
+        for k in 0..3 {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            if a.out & NEARER == 0 {
+                take(a.x, a.y);
+            }
+            if (a.out ^ b.out) & NEARER != 0 {
+                let t = (near - a.p[2]) / (b.p[2] - a.p[2]);
+                let cut = |axis: usize| {
+                    (a.p[axis] + t * (b.p[axis] - a.p[axis])) * self.f[axis] / near + self.c[axis]
+                };
+                take(cut(0), cut(1));
+            }
+        }
+        let clamp = |x: f32, most: usize| x.clamp(0.0, most as f32) as u16;
+        let slack = 0.01;
+        let up = |x: f32| {
+            let whole = x.clamp(-1.0, 70_000.0) as i32;
+            whole as f32 + if (whole as f32) < x { 1.0 } else { 0.0 }
+        };
+        let columns =
+            [clamp(up(low[0] - slack), self.image.width), clamp(up(high[0] + slack), self.image.width)];
+        let rows = [clamp(up(low[1] - slack), self.rows.1), clamp(up(high[1] + slack), self.rows.1)];
+        let rows = [rows[0].max(self.rows.0 as u16), rows[1]];
+        (columns[0] < columns[1] && rows[0] < rows[1]).then_some((columns, rows))
+    }
+}
+
+/// Planes of the barycentric coordinates over depth, for the attributes.
+struct Barycentric([[f64; 3]; 3]);
+
+impl Barycentric {
+    /// Plane of an attribute over depth from its values at the corners.
+    fn plane(&self, values: [f32; 3]) -> Plane {
+        let [a, b, c] = values.map(f64::from);
+        [0, 1, 2].map(|k| (a * self.0[0][k] + b * self.0[1][k] + c * self.0[2][k]) as f32)
+    }
+}
+
+fn cross64(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Planes of a triangle that faces the camera.
+fn set_up(
+    image: &Pinhole,
+    corners: [Corner; 3],
+    (columns, rows): ([u16; 2], [u16; 2]),
+    surface: u32,
+) -> Option<(TriRaster, Barycentric)> {
+    let [a, b, c] = corners.map(|corner| corner.p.map(f64::from));
+    // Opposite edges in the order of the corners; a shared edge gives exactly opposite numbers in its neighbour.
+    let opposite = [cross64(b, c), cross64(c, a), cross64(a, b)];
+    let det = a[0] * opposite[0][0] + a[1] * opposite[0][1] + a[2] * opposite[0][2];
+    if det >= 0.0 {
+        return None;
+    }
+    let (over_fx, over_fy) = (1.0 / image.fx, 1.0 / image.fy);
+    let mut raster = TriRaster { columns, rows, surface, ..TriRaster::default() };
+    let over_det = 1.0 / det;
+    let mut planes = [[0.0; 3]; 3];
+    for k in 0..3 {
+        let [x, y, z] = opposite[k];
+        let (ax, ay) = (x * over_fx, y * over_fy);
+        let at = z - ax * image.cx - ay * image.cy;
+        planes[k] = [ax * over_det, ay * over_det, at * over_det];
+        // Inside is where the unscaled plane is negative: left of the crossing if it rises with x.
+        if ax == 0.0 {
+            // A level edge bounds rows, not columns: everything or nothing of a row is inside.
+            let level = -at / ay;
+            let row = level.clamp(-1.0, 70_000.0).ceil() as u16;
+            if ay > 0.0 {
+                raster.rows[1] = raster.rows[1].min(row);
+            } else {
+                raster.rows[0] = raster.rows[0].max(row);
+            }
+            raster.edges[k] = [1e6, 0.0];
+        } else {
+            raster.edges[k] = [(-at / ax) as f32, (-ay / ax) as f32];
+            raster.flags |= u32::from(ax < 0.0) << k;
+        }
+    }
+    if corners.iter().any(|corner| corner.out & NEARER != 0) {
+        raster.flags |= 8;
+    }
+    let planes = Barycentric(planes);
+    raster.w = planes.plane([1.0; 3]);
+    (raster.rows[0] < raster.rows[1]).then_some((raster, planes))
+}
+
+fn shade((mesh, item): (&Mesh, &Item), corners: [usize; 3], planes: &Barycentric, flipped: bool) -> TriShade {
+    let uv = corners.map(|k| mesh.uvs()[k]);
+    let sign = if flipped { -1.0 } else { 1.0 };
+    let normals = corners.map(|k| turn(&item.placement.map, mesh.normals()[k]));
+    TriShade {
+        u: planes.plane(uv.map(|t| t[0])),
+        v: planes.plane(uv.map(|t| t[1])),
+        normal: [0, 1, 2].map(|axis| planes.plane(normals.map(|n| sign * n[axis]))),
+    }
+}

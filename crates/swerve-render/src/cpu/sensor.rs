@@ -1,0 +1,172 @@
+//! From radiance to bytes: exposure, vignetting, rain, noise, tone curve.
+
+use std::sync::OnceLock;
+
+use wide::f32x8;
+
+use super::light::Environment;
+use super::texture;
+use crate::Camera;
+use crate::hash;
+
+type F = f32x8;
+
+/// Quantiles of the normal distribution, 1024 of them.
+struct Normal(Vec<f32>);
+
+impl Normal {
+    fn get() -> &'static Self {
+        static NORMAL: OnceLock<Normal> = OnceLock::new();
+        NORMAL
+            .get_or_init(|| Self((0..1024).map(|k| quantile((f64::from(k) + 0.5) / 1024.0) as f32).collect()))
+    }
+}
+
+/// The value below which a normal variable is with probability `p`: bisection on the error function.
+fn quantile(p: f64) -> f64 {
+    let (mut low, mut high) = (-6.0, 6.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if 0.5 * (1.0 + libm::erf(middle * core::f64::consts::FRAC_1_SQRT_2)) < p {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// The sensor of one camera for one frame.
+pub(super) struct Sensor<'a> {
+    exposure: f32,
+    vignetting: f32,
+    /// `x` and `y` over focal length: slope and offset.
+    across: [f32; 2],
+    down: [f32; 2],
+    read: f32,
+    shot: f32,
+    normal: &'a [f32],
+    key: u32,
+    rain: [f32; 3],
+    rain_key: u32,
+    tiles: &'a [u32],
+}
+
+impl<'a> Sensor<'a> {
+    pub(super) fn new(camera: &Camera, environment: &Environment, frame: u64, tiles: &'a [u32]) -> Self {
+        let spec = camera.spec();
+        let (fx, fy, cx, cy) = camera.focal_px();
+        let drop = 0.30 * environment.rain;
+        Self {
+            exposure: environment.exposure,
+            vignetting: spec.vignetting as f32,
+            across: [(1.0 / fx) as f32, ((0.5 - cx) / fx) as f32],
+            down: [(1.0 / fy) as f32, ((0.5 - cy) / fy) as f32],
+            read: spec.noise.read as f32,
+            shot: spec.noise.shot as f32,
+            normal: &Normal::get().0,
+            key: hash::keyed(spec.noise.seed, hash::fold(frame)),
+            rain: environment.horizon.map(|c| (c + 0.02) * drop),
+            rain_key: hash::fold(frame ^ 0x7a1d_0000_0000),
+            tiles,
+        }
+    }
+
+    /// Writes up to eight pixels of a row, from column `column` on.
+    pub(super) fn write(&self, colour: [F; 3], (column, row): (usize, usize), out: &mut [u8]) {
+        let x = F::from([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) + F::splat(column as f32);
+        let mut gain = F::splat(self.exposure);
+        if self.vignetting > 0.0 {
+            let u = x * F::splat(self.across[0]) + F::splat(self.across[1]);
+            let v = row as f32 * self.down[0] + self.down[1];
+            let fall = F::ONE / (F::ONE + u * u + F::splat(v * v));
+            gain *= F::ONE + F::splat(self.vignetting) * (fall * fall - F::ONE);
+        }
+        let mut colour = colour;
+        if self.rain != [0.0; 3] {
+            let streak = self.streaks(column, row);
+            colour = [0, 1, 2]
+                .map(|k| colour[k] * (F::ONE - streak * F::splat(0.25)) + F::splat(self.rain[k]) * streak);
+        }
+        let mut signal = colour.map(|c| c * gain);
+        if self.read > 0.0 || self.shot > 0.0 {
+            self.add_noise(&mut signal, (column, row));
+        }
+        let bytes = signal.map(|s| tone(s).to_array());
+        for (k, pixel) in out.chunks_exact_mut(3).enumerate().take(8) {
+            pixel[0] = bytes[0][k] as u8;
+            pixel[1] = bytes[1][k] as u8;
+            pixel[2] = bytes[2][k] as u8;
+        }
+    }
+
+    /// Photon noise, which grows with the root of the signal, and that of the read-out.
+    fn add_noise(&self, signal: &mut [F; 3], (column, row): (usize, usize)) {
+        let line = self.key ^ (row as u32).wrapping_mul(0x9e37_79b9);
+        let mut draws = [[0.0; 8]; 3];
+        for k in 0..8 {
+            let bits = hash::mix(line.wrapping_add((column + k) as u32));
+            draws[0][k] = self.normal[(bits & 1023) as usize];
+            draws[1][k] = self.normal[(bits >> 10 & 1023) as usize];
+            draws[2][k] = self.normal[(bits >> 20 & 1023) as usize];
+        }
+        let (read, shot) = (F::splat(self.read * self.read), F::splat(self.shot * self.shot));
+        for (s, draw) in signal.iter_mut().zip(draws) {
+            let deviation = (read + shot * s.fast_max(F::ZERO)).sqrt();
+            *s += deviation * F::from(draw);
+        }
+    }
+
+    /// Two layers of falling drops, blurred to streaks by the exposure.
+    fn streaks(&self, column: usize, row: usize) -> F {
+        let mut sum = [0.0; 8];
+        for (layer, size) in [(0, 2_usize), (1, 3)] {
+            let key = hash::mix(self.rain_key ^ layer);
+            let (dx, dy) = (key as usize & 255, key as usize >> 8 & 255);
+            for (k, value) in sum.iter_mut().enumerate() {
+                let x = ((column + k) * size / 4 + row / 24 + dx) & 255;
+                let y = (row * size / 5 + dy) & 255;
+                let word = self.tiles[texture::STREAKS * texture::STRIDE + y * texture::SIDE + x];
+                *value += (word & 255) as f32 * (1.0 / 255.0);
+            }
+        }
+        F::from(sum)
+    }
+}
+
+/// Filmic curve with a toe and a shoulder (Narkowicz's fit to ACES), then sRGB's by roots; 0 to 255.
+fn tone(x: F) -> wide::i32x8 {
+    let x = x.fast_max(F::ZERO).fast_min(F::splat(64.0));
+    let up = x * (x * F::splat(2.51) + F::splat(0.03));
+    let down = x * (x * F::splat(2.43) + F::splat(0.59)) + F::splat(0.14);
+    let y = (up / down).fast_min(F::ONE);
+    let s1 = y.sqrt();
+    let s2 = s1.sqrt();
+    let s3 = s2.sqrt();
+    let curve = s1 * F::splat(0.662_002_7) + s2 * F::splat(0.684_122_06)
+        - s3 * F::splat(0.323_583_6)
+        - y * F::splat(0.022_541_147);
+    (curve.fast_max(F::ZERO).fast_min(F::ONE) * F::splat(255.0) + F::splat(0.5)).fast_trunc_int()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_noise_is_normal() {
+        let table = &Normal::get().0;
+        let mean = table.iter().sum::<f32>() / 1024.0;
+        let variance = table.iter().map(|x| x * x).sum::<f32>() / 1024.0;
+        assert!(mean.abs() < 1e-4 && (variance - 1.0).abs() < 0.01, "{mean} {variance}");
+    }
+
+    #[test]
+    fn the_tone_curve_rises_from_black_to_white() {
+        let bytes: Vec<i32> = (0..200).map(|k| tone(F::splat(0.05 * k as f32)).to_array()[0]).collect();
+        assert_eq!((bytes[0], bytes[199]), (0, 255));
+        assert!(bytes.windows(2).all(|pair| pair[0] <= pair[1]));
+        let grey = tone(F::splat(0.18)).to_array()[0];
+        assert!((120..160).contains(&grey), "{grey}");
+    }
+}

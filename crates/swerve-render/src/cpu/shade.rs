@@ -1,0 +1,449 @@
+//! Light on surfaces, eight pixels at a time, once per pixel.
+
+use wide::{f32x8, i32x8};
+
+use super::geometry::{Chunk, TriShade};
+use super::light::Environment;
+use super::raster::{ID_BITS, NONE};
+use super::resolve::Surface;
+use super::shadow::{self, ShadowMaps};
+use super::texture;
+use crate::vector::{dot, scale};
+
+type F = f32x8;
+type V = [F; 3];
+
+/// A lamp as shading needs it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lamp {
+    /// From the centre of the shadow maps' cell.
+    pub(super) position: [f32; 3],
+    pub(super) direction: [f32; 3],
+    pub(super) intensity: [f32; 3],
+    pub(super) range: f32,
+    pub(super) cos_outer: f32,
+    pub(super) over_fall: f32,
+    /// Columns and rows, first and last, that it may light.
+    pub(super) columns: [f32; 2],
+    pub(super) rows: [f32; 2],
+}
+
+/// Everything that shading reads.
+pub(super) struct Shading<'a> {
+    pub(super) chunks: &'a [Chunk],
+    pub(super) surfaces: &'a [Surface],
+    pub(super) environment: &'a Environment,
+    pub(super) maps: &'a ShadowMaps,
+    pub(super) lamps: &'a [Lamp],
+    pub(super) tiles: &'a [u32],
+    /// Direction of the ray of a pixel, map frame, depth 1: `ray[0] x + ray[1] y + ray[2]`.
+    pub(super) ray: [[f32; 3]; 3],
+    /// Camera from the centre of the shadow maps' cell.
+    pub(super) eye: [f32; 3],
+    /// Pixels per unit of `x/z`.
+    pub(super) focal: f32,
+}
+
+/// Eight shaded pixels.
+pub(super) struct Shaded {
+    pub(super) colour: V,
+    /// Inverse depth; 0 for sky.
+    pub(super) w: F,
+}
+
+fn splat(x: f32) -> F {
+    F::splat(x)
+}
+
+fn splat3(v: [f32; 3]) -> V {
+    v.map(F::splat)
+}
+
+fn dot8(a: V, b: V) -> F {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn clamp01(x: F) -> F {
+    x.fast_max(F::ZERO).fast_min(F::ONE)
+}
+
+fn mix8(a: V, b: V, t: F) -> V {
+    [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t]
+}
+
+/// Largest whole number that is not above `x`, for moderate `x`.
+fn floor(x: F) -> (i32x8, F) {
+    let whole = x.fast_trunc_int();
+    let back = whole.round_float();
+    let over = back.simd_gt(x);
+    let fixed = back - over.select(F::ONE, F::ZERO);
+    (fixed.fast_trunc_int(), fixed)
+}
+
+/// What is read of the triangles and surfaces of eight pixels.
+struct Lanes {
+    w: V,
+    u: V,
+    v: V,
+    normal: [V; 3],
+    albedo: V,
+    contrast: V,
+    emissive: V,
+    specular: F,
+    polish: F,
+    tiles: F,
+    ground: F,
+    retro: F,
+    texture: [u32; 8],
+    textured: bool,
+    shiny: bool,
+    wettable: bool,
+    shining: bool,
+}
+
+impl Shading<'_> {
+    /// Shades the pixels whose centres are at `(x, y)` of the pinhole image and that show triangles `ids`.
+    pub(super) fn pixels(&self, ids: &[u32; 8], x: F, y: F) -> Shaded {
+        let ray = [0, 1, 2]
+            .map(|k| splat(self.ray[0][k]) * x + (splat(self.ray[1][k]) * y + splat(self.ray[2][k])));
+        let length = dot8(ray, ray).sqrt();
+        let over = F::ONE / length;
+        let direction = ray.map(|r| r * over);
+        let first = ids[0];
+        let same = ids.iter().fold(0, |all, id| all | (id ^ first)) == 0;
+        if same && first == NONE {
+            return Shaded { colour: self.sky(direction), w: F::ZERO };
+        }
+        let lanes = if same { self.uniform(first) } else { self.gather(ids) };
+        let (colour, w) = self.surface(&lanes, (x, y), ray, direction, length);
+        if same || !ids.contains(&NONE) {
+            return Shaded { colour, w };
+        }
+        let open = F::from(ids.map(|id| if id == NONE { 1.0 } else { 0.0 }));
+        let sky = self.sky(direction);
+        let is_open = open.simd_gt(splat(0.5));
+        let pick = |k: usize| is_open.select(sky[k], colour[k]);
+        Shaded { colour: [pick(0), pick(1), pick(2)], w: is_open.select(F::ZERO, w) }
+    }
+
+    fn triangle(&self, id: u32) -> (&[f32; 3], &TriShade, &Surface) {
+        let chunk = &self.chunks[(id >> ID_BITS) as usize];
+        let index = (id & ((1 << ID_BITS) - 1)) as usize;
+        let raster = &chunk.raster[index];
+        (&raster.w, &chunk.shade[index], &self.surfaces[raster.surface as usize])
+    }
+
+    /// One triangle in all eight pixels.
+    fn uniform(&self, id: u32) -> Lanes {
+        let (w, t, s) = self.triangle(id);
+        Lanes {
+            w: splat3(*w),
+            u: splat3(t.u),
+            v: splat3(t.v),
+            normal: t.normal.map(splat3),
+            albedo: splat3(s.albedo),
+            contrast: splat3(s.contrast),
+            emissive: splat3(s.emissive),
+            specular: splat(s.specular),
+            polish: splat(s.polish),
+            tiles: splat(s.tiles),
+            ground: splat(s.ground),
+            retro: splat(s.retro),
+            texture: [s.texture; 8],
+            textured: s.texture != 0,
+            shiny: s.polish > 0.2,
+            wettable: s.ground > 0.0,
+            shining: s.emissive != [0.0; 3],
+        }
+    }
+
+    /// Several triangles; pixels of the sky take one of the others.
+    fn gather(&self, ids: &[u32; 8]) -> Lanes {
+        let some = ids.iter().copied().find(|id| *id != NONE).unwrap_or(0);
+        let all = ids.map(|id| self.triangle(if id == NONE { some } else { id }));
+        let plane = |f: &dyn Fn(&TriShade) -> [f32; 3]| -> V {
+            let p = all.map(|(_, t, _)| f(t));
+            [0, 1, 2].map(|k| F::from(p.map(|p| p[k])))
+        };
+        let of = |f: &dyn Fn(&Surface) -> f32| F::from(all.map(|(_, _, s)| f(s)));
+        let colour =
+            |f: &dyn Fn(&Surface) -> [f32; 3]| [0, 1, 2].map(|k| F::from(all.map(|(_, _, s)| f(s)[k])));
+        Lanes {
+            w: [0, 1, 2].map(|k| F::from(all.map(|(w, _, _)| w[k]))),
+            u: plane(&|t| t.u),
+            v: plane(&|t| t.v),
+            normal: [plane(&|t| t.normal[0]), plane(&|t| t.normal[1]), plane(&|t| t.normal[2])],
+            albedo: colour(&|s| s.albedo),
+            contrast: colour(&|s| s.contrast),
+            emissive: colour(&|s| s.emissive),
+            specular: of(&|s| s.specular),
+            polish: of(&|s| s.polish),
+            tiles: of(&|s| s.tiles),
+            ground: of(&|s| s.ground),
+            retro: of(&|s| s.retro),
+            texture: all.map(|(_, _, s)| s.texture),
+            textured: all.iter().any(|(_, _, s)| s.texture != 0),
+            shiny: all.iter().any(|(_, _, s)| s.polish > 0.2),
+            wettable: all.iter().any(|(_, _, s)| s.ground > 0.0),
+            shining: all.iter().any(|(_, _, s)| s.emissive != [0.0; 3]),
+        }
+    }
+
+    /// Colour and inverse depth of surfaces.
+    fn surface(&self, lanes: &Lanes, (x, y): (F, F), ray: V, direction: V, length: F) -> (V, F) {
+        let environment = self.environment;
+        let at = |plane: &V| plane[0] * x + (plane[1] * y + plane[2]);
+        let w = at(&lanes.w).fast_max(splat(1e-6));
+        let z = F::ONE / w;
+        let point = [0, 1, 2].map(|k| splat(self.eye[k]) + ray[k] * z);
+        let across = [at(&lanes.normal[0]), at(&lanes.normal[1]), at(&lanes.normal[2])];
+        let over = F::ONE / dot8(across, across).sqrt().fast_max(splat(1e-20));
+        let normal = across.map(|n| n * over);
+        let facing = (F::ZERO - dot8(normal, direction)).fast_max(splat(0.02));
+        // Length of a pixel on the surface, squared, as a mean over both directions.
+        let pixel = z * splat(1.0 / self.focal);
+        let footprint = pixel * pixel / facing;
+
+        let mut albedo = lanes.albedo;
+        if lanes.textured {
+            let side = lanes.tiles * splat(texture::SIDE as f32);
+            let (u, v) = (at(&lanes.u) * z * lanes.tiles, at(&lanes.v) * z * lanes.tiles);
+            let t = self.sample(&lanes.texture, (u, v), footprint * side * side);
+            albedo = [0, 1, 2].map(|k| albedo[k] + lanes.contrast[k] * t);
+        }
+        let (mut polish, mut specular) = (lanes.polish, lanes.specular);
+        if lanes.wettable {
+            let side = splat(texture::SIDE as f32 / 16.0);
+            let base = [(texture::PUDDLES * texture::STRIDE) as u32; 8];
+            let stain = self.sample(
+                &base,
+                (point[0] * splat(1.0 / 16.0), point[1] * splat(1.0 / 16.0)),
+                footprint * side * side,
+            );
+            let wet = lanes.ground * splat(environment.wetness);
+            let level = splat(0.72 - 0.42 * environment.puddles);
+            let flat = clamp01((normal[2] - splat(0.9)) * splat(20.0));
+            let puddle = clamp01((stain - level) * splat(9.0)) * wet * flat;
+            let tone = F::ONE + lanes.ground * (stain - splat(0.5)) * splat(0.7);
+            let tone = tone * (F::ONE - wet * splat(0.45)) * (F::ONE - puddle * splat(0.5));
+            albedo = albedo.map(|a| a * tone);
+            polish = polish.fast_max(wet * splat(0.25)).fast_max(puddle * splat(0.95));
+            specular = specular + puddle * splat(0.02);
+        }
+
+        let height = point[2] + splat(self.maps.centre[2] as f32);
+        let open = self.open_sky(point, height);
+        let cosine = dot8(normal, splat3(environment.sun)).fast_max(F::ZERO);
+        let sun = if environment.has_shadows() && cosine.simd_gt(F::ZERO).any() {
+            cosine * self.sunshine(point, normal)
+        } else {
+            F::ZERO
+        };
+        let up = (normal[2] * splat(0.5) + splat(0.5)) * open;
+        let down = (splat(0.5) - normal[2] * splat(0.5)) * (open * splat(0.7) + splat(0.3));
+        let mut light = [0, 1, 2].map(|k| {
+            splat(environment.sunlight[k]) * sun
+                + splat(environment.ambient[k]) * up
+                + splat(environment.bounce[k]) * down
+        });
+        if environment.lamps_on {
+            self.add_lamps((x, y), point, normal, lanes.retro, &mut light);
+        }
+        let mut colour = [0, 1, 2].map(|k| albedo[k] * light[k]);
+        if lanes.shiny || (lanes.wettable && environment.wetness > 0.0) {
+            let sharp = sun / cosine.fast_max(splat(0.05));
+            let (mirror, share) = self.mirror(normal, direction, facing, (polish, specular, sharp, open));
+            colour = [0, 1, 2].map(|k| colour[k] * (F::ONE - share) + mirror[k]);
+        }
+        if lanes.shining {
+            colour = [0, 1, 2].map(|k| colour[k] + lanes.emissive[k]);
+        }
+        // Beer's law; exp(-x) by its series in the denominator.
+        let x = splat(environment.fog_1pm) * length * z;
+        let clear = F::ONE
+            / (F::ONE + x * (F::ONE + x * (splat(0.5) + x * (splat(1.0 / 6.0) + x * splat(1.0 / 24.0)))));
+        (mix8(splat3(environment.fog), colour, clear), w)
+    }
+
+    /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared.
+    fn sample(&self, base: &[u32; 8], (u, v): (F, F), footprint: F) -> F {
+        let bits = footprint.fast_max(F::ONE).fast_min(splat(60_000.0)).to_array().map(f32::to_bits);
+        // Half the exponent, rounded up, is the level.
+        let levels = bits.map(|b| ((b >> 23) - 126) >> 1);
+        let sides = F::from(levels.map(|level| f32::from_bits((127 + 8 - level) << 23)));
+        let limit = splat(2.0e4);
+        let bound = |t: F| t.fast_max(F::ZERO - limit).fast_min(limit);
+        let (iu, fu) = floor(bound(u) * sides - splat(0.5));
+        let (iv, fv) = floor(bound(v) * sides - splat(0.5));
+        let (tu, tv) = (bound(u) * sides - splat(0.5) - fu, bound(v) * sides - splat(0.5) - fv);
+        let (iu, iv) = (iu.to_array(), iv.to_array());
+        let mut words = [0_i32; 8];
+        for k in 0..8 {
+            let level = levels[k];
+            let shift = 8 - level;
+            let mask = (1_u32 << shift) - 1;
+            let index = base[k]
+                + texture::OFFSETS[level as usize]
+                + ((iv[k] as u32 & mask) << shift | iu[k] as u32 & mask);
+            words[k] = self.tiles[index as usize] as i32;
+        }
+        unpack(i32x8::from(words), tu, tv)
+    }
+
+    /// Share of the sky that is open over points near the ground.
+    fn open_sky(&self, point: V, height: F) -> F {
+        let near = clamp01(F::ONE - height * splat(1.0 / 0.7));
+        if !near.simd_gt(F::ZERO).any() {
+            return F::ONE;
+        }
+        let half = 0.5 * shadow::SKY_SIDE as f32 - 0.5;
+        let most = splat(shadow::SKY_SIDE as f32 - 2.0);
+        let texel = |m: F| (m * splat(shadow::SKY_PER_M) + splat(half)).fast_max(F::ZERO).fast_min(most);
+        let (x, y) = (texel(point[0]), texel(point[1]));
+        let (ix, iy) = (x.fast_trunc_int(), y.fast_trunc_int());
+        let (tx, ty) = (x - ix.round_float(), y - iy.round_float());
+        let (ix, iy) = (ix.to_array(), iy.to_array());
+        let mut words = [0_i32; 8];
+        for k in 0..8 {
+            words[k] = self.maps.hidden[iy[k] as usize * shadow::SKY_SIDE + ix[k] as usize] as i32;
+        }
+        F::ONE - unpack(i32x8::from(words), tx, ty) * near
+    }
+
+    /// Share of the sun that is seen, filtered over two by two texels.
+    fn sunshine(&self, point: V, normal: V) -> F {
+        let maps = self.maps;
+        // Off the surface by a texel, so that it does not shadow itself.
+        let point = [0, 1, 2].map(|k| point[k] + normal[k] * splat(0.09));
+        let along = |k: usize| dot8(splat3(maps.axes[k]), point);
+        let half = 0.5 * shadow::SIDE as f32 - 0.5;
+        let most = splat(shadow::SIDE as f32 - 2.0);
+        let texel = |m: F| (m * splat(shadow::PER_M) + splat(half)).fast_max(F::ZERO).fast_min(most);
+        let (x, y) = (texel(along(0)), texel(along(1)));
+        let depth = along(2) * splat(shadow::DEPTHS_PER_M) + splat(shadow::DEPTH_0 + 4.0);
+        let (ix, iy) = (x.fast_trunc_int(), y.fast_trunc_int());
+        let (tx, ty) = (x - ix.round_float(), y - iy.round_float());
+        let (ix, iy) = (ix.to_array(), iy.to_array());
+        let mut taps = [[0_i32; 8]; 4];
+        for k in 0..8 {
+            let index = iy[k] as usize * shadow::SIDE + ix[k] as usize;
+            let (row, next) =
+                (&maps.depth[index..index + 2], &maps.depth[index + shadow::SIDE..index + shadow::SIDE + 2]);
+            taps[0][k] = i32::from(row[0]);
+            taps[1][k] = i32::from(row[1]);
+            taps[2][k] = i32::from(next[0]);
+            taps[3][k] = i32::from(next[1]);
+        }
+        let lit = taps.map(|tap| i32x8::from(tap).round_float().simd_le(depth).select(F::ONE, F::ZERO));
+        let low = lit[0] + (lit[1] - lit[0]) * tx;
+        let high = lit[2] + (lit[3] - lit[2]) * tx;
+        low + (high - low) * ty
+    }
+
+    /// What a polished surface mirrors, and its share of the light.
+    fn mirror(
+        &self,
+        normal: V,
+        direction: V,
+        facing: F,
+        (polish, specular, sharp, open): (F, F, F, F),
+    ) -> (V, F) {
+        let environment = self.environment;
+        let twice = facing + facing;
+        let out = [0, 1, 2].map(|k| direction[k] + normal[k] * twice);
+        let base = F::ONE - facing.fast_min(F::ONE);
+        let square = base * base;
+        let fresnel = specular + (F::ONE - specular) * (square * square * base);
+        let share = fresnel * polish * open;
+        // Sky above, a dark band of houses and trees at the horizon, the ground below.
+        let up = out[2].fast_max(F::ZERO);
+        let sky = mix8(splat3(environment.horizon), splat3(environment.zenith), up.sqrt());
+        let rim = clamp01((out[2] - splat(0.08)) * splat(7.0));
+        let seen = mix8(splat3(scale(environment.bounce, 1.6)), sky, rim);
+        let near = dot8(out, splat3(environment.sun)).fast_max(F::ZERO);
+        let (n2, n4) = (near * near, near * near * near * near);
+        let n8 = n4 * n4;
+        let n32 = n8 * n8 * n8 * n8;
+        let wide = n8 * n2;
+        let glint = (n32 * n32 * splat(9.0) * polish + n32 * splat(2.0) + wide * splat(0.2))
+            * polish
+            * polish
+            * sharp;
+        let sun = splat3(environment.sunlight);
+        ([0, 1, 2].map(|k| seen[k] * share + sun[k] * glint * fresnel), share)
+    }
+
+    /// Adds the light of lamps.
+    fn add_lamps(&self, (x, y): (F, F), point: V, normal: V, retro: F, light: &mut V) {
+        let (row, first, last) = (y.to_array()[0], x.to_array()[0], x.to_array()[7]);
+        for lamp in self.lamps {
+            if row < lamp.rows[0] || row > lamp.rows[1] || last < lamp.columns[0] || first > lamp.columns[1] {
+                continue;
+            }
+            let to = [0, 1, 2].map(|k| splat(lamp.position[k]) - point[k]);
+            let square = dot8(to, to).fast_max(splat(0.04));
+            let over = F::ONE / square.sqrt();
+            let cone = F::ZERO - dot8(to, splat3(lamp.direction)) * over;
+            let beam = clamp01((cone - splat(lamp.cos_outer)) * splat(lamp.over_fall));
+            let cosine = (dot8(to, normal) * over).fast_max(F::ZERO);
+            let fade = clamp01(F::ONE - square * splat(1.0 / (lamp.range * lamp.range)));
+            let strength = beam * beam * fade * over * over * (cosine + retro * splat(2.5));
+            for k in 0..3 {
+                light[k] = light[k] + splat(lamp.intensity[k]) * strength;
+            }
+        }
+    }
+
+    /// Colour of the sky.
+    fn sky(&self, direction: V) -> V {
+        let environment = self.environment;
+        let up = direction[2].fast_max(F::ZERO);
+        let mut colour = mix8(splat3(environment.horizon), splat3(environment.zenith), up.sqrt());
+        let near = dot8(direction, splat3(environment.sun)).fast_max(F::ZERO);
+        let n2 = near * near;
+        let n4 = n2 * n2;
+        let n16 = n4 * n4 * n4 * n4;
+        let n64 = n16 * n16 * n16 * n16;
+        let n1024 =
+            n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64;
+        let disc = near.simd_gt(splat(0.999_96)).select(splat(12.0), F::ZERO);
+        let halo = n4 * splat(0.10) + n64 * splat(0.35) + n1024 * splat(1.2);
+        let clear = 1.0 - environment.cloudiness;
+        for k in 0..3 {
+            colour[k] = colour[k] + splat(environment.glow[k]) * (halo + disc * splat(clear));
+        }
+        let over = splat(0.55) / (direction[2].fast_max(F::ZERO) + splat(0.09));
+        let base = [(texture::CLOUDS * texture::STRIDE) as u32; 8];
+        let (u, v) = (direction[0] * over, direction[1] * over);
+        let grain = over * over * splat(400.0 / self.focal);
+        let large = self.sample(&base, (u * splat(0.25), v * splat(0.25)), grain * splat(0.3));
+        let small = self.sample(&base, (u, v), grain * splat(4.0));
+        let density = large * splat(0.72) + small * splat(0.28);
+        let level = splat(0.66 - 0.46 * environment.cloudiness);
+        let cover = clamp01((density - level) * splat(5.0)) * clamp01(up * splat(9.0));
+        let shade = splat(1.08) - clamp01((density - level) * splat(2.2)) * splat(0.42);
+        let cloud = splat3(environment.cloud).map(|c| c * shade);
+        colour = mix8(colour, cloud, cover * splat(0.92));
+        // Haze towards the horizon, more of it in fog.
+        let haze = (1.0 / (1.0 + 60.0 * environment.fog_1pm)).max(0.05);
+        let thin = clamp01(direction[2] * splat(9.0 * haze) + splat(0.25 * haze));
+        mix8(splat3(environment.fog), colour, thin)
+    }
+}
+
+/// Bilinear mean of the four bytes of each word, between 0 and 1.
+fn unpack(words: i32x8, tu: F, tv: F) -> F {
+    let mask = i32x8::splat(255);
+    let byte = |shift: i32| ((words >> shift) & mask).round_float();
+    let (a, b, c, d) = (byte(0), byte(8), byte(16), byte(24));
+    let low = a + (b - a) * tu;
+    let high = c + (d - c) * tu;
+    (low + (high - low) * tv) * splat(1.0 / 255.0)
+}
+
+impl Lamp {
+    /// Whether it is worth anything before the camera.
+    pub(super) fn shines(&self) -> bool {
+        self.range > 0.0 && dot(self.intensity, self.intensity) > 0.0 && self.columns[0] <= self.columns[1]
+    }
+}
