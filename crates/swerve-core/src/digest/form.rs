@@ -80,11 +80,15 @@ impl Form {
         self.rest.map(|rest| *rest).unwrap_or_default()
     }
 
+    /// The digest of all that was taken in. By reference: to move the bytes costs more than to hash a small form.
     #[inline]
-    pub(super) fn digest(self) -> Digest {
-        match self.rest {
+    pub(super) fn digest(&mut self) -> Digest {
+        if self.rest.is_some() {
+            self.spill();
+        }
+        match &self.rest {
             None => Digest(xxh3_64(&self.bytes[..self.len])),
-            Some(_) => Digest(self.spilled().digest()),
+            Some(rest) => Digest(rest.digest()),
         }
     }
 }
