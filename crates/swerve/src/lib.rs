@@ -14,5 +14,6 @@ pub mod replay;
 pub mod run;
 pub mod scenarios;
 pub mod story;
+pub mod street;
 pub mod study;
 pub mod timing;

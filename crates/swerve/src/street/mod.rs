@@ -1,0 +1,169 @@
+//! How the world of a scenario looks: its road, what stands beside it, its actors, as a scene to be rendered.
+//!
+//! What is seen is what is simulated, with scenery around it: houses, trees and lamps stand beyond the drivable
+//! ground and clear of every actor's start and way. They are drawn from the seed, touch nothing and hide nothing
+//! from truth sensing.
+
+mod scenery;
+
+use swerve_core::Rng;
+use swerve_geom::{Point, Point2, Polyline, Transform};
+use swerve_msg::ActorKind;
+use swerve_msg::truth::{Actor, WorldState};
+use swerve_render::{
+    Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps, road_pieces,
+    walk_phase,
+};
+use swerve_scenario::Scenario;
+use swerve_vehicle::Shape;
+
+/// The ego's id in instance images; actors have their own.
+pub const EGO_INSTANCE: u32 = 0xffff;
+
+/// The road goes on for this way beyond both its ends, metres.
+const BEYOND_M: f64 = 80.0;
+/// Slower than this a person stands, m/s.
+const STANDS_MPS: f64 = 0.15;
+
+/// A scenario's world as a scene.
+pub struct Street {
+    scene: Scene,
+    /// Of each actor of the scenario: what draws its look, and where it started.
+    actors: Vec<(u64, Point2)>,
+    ego: Model,
+    /// From the ego's origin to the middle of its body, metres.
+    ego_ahead_m: f64,
+    /// How many lights stand along the road; those of vehicles come after them.
+    fixed_lights: usize,
+}
+
+impl Street {
+    /// The road and what stands beside it; `show` puts the actors in.
+    pub fn new(scenario: &Scenario, ego: &Shape, weather: WeatherPreset, seed: u64) -> Self {
+        let mut scene = Scene::new(weather);
+        let line = scenario.road.line();
+        let looks = |k: usize| Rng::keyed(seed, "look", &[k as i64]).bits();
+        let actors: Vec<_> =
+            scenario.actors.iter().enumerate().map(|(k, a)| (looks(k + 1), a.pose(&line).point())).collect();
+        road(&mut scene, scenario, &line, seed);
+        scenery::add(&mut scene, scenario, &line, seed);
+        let size = Size::from_m(ego.length_m, ego.width_m, ego.height_m);
+        let model = scene.meshes.model_sized(Kind::Sedan, size, looks(0));
+        let fixed_lights = scene.lights.len();
+        Self { scene, actors, ego: model, ego_ahead_m: ego.center_ahead_m(), fixed_lights }
+    }
+
+    /// The scene of the state shown last.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Moves everything to where it is in `world`: a function of that state alone.
+    pub fn show(&mut self, world: &WorldState) {
+        self.scene.dynamics.clear();
+        self.scene.lights.truncate(self.fixed_lights);
+        let ego = &world.ego;
+        let middle: Transform<swerve_geom::Ego, swerve_render::Body> =
+            Transform::from_roll_pitch_yaw(Point::new(self.ego_ahead_m, 0.0, 0.0), 0.0, 0.0, 0.0);
+        let mut instance = Instance::placed(&self.ego, ego.map_from_ego * middle).with_id(EGO_INSTANCE);
+        instance.motion = Motion {
+            linear_mps: ego.velocity_mps.coords.into(),
+            angular_radps: (ego.map_from_ego * ego.angular_velocity_radps).coords.into(),
+        };
+        self.put_vehicle(instance, self.ego);
+        for actor in &world.actors {
+            self.put(actor);
+        }
+    }
+
+    fn put(&mut self, actor: &Actor) {
+        let index = (actor.id.0 as usize).wrapping_sub(1);
+        let (look, start) = self.actors.get(index).copied().unwrap_or((0, actor.pose.point()));
+        let (kind, size) = shape(actor, look, start);
+        let model = match size {
+            Some(size) => self.scene.meshes.model_sized(kind, size, look),
+            None => self.scene.meshes.model(kind, look),
+        };
+        let at = Point::new(actor.pose.x_m, actor.pose.y_m, actor.z_m);
+        let pose = Transform::from_roll_pitch_yaw(at, 0.0, 0.0, actor.pose.heading_rad);
+        let mut instance = Instance::placed(&model, pose).with_id(actor.id.0);
+        instance.motion.linear_mps = [actor.velocity_mps.x, actor.velocity_mps.y, 0.0];
+        match actor.kind {
+            ActorKind::Car | ActorKind::Truck | ActorKind::Motorcycle => self.put_vehicle(instance, model),
+            _ => self.scene.dynamics.push(instance),
+        }
+    }
+
+    /// A vehicle has its lamps on when the weather asks for it.
+    fn put_vehicle(&mut self, mut instance: Instance, model: Model) {
+        let on = self.scene.weather.lamps_on;
+        instance.look = instance.look.with_lamp(lamps::HEAD, on).with_lamp(lamps::TAIL, on);
+        if on {
+            let front_m = 0.5 * f64::from(model.size.metres()[0]);
+            self.scene.lights.push(Light::head_lamps(&instance.map_from_body, front_m, 0.7));
+        }
+        self.scene.dynamics.push(instance);
+    }
+}
+
+/// What an actor is built like. People walk by the way that they have come from their start.
+fn shape(actor: &Actor, look: u64, start: Point2) -> (Kind, Option<Size>) {
+    let extent = actor.extent;
+    let size = Size::from_m(extent.length_m, extent.width_m, extent.height_m);
+    let speed_mps = actor.velocity_mps.norm();
+    let phase = walk_phase(start.distance(actor.pose.point()), extent.height_m);
+    match actor.kind {
+        ActorKind::Car if extent.height_m > 2.0 => (Kind::Van, Some(size)),
+        ActorKind::Car => {
+            let kinds = [Kind::Sedan, Kind::Hatchback, Kind::Suv];
+            (kinds[(look % 3) as usize], Some(size))
+        }
+        ActorKind::Truck if extent.length_m > 9.5 => (Kind::Bus, Some(size)),
+        ActorKind::Truck => (Kind::BoxTruck, Some(size)),
+        ActorKind::Motorcycle => (Kind::Motorcycle, Some(size)),
+        ActorKind::Cyclist => (Kind::Cyclist { phase }, Some(size)),
+        ActorKind::Pedestrian => {
+            let height_m = extent.height_m;
+            let size = Size::from_m(0.62 * height_m, 0.36 * height_m, height_m);
+            (if speed_mps < STANDS_MPS { Kind::Standing } else { Kind::Pedestrian { phase } }, Some(size))
+        }
+        ActorKind::Static => (Kind::Block, Some(size)),
+    }
+}
+
+/// The road with its markings, a lane's width apart, and the pavements beside it.
+fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
+    let road = &scenario.road;
+    let (left_m, right_m) = (road.left_m as f32, road.right_m as f32);
+    let mut layout = RoadLayout::street(extended(line), left_m, right_m);
+    let dashes = layout.lines.pop().expect("a street has a middle line");
+    let mut between_m = 0.5 * road.lane_width_m - road.lane_width_m * ((road.right_m / road.lane_width_m).floor());
+    while between_m < road.left_m - 0.5 * road.lane_width_m {
+        if between_m > 0.5 * road.lane_width_m - road.right_m {
+            layout.lines.push(swerve_render::LaneLine { offset_m: between_m as f32, ..dashes });
+        }
+        between_m += road.lane_width_m;
+    }
+    layout.left_side = SideOfRoad::Pavement { width_m: scenery::PAVEMENT_M as f32 };
+    layout.right_side = layout.left_side;
+    for piece in road_pieces(&layout, seed) {
+        let mesh = scene.meshes.add(piece.mesh);
+        scene.add_static(Instance {
+            mesh,
+            map_from_body: piece.map_from_body,
+            instance_id: 0,
+            class: piece.class,
+            look: swerve_render::Look::default(),
+            motion: Motion::default(),
+        });
+    }
+}
+
+/// The centre line, straight on beyond both ends.
+fn extended(line: &Polyline) -> Vec<Point2> {
+    let beyond = |s_m: f64| line.at(s_m).pose.point();
+    let mut points = vec![beyond(-BEYOND_M)];
+    points.extend_from_slice(line.points());
+    points.push(beyond(line.length() + BEYOND_M));
+    points
+}
