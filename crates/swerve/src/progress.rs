@@ -27,6 +27,11 @@ impl Progress {
         self.bar.inc(1);
     }
 
+    /// Says something on a line of its own, above the bar.
+    pub fn tell(&self, line: &str) {
+        self.bar.suspend(|| eprintln!("{line}"));
+    }
+
     /// The run reached `now_s` seconds of simulated time.
     pub fn simulated_to(&self, now_s: f64) {
         self.bar.set_position((now_s * 10.0) as u64);

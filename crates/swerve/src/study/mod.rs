@@ -256,15 +256,29 @@ fn merge(file: &Path, folders: &[PathBuf], out: Option<&Path>, sets: &[String]) 
         );
     }
     let stores: Vec<CellStore> = folders.iter().map(|f| CellStore::open(f)).collect::<Result<_, _>>()?;
-    let joined = CellStore::open(&out)?;
-    let mut results = Vec::new();
+    let mut found = Vec::new();
+    let mut damaged = Vec::new();
     for cell in &bench.study.cells {
         let fingerprint = bench.fingerprint(cell)?;
-        let found = stores.iter().find_map(|store| store.load(cell, fingerprint));
-        if let Some(result) = &found {
+        let mut result = None;
+        for store in &stores {
+            match store.load(cell, fingerprint) {
+                Ok(loaded) => result = result.or(loaded),
+                Err(error) => damaged.push(format!("{error:#}")),
+            }
+        }
+        found.push((fingerprint, result));
+    }
+    if !damaged.is_empty() {
+        return Err(problems_error(&damaged).context("run the shards of these cells again, then merge again"));
+    }
+    let joined = CellStore::open(&out)?;
+    let mut results = Vec::new();
+    for (cell, (fingerprint, result)) in bench.study.cells.iter().zip(found) {
+        if let Some(result) = &result {
             joined.save(cell, fingerprint, result)?;
         }
-        results.push(found);
+        results.push(result);
     }
     report(&bench.study, &results, &out)?;
     let missing = results.iter().filter(|r| r.is_none()).count();
