@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::Bench;
+use crate::support::{Bench, SHORT};
 
 fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|e| panic!("not one JSON value: {e}: {text}"))
@@ -42,6 +42,18 @@ fn the_seed_varies_the_run_and_threads_do_not() {
     assert_eq!(digest(&["--set", "seed=1", "--threads", "4"]), first);
     assert_ne!(digest(&["--seed", "2"]), first);
     assert_eq!(digest(&["--seed", "2"]), digest(&["--set", "seed=2"]));
+}
+
+/// The world stands still between its steps: a time-out is found at the next one.
+#[test]
+fn a_timeout_between_two_steps_of_the_world_is_one() {
+    let bench = Bench::new();
+    for (timeout_s, ends_at_s) in [("1.0", 1.0), ("1.0031", 1.005)] {
+        bench.write("late.toml", &SHORT.replace("timeout_s = 10.0", &format!("timeout_s = {timeout_s}")));
+        let metrics = json(&bench.good(&["run", "late.toml", "--json", "--out", "o"]));
+        assert_eq!(metrics["verdict"], "timeout", "{timeout_s}");
+        assert_eq!(metrics["drive"]["duration_s"], ends_at_s, "{timeout_s}");
+    }
 }
 
 #[test]
