@@ -53,9 +53,7 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
     if let Some(path) = &args.svg {
         crate::files::refuse_toml(path)?;
     }
-    let pipeline = read_file(&args.file).map_err(|problems| {
-        anyhow::anyhow!(problems.iter().map(Problem::to_string).collect::<Vec<_>>().join("\n"))
-    })?;
+    let pipeline = read_file(&args.file).map_err(|problems| crate::run::problems_error(&problems))?;
     let trace =
         simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
     if let Some(path) = &args.svg {
