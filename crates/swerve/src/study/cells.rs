@@ -188,7 +188,7 @@ impl Runner<'_> {
                     result
                 }
             };
-            progress.cell_done();
+            progress.one_done();
             Ok(Some(result))
         };
         let results = pool.install(|| study.cells.par_iter().with_max_len(1).map(one).collect());

@@ -4,6 +4,7 @@
 //! first one was stopped. Shards need no coordination: cell `k` belongs to shard `k mod n`.
 
 mod budget;
+mod joint;
 mod limit;
 
 pub mod cells;
@@ -141,42 +142,45 @@ pub struct Bench {
 
 impl Bench {
     /// Reads a study, its scenario and its base configuration; `sets` apply to every cell, before the axes.
+    ///
+    /// # Errors
+    /// All that is wrong with the study, its scenario, its configuration and those of its cells.
     pub fn open(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let sets: Result<Vec<_>, Problem> =
-            sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
-        let study = Study::read(file, &sets?)?;
-        let scenario = crate::run::read_scenario(&study.scenario)?;
-        let scenario_text = std::fs::read_to_string(&study.scenario)?;
-        let base = match &study.config {
-            Some(path) => Document::read(path)?,
-            None => Document::parse("defaults", String::new())?,
-        };
-        let bench = Self { study, scenario, scenario_text, base, program: program()? };
-        // What is wrong is told before the first cell runs.
-        let faults = bench.faults();
-        if faults.is_empty() { Ok(bench) } else { Err(problems_error(&faults)) }
+        let mut bench = Self::unexpanded(file, sets)?;
+        bench.study = bench.study.expand();
+        Ok(bench)
     }
 
-    /// What is wrong with the configurations of the cells, each fault once, with the first cell that has it.
-    fn faults(&self) -> Vec<Problem> {
-        let mut faults: Vec<(Problem, String)> = Vec::new();
-        for cell in &self.study.cells {
-            let problems = Config::from_document(&self.base, &cell.sets).err().unwrap_or_default();
-            for mut problem in problems {
-                if let Some(line) = self.study.lines.get(&problem.key).filter(|_| problem.file == "--set") {
-                    problem.file.clone_from(&self.study.file);
-                    problem.line = Some(*line);
-                }
-                if faults.iter().all(|(told, _)| *told != problem) {
-                    faults.push((problem, cell.labels.join(" ")));
-                }
+    /// As [`open`](Self::open), with nothing but the result of the checks.
+    pub fn check(file: &Path) -> anyhow::Result<()> {
+        Self::unexpanded(file, &[]).map(|_| ())
+    }
+
+    fn unexpanded(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let sets: Result<Vec<_>, Problem> =
+            sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
+        let study = Study::read(file, &sets?).map_err(|problems| problems_error(&problems))?;
+        let scenario = crate::run::read_scenario(&study.scenario);
+        let base = match &study.config {
+            Some(path) => Document::read(path),
+            None => Document::parse("defaults", String::new()),
+        };
+        // What is wrong is told before the first cell runs.
+        let faults = match &base {
+            Ok(base) => joint::faults(&study, base),
+            Err(problem) => vec![problem.clone()],
+        };
+        match (scenario, base) {
+            (Ok(scenario), Ok(base)) if faults.is_empty() => {
+                let scenario_text = std::fs::read_to_string(&study.scenario)?;
+                Ok(Self { study, scenario, scenario_text, base, program: program()? })
+            }
+            (scenario, _) => {
+                let scenario = scenario.err().map(|error| error.to_string());
+                let faults = faults.iter().map(Problem::to_string);
+                Err(problems_error(&scenario.into_iter().chain(faults).collect::<Vec<_>>()))
             }
         }
-        let told = |(fault, cell): (Problem, String)| {
-            let message = format!("{}, in the cell [{cell}]", fault.message);
-            Problem { message, ..fault }
-        };
-        faults.into_iter().map(told).collect()
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {

@@ -231,6 +231,8 @@ mod tests {
             scenario: "a".into(),
             config: None,
             axes: vec!["planner".into(), "speed_mps".into(), "seed".into()],
+            base: vec![],
+            steps: vec![],
             cells: cells
                 .into_iter()
                 .enumerate()
