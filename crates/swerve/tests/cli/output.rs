@@ -56,6 +56,20 @@ fn a_timeout_between_two_steps_of_the_world_is_one() {
     }
 }
 
+/// The picture in the README is that of the command beside it.
+#[test]
+fn the_readmes_picture_and_digest_are_those_of_its_first_command() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let read = |name: &str| std::fs::read_to_string(format!("{root}/{name}")).unwrap();
+    let scenario = format!("{root}/scenarios/person_behind_truck.toml");
+    let bench = Bench::new();
+    let said = bench.good(&["run", &scenario, "--out", "o"]);
+    let head: Vec<&str> = said.lines().take_while(|line| !line.starts_with("operator")).collect();
+    assert!(read("README.md").contains(&head.join("\n")), "{said}");
+    let is_same = bench.read("o/story.svg") == read("docs/img/story.svg");
+    assert!(is_same, "docs/img/story.svg is not what `swerve run {scenario}` draws");
+}
+
 #[test]
 fn without_out_the_folder_has_the_scenarios_name() {
     let bench = Bench::new();
