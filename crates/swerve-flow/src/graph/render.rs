@@ -194,7 +194,7 @@ fn operator_box(operator: &OperatorInfo, place: &Place) -> String {
     let fill = if operator.feed || operator.origin { "#e8f3ec" } else { "#eef2f8" };
     // Bold letters are wider than others, by less than a fifth.
     let name = cut(&operator.name, (WIDTH - 2 * INSET) as f64, 13.0 * 1.2);
-    let all = [&[operator.name.clone()], &operator.box_facts()[..]].concat().join("\n");
+    let all = operator.box_facts().iter().fold(operator.name.clone(), |all, fact| format!("{all}\n{fact}"));
     let mut out = format!(
         "<g><title>{}</title>\n\
          <rect x=\"{x}\" y=\"{y}\" width=\"{WIDTH}\" height=\"{height}\" rx=\"5\" fill=\"{fill}\" stroke=\"#44546a\"/>\n\
