@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
-use super::text::{nearest, number};
+use super::words::{nearest, number};
 
 /// A file with more faults than this is another kind of file.
 const TOLD_MAX: usize = 50;

@@ -7,6 +7,7 @@ pub mod execution;
 pub mod faults;
 mod planner;
 pub mod text;
+pub mod words;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -426,7 +427,7 @@ impl Config {
             if !(low..=high).contains(&value) {
                 faults.push((
                     key.to_owned(),
-                    format!("expected {low} to {high}, found {}", text::number(value)),
+                    format!("expected {low} to {high}, found {}", words::number(value)),
                 ));
             }
         };
@@ -448,7 +449,7 @@ impl Config {
         if let Err(fault) = self.sim.vehicle.validate() {
             faults.push((
                 format!("sim.vehicle.{}", fault.key),
-                format!("expected {}, found {}", fault.must, text::number(fault.value)),
+                format!("expected {}, found {}", fault.must, words::number(fault.value)),
             ));
         }
         if let Err(message) = self.planning.planner() {
@@ -472,7 +473,7 @@ impl Config {
         for (name, operator) in &self.operator {
             let key = |last: &str| format!("operator.{name}.{last}");
             if !OPERATORS.contains(&name.as_str()) {
-                let near = text::nearest(name, OPERATORS)
+                let near = words::nearest(name, OPERATORS)
                     .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
                 let message = format!("unknown operator, expected one of {}{near}", OPERATORS.join(", "));
                 faults.push((format!("operator.{name}"), message));

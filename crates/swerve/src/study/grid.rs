@@ -6,7 +6,8 @@ use std::path::{Component, Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::config::faults::is_within;
-use crate::config::text::{Document, Problem, number};
+use crate::config::text::{Document, Problem};
+use crate::config::words::number;
 
 /// A study as its file says it.
 #[derive(Clone, PartialEq, Debug, Deserialize)]

@@ -40,7 +40,7 @@ pub struct StudyArgs {
     #[arg(long)]
     out: Option<PathBuf>,
     /// Cells run at once [default: one a core]
-    #[arg(long, value_parser = crate::cli::threads())]
+    #[arg(long, value_parser = crate::threads::parser())]
     threads: Option<usize>,
     /// Run only this share of the cells: 2/4 is the second of four
     #[arg(long, value_name = "I/N")]
@@ -84,7 +84,7 @@ pub fn run(args: &StudyArgs) -> anyhow::Result<()> {
                 .context("listening for Ctrl-C")?;
             let out = out_folder(&bench.study, args.out.as_deref());
             let store = CellStore::open(&out)?;
-            let threads = args.threads.unwrap_or_else(cores);
+            let threads = args.threads.unwrap_or_else(crate::threads::cores);
             let runner = Runner { store: &store, threads, shard: args.shard, stop: &stop };
             let results =
                 runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
@@ -122,11 +122,6 @@ fn finish(
 
 fn out_folder(study: &Study, out: Option<&Path>) -> PathBuf {
     out.map_or_else(|| Path::new("out").join(&study.name), Path::to_path_buf)
-}
-
-/// Processors that this process may use.
-pub fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// A study with everything its cells share.

@@ -40,7 +40,7 @@ pub struct TimingArgs {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Worker threads; the result does not depend on them.
-    #[arg(long, default_value_t = 1, value_parser = crate::cli::threads())]
+    #[arg(long, default_value_t = 1, value_parser = crate::threads::parser())]
     pub threads: usize,
 }
 

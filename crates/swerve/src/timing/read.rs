@@ -8,7 +8,8 @@ use swerve_flow::{Policy, Reaction};
 
 use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
 use crate::config::execution::{Deadline, Runtime, parse_policy, span_ms};
-use crate::config::text::{Document, Problem, nearest, number};
+use crate::config::text::{Document, Problem};
+use crate::config::words::{nearest, number};
 
 /// More ticks than this would not end in a sensible time.
 const TICKS_MAX: i64 = 2_000_000;
