@@ -1,8 +1,10 @@
 //! What goes where, and which options change it.
 
+use std::process::Command;
+
 use serde_json::Value;
 
-use crate::support::{Bench, SHORT};
+use crate::support::{Bench, SHORT, Said};
 
 fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|e| panic!("not one JSON value: {e}: {text}"))
@@ -68,6 +70,39 @@ fn the_readmes_picture_and_digest_are_those_of_its_first_command() {
     assert!(read("README.md").contains(&head.join("\n")), "{said}");
     let is_same = bench.read("o/story.svg") == read("docs/img/story.svg");
     assert!(is_same, "docs/img/story.svg is not what `swerve run {scenario}` draws");
+}
+
+/// By a reader that shares nothing with the writer; it needs a Python.
+#[test]
+fn traces_keep_the_rules_of_their_format() {
+    let reader = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/reference/trace_events.py");
+    let has_python = Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success());
+    if !has_python {
+        println!("skipped: there is no python3");
+        return;
+    }
+    let bench = Bench::new();
+    let late: [&[&str]; 3] = [
+        &[],
+        &[
+            "--set",
+            "operator.planner.runtime={ fixed_ms = 120 }",
+            "--set",
+            "operator.planner.deadline={ ms = 90 }",
+        ],
+        &[
+            "--set",
+            "operator.planner.runtime={ cycle_ms = [150, 20] }",
+            "--set",
+            "operator.planner.policy=pipelined(4, overtaking)",
+        ],
+    ];
+    for set in late {
+        bench.good(&[&["run", "short.toml", "--out", "o"], set].concat());
+        let read =
+            Said::of(&Command::new("python3").arg(reader).arg(bench.path("o/trace.json")).output().unwrap());
+        assert!(read.code == Some(0) && read.stdout.contains(" flows ("), "{set:?}: {read:?}");
+    }
 }
 
 #[test]
