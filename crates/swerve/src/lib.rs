@@ -16,4 +16,5 @@ pub mod scenarios;
 pub mod story;
 pub mod street;
 pub mod study;
+mod threads;
 pub mod timing;
