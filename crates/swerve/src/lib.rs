@@ -5,6 +5,7 @@ pub mod check;
 pub mod cli;
 pub mod config;
 pub mod files;
+pub mod frames;
 pub mod graph;
 pub mod output;
 pub mod pipeline;

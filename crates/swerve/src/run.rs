@@ -11,6 +11,7 @@ use swerve_flow::{Event, Observer, RunOptions, RunReport, RuntimeModel, run_virt
 use swerve_log::{Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Imu, ObstacleList, Plan, Route};
+use swerve_render::WeatherPreset;
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
@@ -18,6 +19,7 @@ use crate::config::Config;
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
 use crate::files::write_whole;
+use crate::frames::Frames;
 use crate::output::align;
 use crate::pipeline::Pipeline;
 use crate::progress::Progress;
@@ -53,6 +55,12 @@ pub struct RunArgs {
     /// Worker threads for heavy steps; the result does not depend on them
     #[arg(long, default_value_t = 1, value_parser = crate::threads::parser())]
     threads: usize,
+    /// Write a picture of the drive every 50 ms into this folder
+    #[arg(long, value_name = "DIR")]
+    frames: Option<PathBuf>,
+    /// Weather of the pictures, such as clear_noon, hard_rain_sunset or clear_night
+    #[arg(long, default_value = "clear_noon", requires = "frames")]
+    weather: WeatherPreset,
     /// Take run times from an earlier log instead of the configuration
     #[arg(long, value_name = "LOG")]
     runtimes: Option<PathBuf>,
@@ -252,8 +260,10 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut recorder = Recorder::create(&log_part, &run_start(&config, &args.input.scenario)?)?;
     let mut trace = TraceWriter::create(&trace_part, &["controller"])?;
     let mut story = story(&config, &scenario, &pipeline);
-    let observers: &mut [&mut dyn Observer] = &mut [&mut shown, &mut recorder, &mut trace, &mut story];
-    let driven = drive_pipeline(pipeline, config.seed, args.threads, observers);
+    let mut frames = frames(args, &config, &pipeline)?;
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recorder, &mut trace, &mut story];
+    observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
+    let driven = drive_pipeline(pipeline, config.seed, args.threads, &mut observers);
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
     recorder.finish()?;
@@ -262,6 +272,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
         driven.with_context(|| format!("what was recorded until then is in {}", log_part.display()))?;
     for (part, whole) in [(log_part, "log.mcap"), (trace_part, "trace.json")] {
         std::fs::rename(part, out.join(whole)).with_context(|| format!("writing {whole}"))?;
+    }
+    if let Some(frames) = &mut frames {
+        frames.finish()?;
     }
     let summary = Summary::of(&config, &scenario, &outcome);
     story.conclude(&outcome.metrics);
@@ -281,17 +294,31 @@ pub fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
     }
 }
 
-/// The picture of the run, to be filled in while it drives.
-fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
-    let title = format!(
+/// The pictures of the run, if they are asked for.
+fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Option<Frames>> {
+    let Some(folder) = &args.frames else { return Ok(None) };
+    let title = title(config, &pipeline.scenario);
+    let shape = &pipeline.vehicle.shape;
+    let frames =
+        Frames::create(folder, title, &pipeline.scenario, shape, args.weather, (config.seed, args.threads))?;
+    Ok(Some(frames))
+}
+
+/// What a picture is headed with.
+fn title(config: &Config, scenario: &Scenario) -> String {
+    format!(
         "{}: {} at {:.0} m/s, seed {}",
         scenario.name.replace('_', " "),
         config.pipeline_name(),
         config.ego.speed_mps.unwrap_or(scenario.ego.target_speed_mps),
         config.seed
-    );
+    )
+}
+
+/// The picture of the run, to be filled in while it drives.
+fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     let lane_width_m = Some(scenario.road.lane_width_m);
-    Story::new(title, pipeline.route.clone(), lane_width_m, outline(&pipeline.vehicle.shape))
+    Story::new(title(config, scenario), pipeline.route.clone(), lane_width_m, outline(&pipeline.vehicle.shape))
 }
 
 /// The head of a log: all that it takes to run again without the files.

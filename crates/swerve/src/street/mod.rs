@@ -5,6 +5,8 @@
 //! from truth sensing.
 
 mod scenery;
+#[cfg(test)]
+mod tests;
 
 use swerve_core::Rng;
 use swerve_geom::{Point, Point2, Polyline, Transform};

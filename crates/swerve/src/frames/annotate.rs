@@ -1,0 +1,170 @@
+//! Lines and words over a rendered image.
+
+use core::convert::Infallible;
+
+use embedded_graphics::mono_font::MonoTextStyle;
+use embedded_graphics::mono_font::ascii::{FONT_7X13_BOLD, FONT_10X20};
+use embedded_graphics::pixelcolor::{Rgb888, RgbColor as _};
+use embedded_graphics::prelude::{DrawTarget, Drawable as _, OriginDimensions, Pixel, Point as At, Primitive as _, Size};
+use embedded_graphics::primitives::{Line, PrimitiveStyle, Rectangle};
+use embedded_graphics::text::Text;
+use swerve_core::Time;
+use swerve_geom::{Map, Point, Transform};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{ActorKind, Obstacle, ObstacleList, Plan};
+use swerve_render::{Camera, Frame};
+
+const PLAN: Rgb888 = Rgb888::new(60, 230, 120);
+const FALLBACK: Rgb888 = Rgb888::new(255, 170, 40);
+const BOX: Rgb888 = Rgb888::new(80, 190, 255);
+const PERSON: Rgb888 = Rgb888::new(255, 90, 200);
+const ALARM: Rgb888 = Rgb888::new(225, 40, 40);
+/// The plan is drawn this far over the road, metres.
+const PLAN_UP_M: f64 = 0.05;
+/// Longest straight piece of a line over the ground, metres: pieces end where the image does.
+const PIECE_M: f64 = 1.0;
+
+/// An image and the camera that it was taken with.
+pub(super) struct Canvas<'a> {
+    frame: &'a mut Frame,
+    camera: &'a Camera,
+    camera_from_map: Transform<swerve_geom::Camera, Map>,
+}
+
+impl<'a> Canvas<'a> {
+    pub(super) fn new(
+        frame: &'a mut Frame,
+        camera: &'a Camera,
+        camera_from_map: Transform<swerve_geom::Camera, Map>,
+    ) -> Self {
+        Self { frame, camera, camera_from_map }
+    }
+
+    /// The rest of a plan, over the road; orange where the planner found none and falls back.
+    pub(super) fn plan(&mut self, plan: &Plan, now: Time) {
+        let colour = if plan.status.is_fallback() { FALLBACK } else { PLAN };
+        let ahead: Vec<_> = plan.points.iter().filter(|p| p.at >= now).map(|p| p.pose).collect();
+        for pair in ahead.windows(2) {
+            let [a, b] = [pair[0], pair[1]].map(|p| [p.x_m, p.y_m, PLAN_UP_M]);
+            self.segment(a, b, (colour, 4));
+        }
+    }
+
+    /// What the obstacle sensor reported, as boxes with kind and distance.
+    pub(super) fn obstacles(&mut self, list: &ObstacleList, world: &WorldState) {
+        for obstacle in &list.obstacles {
+            let colour = if obstacle.kind == ActorKind::Pedestrian { PERSON } else { BOX };
+            let corners = corners(obstacle);
+            for k in 0..4 {
+                let next = (k + 1) % 4;
+                self.segment(corners[k], corners[next], (colour, 2));
+                self.segment(corners[4 + k], corners[4 + next], (colour, 2));
+                self.segment(corners[k], corners[4 + k], (colour, 2));
+            }
+            let ego = world.ego.state.pose.point();
+            let words = format!("{:?} {:.0} m", obstacle.kind, ego.distance(obstacle.pose.point())).to_lowercase();
+            let top = [obstacle.pose.x_m, obstacle.pose.y_m, obstacle.extent.height_m + 0.25];
+            if let Some([x, y]) = self.pixel(top) {
+                self.label(At::new(x as i32 - 4 * words.len() as i32, y as i32), &words, colour);
+            }
+        }
+    }
+
+    /// Another image into the upper right corner.
+    pub(super) fn inset(&mut self, inset: &Frame) {
+        const MARGIN_PX: usize = 12;
+        let left = self.frame.width_px.saturating_sub(inset.width_px + MARGIN_PX);
+        for (row, pixels) in inset.rgb.chunks_exact(3 * inset.width_px).enumerate() {
+            let start = 3 * ((row + MARGIN_PX) * self.frame.width_px + left);
+            if let Some(room) = self.frame.rgb.get_mut(start..start + pixels.len()) {
+                room.copy_from_slice(pixels);
+            }
+        }
+        let at = At::new(left as i32 - 1, MARGIN_PX as i32 - 1);
+        let size = Size::new(inset.width_px as u32 + 2, inset.height_px as u32 + 2);
+        let style = PrimitiveStyle::with_stroke(Rgb888::WHITE, 1);
+        let Ok(()) = Rectangle::new(at, size).into_styled(style).draw(self);
+    }
+
+    /// Title, time, speed, and what happened.
+    pub(super) fn head(&mut self, title: &str, world: &WorldState, plan: Option<&Plan>) {
+        let speed = world.ego.state.speed_mps;
+        let status = plan.map_or_else(String::new, |plan| format!("  plan {:?}", plan.status).to_lowercase());
+        let now = format!("{:5.2} s  {speed:4.1} m/s{status}", world.stamp.as_secs());
+        self.words(At::new(14, 30), title, Rgb888::WHITE);
+        self.words(At::new(14, 54), &now, Rgb888::WHITE);
+        if let Some(collision) = world.collisions.first() {
+            let words = format!("COLLISION at {:.1} m/s", collision.ego_speed_mps);
+            self.words(At::new(14, 78), &words, ALARM);
+        } else if !world.infractions.is_empty() {
+            self.words(At::new(14, 78), "LEFT THE ROAD", ALARM);
+        }
+    }
+
+    /// Words with a dark edge, readable on any ground.
+    fn words(&mut self, at: At, text: &str, colour: Rgb888) {
+        for (x, y, ink) in [(1, 1, Rgb888::BLACK), (-1, 1, Rgb888::BLACK), (1, -1, Rgb888::BLACK), (0, 0, colour)] {
+            let Ok(_) = Text::new(text, at + At::new(x, y), MonoTextStyle::new(&FONT_10X20, ink)).draw(self);
+        }
+    }
+
+    fn label(&mut self, at: At, text: &str, colour: Rgb888) {
+        for (x, ink) in [(1, Rgb888::BLACK), (-1, Rgb888::BLACK), (0, colour)] {
+            let Ok(_) = Text::new(text, at + At::new(x, 0), MonoTextStyle::new(&FONT_7X13_BOLD, ink)).draw(self);
+        }
+    }
+
+    /// Where a point of the map appears.
+    fn pixel(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 2]> {
+        let [column, row] = self.camera.project(self.camera_from_map * Point::new(x, y, z))?;
+        let near = |value: f64, size: usize| value.abs() < 4.0 * size as f64;
+        (near(column, self.frame.width_px) && near(row, self.frame.height_px)).then_some([column, row])
+    }
+
+    /// A straight line in the map, in pieces, so that what lies behind the camera is left out.
+    fn segment(&mut self, a: [f64; 3], b: [f64; 3], (colour, width): (Rgb888, u32)) {
+        let length = swerve_geom::math::hypot(b[0] - a[0], b[1] - a[1]).max((b[2] - a[2]).abs());
+        let n = (length / PIECE_M).ceil().clamp(1.0, 200.0) as usize;
+        let at = |k: usize| {
+            let u = k as f64 / n as f64;
+            [0, 1, 2].map(|i| a[i] + u * (b[i] - a[i]))
+        };
+        for k in 0..n {
+            if let (Some(from), Some(to)) = (self.pixel(at(k)), self.pixel(at(k + 1))) {
+                let [from, to] = [from, to].map(|[x, y]| At::new(x as i32, y as i32));
+                let Ok(()) = Line::new(from, to).into_styled(PrimitiveStyle::with_stroke(colour, width)).draw(self);
+            }
+        }
+    }
+}
+
+/// The four corners of a box on the ground, then those above them.
+fn corners(obstacle: &Obstacle) -> [[f64; 3]; 8] {
+    let footprint = obstacle.extent.footprint(obstacle.pose).corners();
+    core::array::from_fn(|k| {
+        let corner = footprint[k % 4];
+        [corner.x_m, corner.y_m, if k < 4 { 0.0 } else { obstacle.extent.height_m }]
+    })
+}
+
+impl OriginDimensions for Canvas<'_> {
+    fn size(&self) -> Size {
+        Size::new(self.frame.width_px as u32, self.frame.height_px as u32)
+    }
+}
+
+impl DrawTarget for Canvas<'_> {
+    type Color = Rgb888;
+    type Error = Infallible;
+
+    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(&mut self, pixels: I) -> Result<(), Infallible> {
+        let (width, height) = (self.frame.width_px as i32, self.frame.height_px as i32);
+        for Pixel(at, colour) in pixels {
+            if (0..width).contains(&at.x) && (0..height).contains(&at.y) {
+                let start = 3 * (at.y as usize * self.frame.width_px + at.x as usize);
+                self.frame.rgb[start..start + 3].copy_from_slice(&[colour.r(), colour.g(), colour.b()]);
+            }
+        }
+        Ok(())
+    }
+}
