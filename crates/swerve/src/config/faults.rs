@@ -59,6 +59,9 @@ pub fn faults<T: DeserializeOwned>(table: &Table) -> Vec<(String, String)> {
             break;
         }
     }
+    // A value that is wrong as a whole may show only after what is in it.
+    let keys: Vec<String> = told.iter().map(|(key, _)| key.clone()).collect();
+    told.retain(|(key, _)| !keys.iter().any(|outer| outer != key && is_within(key, outer)));
     told
 }
 
@@ -283,10 +286,12 @@ fn in_words(wanted: &str) -> Cow<'_, str> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use serde::Deserialize;
 
-    #[derive(Deserialize)]
+    #[derive(Deserialize, PartialEq, Eq, PartialOrd, Ord)]
     #[serde(rename_all = "snake_case")]
     enum Way {
         Left,
@@ -310,6 +315,8 @@ mod tests {
     #[serde(deny_unknown_fields)]
     #[expect(dead_code, reason = "only read through its errors")]
     struct Outer {
+        #[serde(default)]
+        by_way: BTreeMap<Way, f64>,
         is_on: bool,
         inner: Inner,
         #[serde(default)]
@@ -359,6 +366,14 @@ mod tests {
         assert_eq!(
             told(""),
             ["is_on: is missing: expected true or false", "inner: is missing: expected a table"]
+        );
+        let ways = "one of \"left\", \"right\"";
+        assert_eq!(
+            told("is_on = true\nby_way = { up.far = 1 }\n[inner]\nnumber = 1\nway = { left = 1 }\n"),
+            [
+                format!("by_way.up: expected {ways}, found \"up\""),
+                format!("inner.way: expected {ways}, found a table"),
+            ]
         );
         assert_eq!(
             told("is_off = true\ninner = 5\n"),

@@ -401,23 +401,27 @@ impl Config {
         document: &Document,
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Vec<Problem>> {
-        let mut table = document.table.clone();
-        for (key, value) in sets {
-            text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;
-        }
-        let config: Self = match table.clone().try_into() {
-            Ok(config) => config,
-            Err(_) => {
-                let told = faults::faults::<Self>(&table);
-                return Err(told.iter().map(|(key, message)| set_problem(key, message.as_str())).collect());
-            }
-        };
-        config.checked(|key, message| {
+        Self::formed(document, sets)?.checked(|key, message| {
             let set = sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key));
             match set {
                 Some((k, _)) => set_problem(k, message),
                 None => document.problem(key, message),
             }
+        })
+    }
+
+    /// As [`with_sets`](Self::with_sets), with no look at the values: the faults are those of their form.
+    pub(crate) fn formed(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+        let mut table = document.table.clone();
+        for (key, value) in sets {
+            text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;
+        }
+        table.clone().try_into().map_err(|error: toml::de::Error| {
+            let told = faults::faults::<Self>(&table);
+            if told.is_empty() {
+                return vec![set_problem("", error.message())];
+            }
+            told.iter().map(|(key, message)| set_problem(key, message.as_str())).collect()
         })
     }
 

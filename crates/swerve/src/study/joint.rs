@@ -26,26 +26,52 @@ pub(super) fn faults(study: &Study, base: &Document) -> Vec<Problem> {
         return problems;
     }
     let classes = classes(&study.steps);
-    let looks = classes.iter().map(|class| size(study, class)).sum();
-    let progress = Progress::checks(looks);
-    let mut found: BTreeMap<Problem, usize> = BTreeMap::new();
+    let mut found = Found { study, base, first: BTreeMap::new() };
+    // A value of a wrong form is one in every combination: once told, it needs no combining.
+    let mut good: Vec<Vec<usize>> = study.steps.iter().map(|steps| (0..steps.len()).collect()).collect();
+    for &axis in classes.iter().filter(|class| class.len() > 1).flatten() {
+        good[axis].retain(|&step| found.look(&[(axis, step)], Config::formed));
+    }
+    let size = |class: &[usize]| class.iter().map(|&axis| good[axis].len()).product::<usize>();
+    let progress = Progress::checks(classes.iter().map(|class| size(class)).sum());
     for class in &classes {
-        for place in 0..size(study, class) {
-            let chosen = chosen(study, class, place);
-            let mut sets = study.base.clone();
-            sets.extend(chosen.iter().flat_map(|&(axis, step)| study.steps[axis][step].sets.iter().cloned()));
-            for problem in Config::with_sets(base, &sets).err().unwrap_or_default() {
-                let cell = index_of(study, &chosen);
-                let first = found.entry(located(study, problem)).or_insert(cell);
-                *first = cell.min(*first);
-            }
+        for place in 0..size(class) {
+            found.look(&chosen(&good, class, place), Config::with_sets);
             progress.one_done();
         }
     }
     progress.finish();
-    let mut found: Vec<(Problem, usize)> = found.into_iter().collect();
+    let mut found: Vec<(Problem, usize)> = found.first.into_iter().collect();
     found.sort_by_key(|(_, cell)| *cell);
     found.into_iter().map(|(fault, cell)| told(study, fault, cell)).collect()
+}
+
+/// The faults so far, each with the first cell that has it.
+struct Found<'a> {
+    study: &'a Study,
+    base: &'a Document,
+    first: BTreeMap<Problem, usize>,
+}
+
+impl Found<'_> {
+    /// Looks at one combination of axes and steps; whether nothing is wrong with it.
+    fn look(
+        &mut self,
+        chosen: &[(usize, usize)],
+        read: impl Fn(&Document, &[(String, toml::Value)]) -> Result<Config, Vec<Problem>>,
+    ) -> bool {
+        let mut sets = self.study.base.clone();
+        sets.extend(
+            chosen.iter().flat_map(|&(axis, step)| self.study.steps[axis][step].sets.iter().cloned()),
+        );
+        let Err(problems) = read(self.base, &sets) else { return true };
+        let cell = index_of(self.study, chosen);
+        for problem in problems {
+            let first = self.first.entry(located(self.study, problem)).or_insert(cell);
+            *first = cell.min(*first);
+        }
+        false
+    }
 }
 
 /// The axes in groups of those that have to do with each other.
@@ -86,18 +112,14 @@ fn is_on_the_way(key: &str, pattern: &str) -> bool {
     key.split('.').zip(pattern.split('.')).all(|(name, wanted)| wanted == "*" || name == wanted)
 }
 
-fn size(study: &Study, class: &[usize]) -> usize {
-    class.iter().map(|&axis| study.steps[axis].len()).product()
-}
-
-/// The combination at `place` of a class: axis and step, the last axis fastest.
-fn chosen(study: &Study, class: &[usize], mut place: usize) -> Vec<(usize, usize)> {
+/// The combination at `place` of a class: axis and one of its `steps`, the last axis fastest.
+fn chosen(steps: &[Vec<usize>], class: &[usize], mut place: usize) -> Vec<(usize, usize)> {
     let mut chosen: Vec<(usize, usize)> = class
         .iter()
         .rev()
         .map(|&axis| {
-            let n = study.steps[axis].len();
-            let step = place % n;
+            let n = steps[axis].len();
+            let step = steps[axis][place % n];
             place /= n;
             (axis, step)
         })
@@ -122,12 +144,13 @@ fn located(study: &Study, mut problem: Problem) -> Problem {
     problem
 }
 
-fn told(study: &Study, fault: Problem, cell: usize) -> Problem {
-    let all: Vec<usize> = (0..study.steps.len()).collect();
-    let labels: Vec<&str> = chosen(study, &all, cell)
-        .iter()
-        .map(|&(axis, step)| study.steps[axis][step].label.as_str())
-        .collect();
+fn told(study: &Study, fault: Problem, mut cell: usize) -> Problem {
+    let mut labels: Vec<&str> = Vec::new();
+    for steps in study.steps.iter().rev() {
+        labels.push(&steps[cell % steps.len()].label);
+        cell /= steps.len();
+    }
+    labels.reverse();
     let message = format!("{}, in the cell [{}]", fault.message, labels.join(" "));
     Problem { message, ..fault }
 }
