@@ -6,16 +6,31 @@
 
 mod actuation;
 mod ego;
+mod event;
+mod image;
 mod obstacle;
+mod odometry;
+mod packed;
 mod plan;
+mod point_cloud;
+mod radar;
 mod route;
 pub mod truth;
 
 pub use actuation::Command;
 pub use ego::{EgoState, Gnss, Imu};
+pub use event::{
+    CollisionEvent, CollisionEvents, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, RoadLine,
+    Side, Signal,
+};
+pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use obstacle::{
     ActorId, ActorKind, Extent, Obstacle, ObstacleList, PredictedPose, Prediction, PredictionList, Sighting,
     Track, TrackList,
 };
+pub use odometry::WheelOdometry;
+pub use packed::{Packable, Packed};
 pub use plan::{Plan, PlanPoint, PlanStatus};
+pub use point_cloud::{LidarPoint, PointCloud, PointCloudError};
+pub use radar::{RadarDetection, RadarScan};
 pub use route::Route;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Ego, Map, Obb, Pose2, Transform, Vector, Vector2};
 
-use crate::{ActorId, ActorKind, EgoState, Extent};
+use crate::{ActorId, ActorKind, EgoState, Extent, Packed};
 
 /// The state of the simulated world after one step.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -120,4 +120,22 @@ pub enum EndReason {
     Collision,
     /// The scenario's time is over.
     Timeout,
+}
+
+/// What the points of the [`PointCloud`](crate::PointCloud) of the same stamp lie on.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct PointInstances {
+    /// Stamp of the cloud.
+    pub stamp: Time,
+    /// For each point the identity of the actor, 0 for what is none.
+    pub instance: Packed<u32>,
+}
+
+/// Where the echoes of the [`RadarScan`](crate::RadarScan) of the same stamp come from.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct RadarSources {
+    /// Stamp of the scan.
+    pub stamp: Time,
+    /// For each detection the actor that gave most of the echo; `None` for clutter.
+    pub sources: Vec<Option<ActorId>>,
 }

@@ -13,11 +13,31 @@ pub(crate) fn problems(scenario: &Scenario) -> Vec<(String, String)> {
     if scenario.road.length_m() <= 0.0 {
         return found; // reported where the road is read
     }
+    lights(scenario, &mut found);
     goal(scenario, &mut found);
     start(scenario, &Shape::default(), &mut found);
     actors(scenario, &mut found);
     triggers(scenario, &mut found);
     found
+}
+
+fn lights(scenario: &Scenario, found: &mut Vec<(String, String)>) {
+    let length_m = scenario.road.length_m();
+    for light in &scenario.road.lights {
+        let key = |last: &str| format!("road.light.{}.{last}", light.name);
+        if !(0.0..=length_m).contains(&light.stop_s_m) {
+            let stop_s_m = light.stop_s_m;
+            found.push((
+                key("stop_s_m"),
+                format!("the stop line at {stop_s_m} m is not on the road, which is {length_m} m long"),
+            ));
+        }
+        let cycle_s = light.green_s + light.yellow_s + light.red_s;
+        if light.offset_s >= cycle_s {
+            let message = format!("an offset of {} s is not within the cycle of {cycle_s} s", light.offset_s);
+            found.push((key("offset_s"), message));
+        }
+    }
 }
 
 fn goal(scenario: &Scenario, found: &mut Vec<(String, String)>) {

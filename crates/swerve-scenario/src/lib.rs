@@ -18,6 +18,16 @@
 //! right_m = 2.0                                       # ? to the right: half the lane
 //! friction = 0.9                                      # ?
 //!
+//! [[road.light]]                                      # ? traffic lights for the ego's lane
+//! name = "crossing"
+//! stop_s_m = 38.0                                     # the stop line
+//! s_m = 40.0                                          # ? where it stands: 2 m behind the stop line
+//! d_m = -3.0                                          # ? 1 m to the right of the drivable ground
+//! green_s = 12.0                                      # green, then yellow, then red, and again
+//! yellow_s = 3.0                                      # ?
+//! red_s = 10.0
+//! offset_s = 8.0                                      # ? 0; how far into that it is at the start
+//!
 //! [ego]
 //! s_m = 0.0                                           # ?
 //! d_m = 0.0                                           # ?
@@ -74,4 +84,4 @@ pub use model::{
     Trigger,
 };
 pub use problem::Problem;
-pub use road::{Road, Segment};
+pub use road::{Road, Segment, TrafficLight};

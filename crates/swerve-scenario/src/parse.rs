@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use toml::de::DeTable;
 
 use self::reader::{Range, Source, Table, list, nearest};
-use crate::{EgoStart, End, Problem, Road, Scenario, Segment, Standstill, check};
+use crate::{EgoStart, End, Problem, Road, Scenario, Segment, Standstill, TrafficLight, check};
 
 /// Places along and across the road, metres.
 const PLACE: Range = Range::between(-100_000.0, 100_000.0);
@@ -21,6 +21,10 @@ const MOVING: Range = Range::positive(100.0);
 const WAY: Range = Range::positive(100_000.0);
 /// Lengths of time, seconds.
 const DURATION: Range = Range::positive(86_400.0);
+/// A light whose place is not given stands this far behind its stop line, metres.
+const LIGHT_BEHIND_STOP_M: f64 = 2.0;
+/// And this far to the right of the drivable ground, metres.
+const LIGHT_BESIDE_ROAD_M: f64 = 1.0;
 /// Angles, radians.
 const ANGLE: Range = Range::between(-6.3, 6.3);
 
@@ -63,7 +67,14 @@ fn read(top: &Table<'_, '_>) -> Scenario {
 }
 
 fn road(top: &Table<'_, '_>) -> Road {
-    let mut road = Road { segments: Vec::new(), lane_width_m: 4.0, left_m: 2.0, right_m: 2.0, friction: 0.9 };
+    let mut road = Road {
+        segments: Vec::new(),
+        lane_width_m: 4.0,
+        left_m: 2.0,
+        right_m: 2.0,
+        friction: 0.9,
+        lights: Vec::new(),
+    };
     let Some(table) = top.table("road") else { return road };
     road.lane_width_m = table.number_or("lane_width_m", road.lane_width_m, Range::positive(20.0));
     road.left_m = table.number_or("left_m", 0.5 * road.lane_width_m, Range::positive(100.0));
@@ -76,6 +87,7 @@ fn road(top: &Table<'_, '_>) -> Road {
         segment.finish();
         road.segments.push(Segment { length_m, curvature_1pm });
     }
+    road.lights = lights(&table, road.right_m);
     if !table.has("segments") {
         table.report("segments", "is missing: expected an array of { length_m, curvature_1pm }");
     } else if road.length_m() == 0.0 {
@@ -87,6 +99,32 @@ fn road(top: &Table<'_, '_>) -> Road {
         road.segments.push(Segment { length_m: 0.0, curvature_1pm: 0.0 });
     }
     road
+}
+
+/// The traffic lights of a road that is drivable `right_m` to the right of the lane's centre.
+fn lights(road: &Table<'_, '_>, right_m: f64) -> Vec<TrafficLight> {
+    let tables = road.tables("light", |light| light.text_if_any("name"));
+    let names: Vec<String> = tables.iter().map(|light| light.text("name")).collect();
+    let mut seen = BTreeSet::new();
+    let read = |(table, name): (&Table<'_, '_>, &String)| {
+        if !name.is_empty() && !seen.insert(name.clone()) {
+            table.report("name", format!("another light is named \"{name}\" already"));
+        }
+        let stop_s_m = table.number("stop_s_m", PLACE);
+        let light = TrafficLight {
+            name: name.clone(),
+            s_m: table.number_or("s_m", stop_s_m + LIGHT_BEHIND_STOP_M, PLACE),
+            d_m: table.number_or("d_m", -(right_m + LIGHT_BESIDE_ROAD_M), PLACE),
+            stop_s_m,
+            green_s: table.number("green_s", DURATION),
+            yellow_s: table.number_or("yellow_s", 3.0, Range::between(0.0, 3_600.0)),
+            red_s: table.number("red_s", DURATION),
+            offset_s: table.number_or("offset_s", 0.0, Range::between(0.0, 86_400.0)),
+        };
+        table.finish();
+        light
+    };
+    tables.iter().zip(&names).map(read).collect()
 }
 
 fn ego(top: &Table<'_, '_>) -> EgoStart {

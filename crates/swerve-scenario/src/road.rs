@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, math};
-use swerve_msg::Route;
+use swerve_msg::{RoadLine, Route, Signal};
 
 /// The road, as a chain of straight and circular pieces from the map's origin, heading along +x.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -15,6 +16,9 @@ pub struct Road {
     pub right_m: f64,
     /// Coefficient of friction of the surface.
     pub friction: f64,
+    /// Traffic lights for the ego's lane, in file order.
+    #[serde(default)]
+    pub lights: Vec<TrafficLight>,
 }
 
 /// One piece of road.
@@ -25,6 +29,51 @@ pub struct Segment {
     /// Its curvature, 1/m; zero is straight, positive turns left.
     pub curvature_1pm: f64,
 }
+
+/// A traffic light with a stop line. It is green, yellow and red in turn, for ever.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct TrafficLight {
+    /// Unique name.
+    pub name: String,
+    /// Where it stands along the road, metres.
+    pub s_m: f64,
+    /// The same across the road, metres; positive to the left of the lane's centre.
+    pub d_m: f64,
+    /// Its stop line along the road, metres; it goes across the drivable ground.
+    pub stop_s_m: f64,
+    /// How long it is green, seconds.
+    pub green_s: f64,
+    /// How long it is yellow then, seconds.
+    pub yellow_s: f64,
+    /// How long it is red then, seconds.
+    pub red_s: f64,
+    /// How far into its cycle, which begins with green, it is at the start of the run, seconds.
+    pub offset_s: f64,
+}
+
+impl TrafficLight {
+    /// What it shows at `instant`. Each phase holds its first instant and not its last, to the nanosecond.
+    pub fn signal(&self, instant: Time) -> Signal {
+        self.phase(instant).0
+    }
+
+    /// What it shows at `instant`, and for how long it has.
+    pub fn phase(&self, instant: Time) -> (Signal, Span) {
+        let [green, yellow, red] = [self.green_s, self.yellow_s, self.red_s].map(|s| Span::from_secs(s).ns());
+        // A checked light has a cycle; one that is not checked stands at its first phase.
+        let cycle = (green + yellow + red).max(1);
+        let into = (instant.ns() + Span::from_secs(self.offset_s).ns()).rem_euclid(cycle);
+        let (signal, since) = match into {
+            t if t < green => (Signal::Green, t),
+            t if t < green + yellow => (Signal::Yellow, t - green),
+            t => (Signal::Red, t - green - yellow),
+        };
+        (signal, Span::from_ns(since))
+    }
+}
+
+/// Borders nearer to each other than this are one line, metres.
+const ONE_LINE_M: f64 = 0.05;
 
 /// Distance between the points of a curved road, metres: at 20 m radius they are 6 mm off the arc.
 const STEP_M: f64 = 1.0;
@@ -57,6 +106,21 @@ impl Road {
         Polyline::new(&points).expect("a checked road has a length")
     }
 
+    /// Its lines and where they are, metres to the left of the lane's centre, from right to left: the edges of
+    /// the drivable ground, and the borders of the ego's lane where the ground goes on beyond them.
+    pub fn lines(&self) -> Vec<(RoadLine, f64)> {
+        let half_m = 0.5 * self.lane_width_m;
+        let mut lines = vec![(RoadLine::RightEdge, -self.right_m)];
+        if half_m < self.right_m - ONE_LINE_M {
+            lines.push((RoadLine::LaneRight, -half_m));
+        }
+        if half_m < self.left_m - ONE_LINE_M {
+            lines.push((RoadLine::LaneLeft, half_m));
+        }
+        lines.push((RoadLine::LeftEdge, self.left_m));
+        lines
+    }
+
     /// The centre line with the drivable limits.
     ///
     /// # Panics
@@ -83,7 +147,49 @@ mod tests {
     fn road(segments: &[(f64, f64)]) -> Road {
         let segments =
             segments.iter().map(|&(length_m, curvature_1pm)| Segment { length_m, curvature_1pm }).collect();
-        Road { segments, lane_width_m: 4.0, left_m: 6.0, right_m: 2.0, friction: 0.9 }
+        Road { segments, lane_width_m: 4.0, left_m: 6.0, right_m: 2.0, friction: 0.9, lights: Vec::new() }
+    }
+
+    #[test]
+    fn lines_are_the_edges_and_the_borders_of_the_lane_within() {
+        let mut road = road(&[(100.0, 0.0)]);
+        let (right, lane_left, left) = (RoadLine::RightEdge, RoadLine::LaneLeft, RoadLine::LeftEdge);
+        assert_eq!(road.lines(), [(right, -2.0), (lane_left, 2.0), (left, 6.0)]);
+        (road.left_m, road.right_m) = (2.0, 3.0);
+        assert_eq!(road.lines(), [(right, -3.0), (RoadLine::LaneRight, -2.0), (left, 2.0)]);
+        // A lane that is wider than the drivable ground has no border within it.
+        road.lane_width_m = 8.0;
+        assert_eq!(road.lines(), [(right, -3.0), (left, 2.0)]);
+    }
+
+    #[test]
+    fn a_light_is_green_yellow_and_red_in_turn_to_the_nanosecond() {
+        let light = TrafficLight {
+            name: "light".into(),
+            s_m: 50.0,
+            d_m: -3.0,
+            stop_s_m: 48.0,
+            green_s: 10.0,
+            yellow_s: 3.0,
+            red_s: 7.0,
+            offset_s: 0.0,
+        };
+        let at = |light: &TrafficLight, s: f64, ns: i64| {
+            light.signal(Time::ZERO + Span::from_secs(s) + Span::from_ns(ns))
+        };
+        for cycle in 0..3 {
+            let s = 20.0 * f64::from(cycle);
+            assert_eq!(at(&light, s, 0), Signal::Green);
+            assert_eq!((at(&light, s + 10.0, -1), at(&light, s + 10.0, 0)), (Signal::Green, Signal::Yellow));
+            assert_eq!((at(&light, s + 13.0, -1), at(&light, s + 13.0, 0)), (Signal::Yellow, Signal::Red));
+            assert_eq!((at(&light, s + 20.0, -1), at(&light, s + 20.0, 0)), (Signal::Red, Signal::Green));
+        }
+        assert_eq!(light.phase(Time::from_ms(15_500)), (Signal::Red, Span::from_ms(2500)));
+        let late = TrafficLight { offset_s: 12.0, ..light.clone() };
+        assert_eq!(late.phase(Time::ZERO), (Signal::Yellow, Span::from_ms(2000)));
+        assert_eq!(late.phase(Time::from_ms(1000)), (Signal::Red, Span::ZERO));
+        let no_yellow = TrafficLight { yellow_s: 0.0, ..light };
+        assert_eq!((at(&no_yellow, 10.0, -1), at(&no_yellow, 10.0, 0)), (Signal::Green, Signal::Red));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-use crate::{Direction, Motion, Scenario, SpeedPoint, Subject, Trigger, Verdict};
+use crate::{Direction, Motion, Scenario, SpeedPoint, Subject, TrafficLight, Trigger, Verdict};
 
 const TRUCK: &str = include_str!("../../../../scenarios/person_behind_truck.toml");
 
@@ -232,6 +232,108 @@ fn wrong_motion_expectation_and_text_are_reported() {
         ("[road]", "[road", vec!["3 : not TOML: unclosed table, expected `]`"]),
     ];
     check(&table);
+}
+
+/// Adds a light to the road of `FULL`, from line 5 on.
+fn light(lines: &str) -> String {
+    format!("curvature_1pm = 0.005 }}]\n[[road.light]]\n{lines}")
+}
+
+#[test]
+fn a_traffic_light_is_read_as_written_and_stands_beside_its_stop_line_where_no_place_is_given() {
+    let read = |lines: &str| {
+        let text = FULL.replacen("curvature_1pm = 0.005 }]", &light(lines), 1);
+        Scenario::parse("full.toml", &text).unwrap_or_else(|problems| panic!("{problems:#?}")).road.lights
+    };
+    let short = read("name = \"a\"\nstop_s_m = 60\ngreen_s = 10.0\nred_s = 20.0\n");
+    let want = TrafficLight {
+        name: "a".into(),
+        s_m: 62.0,
+        d_m: -3.0,
+        stop_s_m: 60.0,
+        green_s: 10.0,
+        yellow_s: 3.0,
+        red_s: 20.0,
+        offset_s: 0.0,
+    };
+    assert_eq!(short, core::slice::from_ref(&want));
+    let full = read(
+        "name = \"a\"\nstop_s_m = 60\ns_m = 61.0\nd_m = 4.0\ngreen_s = 10.0\nyellow_s = 0\nred_s = 20.0\n\
+         offset_s = 29.9\n[[road.light]]\nname = \"b\"\nstop_s_m = 200.0\ngreen_s = 1\nred_s = 1\n",
+    );
+    let first = TrafficLight { s_m: 61.0, d_m: 4.0, yellow_s: 0.0, offset_s: 29.9, ..want };
+    assert_eq!((full.len(), &full[0], full[1].name.as_str()), (2, &first, "b"));
+    assert!(Scenario::parse("full.toml", FULL).unwrap().road.lights.is_empty());
+}
+
+#[test]
+fn wrong_traffic_lights_are_reported_with_line_and_key() {
+    let road = "curvature_1pm = 0.005 }]";
+    let with =
+        |line: &str| light(&format!("name = \"a\"\nstop_s_m = 60.0\ngreen_s = 9.0\nred_s = 9.0\n{line}\n"));
+    let without = |key: &str| {
+        let all = ["name = \"a\"", "stop_s_m = 60.0", "green_s = 9.0", "red_s = 9.0"];
+        light(&format!(
+            "{}\n",
+            all.into_iter().filter(|l| !l.starts_with(key)).collect::<Vec<_>>().join("\n")
+        ))
+    };
+    let table: Vec<(String, &str)> = vec![
+        (
+            without("stop_s_m"),
+            "5 road.light.a.stop_s_m: is missing: expected a number from -100000 to 100000",
+        ),
+        (
+            without("green_s"),
+            "5 road.light.a.green_s: is missing: expected a number above 0 and at most 86400",
+        ),
+        (without("red_s"), "5 road.light.a.red_s: is missing: expected a number above 0 and at most 86400"),
+        (
+            with("s_m = \"here\""),
+            "10 road.light.a.s_m: expected a number from -100000 to 100000, found the text \"here\"",
+        ),
+        (with("d_m = nan"), "10 road.light.a.d_m: expected a number from -100000 to 100000, found nan"),
+        (with("yellow_s = -1"), "10 road.light.a.yellow_s: expected a number from 0 to 3600, found -1"),
+        (with("offset_s = -1"), "10 road.light.a.offset_s: expected a number from 0 to 86400, found -1"),
+        (
+            with("offset_s = 21.0"),
+            "10 road.light.a.offset_s: an offset of 21 s is not within the cycle of 21 s",
+        ),
+        (with("yelow_s = 3.0"), "10 road.light.a.yelow_s: unknown key; did you mean \"yellow_s\"?"),
+        (
+            with("").replace("60.0", "200.5"),
+            "7 road.light.a.stop_s_m: the stop line at 200.5 m is not on the road, which is 200 m long",
+        ),
+        (
+            with("").replace("60.0", "-1.0"),
+            "7 road.light.a.stop_s_m: the stop line at -1 m is not on the road, which is 200 m long",
+        ),
+        (
+            with("").replace("green_s = 9.0", "green_s = 0"),
+            "8 road.light.a.green_s: expected a number above 0 and at most 86400, found 0",
+        ),
+        (
+            with("[[road.light]]\nname = \"a\"\nstop_s_m = 70.0\ngreen_s = 9.0\nred_s = 9.0"),
+            "11 road.light.a.name: another light is named \"a\" already",
+        ),
+        (
+            "curvature_1pm = 0.005 }]\nlight = 3".to_owned(),
+            "5 road.light: expected an array of tables, found 3",
+        ),
+        (
+            "curvature_1pm = 0.005 }]\nlights = []".to_owned(),
+            "5 road.lights: unknown key; did you mean \"light\"?",
+        ),
+    ];
+    let cases: Vec<Case<'_>> = table.iter().map(|(new, want)| (road, new.as_str(), vec![*want])).collect();
+    check(&cases);
+    let nameless = problems(road, &without("name"));
+    assert!(
+        nameless.len() == 1 && nameless[0].ends_with(".name: is missing: expected a text"),
+        "{nameless:?}"
+    );
+    let number = problems(road, "curvature_1pm = 0.005 }]\nlight = [3]");
+    assert!(number.len() == 1 && number[0].ends_with(": expected a table, found 3"), "{number:?}");
 }
 
 #[test]

@@ -1,0 +1,170 @@
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+
+use crate::Packed;
+
+/// One sweep of a lidar: an array for each quantity, all of one length.
+///
+/// Places are in the frame of the sensor at the instant at which the point was measured, stamp plus
+/// `time_offset_s`: undoing the motion during the sweep is the reader's work. It owns its memory, to be
+/// reused: [`PointCloud::clear`].
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct PointCloud {
+    /// Instant that the time offsets count from.
+    pub stamp: Time,
+    /// Forward, metres.
+    pub x_m: Packed<f32>,
+    /// To the left, metres.
+    pub y_m: Packed<f32>,
+    /// Up, metres.
+    pub z_m: Packed<f32>,
+    /// Strength of the echo, 0 to 1.
+    pub intensity: Packed<f32>,
+    /// Which beam, from 0 at the lowest.
+    pub ring: Packed<u16>,
+    /// When, from the stamp, seconds.
+    pub time_offset_s: Packed<f32>,
+}
+
+/// One point of a [`PointCloud`].
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct LidarPoint {
+    /// Forward, left, up, metres.
+    pub place_m: [f32; 3],
+    /// Strength of the echo, 0 to 1.
+    pub intensity: f32,
+    /// Which beam.
+    pub ring: u16,
+    /// When, from the stamp, seconds.
+    pub time_offset_s: f32,
+}
+
+impl PointCloud {
+    /// How many points there are.
+    pub fn len(&self) -> usize {
+        self.x_m.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Takes all points away and keeps the memory.
+    pub fn clear(&mut self) {
+        for array in [&mut self.x_m, &mut self.y_m, &mut self.z_m] {
+            array.clear();
+        }
+        self.intensity.clear();
+        self.ring.clear();
+        self.time_offset_s.clear();
+    }
+
+    /// Adds a point.
+    pub fn push(&mut self, point: LidarPoint) {
+        self.x_m.push(point.place_m[0]);
+        self.y_m.push(point.place_m[1]);
+        self.z_m.push(point.place_m[2]);
+        self.intensity.push(point.intensity);
+        self.ring.push(point.ring);
+        self.time_offset_s.push(point.time_offset_s);
+    }
+
+    /// The point at `index`, if every array reaches that far.
+    pub fn get(&self, index: usize) -> Option<LidarPoint> {
+        Some(LidarPoint {
+            place_m: [*self.x_m.get(index)?, *self.y_m.get(index)?, *self.z_m.get(index)?],
+            intensity: *self.intensity.get(index)?,
+            ring: *self.ring.get(index)?,
+            time_offset_s: *self.time_offset_s.get(index)?,
+        })
+    }
+
+    /// Whether all arrays are of one length.
+    ///
+    /// # Errors
+    /// They are not: what came from a log or another process may be anything.
+    pub fn check(&self) -> Result<(), PointCloudError> {
+        let lengths = [
+            ("y_m", self.y_m.len()),
+            ("z_m", self.z_m.len()),
+            ("intensity", self.intensity.len()),
+            ("ring", self.ring.len()),
+            ("time_offset_s", self.time_offset_s.len()),
+        ];
+        match lengths.into_iter().find(|(_, found)| *found != self.len()) {
+            Some((array, found)) => Err(PointCloudError { array, found, wanted: self.len() }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Arrays of a point cloud that are not of one length.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct PointCloudError {
+    /// The first that differs.
+    pub array: &'static str,
+    /// Its length.
+    pub found: usize,
+    /// That of `x_m`.
+    pub wanted: usize,
+}
+
+impl fmt::Display for PointCloudError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { array, found, wanted } = self;
+        write!(f, "a point cloud has {found} numbers in `{array}` and {wanted} in `x_m`")
+    }
+}
+
+impl core::error::Error for PointCloudError {}
+
+#[cfg(test)]
+mod tests {
+    use swerve_core::digest_of;
+
+    use super::*;
+
+    fn cloud(n: u16) -> PointCloud {
+        let mut cloud = PointCloud { stamp: Time::from_ms(100), ..PointCloud::default() };
+        for i in 0..n {
+            let x = f32::from(i);
+            let place_m = [x, -x, 0.5 * x];
+            cloud.push(LidarPoint { place_m, intensity: 0.25, ring: i % 32, time_offset_s: 1e-5 * x });
+        }
+        cloud
+    }
+
+    #[test]
+    fn clouds_survive_a_log() {
+        let cloud = cloud(5000);
+        let mut cbor = Vec::new();
+        ciborium::into_writer(&cloud, &mut cbor).unwrap();
+        assert!(cbor.len() < 5000 * 22 + 200, "{}", cbor.len());
+        let back: PointCloud = ciborium::from_reader(&cbor[..]).unwrap();
+        assert_eq!((digest_of(&back), &back), (digest_of(&cloud), &cloud));
+        assert_eq!((back.len(), back.get(7).unwrap().place_m[1], back.get(5000)), (5000, -7.0, None));
+    }
+
+    #[test]
+    fn a_cleared_cloud_keeps_its_memory() {
+        let mut cloud = cloud(100);
+        let before = cloud.ring.as_ptr();
+        cloud.clear();
+        assert!(cloud.is_empty() && cloud.ring.capacity() >= 100);
+        cloud.push(LidarPoint::default());
+        assert_eq!((cloud.len(), cloud.ring.as_ptr(), cloud.check()), (1, before, Ok(())));
+    }
+
+    #[test]
+    fn an_array_that_is_too_short_is_named() {
+        let mut cloud = cloud(10);
+        cloud.ring.pop();
+        assert_eq!(
+            cloud.check().unwrap_err().to_string(),
+            "a point cloud has 9 numbers in `ring` and 10 in `x_m`"
+        );
+    }
+}
