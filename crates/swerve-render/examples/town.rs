@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let file = arguments.next().unwrap_or_else(|| "town.png".to_owned());
     let weather: WeatherPreset = arguments.next().unwrap_or_else(|| "clear_noon".to_owned()).parse()?;
     let view = arguments.next().unwrap_or_else(|| "street".to_owned());
-    let scene = town(weather, 1);
+    let scene = town(weather, 1, 200.0);
     let camera = Camera::new(CameraSpec {
         width_px: 1200,
         height_px: 750,

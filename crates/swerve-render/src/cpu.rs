@@ -28,7 +28,7 @@ use raster::{ID_BITS, NONE, Visible};
 use resolve::{Item, Surface, rows_of};
 use rows::Rows;
 use sensor::Sensor;
-use shade::{Lamp, Shading};
+use shade::{Kept, Lamp, Shading};
 use shadow::{ShadowCache, ShadowMaps};
 use texture::Tiles;
 
@@ -379,8 +379,7 @@ impl Target<'_> {
 
     /// A band without a lens: nearest triangles, and at once what is asked of them.
     fn draw_and_shade(&self, band: Rows<'_>) {
-        let Rows { width, first, count, w, id, mut sums, mut rgb, mut depth_m, mut semantic, mut instance } =
-            band;
+        let Rows { width, first, count, w, id, mut sums, mut rgb, mut depth_m, semantic, instance } = band;
         let mut visible = Visible { w: &mut *w, id: &mut *id };
         raster::band(self.chunks, first / geometry::BAND, (width, first), self.image.near, &mut visible);
         if self.look.gives_ids() {
@@ -389,18 +388,19 @@ impl Target<'_> {
                     *depth = 1.0 / *w;
                 }
             }
-            self.write_ids(id, semantic.as_deref_mut(), instance.as_deref_mut());
+            self.write_ids(id, semantic, instance);
         }
         let Some(shading) = &self.shading else { return };
+        let mut kept = Kept::new();
         for row in 0..count {
             let ids = &id[row * width..(row + 1) * width];
             let y = f32x8::splat((first + row) as f32);
             for from in (0..width).step_by(8) {
                 let eight = eight(ids, from);
                 let x = f32x8::from(LANES) + f32x8::splat(from as f32);
-                let shaded = shading.pixels(&eight, x, y);
+                let colour = shading.pixels(&eight, x, y, &mut kept);
                 self.expose(
-                    shaded.colour,
+                    colour,
                     (from, first + row),
                     (row * width + from, width - from),
                     (&mut sums, &mut rgb),
@@ -413,6 +413,7 @@ impl Target<'_> {
     fn shade_through(&self, lens: &lens::LensMap, (w, id): (&[f32], &[u32]), band: Rows<'_>) {
         let Rows { width, first, count, mut sums, mut rgb, mut depth_m, mut semantic, mut instance, .. } =
             band;
+        let mut kept = Kept::new();
         for row in 0..count {
             for from in (0..width).step_by(8) {
                 let some = (width - from).min(8);
@@ -436,8 +437,8 @@ impl Target<'_> {
                     self.write_ids(&ids[..some], semantic, instance.as_deref_mut().map(|s| &mut s[cut]));
                 }
                 if let Some(shading) = &self.shading {
-                    let shaded = shading.pixels(&ids, f32x8::from(x), f32x8::from(y));
-                    self.expose(shaded.colour, (from, first + row), (at, some), (&mut sums, &mut rgb));
+                    let colour = shading.pixels(&ids, f32x8::from(x), f32x8::from(y), &mut kept);
+                    self.expose(colour, (from, first + row), (at, some), (&mut sums, &mut rgb));
                 }
             }
         }

@@ -42,14 +42,9 @@ pub(super) struct TriRaster {
     pub(super) surface: u32,
 }
 
-/// What shading needs besides: everything over depth.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct TriShade {
-    pub(super) u: Plane,
-    pub(super) v: Plane,
-    /// Normal in the map frame.
-    pub(super) normal: [Plane; 3],
-}
+/// What shading needs besides, over depth and padded to whole quads: inverse depth, u, v, and the normal in the
+/// map frame, a plane each.
+pub(super) type TriShade = [f32; 20];
 
 /// Rows that share lists of triangles, and are the unit of work.
 pub(super) const BAND: usize = 16;
@@ -321,9 +316,18 @@ fn shade((mesh, item): (&Mesh, &Item), corners: [usize; 3], planes: &Barycentric
     let uv = corners.map(|k| mesh.uvs()[k]);
     let sign = if flipped { -1.0 } else { 1.0 };
     let normals = corners.map(|k| turn(&item.placement.map, mesh.normals()[k]));
-    TriShade {
-        u: planes.plane(uv.map(|t| t[0])),
-        v: planes.plane(uv.map(|t| t[1])),
-        normal: [0, 1, 2].map(|axis| planes.plane(normals.map(|n| sign * n[axis]))),
+    let mut all = [0.0; 20];
+    let normal = |axis: usize| planes.plane(normals.map(|n| sign * n[axis]));
+    let rows = [
+        planes.plane([1.0; 3]),
+        planes.plane(uv.map(|t| t[0])),
+        planes.plane(uv.map(|t| t[1])),
+        normal(0),
+        normal(1),
+        normal(2),
+    ];
+    for (three, plane) in all.chunks_exact_mut(3).zip(rows) {
+        three.copy_from_slice(&plane);
     }
+    all
 }

@@ -65,7 +65,7 @@ impl Environment {
         let lit = add(scale(sunlight, height.max(0.0)), ambient);
         let bounce = scale(lit, 0.16);
         let metered = dot(lit, WHITE);
-        let meter = 0.60 / metered.max(0.075);
+        let meter = 0.72 / metered.max(0.14);
         let exposure = match exposure {
             Exposure::Metered => meter,
             Exposure::Stops(stops) => meter * libm::exp2(stops) as f32,

@@ -56,7 +56,7 @@ impl<'a> Sensor<'a> {
     pub(super) fn new(camera: &Camera, environment: &Environment, frame: u64, tiles: &'a [u32]) -> Self {
         let spec = camera.spec();
         let (fx, fy, cx, cy) = camera.focal_px();
-        let drop = 0.30 * environment.rain;
+        let drop = 0.16 * environment.rain;
         Self {
             exposure: environment.exposure,
             vignetting: spec.vignetting as f32,
@@ -86,7 +86,7 @@ impl<'a> Sensor<'a> {
         if self.rain != [0.0; 3] {
             let streak = self.streaks(column, row);
             colour = [0, 1, 2]
-                .map(|k| colour[k] * (F::ONE - streak * F::splat(0.25)) + F::splat(self.rain[k]) * streak);
+                .map(|k| colour[k] * (F::ONE - streak * F::splat(0.12)) + F::splat(self.rain[k]) * streak);
         }
         let mut signal = colour.map(|c| c * gain);
         if self.read > 0.0 || self.shot > 0.0 {
@@ -104,11 +104,12 @@ impl<'a> Sensor<'a> {
     fn add_noise(&self, signal: &mut [F; 3], (column, row): (usize, usize)) {
         let line = self.key ^ (row as u32).wrapping_mul(0x9e37_79b9);
         let mut draws = [[0.0; 8]; 3];
-        for k in 0..8 {
+        let [red, green, blue] = &mut draws;
+        for (k, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
             let bits = hash::mix(line.wrapping_add((column + k) as u32));
-            draws[0][k] = self.normal[(bits & 1023) as usize];
-            draws[1][k] = self.normal[(bits >> 10 & 1023) as usize];
-            draws[2][k] = self.normal[(bits >> 20 & 1023) as usize];
+            *red = self.normal[(bits & 1023) as usize];
+            *green = self.normal[(bits >> 10 & 1023) as usize];
+            *blue = self.normal[(bits >> 20 & 1023) as usize];
         }
         let (read, shot) = (F::splat(self.read * self.read), F::splat(self.shot * self.shot));
         for (s, draw) in signal.iter_mut().zip(draws) {
@@ -143,7 +144,7 @@ fn tone(x: F) -> wide::i32x8 {
     let s1 = y.sqrt();
     let s2 = s1.sqrt();
     let s3 = s2.sqrt();
-    let curve = s1 * F::splat(0.662_002_7) + s2 * F::splat(0.684_122_06)
+    let curve = s1 * F::splat(0.662_002_7) + s2 * F::splat(0.684_122)
         - s3 * F::splat(0.323_583_6)
         - y * F::splat(0.022_541_147);
     (curve.fast_max(F::ZERO).fast_min(F::ONE) * F::splat(255.0) + F::splat(0.5)).fast_trunc_int()

@@ -193,7 +193,7 @@ fn slabs(x: f32, y: f32) -> f32 {
 /// Running bond of 5 x 16 bricks; the mortar is 1.
 fn brick(x: f32, y: f32) -> f32 {
     let row = (16.0 * y).floor();
-    let across = 5.0 * x + if row as u32 % 2 == 0 { 0.0 } else { 0.5 };
+    let across = 5.0 * x + if (row as u32).is_multiple_of(2) { 0.0 } else { 0.5 };
     let (u, v) = (across - across.floor(), 16.0 * y - row);
     let mortar = u < 0.045 || v < 0.15;
     let tone = hash::unit(hash::mix((across.floor() as u32 % 5) * 131 + row as u32 * 977));
