@@ -19,12 +19,13 @@ mod writer;
 
 pub use error::LogError;
 pub use log::Log;
+pub use observe::left_out;
 pub use reader::Reader;
 pub use record::{
     DecisionRecord, DropRecord, MessageHeader, MissRecord, PublicationRecord, Record, RunEnd, RunStart,
     StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,
 };
-pub use recorder::Recorder;
+pub use recorder::{LeavesOut, Recorder};
 pub use trace::TraceWriter;
 
 #[cfg(test)]

@@ -2,12 +2,18 @@
 
 use std::io::Write;
 
-use swerve_flow::{Decision, DropReason, EndReason, Event, Observer, Publication, Reaction, RunReport};
+use swerve_flow::{Decision, DropReason, EndReason, ErasedPayload, Event, Observer, Publication, Reaction, RunReport};
 
 use crate::record::{
     DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,
 };
 use crate::{Recorder, TraceWriter};
+
+/// Appends what stands in a log for a payload that it leaves out: in CBOR, a map of `left_out` to the digest.
+pub fn left_out(payload: &dyn ErasedPayload, out: &mut Vec<u8>) {
+    let place = std::collections::BTreeMap::from([("left_out", payload.digest().to_string())]);
+    ciborium::into_writer(&place, out).expect("a map of two words serializes, and memory takes all");
+}
 
 impl Observer for Recorder {
     fn event(&mut self, event: &Event<'_>) {
@@ -74,7 +80,10 @@ impl Recorder {
             port: p.port,
             type_name: payload.type_name().into(),
         };
-        self.message(p.stream, info, header, |out| payload.to_cbor(out));
+        let leaves_out = self.leaves_out(payload);
+        self.message(p.stream, info, header, |out| {
+            if leaves_out { left_out(payload, out) } else { payload.to_cbor(out) }
+        });
     }
 
     fn decided(&mut self, decision: &Decision) {

@@ -1,5 +1,6 @@
 //! Writing a log while the run goes on.
 
+use std::any::Any;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -11,6 +12,7 @@ use std::thread::JoinHandle;
 use crossbeam_channel::{Sender, bounded};
 use serde::{Serialize, Serializer};
 use swerve_core::{Span, Time};
+use swerve_flow::ErasedPayload;
 
 use crate::LogError;
 use crate::record::{
@@ -73,6 +75,9 @@ pub(crate) struct Batch {
     since: Option<Time>,
 }
 
+/// Says of which payloads only the digest is logged.
+pub type LeavesOut = fn(&dyn Any) -> bool;
+
 /// Writes a run into a file, through a thread of its own.
 ///
 /// The run hands over batches through a bounded queue and waits when that is full: nothing is ever dropped.
@@ -87,6 +92,7 @@ pub struct Recorder {
     names: BTreeSet<Name>,
     streams: Vec<(Name, usize)>,
     running: Vec<UnfinishedRecord<Name>>,
+    leaves_out: Option<LeavesOut>,
     sender: Option<Sender<Batch>>,
     thread: Option<JoinHandle<Result<u64, LogError>>>,
 }
@@ -96,6 +102,15 @@ impl Recorder {
     pub fn create(path: &Path, start: &RunStart) -> Result<Self, LogError> {
         let file = File::create(path).map_err(|source| LogError::Create { path: path.into(), source })?;
         Self::start(path, BufWriter::with_capacity(64 << 10, file), start)
+    }
+
+    /// Logs only the digest of these payloads: big ones that can be computed again.
+    pub fn leave_out(&mut self, payloads: LeavesOut) {
+        self.leaves_out = Some(payloads);
+    }
+
+    pub(crate) fn leaves_out(&self, payload: &dyn ErasedPayload) -> bool {
+        self.leaves_out.is_some_and(|leaves_out| leaves_out(payload.as_any()))
     }
 
     /// Records into any place; `path` is its name in errors.
@@ -122,6 +137,7 @@ impl Recorder {
             names: BTreeSet::new(),
             streams: Vec::new(),
             running: Vec::new(),
+            leaves_out: None,
             sender: Some(sender),
             thread: Some(thread),
         })

@@ -9,14 +9,14 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
 use swerve_flow::{Decision, Event, Observer, Publication, Replay, RunOptions, run_replay};
-use swerve_log::{Log, Record};
+use swerve_log::{LeavesOut, Log, Record, left_out};
 use swerve_scenario::Scenario;
 
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
 use crate::config::{Config, OPERATORS};
 use crate::pipeline::Pipeline;
-use crate::run::problems_error;
+use crate::run::{left_out_of_logs, problems_error};
 
 /// `swerve replay`.
 #[derive(clap::Args, Debug)]
@@ -90,7 +90,11 @@ pub fn replay(
             pipeline.graph.playback_steps(operator, log.held(operator))?;
         }
     }
-    let mut comparison = Comparison::against(log, &OPERATORS[cut..]);
+    // Cameras are computed again whatever the cut: they are functions of the world's states, which the log has.
+    let cameras = config.camera.keys().map(String::as_str);
+    let compared: Vec<&str> = OPERATORS[cut..].iter().copied().chain(cameras).collect();
+    let mut comparison = Comparison::against(log, &compared);
+    comparison.leaves_out = left_out_of_logs(config.log.images);
     let last = log.end.as_ref().map(|end| end.at);
     let options = RunOptions { seed: log.start.seed, threads, until: last };
     let report =
@@ -111,6 +115,7 @@ pub struct Comparison {
     streams: BTreeMap<String, Counts>,
     logged_digest: Option<Digest>,
     digest: Digest,
+    leaves_out: Option<LeavesOut>,
 }
 
 /// A publication, reduced to what has to be the same.
@@ -157,6 +162,7 @@ impl Comparison {
             streams,
             logged_digest: log.end.as_ref().map(|end| end.digest),
             digest: Digest::default(),
+            leaves_out: None,
         }
     }
 
@@ -211,7 +217,7 @@ impl Comparison {
 impl Observer for Comparison {
     fn event(&mut self, event: &Event<'_>) {
         match event {
-            Event::Publication(p) if self.streams.contains_key(p.stream) => self.compare(p.stream, &said(p)),
+            Event::Publication(p) if self.streams.contains_key(p.stream) => self.compare(p.stream, &said(p, self.leaves_out)),
             Event::End(_) => {
                 for (stream, rest) in &mut self.expected {
                     self.streams.entry(stream.clone()).or_default().missing += rest.count() as u64;
@@ -222,10 +228,14 @@ impl Observer for Comparison {
     }
 }
 
-fn said(p: &Publication<'_>) -> Said {
+fn said(p: &Publication<'_>, leaves_out: Option<LeavesOut>) -> Said {
     let mut payload = Vec::new();
-    if let Some(carried) = p.payload {
-        carried.to_cbor(&mut payload);
+    match p.payload {
+        Some(carried) if leaves_out.is_some_and(|is_left_out| is_left_out(carried.as_any())) => {
+            left_out(carried, &mut payload);
+        }
+        Some(carried) => carried.to_cbor(&mut payload),
+        None => {}
     }
     let (reused, origin) = if p.stamp.is_some() { (p.reused_from, p.origin) } else { (None, None) };
     let times = [p.stamp, Some(p.watermark), Some(p.visible_at), reused, origin];

@@ -8,14 +8,13 @@ use serde::Serialize;
 use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, Metrics, Outline};
 use swerve_flow::{Event, Observer, RunOptions, RunReport, RuntimeModel, run_virtual};
-use swerve_log::{Log, Recorder, RunStart, TraceWriter};
+use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Imu, ObstacleList, Plan, Route};
-use swerve_render::WeatherPreset;
+use swerve_msg::{Image, Imu, ObstacleList, Plan, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
-use crate::config::Config;
+use crate::config::{Config, Images};
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
 use crate::files::write_whole;
@@ -58,9 +57,6 @@ pub struct RunArgs {
     /// Write a picture of the drive every 50 ms into this folder
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
-    /// Weather of the pictures, such as clear_noon, hard_rain_sunset or clear_night
-    #[arg(long, default_value = "clear_noon", requires = "frames")]
-    weather: WeatherPreset,
     /// Take run times from an earlier log instead of the configuration
     #[arg(long, value_name = "LOG")]
     runtimes: Option<PathBuf>,
@@ -258,6 +254,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut recorder = Recorder::create(&log_part, &run_start(&config, &args.input.scenario)?)?;
+    if let Some(images) = left_out_of_logs(config.log.images) {
+        recorder.leave_out(images);
+    }
     let mut trace = TraceWriter::create(&trace_part, &["controller"])?;
     let mut story = story(&config, &scenario, &pipeline);
     let mut frames = frames(args, &config, &pipeline)?;
@@ -299,9 +298,7 @@ fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Resul
     let Some(folder) = &args.frames else { return Ok(None) };
     let title = title(config, &pipeline.scenario);
     let shape = &pipeline.vehicle.shape;
-    let frames =
-        Frames::create(folder, title, &pipeline.scenario, shape, args.weather, (config.seed, args.threads))?;
-    Ok(Some(frames))
+    Ok(Some(Frames::create(folder, title, &pipeline.scenario, shape, &config.render, config.seed)?))
 }
 
 /// What a picture is headed with.
@@ -319,6 +316,14 @@ fn title(config: &Config, scenario: &Scenario) -> String {
 fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     let lane_width_m = Some(scenario.road.lane_width_m);
     Story::new(title(config, scenario), pipeline.route.clone(), lane_width_m, outline(&pipeline.vehicle.shape))
+}
+
+/// The payloads of which a log holds the digest alone.
+pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
+    match images {
+        Images::None => Some(|payload| payload.is::<Image>()),
+        Images::Lossless => None,
+    }
 }
 
 /// The head of a log: all that it takes to run again without the files.

@@ -3,6 +3,7 @@
 //! Every key has a default; a file and `--set` change single keys. Durations in files are milliseconds and
 //! angles degrees (their names say so); resolving converts them.
 
+pub mod camera;
 pub mod execution;
 pub mod faults;
 mod planner;
@@ -20,6 +21,7 @@ use swerve_planning::{CollisionMode, Planner};
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount};
 use swerve_vehicle::VehicleParams;
 
+use camera::{CameraConfig, RenderConfig};
 use execution::{Deadline, Runtime};
 use text::{Document, Problem};
 
@@ -35,6 +37,10 @@ pub struct Config {
     pub sim: SimConfig,
     /// What perception starts from.
     pub sensing: SensingConfig,
+    /// How the world is rendered.
+    pub render: RenderConfig,
+    /// Cameras on the ego, by name. Each runs where an operator reads it or `log.sensors` names it.
+    pub camera: BTreeMap<String, CameraConfig>,
     /// The predictor.
     pub prediction: PredictionConfig,
     /// The motion planner.
@@ -56,6 +62,8 @@ impl Default for Config {
             ego: EgoConfig::default(),
             sim: SimConfig::default(),
             sensing: SensingConfig::default(),
+            render: RenderConfig::default(),
+            camera: BTreeMap::new(),
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
@@ -343,8 +351,21 @@ impl Default for ControlConfig {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LogConfig {
-    /// Sensors that run although no operator reads them: `gnss`.
+    /// Sensors that run although no operator reads them: `gnss`, and cameras by name.
     pub sensors: Vec<String>,
+    /// What the log holds of images; the digest of a run is the same with any.
+    pub images: Images,
+}
+
+/// What a log holds of images.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Images {
+    /// Their fingerprints: a replay renders them again and compares.
+    #[default]
+    None,
+    /// All their bytes.
+    Lossless,
 }
 
 /// How one operator runs.
@@ -460,6 +481,7 @@ impl Config {
             faults.push(("planning.params".into(), message));
         }
         self.check_operators(&mut faults);
+        self.check_cameras(&mut faults);
         self.check_log(&mut faults);
         if faults.is_empty() {
             return Ok(self);
@@ -468,18 +490,43 @@ impl Config {
     }
 
     fn check_log(&self, faults: &mut Vec<(String, String)>) {
-        for sensor in self.log.sensors.iter().filter(|s| *s != "gnss") {
-            faults.push(("log.sensors".into(), format!("unknown sensor `{sensor}`, expected `gnss`")));
+        let known = |name: &str| name == "gnss" || self.camera.contains_key(name);
+        for sensor in self.log.sensors.iter().filter(|s| !known(s)) {
+            let names: Vec<&str> = ["gnss"].into_iter().chain(self.camera.keys().map(String::as_str)).collect();
+            let message = format!("unknown sensor `{sensor}`, expected one of {}", names.join(", "));
+            faults.push(("log.sensors".into(), message));
         }
+    }
+
+    fn check_cameras(&self, faults: &mut Vec<(String, String)>) {
+        if !(1..=256).contains(&self.render.threads) {
+            let message = format!("expected 1 to 256, found {}", self.render.threads);
+            faults.push(("render.threads".into(), message));
+        }
+        for (name, camera) in &self.camera {
+            let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+            if !plain || OPERATORS.contains(&name.as_str()) {
+                let message = "expected a name of letters, digits and underscores that no operator has";
+                faults.push((format!("camera.{name}"), message.into()));
+            }
+            let within = |(key, message)| (format!("camera.{name}.{key}"), message);
+            faults.extend(camera.faults(&self.sim.vehicle.shape).into_iter().map(within));
+        }
+    }
+
+    /// The names of all operators that this configuration can set: those of the pipeline, and its cameras.
+    pub fn operators(&self) -> impl Iterator<Item = &str> {
+        OPERATORS.into_iter().chain(self.camera.keys().map(String::as_str))
     }
 
     fn check_operators(&self, faults: &mut Vec<(String, String)>) {
         for (name, operator) in &self.operator {
             let key = |last: &str| format!("operator.{name}.{last}");
-            if !OPERATORS.contains(&name.as_str()) {
-                let near = words::nearest(name, OPERATORS)
+            if !self.operators().any(|known| known == name) {
+                let near = words::nearest(name, self.operators())
                     .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
-                let message = format!("unknown operator, expected one of {}{near}", OPERATORS.join(", "));
+                let names: Vec<&str> = self.operators().collect();
+                let message = format!("unknown operator, expected one of {}{near}", names.join(", "));
                 faults.push((format!("operator.{name}"), message));
             }
             if let Some(Err(message)) = operator.runtime.as_ref().map(Runtime::model) {

@@ -17,11 +17,12 @@ use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ObstacleList, Plan};
 use swerve_render::{
-    Camera, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, View, WeatherPreset, mount,
+    Camera, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, View, mount,
 };
 use swerve_scenario::Scenario;
 use swerve_vehicle::Shape;
 
+use crate::config::camera::RenderConfig;
 use crate::street::{EGO_INSTANCE, Street};
 use annotate::Canvas;
 
@@ -87,8 +88,8 @@ impl Frames {
         title: String,
         scenario: &Scenario,
         shape: &Shape,
-        weather: WeatherPreset,
-        (seed, threads): (u64, usize),
+        render: &RenderConfig,
+        seed: u64,
     ) -> anyhow::Result<Self> {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         remove_pictures(folder)?;
@@ -100,8 +101,8 @@ impl Frames {
         Ok(Self {
             folder: folder.to_owned(),
             title,
-            street: Street::new(scenario, shape, weather, seed),
-            renderer: Renderer::new(RenderOptions { threads, ..RenderOptions::default() })?,
+            street: Street::new(scenario, shape, render.weather, seed),
+            renderer: Renderer::new(RenderOptions { threads: render.threads, ..RenderOptions::default() })?,
             follower,
             driver,
             next: Time::ZERO,

@@ -18,9 +18,9 @@ fn pictures(folder: &Path, threads: usize) -> (swerve_core::Digest, Vec<Vec<u8>>
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(100);
     let shape = pipeline.vehicle.shape;
-    let weather = WeatherPreset::default();
+    let render = RenderConfig { threads, ..config.render };
     let mut frames =
-        Frames::create(folder, "a drive".into(), &pipeline.scenario, &shape, weather, (config.seed, threads)).unwrap();
+        Frames::create(folder, "a drive".into(), &pipeline.scenario, &shape, &render, config.seed).unwrap();
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut frames]).unwrap();
     let count = frames.finish().unwrap();
     let read = |k: usize| std::fs::read(folder.join(format!("{k:05}.png"))).unwrap();
@@ -51,7 +51,7 @@ fn a_picture_that_cannot_be_written_is_told() {
     let (config, scenario) = (Config::default(), scenario());
     let shape = config.sim.vehicle.shape;
     let mut frames =
-        Frames::create(&inside, String::new(), &scenario, &shape, WeatherPreset::default(), (1, 1)).unwrap();
+        Frames::create(&inside, String::new(), &scenario, &shape, &config.render, 1).unwrap();
     std::fs::remove_dir(&inside).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::ZERO;

@@ -1,5 +1,6 @@
 //! The driving pipeline: thin operators around the pure algorithms, and the graph that joins them.
 
+mod camera;
 mod controller;
 mod perception;
 mod planner;
@@ -15,7 +16,8 @@ use swerve_sim::{SimParams, Simulator};
 use swerve_vehicle::VehicleParams;
 
 use crate::config::execution::{parse_policy, span_ms};
-use crate::config::{Config, OPERATORS};
+use crate::config::Config;
+use crate::config::camera::{CameraConfig, Output};
 
 pub use controller::controller;
 
@@ -90,6 +92,15 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
         let gnss = sensors::Satellite { params: sensing.gnss, seed };
         graph.add("gnss", gnss, (timer("gnss", sensing.gnss_period_ms), world)).out();
     }
+    let cameras: Vec<_> = config.camera.iter().filter(|(name, _)| config.log.sensors.contains(name)).collect();
+    if !cameras.is_empty() {
+        let stage = camera::Stage::new(config, scenario)?;
+        for (name, camera) in cameras {
+            let operator = camera::CameraOperator::new(camera, name, seed, stage.clone())?;
+            let node = graph.add(name, operator, (timer(name, camera.period_ms), world));
+            node.origin().outputs(&Output::ALL.map(Output::name)).out();
+        }
+    }
     let tracks = graph.add("tracker", perception::Tracker::new(config), (obstacles,)).out();
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
@@ -106,7 +117,7 @@ fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
     let wrong = |name: &str, message: String| anyhow::anyhow!("operator.{name}: {message}");
     let resources: Vec<_> =
         config.resource.iter().map(|(name, r)| (name.as_str(), graph.resource(name, r.slots))).collect();
-    for name in OPERATORS {
+    for name in config.operators() {
         let operator = config.operator.get(name).cloned().unwrap_or_default();
         let Ok(mut node) = graph.operator(name) else { continue };
         node = node.runtime(runtime(config, name).map_err(|m| wrong(name, m))?);
@@ -119,7 +130,8 @@ fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
         if let Some((_, resource)) = resources.iter().find(|(r, _)| Some(*r) == operator.uses.as_deref()) {
             node = node.uses(*resource);
         }
-        let added_ms = if name == "planner" { config.planning.added_latency_ms } else { 0.0 };
+        let camera_ms = config.camera.get(name).map_or(0.0, CameraConfig::delay_ms);
+        let added_ms = if name == "planner" { config.planning.added_latency_ms } else { camera_ms };
         node = node.delay(span_ms(operator.delay_ms + added_ms).map_err(|m| wrong(name, m))?);
         let _configured = if name == "planner" { node.heavy() } else { node };
     }

@@ -1,0 +1,273 @@
+//! Cameras on the ego vehicle: `[camera.NAME]`.
+
+use serde::{Deserialize, Serialize};
+use swerve_geom::{Ego, Transform};
+use swerve_render::{
+    Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, SensorNoise, Shutter,
+    WeatherPreset, mount,
+};
+use swerve_vehicle::Shape;
+
+/// How the world is rendered.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RenderConfig {
+    /// Weather and time of day.
+    pub weather: WeatherPreset,
+    /// Threads of the renderer; the images do not depend on them.
+    pub threads: usize,
+}
+
+impl Default for RenderConfig {
+    fn default() -> Self {
+        Self { weather: WeatherPreset::default(), threads: 2 }
+    }
+}
+
+/// An image that a camera publishes.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Output {
+    /// Colour.
+    Rgb,
+    /// Distance along the optical axis, metres.
+    Depth,
+    /// Cityscapes ids.
+    Semantic,
+    /// Which actor is seen.
+    Instance,
+}
+
+impl Output {
+    /// All of them, in the order of a camera's ports.
+    pub const ALL: [Self; 4] = [Self::Rgb, Self::Depth, Self::Semantic, Self::Instance];
+
+    /// The name in files and streams.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rgb => "rgb",
+            Self::Depth => "depth",
+            Self::Semantic => "semantic",
+            Self::Instance => "instance",
+        }
+    }
+}
+
+/// One camera.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CameraConfig {
+    /// Where it sits in the ego frame (origin: centre of the rear axle on the ground), m.
+    pub at_m: [f64; 3],
+    /// Turned about its own axis, degrees; positive leans right.
+    pub roll_deg: f64,
+    /// Turned down, degrees.
+    pub pitch_deg: f64,
+    /// Turned left, degrees.
+    pub yaw_deg: f64,
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Angle between the left and the right edge of the image, degrees; not with `matrix`.
+    pub fov_deg: Option<f64>,
+    /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels; instead of `fov_deg`.
+    pub matrix: Option<[[f64; 3]; 3]>,
+    /// Lens: k1, k2, p1, p2, k3 (Brown).
+    pub distortion: Distortion,
+    /// Brightness.
+    pub exposure: Exposure,
+    /// Noise of the image sensor; its seed is the run's and the camera's name.
+    pub noise: NoiseConfig,
+    /// Fall-off towards the corners: 0 for none, 1 for that of a simple lens.
+    pub vignetting: f64,
+    /// Images it publishes.
+    pub outputs: Vec<Output>,
+    /// Between two exposures, ms.
+    pub period_ms: f64,
+    /// Time that light is gathered, ms; the stamp is its middle.
+    pub exposure_ms: f64,
+    /// Instants averaged over the exposure; 1 for a sharp image.
+    pub blur_samples: u32,
+    /// Between the first and the last row, ms; 0 for a global shutter.
+    pub readout_ms: f64,
+    /// From the last row to the reader, ms.
+    pub transfer_ms: f64,
+}
+
+/// Noise of an image sensor.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NoiseConfig {
+    /// Standard deviation of the read-out, as a share of full scale.
+    pub read: f64,
+    /// Standard deviation of the photon count at full scale, as a share of it.
+    pub shot: f64,
+}
+
+impl Default for CameraConfig {
+    fn default() -> Self {
+        Self {
+            at_m: [1.75, 0.0, 1.35],
+            roll_deg: 0.0,
+            pitch_deg: 0.0,
+            yaw_deg: 0.0,
+            width_px: 640,
+            height_px: 360,
+            fov_deg: None,
+            matrix: None,
+            distortion: Distortion::default(),
+            exposure: Exposure::default(),
+            noise: NoiseConfig::default(),
+            vignetting: 0.0,
+            outputs: vec![Output::Rgb],
+            period_ms: 50.0,
+            exposure_ms: 0.0,
+            blur_samples: 1,
+            readout_ms: 0.0,
+            transfer_ms: 0.0,
+        }
+    }
+}
+
+/// Field of view where neither it nor a matrix is given, degrees.
+const FOV_DEG: f64 = 90.0;
+
+impl CameraConfig {
+    /// The camera, its noise keyed by `noise_seed`.
+    pub fn camera(&self, noise_seed: u64) -> Result<Camera, CameraError> {
+        let intrinsics = match self.matrix {
+            Some(matrix) => Intrinsics::Matrix(matrix),
+            None => Intrinsics::HorizontalFovRad(self.fov_deg.unwrap_or(FOV_DEG).to_radians()),
+        };
+        Camera::new(CameraSpec {
+            width_px: self.width_px,
+            height_px: self.height_px,
+            intrinsics,
+            distortion: self.distortion,
+            exposure: self.exposure,
+            noise: SensorNoise { read: self.noise.read, shot: self.noise.shot, seed: noise_seed },
+            vignetting: self.vignetting,
+            shutter: Shutter {
+                exposure_s: self.exposure_ms * 1e-3,
+                blur_samples: self.blur_samples,
+                readout_s: self.readout_ms * 1e-3,
+                ..Shutter::default()
+            },
+            ..CameraSpec::default()
+        })
+    }
+
+    /// Where it sits and looks.
+    pub fn ego_from_camera(&self) -> Transform<Ego, swerve_geom::Camera> {
+        let [roll, pitch, yaw] = [self.roll_deg, self.pitch_deg, self.yaw_deg].map(f64::to_radians);
+        mount(self.at_m, roll, pitch, yaw)
+    }
+
+    /// The images that it publishes.
+    pub fn wanted(&self) -> Outputs {
+        let has = |output| self.outputs.contains(&output);
+        Outputs {
+            rgb: has(Output::Rgb),
+            depth: has(Output::Depth),
+            semantic: has(Output::Semantic),
+            instance: has(Output::Instance),
+        }
+    }
+
+    /// From the stamp, the middle of the exposure, to the instant at which readers have the image, ms.
+    pub fn delay_ms(&self) -> f64 {
+        0.5 * self.exposure_ms + self.readout_ms + self.transfer_ms
+    }
+
+    /// What is wrong with it on a vehicle of this shape: keys below the camera's, and messages.
+    pub(super) fn faults(&self, shape: &Shape) -> Vec<(String, String)> {
+        let mut faults = Vec::new();
+        let mut range = |key: &str, value: f64, low: f64, high: f64| {
+            if !(low..=high).contains(&value) {
+                faults.push((key.to_owned(), format!("expected {low} to {high}, found {value}")));
+            }
+        };
+        range("period_ms", self.period_ms, 1.0, 60_000.0);
+        range("exposure_ms", self.exposure_ms, 0.0, 1000.0);
+        range("readout_ms", self.readout_ms, 0.0, 1000.0);
+        range("transfer_ms", self.transfer_ms, 0.0, 60_000.0);
+        for (key, value) in [("roll_deg", self.roll_deg), ("pitch_deg", self.pitch_deg), ("yaw_deg", self.yaw_deg)] {
+            range(key, value, -360.0, 360.0);
+        }
+        self.at_m.iter().for_each(|value| range("at_m", *value, -100.0, 100.0));
+        if self.fov_deg.is_some() && self.matrix.is_some() {
+            faults.push(("fov_deg".into(), "expected either `fov_deg` or `matrix`, found both".into()));
+        }
+        if self.outputs.is_empty() {
+            faults.push(("outputs".into(), "expected at least one of rgb, depth, semantic, instance".into()));
+        }
+        if is_inside(self.at_m, shape) {
+            let message = "expected a place outside the car's body, or behind its windscreen: it would see nothing else";
+            faults.push(("at_m".into(), message.into()));
+        }
+        if faults.is_empty()
+            && let Err(error) = self.camera(0)
+        {
+            let (key, value) = match error.field {
+                "intrinsics.horizontal_fov_rad" => ("fov_deg", error.value.to_degrees()),
+                "intrinsics.matrix" => ("matrix", error.value),
+                "shutter.blur_samples" => ("blur_samples", error.value),
+                other => (other, error.value),
+            };
+            let expected = match key {
+                "fov_deg" => "an angle above 0 and below 180",
+                _ => error.expected,
+            };
+            faults.push((key.to_owned(), format!("expected {expected}, found {value}")));
+        }
+        faults
+    }
+}
+
+/// Whether a place is in the lower part of the car, below its windows: from there nothing but the body is seen.
+fn is_inside([x, y, z]: [f64; 3], shape: &Shape) -> bool {
+    /// Share of the car's height up to the windows.
+    const BELT: f64 = 0.6;
+    let front_m = shape.length_m - shape.rear_overhang_m;
+    let along = x > -shape.rear_overhang_m + 0.05 && x < front_m - 0.05;
+    along && y.abs() < 0.5 * shape.width_m - 0.05 && z > 0.2 && z < BELT * shape.height_m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_that_cannot_be_is_refused_by_its_key() {
+        let shape = Shape::default();
+        let fine = CameraConfig::default();
+        assert_eq!(fine.faults(&shape), []);
+        let key = |camera: CameraConfig| camera.faults(&shape).iter().map(|(key, _)| key.clone()).collect::<Vec<_>>();
+        let with = |change: fn(&mut CameraConfig)| {
+            let mut camera = fine.clone();
+            change(&mut camera);
+            key(camera)
+        };
+        assert_eq!(with(|c| c.fov_deg = Some(0.0)), ["fov_deg"]);
+        assert_eq!(with(|c| c.fov_deg = Some(180.0)), ["fov_deg"]);
+        assert_eq!(with(|c| c.fov_deg = Some(f64::NAN)), ["fov_deg"]);
+        assert_eq!(with(|c| c.width_px = 0), ["width_px"]);
+        assert_eq!(with(|c| c.height_px = 100_000), ["height_px"]);
+        assert_eq!(with(|c| c.at_m = [1.0, 0.0, 0.5]), ["at_m"]);
+        assert_eq!(with(|c| c.at_m = [f64::INFINITY, 0.0, 0.5]), ["at_m"]);
+        assert_eq!(with(|c| c.outputs.clear()), ["outputs"]);
+        assert_eq!(with(|c| c.period_ms = 0.0), ["period_ms"]);
+        assert_eq!(with(|c| c.transfer_ms = -1.0), ["transfer_ms"]);
+        assert_eq!(
+            with(|c| (c.fov_deg, c.matrix) = (Some(90.0), Some([[1.0, 0.0, 0.0]; 3]))),
+            ["fov_deg"]
+        );
+    }
+
+    #[test]
+    fn an_image_is_there_after_half_its_exposure_its_readout_and_its_transfer() {
+        let camera = CameraConfig { exposure_ms: 10.0, readout_ms: 20.0, transfer_ms: 7.0, ..CameraConfig::default() };
+        assert_eq!(camera.delay_ms(), 32.0);
+    }
+}
