@@ -101,7 +101,7 @@ fn giving_way_stops_before_all_that_a_walker_may_come_to_cover() {
     assert!(status == PlanStatus::Found && (hardest + 3.0).abs() < 0.01, "{hardest}");
     assert!(front_m > 20.0 && front_m < 24.45, "{front_m}");
     let (_, hardest, _) = stopping(13.0, None).expect("there is just room");
-    assert!(hardest < -3.5 && hardest >= -6.0, "{hardest}");
+    assert!((-6.0..-3.5).contains(&hardest), "{hardest}");
     // From 17 m/s it takes 7 of 8 m/s²: too much to begin with, but not to go on with.
     assert_eq!(stopping(17.0, None), None);
     let stop = Plan { points: vec![PlanPoint::default()], ..Plan::default() };
