@@ -258,7 +258,8 @@ pub struct PlanningConfig {
     pub config: Fineness,
     /// The paper's behaviour, or ours; sets the defaults of the keys below.
     pub preset: Preset,
-    /// What predictions mean for collision checks.
+    /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way), or
+    /// the original's `swept_static`.
     pub collision: CollisionMode,
     /// Where a plan starts; the preset's when absent.
     pub start: Option<StartState>,
