@@ -297,8 +297,7 @@ pub fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
 fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Option<Frames>> {
     let Some(folder) = &args.frames else { return Ok(None) };
     let title = title(config, &pipeline.scenario);
-    let shape = &pipeline.vehicle.shape;
-    Ok(Some(Frames::create(folder, title, &pipeline.scenario, shape, &config.render, config.seed)?))
+    Ok(Some(Frames::create(folder, title, &pipeline.scenario, config)?))
 }
 
 /// What a picture is headed with.

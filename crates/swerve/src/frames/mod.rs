@@ -1,11 +1,14 @@
 //! Pictures of a drive as it goes: what a driver and a follower would see, with plan and obstacles drawn in.
 //!
+//! Beside them, in a folder of its own, what each camera of the configuration publishes.
 //! An observer of the run: it changes nothing in it. Its pictures are the same bytes for the same run.
 
 mod annotate;
+mod colours;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -15,14 +18,13 @@ use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ObstacleList, Plan};
+use swerve_msg::{Image, ObstacleList, Pixels, Plan};
 use swerve_render::{
-    Camera, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, View, mount,
+    Camera, CameraError, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, View, mount,
 };
 use swerve_scenario::Scenario;
-use swerve_vehicle::Shape;
 
-use crate::config::camera::RenderConfig;
+use crate::config::Config;
 use crate::street::{EGO_INSTANCE, Street};
 use annotate::Canvas;
 
@@ -37,6 +39,7 @@ const INSET_HEIGHT_PX: u32 = 252;
 /// What a picture has besides the world.
 #[derive(Default)]
 struct Seen {
+    world: Option<WorldState>,
     plan: Option<Plan>,
     obstacles: Option<ObstacleList>,
 }
@@ -52,6 +55,9 @@ pub struct Frames {
     next: Time,
     count: usize,
     seen: Seen,
+    /// Of each stream of images: the camera, and how many were written.
+    cameras: BTreeMap<String, Camera>,
+    written: BTreeMap<String, usize>,
     failure: Option<anyhow::Error>,
 }
 
@@ -87,10 +93,9 @@ impl Frames {
         folder: &Path,
         title: String,
         scenario: &Scenario,
-        shape: &Shape,
-        render: &RenderConfig,
-        seed: u64,
+        config: &Config,
     ) -> anyhow::Result<Self> {
+        let (shape, render) = (&config.sim.vehicle.shape, &config.render);
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         remove_pictures(folder)?;
         let ahead_m = shape.center_ahead_m();
@@ -98,16 +103,19 @@ impl Frames {
         let eye_m = [ahead_m + 0.35, 0.36, 1.25];
         let mut driver = Eye::new((INSET_WIDTH_PX, INSET_HEIGHT_PX), 75.0, eye_m, 2.0)?;
         driver.hides_ego = true;
+        let cameras = config.camera.iter().map(|(name, camera)| Ok::<_, CameraError>((name.clone(), camera.camera(0)?)));
         Ok(Self {
             folder: folder.to_owned(),
             title,
-            street: Street::new(scenario, shape, render.weather, seed),
+            street: Street::new(scenario, shape, render.weather, config.seed),
             renderer: Renderer::new(RenderOptions { threads: render.threads, ..RenderOptions::default() })?,
             follower,
             driver,
             next: Time::ZERO,
             count: 0,
             seen: Seen::default(),
+            cameras: cameras.collect::<Result<_, _>>()?,
+            written: BTreeMap::new(),
             failure: None,
         })
     }
@@ -118,6 +126,32 @@ impl Frames {
     /// The first that could not be.
     pub fn finish(&mut self) -> anyhow::Result<usize> {
         self.failure.take().map_or(Ok(self.count), Err)
+    }
+
+    /// Writes an image of a camera of the configuration: colour with what the stack sees in it, others in colours.
+    fn camera(&mut self, operator: &str, stream: &str, image: &Image) -> anyhow::Result<()> {
+        let (width_px, height_px) = (image.width_px as usize, image.height_px as usize);
+        let mut frame = Frame { width_px, height_px, rgb: colours::of(&image.pixels), ..Frame::default() };
+        if let (Pixels::Rgb8(_), Some(camera), Some(world)) =
+            (&image.pixels, self.cameras.get(operator), &self.seen.world)
+        {
+            let camera_from_map = (world.ego.map_from_ego * image.camera.ego_from_camera).inverse();
+            let mut canvas = Canvas::new(&mut frame, camera, camera_from_map);
+            if let Some(list) = &self.seen.obstacles {
+                canvas.obstacles(list, world);
+            }
+        }
+        let folder = self.folder.join(stream.replace('.', "/"));
+        let count = match self.written.get(stream) {
+            Some(count) => *count,
+            None => {
+                std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+                remove_pictures(&folder)?;
+                0
+            }
+        };
+        self.written.insert(stream.to_owned(), count + 1);
+        write_png(&folder.join(format!("{count:05}.png")), &frame)
     }
 
     fn take(&mut self, world: &WorldState) -> anyhow::Result<()> {
@@ -146,16 +180,22 @@ impl Observer for Frames {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
-        if let Some(plan) = payload.downcast_ref::<Plan>() {
+        if let Some(image) = payload.downcast_ref::<Image>() {
+            if self.failure.is_none() {
+                self.failure = self.camera(publication.operator, publication.stream, image).err();
+            }
+        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             self.seen.plan = Some(plan.clone());
         } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
             self.seen.obstacles = Some(list.clone());
         } else if let Some(world) = payload.downcast_ref::<WorldState>()
             && self.failure.is_none()
-            && (world.stamp >= self.next || world.ended.is_some())
         {
-            self.next = world.stamp + PERIOD;
-            self.failure = self.take(world).err();
+            self.seen.world = Some(world.clone());
+            if world.stamp >= self.next || world.ended.is_some() {
+                self.next = world.stamp + PERIOD;
+                self.failure = self.take(world).err();
+            }
         }
     }
 }

@@ -14,13 +14,11 @@ fn scenario() -> Scenario {
 
 /// Drives the first tenth of a second with pictures; gives the run's digest and the pictures.
 fn pictures(folder: &Path, threads: usize) -> (swerve_core::Digest, Vec<Vec<u8>>) {
-    let (config, scenario) = (Config::default(), scenario());
+    let (mut config, scenario) = (Config::default(), scenario());
+    config.render.threads = threads;
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(100);
-    let shape = pipeline.vehicle.shape;
-    let render = RenderConfig { threads, ..config.render };
-    let mut frames =
-        Frames::create(folder, "a drive".into(), &pipeline.scenario, &shape, &render, config.seed).unwrap();
+    let mut frames = Frames::create(folder, "a drive".into(), &pipeline.scenario, &config).unwrap();
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut frames]).unwrap();
     let count = frames.finish().unwrap();
     let read = |k: usize| std::fs::read(folder.join(format!("{k:05}.png"))).unwrap();
@@ -49,9 +47,7 @@ fn a_picture_that_cannot_be_written_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let inside = folder.path().join("frames");
     let (config, scenario) = (Config::default(), scenario());
-    let shape = config.sim.vehicle.shape;
-    let mut frames =
-        Frames::create(&inside, String::new(), &scenario, &shape, &config.render, 1).unwrap();
+    let mut frames = Frames::create(&inside, String::new(), &scenario, &config).unwrap();
     std::fs::remove_dir(&inside).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::ZERO;
