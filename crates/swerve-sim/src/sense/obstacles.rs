@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Ego, Map, Point, Point2, math, wrap_angle};
 use swerve_msg::truth::{Actor, WorldState};
-use swerve_msg::{Obstacle, ObstacleList};
+use swerve_msg::{Obstacle, ObstacleList, Side};
 use swerve_vehicle::Shape;
 
 /// Where a sensor sits on the ego.
@@ -29,6 +29,27 @@ impl SensorMount {
     /// The usual place: above the middle of the roof, 1.9 m up, looking ahead.
     pub fn roof(shape: &Shape) -> Self {
         Self { x_m: shape.center_ahead_m(), y_m: 0.0, z_m: 1.9, yaw_rad: 0.0 }
+    }
+
+    /// In the middle of the front bumper, 0.5 m up, looking ahead: for a radar that looks far.
+    pub fn front(shape: &Shape) -> Self {
+        Self { x_m: shape.length_m - shape.rear_overhang_m, y_m: 0.0, z_m: 0.5, yaw_rad: 0.0 }
+    }
+
+    /// In a corner of the car, 0.6 m up, looking out over it, at 45 degrees from ahead or, at the rear, from
+    /// behind.
+    pub fn corner(shape: &Shape, at_front: bool, side: Side) -> Self {
+        let outwards = match side {
+            Side::Left => 1.0,
+            Side::Right => -1.0,
+        };
+        let eighth = core::f64::consts::FRAC_PI_4;
+        let (x_m, yaw_rad) = if at_front {
+            (shape.length_m - shape.rear_overhang_m, eighth)
+        } else {
+            (-shape.rear_overhang_m, 3.0 * eighth)
+        };
+        Self { x_m, y_m: 0.5 * outwards * shape.width_m, z_m: 0.6, yaw_rad: outwards * yaw_rad }
     }
 }
 
@@ -147,7 +168,7 @@ impl View {
 }
 
 /// Whether the segment from `from` to `to`, without its ends, passes through the body of `actor`.
-fn blocks(actor: &Actor, from: Point<Map>, to: Point<Map>) -> bool {
+pub(super) fn blocks(actor: &Actor, from: Point<Map>, to: Point<Map>) -> bool {
     let ground = |p: Point<Map>| Point2::<Map>::new(p.coords.x, p.coords.y);
     if !comes_near(actor, ground(from), ground(to)) {
         return false;

@@ -7,7 +7,7 @@ use super::*;
 
 const MOUNT: SensorMount = SensorMount { x_m: 1.0, y_m: 0.0, z_m: 1.9, yaw_rad: 0.0 };
 
-fn world(actors: Vec<Actor>) -> WorldState {
+pub(super) fn world(actors: Vec<Actor>) -> WorldState {
     let pose = Pose2::new(0.0, 0.0, 0.0);
     WorldState {
         stamp: Time::from_ms(500),
@@ -25,7 +25,7 @@ fn world(actors: Vec<Actor>) -> WorldState {
     }
 }
 
-fn actor(id: u32, kind: ActorKind, x_m: f64, y_m: f64, size: [f64; 3]) -> Actor {
+pub(super) fn actor(id: u32, kind: ActorKind, x_m: f64, y_m: f64, size: [f64; 3]) -> Actor {
     let [length_m, width_m, height_m] = size;
     Actor {
         id: ActorId(id),
@@ -37,7 +37,7 @@ fn actor(id: u32, kind: ActorKind, x_m: f64, y_m: f64, size: [f64; 3]) -> Actor 
     }
 }
 
-fn person(id: u32, x_m: f64, y_m: f64) -> Actor {
+pub(super) fn person(id: u32, x_m: f64, y_m: f64) -> Actor {
     actor(id, ActorKind::Pedestrian, x_m, y_m, [0.5, 0.5, 1.8])
 }
 
