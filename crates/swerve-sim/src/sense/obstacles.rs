@@ -11,6 +11,11 @@ use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{Obstacle, ObstacleList, Side};
 use swerve_vehicle::Shape;
 
+use super::{ParamsFault, fault};
+
+/// So near to a face of the car's box a sensor is on it, metres.
+const FACE_M: f64 = 1e-3;
+
 /// Where a sensor sits on the ego.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -29,6 +34,27 @@ impl SensorMount {
     /// The usual place: above the middle of the roof, 1.9 m up, looking ahead.
     pub fn roof(shape: &Shape) -> Self {
         Self { x_m: shape.center_ahead_m(), y_m: 0.0, z_m: 1.9, yaw_rad: 0.0 }
+    }
+
+    /// Whether it is inside the car's box, where nothing is to be seen; its faces are outside.
+    pub fn is_inside(&self, shape: &Shape) -> bool {
+        let (front_m, rear_m) = (shape.length_m - shape.rear_overhang_m, -shape.rear_overhang_m);
+        let within = |low: f64, x: f64, high: f64| low + FACE_M < x && x < high - FACE_M;
+        within(rear_m, self.x_m, front_m)
+            && within(-0.5 * shape.width_m, self.y_m, 0.5 * shape.width_m)
+            && within(0.0, self.z_m, shape.height_m)
+    }
+
+    /// Every number that cannot be: not finite, or farther from the car than anything is mounted.
+    pub fn faults(&self) -> Vec<ParamsFault> {
+        let turn = core::f64::consts::TAU;
+        let all = [
+            ("x_m", self.x_m, [-20.0, 20.0]),
+            ("y_m", self.y_m, [-5.0, 5.0]),
+            ("z_m", self.z_m, [0.0, 10.0]),
+            ("yaw_rad", self.yaw_rad, [-turn, turn]),
+        ];
+        all.into_iter().filter_map(|(key, x, ends)| fault(key, x, ends)).collect()
     }
 
     /// In the middle of the front bumper, 0.5 m up, looking ahead: for a radar that looks far.
