@@ -1,13 +1,27 @@
 //! Sensors: functions of the world's state, and for those with noise of (seed, sensor, stamp).
 //!
-//! No sensor keeps state, so the order in which they are asked, or whether, changes nothing. `WorldState` in;
-//! messages of the stack out, stamped with the state's stamp.
+//! `WorldState` in; messages of the stack out, stamped with the state's stamp. No sensor draws from anything
+//! but its key, so the order in which they are asked, or whether, changes nothing. Those that count or compare
+//! (wheel encoders, lines, stop lines) remember their own last reading and nothing else.
 
+mod events;
+mod fault;
 mod motion;
 mod obstacles;
+mod odometry;
+mod radar;
+mod timing;
 
+pub use events::{LaneInvasionSensor, RedLightSensor, collisions};
+pub use fault::ParamsFault;
 pub use motion::{GnssParams, ImuParams, PoseParams, gnss, imu, pose};
 pub use obstacles::{SensorMount, SensorParams, fixed_points, visible_obstacles};
+pub use odometry::{OdometryWheels, WheelOdometer, WheelOdometryParams, rolling_speeds_radps};
+pub use radar::{Radar, RadarParams, RadarPreset, rcs_dbsm};
+pub use timing::SensorTiming;
+
+use fault::fault;
+use motion::key;
 
 #[cfg(test)]
 mod tests;

@@ -184,6 +184,11 @@ impl Simulator {
         &self.state
     }
 
+    /// Speeds of the ego's wheels after the last step, rad/s: front left, front right, rear left, rear right.
+    pub fn wheel_speeds_radps(&self) -> [f64; 4] {
+        self.ego.car().wheels().map(|wheel| wheel.spin_radps)
+    }
+
     /// Moves the world on by one step under `command` and returns the new state.
     ///
     /// A command that is not finite is refused: the one before goes on. One out of range is clamped.

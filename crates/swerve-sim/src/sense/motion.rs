@@ -68,13 +68,13 @@ impl Default for GnssParams {
 }
 
 /// The draws of one sensor at one stamp.
-struct Errors {
+pub(super) struct Errors {
     bias: Rng,
     noise: Rng,
 }
 
 impl Errors {
-    fn of(seed: u64, sensor: &str, stamp: Time) -> Self {
+    pub(super) fn of(seed: u64, sensor: &str, stamp: Time) -> Self {
         Self {
             bias: Rng::keyed(seed, "sensor bias", &[key(sensor)]),
             noise: Rng::keyed(seed, "sensor noise", &[key(sensor), stamp.ns()]),
@@ -82,12 +82,13 @@ impl Errors {
     }
 
     /// The next axis: one draw of bias, one of noise.
-    fn next(&mut self, bias: f64, noise: f64) -> f64 {
+    pub(super) fn next(&mut self, bias: f64, noise: f64) -> f64 {
         bias * self.bias.normal() + noise * self.noise.normal()
     }
 }
 
-fn key(sensor: &str) -> i64 {
+/// A sensor's name as part of a key.
+pub(super) fn key(sensor: &str) -> i64 {
     Rng::keyed(0, sensor, &[]).bits().cast_signed()
 }
 

@@ -8,8 +8,13 @@
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Ego, Map, Point, Point2, math, wrap_angle};
 use swerve_msg::truth::{Actor, WorldState};
-use swerve_msg::{Obstacle, ObstacleList};
+use swerve_msg::{Obstacle, ObstacleList, Side};
 use swerve_vehicle::Shape;
+
+use super::{ParamsFault, fault};
+
+/// So near to a face of the car's box a sensor is on it, metres.
+const FACE_M: f64 = 1e-3;
 
 /// Where a sensor sits on the ego.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -29,6 +34,48 @@ impl SensorMount {
     /// The usual place: above the middle of the roof, 1.9 m up, looking ahead.
     pub fn roof(shape: &Shape) -> Self {
         Self { x_m: shape.center_ahead_m(), y_m: 0.0, z_m: 1.9, yaw_rad: 0.0 }
+    }
+
+    /// Whether it is inside the car's box, where nothing is to be seen; its faces are outside.
+    pub fn is_inside(&self, shape: &Shape) -> bool {
+        let (front_m, rear_m) = (shape.length_m - shape.rear_overhang_m, -shape.rear_overhang_m);
+        let within = |low: f64, x: f64, high: f64| low + FACE_M < x && x < high - FACE_M;
+        within(rear_m, self.x_m, front_m)
+            && within(-0.5 * shape.width_m, self.y_m, 0.5 * shape.width_m)
+            && within(0.0, self.z_m, shape.height_m)
+    }
+
+    /// Every number that cannot be: not finite, or farther from the car than anything is mounted.
+    pub fn faults(&self) -> Vec<ParamsFault> {
+        let turn = core::f64::consts::TAU;
+        let all = [
+            ("x_m", self.x_m, [-20.0, 20.0]),
+            ("y_m", self.y_m, [-5.0, 5.0]),
+            ("z_m", self.z_m, [0.0, 10.0]),
+            ("yaw_rad", self.yaw_rad, [-turn, turn]),
+        ];
+        all.into_iter().filter_map(|(key, x, ends)| fault(key, x, ends)).collect()
+    }
+
+    /// In the middle of the front bumper, 0.5 m up, looking ahead: for a radar that looks far.
+    pub fn front(shape: &Shape) -> Self {
+        Self { x_m: shape.length_m - shape.rear_overhang_m, y_m: 0.0, z_m: 0.5, yaw_rad: 0.0 }
+    }
+
+    /// In a corner of the car, 0.6 m up, looking out over it, at 45 degrees from ahead or, at the rear, from
+    /// behind.
+    pub fn corner(shape: &Shape, at_front: bool, side: Side) -> Self {
+        let outwards = match side {
+            Side::Left => 1.0,
+            Side::Right => -1.0,
+        };
+        let eighth = core::f64::consts::FRAC_PI_4;
+        let (x_m, yaw_rad) = if at_front {
+            (shape.length_m - shape.rear_overhang_m, eighth)
+        } else {
+            (-shape.rear_overhang_m, 3.0 * eighth)
+        };
+        Self { x_m, y_m: 0.5 * outwards * shape.width_m, z_m: 0.6, yaw_rad: outwards * yaw_rad }
     }
 }
 
@@ -147,7 +194,7 @@ impl View {
 }
 
 /// Whether the segment from `from` to `to`, without its ends, passes through the body of `actor`.
-fn blocks(actor: &Actor, from: Point<Map>, to: Point<Map>) -> bool {
+pub(super) fn blocks(actor: &Actor, from: Point<Map>, to: Point<Map>) -> bool {
     let ground = |p: Point<Map>| Point2::<Map>::new(p.coords.x, p.coords.y);
     if !comes_near(actor, ground(from), ground(to)) {
         return false;

@@ -1,13 +1,14 @@
 use swerve_core::{Span, Time};
 use swerve_geom::{Point, Pose2, Transform, Vector, Vector2};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
-use swerve_msg::{ActorId, ActorKind, EgoState, Extent};
+use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Side};
+use swerve_vehicle::Shape;
 
 use super::*;
 
 const MOUNT: SensorMount = SensorMount { x_m: 1.0, y_m: 0.0, z_m: 1.9, yaw_rad: 0.0 };
 
-fn world(actors: Vec<Actor>) -> WorldState {
+pub(super) fn world(actors: Vec<Actor>) -> WorldState {
     let pose = Pose2::new(0.0, 0.0, 0.0);
     WorldState {
         stamp: Time::from_ms(500),
@@ -25,7 +26,7 @@ fn world(actors: Vec<Actor>) -> WorldState {
     }
 }
 
-fn actor(id: u32, kind: ActorKind, x_m: f64, y_m: f64, size: [f64; 3]) -> Actor {
+pub(super) fn actor(id: u32, kind: ActorKind, x_m: f64, y_m: f64, size: [f64; 3]) -> Actor {
     let [length_m, width_m, height_m] = size;
     Actor {
         id: ActorId(id),
@@ -37,7 +38,7 @@ fn actor(id: u32, kind: ActorKind, x_m: f64, y_m: f64, size: [f64; 3]) -> Actor 
     }
 }
 
-fn person(id: u32, x_m: f64, y_m: f64) -> Actor {
+pub(super) fn person(id: u32, x_m: f64, y_m: f64) -> Actor {
     actor(id, ActorKind::Pedestrian, x_m, y_m, [0.5, 0.5, 1.8])
 }
 
@@ -117,6 +118,23 @@ fn boxes_side_by_side_do_not_hide_each_other_entirely() {
     let seen = shares(&world, &SensorParams::default());
     assert_eq!(seen.len(), 2);
     assert!(seen.iter().all(|s| s.1 >= 6.0), "{seen:?}");
+}
+
+#[test]
+fn a_sensor_in_the_middle_of_the_car_is_inside_it_and_the_usual_places_are_not() {
+    let shape = Shape::default();
+    let usual = [SensorMount::roof(&shape), SensorMount::front(&shape)];
+    let corners = [Side::Left, Side::Right].map(|s| [true, false].map(|f| SensorMount::corner(&shape, f, s)));
+    for mount in usual.iter().chain(corners.as_flattened()) {
+        assert!(!mount.is_inside(&shape), "{mount:?}");
+        assert_eq!(mount.faults(), []);
+    }
+    assert!(SensorMount { z_m: 1.2, ..SensorMount::roof(&shape) }.is_inside(&shape));
+    assert!(SensorMount { x_m: 3.5, ..SensorMount::front(&shape) }.is_inside(&shape));
+    let wrong = SensorMount { z_m: -0.1, yaw_rad: f64::INFINITY, ..SensorMount::roof(&shape) };
+    let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+    assert_eq!(said[0], "z_m: expected 0 to 10, found -0.1");
+    assert!(said.len() == 2 && said[1].starts_with("yaw_rad: expected ") && said[1].ends_with("found inf"));
 }
 
 #[test]

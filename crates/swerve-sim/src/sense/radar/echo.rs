@@ -1,0 +1,162 @@
+//! From actors to echoes.
+
+use swerve_geom::{Ego, Map, Point, Point2, Pose2, Transform, Vector, math};
+use swerve_msg::ActorId;
+use swerve_msg::truth::{Actor, WorldState};
+
+use super::{RadarParams, decibels, rcs_dbsm, velocity_of};
+use crate::sense::SensorMount;
+use crate::sense::obstacles::blocks;
+
+/// Share of the cross-section at the nearest place of a box, and at each of two corners beside it.
+const SHARES: [f64; 3] = [0.6, 0.2, 0.2];
+/// Scatterers lie at half of the body's height, and no higher than this above its bottom, metres.
+const SCATTERER_MAX_M: f64 = 0.8;
+
+/// A sensor in the world.
+pub(super) struct Eye {
+    pub(super) at: Point<Map>,
+    pub(super) velocity_mps: Vector<Map>,
+    map_from_ego: Transform<Map, Ego>,
+    mount: SensorMount,
+}
+
+/// What comes back from one place, before noise.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Echo {
+    pub(super) range_m: f64,
+    pub(super) range_rate_mps: f64,
+    pub(super) azimuth_rad: f64,
+    pub(super) elevation_rad: f64,
+    /// Mean signal over noise.
+    pub(super) snr: f64,
+    /// Whose the strongest part is, and which.
+    pub(super) actor: ActorId,
+    pub(super) part: i64,
+}
+
+impl Eye {
+    pub(super) fn new(world: &WorldState, mount: &SensorMount, center_of_gravity: Point<Ego>) -> Self {
+        let place = Point::<Ego>::new(mount.x_m, mount.y_m, mount.z_m);
+        Self {
+            at: world.ego.map_from_ego * place,
+            velocity_mps: velocity_of(world, center_of_gravity, place),
+            map_from_ego: world.ego.map_from_ego,
+            mount: *mount,
+        }
+    }
+
+    /// Azimuth and elevation of a direction in the map, about the sensor's own axes.
+    fn angles(&self, towards: Vector<Map>) -> (f64, f64) {
+        let v = (self.map_from_ego.inverse() * towards).coords;
+        let (sin, cos) = math::sin_cos(self.mount.yaw_rad);
+        let (x, y) = (v.x * cos + v.y * sin, v.y * cos - v.x * sin);
+        (math::atan2(y, x), math::atan2(v.z, math::hypot(x, y)))
+    }
+
+    /// The unit vector in the map at these angles.
+    pub(super) fn direction(&self, azimuth_rad: f64, elevation_rad: f64) -> Vector<Map> {
+        let (sin, cos) = math::sin_cos(azimuth_rad + self.mount.yaw_rad);
+        let (up, flat) = math::sin_cos(elevation_rad);
+        self.map_from_ego * Vector::<Ego>::new(flat * cos, flat * sin, up)
+    }
+}
+
+/// The echoes of all scatterers that the sensor can see, as though it could tell them all apart.
+pub(super) fn echoes(world: &WorldState, eye: &Eye, params: &RadarParams) -> Vec<Echo> {
+    let mut found = Vec::new();
+    for (i, actor) in world.actors.iter().enumerate() {
+        let eye_on_ground = Point2::<Map>::new(eye.at.coords.x, eye.at.coords.y);
+        let to_eye = eye_on_ground - actor.pose.point();
+        let rcs = rcs_dbsm(actor.kind, to_eye.heading() - actor.pose.heading_rad);
+        for (part, (place, share)) in scatterers(actor, eye_on_ground).into_iter().enumerate() {
+            let hidden = || {
+                let others = world.actors.iter().enumerate().filter(|(j, _)| *j != i);
+                params.occlusion && others.into_iter().any(|(_, other)| blocks(other, eye.at, place))
+            };
+            let Some(echo) = echo(eye, actor, (part, place), rcs + decibels(share), params) else { continue };
+            if !hidden() {
+                found.push(echo);
+            }
+        }
+    }
+    found
+}
+
+/// The echo of one scatterer, if it is within the limits.
+fn echo(
+    eye: &Eye,
+    actor: &Actor,
+    (part, place): (usize, Point<Map>),
+    rcs_dbsm: f64,
+    params: &RadarParams,
+) -> Option<Echo> {
+    let to = place - eye.at;
+    let range_m = to.norm();
+    if !(params.range_min_m..=params.range_max_m).contains(&range_m) {
+        return None;
+    }
+    let (azimuth_rad, elevation_rad) = eye.angles(to);
+    let seen =
+        azimuth_rad.abs() <= 0.5 * params.fov_rad && elevation_rad.abs() <= 0.5 * params.elevation_fov_rad;
+    let moves = Vector::<Map>::new(actor.velocity_mps.x, actor.velocity_mps.y, 0.0);
+    let range_rate_mps = (moves - eye.velocity_mps).dot(to) / range_m;
+    let snr = params.mean_snr(rcs_dbsm, range_m, azimuth_rad);
+    (seen && range_rate_mps.abs() <= params.range_rate_max_mps).then_some(Echo {
+        range_m,
+        range_rate_mps,
+        azimuth_rad,
+        elevation_rad,
+        snr,
+        actor: actor.id,
+        part: part as i64,
+    })
+}
+
+/// The places from which an actor reflects towards a sensor, with their shares; none for a sensor inside it.
+fn scatterers(actor: &Actor, eye: Point2) -> Vec<(Point<Map>, f64)> {
+    let z_m = actor.z_m + (0.5 * actor.extent.height_m).min(SCATTERER_MAX_M);
+    let lifted = |p: Point2| Point::new(p.x_m, p.y_m, z_m);
+    if actor.is_round() {
+        let center = actor.pose.point();
+        let (apart, radius_m) = (eye.distance(center), 0.5 * actor.extent.width_m);
+        if apart <= radius_m {
+            return Vec::new();
+        }
+        return vec![(lifted(center + (eye - center) * (radius_m / apart)), 1.0)];
+    }
+    let (l, w) = (0.5 * actor.extent.length_m, 0.5 * actor.extent.width_m);
+    let local: Point2<Map> = actor.pose.to_local(eye);
+    let (beyond_end, beyond_side) = (local.x_m.abs() > l, local.y_m.abs() > w);
+    if !beyond_end && !beyond_side {
+        return Vec::new();
+    }
+    let (end, side) = (l.copysign(local.x_m), w.copysign(local.y_m));
+    let nearest = (local.x_m.clamp(-l, l), local.y_m.clamp(-w, w));
+    let corners = match (beyond_end, beyond_side) {
+        (true, true) => [(-end, side), (end, -side)],
+        (true, false) => [(end, w), (end, -w)],
+        _ => [(l, side), (-l, side)],
+    };
+    let pose: Pose2 = actor.pose;
+    let place = |(x, y): (f64, f64)| lifted(pose.from_local(Point2::<Map>::new(x, y)));
+    [nearest, corners[0], corners[1]].map(place).into_iter().zip(SHARES).collect()
+}
+
+/// What a sensor makes of echoes: those too near to a stronger one to be told apart from it add to its power.
+pub(super) fn resolved(mut echoes: Vec<Echo>, params: &RadarParams) -> Vec<Echo> {
+    echoes.sort_by(|a, b| b.snr.total_cmp(&a.snr).then((a.actor, a.part).cmp(&(b.actor, b.part))));
+    let mut kept: Vec<Echo> = Vec::with_capacity(echoes.len());
+    for echo in echoes {
+        let one = |other: &&mut Echo| {
+            (other.range_m - echo.range_m).abs() < params.range_resolution_m
+                && (other.range_rate_mps - echo.range_rate_mps).abs() < params.range_rate_resolution_mps
+                && (other.azimuth_rad - echo.azimuth_rad).abs() < params.azimuth_resolution_rad
+        };
+        match kept.iter_mut().find(one) {
+            Some(stronger) => stronger.snr += echo.snr,
+            None => kept.push(echo),
+        }
+    }
+    kept
+}

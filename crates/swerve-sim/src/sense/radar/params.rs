@@ -1,0 +1,215 @@
+//! What a radar can do.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Span;
+use swerve_geom::math;
+
+use super::{decibels, ratio};
+use crate::sense::{ParamsFault, fault};
+
+/// Cross-section that [`RadarParams::half_range_m`] is given for, dBsm: about that of a car from behind.
+const HALF_RANGE_RCS_DBSM: f64 = 10.0;
+
+/// A radar by name.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RadarPreset {
+    /// Looks ahead from the front bumper, far along the axis and near to the sides: 250 m, 120 degrees; in
+    /// the class of Continental's ARS 408.
+    #[default]
+    LongRange,
+    /// Looks out over a corner of the car: 100 m, 150 degrees, finer in range; in the class of Continental's
+    /// SRR 520.
+    Corner,
+}
+
+impl RadarPreset {
+    /// Its parameters.
+    pub fn params(self) -> RadarParams {
+        match self {
+            Self::LongRange => RadarParams {
+                range_min_m: 0.2,
+                range_max_m: 250.0,
+                fov_rad: 120.0_f64.to_radians(),
+                elevation_fov_rad: 16.0_f64.to_radians(),
+                range_rate_max_mps: 70.0,
+                half_range_m: 230.0,
+                edge_loss_db: 24.0,
+                false_alarm_probability: 1e-6,
+                range_resolution_m: 1.0,
+                range_rate_resolution_mps: 0.1,
+                azimuth_resolution_rad: 2.5_f64.to_radians(),
+                range_noise_m: 0.2,
+                range_rate_noise_mps: 0.03,
+                azimuth_noise_rad: 0.2_f64.to_radians(),
+                elevation_noise_rad: 0.0,
+                clutter_per_scan: 4.0,
+                false_alarms_per_scan: 0.2,
+                measures_elevation: false,
+                occlusion: true,
+            },
+            Self::Corner => RadarParams {
+                range_max_m: 100.0,
+                fov_rad: 150.0_f64.to_radians(),
+                half_range_m: 95.0,
+                edge_loss_db: 12.0,
+                range_resolution_m: 0.4,
+                azimuth_resolution_rad: 6.0_f64.to_radians(),
+                range_noise_m: 0.1,
+                azimuth_noise_rad: 0.6_f64.to_radians(),
+                clutter_per_scan: 6.0,
+                ..Self::LongRange.params()
+            },
+        }
+    }
+
+    /// Time between two scans: whole steps of the world by its default.
+    pub fn period(self) -> Span {
+        match self {
+            Self::LongRange => Span::from_ms(70),
+            Self::Corner => Span::from_ms(50),
+        }
+    }
+}
+
+/// Declares [`RadarParams`] and the form in which files give it: every key may be left out, and is then that
+/// of the preset that the key `preset` names.
+macro_rules! params {
+    ($($(#[$doc:meta])* $name:ident: $number:ty,)*) => {
+        /// Limits, accuracy and errors of a radar. In files, what is left out is as the key `preset` names it.
+        #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+        #[serde(from = "Keys")]
+        pub struct RadarParams {
+            $($(#[$doc])* pub $name: $number,)*
+        }
+
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        #[derive(Default)]
+        struct Keys {
+            preset: RadarPreset,
+            $($name: Option<$number>,)*
+        }
+
+        impl From<Keys> for RadarParams {
+            fn from(keys: Keys) -> Self {
+                let preset = keys.preset.params();
+                Self { $($name: keys.$name.unwrap_or(preset.$name),)* }
+            }
+        }
+    };
+}
+
+params! {
+    /// Nothing nearer is detected, metres.
+    range_min_m: f64,
+    /// Nothing farther is detected, metres.
+    range_max_m: f64,
+    /// Full horizontal field of view, radians.
+    fov_rad: f64,
+    /// Full vertical field of view, radians.
+    elevation_fov_rad: f64,
+    /// No echo of a larger range rate, away or towards, is detected, m/s.
+    range_rate_max_mps: f64,
+    /// Distance at which 10 dBsm on the axis are detected in every second scan, metres.
+    half_range_m: f64,
+    /// What an echo loses at the left and right edges of the field of view, both ways together, decibels;
+    /// grows from the axis with the square of the angle.
+    edge_loss_db: f64,
+    /// Probability with which noise alone crosses the threshold.
+    false_alarm_probability: f64,
+    /// Two echoes nearer to each other than this, and than the next two, are one, metres.
+    range_resolution_m: f64,
+    /// The same in range rate, m/s.
+    range_rate_resolution_mps: f64,
+    /// The same in azimuth, radians.
+    azimuth_resolution_rad: f64,
+    /// Standard deviation of range, metres.
+    range_noise_m: f64,
+    /// Standard deviation of range rate, m/s.
+    range_rate_noise_mps: f64,
+    /// Standard deviation of azimuth, radians.
+    azimuth_noise_rad: f64,
+    /// Standard deviation of elevation, radians.
+    elevation_noise_rad: f64,
+    /// Mean number of echoes per scan from what stands beside and on the road and is no actor.
+    clutter_per_scan: f64,
+    /// Mean number of detections per scan that are noise.
+    false_alarms_per_scan: f64,
+    /// Whether elevation is reported.
+    measures_elevation: bool,
+    /// Whether bodies block the view.
+    occlusion: bool,
+}
+
+impl Default for RadarParams {
+    fn default() -> Self {
+        RadarPreset::default().params()
+    }
+}
+
+impl RadarParams {
+    /// Power over noise that a detection needs.
+    pub(super) fn threshold(&self) -> f64 {
+        -math::ln(self.false_alarm_probability)
+    }
+
+    /// Signal over noise at which every second echo is detected.
+    fn half_snr(&self) -> f64 {
+        self.threshold() / core::f64::consts::LN_2 - 1.0
+    }
+
+    /// Mean signal over noise of an echo of one square metre.
+    fn snr_per_m2(&self, range_m: f64, azimuth_rad: f64) -> f64 {
+        let off_axis = 2.0 * azimuth_rad / self.fov_rad;
+        let loss_db = self.edge_loss_db * off_axis * off_axis + HALF_RANGE_RCS_DBSM;
+        let (nearer, over_m2) = (self.half_range_m / range_m.max(1e-3), ratio(-loss_db));
+        self.half_snr() * nearer * nearer * nearer * nearer * over_m2
+    }
+
+    /// Mean ratio of signal to noise of a cross-section at a place.
+    pub fn mean_snr(&self, rcs_dbsm: f64, range_m: f64, azimuth_rad: f64) -> f64 {
+        self.snr_per_m2(range_m, azimuth_rad) * ratio(rcs_dbsm)
+    }
+
+    /// Probability that one scan detects a cross-section at a place, where nothing is in between.
+    pub fn detection_probability(&self, rcs_dbsm: f64, range_m: f64, azimuth_rad: f64) -> f64 {
+        math::exp(-self.threshold() / (1.0 + self.mean_snr(rcs_dbsm, range_m, azimuth_rad)))
+    }
+
+    /// The cross-section that gives this ratio at a place, dBsm.
+    pub(super) fn rcs_of_snr_dbsm(&self, snr: f64, range_m: f64, azimuth_rad: f64) -> f64 {
+        decibels(snr / self.snr_per_m2(range_m, azimuth_rad))
+    }
+
+    /// Every parameter that is out of range.
+    pub fn faults(&self) -> Vec<ParamsFault> {
+        let tau = core::f64::consts::TAU;
+        let ranges = [
+            ("range_min_m", self.range_min_m, [0.01, 1_000.0]),
+            ("range_max_m", self.range_max_m, [0.1, 10_000.0]),
+            ("fov_rad", self.fov_rad, [1e-3, tau]),
+            ("elevation_fov_rad", self.elevation_fov_rad, [1e-3, 0.5 * tau]),
+            ("range_rate_max_mps", self.range_rate_max_mps, [0.1, 1_000.0]),
+            ("half_range_m", self.half_range_m, [0.1, 10_000.0]),
+            ("edge_loss_db", self.edge_loss_db, [0.0, 100.0]),
+            ("false_alarm_probability", self.false_alarm_probability, [1e-12, 0.1]),
+            ("range_resolution_m", self.range_resolution_m, [0.0, 100.0]),
+            ("range_rate_resolution_mps", self.range_rate_resolution_mps, [0.0, 100.0]),
+            ("azimuth_resolution_rad", self.azimuth_resolution_rad, [0.0, tau]),
+            ("range_noise_m", self.range_noise_m, [0.0, 100.0]),
+            ("range_rate_noise_mps", self.range_rate_noise_mps, [0.0, 100.0]),
+            ("azimuth_noise_rad", self.azimuth_noise_rad, [0.0, 1.0]),
+            ("elevation_noise_rad", self.elevation_noise_rad, [0.0, 1.0]),
+            ("clutter_per_scan", self.clutter_per_scan, [0.0, 500.0]),
+            ("false_alarms_per_scan", self.false_alarms_per_scan, [0.0, 500.0]),
+        ];
+        let mut faults: Vec<_> =
+            ranges.into_iter().filter_map(|(key, x, ends)| fault(key, x, ends)).collect();
+        if self.range_min_m >= self.range_max_m {
+            let must = "a number below range_max_m".to_owned();
+            faults.push(ParamsFault { key: "range_min_m", value: self.range_min_m, must });
+        }
+        faults
+    }
+}

@@ -1,0 +1,117 @@
+//! When a sensor that takes time says what it saw.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Span;
+
+use super::{ParamsFault, fault};
+
+/// How long exposure, readout and transfer of one frame take; all zero by default: seen and known at once.
+///
+/// The **stamp** of a frame is the middle of its exposure: the instant that it describes best. It becomes
+/// **visible** when it is transferred, [`visible_after`](Self::visible_after) later. In the engine a sensor
+/// ticks at its stamps, and the time from there to the transfer is run time of its step.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensorTiming {
+    /// How long light, or echoes, are gathered, milliseconds.
+    pub exposure_ms: f64,
+    /// How long the frame is read out, milliseconds.
+    pub readout_ms: f64,
+    /// How long it is on its way to the computer, milliseconds.
+    pub transfer_ms: f64,
+    /// Whether rows are exposed one after the other as they are read out, instead of all at once before it.
+    pub rolling: bool,
+}
+
+impl SensorTiming {
+    /// From the beginning of the exposure to the stamp. Of a rolling frame: that of its first row.
+    pub fn starts_before(&self) -> Span {
+        ms(0.5 * self.exposure_ms + if self.rolling { 0.5 * self.readout_ms } else { 0.0 })
+    }
+
+    /// From the stamp to the end of the transfer.
+    ///
+    /// A frame that is exposed at once is read out after that: half the exposure, the readout, the transfer.
+    /// The stamp of a rolling one is the middle of its middle row: half the readout comes after it.
+    pub fn visible_after(&self) -> Span {
+        let readout_ms = if self.rolling { 0.5 * self.readout_ms } else { self.readout_ms };
+        ms(0.5 * self.exposure_ms + readout_ms + self.transfer_ms)
+    }
+
+    /// From the stamp to the middle of the exposure of `row` (from the top, from 0) of `rows`.
+    pub fn row_offset(&self, row: u32, rows: u32) -> Span {
+        if !self.rolling || rows < 2 {
+            return Span::ZERO;
+        }
+        ms(self.readout_ms * (f64::from(row.min(rows - 1)) / f64::from(rows - 1) - 0.5))
+    }
+
+    /// How many frames are between stamp and transfer at once, at one every `period`: what a pipelined
+    /// operator needs to lose none.
+    pub fn in_flight(&self, period: Span) -> usize {
+        let (period, after) = (period.ns().max(1), self.visible_after().ns());
+        usize::try_from((after + period - 1) / period).unwrap_or(0).max(1)
+    }
+
+    /// Every parameter that is out of range.
+    pub fn faults(&self) -> Vec<ParamsFault> {
+        let all = [
+            ("exposure_ms", self.exposure_ms),
+            ("readout_ms", self.readout_ms),
+            ("transfer_ms", self.transfer_ms),
+        ];
+        all.into_iter().filter_map(|(key, x)| fault(key, x, [0.0, 10_000.0])).collect()
+    }
+}
+
+fn ms(ms: f64) -> Span {
+    Span::from_secs(ms * 1e-3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAMERA: SensorTiming =
+        SensorTiming { exposure_ms: 10.0, readout_ms: 16.0, transfer_ms: 4.0, rolling: false };
+
+    #[test]
+    fn a_frame_is_visible_at_the_end_of_its_transfer() {
+        assert_eq!((CAMERA.starts_before(), CAMERA.visible_after()), (Span::from_ms(5), Span::from_ms(25)));
+        let rolling = SensorTiming { rolling: true, ..CAMERA };
+        // First row from 13 ms before the stamp, last row until 13 ms after it.
+        assert_eq!(
+            (rolling.starts_before(), rolling.visible_after()),
+            (Span::from_ms(13), Span::from_ms(17))
+        );
+        assert_eq!(SensorTiming::default().visible_after(), Span::ZERO);
+    }
+
+    #[test]
+    fn rows_of_a_rolling_frame_are_spread_around_the_stamp() {
+        let rolling = SensorTiming { rolling: true, ..CAMERA };
+        let of = |row| rolling.row_offset(row, 601);
+        assert_eq!((of(0), of(300), of(600)), (Span::from_ms(-8), Span::ZERO, Span::from_ms(8)));
+        assert_eq!((of(9999), rolling.row_offset(0, 1)), (Span::from_ms(8), Span::ZERO));
+        assert_eq!(CAMERA.row_offset(0, 601), Span::ZERO);
+    }
+
+    #[test]
+    fn frames_in_flight_are_counted() {
+        let of = |period_ms| CAMERA.in_flight(Span::from_ms(period_ms));
+        assert_eq!((of(50), of(25), of(24), of(10)), (1, 1, 2, 3));
+        assert_eq!(SensorTiming::default().in_flight(Span::from_ms(50)), 1);
+        assert_eq!(CAMERA.in_flight(Span::ZERO), 25_000_000);
+    }
+
+    #[test]
+    fn times_that_cannot_be_are_named() {
+        let wrong = SensorTiming { exposure_ms: -1.0, transfer_ms: f64::NAN, ..CAMERA };
+        let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+        assert_eq!(
+            said,
+            ["exposure_ms: expected 0 to 10000, found -1", "transfer_ms: expected 0 to 10000, found NaN"]
+        );
+        assert!(CAMERA.faults().is_empty());
+    }
+}
