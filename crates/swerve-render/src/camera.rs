@@ -62,9 +62,12 @@ impl SensorNoise {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Shutter {
-    /// Time that light is gathered, seconds; with `blur_samples` above 1 motion blurs the colour image.
+    /// Time that light is gathered, seconds; with `blur_samples` above 1 motion blurs the colour
+    /// image.
     pub exposure_s: f64,
-    /// Instants that are averaged over the exposure; 1 for a sharp image.
+    /// Sub-frames that make the colour image; 1 for a single one. They differ by parts of a pixel, which smooths
+    /// edges, and in their instants, spread over the exposure. Depth and ids are of one of them, at the pixels'
+    /// centres.
     pub blur_samples: u32,
     /// Time between the first and the last row, seconds; 0 for a global shutter.
     pub readout_s: f64,
