@@ -140,10 +140,10 @@ impl Pass<'_> {
             let to = (from + step).min(height);
             let middle = (0.5 * (from + to) as f64) / height as f64 - 0.5;
             for sample in 0..samples {
-                let part = (f64::from(sample) + 0.5) / f64::from(samples) - 0.5;
-                let at_s =
-                    shutter.readout_s * middle + if samples > 1 { shutter.exposure_s * part } else { 0.0 };
-                let look = Look { at_s, rows: (from, to), sample, samples };
+                let look = Look { at_s: 0.0, rows: (from, to), sample, samples };
+                let spread = (f64::from(sample) + 0.5) / f64::from(samples) - 0.5;
+                let part = if look.gives_ids() { 0.0 } else { spread };
+                let look = Look { at_s: shutter.readout_s * middle + shutter.exposure_s * part, ..look };
                 self.look(&look, outputs, rows.part(from, to));
             }
         }

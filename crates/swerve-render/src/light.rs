@@ -64,8 +64,9 @@ impl Environment {
         let ambient = scale(add(scale(zenith, 0.45), scale(horizon, 0.33)), 1.0 - 0.1 * cover);
         let lit = add(scale(sunlight, height.max(0.0)), ambient);
         let bounce = scale(lit, 0.16);
-        let metered = dot(lit, WHITE);
-        let meter = 0.72 / metered.max(0.14);
+        // Low sun lights little of the ground, but the bright sky is in the picture too.
+        let metered = dot(lit, WHITE) + 0.25 * dot(horizon, WHITE);
+        let meter = 0.82 / metered.max(0.14);
         let exposure = match exposure {
             Exposure::Metered => meter,
             Exposure::Stops(stops) => meter * libm::exp2(stops) as f32,

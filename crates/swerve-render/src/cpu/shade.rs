@@ -340,8 +340,11 @@ impl Shading<'_> {
         }
         let half = 0.5 * shadow::SKY_SIDE as f32 - 0.5;
         let most = splat(shadow::SKY_SIDE as f32 - 2.0);
-        let texel = |m: F| (m * splat(shadow::SKY_PER_M) + splat(half)).fast_max(F::ZERO).fast_min(most);
-        let (x, y) = (texel(point[0]), texel(point[1]));
+        let texel = |m: F| m * splat(shadow::SKY_PER_M) + splat(half);
+        let bound = |t: F| t.fast_max(F::ZERO).fast_min(most);
+        let (free_x, free_y) = (texel(point[0]), texel(point[1]));
+        let (x, y) = (bound(free_x), bound(free_y));
+        let inside = x.simd_eq(free_x) & y.simd_eq(free_y);
         let (ix, iy) = (x.fast_trunc_int(), y.fast_trunc_int());
         let (tx, ty) = (x - ix.round_float(), y - iy.round_float());
         let (ix, iy) = (ix.to_array(), iy.to_array());
@@ -349,7 +352,7 @@ impl Shading<'_> {
         for k in 0..8 {
             words[k] = self.maps.hidden[iy[k] as usize * shadow::SKY_SIDE + ix[k] as usize] as i32;
         }
-        F::ONE - unpack(i32x8::from(words), tx, ty) * near
+        inside.select(F::ONE - unpack(i32x8::from(words), tx, ty) * near, F::ONE)
     }
 
     /// Share of the sun that is seen, filtered over two by two texels.
@@ -360,8 +363,11 @@ impl Shading<'_> {
         let along = |k: usize| dot8(splat3(maps.axes[k]), point);
         let half = 0.5 * shadow::SIDE as f32 - 0.5;
         let most = splat(shadow::SIDE as f32 - 2.0);
-        let texel = |m: F| (m * splat(shadow::PER_M) + splat(half)).fast_max(F::ZERO).fast_min(most);
-        let (x, y) = (texel(along(0)), texel(along(1)));
+        let texel = |m: F| m * splat(shadow::PER_M) + splat(half);
+        let bound = |t: F| t.fast_max(F::ZERO).fast_min(most);
+        let (free_x, free_y) = (texel(along(0)), texel(along(1)));
+        let (x, y) = (bound(free_x), bound(free_y));
+        let inside = x.simd_eq(free_x) & y.simd_eq(free_y);
         let depth = along(2) * splat(shadow::DEPTHS_PER_M) + splat(shadow::DEPTH_0 + 4.0);
         let (ix, iy) = (x.fast_trunc_int(), y.fast_trunc_int());
         let (tx, ty) = (x - ix.round_float(), y - iy.round_float());
@@ -379,7 +385,7 @@ impl Shading<'_> {
         let lit = taps.map(|tap| i32x8::from(tap).round_float().simd_le(depth).select(F::ONE, F::ZERO));
         let low = lit[0] + (lit[1] - lit[0]) * tx;
         let high = lit[2] + (lit[3] - lit[2]) * tx;
-        low + (high - low) * ty
+        inside.select(low + (high - low) * ty, F::ONE)
     }
 
     /// What a polished surface mirrors, and its share of the light.

@@ -223,9 +223,9 @@ fn digest(frame: &Frame) -> u64 {
 
 /// Changes on purpose only: when shapes, textures or shading change, after a look at the pictures.
 const GOLDEN: [(WeatherPreset, u64); 3] = [
-    (WeatherPreset::ClearNoon, 2_702_300_616_191_900_416),
-    (WeatherPreset::HardRainSunset, 9_485_858_250_630_626_272),
-    (WeatherPreset::ClearNight, 6_752_063_378_224_686_652),
+    (WeatherPreset::ClearNoon, 10_475_055_120_341_319_681),
+    (WeatherPreset::HardRainSunset, 11_622_672_638_831_537_046),
+    (WeatherPreset::ClearNight, 11_406_830_960_323_549_679),
 ];
 
 #[test]
