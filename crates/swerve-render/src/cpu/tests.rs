@@ -188,6 +188,31 @@ fn the_image_is_the_same_on_any_number_of_threads() {
 }
 
 #[test]
+fn images_of_any_size_are_parts_of_larger_ones() {
+    let scene = town(WeatherPreset::ClearNoon, 3, 40.0);
+    let matrix = Intrinsics::Matrix([[90.0, 0.0, 60.0], [0.0, 95.0, 40.0], [0.0, 0.0, 1.0]]);
+    let sized = |width: u32, height: u32| {
+        let camera = small(|s| (s.width_px, s.height_px, s.intrinsics) = (width, height, matrix));
+        shot(&scene, &View::new(&camera, looking([0.0, -1.9, 1.4], 0.05, 0.0)))
+    };
+    let full = sized(160, 120);
+    for (width, height) in [(1, 1), (7, 3), (9, 17), (64, 33), (81, 120)] {
+        let part = sized(width, height);
+        let (width, height) = (width as usize, height as usize);
+        for k in 0..width * height {
+            let whole = k / width * 160 + k % width;
+            let of =
+                |frame: &Frame, k: usize| (frame.depth_m[k].to_bits(), frame.semantic[k], frame.instance[k]);
+            assert_eq!(of(&part, k), of(&full, whole), "{width} x {height}: {k}");
+            // Neighbours in a group of eight share a mip level, so only whole groups are the same colours.
+            if k % width < width / 8 * 8 {
+                assert_eq!(part.rgb[3 * k..3 * k + 3], full.rgb[3 * whole..3 * whole + 3]);
+            }
+        }
+    }
+}
+
+#[test]
 fn the_image_does_not_depend_on_earlier_passes() {
     let mut renderer = renderer(1);
     let camera = small(|_| {});
