@@ -8,14 +8,12 @@
 
 mod geometry;
 mod lens;
-mod light;
 mod raster;
 mod resolve;
 mod rows;
 mod sensor;
 mod shade;
 mod shadow;
-mod texture;
 
 use rayon::prelude::*;
 use swerve_geom::{Map, Transform};
@@ -23,19 +21,20 @@ use wide::f32x8;
 
 use geometry::{Chunk, Frustum, Pinhole};
 use lens::LensCache;
-use light::Environment;
 use raster::{ID_BITS, NONE, Visible};
-use resolve::{Item, Surface, rows_of};
+use resolve::{Item, rows_of};
 use rows::Rows;
 use sensor::Sensor;
 use shade::{Kept, Lamp, Shading};
 use shadow::{ShadowCache, ShadowMaps};
-use texture::Tiles;
 
 use crate::SemanticClass;
 use crate::frame::{FrameMut, Outputs};
+use crate::light::Environment;
 use crate::renderer::{RenderError, View};
 use crate::scene::Scene;
+use crate::surface::{self, Surface};
+use crate::texture::Tiles;
 
 /// Triangles that one piece of geometry work has at least.
 const CHUNK_TRIANGLES: usize = 2048;
@@ -73,6 +72,16 @@ struct Look {
 }
 
 impl Look {
+    /// Where in the pixel it looks, from the centre: evenly spread, the sub-frame of the ids in the middle.
+    fn offset(&self) -> [f64; 2] {
+        if self.gives_ids() {
+            return [0.0; 2];
+        }
+        // The additive recurrence of the plastic number covers the square evenly for any count.
+        let k = f64::from(self.sample + 1);
+        [0.754_877_666_246_693 * k, 0.569_840_290_998_053 * k].map(|x| x - x.floor() - 0.5)
+    }
+
     /// The sub-frame that gives depth and ids.
     fn gives_ids(&self) -> bool {
         self.sample == self.samples / 2
@@ -120,7 +129,7 @@ impl Pass<'_> {
         let outputs = out.outputs();
         let (width, height) = (camera.width_px(), camera.height_px());
         let shutter = camera.spec().shutter;
-        let samples = if outputs.rgb && shutter.exposure_s > 0.0 { shutter.blur_samples } else { 1 };
+        let samples = if outputs.rgb { shutter.blur_samples } else { 1 };
         let needed = if samples > 1 { 3 * width * height } else { 0 };
         self.sums.resize(needed, 0.0);
         let mut sums = std::mem::take(self.sums);
@@ -131,10 +140,10 @@ impl Pass<'_> {
             let to = (from + step).min(height);
             let middle = (0.5 * (from + to) as f64) / height as f64 - 0.5;
             for sample in 0..samples {
-                let part = (f64::from(sample) + 0.5) / f64::from(samples) - 0.5;
-                let at_s =
-                    shutter.readout_s * middle + if samples > 1 { shutter.exposure_s * part } else { 0.0 };
-                let look = Look { at_s, rows: (from, to), sample, samples };
+                let look = Look { at_s: 0.0, rows: (from, to), sample, samples };
+                let spread = (f64::from(sample) + 0.5) / f64::from(samples) - 0.5;
+                let part = if look.gives_ids() { 0.0 } else { spread };
+                let look = Look { at_s: shutter.readout_s * middle + shutter.exposure_s * part, ..look };
                 self.look(&look, outputs, rows.part(from, to));
             }
         }
@@ -144,7 +153,9 @@ impl Pass<'_> {
     fn look(&mut self, look: &Look, outputs: Outputs, rows: Rows<'_>) {
         let (scene, view, parallel) = (self.scene, self.view, self.parallel);
         let lens = self.lenses.of(view.camera);
-        let image = lens.map_or_else(|| lens::pinhole(view.camera), |lens| lens.pinhole);
+        let mut image = lens.map_or_else(|| lens::pinhole(view.camera), |lens| lens.pinhole);
+        let [right, down] = look.offset();
+        (image.cx, image.cy) = (image.cx - right, image.cy - down);
         let drawn = if lens.is_some() { (0, image.height) } else { look.rows };
         let map_from_camera = resolve::moved(&view.map_from_camera, &view.motion, look.at_s);
         let camera_from_map = map_from_camera.inverse();
@@ -281,7 +292,7 @@ impl Work {
                 continue;
             }
             let surfaces = self.surfaces.len() as u32;
-            self.surfaces.extend(mesh.materials().iter().map(|m| resolve::surface(m, instance, scene)));
+            self.surfaces.extend(mesh.materials().iter().map(|m| surface::surface(m, instance, scene)));
             let count = mesh.triangles().len();
             for from in (0..count).step_by(1 << (ID_BITS - 1)) {
                 let range = (from, (from + (1 << (ID_BITS - 1))).min(count));

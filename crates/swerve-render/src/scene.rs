@@ -146,7 +146,7 @@ pub struct Light {
     pub position_m: [f64; 3],
     /// Axis of its cone, unit length, map frame.
     pub direction: [f64; 3],
-    /// Radiance that white paper at 1 m on the axis gets from it.
+    /// Radiance of white paper on the axis times its distance squared, for distances well above 3 m.
     pub intensity: [f32; 3],
     /// It lights nothing beyond.
     pub range_m: f32,

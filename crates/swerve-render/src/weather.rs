@@ -173,7 +173,7 @@ impl WeatherPreset {
         let (azimuth, elevation) = if name.ends_with("noon") {
             (205.0, 52.0)
         } else if name.ends_with("sunset") {
-            (24.0, 9.0)
+            (8.0, 9.0)
         } else {
             (50.0, -20.0)
         };

@@ -31,8 +31,9 @@ pub(super) type Plane = [f32; 3];
 pub(super) struct TriRaster {
     /// Inverse depth.
     pub(super) w: Plane,
-    /// Of each edge: where it crosses row 0 and how far it moves per row, pixels.
-    pub(super) edges: [[f32; 2]; 3],
+    /// Of each edge: where it crosses row 0, and how far it moves per row, pixels; padded to four.
+    pub(super) start: [f32; 4],
+    pub(super) step: [f32; 4],
     /// First and last-but-one column and row.
     pub(super) columns: [u16; 2],
     pub(super) rows: [u16; 2],
@@ -298,9 +299,9 @@ fn set_up(
             } else {
                 raster.rows[0] = raster.rows[0].max(row);
             }
-            raster.edges[k] = [1e6, 0.0];
+            raster.start[k] = 1e6;
         } else {
-            raster.edges[k] = [(-at / ax) as f32, (-ay / ax) as f32];
+            (raster.start[k], raster.step[k]) = ((-at / ax) as f32, (-ay / ax) as f32);
             raster.flags |= u32::from(ax < 0.0) << k;
         }
     }

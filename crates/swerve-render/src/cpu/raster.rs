@@ -1,5 +1,7 @@
 //! Which triangle is seen at each pixel: spans of rows against a buffer of inverse depth.
 
+use wide::f32x4;
+
 use super::geometry::{BAND, Chunk, TriRaster};
 
 /// Nothing but sky at this pixel.
@@ -16,10 +18,11 @@ pub(super) struct Visible<'a> {
     pub(super) id: &'a mut [u32],
 }
 
-/// Smallest whole number that is not below `x`, for numbers within a few thousand of the image.
-fn ceil(x: f32) -> i32 {
-    let whole = x.clamp(-2.0, 70_000.0) as i32;
-    whole + i32::from((whole as f32) < x)
+/// Smallest whole numbers that are not below those given, within a few thousand of the image.
+fn ceil(x: f32x4) -> [i32; 4] {
+    let x = x.fast_max(f32x4::splat(-2.0)).fast_min(f32x4::splat(70_000.0));
+    let whole = x.fast_trunc_int().round_float();
+    (whole + whole.simd_lt(x).select(f32x4::ONE, f32x4::ZERO)).fast_trunc_int().to_array()
 }
 
 /// Draws all triangles that touch a band into its rows; `first_row` is the first of the slices.
@@ -57,8 +60,8 @@ pub(super) fn band(
 /// One row of one triangle.
 fn span<const NEAR: bool>(triangle: &TriRaster, y: f32, id: u32, near: f32, w: &mut [f32], ids: &mut [u32]) {
     let (mut from, mut to) = (i32::from(triangle.columns[0]), i32::from(triangle.columns[1]));
-    for (k, [start, step]) in triangle.edges.into_iter().enumerate() {
-        let crossing = ceil(start + step * y);
+    let crossings = ceil(f32x4::new(triangle.start) + f32x4::new(triangle.step) * f32x4::splat(y));
+    for (k, crossing) in crossings.into_iter().enumerate().take(3) {
         if triangle.flags >> k & 1 == 1 {
             from = from.max(crossing);
         } else {

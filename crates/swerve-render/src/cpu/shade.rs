@@ -3,11 +3,11 @@
 use wide::{f32x4, f32x8, i32x8};
 
 use super::geometry::{Chunk, TriShade};
-use super::light::Environment;
 use super::raster::{ID_BITS, NONE};
-use super::resolve::{Surface, flag, slot};
 use super::shadow::{self, ShadowMaps};
-use super::texture;
+use crate::light::Environment;
+use crate::surface::{Surface, flag, slot};
+use crate::texture;
 use crate::vector::{dot, scale};
 
 type F = f32x8;
@@ -103,17 +103,30 @@ impl Lanes {
 /// Turns eight rows into columns of eight.
 fn columns<const N: usize>(rows: [&[f32; N]; 8]) -> [F; N] {
     let mut out = [F::ZERO; N];
-    for (block, out) in out.chunks_exact_mut(4).enumerate() {
-        let quad = |row: &[f32; N]| {
-            f32x4::from([row[4 * block], row[4 * block + 1], row[4 * block + 2], row[4 * block + 3]])
+    for block in 0..N / 4 {
+        let quad = |row: usize| {
+            let row = rows[row];
+            f32x4::new([row[4 * block], row[4 * block + 1], row[4 * block + 2], row[4 * block + 3]])
         };
-        let low = f32x4::transpose([quad(rows[0]), quad(rows[1]), quad(rows[2]), quad(rows[3])])
-            .map(f32x4::to_array);
-        let high = f32x4::transpose([quad(rows[4]), quad(rows[5]), quad(rows[6]), quad(rows[7])])
-            .map(f32x4::to_array);
-        for (out, (a, b)) in out.iter_mut().zip(low.into_iter().zip(high)) {
-            *out = F::from([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
-        }
+        let [a, b, c, d] = f32x4::transpose([quad(0), quad(1), quad(2), quad(3)]);
+        let [e, f, g, h] = f32x4::transpose([quad(4), quad(5), quad(6), quad(7)]);
+        out[4 * block] = joined(a, e);
+        out[4 * block + 1] = joined(b, f);
+        out[4 * block + 2] = joined(c, g);
+        out[4 * block + 3] = joined(d, h);
+    }
+    out
+}
+
+fn joined(low: f32x4, high: f32x4) -> F {
+    let (a, b) = (low.to_array(), high.to_array());
+    F::new([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]])
+}
+
+fn splats<const N: usize>(numbers: &[f32; N]) -> [F; N] {
+    let mut out = [F::ZERO; N];
+    for (out, number) in out.iter_mut().zip(numbers) {
+        *out = F::splat(*number);
     }
     out
 }
@@ -172,8 +185,8 @@ impl Shading<'_> {
     fn uniform(&self, id: u32) -> Lanes {
         let (triangle, surface) = self.triangle(id);
         Lanes {
-            planes: triangle.map(F::splat),
-            numbers: surface.numbers.map(F::splat),
+            planes: splats(triangle),
+            numbers: splats(&surface.numbers),
             texture: [surface.texture; 8],
             flags: surface.flags,
             same: true,
@@ -183,14 +196,17 @@ impl Shading<'_> {
     /// Several triangles; pixels of the sky take one of the others.
     fn gather(&self, ids: &[u32; 8]) -> Lanes {
         let some = ids.iter().copied().find(|id| *id != NONE).unwrap_or(0);
-        let all = ids.map(|id| self.triangle(if id == NONE { some } else { id }));
-        Lanes {
-            planes: columns(all.map(|(triangle, _)| triangle)),
-            numbers: columns(all.map(|(_, surface)| &surface.numbers)),
-            texture: all.map(|(_, surface)| surface.texture),
-            flags: all.iter().fold(0, |flags, (_, surface)| flags | surface.flags),
-            same: false,
+        let (triangle, surface) = self.triangle(some);
+        let (mut planes, mut numbers) = ([triangle; 8], [&surface.numbers; 8]);
+        let (mut texture, mut flags) = ([surface.texture; 8], surface.flags);
+        for k in 0..8 {
+            if ids[k] != NONE {
+                let (triangle, surface) = self.triangle(ids[k]);
+                (planes[k], numbers[k], texture[k]) = (triangle, &surface.numbers, surface.texture);
+                flags |= surface.flags;
+            }
         }
+        Lanes { planes: columns(planes), numbers: columns(numbers), texture, flags, same: false }
     }
 
     /// Colour of surfaces.
@@ -324,8 +340,11 @@ impl Shading<'_> {
         }
         let half = 0.5 * shadow::SKY_SIDE as f32 - 0.5;
         let most = splat(shadow::SKY_SIDE as f32 - 2.0);
-        let texel = |m: F| (m * splat(shadow::SKY_PER_M) + splat(half)).fast_max(F::ZERO).fast_min(most);
-        let (x, y) = (texel(point[0]), texel(point[1]));
+        let texel = |m: F| m * splat(shadow::SKY_PER_M) + splat(half);
+        let bound = |t: F| t.fast_max(F::ZERO).fast_min(most);
+        let (free_x, free_y) = (texel(point[0]), texel(point[1]));
+        let (x, y) = (bound(free_x), bound(free_y));
+        let inside = x.simd_eq(free_x) & y.simd_eq(free_y);
         let (ix, iy) = (x.fast_trunc_int(), y.fast_trunc_int());
         let (tx, ty) = (x - ix.round_float(), y - iy.round_float());
         let (ix, iy) = (ix.to_array(), iy.to_array());
@@ -333,7 +352,7 @@ impl Shading<'_> {
         for k in 0..8 {
             words[k] = self.maps.hidden[iy[k] as usize * shadow::SKY_SIDE + ix[k] as usize] as i32;
         }
-        F::ONE - unpack(i32x8::from(words), tx, ty) * near
+        inside.select(F::ONE - unpack(i32x8::from(words), tx, ty) * near, F::ONE)
     }
 
     /// Share of the sun that is seen, filtered over two by two texels.
@@ -344,8 +363,11 @@ impl Shading<'_> {
         let along = |k: usize| dot8(splat3(maps.axes[k]), point);
         let half = 0.5 * shadow::SIDE as f32 - 0.5;
         let most = splat(shadow::SIDE as f32 - 2.0);
-        let texel = |m: F| (m * splat(shadow::PER_M) + splat(half)).fast_max(F::ZERO).fast_min(most);
-        let (x, y) = (texel(along(0)), texel(along(1)));
+        let texel = |m: F| m * splat(shadow::PER_M) + splat(half);
+        let bound = |t: F| t.fast_max(F::ZERO).fast_min(most);
+        let (free_x, free_y) = (texel(along(0)), texel(along(1)));
+        let (x, y) = (bound(free_x), bound(free_y));
+        let inside = x.simd_eq(free_x) & y.simd_eq(free_y);
         let depth = along(2) * splat(shadow::DEPTHS_PER_M) + splat(shadow::DEPTH_0 + 4.0);
         let (ix, iy) = (x.fast_trunc_int(), y.fast_trunc_int());
         let (tx, ty) = (x - ix.round_float(), y - iy.round_float());
@@ -363,7 +385,7 @@ impl Shading<'_> {
         let lit = taps.map(|tap| i32x8::from(tap).round_float().simd_le(depth).select(F::ONE, F::ZERO));
         let low = lit[0] + (lit[1] - lit[0]) * tx;
         let high = lit[2] + (lit[3] - lit[2]) * tx;
-        low + (high - low) * ty
+        inside.select(low + (high - low) * ty, F::ONE)
     }
 
     /// What a polished surface mirrors, and its share of the light.
@@ -413,7 +435,9 @@ impl Shading<'_> {
             let beam = clamp01((cone - splat(lamp.cos_outer)) * splat(lamp.over_fall));
             let cosine = (dot8(to, normal) * over).fast_max(F::ZERO);
             let fade = clamp01(F::ONE - square * splat(1.0 / (lamp.range * lamp.range)));
-            let strength = beam * beam * fade * over * over * (cosine + retro * splat(2.5));
+            // A lamp has a size: near it the light no longer grows with the inverse square.
+            let spread = F::ONE / (square + splat(9.0));
+            let strength = beam * beam * fade * spread * (cosine + retro * splat(2.5));
             for (light, intensity) in light.iter_mut().zip(lamp.intensity) {
                 *light += splat(intensity) * strength;
             }

@@ -188,6 +188,31 @@ fn the_image_is_the_same_on_any_number_of_threads() {
 }
 
 #[test]
+fn images_of_any_size_are_parts_of_larger_ones() {
+    let scene = town(WeatherPreset::ClearNoon, 3, 40.0);
+    let matrix = Intrinsics::Matrix([[90.0, 0.0, 60.0], [0.0, 95.0, 40.0], [0.0, 0.0, 1.0]]);
+    let sized = |width: u32, height: u32| {
+        let camera = small(|s| (s.width_px, s.height_px, s.intrinsics) = (width, height, matrix));
+        shot(&scene, &View::new(&camera, looking([0.0, -1.9, 1.4], 0.05, 0.0)))
+    };
+    let full = sized(160, 120);
+    for (width, height) in [(1, 1), (7, 3), (9, 17), (64, 33), (81, 120)] {
+        let part = sized(width, height);
+        let (width, height) = (width as usize, height as usize);
+        for k in 0..width * height {
+            let whole = k / width * 160 + k % width;
+            let of =
+                |frame: &Frame, k: usize| (frame.depth_m[k].to_bits(), frame.semantic[k], frame.instance[k]);
+            assert_eq!(of(&part, k), of(&full, whole), "{width} x {height}: {k}");
+            // Neighbours in a group of eight share a mip level, so only whole groups are the same colours.
+            if k % width < width / 8 * 8 {
+                assert_eq!(part.rgb[3 * k..3 * k + 3], full.rgb[3 * whole..3 * whole + 3]);
+            }
+        }
+    }
+}
+
+#[test]
 fn the_image_does_not_depend_on_earlier_passes() {
     let mut renderer = renderer(1);
     let camera = small(|_| {});
@@ -223,9 +248,9 @@ fn digest(frame: &Frame) -> u64 {
 
 /// Changes on purpose only: when shapes, textures or shading change, after a look at the pictures.
 const GOLDEN: [(WeatherPreset, u64); 3] = [
-    (WeatherPreset::ClearNoon, 14_157_327_573_053_014_983),
-    (WeatherPreset::HardRainSunset, 9_275_405_572_668_640_364),
-    (WeatherPreset::ClearNight, 2_560_394_897_961_926_692),
+    (WeatherPreset::ClearNoon, 10_475_055_120_341_319_681),
+    (WeatherPreset::HardRainSunset, 11_622_672_638_831_537_046),
+    (WeatherPreset::ClearNight, 11_406_830_960_323_549_679),
 ];
 
 #[test]
@@ -410,8 +435,8 @@ fn noise_has_its_size_and_follows_seed_and_frame() {
         a.rgb.iter().zip(&b.rgb).map(|(a, b)| f64::from(*b) - f64::from(*a)).collect();
     let mean = differences.iter().sum::<f64>() / differences.len() as f64;
     let deviation = (differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64).sqrt();
-    // The tone curve's slope makes 0.01 of full scale about 4 of 255 at this grey.
-    assert!(mean.abs() < 0.5 && (2.0..8.0).contains(&deviation), "{mean} {deviation}");
+    // The tone curve makes 0.01 of full scale about 6 of 255 at this grey; its bend moves the mean a little.
+    assert!(mean.abs() < 1.0 && (4.0..9.0).contains(&deviation), "{mean} {deviation}");
     let later = shot(&scene, &View { frame: 1, ..View::new(&noisy, pose) });
     assert!(later.rgb != b.rgb && later.depth_m == b.depth_m);
     assert!(shot(&scene, &View::new(&noisy, pose)) == b);

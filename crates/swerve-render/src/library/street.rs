@@ -52,7 +52,7 @@ pub(super) fn traffic_light([_, width, height]: [f32; 3]) -> Mesh {
     let colours = [
         (lamps::RED, [0.30, 0.02, 0.015], [2.2, 0.05, 0.03]),
         (lamps::YELLOW, [0.30, 0.19, 0.01], [2.2, 1.1, 0.03]),
-        (lamps::GREEN, [0.02, 0.19, 0.10], [0.04, 1.9, 0.75]),
+        (lamps::GREEN, [0.02, 0.19, 0.10], [0.04, 1.9, 0.45]),
     ];
     let radius = (0.14 * head).min(0.8 * half);
     for (k, (lamp, dark, bright)) in colours.into_iter().enumerate() {
