@@ -38,11 +38,21 @@ pub(super) struct CameraOperator {
     ego_from_camera: Transform<Ego, swerve_geom::Camera>,
     info: CameraInfo,
     outputs: Outputs,
+    /// It sits so close that the body would fill the image with what is no obstacle.
+    hides_ego: bool,
     pools: [Pool; 4],
 }
 
+/// From farther off than this a camera sees the car that carries it, metres from its outline.
+const CLOSE_M: f64 = 0.5;
+
 impl CameraOperator {
-    pub(super) fn new(config: &CameraConfig, name: &str, seed: u64, stage: Arc<Mutex<Stage>>) -> anyhow::Result<Self> {
+    pub(super) fn new(
+        (name, camera): (&str, &CameraConfig),
+        config: &Config,
+        stage: Arc<Mutex<Stage>>,
+    ) -> anyhow::Result<Self> {
+        let (seed, config, shape) = (config.seed, camera, &config.sim.vehicle.shape);
         let camera = config.camera(Rng::keyed(seed, name, &[]).bits())?;
         let ego_from_camera = config.ego_from_camera();
         let (fx_px, fy_px, cx_px, cy_px) = camera.focal_px();
@@ -50,7 +60,11 @@ impl CameraOperator {
         let intrinsics = Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion };
         let info = CameraInfo { intrinsics, ego_from_camera };
         let pools = [Encoding::Rgb8, Encoding::DepthF32M, Encoding::ClassU8, Encoding::InstanceU32].map(Pool::new);
-        Ok(Self { stage, camera, ego_from_camera, info, outputs: config.wanted(), pools })
+        let [x, y, z] = config.at_m;
+        let along_m = (x - shape.center_ahead_m()).abs() - 0.5 * shape.length_m;
+        let across_m = y.abs() - 0.5 * shape.width_m;
+        let hides_ego = along_m.max(across_m).max(z - shape.height_m) < CLOSE_M;
+        Ok(Self { stage, camera, ego_from_camera, info, outputs: config.wanted(), hides_ego, pools })
     }
 }
 
@@ -92,7 +106,7 @@ impl Operator for CameraOperator {
                 angular_radps: (ego.map_from_ego * ego.angular_velocity_radps).coords.into(),
             };
             view.frame = cx.stamp().ns() as u64;
-            view.hidden_instance = Some(EGO_INSTANCE);
+            view.hidden_instance = self.hides_ego.then_some(EGO_INSTANCE);
             if let Err(error) = stage.renderer.render(stage.street.scene(), &view, frame) {
                 // Sizes are the camera's own; what is left is a world whose numbers are no longer finite.
                 return cx.stop_run(format!("camera {}: {error}", cx.name()));

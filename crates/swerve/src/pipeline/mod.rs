@@ -96,7 +96,7 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     if !cameras.is_empty() {
         let stage = camera::Stage::new(config, scenario)?;
         for (name, camera) in cameras {
-            let operator = camera::CameraOperator::new(camera, name, seed, stage.clone())?;
+            let operator = camera::CameraOperator::new((name, camera), config, stage.clone())?;
             let node = graph.add(name, operator, (timer(name, camera.period_ms), world));
             node.origin().outputs(&Output::ALL.map(Output::name)).out();
         }
