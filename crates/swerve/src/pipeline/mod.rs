@@ -17,7 +17,7 @@ use swerve_vehicle::VehicleParams;
 
 use crate::config::execution::{parse_policy, span_ms};
 use crate::config::Config;
-use crate::config::camera::{CameraConfig, Output};
+use crate::config::camera::Output;
 
 pub use controller::controller;
 
@@ -130,9 +130,10 @@ fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
         if let Some((_, resource)) = resources.iter().find(|(r, _)| Some(*r) == operator.uses.as_deref()) {
             node = node.uses(*resource);
         }
-        let camera_ms = config.camera.get(name).map_or(0.0, CameraConfig::delay_ms);
-        let added_ms = if name == "planner" { config.planning.added_latency_ms } else { camera_ms };
-        node = node.delay(span_ms(operator.delay_ms + added_ms).map_err(|m| wrong(name, m))?);
+        let added_ms = if name == "planner" { config.planning.added_latency_ms } else { 0.0 };
+        let on_its_way = config.camera.get(name).map_or(Span::ZERO, |camera| camera.timing().visible_after());
+        let delay = span_ms(operator.delay_ms + added_ms).map_err(|m| wrong(name, m))?;
+        node = node.delay(delay + on_its_way);
         let _configured = if name == "planner" { node.heavy() } else { node };
     }
     Ok(())
