@@ -5,43 +5,16 @@ use core::ops::{Deref, DerefMut};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A number that [`Packed`] can hold: `u8`, `u16`, `u32` or `f32`.
-pub trait Packable: Copy + Default + bytemuck::NoUninit + private::Little {}
+/// A number that [`Packed`] can hold.
+pub trait Packable: bytemuck::Pod + Default {}
 
 impl Packable for u8 {}
 impl Packable for u16 {}
 impl Packable for u32 {}
 impl Packable for f32 {}
 
-mod private {
-    /// To and from little-endian bytes.
-    pub trait Little: Sized {
-        /// Bytes of one number.
-        const BYTES: usize;
-        /// The number in `bytes`, of which there are [`Self::BYTES`].
-        fn from_little(bytes: &[u8]) -> Self;
-        /// Appends the bytes of the number.
-        fn to_little(&self, out: &mut Vec<u8>);
-    }
-
-    macro_rules! little {
-        ($($number:ty)*) => {$(
-            impl Little for $number {
-                const BYTES: usize = size_of::<$number>();
-
-                fn from_little(bytes: &[u8]) -> Self {
-                    Self::from_le_bytes(bytes.try_into().expect("chunks are as long as a number"))
-                }
-
-                fn to_little(&self, out: &mut Vec<u8>) {
-                    out.extend_from_slice(&self.to_le_bytes());
-                }
-            }
-        )*};
-    }
-
-    little! { u8 u16 u32 f32 }
-}
+// What is in memory is what is serialized.
+const _: () = assert!(cfg!(target_endian = "little"), "logs and digests hold little-endian numbers");
 
 /// Many numbers of one kind, as they fill images and point clouds.
 ///
@@ -90,12 +63,7 @@ impl<T: fmt::Debug> fmt::Debug for Packed<T> {
 
 impl<T: Packable> Serialize for Packed<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        if cfg!(target_endian = "little") {
-            return serializer.serialize_bytes(bytemuck::cast_slice(&self.0));
-        }
-        let mut bytes = Vec::with_capacity(self.0.len() * T::BYTES);
-        self.0.iter().for_each(|number| number.to_little(&mut bytes));
-        serializer.serialize_bytes(&bytes)
+        serializer.serialize_bytes(bytemuck::cast_slice(&self.0))
     }
 }
 
@@ -112,14 +80,16 @@ impl<'de, T: Packable> Visitor<'de> for Bytes<T> {
     type Value = Packed<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "bytes, {} for each number", T::BYTES)
+        write!(f, "bytes, {} for each number", size_of::<T>())
     }
 
     fn visit_bytes<E: Error>(self, bytes: &[u8]) -> Result<Packed<T>, E> {
-        if !bytes.len().is_multiple_of(T::BYTES) {
+        if !bytes.len().is_multiple_of(size_of::<T>()) {
             return Err(E::invalid_length(bytes.len(), &self));
         }
-        Ok(Packed(bytes.chunks_exact(T::BYTES).map(T::from_little).collect()))
+        let mut numbers = vec![T::default(); bytes.len() / size_of::<T>()];
+        bytemuck::cast_slice_mut(&mut numbers).copy_from_slice(bytes);
+        Ok(Packed(numbers))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<Packed<T>, A::Error> {
