@@ -24,6 +24,7 @@ mod cpu;
 mod frame;
 mod hash;
 mod library;
+pub mod lidar;
 mod material;
 mod mesh;
 mod renderer;
