@@ -6,7 +6,7 @@
 
 use core::cmp::Ordering;
 
-use wide::f32x4;
+use wide::{f32x4, f32x8};
 
 /// Bins per axis.
 const BINS: usize = 16;
@@ -47,7 +47,8 @@ impl Aabb {
     }
 
     fn sides(&self) -> [f32; 3] {
-        [0, 1, 2].map(|axis| (self.max[axis] - self.min[axis]).max(0.0))
+        let ([x0, y0, z0], [x1, y1, z1]) = (self.min, self.max);
+        [(x1 - x0).max(0.0), (y1 - y0).max(0.0), (z1 - z0).max(0.0)]
     }
 
     /// Half of the surface.
@@ -104,42 +105,116 @@ pub(super) struct Ray {
 
 impl Ray {
     /// From a start along a direction of unit length.
+    #[inline(always)]
     pub(super) fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        // Never so small that 0 times its inverse is not a number.
-        let inverse = direction.map(|d| 1.0 / if d.abs() < 1e-18 { 1e-18_f32.copysign(d) } else { d });
+        let [ox, oy, oz] = origin;
+        let [dx, dy, dz] = direction;
+        let [ix, iy, iz] = [inverse(dx), inverse(dy), inverse(dz)];
         Self {
-            origin: origin.map(f32x4::splat),
-            direction: direction.map(f32x4::splat),
-            inverse: inverse.map(f32x4::splat),
-            near: inverse.map(|i| usize::from(i < 0.0)),
+            origin: [f32x4::splat(ox), f32x4::splat(oy), f32x4::splat(oz)],
+            direction: [f32x4::splat(dx), f32x4::splat(dy), f32x4::splat(dz)],
+            inverse: [f32x4::splat(ix), f32x4::splat(iy), f32x4::splat(iz)],
+            near: [usize::from(ix < 0.0), usize::from(iy < 0.0), usize::from(iz < 0.0)],
         }
     }
 
     /// Start and direction.
+    #[inline(always)]
     pub(super) fn parts(&self) -> ([f32; 3], [f32; 3]) {
-        (self.origin.map(|o| o.to_array()[0]), self.direction.map(|d| d.to_array()[0]))
+        let first = |v: f32x4| v.to_array()[0];
+        let ([ox, oy, oz], [dx, dy, dz]) = (self.origin, self.direction);
+        ([first(ox), first(oy), first(oz)], [first(dx), first(dy), first(dz)])
+    }
+
+    /// Where the ray enters and leaves the four boxes along one axis.
+    #[inline(always)]
+    fn slab(&self, node: &Node, axis: usize) -> (f32x4, f32x4) {
+        let near = self.near[axis] & 1;
+        let (o, i) = (self.origin[axis], self.inverse[axis]);
+        ((node.bounds[axis][near] - o) * i, (node.bounds[axis][near ^ 1] - o) * i)
     }
 
     /// Which of the four boxes the ray meets before `reach`, as bits, and how far away.
+    #[inline(always)]
     fn meets(&self, node: &Node, reach: f32) -> (u32, f32x4) {
-        let [x, y, z] = [0, 1, 2].map(|axis| {
-            let near = self.near[axis];
-            let bounds = &node.bounds[axis];
-            let (o, i) = (self.origin[axis], self.inverse[axis]);
-            ((bounds[near & 1] - o) * i, (bounds[(near & 1) ^ 1] - o) * i)
-        });
+        let x = self.slab(node, 0);
+        let y = self.slab(node, 1);
+        let z = self.slab(node, 2);
         let near = x.0.fast_max(y.0).fast_max(z.0.fast_max(f32x4::ZERO));
         let far = x.1.fast_min(y.1).fast_min(z.1) * f32x4::splat(SLACK);
         (near.simd_le(far.fast_min(f32x4::splat(reach))).to_bitmask(), near)
     }
 }
 
+/// Rays of a packet.
+pub(super) const LANES: usize = 8;
+
+/// Rays that go much the same way, walked together.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Packet {
+    /// Starts, by axis.
+    pub(super) origin: [f32x8; 3],
+    /// Directions of unit length, by axis.
+    pub(super) direction: [f32x8; 3],
+    inverse: [f32x8; 3],
+}
+
+impl Packet {
+    /// From starts along directions of unit length.
+    #[inline(always)]
+    pub(super) fn new(origin: [f32x8; 3], direction: [f32x8; 3]) -> Self {
+        let [x, y, z] = direction;
+        let inverse = |d: f32x8| {
+            let tiny = f32x8::splat(1e-18);
+            f32x8::ONE / d.abs().simd_lt(tiny).select(tiny, d)
+        };
+        Self { origin, direction, inverse: [inverse(x), inverse(y), inverse(z)] }
+    }
+
+    /// Where the rays enter and leave a box along one axis.
+    #[inline(always)]
+    fn slab(&self, bounds: [f32; 2], axis: usize) -> (f32x8, f32x8) {
+        let (o, i) = (self.origin[axis], self.inverse[axis]);
+        let a = (f32x8::splat(bounds[0]) - o) * i;
+        let b = (f32x8::splat(bounds[1]) - o) * i;
+        (a.fast_min(b), a.fast_max(b))
+    }
+
+    /// Which rays meet a box before their `reach`, as bits, and how far away.
+    #[inline(always)]
+    fn meets(&self, node: &Node, slot: usize, reach: f32x8) -> (u32, f32x8) {
+        let bounds = |axis: usize| {
+            [node.bounds[axis][0].as_array()[slot & 3], node.bounds[axis][1].as_array()[slot & 3]]
+        };
+        let x = self.slab(bounds(0), 0);
+        let y = self.slab(bounds(1), 1);
+        let z = self.slab(bounds(2), 2);
+        let near = x.0.fast_max(y.0).fast_max(z.0.fast_max(f32x8::ZERO));
+        let far = x.1.fast_min(y.1).fast_min(z.1) * f32x8::splat(SLACK);
+        (near.simd_le(far.fast_min(reach)).to_bitmask(), near)
+    }
+}
+
+/// The least and the largest of eight.
+#[inline(always)]
+fn least(v: f32x8) -> f32 {
+    let [a, b, c, d, e, f, g, h] = v.to_array();
+    let min = |a: f32, b: f32| if a < b { a } else { b };
+    min(min(min(a, b), min(c, d)), min(min(e, f), min(g, h)))
+}
+
+/// 1 over a part of a direction, never so large that 0 times it is not a number.
+#[inline(always)]
+fn inverse(d: f32) -> f32 {
+    1.0 / if d.abs() < 1e-18 { 1e-18_f32.copysign(d) } else { d }
+}
+
 /// What a walk remembers; made once and used for many.
-pub(super) struct Stack([(f32, u32); STACK]);
+pub(super) struct Stack([(f32, u32, u32); STACK]);
 
 impl Default for Stack {
     fn default() -> Self {
-        Self([(0.0, 0); STACK])
+        Self([(0.0, 0, 0); STACK])
     }
 }
 
@@ -177,12 +252,12 @@ impl Bvh {
                     let near = near.to_array();
                     let first = (hits.trailing_zeros() & 3) as usize;
                     hits &= hits - 1;
-                    let mut nearest = (near[first], node.child[first]);
+                    let mut nearest = (near[first], node.child[first], 0);
                     let base = height;
                     while hits != 0 {
                         let next = (hits.trailing_zeros() & 3) as usize;
                         hits &= hits - 1;
-                        let mut far = (near[next], node.child[next]);
+                        let mut far = (near[next], node.child[next], 0);
                         if far.0 < nearest.0 {
                             core::mem::swap(&mut far, &mut nearest);
                         }
@@ -204,9 +279,64 @@ impl Bvh {
                     return;
                 }
                 height -= 1;
-                let (near, next) = entries[height];
+                let (near, next, _) = entries[height];
                 if near <= reach {
                     at = next;
+                    break;
+                }
+            }
+        }
+    }
+}
+
+impl Bvh {
+    /// As [`Self::walk`] for a packet of rays, each with its own reach.
+    ///
+    /// `visit` is given the number of the leaf, the rays that may meet something in it, as bits, and their reach.
+    #[inline(always)]
+    pub(super) fn walk_packet(
+        &self,
+        packet: &Packet,
+        reach: &mut f32x8,
+        stack: &mut Stack,
+        mut visit: impl FnMut(u32, u32, &mut f32x8),
+    ) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        let entries = &mut stack.0;
+        let mut farthest = -least(-*reach);
+        let (mut height, mut at, mut rays) = (0, 0_u32, 0xff_u32);
+        loop {
+            if at & LEAF != 0 {
+                visit(at & !LEAF, rays, reach);
+                farthest = -least(-*reach);
+            } else {
+                let node = &self.nodes[at as usize];
+                let base = height;
+                for slot in 0..4 {
+                    let (hits, near) = packet.meets(node, slot, *reach);
+                    if hits == 0 {
+                        continue;
+                    }
+                    let entry = (least(near), node.child[slot], hits);
+                    let mut place = height;
+                    while place > base && entries[place - 1].0 < entry.0 {
+                        entries[place] = entries[place - 1];
+                        place -= 1;
+                    }
+                    entries[place] = entry;
+                    height += 1;
+                }
+            }
+            loop {
+                if height == 0 {
+                    return;
+                }
+                height -= 1;
+                let (near, next, hits) = entries[height];
+                if near <= farthest {
+                    (at, rays) = (next, hits);
                     break;
                 }
             }
@@ -309,7 +439,7 @@ impl Builder {
         let mut centres = Aabb::NONE;
         for &item in &self.order[part.from as usize..part.to as usize] {
             let aabb = &self.boxes[item as usize];
-            centres.add([0, 1, 2].map(|axis| aabb.centre(axis)));
+            centres.add([aabb.centre(0), aabb.centre(1), aabb.centre(2)]);
         }
         let plane = if depth < DEPTH_SAH { self.cheapest(part, &centres) } else { None };
         let boxes = &self.boxes;
@@ -364,8 +494,7 @@ impl Builder {
                     continue;
                 }
                 let cost = sum.1.area() * sum.0 as f32 + right[k].1 * right[k].0 as f32;
-                let cheaper =
-                    best.is_none_or(|(least, ..)| cost.partial_cmp(&least) == Some(Ordering::Less));
+                let cheaper = best.is_none_or(|(least, ..)| cost.partial_cmp(&least) == Some(Ordering::Less));
                 if cheaper {
                     best = Some((cost, axis, k));
                 }

@@ -6,13 +6,16 @@
 
 use swerve_geom::{Map, Transform};
 
-use super::bvh::{Aabb, Builder, Bvh, Ray, Stack};
+use wide::f32x8;
+
+use super::bvh::{Aabb, Builder, Bvh, LANES, Packet, Ray, Stack};
 use super::soup::{Met, Soup, Triangle};
 use crate::SemanticClass;
 use crate::library::{MeshId, MeshLibrary};
 use crate::mesh::{Body, Mesh};
 use crate::scene::{Instance, Scene};
 use crate::vector::{add, dot, scale};
+use crate::weather::{Weather, WeatherError};
 
 /// Static triangles beyond this number stay with their meshes, so that memory does not grow with every copy.
 const STATIC_TRIANGLES_MAX: usize = 2_000_000;
@@ -20,7 +23,7 @@ const STATIC_TRIANGLES_MAX: usize = 2_000_000;
 const REACH_MAX_M: f64 = 1e7;
 
 /// The scene cannot be made into a tree, or a ray cannot be cast.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum TreeError {
     /// A pose is not finite or beyond all maps.
     #[error("instance {index} of the {part} part has a pose that is not finite or beyond 10000 km")]
@@ -42,6 +45,9 @@ pub enum TreeError {
         /// Meshes of the library.
         meshes: usize,
     },
+    /// The weather is out of its range.
+    #[error(transparent)]
+    Weather(#[from] WeatherError),
 }
 
 /// What a ray met.
@@ -63,6 +69,13 @@ pub struct Hit {
     pub is_retro_reflective: bool,
     /// Unit normal of the triangle, map frame, on the side that the ray came from.
     pub normal: [f32; 3],
+}
+
+/// What a packet's walk reads and changes besides the rays.
+struct Query<'a> {
+    reach: &'a mut f32x8,
+    hidden: Option<u32>,
+    stacks: &'a mut [Stack; 2],
 }
 
 /// What a triangle's surface is, with what is known of its instance.
@@ -103,8 +116,7 @@ struct Shape {
 impl Shape {
     /// One mesh in its own frame.
     fn of_mesh(id: MeshId, mesh: &Mesh, builder: &mut Builder) -> Self {
-        let surfaces =
-            (0..mesh.materials().len()).map(|k| Surface::of(id, mesh, k as u16, None)).collect();
+        let surfaces = (0..mesh.materials().len()).map(|k| Surface::of(id, mesh, k as u16, None)).collect();
         let triangles: Vec<Triangle> = mesh
             .triangles()
             .iter()
@@ -143,6 +155,21 @@ impl Pose {
 
     fn apply(&self, point: [f32; 3]) -> [f32; 3] {
         add(self.turned(point), self.origin)
+    }
+
+    /// A packet in the body's frame.
+    #[inline(always)]
+    fn local(&self, packet: &Packet) -> Packet {
+        let turn = |[x, y, z]: [f32x8; 3]| {
+            let along = |axis: [f32; 3]| {
+                x * f32x8::splat(axis[0]) + y * f32x8::splat(axis[1]) + z * f32x8::splat(axis[2])
+            };
+            let [i, j, k] = self.axes;
+            [along(i), along(j), along(k)]
+        };
+        let ([x, y, z], [ox, oy, oz]) = (packet.origin, self.origin);
+        let from = [x - f32x8::splat(ox), y - f32x8::splat(oy), z - f32x8::splat(oz)];
+        Packet::new(turn(from), turn(packet.direction))
     }
 
     fn bounds(&self, (min, max): ([f32; 3], [f32; 3])) -> Aabb {
@@ -217,17 +244,57 @@ impl Crowd {
             }
             let (origin, direction) = ray.parts();
             let from = crate::vector::sub(origin, placed.pose.origin);
-            let turn = |v: [f32; 3]| placed.pose.axes.map(|axis| dot(axis, v));
+            let [x, y, z] = placed.pose.axes;
+            let turn = |v: [f32; 3]| [dot(x, v), dot(y, v), dot(z, v)];
             let local = Ray::new(turn(from), turn(direction));
             match shapes[placed.mesh.index()].shape.soup.nearest(&local, reach, inner, |_| true) {
-                Some(met) => {
+                Some(met) if met.distance < reach || found.is_none_or(|(other, _)| leaf < other) => {
                     found = Some((leaf, met));
                     met.distance
                 }
-                None => reach,
+                _ => reach,
             }
         });
         found
+    }
+
+    /// As [`Self::nearest`] for a packet of rays; shortens their reach and writes to `found` what is nearer.
+    fn nearest_packet(
+        &self,
+        packet: &Packet,
+        shapes: &[Kept],
+        query: &mut Query<'_>,
+        found: &mut [Option<(u32, Met)>; LANES],
+    ) {
+        let [outer, inner] = query.stacks;
+        let hidden = query.hidden;
+        self.bvh.walk_packet(packet, query.reach, outer, |leaf, rays, reach| {
+            let placed = &self.placed[leaf as usize];
+            if hidden == Some(placed.instance_id) {
+                return;
+            }
+            let local = placed.pose.local(packet);
+            // Rays that do not meet the box take no part: they reach nothing.
+            let mut local_reach = [-1.0; LANES];
+            let before = reach.to_array();
+            for ray in 0..LANES {
+                if rays >> ray & 1 != 0 {
+                    local_reach[ray] = before[ray];
+                }
+            }
+            let mut local_reach = f32x8::new(local_reach);
+            let soup = &shapes[placed.mesh.index()].shape.soup;
+            let met = soup.nearest_packet(&local, &mut local_reach, inner, |_| true);
+            let reaches = reach.as_mut_array();
+            for ray in 0..LANES {
+                if let Some(met) = met[ray]
+                    && (met.distance < reaches[ray] || found[ray].is_none_or(|(other, _)| leaf < other))
+                {
+                    reaches[ray] = met.distance;
+                    found[ray] = Some((leaf, met));
+                }
+            }
+        });
     }
 }
 
@@ -257,6 +324,7 @@ pub struct SceneTree {
     far_statics: Crowd,
     moving: Crowd,
     shapes: Vec<Kept>,
+    weather: Weather,
     builder: Builder,
 }
 
@@ -284,6 +352,7 @@ impl SceneTree {
     /// As [`Self::new`]; the tree then stays as it was.
     pub fn update(&mut self, scene: &Scene) -> Result<(), TreeError> {
         let (statics, meshes) = (scene.statics(), &scene.meshes);
+        scene.weather.check()?;
         check("dynamic", &scene.dynamics, meshes)?;
         if self.static_version != Some(statics.version()) {
             check("static", statics.instances(), meshes)?;
@@ -297,6 +366,7 @@ impl SceneTree {
         for instance in &scene.dynamics {
             keep_shape(&mut self.shapes, instance.mesh, meshes, &mut self.builder);
         }
+        self.weather = scene.weather;
         self.moving.build(scene.dynamics.iter(), meshes, self.centre_m, &mut self.builder);
         Ok(())
     }
@@ -328,6 +398,11 @@ impl SceneTree {
         self.far_statics.build(far.into_iter(), meshes, self.centre_m, &mut self.builder);
     }
 
+    /// The scene's weather.
+    pub fn weather(&self) -> &Weather {
+        &self.weather
+    }
+
     /// The first surface within a range along a ray.
     ///
     /// Start in the map frame, metres; the direction need not have unit length. `None` when nothing is there, and
@@ -352,13 +427,14 @@ impl SceneTree {
         if !fine || range_m.is_nan() {
             return None;
         }
-        let direction = direction.map(|d| (d / length) as f32);
+        let direction = [(x / length) as f32, (y / length) as f32, (z / length) as f32];
         self.first(memory, self.local(origin_m), direction, range_m as f32, hidden)
     }
 
     /// A point of the map in the frame of the trees.
     pub(super) fn local(&self, point_m: [f64; 3]) -> [f32; 3] {
-        [0, 1, 2].map(|k| (point_m[k] - self.centre_m[k]) as f32)
+        let ([x, y, z], [cx, cy, cz]) = (point_m, self.centre_m);
+        [(x - cx) as f32, (y - cy) as f32, (z - cz) as f32]
     }
 
     /// The first surface along a ray in the frame of the trees, with a direction of unit length.
@@ -382,7 +458,9 @@ impl SceneTree {
         };
         let mut found = ground.map(Found::Ground);
         let mut reach = ground.map_or(range_m, |met| met.distance);
-        if let Some((at, met)) = self.far_statics.nearest(&ray, &self.shapes, reach, hidden, &mut memory.stacks) {
+        if let Some((at, met)) =
+            self.far_statics.nearest(&ray, &self.shapes, reach, hidden, &mut memory.stacks)
+        {
             reach = met.distance;
             found = Some(Found::Far(at, met));
         }
@@ -390,6 +468,44 @@ impl SceneTree {
             found = Some(Found::Moving(at, met));
         }
         Some(self.hit(&found?, direction))
+    }
+
+    /// As [`Self::first`] for eight rays; a ray with a negative range takes no part.
+    pub(super) fn first_of_packet(
+        &self,
+        memory: &mut RayMemory,
+        origins: [f32x8; 3],
+        directions: [f32x8; 3],
+        range_m: f32x8,
+        hidden: Option<u32>,
+    ) -> [Option<Hit>; LANES] {
+        let packet = Packet::new(origins, directions);
+        let mut reach = range_m;
+        let surfaces = &self.ground.surfaces;
+        let [stack, _] = &mut memory.stacks;
+        let ground = match hidden {
+            None => self.ground.soup.nearest_packet(&packet, &mut reach, stack, |_| true),
+            Some(id) => {
+                let seen = |surface: u32| surfaces[surface as usize].instance_id != id;
+                self.ground.soup.nearest_packet(&packet, &mut reach, stack, seen)
+            }
+        };
+        let (mut far, mut moving) = ([None; LANES], [None; LANES]);
+        let mut query = Query { reach: &mut reach, hidden, stacks: &mut memory.stacks };
+        self.far_statics.nearest_packet(&packet, &self.shapes, &mut query, &mut far);
+        self.moving.nearest_packet(&packet, &self.shapes, &mut query, &mut moving);
+        let [x, y, z] = directions.map(|d| d.to_array());
+        let mut hits = [None; LANES];
+        for ray in 0..LANES {
+            let found = match (moving[ray], far[ray], ground[ray]) {
+                (Some((at, met)), ..) => Found::Moving(at, met),
+                (None, Some((at, met)), _) => Found::Far(at, met),
+                (None, None, Some(met)) => Found::Ground(met),
+                (None, None, None) => continue,
+            };
+            hits[ray] = Some(self.hit(&found, [x[ray], y[ray], z[ray]]));
+        }
+        hits
     }
 
     fn hit(&self, found: &Found, direction: [f32; 3]) -> Hit {

@@ -1,8 +1,8 @@
 //! Triangles in blocks of four under a hierarchy, and the nearest of them along a ray.
 
-use wide::f32x4;
+use wide::{f32x4, f32x8};
 
-use super::bvh::{Aabb, Builder, Bvh, Ray, Stack};
+use super::bvh::{Aabb, Builder, Bvh, LANES, Packet, Ray, Stack};
 use crate::vector::{cross, sub};
 
 /// A triangle of a soup.
@@ -32,6 +32,15 @@ pub(super) struct Met {
     pub(super) distance: f32,
     /// Where its triangle is: block and lane.
     place: u32,
+}
+
+impl Met {
+    /// Whether this is met instead of another: nearer, or as near and earlier in the order of triangles, so that
+    /// the order of the walk does not matter.
+    #[inline(always)]
+    fn comes_before(&self, other: Option<Self>, reach: f32) -> bool {
+        self.distance < reach || other.is_none_or(|other| self.distance == reach && self.place < other.place)
+    }
 }
 
 /// Triangles that do not move against each other.
@@ -74,16 +83,16 @@ impl Soup {
         let mut met = None;
         self.bvh.walk(ray, reach, stack, |leaf, mut reach| {
             let block = &self.blocks[leaf as usize];
-            let (mut hits, distances) = block.meets(ray, reach);
+            let (mut hits, distances) = block.meets(&ray.origin, &ray.direction, reach);
             if hits != 0 {
                 let distances = distances.to_array();
                 while hits != 0 {
                     let lane = hits.trailing_zeros() & 3;
                     hits &= hits - 1;
-                    let distance = distances[lane as usize];
-                    if distance < reach && allowed(block.surface[lane as usize]) {
-                        reach = distance;
-                        met = Some(Met { distance, place: leaf << 2 | lane });
+                    let new = Met { distance: distances[lane as usize], place: leaf << 2 | lane };
+                    if new.comes_before(met, reach) && allowed(block.surface[lane as usize]) {
+                        reach = new.distance;
+                        met = Some(new);
                     }
                 }
             }
@@ -92,11 +101,60 @@ impl Soup {
         met
     }
 
+    /// As [`Self::nearest`] for the rays of a packet; shortens their reach and gives what each met.
+    #[inline(always)]
+    pub(super) fn nearest_packet(
+        &self,
+        packet: &Packet,
+        reach: &mut f32x8,
+        stack: &mut Stack,
+        allowed: impl Fn(u32) -> bool,
+    ) -> [Option<Met>; LANES] {
+        let mut met = [None; LANES];
+        let ([ox, oy, oz], [dx, dy, dz]) = (&packet.origin, &packet.direction);
+        let origins = [ox.as_array(), oy.as_array(), oz.as_array()];
+        let directions = [dx.as_array(), dy.as_array(), dz.as_array()];
+        self.bvh.walk_packet(packet, reach, stack, |leaf, mut rays, reach| {
+            let block = &self.blocks[leaf as usize];
+            let reaches = reach.as_mut_array();
+            while rays != 0 {
+                let ray = (rays.trailing_zeros() & 7) as usize;
+                rays &= rays - 1;
+                let origin = [
+                    f32x4::splat(origins[0][ray]),
+                    f32x4::splat(origins[1][ray]),
+                    f32x4::splat(origins[2][ray]),
+                ];
+                let direction = [
+                    f32x4::splat(directions[0][ray]),
+                    f32x4::splat(directions[1][ray]),
+                    f32x4::splat(directions[2][ray]),
+                ];
+                let (mut hits, distances) = block.meets(&origin, &direction, reaches[ray]);
+                if hits == 0 {
+                    continue;
+                }
+                let distances = distances.to_array();
+                while hits != 0 {
+                    let lane = hits.trailing_zeros() & 3;
+                    hits &= hits - 1;
+                    let new = Met { distance: distances[lane as usize], place: leaf << 2 | lane };
+                    if new.comes_before(met[ray], reaches[ray]) && allowed(block.surface[lane as usize]) {
+                        reaches[ray] = new.distance;
+                        met[ray] = Some(new);
+                    }
+                }
+            }
+        });
+        met
+    }
+
     /// Surface and normal (not of unit length, on the outer side) of what was met.
     pub(super) fn describe(&self, met: Met) -> (u32, [f32; 3]) {
         let block = &self.blocks[(met.place >> 2) as usize];
         let lane = (met.place & 3) as usize;
-        (block.surface[lane], block.normal.map(|n| n.to_array()[lane]))
+        let [x, y, z] = block.normal;
+        (block.surface[lane], [x.to_array()[lane], y.to_array()[lane], z.to_array()[lane]])
     }
 }
 
@@ -123,14 +181,15 @@ impl Block {
     /// Möller and Trumbore, "Fast, Minimum Storage Ray-Triangle Intersection" (1997), with the triple products
     /// turned so that the normal can be kept and the distance is known first.
     #[inline(always)]
-    fn meets(&self, ray: &Ray, reach: f32) -> (u32, f32x4) {
-        let (d, n) = (&ray.direction, &self.normal);
-        let s = [0, 1, 2].map(|axis| ray.origin[axis] - self.corner[axis]);
+    fn meets(&self, origin: &[f32x4; 3], d: &[f32x4; 3], reach: f32) -> (u32, f32x4) {
+        let n = &self.normal;
+        let ([ox, oy, oz], [cx, cy, cz]) = (*origin, self.corner);
+        let s = [ox - cx, oy - cy, oz - cz];
         let one = f32x4::ONE;
         let zero = f32x4::ZERO;
         let inverse = -one / dot(d, n);
         let distance = dot(&s, n) * inverse;
-        let in_reach = distance.simd_gt(zero) & distance.simd_lt(f32x4::splat(reach));
+        let in_reach = distance.simd_gt(zero) & distance.simd_le(f32x4::splat(reach));
         if !in_reach.any() {
             return (0, distance);
         }
