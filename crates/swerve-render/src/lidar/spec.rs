@@ -103,7 +103,7 @@ impl LidarSpec {
         let shots = self.beams.len() * columns as usize;
         expect(shots <= SHOTS_MAX, "beams x columns", shots, "at most 4194304 shots per turn")?;
         let rate = self.rate_hz;
-        expect(rate >= 0.01 && rate <= 1000.0, "rate_hz", rate, "0.01 to 1000 turns per second")?;
+        expect((0.01..=1000.0).contains(&rate), "rate_hz", rate, "0.01 to 1000 turns per second")?;
         let first = self.first_azimuth_rad;
         expect(first.abs() <= 2.0 * PI, "first_azimuth_rad", first, "an angle from -2 pi to 2 pi")?;
         let (near, far) = (self.range_min_m, self.range_max_m);

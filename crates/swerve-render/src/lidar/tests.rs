@@ -322,7 +322,7 @@ fn points_of_a_plane_fit_it_within_the_noise() {
     let cloud = turn(spec, &tree, at(3.0, -2.0, height), 1);
     let mut errors = Vec::new();
     for k in 0..cloud.len {
-        let sine = beams[usize::from(cloud.ring[k])].elevation_rad.sin();
+        let sine = swerve_geom::math::sin(beams[usize::from(cloud.ring[k])].elevation_rad);
         assert!(sine < 0.0);
         // The range that the plane gives is height / -sine.
         let [x, y, z] = cloud.point_m(k).map(f64::from);
@@ -460,7 +460,7 @@ fn a_turning_sensor_sees_straight_what_its_poses_undo() {
     let mut cloud = Cloud::new(&spec, false);
     let mut sweeper = Sweeper::new(spec, 1).unwrap();
     let pose = |s: f64| -> Transform<Map, Lidar> {
-        Transform::from_roll_pitch_yaw(Point::new(5.0 * s, 1.0 - 2.0 * s, 1.5), 0.02, -0.01, -1.0 * s)
+        Transform::from_roll_pitch_yaw(Point::new(5.0 * s, 1.0 - 2.0 * s, 1.5), 0.02, -0.01, -s)
     };
     sweeper.begin_turn(0, &mut cloud.as_mut());
     for step in 0..20_i64 {
