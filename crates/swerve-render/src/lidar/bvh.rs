@@ -157,6 +157,48 @@ pub(super) struct Packet {
     /// Directions of unit length, by axis.
     pub(super) direction: [f32x8; 3],
     inverse: [f32x8; 3],
+    /// What bounds all rays, by axis.
+    span: [Span; 3],
+}
+
+/// What bounds the rays of a packet along one axis, the same in all lanes.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    /// Which side of a box comes first.
+    near: usize,
+    /// The start from which the near side is nearest, and that from which the far side is farthest.
+    origin: [f32x4; 2],
+    /// Least and largest inverse of the directions.
+    inverse: [f32x4; 2],
+}
+
+impl Span {
+    #[inline(always)]
+    fn new(origin: f32x8, inverse: f32x8) -> Self {
+        let (low, high) = (least(origin), -least(-origin));
+        let (slow, fast) = (least(inverse), -least(-inverse));
+        let (near, origin, inverse) = if slow > 0.0 {
+            (0, [high, low], [slow, fast])
+        } else if fast < 0.0 {
+            (1, [low, high], [slow, fast])
+        } else {
+            // Some rays go up the axis and some down: it bounds nothing.
+            (0, [f32::INFINITY, f32::NEG_INFINITY], [1.0, 1.0])
+        };
+        let [o0, o1] = origin;
+        let [i0, i1] = inverse;
+        let (origin, inverse) = ([f32x4::splat(o0), f32x4::splat(o1)], [f32x4::splat(i0), f32x4::splat(i1)]);
+        Self { near, origin, inverse }
+    }
+
+    /// No ray enters the four boxes along this axis before the first, none leaves them after the second.
+    #[inline(always)]
+    fn slab(&self, bounds: &[f32x4; 2]) -> (f32x4, f32x4) {
+        let near = self.near & 1;
+        let (a, b) = (bounds[near] - self.origin[0], bounds[near ^ 1] - self.origin[1]);
+        let [slow, fast] = self.inverse;
+        ((a * slow).fast_min(a * fast), (b * slow).fast_max(b * fast))
+    }
 }
 
 impl Packet {
@@ -168,7 +210,24 @@ impl Packet {
             let tiny = f32x8::splat(1e-18);
             f32x8::ONE / d.abs().simd_lt(tiny).select(tiny, d)
         };
-        Self { origin, direction, inverse: [inverse(x), inverse(y), inverse(z)] }
+        let inverse = [inverse(x), inverse(y), inverse(z)];
+        let span = [
+            Span::new(origin[0], inverse[0]),
+            Span::new(origin[1], inverse[1]),
+            Span::new(origin[2], inverse[2]),
+        ];
+        Self { origin, direction, inverse, span }
+    }
+
+    /// Which of the four boxes any ray may meet before `reach`, as bits: all that one does meet, and others.
+    #[inline(always)]
+    fn may_meet(&self, node: &Node, reach: f32) -> u32 {
+        let x = self.span[0].slab(&node.bounds[0]);
+        let y = self.span[1].slab(&node.bounds[1]);
+        let z = self.span[2].slab(&node.bounds[2]);
+        let near = x.0.fast_max(y.0).fast_max(z.0.fast_max(f32x4::ZERO));
+        let far = x.1.fast_min(y.1).fast_min(z.1) * f32x4::splat(SLACK);
+        near.simd_le(far.fast_min(f32x4::splat(reach))).to_bitmask()
     }
 
     /// Where the rays enter and leave a box along one axis.
@@ -195,7 +254,7 @@ impl Packet {
     }
 }
 
-/// The least and the largest of eight.
+/// The least of eight.
 #[inline(always)]
 fn least(v: f32x8) -> f32 {
     let [a, b, c, d, e, f, g, h] = v.to_array();
@@ -314,7 +373,10 @@ impl Bvh {
             } else {
                 let node = &self.nodes[at as usize];
                 let base = height;
-                for slot in 0..4 {
+                let mut slots = packet.may_meet(node, farthest);
+                while slots != 0 {
+                    let slot = (slots.trailing_zeros() & 3) as usize;
+                    slots &= slots - 1;
                     let (hits, near) = packet.meets(node, slot, *reach);
                     if hits == 0 {
                         continue;

@@ -103,7 +103,8 @@ impl Receiver {
     /// The range with noise and in whole steps.
     fn measured(&self, range: f32, hash: u64) -> f32 {
         let noisy = if self.sigma > 0.0 { range + self.sigma * normal(hash) } else { range };
-        if self.step > 0.0 { libm::roundf(noisy / self.step) * self.step } else { noisy }
+        // Whole numbers by conversion: rounding functions are calls on old processors.
+        if self.step > 0.0 { (noisy / self.step + 0.5) as i64 as f32 * self.step } else { noisy }
     }
 }
 

@@ -517,7 +517,6 @@ impl SceneTree {
             Found::Far(at, met) => self.described(&self.far_statics.placed[at as usize], met),
             Found::Moving(at, met) => self.described(&self.moving.placed[at as usize], met),
         };
-        let normal = crate::vector::normalized(normal);
         let normal = if dot(normal, direction) > 0.0 { scale(normal, -1.0) } else { normal };
         Hit {
             distance_m,

@@ -3,7 +3,7 @@
 use wide::{f32x4, f32x8};
 
 use super::bvh::{Aabb, Builder, Bvh, LANES, Packet, Ray, Stack};
-use crate::vector::{cross, sub};
+use crate::vector::{cross, normalized, sub};
 
 /// A triangle of a soup.
 #[derive(Clone, Copy, Debug)]
@@ -16,13 +16,21 @@ pub(super) struct Triangle {
 
 /// Four triangles side by side; places that are not used are triangles without extent.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
 struct Block {
     corner: [f32x4; 3],
     edge_1: [f32x4; 3],
     edge_2: [f32x4; 3],
     /// Outer product of the edges.
     normal: [f32x4; 3],
-    surface: [u32; 4],
+}
+
+/// What is known of a triangle besides its place.
+#[derive(Clone, Copy, Debug, Default)]
+struct Facet {
+    /// Unit normal, on the outer side.
+    normal: [f32; 3],
+    surface: u32,
 }
 
 /// What a ray met.
@@ -30,7 +38,7 @@ struct Block {
 pub(super) struct Met {
     /// How far away.
     pub(super) distance: f32,
-    /// Where its triangle is: block and lane.
+    /// Where its triangle is: four times the block, and the lane.
     place: u32,
 }
 
@@ -48,6 +56,8 @@ impl Met {
 pub(super) struct Soup {
     bvh: Bvh,
     blocks: Vec<Block>,
+    /// By place.
+    facets: Vec<Facet>,
 }
 
 impl Soup {
@@ -67,7 +77,12 @@ impl Soup {
         }));
         let mut soup = Self::default();
         builder.build(&mut soup.bvh, 4);
-        soup.blocks = builder.leaves().map(|items| Block::of(items, triangles)).collect();
+        for items in builder.leaves() {
+            soup.blocks.push(Block::of(items, triangles));
+            soup.facets.extend((0..4).map(|lane| {
+                items.get(lane).map_or(Facet::default(), |&item| Facet::of(&triangles[item as usize]))
+            }));
+        }
         soup
     }
 
@@ -90,7 +105,7 @@ impl Soup {
                     let lane = hits.trailing_zeros() & 3;
                     hits &= hits - 1;
                     let new = Met { distance: distances[lane as usize], place: leaf << 2 | lane };
-                    if new.comes_before(met, reach) && allowed(block.surface[lane as usize]) {
+                    if new.comes_before(met, reach) && allowed(self.surface(new)) {
                         reach = new.distance;
                         met = Some(new);
                     }
@@ -139,7 +154,7 @@ impl Soup {
                     let lane = hits.trailing_zeros() & 3;
                     hits &= hits - 1;
                     let new = Met { distance: distances[lane as usize], place: leaf << 2 | lane };
-                    if new.comes_before(met[ray], reaches[ray]) && allowed(block.surface[lane as usize]) {
+                    if new.comes_before(met[ray], reaches[ray]) && allowed(self.surface(new)) {
                         reaches[ray] = new.distance;
                         met[ray] = Some(new);
                     }
@@ -149,31 +164,40 @@ impl Soup {
         met
     }
 
-    /// Surface and normal (not of unit length, on the outer side) of what was met.
+    /// Surface and unit normal (on the outer side) of what was met.
+    #[inline(always)]
     pub(super) fn describe(&self, met: Met) -> (u32, [f32; 3]) {
-        let block = &self.blocks[(met.place >> 2) as usize];
-        let lane = (met.place & 3) as usize;
-        let [x, y, z] = block.normal;
-        (block.surface[lane], [x.to_array()[lane], y.to_array()[lane], z.to_array()[lane]])
+        let facet = &self.facets[met.place as usize];
+        (facet.surface, facet.normal)
+    }
+
+    #[inline(always)]
+    fn surface(&self, met: Met) -> u32 {
+        self.facets[met.place as usize].surface
+    }
+}
+
+impl Facet {
+    fn of(triangle: &Triangle) -> Self {
+        let [a, b, c] = triangle.corners;
+        Self { normal: normalized(cross(sub(b, a), sub(c, a))), surface: triangle.surface }
     }
 }
 
 impl Block {
     fn of(items: &[u32], triangles: &[Triangle]) -> Self {
         let mut lanes = [[[0.0_f32; 4]; 3]; 4];
-        let mut surface = [0; 4];
         for (lane, &item) in items.iter().enumerate() {
-            let Triangle { corners: [a, b, c], surface: of } = triangles[item as usize];
+            let [a, b, c] = triangles[item as usize].corners;
             let (edge_1, edge_2) = (sub(b, a), sub(c, a));
             for (vector, part) in [a, edge_1, edge_2, cross(edge_1, edge_2)].into_iter().zip(&mut lanes) {
                 for axis in 0..3 {
                     part[axis][lane] = vector[axis];
                 }
             }
-            surface[lane] = of;
         }
         let [corner, edge_1, edge_2, normal] = lanes.map(|part| part.map(f32x4::new));
-        Self { corner, edge_1, edge_2, normal, surface }
+        Self { corner, edge_1, edge_2, normal }
     }
 
     /// Which triangles the ray meets before `reach`, as bits, and how far away.
