@@ -1,8 +1,7 @@
 //! Draws a turn of a lidar in a street: `cargo run --release -p swerve-render --example lidar -- out.png [lidar]
 //! [weather] [colour]`.
 //!
-//! Above, the points from above, 120 m wide, x to the right; below, the ranges by ring and column, the direction of
-//! travel in the middle. Colours: `height` (default), `intensity`, `ring`, `class`, `instance`.
+//! Above, the points from above, 120 m wide, x to the right; below, the ranges by ring and azimuth, x in the middle. Colours: `height` (default), `intensity`, `ring`, `class`, `instance`.
 
 use std::error::Error;
 use std::fs::File;
@@ -52,9 +51,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         if column >= 0.0 && row >= 0.0 && (column as usize) < WIDTH && (row as usize) < ABOVE {
             paint(column as usize, row as usize, colour);
         }
-        // The azimuth of the column: pi at the begin, then clockwise.
-        let turned = cloud.offset_s[k] / (sweeper.period_ns() as f32 * 1e-9);
-        let column = ((turned * WIDTH as f32) as usize).min(WIDTH - 1);
+        // Straight back is at both edges, and left of the middle is left.
+        let azimuth = swerve_geom::math::atan2(f64::from(y), f64::from(x));
+        let turned = 0.5 - azimuth / core::f64::consts::TAU;
+        let column = ((turned * WIDTH as f64) as usize).min(WIDTH - 1);
         let band = RANGES / rings;
         let top = ABOVE + (rings - 1 - usize::from(cloud.ring[k])) * band;
         let range = (x * x + y * y + z * z).sqrt();

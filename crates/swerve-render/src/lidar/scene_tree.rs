@@ -315,7 +315,7 @@ pub struct RayMemory {
 ///
 /// [`SceneTree::update`] takes over a step of the scene; what did not change is kept. The answers depend on the
 /// scene alone, not on earlier updates or threads, and are the same bits on every x86-64 machine.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct SceneTree {
     /// Origin of all coordinates here, map frame.
     centre_m: [f64; 3],
@@ -326,6 +326,13 @@ pub struct SceneTree {
     shapes: Vec<Kept>,
     weather: Weather,
     builder: Builder,
+    static_triangles_max: usize,
+}
+
+impl Default for SceneTree {
+    fn default() -> Self {
+        Self::with_static_triangles(STATIC_TRIANGLES_MAX)
+    }
 }
 
 /// What was met, before it is described.
@@ -344,6 +351,21 @@ impl SceneTree {
         let mut tree = Self::default();
         tree.update(scene)?;
         Ok(tree)
+    }
+
+    /// Empty; so many static triangles at most will be put into one tree.
+    pub(super) fn with_static_triangles(most: usize) -> Self {
+        Self {
+            centre_m: [0.0; 3],
+            static_version: None,
+            ground: Shape::default(),
+            far_statics: Crowd::default(),
+            moving: Crowd::default(),
+            shapes: Vec::new(),
+            weather: Weather::default(),
+            builder: Builder::default(),
+            static_triangles_max: most,
+        }
     }
 
     /// Takes over a scene: what moves anew, what never moves only if it changed.
@@ -376,7 +398,7 @@ impl SceneTree {
         let mut far = Vec::new();
         for instance in instances {
             let mesh = meshes.get(instance.mesh);
-            if triangles.len() + mesh.triangles().len() > STATIC_TRIANGLES_MAX {
+            if triangles.len() + mesh.triangles().len() > self.static_triangles_max {
                 far.push(instance);
                 keep_shape(&mut self.shapes, instance.mesh, meshes, &mut self.builder);
                 continue;

@@ -247,6 +247,42 @@ fn an_updated_tree_answers_as_a_fresh_one() {
 }
 
 #[test]
+fn static_things_too_many_for_one_tree_are_met_all_the_same() {
+    let scene = jumble(5);
+    let whole = SceneTree::new(&scene).unwrap();
+    let mut draws = Draws::new(5, 0xfa4);
+    let rays: Vec<[V; 2]> = (0..800)
+        .map(|_| {
+            let mut number = |reach: f32| f64::from(draws.between(-reach, reach));
+            [[number(45.0), number(45.0), number(9.0)], [number(1.0), number(1.0), number(0.3)]]
+        })
+        .collect();
+    let mut hits = 0;
+    for most in [0, 1000] {
+        let mut parted = SceneTree::with_static_triangles(most);
+        parted.update(&scene).unwrap();
+        for [origin, to] in &rays {
+            match (whole.cast(*origin, *to, 100.0), parted.cast(*origin, *to, 100.0)) {
+                (Some(a), Some(b)) => {
+                    hits += 1;
+                    assert!((a.distance_m - b.distance_m).abs() < 1e-4, "{a:?} {b:?}");
+                    assert_eq!((a.instance_id, a.class, a.mesh), (b.instance_id, b.class, b.mesh));
+                }
+                (None, None) => {}
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    assert!(hits > 300, "{hits}");
+    let pose = at(0.0, 0.0, 2.0);
+    let spec = few_columns(LidarPreset::Os1, 200);
+    let mut parted = SceneTree::with_static_triangles(0);
+    parted.update(&scene).unwrap();
+    let (one, other) = (turn(spec.clone(), &whole, pose, 1), turn(spec, &parted, pose, 1));
+    assert!(one.len > 1000 && one.len.abs_diff(other.len) < 5, "{} {}", one.len, other.len);
+}
+
+#[test]
 fn hits_tell_distance_surface_and_side() {
     let mut scene = plain();
     let model = scene.meshes.model_sized(Kind::Block, Size::from_m(2.0, 4.0, 3.0), 0);
