@@ -1,8 +1,8 @@
 //! A lidar that turns: fires the columns of one step of the world at a time.
 
 use core::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
-use rayon::prelude::*;
 use swerve_geom::{Lidar, Map, Transform, math};
 use wide::f32x8;
 
@@ -89,11 +89,13 @@ struct Shot {
 
 /// Nanoseconds of a second.
 const SECOND_NS: f64 = 1e9;
+/// Most threads of a lidar.
+const THREADS_MAX: usize = 256;
 /// No sensor is farther from the origin of the map, metres.
 const REACH_MAX_M: f64 = 1e7;
 
 impl Sweeper {
-    /// Checks a description; its columns are shared out to `threads` threads, of which 0 counts as 1.
+    /// Checks a description; its columns are shared out to `threads` threads, of which the caller's is one.
     ///
     /// # Errors
     /// The first field that no lidar can have, and threads that cannot be started.
@@ -112,7 +114,7 @@ impl Sweeper {
             [sin, cos]
         });
         let (beams, columns) = (beams.collect(), columns.collect());
-        let pool = if threads > 1 { Some(start(threads)?) } else { None };
+        let pool = if threads > 1 { Some(start(threads - 1)?) } else { None };
         Ok(Self { spec, period_ns, beams, columns, pool, shots: Vec::new(), turn: 0 })
     }
 
@@ -186,7 +188,14 @@ impl Sweeper {
         let chunk = LANES * beams;
         match &self.pool {
             Some(pool) => {
-                pool.install(|| shots[..count].par_chunks_mut(chunk).enumerate().for_each(group));
+                // The caller's thread takes groups like the others: late threads just find fewer left.
+                let groups = Mutex::new(shots[..count].chunks_mut(chunk).enumerate());
+                let next = || groups.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let work = || std::iter::from_fn(next).for_each(group);
+                pool.in_place_scope(|scope| {
+                    (0..pool.current_num_threads()).for_each(|_| scope.spawn(|_| work()));
+                    work();
+                });
             }
             None => shots[..count].chunks_mut(chunk).enumerate().for_each(group),
         }
@@ -204,6 +213,10 @@ impl Sweeper {
 }
 
 fn start(threads: usize) -> Result<rayon::ThreadPool, LidarError> {
+    if threads >= THREADS_MAX {
+        let (field, value) = ("threads".to_owned(), (threads + 1).to_string());
+        return Err(LidarError { field, value, expected: "at most 256 threads" });
+    }
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("lidar-{k}")).build();
     pool.map_err(|error| LidarError {

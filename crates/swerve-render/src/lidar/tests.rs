@@ -656,6 +656,8 @@ fn lidars_that_cannot_be_are_refused_by_field() {
         assert!(error.starts_with(&format!("lidar: {message}")), "{error} for {message}");
         assert!(error.contains("expected"), "{error}");
     }
+    let error = Sweeper::new(LidarSpec::default(), usize::MAX).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("`threads` is 18446744073709551615, expected at most 256"), "{error}");
     // Same elevation with other azimuth offsets is a stack of beams that some sensors have.
     let fan = (0..8).map(|k| Beam { elevation_rad: 0.0, azimuth_rad: 0.01 * f64::from(k) }).collect();
     assert!(Sweeper::new(LidarSpec { beams: fan, ..LidarSpec::default() }, 1).is_ok());
