@@ -16,7 +16,8 @@
 //! threads, or of the x86-64 machine. Ids are never blended. What can be kept between passes (static shadow
 //! maps, lens maps) is keyed by content. A pass into used buffers allocates nothing that grows with the image.
 //!
-//! Other sensors read the same scene: [`Mesh`] has the triangles, [`Material`] the reflectance for lidars.
+//! Other sensors read the same scene: [`Mesh`] has the triangles, [`Material`] the reflectance for lidars. [`lidar`]
+//! has those, and rays for whoever asks what is in the way.
 
 pub mod camera;
 mod class;
@@ -24,6 +25,7 @@ mod cpu;
 mod frame;
 mod hash;
 mod library;
+pub mod lidar;
 mod light;
 mod material;
 mod mesh;

@@ -1,0 +1,206 @@
+//! Rays of lidars: our trees beside rapier's query pipeline on the same triangles, in turn, round by round.
+
+use std::hint::black_box;
+
+use rapier3d::prelude::{ColliderBuilder, PhysicsWorld, Pose, QueryFilter, Ray, Rotation, Vector};
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_geom::{Lidar, Map, Point, Transform};
+use swerve_render::lidar::{Cloud, Firing, LidarPreset, LidarSpec, RayMemory, SceneTree, Sweeper};
+use swerve_render::town::town;
+use swerve_render::{Instance, Scene, WeatherPreset};
+
+/// Where the sensor stands in the town.
+const SENSOR_M: [f64; 3] = [0.0, -1.9, 1.9];
+/// No ray is longer, metres.
+const RANGE_M: f64 = 120.0;
+const ROUNDS: usize = 15;
+
+fn triangles(scene: &Scene, instance: &Instance) -> usize {
+    scene.meshes.get(instance.mesh).triangles().len()
+}
+
+fn all(scene: &Scene) -> impl Iterator<Item = &Instance> {
+    scene.statics().instances().iter().chain(&scene.dynamics)
+}
+
+/// The town's instances nearest to the sensor, up to a number of triangles; the ground counts as near.
+fn near_town(most: usize) -> Scene {
+    let whole = town(WeatherPreset::ClearNoon, 1);
+    let distance = |instance: &Instance| {
+        let at = instance.map_from_body.origin().coords;
+        let (_, radius) = whole.meshes.get(instance.mesh).sphere();
+        (at.x - SENSOR_M[0]).powi(2) + (at.y - SENSOR_M[1]).powi(2) - f64::from(radius).powi(2)
+    };
+    let mut order: Vec<(f64, bool, Instance)> = Vec::new();
+    order.extend(whole.statics().instances().iter().map(|i| (distance(i), true, *i)));
+    order.extend(whole.dynamics.iter().map(|i| (distance(i), false, *i)));
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut scene = whole.clone();
+    scene.clear_statics();
+    scene.dynamics.clear();
+    let mut count = 0;
+    for (_, is_static, instance) in order {
+        count += triangles(&whole, &instance);
+        if count > most {
+            break;
+        }
+        if is_static {
+            scene.add_static(instance);
+        } else {
+            scene.dynamics.push(instance);
+        }
+    }
+    scene
+}
+
+/// The same instances as trimeshes of a physics world.
+fn physics(scene: &Scene) -> PhysicsWorld {
+    let mut world = PhysicsWorld::new();
+    for instance in all(scene) {
+        let mesh = scene.meshes.get(instance.mesh);
+        let corners = mesh.positions().iter().map(|&[x, y, z]| Vector::new(x, y, z)).collect();
+        let shape =
+            ColliderBuilder::trimesh(corners, mesh.triangles().to_vec()).expect("meshes are not empty");
+        let (at, turn) = (instance.map_from_body.origin().coords, instance.map_from_body.rotation());
+        let [x, y, z, w] = [turn.i, turn.j, turn.k, turn.w].map(|q| q as f32);
+        let translation = Vector::new(at.x as f32, at.y as f32, at.z as f32);
+        let pose = Pose::from_parts(translation, Rotation::from_xyzw(x, y, z, w));
+        world.insert_collider(shape.position(pose), None);
+    }
+    world.step();
+    world
+}
+
+/// Directions of a whole turn, column by column.
+fn directions(spec: &LidarSpec) -> Vec<[f64; 3]> {
+    let mut rays = Vec::new();
+    for column in 0..spec.columns {
+        let turn = std::f64::consts::TAU * f64::from(column) / f64::from(spec.columns);
+        for beam in &spec.beams {
+            let (sin, cos) = swerve_geom::math::sin_cos(turn + beam.azimuth_rad);
+            let (up, flat) = swerve_geom::math::sin_cos(beam.elevation_rad);
+            rays.push([flat * cos, flat * sin, up]);
+        }
+    }
+    rays
+}
+
+/// Million rays per second of a piece of work.
+fn rate(rays: usize, work: impl FnOnce()) -> f64 {
+    let began = now();
+    work();
+    rays as f64 / began.elapsed().as_secs_f64() * 1e-6
+}
+
+struct Turn {
+    sweeper: Sweeper,
+    cloud: Cloud,
+    pose: Transform<Map, Lidar>,
+}
+
+impl Turn {
+    fn new(spec: LidarSpec, threads: usize) -> Self {
+        let cloud = Cloud::new(&spec, true);
+        let [x, y, z] = SENSOR_M;
+        let pose = Transform::from_roll_pitch_yaw(Point::new(x, y, z), 0.0, 0.0, 0.0);
+        Self { sweeper: Sweeper::new(spec, threads).expect("a preset"), cloud, pose }
+    }
+
+    /// A whole turn in steps of 5 ms, the tree updated before each.
+    fn fire(&mut self, scene: &Scene, tree: &mut SceneTree) {
+        let rest = Firing::turn_at_rest(&self.sweeper, self.pose);
+        self.sweeper.begin_turn(0, &mut self.cloud.as_mut());
+        for step in 0..20_i64 {
+            tree.update(scene).expect("a sound scene");
+            let (begin_ns, end_ns) = (step * 5_000_000, (step + 1) * 5_000_000);
+            let firing = Firing { begin_ns, end_ns, ..rest };
+            self.sweeper.fire(tree, &firing, &mut self.cloud.as_mut()).expect("a sound firing");
+        }
+    }
+}
+
+/// One town: our rays alone, whole turns with noise, and rapier's rays, each round in turn.
+fn compare(rows: &mut Rows, scene: &Scene, is_held: bool) {
+    let count: usize = all(scene).map(|instance| triangles(scene, instance)).sum();
+    let name = format!("{}k triangles", (count + 500) / 1000);
+    let goal = |goal: Goal| if is_held { goal } else { Goal::None };
+    let mut tree = SceneTree::new(scene).expect("a sound scene");
+    let world = physics(scene);
+    let rays = directions(&LidarPreset::Vlp32.spec());
+    let mut memory = RayMemory::default();
+    let perfect = LidarPreset::Vlp32.spec().without_noise();
+    let mut bare = Turn::new(LidarSpec { range_max_m: RANGE_M, ..perfect }, 1);
+    let mut noisy = Turn::new(LidarSpec { range_max_m: RANGE_M, ..LidarPreset::Vlp32.spec() }, 1);
+    let mut wide = Turn::new(LidarPreset::Os1.spec(), 1);
+    let mut two = Turn::new(LidarPreset::Os1.spec(), 2);
+    let [mut peers, mut singles, mut turns, mut noisies, mut wides, mut twos, mut ratios] =
+        [const { Vec::new() }; 7];
+    let (mut peer_hits, mut our_hits) = (0, 0);
+    for _ in 0..ROUNDS {
+        let peer = rate(rays.len(), || {
+            let pipeline = world.query_pipeline_with_filter(QueryFilter::default());
+            let [x, y, z] = SENSOR_M.map(|v| v as f32);
+            let hits = rays.iter().filter(|d| {
+                let ray = Ray::new(Vector::new(x, y, z), Vector::new(d[0] as f32, d[1] as f32, d[2] as f32));
+                black_box(pipeline.cast_ray_and_get_normal(&ray, RANGE_M as f32, true)).is_some()
+            });
+            peer_hits = hits.count();
+        });
+        singles.push(rate(rays.len(), || {
+            let hits = rays
+                .iter()
+                .filter(|d| black_box(tree.cast_with(&mut memory, SENSOR_M, **d, RANGE_M, None)).is_some());
+            our_hits = hits.count();
+        }));
+        let turn = rate(rays.len(), || bare.fire(scene, &mut tree));
+        noisies.push(rate(rays.len(), || noisy.fire(scene, &mut tree)));
+        wides.push(rate(wide.sweeper.points_max(), || wide.fire(scene, &mut tree)));
+        twos.push(rate(two.sweeper.points_max(), || two.fire(scene, &mut tree)));
+        ratios.push(turn / peer);
+        turns.push(turn);
+        peers.push(peer);
+    }
+    let apart = our_hits.abs_diff(peer_hits) as f64 / rays.len() as f64;
+    assert!(apart < 2e-3, "rapier's rays hit {peer_hits} times, ours {our_hits}");
+    let [peers, singles, turns, noisies, wides, twos, ratios] =
+        [peers, singles, turns, noisies, wides, twos, ratios].map(Sample::new);
+    let mut row = |what: &str, sample: &Sample, unit: &str, held: Goal| {
+        rows.row(&format!("{what}, {name}"), sample.median(), &sample.text(2, unit), goal(held));
+    };
+    row("rapier QueryPipeline, trimesh per object, one core", &peers, "Mray/s", Goal::None);
+    row("ours, 32x1800 turn in 20 steps, trees updated, one core", &turns, "Mray/s", Goal::Least(3.5));
+    row("  the latter over the former", &ratios, "x", Goal::Least(2.5));
+    row("ours, with noise, dropout and truth", &noisies, "Mray/s", Goal::Least(3.5));
+    row("ours, single rays in the same order", &singles, "Mray/s", Goal::None);
+    row("ours, 64x2048 with noise, one core", &wides, "Mray/s", Goal::None);
+    row("ours, 64x2048 with noise, two threads", &twos, "Mray/s", Goal::None);
+}
+
+/// What a step costs besides its rays.
+fn trees(rows: &mut Rows, scene: &Scene) {
+    let (mut fresh, mut kept) = (Vec::new(), Vec::new());
+    for _ in 0..ROUNDS {
+        let began = now();
+        let mut tree = SceneTree::new(scene).expect("a sound scene");
+        fresh.push(began.elapsed().as_secs_f64() * 1e3);
+        let began = now();
+        (0..20).for_each(|_| tree.update(black_box(scene)).expect("a sound scene"));
+        kept.push(began.elapsed().as_secs_f64() * 1e3 / 20.0);
+    }
+    let (fresh, kept) = (Sample::new(fresh), Sample::new(kept));
+    let what = format!("tree over {} moving instances anew, each step", scene.dynamics.len());
+    rows.row(&what, kept.median(), &kept.text(3, "ms"), Goal::Most(0.1));
+    rows.row("trees over all that never moves, once", fresh.median(), &fresh.text(1, "ms"), Goal::None);
+}
+
+fn main() {
+    if !is_asked_to_measure() {
+        return;
+    }
+    let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "lidar");
+    let near = near_town(64_500);
+    compare(&mut rows, &near, true);
+    compare(&mut rows, &town(WeatherPreset::ClearNoon, 1), false);
+    trees(&mut rows, &near);
+    rows.finish();
+}

@@ -1,0 +1,333 @@
+//! A lidar that turns: fires the columns of one step of the world at a time.
+
+use core::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use swerve_geom::{Lidar, Map, Transform, math};
+use wide::f32x8;
+
+use super::bvh::LANES;
+use super::cloud::{CloudMut, CloudSizeError, Point};
+use super::returns::Receiver;
+use super::scene_tree::{RayMemory, SceneTree};
+use super::spec::{LidarError, LidarSpec};
+
+/// One piece of a turn: a step of the world, and where the sensor is at its begin and end.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Firing {
+    /// Begin of the step, nanoseconds since the turn's first column; negative if the turn begins within the step.
+    pub begin_ns: i64,
+    /// The sensor's pose then.
+    pub begin: Transform<Map, Lidar>,
+    /// End of the step, nanoseconds since the turn's first column: its columns are fired before.
+    pub end_ns: i64,
+    /// The sensor's pose then.
+    pub end: Transform<Map, Lidar>,
+    /// The instance id that this lidar does not see: the vehicle that carries it.
+    pub hidden_instance: Option<u32>,
+}
+
+impl Firing {
+    /// A whole turn of a sensor at rest.
+    pub fn turn_at_rest(sweeper: &Sweeper, map_from_lidar: Transform<Map, Lidar>) -> Self {
+        let (begin, end) = (map_from_lidar, map_from_lidar);
+        Self { begin_ns: 0, begin, end_ns: sweeper.period_ns(), end, hidden_instance: None }
+    }
+}
+
+/// What a piece of a turn did.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Fired {
+    /// Columns that were fired.
+    pub columns: Range<u32>,
+    /// Whether the last column of the turn was among them.
+    pub is_complete: bool,
+}
+
+/// A piece of a turn could not be fired.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum FireError {
+    /// The points have no room in the caller's memory.
+    #[error(transparent)]
+    CloudSize(#[from] CloudSizeError),
+    /// A pose is not finite or beyond all maps.
+    #[error("the lidar's pose at the {when} of the step is not finite or beyond 10000 km")]
+    Pose {
+        /// `begin` or `end`.
+        when: &'static str,
+    },
+    /// A step ends before it begins.
+    #[error("the step ends {by_ns} ns before it begins")]
+    Backwards {
+        /// By how much.
+        by_ns: u64,
+    },
+}
+
+/// A lidar that turns.
+pub struct Sweeper {
+    spec: LidarSpec,
+    period_ns: i64,
+    /// Directions of the beams in a column at azimuth 0.
+    beams: Vec<[f32; 3]>,
+    /// Sine and cosine of each column's azimuth.
+    columns: Vec<[f64; 2]>,
+    pool: Option<rayon::ThreadPool>,
+    shots: Vec<Shot>,
+    turn: u64,
+}
+
+/// What came back of one shot.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shot {
+    at_m: [f32; 3],
+    intensity: f32,
+    instance: u32,
+    class: u8,
+    is_seen: bool,
+}
+
+/// Nanoseconds of a second.
+const SECOND_NS: f64 = 1e9;
+/// Most threads of a lidar.
+const THREADS_MAX: usize = 256;
+/// No sensor is farther from the origin of the map, metres.
+const REACH_MAX_M: f64 = 1e7;
+
+impl Sweeper {
+    /// Checks a description; its columns are shared out to `threads` threads, of which the caller's is one.
+    ///
+    /// # Errors
+    /// The first field that no lidar can have, and threads that cannot be started.
+    pub fn new(spec: LidarSpec, threads: usize) -> Result<Self, LidarError> {
+        spec.check()?;
+        let period_ns = (SECOND_NS / spec.rate_hz).round() as i64;
+        let beams = spec.beams.iter().map(|beam| {
+            let (sin_elevation, cos_elevation) = math::sin_cos(beam.elevation_rad);
+            let (sin_azimuth, cos_azimuth) = math::sin_cos(beam.azimuth_rad);
+            [cos_elevation * cos_azimuth, cos_elevation * sin_azimuth, sin_elevation].map(|x| x as f32)
+        });
+        let turn_rad = if spec.is_clockwise { -1.0 } else { 1.0 } * 2.0 * core::f64::consts::PI;
+        let columns = (0..spec.columns).map(|k| {
+            let share = f64::from(k) / f64::from(spec.columns);
+            let (sin, cos) = math::sin_cos(spec.first_azimuth_rad + turn_rad * share);
+            [sin, cos]
+        });
+        let (beams, columns) = (beams.collect(), columns.collect());
+        let pool = if threads > 1 { Some(start(threads - 1)?) } else { None };
+        Ok(Self { spec, period_ns, beams, columns, pool, shots: Vec::new(), turn: 0 })
+    }
+
+    /// What it was made from.
+    pub fn spec(&self) -> &LidarSpec {
+        &self.spec
+    }
+
+    /// Most points of a turn.
+    pub fn points_max(&self) -> usize {
+        self.beams.len() * self.columns.len()
+    }
+
+    /// Time of a turn, nanoseconds.
+    pub fn period_ns(&self) -> i64 {
+        self.period_ns
+    }
+
+    /// When a column of a turn is fired, nanoseconds since the first.
+    pub fn column_ns(&self, column: u32) -> i64 {
+        (i128::from(column) * i128::from(self.period_ns) / i128::from(self.spec.columns)) as i64
+    }
+
+    /// The columns of a turn whose instants are in `[begin_ns, end_ns)`: pieces that follow each other miss none.
+    pub fn columns_between(&self, begin_ns: i64, end_ns: i64) -> Range<u32> {
+        let (period, columns) = (i128::from(self.period_ns), i128::from(self.spec.columns));
+        // The first column that is fired no earlier than an instant t is that with k period / columns >= t.
+        let from = |at_ns: i64| {
+            let at = i128::from(at_ns.clamp(0, self.period_ns));
+            let k = ((at * columns) / period).clamp(0, columns);
+            let late = |k: i128| k >= columns || k * period / columns >= i128::from(at_ns);
+            if late(k) { k } else { k + 1 }
+        };
+        let first = from(begin_ns) as u32;
+        first..(from(end_ns) as u32).max(first)
+    }
+
+    /// Begins a turn: empties the cloud and keys the noise by the turn's number.
+    pub fn begin_turn(&mut self, turn: u64, out: &mut CloudMut<'_>) {
+        self.turn = turn;
+        *out.len = 0;
+    }
+
+    /// Fires the columns of one step and adds their points, by column and then by beam.
+    ///
+    /// # Errors
+    /// Arrays without room, poses that are not finite, a step that ends before it begins; nothing is added then.
+    pub fn fire(
+        &mut self,
+        tree: &SceneTree,
+        firing: &Firing,
+        out: &mut CloudMut<'_>,
+    ) -> Result<Fired, FireError> {
+        check(firing)?;
+        let columns = self.columns_between(firing.begin_ns, firing.end_ns);
+        let beams = self.beams.len();
+        let count = columns.len() * beams;
+        out.check(count)?;
+        if self.shots.len() < count {
+            self.shots.resize(count, Shot::default());
+        }
+        let mut shots = std::mem::take(&mut self.shots);
+        let volley = Volley {
+            sweeper: self,
+            tree,
+            firing,
+            receiver: Receiver::new(&self.spec, tree.weather(), self.turn),
+        };
+        let first = columns.start;
+        let group = |(k, shots): (usize, &mut [Shot])| volley.group(first + (k * LANES) as u32, shots);
+        let chunk = LANES * beams;
+        match &self.pool {
+            Some(pool) => {
+                // The caller's thread takes groups like the others: late threads just find fewer left.
+                let groups = Mutex::new(shots[..count].chunks_mut(chunk).enumerate());
+                let next = || groups.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let work = || std::iter::from_fn(next).for_each(group);
+                pool.in_place_scope(|scope| {
+                    (0..pool.current_num_threads()).for_each(|_| scope.spawn(|_| work()));
+                    work();
+                });
+            }
+            None => shots[..count].chunks_mut(chunk).enumerate().for_each(group),
+        }
+        for (column, shots) in columns.clone().zip(shots.chunks(beams)) {
+            let offset_s = (self.column_ns(column) as f64 / SECOND_NS) as f32;
+            for (ring, shot) in shots.iter().enumerate().filter(|(_, shot)| shot.is_seen) {
+                let Shot { at_m, intensity, instance, class, .. } = *shot;
+                out.push(&Point { at_m, intensity, ring: ring as u16, offset_s, instance, class });
+            }
+        }
+        self.shots = shots;
+        let is_complete = !columns.is_empty() && columns.end == self.spec.columns;
+        Ok(Fired { columns, is_complete })
+    }
+}
+
+fn start(threads: usize) -> Result<rayon::ThreadPool, LidarError> {
+    if threads >= THREADS_MAX {
+        let (field, value) = ("threads".to_owned(), (threads + 1).to_string());
+        return Err(LidarError { field, value, expected: "at most 256 threads" });
+    }
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("lidar-{k}")).build();
+    pool.map_err(|error| LidarError {
+        field: "threads".to_owned(),
+        value: format!("{threads} ({error})"),
+        expected: "a number of threads that the system can start",
+    })
+}
+
+fn check(firing: &Firing) -> Result<(), FireError> {
+    for (when, pose) in [("begin", &firing.begin), ("end", &firing.end)] {
+        let placed = pose.origin().coords.iter().all(|x| x.abs() <= REACH_MAX_M);
+        if !placed || !pose.rotation().coords.iter().all(|x| x.is_finite()) {
+            return Err(FireError::Pose { when });
+        }
+    }
+    if firing.end_ns < firing.begin_ns {
+        return Err(FireError::Backwards { by_ns: firing.end_ns.abs_diff(firing.begin_ns) });
+    }
+    Ok(())
+}
+
+/// The columns of one piece of a turn.
+struct Volley<'a> {
+    sweeper: &'a Sweeper,
+    tree: &'a SceneTree,
+    firing: &'a Firing,
+    receiver: Receiver,
+}
+
+/// Where the sensor is at a column's instant: origin, and rotation from its frame, row by row.
+struct Station {
+    origin_m: [f64; 3],
+    rotation: [[f64; 3]; 3],
+}
+
+impl Volley<'_> {
+    /// Fires up to eight columns from `first` on; `shots` has the beams of each.
+    fn group(&self, first: u32, shots: &mut [Shot]) {
+        let beams = self.sweeper.beams.len();
+        let count = shots.len() / beams;
+        let (mut origin, mut matrix) = ([[0.0_f32; LANES]; 3], [[[0.0_f32; LANES]; 3]; 3]);
+        // Lanes without a column look where the last one does, but reach nothing.
+        let mut range = [-1.0; LANES];
+        let mut turned = [[0.0_f32; 2]; LANES];
+        for lane in 0..LANES {
+            let column = first + lane.min(count - 1) as u32;
+            if lane < count {
+                range[lane] = self.receiver.range_max();
+            }
+            let station = self.station(self.sweeper.column_ns(column));
+            let [sin, cos] = self.sweeper.columns[column as usize];
+            turned[lane] = [sin as f32, cos as f32];
+            let local = self.tree.local(station.origin_m);
+            for axis in 0..3 {
+                let [x, y, z] = station.rotation[axis];
+                origin[axis][lane] = local[axis];
+                matrix[axis][0][lane] = (x * cos + y * sin) as f32;
+                matrix[axis][1][lane] = (y * cos - x * sin) as f32;
+                matrix[axis][2][lane] = z as f32;
+            }
+        }
+        let origin = origin.map(f32x8::new);
+        let matrix = matrix.map(|row| row.map(f32x8::new));
+        let range = f32x8::new(range);
+        let mut memory = RayMemory::default();
+        for (ring, &[x, y, z]) in self.sweeper.beams.iter().enumerate() {
+            let along =
+                |[a, b, c]: [f32x8; 3]| a * f32x8::splat(x) + b * f32x8::splat(y) + c * f32x8::splat(z);
+            let directions = [along(matrix[0]), along(matrix[1]), along(matrix[2])];
+            let hits = self.tree.first_of_packet(
+                &mut memory,
+                origin,
+                directions,
+                range,
+                self.firing.hidden_instance,
+            );
+            let [dx, dy, dz] = directions.map(|d| d.to_array());
+            for lane in 0..count {
+                let number = (first + lane as u32) * beams as u32 + ring as u32;
+                let seen = hits[lane].and_then(|hit| {
+                    let back = self.receiver.notice(&hit, [dx[lane], dy[lane], dz[lane]], number)?;
+                    let [sin, cos] = turned[lane];
+                    let direction = [x * cos - y * sin, x * sin + y * cos, z];
+                    let at_m = crate::vector::scale(direction, back.range_m);
+                    let (instance, class) = (hit.instance_id, hit.class as u8);
+                    Some(Shot { at_m, intensity: back.intensity, instance, class, is_seen: true })
+                });
+                shots[lane * beams + ring] = seen.unwrap_or_default();
+            }
+        }
+    }
+
+    /// The sensor's pose at an instant: the place between those at the step's ends, and the rotation by the
+    /// normalised mean of their quaternions, whose error over one step is below all others.
+    fn station(&self, at_ns: i64) -> Station {
+        let Firing { begin_ns, begin, end_ns, end, .. } = self.firing;
+        let share = (at_ns - begin_ns) as f64 / (end_ns - begin_ns).max(1) as f64;
+        let (from, to) = (begin.origin().coords, end.origin().coords);
+        let origin_m = [0, 1, 2].map(|axis| from[axis] + share * (to[axis] - from[axis]));
+        let (from, to) = (begin.rotation(), end.rotation());
+        let turn = if from.coords.dot(&to.coords) < 0.0 { -share } else { share };
+        let mixed = [0, 1, 2, 3].map(|k| (1.0 - share) * from.coords[k] + turn * to.coords[k]);
+        let [x, y, z, w] = mixed;
+        let scale = 1.0 / (x * x + y * y + z * z + w * w).sqrt();
+        let [x, y, z, w] = mixed.map(|q| q * scale);
+        let rotation = [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ];
+        Station { origin_m, rotation }
+    }
+}
