@@ -25,7 +25,7 @@ fn all(scene: &Scene) -> impl Iterator<Item = &Instance> {
 
 /// The town's instances nearest to the sensor, up to a number of triangles; the ground counts as near.
 fn near_town(most: usize) -> Scene {
-    let whole = town(WeatherPreset::ClearNoon, 1);
+    let whole = town(WeatherPreset::ClearNoon, 1, 200.0);
     let distance = |instance: &Instance| {
         let at = instance.map_from_body.origin().coords;
         let (_, radius) = whole.meshes.get(instance.mesh).sphere();
@@ -200,7 +200,7 @@ fn main() {
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "lidar");
     let near = near_town(64_500);
     compare(&mut rows, &near, true);
-    compare(&mut rows, &town(WeatherPreset::ClearNoon, 1), false);
+    compare(&mut rows, &town(WeatherPreset::ClearNoon, 1, 200.0), false);
     trees(&mut rows, &near);
     rows.finish();
 }
