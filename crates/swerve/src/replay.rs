@@ -217,7 +217,9 @@ impl Comparison {
 impl Observer for Comparison {
     fn event(&mut self, event: &Event<'_>) {
         match event {
-            Event::Publication(p) if self.streams.contains_key(p.stream) => self.compare(p.stream, &said(p, self.leaves_out)),
+            Event::Publication(p) if self.streams.contains_key(p.stream) => {
+                self.compare(p.stream, &said(p, self.leaves_out))
+            }
             Event::End(_) => {
                 for (stream, rest) in &mut self.expected {
                     self.streams.entry(stream.clone()).or_default().missing += rest.count() as u64;

@@ -493,7 +493,8 @@ impl Config {
     fn check_log(&self, faults: &mut Vec<(String, String)>) {
         let known = |name: &str| name == "gnss" || self.camera.contains_key(name);
         for sensor in self.log.sensors.iter().filter(|s| !known(s)) {
-            let names: Vec<&str> = ["gnss"].into_iter().chain(self.camera.keys().map(String::as_str)).collect();
+            let names: Vec<&str> =
+                ["gnss"].into_iter().chain(self.camera.keys().map(String::as_str)).collect();
             let message = format!("unknown sensor `{sensor}`, expected one of {}", names.join(", "));
             faults.push(("log.sensors".into(), message));
         }

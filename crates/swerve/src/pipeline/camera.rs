@@ -59,7 +59,8 @@ impl CameraOperator {
         let distortion = config.distortion.coefficients();
         let intrinsics = Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion };
         let info = CameraInfo { intrinsics, ego_from_camera };
-        let pools = [Encoding::Rgb8, Encoding::DepthF32M, Encoding::ClassU8, Encoding::InstanceU32].map(Pool::new);
+        let pools =
+            [Encoding::Rgb8, Encoding::DepthF32M, Encoding::ClassU8, Encoding::InstanceU32].map(Pool::new);
         let [x, y, z] = config.at_m;
         let along_m = (x - shape.center_ahead_m()).abs() - 0.5 * shape.length_m;
         let across_m = y.abs() - 0.5 * shape.width_m;
@@ -81,7 +82,8 @@ impl Operator for CameraOperator {
             *image = wanted.then(|| pool.take(width_px, height_px, cx.stamp(), self.info));
         }
         {
-            let [rgb, depth, semantic, instance] = images.each_mut().map(|image| image.as_mut().and_then(Arc::get_mut));
+            let [rgb, depth, semantic, instance] =
+                images.each_mut().map(|image| image.as_mut().and_then(Arc::get_mut));
             let frame = FrameMut {
                 rgb: rgb.and_then(bytes),
                 depth_m: depth.and_then(|image| match &mut image.pixels {

@@ -15,9 +15,9 @@ use swerve_scenario::{Scenario, sensor_phase};
 use swerve_sim::{SimParams, Simulator};
 use swerve_vehicle::VehicleParams;
 
-use crate::config::execution::{parse_policy, span_ms};
 use crate::config::Config;
 use crate::config::camera::Output;
+use crate::config::execution::{parse_policy, span_ms};
 
 pub use controller::controller;
 
@@ -92,7 +92,8 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
         let gnss = sensors::Satellite { params: sensing.gnss, seed };
         graph.add("gnss", gnss, (timer("gnss", sensing.gnss_period_ms), world)).out();
     }
-    let cameras: Vec<_> = config.camera.iter().filter(|(name, _)| config.log.sensors.contains(name)).collect();
+    let cameras: Vec<_> =
+        config.camera.iter().filter(|(name, _)| config.log.sensors.contains(name)).collect();
     if !cameras.is_empty() {
         let stage = camera::Stage::new(config, scenario)?;
         for (name, camera) in cameras {

@@ -13,8 +13,8 @@ use swerve_geom::{Point, Point2, Polyline, Transform};
 use swerve_msg::ActorKind;
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_render::{
-    Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps, road_pieces,
-    walk_phase,
+    Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps,
+    road_pieces, walk_phase,
 };
 use swerve_scenario::Scenario;
 use swerve_vehicle::Shape;
@@ -139,7 +139,8 @@ fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
     let (left_m, right_m) = (road.left_m as f32, road.right_m as f32);
     let mut layout = RoadLayout::street(extended(line), left_m, right_m);
     let dashes = layout.lines.pop().expect("a street has a middle line");
-    let mut between_m = 0.5 * road.lane_width_m - road.lane_width_m * ((road.right_m / road.lane_width_m).floor());
+    let mut between_m =
+        0.5 * road.lane_width_m - road.lane_width_m * ((road.right_m / road.lane_width_m).floor());
     while between_m < road.left_m - 0.5 * road.lane_width_m {
         if between_m > 0.5 * road.lane_width_m - road.right_m {
             layout.lines.push(swerve_render::LaneLine { offset_m: between_m as f32, ..dashes });

@@ -26,7 +26,14 @@ pub(super) fn add(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed:
     let ways = ways(scenario, line);
     for (k, side) in [1.0, -1.0].into_iter().enumerate() {
         let edge_m = if side > 0.0 { scenario.road.left_m } else { scenario.road.right_m };
-        let mut row = Row { scene, line, side, kerb_m: edge_m, ways: &ways, rng: Rng::keyed(seed, "scenery", &[k as i64]) };
+        let mut row = Row {
+            scene,
+            line,
+            side,
+            kerb_m: edge_m,
+            ways: &ways,
+            rng: Rng::keyed(seed, "scenery", &[k as i64]),
+        };
         row.lamps();
         row.trees();
         row.houses();
@@ -129,7 +136,10 @@ impl Row<'_> {
 }
 
 fn standing(model: &swerve_render::Model, at: Point2, z_m: f64, yaw_rad: f64) -> Instance {
-    Instance::placed(model, Transform::from_roll_pitch_yaw(Point::new(at.x_m, at.y_m, z_m), 0.0, 0.0, yaw_rad))
+    Instance::placed(
+        model,
+        Transform::from_roll_pitch_yaw(Point::new(at.x_m, at.y_m, z_m), 0.0, 0.0, yaw_rad),
+    )
 }
 
 /// Points at most two metres apart on the ways that actors may go.
@@ -177,7 +187,8 @@ fn ways(scenario: &Scenario, line: &Polyline) -> Vec<Point2> {
 fn grass(scene: &mut Scene, line: &Polyline) {
     let half = 0.5 * TILE_M as f32;
     let corners = [[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]];
-    let material = Material::matt([0.05, 0.075, 0.022], 0.45).textured(Texture::Grass, [0.12, 0.15, 0.05], 4.0);
+    let material =
+        Material::matt([0.05, 0.075, 0.022], 0.45).textured(Texture::Grass, [0.12, 0.15, 0.05], 4.0);
     let parts = MeshParts {
         positions: corners.to_vec(),
         normals: vec![[0.0, 0.0, 1.0]; 4],
@@ -190,7 +201,8 @@ fn grass(scene: &mut Scene, line: &Polyline) {
     let middle = line.at(0.5 * line.length()).pose;
     for i in -TILES..=TILES {
         for j in -TILES..=TILES {
-            let at = Point::new(middle.x_m + TILE_M * f64::from(i), middle.y_m + TILE_M * f64::from(j), -0.06);
+            let at =
+                Point::new(middle.x_m + TILE_M * f64::from(i), middle.y_m + TILE_M * f64::from(j), -0.06);
             scene.add_static(Instance {
                 mesh,
                 map_from_body: Transform::from_roll_pitch_yaw(at, 0.0, 0.0, 0.0),
