@@ -9,8 +9,8 @@ use std::io::BufWriter;
 use swerve_geom::{Ego, Map, Point, Transform};
 use swerve_render::town::town;
 use swerve_render::{
-    Camera, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, SensorNoise, View,
-    WeatherPreset, mount,
+    Camera, CameraSpec, Frame, Intrinsics, Light, Outputs, RenderOptions, Renderer, SensorNoise, Shutter,
+    View, WeatherPreset, mount,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -18,13 +18,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let file = arguments.next().unwrap_or_else(|| "town.png".to_owned());
     let weather: WeatherPreset = arguments.next().unwrap_or_else(|| "clear_noon".to_owned()).parse()?;
     let view = arguments.next().unwrap_or_else(|| "street".to_owned());
-    let scene = town(weather, 1);
+    let mut scene = town(weather, 1, 200.0);
     let camera = Camera::new(CameraSpec {
         width_px: 1200,
         height_px: 750,
         intrinsics: Intrinsics::HorizontalFovRad(1.2),
         vignetting: 0.4,
         noise: SensorNoise::TYPICAL,
+        shutter: Shutter { blur_samples: 8, exposure_s: 0.004, ..Shutter::default() },
         ..CameraSpec::default()
     })?;
     let (at, yaw_rad, pitch_rad) = match view.as_str() {
@@ -36,6 +37,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
     let map_from_camera = map_from_ego * mount(at, 0.0, pitch_rad, yaw_rad);
+    // The lamps of the car that carries the camera.
+    let map_from_body = Transform::from_roll_pitch_yaw(Point::new(0.0, -1.9, 0.0), 0.0, 0.0, 0.0);
+    scene.lights.push(Light::head_lamps(&map_from_body, 1.0, 0.7));
     let mut renderer = Renderer::new(RenderOptions { threads: 2, ..RenderOptions::default() })?;
     let mut frame = Frame::new(&camera, Outputs::ALL);
     renderer.render(&scene, &View::new(&camera, map_from_camera), frame.as_mut())?;

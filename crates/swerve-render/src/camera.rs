@@ -62,9 +62,12 @@ impl SensorNoise {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Shutter {
-    /// Time that light is gathered, seconds; with `blur_samples` above 1 motion blurs the colour image.
+    /// Time that light is gathered, seconds; with `blur_samples` above 1 motion blurs the colour
+    /// image.
     pub exposure_s: f64,
-    /// Instants that are averaged over the exposure; 1 for a sharp image.
+    /// Sub-frames that make the colour image; 1 for a single one. They differ by parts of a pixel, which smooths
+    /// edges, and in their instants, spread over the exposure. Depth and ids are of one of them, at the pixels'
+    /// centres.
     pub blur_samples: u32,
     /// Time between the first and the last row, seconds; 0 for a global shutter.
     pub readout_s: f64,
@@ -182,7 +185,7 @@ impl Camera {
                 )?;
                 (f, f, 0.5 * width, 0.5 * height)
             }
-            Intrinsics::Matrix(matrix) => focal(&matrix, width, height)?,
+            Intrinsics::Matrix(matrix) => focal(&matrix)?,
         };
         let camera = Self { spec, fx, fy, cx, cy };
         camera.check_lens()?;
@@ -250,7 +253,7 @@ impl Camera {
 }
 
 /// Focal lengths and principal point of a matrix.
-fn focal(matrix: &[[f64; 3]; 3], width: f64, height: f64) -> Result<(f64, f64, f64, f64), CameraError> {
+fn focal(matrix: &[[f64; 3]; 3]) -> Result<(f64, f64, f64, f64), CameraError> {
     let [[fx, skew, cx], [shear, fy, cy], last] = *matrix;
     let at = "intrinsics.matrix";
     expect(fx.is_finite() && fx > 1e-3 && fx < 1e7, at, fx, "a focal length fx above 0")?;
@@ -258,8 +261,9 @@ fn focal(matrix: &[[f64; 3]; 3], width: f64, height: f64) -> Result<(f64, f64, f
     expect(skew == 0.0, at, skew, "0 in the first row's second place")?;
     expect(shear == 0.0, at, shear, "0 in the second row's first place")?;
     expect(last == [0.0, 0.0, 1.0], at, last[2], "a last row 0, 0, 1")?;
-    expect(cx.abs() <= 4.0 * width, at, cx, "a principal point near the image")?;
-    expect(cy.abs() <= 4.0 * height, at, cy, "a principal point near the image")?;
+    let side = 4.0 * f64::from(IMAGE_SIDE_MAX_PX);
+    expect(cx.abs() <= side, at, cx, "a principal point within 32768 pixels")?;
+    expect(cy.abs() <= side, at, cy, "a principal point within 32768 pixels")?;
     Ok((fx, fy, cx, cy))
 }
 

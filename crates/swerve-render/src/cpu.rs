@@ -8,14 +8,12 @@
 
 mod geometry;
 mod lens;
-mod light;
 mod raster;
 mod resolve;
 mod rows;
 mod sensor;
 mod shade;
 mod shadow;
-mod texture;
 
 use rayon::prelude::*;
 use swerve_geom::{Map, Transform};
@@ -23,19 +21,20 @@ use wide::f32x8;
 
 use geometry::{Chunk, Frustum, Pinhole};
 use lens::LensCache;
-use light::Environment;
 use raster::{ID_BITS, NONE, Visible};
-use resolve::{Item, Surface, rows_of};
+use resolve::{Item, rows_of};
 use rows::Rows;
 use sensor::Sensor;
-use shade::{Lamp, Shading};
+use shade::{Kept, Lamp, Shading};
 use shadow::{ShadowCache, ShadowMaps};
-use texture::Tiles;
 
 use crate::SemanticClass;
 use crate::frame::{FrameMut, Outputs};
+use crate::light::Environment;
 use crate::renderer::{RenderError, View};
 use crate::scene::Scene;
+use crate::surface::{self, Surface};
+use crate::texture::Tiles;
 
 /// Triangles that one piece of geometry work has at least.
 const CHUNK_TRIANGLES: usize = 2048;
@@ -73,6 +72,16 @@ struct Look {
 }
 
 impl Look {
+    /// Where in the pixel it looks, from the centre: evenly spread, the sub-frame of the ids in the middle.
+    fn offset(&self) -> [f64; 2] {
+        if self.gives_ids() {
+            return [0.0; 2];
+        }
+        // The additive recurrence of the plastic number covers the square evenly for any count.
+        let k = f64::from(self.sample + 1);
+        [0.754_877_666_246_693 * k, 0.569_840_290_998_053 * k].map(|x| x - x.floor() - 0.5)
+    }
+
     /// The sub-frame that gives depth and ids.
     fn gives_ids(&self) -> bool {
         self.sample == self.samples / 2
@@ -120,7 +129,7 @@ impl Pass<'_> {
         let outputs = out.outputs();
         let (width, height) = (camera.width_px(), camera.height_px());
         let shutter = camera.spec().shutter;
-        let samples = if outputs.rgb && shutter.exposure_s > 0.0 { shutter.blur_samples } else { 1 };
+        let samples = if outputs.rgb { shutter.blur_samples } else { 1 };
         let needed = if samples > 1 { 3 * width * height } else { 0 };
         self.sums.resize(needed, 0.0);
         let mut sums = std::mem::take(self.sums);
@@ -131,10 +140,10 @@ impl Pass<'_> {
             let to = (from + step).min(height);
             let middle = (0.5 * (from + to) as f64) / height as f64 - 0.5;
             for sample in 0..samples {
-                let part = (f64::from(sample) + 0.5) / f64::from(samples) - 0.5;
-                let at_s =
-                    shutter.readout_s * middle + if samples > 1 { shutter.exposure_s * part } else { 0.0 };
-                let look = Look { at_s, rows: (from, to), sample, samples };
+                let look = Look { at_s: 0.0, rows: (from, to), sample, samples };
+                let spread = (f64::from(sample) + 0.5) / f64::from(samples) - 0.5;
+                let part = if look.gives_ids() { 0.0 } else { spread };
+                let look = Look { at_s: shutter.readout_s * middle + shutter.exposure_s * part, ..look };
                 self.look(&look, outputs, rows.part(from, to));
             }
         }
@@ -144,7 +153,9 @@ impl Pass<'_> {
     fn look(&mut self, look: &Look, outputs: Outputs, rows: Rows<'_>) {
         let (scene, view, parallel) = (self.scene, self.view, self.parallel);
         let lens = self.lenses.of(view.camera);
-        let image = lens.map_or_else(|| lens::pinhole(view.camera), |lens| lens.pinhole);
+        let mut image = lens.map_or_else(|| lens::pinhole(view.camera), |lens| lens.pinhole);
+        let [right, down] = look.offset();
+        (image.cx, image.cy) = (image.cx - right, image.cy - down);
         let drawn = if lens.is_some() { (0, image.height) } else { look.rows };
         let map_from_camera = resolve::moved(&view.map_from_camera, &view.motion, look.at_s);
         let camera_from_map = map_from_camera.inverse();
@@ -281,7 +292,7 @@ impl Work {
                 continue;
             }
             let surfaces = self.surfaces.len() as u32;
-            self.surfaces.extend(mesh.materials().iter().map(|m| resolve::surface(m, instance, scene)));
+            self.surfaces.extend(mesh.materials().iter().map(|m| surface::surface(m, instance, scene)));
             let count = mesh.triangles().len();
             for from in (0..count).step_by(1 << (ID_BITS - 1)) {
                 let range = (from, (from + (1 << (ID_BITS - 1))).min(count));
@@ -379,8 +390,7 @@ impl Target<'_> {
 
     /// A band without a lens: nearest triangles, and at once what is asked of them.
     fn draw_and_shade(&self, band: Rows<'_>) {
-        let Rows { width, first, count, w, id, mut sums, mut rgb, mut depth_m, mut semantic, mut instance } =
-            band;
+        let Rows { width, first, count, w, id, mut sums, mut rgb, mut depth_m, semantic, instance } = band;
         let mut visible = Visible { w: &mut *w, id: &mut *id };
         raster::band(self.chunks, first / geometry::BAND, (width, first), self.image.near, &mut visible);
         if self.look.gives_ids() {
@@ -389,18 +399,19 @@ impl Target<'_> {
                     *depth = 1.0 / *w;
                 }
             }
-            self.write_ids(id, semantic.as_deref_mut(), instance.as_deref_mut());
+            self.write_ids(id, semantic, instance);
         }
         let Some(shading) = &self.shading else { return };
+        let mut kept = Kept::new();
         for row in 0..count {
             let ids = &id[row * width..(row + 1) * width];
             let y = f32x8::splat((first + row) as f32);
             for from in (0..width).step_by(8) {
                 let eight = eight(ids, from);
                 let x = f32x8::from(LANES) + f32x8::splat(from as f32);
-                let shaded = shading.pixels(&eight, x, y);
+                let colour = shading.pixels(&eight, x, y, &mut kept);
                 self.expose(
-                    shaded.colour,
+                    colour,
                     (from, first + row),
                     (row * width + from, width - from),
                     (&mut sums, &mut rgb),
@@ -413,6 +424,7 @@ impl Target<'_> {
     fn shade_through(&self, lens: &lens::LensMap, (w, id): (&[f32], &[u32]), band: Rows<'_>) {
         let Rows { width, first, count, mut sums, mut rgb, mut depth_m, mut semantic, mut instance, .. } =
             band;
+        let mut kept = Kept::new();
         for row in 0..count {
             for from in (0..width).step_by(8) {
                 let some = (width - from).min(8);
@@ -436,8 +448,8 @@ impl Target<'_> {
                     self.write_ids(&ids[..some], semantic, instance.as_deref_mut().map(|s| &mut s[cut]));
                 }
                 if let Some(shading) = &self.shading {
-                    let shaded = shading.pixels(&ids, f32x8::from(x), f32x8::from(y));
-                    self.expose(shaded.colour, (from, first + row), (at, some), (&mut sums, &mut rgb));
+                    let colour = shading.pixels(&ids, f32x8::from(x), f32x8::from(y), &mut kept);
+                    self.expose(colour, (from, first + row), (at, some), (&mut sums, &mut rgb));
                 }
             }
         }
@@ -452,34 +464,51 @@ impl Target<'_> {
         (plane[0] * x + (plane[1] * y + plane[2])).clamp(0.67 * near, 1.5 * near)
     }
 
-    fn write_ids(&self, ids: &[u32], semantic: Option<&mut [u8]>, instance: Option<&mut [u32]>) {
-        let surface = |id: u32| {
-            let raster = &self.chunks[(id >> ID_BITS) as usize].raster;
-            &self.surfaces[raster[(id & ((1 << ID_BITS) - 1)) as usize].surface as usize]
-        };
+    /// Classes and instances of triangles.
+    fn write_ids(&self, ids: &[u32], mut semantic: Option<&mut [u8]>, mut instance: Option<&mut [u32]>) {
+        if semantic.is_none() && instance.is_none() {
+            return;
+        }
         // Neighbours mostly show the same triangle.
-        let (mut last, mut class, mut number) = (NONE, SemanticClass::Sky as u8, 0);
-        let mut look_up = |id: u32| {
-            if id != last {
-                last = id;
-                (class, number) = if id == NONE {
-                    (SemanticClass::Sky as u8, 0)
-                } else {
-                    (surface(id).class, surface(id).instance)
-                };
+        for (block, ids) in ids.chunks(16).enumerate() {
+            let (from, first) = (16 * block, ids[0]);
+            let mut label = self.label(first);
+            if ids.len() == 16 && ids.iter().fold(0, |different, id| different | (id ^ first)) == 0 {
+                let semantic =
+                    semantic.as_deref_mut().and_then(|image| image[from..].first_chunk_mut::<16>());
+                let instance =
+                    instance.as_deref_mut().and_then(|image| image[from..].first_chunk_mut::<16>());
+                if let Some(semantic) = semantic {
+                    *semantic = [label.0; 16];
+                }
+                if let Some(instance) = instance {
+                    *instance = [label.1; 16];
+                }
+                continue;
             }
-            (class, number)
-        };
-        match (semantic, instance) {
-            (Some(semantic), Some(instance)) => {
-                for ((id, semantic), instance) in ids.iter().zip(semantic).zip(instance) {
-                    (*semantic, *instance) = look_up(*id);
+            let mut last = first;
+            for (k, id) in ids.iter().enumerate() {
+                if *id != last {
+                    (last, label) = (*id, self.label(*id));
+                }
+                if let Some(semantic) = &mut semantic {
+                    semantic[from + k] = label.0;
+                }
+                if let Some(instance) = &mut instance {
+                    instance[from + k] = label.1;
                 }
             }
-            (Some(semantic), None) => ids.iter().zip(semantic).for_each(|(id, s)| *s = look_up(*id).0),
-            (None, Some(instance)) => ids.iter().zip(instance).for_each(|(id, i)| *i = look_up(*id).1),
-            (None, None) => {}
         }
+    }
+
+    /// Class and instance of a triangle.
+    fn label(&self, id: u32) -> (u8, u32) {
+        if id == NONE {
+            return (SemanticClass::Sky as u8, 0);
+        }
+        let of_triangle = &self.chunks[(id >> ID_BITS) as usize].surfaces;
+        let surface = &self.surfaces[of_triangle[(id & ((1 << ID_BITS) - 1)) as usize] as usize];
+        (surface.class, surface.instance)
     }
 
     /// Adds eight pixels to the sums of sub-frames, and writes them when they are complete.

@@ -38,7 +38,8 @@ impl Backend {
 pub struct RenderOptions {
     /// Which back end.
     pub backend: Backend,
-    /// Threads of the CPU back end, at least 1; the caller's thread counts as one of them.
+    /// Threads of the CPU back end. With 1 (or 0) all is done on the caller's thread; with more on that many of the
+    /// renderer's own, while the caller waits.
     pub threads: usize,
 }
 
@@ -97,7 +98,12 @@ pub enum RenderError {
 
 /// Renders scenes; keeps what can be kept between passes.
 pub struct Renderer {
-    cpu: CpuRenderer,
+    engine: Engine,
+}
+
+/// The back end that was started.
+enum Engine {
+    Cpu(Box<CpuRenderer>),
 }
 
 impl Renderer {
@@ -107,13 +113,15 @@ impl Renderer {
     /// If its threads cannot be started.
     pub fn new(options: RenderOptions) -> Result<Self, RenderError> {
         match options.backend {
-            Backend::Cpu => Ok(Self { cpu: CpuRenderer::new(options.threads)? }),
+            Backend::Cpu => Ok(Self { engine: Engine::Cpu(Box::new(CpuRenderer::new(options.threads)?)) }),
         }
     }
 
     /// Which back end it is.
     pub fn backend(&self) -> Backend {
-        Backend::Cpu
+        match self.engine {
+            Engine::Cpu(_) => Backend::Cpu,
+        }
     }
 
     /// One pass: writes the images that `out` has.
@@ -126,7 +134,9 @@ impl Renderer {
         out.check(view.camera)?;
         scene.weather.check()?;
         check_finite(scene, view)?;
-        self.cpu.render(scene, view, out);
+        match &mut self.engine {
+            Engine::Cpu(cpu) => cpu.render(scene, view, out),
+        }
         Ok(())
     }
 }

@@ -146,7 +146,7 @@ pub struct Light {
     pub position_m: [f64; 3],
     /// Axis of its cone, unit length, map frame.
     pub direction: [f64; 3],
-    /// Radiance that white paper at 1 m on the axis gets from it.
+    /// Radiance of white paper on the axis times its distance squared, for distances well above 3 m.
     pub intensity: [f32; 3],
     /// It lights nothing beyond.
     pub range_m: f32,
@@ -166,7 +166,7 @@ impl Light {
         Self {
             position_m: position.coords.into(),
             direction: (direction * (1.0 / length)).coords.into(),
-            intensity: [46.0, 44.0, 38.0],
+            intensity: [85.0, 80.0, 70.0],
             range_m: 70.0,
             cos_inner: 0.975,
             cos_outer: 0.82,
@@ -178,7 +178,7 @@ impl Light {
         Self {
             position_m,
             direction: [0.0, 0.0, -1.0],
-            intensity: [7.0, 5.2, 3.0],
+            intensity: [13.0, 10.0, 6.2],
             range_m: 18.0,
             cos_inner: 0.75,
             cos_outer: 0.15,

@@ -5,8 +5,6 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use swerve_geom::math;
 
-use crate::hash::Key;
-
 /// A weather by name.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "&'static str")]
@@ -173,9 +171,9 @@ impl WeatherPreset {
         let degrees = core::f64::consts::PI / 180.0;
         let name = self.name();
         let (azimuth, elevation) = if name.ends_with("noon") {
-            (50.0, 55.0)
+            (205.0, 52.0)
         } else if name.ends_with("sunset") {
-            (-68.0, 9.0)
+            (8.0, 9.0)
         } else {
             (50.0, -20.0)
         };
@@ -239,13 +237,6 @@ impl Weather {
     pub(crate) fn direct_share(&self) -> f64 {
         let open = 1.0 - self.cloudiness;
         (open * (1.6 - 0.6 * open)).clamp(0.0, 1.0)
-    }
-
-    pub(crate) fn add_to(&self, key: &mut Key) {
-        for value in [self.cloudiness, self.rain, self.wetness, self.puddles, self.fog_1pm] {
-            key.long(value.to_bits());
-        }
-        key.word(u32::from(self.lamps_on));
     }
 }
 

@@ -1,5 +1,7 @@
 //! Which triangle is seen at each pixel: spans of rows against a buffer of inverse depth.
 
+use wide::f32x4;
+
 use super::geometry::{BAND, Chunk, TriRaster};
 
 /// Nothing but sky at this pixel.
@@ -16,10 +18,11 @@ pub(super) struct Visible<'a> {
     pub(super) id: &'a mut [u32],
 }
 
-/// Smallest whole number that is not below `x`, for numbers within a few thousand of the image.
-fn ceil(x: f32) -> i32 {
-    let whole = x.clamp(-2.0, 70_000.0) as i32;
-    whole + i32::from((whole as f32) < x)
+/// Smallest whole numbers that are not below those given, within a few thousand of the image.
+fn ceil(x: f32x4) -> [i32; 4] {
+    let x = x.fast_max(f32x4::splat(-2.0)).fast_min(f32x4::splat(70_000.0));
+    let whole = x.fast_trunc_int().round_float();
+    (whole + whole.simd_lt(x).select(f32x4::ONE, f32x4::ZERO)).fast_trunc_int().to_array()
 }
 
 /// Draws all triangles that touch a band into its rows; `first_row` is the first of the slices.
@@ -57,8 +60,8 @@ pub(super) fn band(
 /// One row of one triangle.
 fn span<const NEAR: bool>(triangle: &TriRaster, y: f32, id: u32, near: f32, w: &mut [f32], ids: &mut [u32]) {
     let (mut from, mut to) = (i32::from(triangle.columns[0]), i32::from(triangle.columns[1]));
-    for (k, [start, step]) in triangle.edges.into_iter().enumerate() {
-        let crossing = ceil(start + step * y);
+    let crossings = ceil(f32x4::new(triangle.start) + f32x4::new(triangle.step) * f32x4::splat(y));
+    for (k, crossing) in crossings.into_iter().enumerate().take(3) {
         if triangle.flags >> k & 1 == 1 {
             from = from.max(crossing);
         } else {
@@ -70,12 +73,32 @@ fn span<const NEAR: bool>(triangle: &TriRaster, y: f32, id: u32, near: f32, w: &
     }
     let row = triangle.w[1] * y + triangle.w[2];
     let slope = triangle.w[0];
-    let (w, ids) = (&mut w[from as usize..to as usize], &mut ids[from as usize..to as usize]);
     let limit = if NEAR { 1.0 / near } else { f32::INFINITY };
-    for (k, (w, seen)) in w.iter_mut().zip(ids).enumerate() {
-        let here = slope * (from + k as i32) as f32 + row;
-        let nearer = if NEAR { here > *w && here <= limit } else { here > *w };
-        *w = if nearer { here } else { *w };
-        *seen = if nearer { id } else { *seen };
+    let (from, to) = (from as usize, to as usize);
+    let (first, last) = (f32x4::splat(from as f32), f32x4::splat(to as f32));
+    // Fours from the last multiple of four before the span on; the image may end within one.
+    let mut x = from & !3;
+    while x < to {
+        let (Some(w), Some(ids)) = (w[x..].first_chunk_mut::<4>(), ids[x..].first_chunk_mut::<4>()) else {
+            break;
+        };
+        let columns = f32x4::splat(x as f32) + f32x4::new([0.0, 1.0, 2.0, 3.0]);
+        let here = f32x4::splat(slope) * columns + f32x4::splat(row);
+        let before = f32x4::new(*w);
+        let mut nearer = here.simd_gt(before) & columns.simd_ge(first) & columns.simd_lt(last);
+        if NEAR {
+            nearer &= here.simd_le(f32x4::splat(limit));
+        }
+        *w = nearer.select(here, before).to_array();
+        // Ids pass through as bits.
+        let seen = f32x4::new(ids.map(f32::from_bits));
+        *ids = nearer.select(f32x4::splat(f32::from_bits(id)), seen).to_array().map(f32::to_bits);
+        x += 4;
+    }
+    for x in x.max(from)..to {
+        let here = slope * x as f32 + row;
+        if here > w[x] && (!NEAR || here <= limit) {
+            (w[x], ids[x]) = (here, id);
+        }
     }
 }

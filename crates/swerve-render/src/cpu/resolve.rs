@@ -3,36 +3,9 @@
 use swerve_geom::{Map, Point, Transform};
 
 use super::geometry::{Frustum, Placement, turn};
-use super::texture;
 use crate::library::MeshId;
-use crate::material::Material;
 use crate::mesh::{Body, Mesh};
-use crate::scene::{Instance, Look, Motion, Scene, lamps};
-
-/// A surface of one instance, ready for shading.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Surface {
-    /// Reflectance where the texture is 0, and how much more it is where that is 1.
-    pub(super) albedo: [f32; 3],
-    pub(super) contrast: [f32; 3],
-    pub(super) emissive: [f32; 3],
-    /// Mirror reflectance at normal incidence.
-    pub(super) specular: f32,
-    /// 1 for a mirror, 0 for matt.
-    pub(super) polish: f32,
-    /// Tiles per unit of texture coordinates.
-    pub(super) tiles: f32,
-    /// 1 for ground that gets wet.
-    pub(super) ground: f32,
-    /// First word of its texture tile.
-    pub(super) texture: u32,
-    /// Retro-reflective: shines back into head lamps.
-    pub(super) retro: f32,
-    /// Id for the semantic image.
-    pub(super) class: u8,
-    /// Id for the instance image.
-    pub(super) instance: u32,
-}
+use crate::scene::Motion;
 
 /// Some triangles of a mesh, placed.
 #[derive(Clone, Copy, Debug)]
@@ -88,31 +61,4 @@ pub(super) fn is_seen(frustum: &Frustum, mesh: &Mesh, placement: &Placement) -> 
     let [x, y, z] = turn(&placement.camera, centre);
     let centre = [x + placement.offset[0], y + placement.offset[1], z + placement.offset[2]];
     frustum.touches(centre, radius)
-}
-
-/// Lamps of an instance: its own, and those that the weather switches.
-fn lamps_of(look: &Look, scene: &Scene) -> u8 {
-    if scene.weather.lamps_on { look.lamps | 1 << lamps::NIGHT } else { look.lamps & !(1 << lamps::NIGHT) }
-}
-
-/// The surface of a material on an instance.
-pub(super) fn surface(material: &Material, instance: &Instance, scene: &Scene) -> Surface {
-    let tint = material.tint.and_then(|k| instance.look.tints.get(usize::from(k)));
-    let tint = tint.copied().unwrap_or([1.0; 3]);
-    let on = material.lamp.is_none_or(|lamp| lamps_of(&instance.look, scene) >> (lamp & 7) & 1 == 1);
-    let one = |axis: usize| material.albedo[axis] * tint[axis];
-    let other = |axis: usize| material.albedo_b[axis] * tint[axis];
-    Surface {
-        albedo: [0, 1, 2].map(one),
-        contrast: [0, 1, 2].map(|axis| other(axis) - one(axis)),
-        emissive: if on { material.emissive } else { [0.0; 3] },
-        specular: material.specular,
-        polish: (1.0 - material.roughness).clamp(0.0, 1.0),
-        tiles: 1.0 / material.tile_m.max(1e-3),
-        ground: if material.is_ground { 1.0 } else { 0.0 },
-        texture: (material.texture as usize * texture::STRIDE) as u32,
-        retro: if material.is_retro_reflective { 1.0 } else { 0.0 },
-        class: material.class.unwrap_or(instance.class) as u8,
-        instance: instance.instance_id,
-    }
 }

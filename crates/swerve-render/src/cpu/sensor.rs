@@ -4,10 +4,10 @@ use std::sync::OnceLock;
 
 use wide::f32x8;
 
-use super::light::Environment;
-use super::texture;
 use crate::Camera;
 use crate::hash;
+use crate::light::Environment;
+use crate::texture;
 
 type F = f32x8;
 
@@ -56,7 +56,7 @@ impl<'a> Sensor<'a> {
     pub(super) fn new(camera: &Camera, environment: &Environment, frame: u64, tiles: &'a [u32]) -> Self {
         let spec = camera.spec();
         let (fx, fy, cx, cy) = camera.focal_px();
-        let drop = 0.30 * environment.rain;
+        let drop = 0.16 * environment.rain;
         Self {
             exposure: environment.exposure,
             vignetting: spec.vignetting as f32,
@@ -86,17 +86,22 @@ impl<'a> Sensor<'a> {
         if self.rain != [0.0; 3] {
             let streak = self.streaks(column, row);
             colour = [0, 1, 2]
-                .map(|k| colour[k] * (F::ONE - streak * F::splat(0.25)) + F::splat(self.rain[k]) * streak);
+                .map(|k| colour[k] * (F::ONE - streak * F::splat(0.12)) + F::splat(self.rain[k]) * streak);
         }
         let mut signal = colour.map(|c| c * gain);
         if self.read > 0.0 || self.shot > 0.0 {
             self.add_noise(&mut signal, (column, row));
         }
-        let bytes = signal.map(|s| tone(s).to_array());
-        for (k, pixel) in out.chunks_exact_mut(3).enumerate().take(8) {
-            pixel[0] = bytes[0][k] as u8;
-            pixel[1] = bytes[1][k] as u8;
-            pixel[2] = bytes[2][k] as u8;
+        let [red, green, blue] = signal.map(tone);
+        let pixels: [i32; 8] = (red | (green << 8_i32) | (blue << 16_i32)).to_array();
+        // Four bytes each, of which the next pixel overwrites the last.
+        let mut bytes = [0; 28];
+        for (k, pixel) in pixels.into_iter().enumerate() {
+            bytes[3 * k..3 * k + 4].copy_from_slice(&pixel.to_le_bytes());
+        }
+        match out.first_chunk_mut::<24>() {
+            Some(out) => out.copy_from_slice(&bytes[..24]),
+            None => out.copy_from_slice(&bytes[..out.len()]),
         }
     }
 
@@ -104,11 +109,12 @@ impl<'a> Sensor<'a> {
     fn add_noise(&self, signal: &mut [F; 3], (column, row): (usize, usize)) {
         let line = self.key ^ (row as u32).wrapping_mul(0x9e37_79b9);
         let mut draws = [[0.0; 8]; 3];
-        for k in 0..8 {
+        let [red, green, blue] = &mut draws;
+        for (k, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
             let bits = hash::mix(line.wrapping_add((column + k) as u32));
-            draws[0][k] = self.normal[(bits & 1023) as usize];
-            draws[1][k] = self.normal[(bits >> 10 & 1023) as usize];
-            draws[2][k] = self.normal[(bits >> 20 & 1023) as usize];
+            *red = self.normal[(bits & 1023) as usize];
+            *green = self.normal[(bits >> 10 & 1023) as usize];
+            *blue = self.normal[(bits >> 20 & 1023) as usize];
         }
         let (read, shot) = (F::splat(self.read * self.read), F::splat(self.shot * self.shot));
         for (s, draw) in signal.iter_mut().zip(draws) {
@@ -134,19 +140,16 @@ impl<'a> Sensor<'a> {
     }
 }
 
-/// Filmic curve with a toe and a shoulder (Narkowicz's fit to ACES), then sRGB's by roots; 0 to 255.
+/// Tone curve, 0 to 255.
+///
+/// A filmic curve with a toe and a shoulder (Narkowicz's fit to that of ACES) followed by that of sRGB, both at
+/// once: a quotient of two squares in the root of the signal, fitted to within 0.9 of 255.
 fn tone(x: F) -> wide::i32x8 {
-    let x = x.fast_max(F::ZERO).fast_min(F::splat(64.0));
-    let up = x * (x * F::splat(2.51) + F::splat(0.03));
-    let down = x * (x * F::splat(2.43) + F::splat(0.59)) + F::splat(0.14);
-    let y = (up / down).fast_min(F::ONE);
-    let s1 = y.sqrt();
-    let s2 = s1.sqrt();
-    let s3 = s2.sqrt();
-    let curve = s1 * F::splat(0.662_002_7) + s2 * F::splat(0.684_122_06)
-        - s3 * F::splat(0.323_583_6)
-        - y * F::splat(0.022_541_147);
-    (curve.fast_max(F::ZERO).fast_min(F::ONE) * F::splat(255.0) + F::splat(0.5)).fast_trunc_int()
+    let t = x.fast_max(F::ZERO).fast_min(F::splat(64.0)).sqrt();
+    let up = t * (t * F::splat(0.997_46) - F::splat(0.017_452));
+    let down = t * (t - F::splat(0.088_746)) + F::splat(0.167_746);
+    let curve = (up / down).fast_max(F::ZERO).fast_min(F::ONE);
+    (curve * F::splat(255.0) + F::splat(0.5)).fast_trunc_int()
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! Light on surfaces, eight pixels at a time, once per pixel.
 
-use wide::{f32x8, i32x8};
+use wide::{f32x4, f32x8, i32x8};
 
 use super::geometry::{Chunk, TriShade};
-use super::light::Environment;
 use super::raster::{ID_BITS, NONE};
-use super::resolve::Surface;
 use super::shadow::{self, ShadowMaps};
-use super::texture;
+use crate::light::Environment;
+use crate::surface::{Surface, flag, slot};
+use crate::texture;
 use crate::vector::{dot, scale};
 
 type F = f32x8;
@@ -44,13 +44,6 @@ pub(super) struct Shading<'a> {
     pub(super) focal: f32,
 }
 
-/// Eight shaded pixels.
-pub(super) struct Shaded {
-    pub(super) colour: V,
-    /// Inverse depth; 0 for sky.
-    pub(super) w: F,
-}
-
 fn splat(x: f32) -> F {
     F::splat(x)
 }
@@ -82,28 +75,80 @@ fn floor(x: F) -> (i32x8, F) {
 
 /// What is read of the triangles and surfaces of eight pixels.
 struct Lanes {
-    w: V,
-    u: V,
-    v: V,
-    normal: [V; 3],
-    albedo: V,
-    contrast: V,
-    emissive: V,
-    specular: F,
-    polish: F,
-    tiles: F,
-    ground: F,
-    retro: F,
+    planes: [F; 20],
+    numbers: [F; 16],
     texture: [u32; 8],
-    textured: bool,
-    shiny: bool,
-    wettable: bool,
-    shining: bool,
+    /// Of any of them.
+    flags: u32,
+    /// One texture in all, and one mip level is near enough.
+    same: bool,
+}
+
+impl Lanes {
+    /// Value of a plane, by its number.
+    fn at(&self, plane: usize, x: F, y: F) -> F {
+        let p = &self.planes[3 * plane..3 * plane + 3];
+        p[0] * x + (p[1] * y + p[2])
+    }
+
+    fn colour(&self, slot: usize) -> V {
+        [self.numbers[slot], self.numbers[slot + 1], self.numbers[slot + 2]]
+    }
+
+    fn has(&self, flag: u32) -> bool {
+        self.flags & flag != 0
+    }
+}
+
+/// Turns eight rows into columns of eight.
+fn columns<const N: usize>(rows: [&[f32; N]; 8]) -> [F; N] {
+    let mut out = [F::ZERO; N];
+    for block in 0..N / 4 {
+        let quad = |row: usize| {
+            let row = rows[row];
+            f32x4::new([row[4 * block], row[4 * block + 1], row[4 * block + 2], row[4 * block + 3]])
+        };
+        let [a, b, c, d] = f32x4::transpose([quad(0), quad(1), quad(2), quad(3)]);
+        let [e, f, g, h] = f32x4::transpose([quad(4), quad(5), quad(6), quad(7)]);
+        out[4 * block] = joined(a, e);
+        out[4 * block + 1] = joined(b, f);
+        out[4 * block + 2] = joined(c, g);
+        out[4 * block + 3] = joined(d, h);
+    }
+    out
+}
+
+fn joined(low: f32x4, high: f32x4) -> F {
+    let (a, b) = (low.to_array(), high.to_array());
+    F::new([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]])
+}
+
+fn splats<const N: usize>(numbers: &[f32; N]) -> [F; N] {
+    let mut out = [F::ZERO; N];
+    for (out, number) in out.iter_mut().zip(numbers) {
+        *out = F::splat(*number);
+    }
+    out
+}
+
+/// The triangle that filled the last eight pixels, ready for the next eight.
+pub(super) struct Kept {
+    id: u32,
+    lanes: Lanes,
+}
+
+impl Kept {
+    /// None yet.
+    pub(super) fn new() -> Self {
+        let lanes =
+            Lanes { planes: [F::ZERO; 20], numbers: [F::ZERO; 16], texture: [0; 8], flags: 0, same: true };
+        Self { id: NONE, lanes }
+    }
 }
 
 impl Shading<'_> {
     /// Shades the pixels whose centres are at `(x, y)` of the pinhole image and that show triangles `ids`.
-    pub(super) fn pixels(&self, ids: &[u32; 8], x: F, y: F) -> Shaded {
+    pub(super) fn pixels(&self, ids: &[u32; 8], x: F, y: F, kept: &mut Kept) -> V {
         let ray = [0, 1, 2]
             .map(|k| splat(self.ray[0][k]) * x + (splat(self.ray[1][k]) * y + splat(self.ray[2][k])));
         let length = dot8(ray, ray).sqrt();
@@ -111,92 +156,67 @@ impl Shading<'_> {
         let direction = ray.map(|r| r * over);
         let first = ids[0];
         let same = ids.iter().fold(0, |all, id| all | (id ^ first)) == 0;
-        if same && first == NONE {
-            return Shaded { colour: self.sky(direction), w: F::ZERO };
+        if same {
+            if first == NONE {
+                return self.sky(direction);
+            }
+            if kept.id != first {
+                *kept = Kept { id: first, lanes: self.uniform(first) };
+            }
+            return self.surface(&kept.lanes, (x, y), ray, direction, length);
         }
-        let lanes = if same { self.uniform(first) } else { self.gather(ids) };
-        let (colour, w) = self.surface(&lanes, (x, y), ray, direction, length);
-        if same || !ids.contains(&NONE) {
-            return Shaded { colour, w };
+        let colour = self.surface(&self.gather(ids), (x, y), ray, direction, length);
+        if !ids.contains(&NONE) {
+            return colour;
         }
         let open = F::from(ids.map(|id| if id == NONE { 1.0 } else { 0.0 }));
         let sky = self.sky(direction);
         let is_open = open.simd_gt(splat(0.5));
-        let pick = |k: usize| is_open.select(sky[k], colour[k]);
-        Shaded { colour: [pick(0), pick(1), pick(2)], w: is_open.select(F::ZERO, w) }
+        [0, 1, 2].map(|k| is_open.select(sky[k], colour[k]))
     }
 
-    fn triangle(&self, id: u32) -> (&[f32; 3], &TriShade, &Surface) {
+    fn triangle(&self, id: u32) -> (&TriShade, &Surface) {
         let chunk = &self.chunks[(id >> ID_BITS) as usize];
         let index = (id & ((1 << ID_BITS) - 1)) as usize;
-        let raster = &chunk.raster[index];
-        (&raster.w, &chunk.shade[index], &self.surfaces[raster.surface as usize])
+        (&chunk.shade[index], &self.surfaces[chunk.surfaces[index] as usize])
     }
 
     /// One triangle in all eight pixels.
     fn uniform(&self, id: u32) -> Lanes {
-        let (w, t, s) = self.triangle(id);
+        let (triangle, surface) = self.triangle(id);
         Lanes {
-            w: splat3(*w),
-            u: splat3(t.u),
-            v: splat3(t.v),
-            normal: t.normal.map(splat3),
-            albedo: splat3(s.albedo),
-            contrast: splat3(s.contrast),
-            emissive: splat3(s.emissive),
-            specular: splat(s.specular),
-            polish: splat(s.polish),
-            tiles: splat(s.tiles),
-            ground: splat(s.ground),
-            retro: splat(s.retro),
-            texture: [s.texture; 8],
-            textured: s.texture != 0,
-            shiny: s.polish > 0.2,
-            wettable: s.ground > 0.0,
-            shining: s.emissive != [0.0; 3],
+            planes: splats(triangle),
+            numbers: splats(&surface.numbers),
+            texture: [surface.texture; 8],
+            flags: surface.flags,
+            same: true,
         }
     }
 
     /// Several triangles; pixels of the sky take one of the others.
     fn gather(&self, ids: &[u32; 8]) -> Lanes {
         let some = ids.iter().copied().find(|id| *id != NONE).unwrap_or(0);
-        let all = ids.map(|id| self.triangle(if id == NONE { some } else { id }));
-        let plane = |f: &dyn Fn(&TriShade) -> [f32; 3]| -> V {
-            let p = all.map(|(_, t, _)| f(t));
-            [0, 1, 2].map(|k| F::from(p.map(|p| p[k])))
-        };
-        let of = |f: &dyn Fn(&Surface) -> f32| F::from(all.map(|(_, _, s)| f(s)));
-        let colour =
-            |f: &dyn Fn(&Surface) -> [f32; 3]| [0, 1, 2].map(|k| F::from(all.map(|(_, _, s)| f(s)[k])));
-        Lanes {
-            w: [0, 1, 2].map(|k| F::from(all.map(|(w, _, _)| w[k]))),
-            u: plane(&|t| t.u),
-            v: plane(&|t| t.v),
-            normal: [plane(&|t| t.normal[0]), plane(&|t| t.normal[1]), plane(&|t| t.normal[2])],
-            albedo: colour(&|s| s.albedo),
-            contrast: colour(&|s| s.contrast),
-            emissive: colour(&|s| s.emissive),
-            specular: of(&|s| s.specular),
-            polish: of(&|s| s.polish),
-            tiles: of(&|s| s.tiles),
-            ground: of(&|s| s.ground),
-            retro: of(&|s| s.retro),
-            texture: all.map(|(_, _, s)| s.texture),
-            textured: all.iter().any(|(_, _, s)| s.texture != 0),
-            shiny: all.iter().any(|(_, _, s)| s.polish > 0.2),
-            wettable: all.iter().any(|(_, _, s)| s.ground > 0.0),
-            shining: all.iter().any(|(_, _, s)| s.emissive != [0.0; 3]),
+        let (triangle, surface) = self.triangle(some);
+        let (mut planes, mut numbers) = ([triangle; 8], [&surface.numbers; 8]);
+        let (mut texture, mut flags) = ([surface.texture; 8], surface.flags);
+        for k in 0..8 {
+            if ids[k] != NONE {
+                let (triangle, surface) = self.triangle(ids[k]);
+                (planes[k], numbers[k], texture[k]) = (triangle, &surface.numbers, surface.texture);
+                flags |= surface.flags;
+            }
         }
+        Lanes { planes: columns(planes), numbers: columns(numbers), texture, flags, same: false }
     }
 
-    /// Colour and inverse depth of surfaces.
-    fn surface(&self, lanes: &Lanes, (x, y): (F, F), ray: V, direction: V, length: F) -> (V, F) {
+    /// Colour of surfaces.
+    fn surface(&self, lanes: &Lanes, (x, y): (F, F), ray: V, direction: V, length: F) -> V {
         let environment = self.environment;
-        let at = |plane: &V| plane[0] * x + (plane[1] * y + plane[2]);
-        let w = at(&lanes.w).fast_max(splat(1e-6));
+        let at = |plane: usize| lanes.at(plane, x, y);
+        let w = at(0).fast_max(splat(1e-6));
         let z = F::ONE / w;
         let point = [0, 1, 2].map(|k| splat(self.eye[k]) + ray[k] * z);
-        let across = [at(&lanes.normal[0]), at(&lanes.normal[1]), at(&lanes.normal[2])];
+        let across = [at(3), at(4), at(5)];
         let over = F::ONE / dot8(across, across).sqrt().fast_max(splat(1e-20));
         let normal = across.map(|n| n * over);
         let facing = (F::ZERO - dot8(normal, direction)).fast_max(splat(0.02));
@@ -204,31 +224,34 @@ impl Shading<'_> {
         let pixel = z * splat(1.0 / self.focal);
         let footprint = pixel * pixel / facing;
 
-        let mut albedo = lanes.albedo;
-        if lanes.textured {
-            let side = lanes.tiles * splat(texture::SIDE as f32);
-            let (u, v) = (at(&lanes.u) * z * lanes.tiles, at(&lanes.v) * z * lanes.tiles);
-            let t = self.sample(&lanes.texture, (u, v), footprint * side * side);
-            albedo = [0, 1, 2].map(|k| albedo[k] + lanes.contrast[k] * t);
+        let mut albedo = lanes.colour(slot::ALBEDO);
+        if lanes.has(flag::TEXTURED) {
+            let (tiles, contrast) = (lanes.numbers[slot::TILES], lanes.colour(slot::CONTRAST));
+            let side = tiles * splat(texture::SIDE as f32);
+            let (u, v) = (at(1) * z * tiles, at(2) * z * tiles);
+            let t = self.sample(&lanes.texture, lanes.same, (u, v), footprint * side * side);
+            albedo = [0, 1, 2].map(|k| albedo[k] + contrast[k] * t);
         }
-        let (mut polish, mut specular) = (lanes.polish, lanes.specular);
-        if lanes.wettable {
+        let (mut polish, mut specular) = (lanes.numbers[slot::POLISH], lanes.numbers[slot::SPECULAR]);
+        if lanes.has(flag::GROUND) {
+            let ground = lanes.numbers[slot::GROUND];
             let side = splat(texture::SIDE as f32 / 16.0);
             let base = [(texture::PUDDLES * texture::STRIDE) as u32; 8];
             let stain = self.sample(
                 &base,
+                lanes.same,
                 (point[0] * splat(1.0 / 16.0), point[1] * splat(1.0 / 16.0)),
                 footprint * side * side,
             );
-            let wet = lanes.ground * splat(environment.wetness);
+            let wet = ground * splat(environment.wetness);
             let level = splat(0.72 - 0.42 * environment.puddles);
             let flat = clamp01((normal[2] - splat(0.9)) * splat(20.0));
             let puddle = clamp01((stain - level) * splat(9.0)) * wet * flat;
-            let tone = F::ONE + lanes.ground * (stain - splat(0.5)) * splat(0.7);
+            let tone = F::ONE + ground * (stain - splat(0.5)) * splat(0.7);
             let tone = tone * (F::ONE - wet * splat(0.45)) * (F::ONE - puddle * splat(0.5));
             albedo = albedo.map(|a| a * tone);
             polish = polish.fast_max(wet * splat(0.25)).fast_max(puddle * splat(0.95));
-            specular = specular + puddle * splat(0.02);
+            specular += puddle * splat(0.02);
         }
 
         let height = point[2] + splat(self.maps.centre[2] as f32);
@@ -247,46 +270,65 @@ impl Shading<'_> {
                 + splat(environment.bounce[k]) * down
         });
         if environment.lamps_on {
-            self.add_lamps((x, y), point, normal, lanes.retro, &mut light);
+            self.add_lamps((x, y), point, normal, lanes.numbers[slot::RETRO], &mut light);
         }
         let mut colour = [0, 1, 2].map(|k| albedo[k] * light[k]);
-        if lanes.shiny || (lanes.wettable && environment.wetness > 0.0) {
+        if lanes.has(flag::SHINY) || (lanes.has(flag::GROUND) && environment.wetness > 0.0) {
             let sharp = sun / cosine.fast_max(splat(0.05));
             let (mirror, share) = self.mirror(normal, direction, facing, (polish, specular, sharp, open));
             colour = [0, 1, 2].map(|k| colour[k] * (F::ONE - share) + mirror[k]);
         }
-        if lanes.shining {
-            colour = [0, 1, 2].map(|k| colour[k] + lanes.emissive[k]);
+        if lanes.has(flag::SHINING) {
+            let emissive = lanes.colour(slot::EMISSIVE);
+            colour = [0, 1, 2].map(|k| colour[k] + emissive[k]);
         }
         // Beer's law; exp(-x) by its series in the denominator.
         let x = splat(environment.fog_1pm) * length * z;
         let clear = F::ONE
             / (F::ONE + x * (F::ONE + x * (splat(0.5) + x * (splat(1.0 / 6.0) + x * splat(1.0 / 24.0)))));
-        (mix8(splat3(environment.fog), colour, clear), w)
+        mix8(splat3(environment.fog), colour, clear)
     }
 
-    /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared.
-    fn sample(&self, base: &[u32; 8], (u, v): (F, F), footprint: F) -> F {
-        let bits = footprint.fast_max(F::ONE).fast_min(splat(60_000.0)).to_array().map(f32::to_bits);
+    /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared; with the level of
+    /// the first for `all` if they have one texture and much the same footprint.
+    fn sample(&self, base: &[u32; 8], all: bool, (u, v): (F, F), footprint: F) -> F {
         // Half the exponent, rounded up, is the level.
-        let levels = bits.map(|b| ((b >> 23) - 126) >> 1);
-        let sides = F::from(levels.map(|level| f32::from_bits((127 + 8 - level) << 23)));
+        let level = |footprint: f32| ((footprint.clamp(1.0, 60_000.0).to_bits() >> 23) - 126) >> 1;
+        let side = |level: u32| f32::from_bits((127 + 8 - level) << 23);
         let limit = splat(2.0e4);
         let bound = |t: F| t.fast_max(F::ZERO - limit).fast_min(limit);
-        let (iu, fu) = floor(bound(u) * sides - splat(0.5));
-        let (iv, fv) = floor(bound(v) * sides - splat(0.5));
-        let (tu, tv) = (bound(u) * sides - splat(0.5) - fu, bound(v) * sides - splat(0.5) - fv);
-        let (iu, iv) = (iu.to_array(), iv.to_array());
+        let (u, v) = (bound(u), bound(v));
+        let footprint = footprint.to_array();
         let mut words = [0_i32; 8];
-        for k in 0..8 {
-            let level = levels[k];
+        let (tu, tv) = if all {
+            let level = level(footprint[0]);
+            let (u, v) = (u * splat(side(level)) - splat(0.5), v * splat(side(level)) - splat(0.5));
+            let ((iu, fu), (iv, fv)) = (floor(u), floor(v));
             let shift = 8 - level;
-            let mask = (1_u32 << shift) - 1;
-            let index = base[k]
-                + texture::OFFSETS[level as usize]
-                + ((iv[k] as u32 & mask) << shift | iu[k] as u32 & mask);
-            words[k] = self.tiles[index as usize] as i32;
-        }
+            let mask = i32x8::splat((1 << shift) - 1);
+            let index = ((iv & mask) << shift as i32 | (iu & mask)).to_array();
+            let tile = &self.tiles[(base[0] + texture::OFFSETS[level as usize]) as usize..];
+            let tile = &tile[..1 << (2 * shift)];
+            for k in 0..8 {
+                words[k] = tile[index[k] as usize] as i32;
+            }
+            (u - fu, v - fv)
+        } else {
+            let levels = footprint.map(level);
+            let sides = F::from(levels.map(side));
+            let (u, v) = (u * sides - splat(0.5), v * sides - splat(0.5));
+            let ((iu, fu), (iv, fv)) = (floor(u), floor(v));
+            let (iu, iv) = (iu.to_array(), iv.to_array());
+            for k in 0..8 {
+                let shift = 8 - levels[k];
+                let mask = (1_u32 << shift) - 1;
+                let start = base[k] + texture::OFFSETS[levels[k] as usize];
+                words[k] = self.tiles
+                    [(start + ((iv[k] as u32 & mask) << shift | iu[k] as u32 & mask)) as usize]
+                    as i32;
+            }
+            (u - fu, v - fv)
+        };
         unpack(i32x8::from(words), tu, tv)
     }
 
@@ -298,8 +340,11 @@ impl Shading<'_> {
         }
         let half = 0.5 * shadow::SKY_SIDE as f32 - 0.5;
         let most = splat(shadow::SKY_SIDE as f32 - 2.0);
-        let texel = |m: F| (m * splat(shadow::SKY_PER_M) + splat(half)).fast_max(F::ZERO).fast_min(most);
-        let (x, y) = (texel(point[0]), texel(point[1]));
+        let texel = |m: F| m * splat(shadow::SKY_PER_M) + splat(half);
+        let bound = |t: F| t.fast_max(F::ZERO).fast_min(most);
+        let (free_x, free_y) = (texel(point[0]), texel(point[1]));
+        let (x, y) = (bound(free_x), bound(free_y));
+        let inside = x.simd_eq(free_x) & y.simd_eq(free_y);
         let (ix, iy) = (x.fast_trunc_int(), y.fast_trunc_int());
         let (tx, ty) = (x - ix.round_float(), y - iy.round_float());
         let (ix, iy) = (ix.to_array(), iy.to_array());
@@ -307,7 +352,7 @@ impl Shading<'_> {
         for k in 0..8 {
             words[k] = self.maps.hidden[iy[k] as usize * shadow::SKY_SIDE + ix[k] as usize] as i32;
         }
-        F::ONE - unpack(i32x8::from(words), tx, ty) * near
+        inside.select(F::ONE - unpack(i32x8::from(words), tx, ty) * near, F::ONE)
     }
 
     /// Share of the sun that is seen, filtered over two by two texels.
@@ -318,8 +363,11 @@ impl Shading<'_> {
         let along = |k: usize| dot8(splat3(maps.axes[k]), point);
         let half = 0.5 * shadow::SIDE as f32 - 0.5;
         let most = splat(shadow::SIDE as f32 - 2.0);
-        let texel = |m: F| (m * splat(shadow::PER_M) + splat(half)).fast_max(F::ZERO).fast_min(most);
-        let (x, y) = (texel(along(0)), texel(along(1)));
+        let texel = |m: F| m * splat(shadow::PER_M) + splat(half);
+        let bound = |t: F| t.fast_max(F::ZERO).fast_min(most);
+        let (free_x, free_y) = (texel(along(0)), texel(along(1)));
+        let (x, y) = (bound(free_x), bound(free_y));
+        let inside = x.simd_eq(free_x) & y.simd_eq(free_y);
         let depth = along(2) * splat(shadow::DEPTHS_PER_M) + splat(shadow::DEPTH_0 + 4.0);
         let (ix, iy) = (x.fast_trunc_int(), y.fast_trunc_int());
         let (tx, ty) = (x - ix.round_float(), y - iy.round_float());
@@ -337,7 +385,7 @@ impl Shading<'_> {
         let lit = taps.map(|tap| i32x8::from(tap).round_float().simd_le(depth).select(F::ONE, F::ZERO));
         let low = lit[0] + (lit[1] - lit[0]) * tx;
         let high = lit[2] + (lit[3] - lit[2]) * tx;
-        low + (high - low) * ty
+        inside.select(low + (high - low) * ty, F::ONE)
     }
 
     /// What a polished surface mirrors, and its share of the light.
@@ -387,9 +435,11 @@ impl Shading<'_> {
             let beam = clamp01((cone - splat(lamp.cos_outer)) * splat(lamp.over_fall));
             let cosine = (dot8(to, normal) * over).fast_max(F::ZERO);
             let fade = clamp01(F::ONE - square * splat(1.0 / (lamp.range * lamp.range)));
-            let strength = beam * beam * fade * over * over * (cosine + retro * splat(2.5));
-            for k in 0..3 {
-                light[k] = light[k] + splat(lamp.intensity[k]) * strength;
+            // A lamp has a size: near it the light no longer grows with the inverse square.
+            let spread = F::ONE / (square + splat(9.0));
+            let strength = beam * beam * fade * spread * (cosine + retro * splat(2.5));
+            for (light, intensity) in light.iter_mut().zip(lamp.intensity) {
+                *light += splat(intensity) * strength;
             }
         }
     }
@@ -409,15 +459,15 @@ impl Shading<'_> {
         let disc = near.simd_gt(splat(0.999_96)).select(splat(12.0), F::ZERO);
         let halo = n4 * splat(0.10) + n64 * splat(0.35) + n1024 * splat(1.2);
         let clear = 1.0 - environment.cloudiness;
-        for k in 0..3 {
-            colour[k] = colour[k] + splat(environment.glow[k]) * (halo + disc * splat(clear));
+        for (colour, glow) in colour.iter_mut().zip(environment.glow) {
+            *colour += splat(glow) * (halo + disc * splat(clear));
         }
         let over = splat(0.55) / (direction[2].fast_max(F::ZERO) + splat(0.09));
         let base = [(texture::CLOUDS * texture::STRIDE) as u32; 8];
         let (u, v) = (direction[0] * over, direction[1] * over);
         let grain = over * over * splat(400.0 / self.focal);
-        let large = self.sample(&base, (u * splat(0.25), v * splat(0.25)), grain * splat(0.3));
-        let small = self.sample(&base, (u, v), grain * splat(4.0));
+        let large = self.sample(&base, true, (u * splat(0.25), v * splat(0.25)), grain * splat(0.3));
+        let small = self.sample(&base, true, (u, v), grain * splat(4.0));
         let density = large * splat(0.72) + small * splat(0.28);
         let level = splat(0.66 - 0.46 * environment.cloudiness);
         let cover = clamp01((density - level) * splat(5.0)) * clamp01(up * splat(9.0));

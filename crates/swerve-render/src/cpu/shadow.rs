@@ -263,8 +263,8 @@ impl ShadowMaps {
         let place = [0, 1].map(|k| (origin[k] - self.centre[k]) as f32 + dot(rows[k], middle));
         let half = [0.5 * (max[0] - min[0]), 0.5 * (max[1] - min[1])];
         let is_person = matches!(instance.class, SemanticClass::Person | SemanticClass::Rider);
-        let strength = if is_person { 120.0 } else { 215.0 };
-        let fall = (0.4 * height).clamp(0.15, 0.9);
+        let strength = if is_person { 130.0 } else { 235.0 };
+        let fall = (0.5 * height).clamp(0.15, 1.0);
         let reach = half[0].max(half[1]) * core::f32::consts::SQRT_2 + fall;
         let texel = |m: f32| (m * SKY_PER_M + 0.5 * SKY_SIDE as f32).clamp(0.0, SKY_SIDE as f32) as usize;
         let rectangle = [

@@ -1,1 +1,469 @@
+use swerve_geom::{Ego, Map, Point, Transform};
 
+use crate::hash::Draws;
+use crate::town::town;
+use crate::*;
+
+type Pose = Transform<Map, swerve_geom::Camera>;
+
+/// A camera at a place, looking along +x, pitched down.
+fn looking(at: [f64; 3], pitch_rad: f64, yaw_rad: f64) -> Pose {
+    let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
+    map_from_ego * mount(at, 0.0, pitch_rad, yaw_rad)
+}
+
+fn small(change: impl Fn(&mut CameraSpec)) -> Camera {
+    let mut spec = CameraSpec { width_px: 160, height_px: 120, ..CameraSpec::default() };
+    change(&mut spec);
+    Camera::new(spec).unwrap()
+}
+
+fn renderer(threads: usize) -> Renderer {
+    Renderer::new(RenderOptions { threads, ..RenderOptions::default() }).unwrap()
+}
+
+fn shot(scene: &Scene, view: &View<'_>) -> Frame {
+    let mut frame = Frame::new(view.camera, Outputs::ALL);
+    renderer(1).render(scene, view, frame.as_mut()).unwrap();
+    frame
+}
+
+fn flat(size_m: f32) -> Mesh {
+    let parts = MeshParts {
+        positions: vec![
+            [-size_m, -size_m, 0.0],
+            [size_m, -size_m, 0.0],
+            [size_m, size_m, 0.0],
+            [-size_m, size_m, 0.0],
+        ],
+        normals: vec![[0.0, 0.0, 1.0]; 4],
+        uvs: vec![[0.0; 2]; 4],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        triangle_materials: vec![0; 2],
+        materials: vec![Material::default()],
+    };
+    Mesh::new(parts).unwrap()
+}
+
+fn instance(mesh: MeshId, at: [f64; 3], yaw_rad: f64, class: SemanticClass) -> Instance {
+    let map_from_body = Transform::from_roll_pitch_yaw(Point::new(at[0], at[1], at[2]), 0.0, 0.0, yaw_rad);
+    Instance { mesh, map_from_body, instance_id: 0, class, look: Look::default(), motion: Motion::default() }
+}
+
+#[test]
+fn the_depth_of_a_plane_is_its_closed_form() {
+    let mut scene = Scene::new(WeatherPreset::ClearNoon);
+    let mesh = scene.meshes.add(flat(500.0));
+    scene.add_static(instance(mesh, [0.0; 3], 0.3, SemanticClass::Road));
+    let camera = small(|_| {});
+    let (height, pitch) = (1.6, 0.2);
+    let frame = shot(&scene, &View::new(&camera, looking([3.0, -2.0, height], pitch, 0.5)));
+    let mut seen = 0;
+    for row in 0..120 {
+        for column in 0..160 {
+            let [_, y] = camera.ray([f64::from(column) + 0.5, f64::from(row) + 0.5]);
+            // The ray falls by sin(pitch) + y cos(pitch) per unit of depth.
+            let fall = swerve_geom::math::sin(pitch) + y * swerve_geom::math::cos(pitch);
+            let depth = f64::from(frame.depth_m[(row * 160 + column) as usize]);
+            if fall > 0.01 {
+                let expected = height / fall;
+                assert!((depth - expected).abs() < 1e-4 * expected, "({column}, {row}): {depth} {expected}");
+                seen += 1;
+            } else if fall < 0.0 {
+                assert!(depth.is_infinite(), "({column}, {row})");
+            }
+        }
+    }
+    assert!(seen > 9000);
+}
+
+#[test]
+fn ids_and_classes_are_those_of_the_nearest() {
+    let mut scene = Scene::new(WeatherPreset::ClearNoon);
+    let block = scene.meshes.model(Kind::Block, 0);
+    scene.add_static(Instance::new(&block, 10.0, 0.0, 0.0).with_id(7));
+    let sedan = scene.meshes.model(Kind::Sedan, 1);
+    scene.dynamics.push(Instance::new(&sedan, 14.0, 0.0, 0.5).with_id(70_000));
+    let camera = small(|_| {});
+    let frame = shot(&scene, &View::new(&camera, looking([0.0, 0.0, 0.7], 0.0, 0.0)));
+    let at = |column: usize, row: usize| {
+        let k = row * 160 + column;
+        (frame.instance[k], frame.semantic[k], frame.depth_m[k])
+    };
+    assert_eq!(at(80, 60), (7, SemanticClass::Static as u8, 9.5));
+    // Beside the block (1 m wide, 8 pixels) the car behind it stands out, with its own id and depth.
+    let beside = (0..160).map(|c| at(c, 60)).filter(|(id, ..)| *id == 70_000);
+    let (count, right) = beside.fold((0, 0), |(count, right), (_, class, depth)| {
+        (count + 1, right + u32::from(class == SemanticClass::Car as u8 && depth > 11.0 && depth < 17.0))
+    });
+    assert!(count > 4 && count == right, "{right} of {count}");
+    assert_eq!((at(80, 5).0, at(80, 5).1), (0, SemanticClass::Sky as u8));
+    assert!(at(80, 5).2.is_infinite());
+}
+
+/// Smallest and largest column and row of an instance's pixels.
+fn pixel_box(frame: &Frame, id: u32) -> Option<[f64; 4]> {
+    let hits = frame.instance.iter().enumerate().filter(|(_, i)| **i == id);
+    let mut found: Option<[f64; 4]> = None;
+    for (k, _) in hits {
+        let (x, y) = ((k % frame.width_px) as f64, (k / frame.width_px) as f64);
+        let b = found.get_or_insert([x, y, x + 1.0, y + 1.0]);
+        *b = [b[0].min(x), b[1].min(y), b[2].max(x + 1.0), b[3].max(y + 1.0)];
+    }
+    found
+}
+
+/// Bounds of points as a camera sees them.
+fn seen_box(
+    camera: &Camera,
+    pose: &Pose,
+    placed: &Instance,
+    points: impl Iterator<Item = [f32; 3]>,
+) -> [f64; 4] {
+    let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    for p in points {
+        let [x, y, z] = p.map(f64::from);
+        let in_camera = pose.inverse() * (placed.map_from_body * Point::new(x, y, z));
+        let [u, v] = camera.project(in_camera).expect("in front of the camera");
+        bounds = [bounds[0].min(u), bounds[1].min(v), bounds[2].max(u), bounds[3].max(v)];
+    }
+    bounds
+}
+
+#[test]
+fn projected_boxes_enclose_the_pixels_of_their_instance() {
+    let kinds = [
+        Kind::Sedan,
+        Kind::BoxTruck,
+        Kind::Pedestrian { phase: 3 },
+        Kind::Cyclist { phase: 1 },
+        Kind::StopSign,
+    ];
+    let lens = Distortion { k1: -0.2, k2: 0.04, p1: 0.001, p2: -0.001, k3: 0.0 };
+    for distortion in [Distortion::default(), lens] {
+        let camera = small(|s| {
+            (s.width_px, s.height_px, s.distortion) = (640, 480, distortion);
+        });
+        let mut draws = Draws::new(3, 3);
+        for (k, kind) in kinds.into_iter().cycle().take(15).enumerate() {
+            let mut scene = Scene::new(WeatherPreset::ClearNoon);
+            let model = scene.meshes.model(kind, k as u64);
+            let mut d = |low: f32, high: f32| f64::from(draws.between(low, high));
+            let placed = Instance::new(&model, d(9.0, 25.0), d(-3.0, 3.0), d(0.0, 6.0)).with_id(5);
+            scene.dynamics.push(placed);
+            let pose = looking([0.0, 0.0, d(0.8, 2.0)], d(-0.02, 0.05), d(-0.2, 0.2));
+            let frame = shot(&scene, &View::new(&camera, pose));
+            let pixels = pixel_box(&frame, 5).expect("it is seen");
+            let mesh = scene.meshes.get(model.mesh);
+            let (min, max) = mesh.bounds();
+            let corners =
+                (0..8).map(|c| [0, 1, 2].map(|axis| if c >> axis & 1 == 0 { min[axis] } else { max[axis] }));
+            let outer = seen_box(&camera, &pose, &placed, corners);
+            let inner = seen_box(&camera, &pose, &placed, mesh.positions().iter().copied());
+            for side in 0..4 {
+                let sign = if side < 2 { 1.0 } else { -1.0 };
+                assert!(sign * (pixels[side] - outer[side]) > -1.0, "{kind:?}: {pixels:?} not in {outer:?}");
+                let limit = [0.0, 0.0, 640.0, 480.0][side];
+                let expected = if side < 2 { inner[side].max(limit) } else { inner[side].min(limit) };
+                assert!((pixels[side] - expected).abs() < 2.0, "{kind:?}: {pixels:?} is not {inner:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_image_is_the_same_on_any_number_of_threads() {
+    let scene = town(WeatherPreset::WetNoon, 3, 60.0);
+    let camera = small(|s| {
+        s.noise = SensorNoise::TYPICAL;
+        s.shutter = Shutter { exposure_s: 0.02, blur_samples: 2, readout_s: 0.03, readout_slabs: 3 };
+    });
+    let view = View::new(&camera, looking([0.0, -1.9, 1.4], 0.05, 0.0));
+    let expected = shot(&scene, &view);
+    for threads in [2, 3] {
+        let mut frame = Frame::new(&camera, Outputs::ALL);
+        renderer(threads).render(&scene, &view, frame.as_mut()).unwrap();
+        assert!(frame == expected, "{threads} threads");
+    }
+}
+
+#[test]
+fn images_of_any_size_are_parts_of_larger_ones() {
+    let scene = town(WeatherPreset::ClearNoon, 3, 40.0);
+    let matrix = Intrinsics::Matrix([[90.0, 0.0, 60.0], [0.0, 95.0, 40.0], [0.0, 0.0, 1.0]]);
+    let sized = |width: u32, height: u32| {
+        let camera = small(|s| (s.width_px, s.height_px, s.intrinsics) = (width, height, matrix));
+        shot(&scene, &View::new(&camera, looking([0.0, -1.9, 1.4], 0.05, 0.0)))
+    };
+    let full = sized(160, 120);
+    for (width, height) in [(1, 1), (7, 3), (9, 17), (64, 33), (81, 120)] {
+        let part = sized(width, height);
+        let (width, height) = (width as usize, height as usize);
+        for k in 0..width * height {
+            let whole = k / width * 160 + k % width;
+            let of =
+                |frame: &Frame, k: usize| (frame.depth_m[k].to_bits(), frame.semantic[k], frame.instance[k]);
+            assert_eq!(of(&part, k), of(&full, whole), "{width} x {height}: {k}");
+            // Neighbours in a group of eight share a mip level, so only whole groups are the same colours.
+            if k % width < width / 8 * 8 {
+                assert_eq!(part.rgb[3 * k..3 * k + 3], full.rgb[3 * whole..3 * whole + 3]);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_image_does_not_depend_on_earlier_passes() {
+    let mut renderer = renderer(1);
+    let camera = small(|_| {});
+    let noon = town(WeatherPreset::ClearNoon, 3, 60.0);
+    let mut other = town(WeatherPreset::ClearSunset, 4, 40.0);
+    let pose = |x: f64| looking([x, -1.9, 1.4], 0.05, 0.0);
+    let mut frame = Frame::new(&camera, Outputs::ALL);
+    let mut pass = |scene: &Scene, x: f64| {
+        renderer.render(scene, &View::new(&camera, pose(x)), frame.as_mut()).unwrap();
+        frame.clone()
+    };
+    let first = pass(&noon, 0.0);
+    for x in [100.0, -60.0, 0.0] {
+        pass(&other, x);
+        other.dynamics.iter_mut().for_each(|i| i.look.lamps ^= 4);
+    }
+    let mut moved = noon.clone();
+    for thing in &mut moved.dynamics {
+        let step = Transform::<Map, Map>::from_roll_pitch_yaw(Point::new(1.0, 0.5, 0.0), 0.0, 0.0, 0.0);
+        thing.map_from_body = step * thing.map_from_body;
+    }
+    assert!(pass(&moved, 0.0) != first);
+    assert!(pass(&noon, 0.0) == first);
+}
+
+fn digest(frame: &Frame) -> u64 {
+    let mut key = crate::hash::Key::default();
+    frame.rgb.iter().chain(&frame.semantic).for_each(|byte| key.word(u32::from(*byte)));
+    frame.depth_m.iter().for_each(|depth| key.number(*depth));
+    frame.instance.iter().for_each(|id| key.word(*id));
+    key.0
+}
+
+/// Changes on purpose only: when shapes, textures or shading change, after a look at the pictures.
+const GOLDEN: [(WeatherPreset, u64); 3] = [
+    (WeatherPreset::ClearNoon, 18_334_303_290_821_878_506),
+    (WeatherPreset::HardRainSunset, 10_094_719_741_055_933_056),
+    (WeatherPreset::ClearNight, 13_339_760_406_959_261_248),
+];
+
+#[test]
+fn small_frames_are_the_same_bit_for_bit_on_every_machine() {
+    let camera = small(|s| {
+        (s.width_px, s.height_px) = (96, 64);
+        s.noise = SensorNoise::TYPICAL;
+        s.vignetting = 0.5;
+    });
+    let digests = GOLDEN.map(|(preset, _)| {
+        let scene = town(preset, 1, 60.0);
+        (preset, digest(&shot(&scene, &View::new(&camera, looking([0.0, -1.9, 1.4], 0.03, 0.0)))))
+    });
+    assert_eq!(digests, GOLDEN);
+}
+
+#[test]
+fn every_weather_looks_different() {
+    let camera = small(|_| {});
+    let mut scene = town(WeatherPreset::ClearNoon, 1, 60.0);
+    let mut renderer = renderer(1);
+    let images = WeatherPreset::ALL.map(|preset| {
+        scene.set_weather(preset);
+        let mut frame = Frame::new(&camera, Outputs::ALL);
+        let view = View::new(&camera, looking([0.0, -1.9, 1.4], 0.03, 0.0));
+        renderer.render(&scene, &view, frame.as_mut()).unwrap();
+        frame
+    });
+    for (k, image) in images.iter().enumerate() {
+        for (j, other) in images.iter().enumerate().take(k) {
+            let difference: u64 =
+                image.rgb.iter().zip(&other.rgb).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+            let mean = difference as f64 / image.rgb.len() as f64;
+            assert!(mean > 1.0, "{:?} and {:?}: {mean}", WeatherPreset::ALL[k], WeatherPreset::ALL[j]);
+            assert!(image.depth_m == other.depth_m && image.semantic == other.semantic);
+        }
+    }
+}
+
+#[test]
+fn a_walk_is_seen() {
+    let camera = small(|_| {});
+    let at_phase = |phase: u8| {
+        let mut scene = Scene::new(WeatherPreset::ClearNoon);
+        let model = scene.meshes.model_sized(Kind::Pedestrian { phase }, Size::from_m(1.0, 0.6, 1.75), 1);
+        scene.dynamics.push(Instance::new(&model, 4.0, 0.0, core::f64::consts::FRAC_PI_2).with_id(1));
+        shot(&scene, &View::new(&camera, looking([0.0, 0.0, 1.2], 0.0, 0.0)))
+    };
+    let (a, b) = (at_phase(0), at_phase(4));
+    let changed = a.instance.iter().zip(&b.instance).filter(|(a, b)| a != b).count();
+    let person = a.instance.iter().filter(|id| **id == 1).count();
+    assert!(person > 150 && changed > person / 10 && changed < person, "{changed} of {person}");
+}
+
+#[test]
+fn geometry_alone_is_that_of_the_full_image() {
+    let scene = town(WeatherPreset::ClearNoon, 2, 60.0);
+    for distortion in [Distortion::default(), Distortion { k1: -0.05, ..Distortion::default() }] {
+        let camera = small(|s| s.distortion = distortion);
+        let view = View::new(&camera, looking([0.0, -1.9, 1.4], 0.05, 0.0));
+        let full = shot(&scene, &view);
+        let mut frame = Frame::new(&camera, Outputs::GEOMETRY);
+        renderer(1).render(&scene, &view, frame.as_mut()).unwrap();
+        assert!(frame.rgb.is_empty());
+        assert!(
+            frame.depth_m == full.depth_m
+                && frame.semantic == full.semantic
+                && frame.instance == full.instance
+        );
+    }
+}
+
+#[test]
+fn surfaces_through_the_camera_have_no_holes() {
+    let mut scene = Scene::new(WeatherPreset::ClearNoon);
+    // A ground of ten thousand triangles with crooked corners, below, beside and behind the camera.
+    let mut draws = Draws::new(5, 5);
+    let mut parts = MeshParts { materials: vec![Material::default()], ..MeshParts::default() };
+    let side = 71_u32;
+    for k in 0..side * side {
+        let (i, j) = ((k % side) as f32 - 35.0, (k / side) as f32 - 35.0);
+        parts.positions.push([2.0 * i + draws.between(-0.8, 0.8), 2.0 * j + draws.between(-0.8, 0.8), 0.0]);
+        parts.normals.push([0.0, 0.0, 1.0]);
+        parts.uvs.push([0.0; 2]);
+    }
+    for k in 0..(side - 1) * (side - 1) {
+        let a = k / (side - 1) * side + k % (side - 1);
+        parts.triangles.extend([[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]);
+        parts.triangle_materials.extend([0, 0]);
+    }
+    let mesh = scene.meshes.add(Mesh::new(parts).unwrap());
+    scene.add_static(instance(mesh, [0.0; 3], 0.0, SemanticClass::Road));
+    let camera = small(|_| {});
+    for (k, yaw) in
+        [0.0, 0.3, core::f64::consts::FRAC_PI_4, core::f64::consts::FRAC_PI_2, 2.0].into_iter().enumerate()
+    {
+        let frame = shot(&scene, &View::new(&camera, looking([0.1 * k as f64, 0.0, 0.5], 0.9, yaw)));
+        let holes = frame.semantic.iter().filter(|c| **c != SemanticClass::Road as u8).count();
+        assert_eq!(holes, 0, "yaw {yaw}");
+    }
+    let close = small(|s| s.near_m = 1.0);
+    let frame = shot(&scene, &View::new(&close, looking([0.0, 0.0, 0.5], 0.9, 0.0)));
+    assert!(frame.depth_m.iter().all(|d| *d >= 0.999));
+    assert!(frame.semantic.contains(&(SemanticClass::Sky as u8)));
+}
+
+#[test]
+fn blur_and_rolling_shutters_show_motion_and_leave_ids_sharp() {
+    let mut scene = Scene::new(WeatherPreset::ClearNoon);
+    let model = scene.meshes.model_sized(Kind::Block, Size::from_m(1.0, 1.0, 8.0), 0);
+    let mut thing = Instance::new(&model, 8.0, 0.0, 0.0).with_id(1);
+    thing.motion.linear_mps = [0.0, -20.0, 0.0];
+    scene.dynamics.push(thing);
+    let pose = looking([0.0, 0.0, 4.0], 0.0, 0.0);
+    let image = |shutter: Shutter| shot(&scene, &View::new(&small(|s| s.shutter = shutter), pose));
+    let sharp = image(Shutter::default());
+    let blurred = image(Shutter { exposure_s: 0.03, blur_samples: 5, ..Shutter::default() });
+    assert!(
+        sharp.rgb != blurred.rgb && sharp.instance == blurred.instance && sharp.depth_m == blurred.depth_m
+    );
+    let rolling = image(Shutter { readout_s: 0.05, readout_slabs: 8, ..Shutter::default() });
+    let middle = |frame: &Frame, row: usize| {
+        let hits: Vec<usize> = (0..160).filter(|c| frame.instance[row * 160 + c] == 1).collect();
+        hits.iter().sum::<usize>() as f64 / hits.len() as f64
+    };
+    // 20 m/s at 7.5 m are 10.7 pixels over all rows; between the middles of the slabs at 24 and 88, 64 rows apart, 5.7.
+    let lean = middle(&rolling, 90) - middle(&rolling, 30);
+    let upright = middle(&sharp, 90) - middle(&sharp, 30);
+    assert!(upright.abs() < 0.01 && (lean - 5.7).abs() < 1.1, "{lean}");
+}
+
+#[test]
+fn a_hidden_instance_keeps_its_shadow() {
+    let mut scene = Scene::new(WeatherPreset::ClearNoon);
+    let ground = scene.meshes.add(flat(100.0));
+    scene.add_static(instance(ground, [0.0; 3], 0.0, SemanticClass::Road));
+    let camera = small(|_| {});
+    let mut view = View::new(&camera, looking([-8.0, 0.0, 4.0], 0.4, 0.0));
+    let empty = shot(&scene, &view);
+    let model = scene.meshes.model(Kind::Van, 0);
+    scene.dynamics.push(Instance::new(&model, 2.0, 0.0, 0.0).with_id(9));
+    view.hidden_instance = Some(9);
+    let hidden = shot(&scene, &view);
+    assert!(hidden.instance == empty.instance && hidden.depth_m == empty.depth_m);
+    let darker = hidden.rgb.iter().zip(&empty.rgb).filter(|(a, b)| **a + 20 < **b).count();
+    let brighter = hidden.rgb.iter().zip(&empty.rgb).filter(|(a, b)| **a > **b + 2).count();
+    assert!(darker > 500 && brighter == 0, "{darker} {brighter}");
+    view.hidden_instance = None;
+    assert!(shot(&scene, &view).instance.contains(&9));
+}
+
+#[test]
+fn lamps_shine_when_they_are_on() {
+    let camera = small(|_| {});
+    let view = View::new(&camera, looking([-2.2, 0.0, 0.9], 0.0, 0.0));
+    let red = |on: bool| {
+        let mut scene = Scene::new(WeatherPreset::ClearNight);
+        let model = scene.meshes.model(Kind::Sedan, 1);
+        let mut car = Instance::new(&model, 2.0, 0.0, 0.0).with_id(1);
+        car.look = car.look.with_lamp(lamps::BRAKE, on);
+        scene.dynamics.push(car);
+        let frame = shot(&scene, &view);
+        frame.rgb.chunks_exact(3).filter(|p| p[0] > 200 && p[1] < 150 && p[2] < 150).count()
+    };
+    assert_eq!(red(false), 0);
+    assert!(red(true) > 10);
+}
+
+#[test]
+fn noise_has_its_size_and_follows_seed_and_frame() {
+    let mut scene = Scene::new(WeatherPreset::CloudyNoon);
+    let mesh = scene.meshes.add(flat(500.0));
+    scene.add_static(instance(mesh, [0.0; 3], 0.0, SemanticClass::Ground));
+    let clean = small(|s| s.exposure = Exposure::Factor(0.4));
+    let noisy = small(|s| {
+        s.exposure = Exposure::Factor(0.4);
+        s.noise = SensorNoise { read: 0.01, shot: 0.0, seed: 4 };
+    });
+    let pose = looking([0.0, 0.0, 2.0], 1.3, 0.0);
+    let (a, b) = (shot(&scene, &View::new(&clean, pose)), shot(&scene, &View::new(&noisy, pose)));
+    let differences: Vec<f64> =
+        a.rgb.iter().zip(&b.rgb).map(|(a, b)| f64::from(*b) - f64::from(*a)).collect();
+    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+    let deviation = (differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64).sqrt();
+    // The tone curve makes 0.01 of full scale about 6 of 255 at this grey; its bend moves the mean a little.
+    assert!(mean.abs() < 1.0 && (4.0..9.0).contains(&deviation), "{mean} {deviation}");
+    let later = shot(&scene, &View { frame: 1, ..View::new(&noisy, pose) });
+    assert!(later.rgb != b.rgb && later.depth_m == b.depth_m);
+    assert!(shot(&scene, &View::new(&noisy, pose)) == b);
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused() {
+    let camera = small(|_| {});
+    let scene = Scene::new(WeatherPreset::ClearNoon);
+    let view = View::new(&camera, looking([0.0; 3], 0.0, 0.0));
+    let mut renderer = renderer(1);
+    let mut short = vec![0_u8; 10];
+    let error =
+        renderer.render(&scene, &view, FrameMut { semantic: Some(&mut short), ..FrameMut::default() });
+    assert_eq!(error.unwrap_err().to_string(), "the semantic image has 10 elements, the camera writes 19200");
+    let mut frame = Frame::new(&camera, Outputs::ALL);
+    let mut refused = |scene: &Scene, view: &View<'_>| {
+        renderer.render(scene, view, frame.as_mut()).unwrap_err().to_string()
+    };
+    let mut odd = scene.clone();
+    odd.weather.rain = 7.0;
+    assert_eq!(refused(&odd, &view), "weather: `rain` is 7, expected a number from 0 to 1");
+    let mut odd = scene.clone();
+    odd.sun.azimuth_rad = f64::NAN;
+    assert_eq!(refused(&odd, &view), "the sun's direction is not finite");
+    let nowhere = View::new(&camera, looking([f64::NAN, 0.0, 0.0], 0.0, 0.0));
+    assert_eq!(refused(&scene, &nowhere), "the camera's pose is not finite");
+    // An empty scene, and no images at all, are no errors.
+    renderer.render(&scene, &view, FrameMut::default()).unwrap();
+}

@@ -29,7 +29,7 @@ impl Parts {
         };
         let glass =
             Material::matt([0.022, 0.026, 0.03], 0.05).textured(Texture::Glass, [0.10, 0.105, 0.11], 2.6);
-        let glass = glass.glossy(0.06, 0.09);
+        let glass = glass.glossy(0.06, 0.16);
         Self {
             wall: add(wall),
             plinth: add(Material::matt([0.17, 0.165, 0.16], 0.3).textured(
@@ -39,7 +39,7 @@ impl Parts {
             )),
             trim: add(Material::matt([1.0; 3], 0.5).tinted(1)),
             glass: add(glass),
-            lit: add(glass.lit([0.9, 0.62, 0.3], Some(lamps::NIGHT))),
+            lit: add(glass.lit([0.30, 0.20, 0.09], Some(lamps::NIGHT))),
             door: add(Material::matt([1.0; 3], 0.35).tinted(3).glossy(0.5, 0.04)),
             roof: add(Material::matt([1.0; 3], 0.3)
                 .textured(Texture::RoofTiles, [0.55, 0.5, 0.5], 1.6)

@@ -50,6 +50,13 @@ pub(super) fn pedestrian([_, _, height]: [f32; 3], phase: Option<u8>, draws: &mu
     let build = draws.between(0.92, 1.18);
     let skirt = draws.chance(0.25);
     let bag = draws.chance(0.4);
+    let colour = draws.one_of(&[
+        [0.03, 0.03, 0.035],
+        [0.20, 0.03, 0.03],
+        [0.03, 0.05, 0.13],
+        [0.16, 0.15, 0.12],
+        [0.05, 0.10, 0.05],
+    ]);
     let angle = phase.map(|p| core::f32::consts::TAU * f32::from(p) / f32::from(PHASES));
     let m = |x: f32| x * scale_by;
     let hip_z = m(0.90) - angle.map_or(0.0, |a| m(0.02) * libm::cosf(2.0 * a).abs());
@@ -72,11 +79,11 @@ pub(super) fn pedestrian([_, _, height]: [f32; 3], phase: Option<u8>, draws: &mu
             (toe, m(0.04)),
             6,
         );
-        let shoulder = [0.0, side * m(0.175 * build), m(1.39)];
+        let shoulder = [0.0, side * m(0.168 * build), m(1.35)];
         let reach = swing.map_or(0.04, |a| -0.26 * libm::cosf(a));
         let hand = [m(reach + 0.05), side * m(0.25 * build), m(0.84 + 0.25 * reach * reach)];
         let elbow = joint(shoulder, hand, (m(0.29), m(0.28)), [-1.0, 0.0, 0.0]);
-        builder.limb(clothes.top, (shoulder, m(0.06 * build)), (elbow, m(0.045)), 8);
+        builder.limb(clothes.top, (shoulder, m(0.054 * build)), (elbow, m(0.045)), 8);
         builder.limb(clothes.top, (elbow, m(0.042)), (mix(elbow, hand, 0.85), m(0.034)), 8);
         builder.limb(clothes.skin, (mix(elbow, hand, 0.9), m(0.034)), (hand, m(0.038)), 6);
     }
@@ -87,7 +94,9 @@ pub(super) fn pedestrian([_, _, height]: [f32; 3], phase: Option<u8>, draws: &mu
         builder.place = Placed::HERE;
     }
     if bag {
-        builder.cuboid(clothes.shoes, [m(-0.26), m(-0.14), m(0.98)], [m(-0.11), m(0.14), m(1.38)]);
+        let bag = Material::matt(colour, 0.3).textured(Texture::Cloth, colour.map(|c| 0.6 * c), 0.4);
+        let bag = builder.material(bag);
+        builder.cuboid(bag, [m(-0.23), m(-0.13), m(0.98)], [m(-0.10), m(0.13), m(1.33)]);
     }
     head(&mut builder, clothes, [m(0.03), 0.0, height - m(0.125)], scale_by);
     builder.fit([0.0, 0.0, height]);

@@ -5,8 +5,11 @@ use crate::material::{Material, Texture};
 use crate::mesh::{Builder, Mesh, Placed};
 
 fn leaf_material(builder: &mut Builder) -> u16 {
-    let leaf = Material::matt([0.25, 0.28, 0.25], 0.5).textured(Texture::Foliage, [1.25, 1.25, 1.0], 1.7);
-    builder.material(leaf.tinted(0))
+    builder.material(leaf_of())
+}
+
+fn leaf_of() -> Material {
+    Material::matt([0.38, 0.42, 0.36], 0.5).textured(Texture::Foliage, [1.25, 1.25, 1.0], 1.7).tinted(0)
 }
 
 /// A lumpy ball that stays within its radii.
@@ -25,11 +28,36 @@ fn clump(
     builder.place = Placed::HERE;
 }
 
+/// Bunches of leaves that stick out of a clump: they break its outline.
+fn sprigs(
+    builder: &mut Builder,
+    material: u16,
+    centre: [f32; 3],
+    radii: [f32; 3],
+    draws: &mut Draws,
+    count: usize,
+) {
+    for _ in 0..count {
+        let (s, c) = libm::sincosf(draws.between(0.0, core::f32::consts::TAU));
+        let up = draws.between(-0.8, 1.0);
+        let flat = (1.0 - up * up).max(0.0).sqrt();
+        let out = [flat * c, flat * s, up];
+        let grow = draws.between(0.86, 0.97);
+        let root = [0, 1, 2].map(|k| centre[k] + out[k] * radii[k] * grow);
+        let size = 0.13 * (radii[0] + radii[2]);
+        let mut tip = || [0, 1, 2].map(|k| root[k] + size * (0.5 * out[k] + draws.between(-0.7, 0.7)));
+        let (a, b) = (tip(), tip());
+        let uv = [[root[0] + root[2], root[1]], [a[0] + a[2], a[1]], [b[0] + b[2], b[1]]];
+        builder.triangle(material, [root, a, b], uv);
+    }
+}
+
 /// Tree within an outline: the crown fills the upper part.
 pub(super) fn tree(outline: [f32; 3], draws: &mut Draws) -> Mesh {
     let [length, width, height] = outline;
     let mut builder = Builder::new(75.0);
     let leaf = leaf_material(&mut builder);
+    let sprig = builder.material(Material { is_two_sided: true, ..leaf_of() });
     let bark = Material::matt([0.09, 0.065, 0.045], 0.3).textured(Texture::Bark, [0.17, 0.13, 0.10], 0.8);
     let bark = builder.material(bark);
     let trunk = draws.between(0.26, 0.34) * height;
@@ -47,6 +75,8 @@ pub(super) fn tree(outline: [f32; 3], draws: &mut Draws) -> Mesh {
         (11, 8),
         draws.bits(),
     );
+    let top = [0.72 * a, 0.72 * b, 0.42 * crown];
+    sprigs(&mut builder, sprig, [0.0, 0.0, middle + 0.08 * crown], top, draws, 36);
     let lumps = 6;
     for k in 0..lumps {
         let turn = core::f32::consts::TAU * (k as f32 + draws.between(-0.3, 0.3)) / lumps as f32;
@@ -61,7 +91,9 @@ pub(super) fn tree(outline: [f32; 3], draws: &mut Draws) -> Mesh {
             ([0.6 * at[0], 0.6 * at[1], at[2]], 0.25 * radius),
             5,
         );
-        clump(&mut builder, leaf, at, [size * a, size * b, 0.26 * crown], (8, 6), draws.bits());
+        let radii = [size * a, size * b, 0.26 * crown];
+        clump(&mut builder, leaf, at, radii, (8, 6), draws.bits());
+        sprigs(&mut builder, sprig, at, radii, draws, 30);
     }
     builder.fit(outline);
     builder.finish()

@@ -50,9 +50,9 @@ pub(super) fn traffic_light([_, width, height]: [f32; 3]) -> Mesh {
     builder.cuboid(white, [0.02, -half - 0.03, top - head - 0.03], [0.05, half + 0.03, top]);
     builder.cuboid(black, [0.0, -half, top - head], [0.16, half, top - 0.03]);
     let colours = [
-        (lamps::RED, [0.30, 0.02, 0.015], [5.0, 0.18, 0.08]),
-        (lamps::YELLOW, [0.30, 0.19, 0.01], [5.0, 2.6, 0.10]),
-        (lamps::GREEN, [0.02, 0.19, 0.10], [0.10, 4.2, 1.7]),
+        (lamps::RED, [0.30, 0.02, 0.015], [2.2, 0.05, 0.03]),
+        (lamps::YELLOW, [0.30, 0.19, 0.01], [2.2, 1.1, 0.03]),
+        (lamps::GREEN, [0.02, 0.19, 0.10], [0.04, 1.9, 0.45]),
     ];
     let radius = (0.14 * head).min(0.8 * half);
     for (k, (lamp, dark, bright)) in colours.into_iter().enumerate() {

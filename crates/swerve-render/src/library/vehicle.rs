@@ -160,10 +160,10 @@ impl Parts {
             head: add(Material::matt([0.75, 0.77, 0.8], 0.5)
                 .glossy(0.1, 0.12)
                 .lit([7.0, 6.6, 5.8], Some(lamps::HEAD))),
-            tail: add(red.lit([0.9, 0.03, 0.02], Some(lamps::TAIL)).retro_reflective()),
-            brake: add(red.lit([3.2, 0.1, 0.06], Some(lamps::BRAKE)).retro_reflective()),
-            left: add(amber.lit([3.0, 1.2, 0.05], Some(lamps::LEFT))),
-            right: add(amber.lit([3.0, 1.2, 0.05], Some(lamps::RIGHT))),
+            tail: add(red.lit([0.5, 0.012, 0.008], Some(lamps::TAIL)).retro_reflective()),
+            brake: add(red.lit([1.6, 0.03, 0.02], Some(lamps::BRAKE)).retro_reflective()),
+            left: add(amber.lit([1.8, 0.7, 0.02], Some(lamps::LEFT))),
+            right: add(amber.lit([1.8, 0.7, 0.02], Some(lamps::RIGHT))),
             plate: add(plate.retro_reflective()),
             chrome: add(Material::matt([0.5, 0.5, 0.52], 0.5).glossy(0.15, 0.55)),
         }
@@ -561,7 +561,7 @@ pub(super) fn bus(outline: [f32; 3], draws: &mut Draws) -> Mesh {
         (-half + 0.1, half - 0.1),
         (0.36 * height, 0.83 * height),
     );
-    let sign = Material::matt([0.02; 3], 0.1).lit([1.6, 0.8, 0.1], None);
+    let sign = Material::matt([0.02; 3], 0.1).lit([0.5, 0.25, 0.02], None);
     let sign = builder.material(sign);
     panel(&mut builder, parts.arch, front - 0.004, (-half + 0.1, half - 0.1), (0.84 * height, 0.93 * height));
     panel(&mut builder, sign, front - 0.002, (-0.45 * half, 0.45 * half), (0.865 * height, 0.905 * height));

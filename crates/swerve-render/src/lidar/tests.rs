@@ -373,7 +373,7 @@ fn points_of_a_plane_fit_it_within_the_noise() {
 
 #[test]
 fn threads_and_pieces_do_not_change_a_byte() {
-    let scene = town(WeatherPreset::SoftRainNoon, 3);
+    let scene = town(WeatherPreset::SoftRainNoon, 3, 60.0);
     let tree = SceneTree::new(&scene).unwrap();
     let pose = Transform::from_roll_pitch_yaw(Point::new(1.0, -1.8, 1.9), 0.01, -0.02, 0.3);
     let spec = few_columns(LidarPreset::Hdl64, 301);
@@ -746,7 +746,7 @@ fn scenes_that_cannot_be_placed_are_refused_and_empty_ones_are_not() {
 
 #[test]
 fn lidar_and_depth_image_agree() {
-    let scene = town(WeatherPreset::ClearNoon, 2);
+    let scene = town(WeatherPreset::ClearNoon, 2, 120.0);
     let tree = SceneTree::new(&scene).unwrap();
     let spec = CameraSpec {
         width_px: 160,

@@ -6,28 +6,28 @@ use crate::vector::{add, dot, mix, normalized, scale};
 
 /// Radiances are relative to white paper in full sun; colours linear.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Environment {
+pub(crate) struct Environment {
     /// Towards the sun, map frame.
-    pub(super) sun: [f32; 3],
+    pub(crate) sun: [f32; 3],
     /// Radiance of white paper that faces the sun, by the sun alone.
-    pub(super) sunlight: [f32; 3],
-    pub(super) zenith: [f32; 3],
-    pub(super) horizon: [f32; 3],
+    pub(crate) sunlight: [f32; 3],
+    pub(crate) zenith: [f32; 3],
+    pub(crate) horizon: [f32; 3],
     /// Glow around the sun.
-    pub(super) glow: [f32; 3],
-    pub(super) cloud: [f32; 3],
+    pub(crate) glow: [f32; 3],
+    pub(crate) cloud: [f32; 3],
     /// Radiance of white paper by the sky alone, face up, and by the ground alone, face down.
-    pub(super) ambient: [f32; 3],
-    pub(super) bounce: [f32; 3],
-    pub(super) fog: [f32; 3],
-    pub(super) fog_1pm: f32,
-    pub(super) cloudiness: f32,
-    pub(super) wetness: f32,
-    pub(super) puddles: f32,
-    pub(super) rain: f32,
-    pub(super) lamps_on: bool,
+    pub(crate) ambient: [f32; 3],
+    pub(crate) bounce: [f32; 3],
+    pub(crate) fog: [f32; 3],
+    pub(crate) fog_1pm: f32,
+    pub(crate) cloudiness: f32,
+    pub(crate) wetness: f32,
+    pub(crate) puddles: f32,
+    pub(crate) rain: f32,
+    pub(crate) lamps_on: bool,
     /// From radiance to the scale of the sensor.
-    pub(super) exposure: f32,
+    pub(crate) exposure: f32,
 }
 
 const WHITE: [f32; 3] = [0.2126, 0.7152, 0.0722];
@@ -39,7 +39,7 @@ fn smooth(x: f32, low: f32, high: f32) -> f32 {
 
 impl Environment {
     /// The light of a scene as a camera with this exposure gets it.
-    pub(super) fn new(scene: &Scene, exposure: Exposure) -> Self {
+    pub(crate) fn new(scene: &Scene, exposure: Exposure) -> Self {
         let (weather, sun) = (&scene.weather, scene.sun.direction().map(|x| x as f32));
         let sun = normalized(sun);
         let height = sun[2];
@@ -47,25 +47,26 @@ impl Environment {
         // Low light goes a longer way through the air and loses its blue.
         let low = smooth(height, 0.0, 0.5);
         let up = smooth(height, -0.03, 0.06);
-        let colour = mix([0.80, 0.40, 0.15], [0.92, 0.88, 0.80], low.sqrt());
+        let colour = mix([0.95, 0.42, 0.13], [1.0, 0.95, 0.85], low.sqrt());
         let sunlight = scale(colour, up * direct);
         let day = smooth(height, -0.16, 0.20);
-        let clear_zenith = scale(mix([0.07, 0.11, 0.24], [0.09, 0.20, 0.46], low), day);
-        let clear_horizon = scale(mix([0.48, 0.36, 0.28], [0.46, 0.58, 0.74], low), day);
+        let clear_zenith = scale(mix([0.09, 0.14, 0.30], [0.10, 0.25, 0.62], low), day);
+        let clear_horizon = scale(mix([0.58, 0.34, 0.19], [0.50, 0.66, 0.86], low), day);
         let grey =
             scale(mix([0.40, 0.37, 0.36], [0.60, 0.62, 0.65], low), day * (1.0 - 0.25 * weather.rain as f32));
         let night = [0.0016, 0.0022, 0.0042];
         let cover = smooth(cloudiness, 0.3, 1.0);
         let zenith = add(mix(clear_zenith, scale(grey, 0.75), cover), night);
         let horizon = add(mix(clear_horizon, grey, cover), scale(night, 2.0));
-        let glow = scale(mix([1.0, 0.52, 0.20], [0.55, 0.52, 0.48], low), up * direct);
+        let glow = scale(mix([1.1, 0.50, 0.16], [0.55, 0.52, 0.48], low), up * direct);
         // Clouds near the sun's colour in clear weather, grey in bad.
         let cloud = add(mix(scale(add(sunlight, clear_horizon), 0.62), grey, cover), night);
-        let ambient = scale(add(scale(zenith, 0.55), scale(horizon, 0.40)), 1.0 - 0.1 * cover);
+        let ambient = scale(add(scale(zenith, 0.45), scale(horizon, 0.33)), 1.0 - 0.1 * cover);
         let lit = add(scale(sunlight, height.max(0.0)), ambient);
         let bounce = scale(lit, 0.16);
-        let metered = dot(lit, WHITE);
-        let meter = 0.60 / metered.max(0.075);
+        // Low sun lights little of the ground, but the bright sky is in the picture too.
+        let metered = dot(lit, WHITE) + 0.25 * dot(horizon, WHITE);
+        let meter = 0.82 / metered.max(0.14);
         let exposure = match exposure {
             Exposure::Metered => meter,
             Exposure::Stops(stops) => meter * libm::exp2(stops) as f32,
@@ -92,7 +93,7 @@ impl Environment {
     }
 
     /// Whether the sun is strong enough to cast shadows that can be seen.
-    pub(super) fn has_shadows(&self) -> bool {
+    pub(crate) fn has_shadows(&self) -> bool {
         dot(self.sunlight, WHITE) > 0.01 * dot(self.ambient, WHITE)
     }
 }

@@ -9,14 +9,14 @@ use crate::hash;
 use crate::material::Texture;
 
 /// Side of a tile at its finest level.
-pub(super) const SIDE: usize = 256;
+pub(crate) const SIDE: usize = 256;
 /// Levels, down to a single value.
-pub(super) const LEVELS: usize = 9;
+pub(crate) const LEVELS: usize = 9;
 /// Words of all levels of one tile.
-pub(super) const STRIDE: usize = offset(LEVELS);
+pub(crate) const STRIDE: usize = offset(LEVELS);
 
 /// Where a level starts within a tile.
-pub(super) const fn offset(level: usize) -> usize {
+pub(crate) const fn offset(level: usize) -> usize {
     let mut at = 0;
     let mut k = 0;
     while k < level {
@@ -27,7 +27,7 @@ pub(super) const fn offset(level: usize) -> usize {
 }
 
 /// Where each level starts.
-pub(super) const OFFSETS: [u32; LEVELS] = {
+pub(crate) const OFFSETS: [u32; LEVELS] = {
     let mut offsets = [0; LEVELS];
     let mut level = 0;
     while level < LEVELS {
@@ -38,27 +38,27 @@ pub(super) const OFFSETS: [u32; LEVELS] = {
 };
 
 /// Number of the tile of clouds, behind those of the materials.
-pub(super) const CLOUDS: usize = Texture::ALL.len();
+pub(crate) const CLOUDS: usize = Texture::ALL.len();
 /// Number of the tile of puddles and stains.
-pub(super) const PUDDLES: usize = CLOUDS + 1;
+pub(crate) const PUDDLES: usize = CLOUDS + 1;
 /// Number of the tile of rain streaks.
-pub(super) const STREAKS: usize = CLOUDS + 2;
+pub(crate) const STREAKS: usize = CLOUDS + 2;
 const COUNT: usize = CLOUDS + 3;
 
 /// All tiles, one after the other.
-pub(super) struct Tiles {
+pub(crate) struct Tiles {
     words: Vec<u32>,
 }
 
 impl Tiles {
     /// The tiles; baked at the first call of the process, constant from then on.
-    pub(super) fn get() -> &'static Self {
+    pub(crate) fn get() -> &'static Self {
         static TILES: OnceLock<Tiles> = OnceLock::new();
         TILES.get_or_init(Self::bake)
     }
 
     /// Word `index` of all tiles; the index is taken from a tile's base, level offset and wrapped coordinates.
-    pub(super) fn words(&self) -> &[u32] {
+    pub(crate) fn words(&self) -> &[u32] {
         &self.words
     }
 
@@ -193,7 +193,7 @@ fn slabs(x: f32, y: f32) -> f32 {
 /// Running bond of 5 x 16 bricks; the mortar is 1.
 fn brick(x: f32, y: f32) -> f32 {
     let row = (16.0 * y).floor();
-    let across = 5.0 * x + if row as u32 % 2 == 0 { 0.0 } else { 0.5 };
+    let across = 5.0 * x + if (row as u32).is_multiple_of(2) { 0.0 } else { 0.5 };
     let (u, v) = (across - across.floor(), 16.0 * y - row);
     let mortar = u < 0.045 || v < 0.15;
     let tone = hash::unit(hash::mix((across.floor() as u32 % 5) * 131 + row as u32 * 977));

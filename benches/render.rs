@@ -1,0 +1,102 @@
+//! Cameras on the CPU: one frame of a town, by what is asked for and by weather.
+//!
+//! The town has about 64,000 triangles, a third of them moving; colour means textures, shadows, reflections.
+
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_geom::{Ego, Map, Point, Transform};
+use swerve_render::town::town;
+use swerve_render::{
+    Camera, CameraSpec, Distortion, Frame, Outputs, RenderOptions, Renderer, Scene, SensorNoise, View,
+    WeatherPreset, mount,
+};
+
+/// Frames of one measurement.
+const FRAMES: usize = 15;
+/// Measurements of each row; rows take turns, so that a disturbance of the host meets all of them.
+const ROUNDS: usize = 7;
+/// How much of the town there is: houses and traffic within this distance.
+const REACH_M: f64 = 38.0;
+
+/// One row: what is drawn, through what, with how many threads.
+struct Row {
+    what: &'static str,
+    camera: Camera,
+    outputs: Outputs,
+    scene: usize,
+    threads: usize,
+    goal: Goal,
+    rounds: Vec<f64>,
+}
+
+fn camera(change: impl Fn(&mut CameraSpec)) -> Camera {
+    let mut spec = CameraSpec::default();
+    change(&mut spec);
+    Camera::new(spec).expect("the camera is fine")
+}
+
+/// Median time of a frame, milliseconds.
+fn measure(row: &Row, scene: &Scene, renderer: &mut Renderer) -> f64 {
+    let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
+    let pose = map_from_ego * mount([0.0, -1.9, 1.45], 0.0, 0.03, 0.0);
+    let mut frame = Frame::new(&row.camera, row.outputs);
+    let mut draw = |number: u64| {
+        let view = View { frame: number, ..View::new(&row.camera, pose) };
+        renderer.render(scene, &view, frame.as_mut()).expect("scene and view are fine");
+    };
+    draw(0);
+    let times = (0..FRAMES).map(|k| {
+        let start = now();
+        draw(k as u64);
+        start.elapsed().as_secs_f64() * 1e3
+    });
+    Sample::new(times.collect()).median()
+}
+
+fn main() {
+    if !is_asked_to_measure() {
+        return;
+    }
+    let presets = [WeatherPreset::ClearNoon, WeatherPreset::HardRainNoon, WeatherPreset::ClearNight];
+    let scenes = presets.map(|preset| town(preset, 1, REACH_M));
+    let plain = camera(|_| {});
+    let row = |what, camera, outputs, (scene, threads), goal| {
+        let rounds = Vec::with_capacity(ROUNDS);
+        Row { what, camera, outputs, scene, threads, goal, rounds }
+    };
+    let large = camera(|s| (s.width_px, s.height_px) = (1920, 1080));
+    let small = camera(|s| (s.width_px, s.height_px) = (640, 360));
+    let real = camera(|s| (s.noise, s.vignetting) = (SensorNoise::TYPICAL, 0.4));
+    let lens = camera(|s| s.distortion = Distortion { k1: -0.15, k2: 0.03, ..Distortion::default() });
+    let mut rows = [
+        row("800x600, all four images, 2 threads", plain, Outputs::ALL, (0, 2), Goal::Most(16.0)),
+        row("800x600, depth and ids alone, 2 threads", plain, Outputs::GEOMETRY, (0, 2), Goal::Most(3.0)),
+        row("800x600, all four images, 1 thread", plain, Outputs::ALL, (0, 1), Goal::None),
+        row("800x600, depth and ids alone, 1 thread", plain, Outputs::GEOMETRY, (0, 1), Goal::None),
+        row("800x600, with noise and vignetting, 2 threads", real, Outputs::ALL, (0, 2), Goal::None),
+        row("800x600, through a lens, 2 threads", lens, Outputs::ALL, (0, 2), Goal::None),
+        row("800x600, hard rain, 2 threads", plain, Outputs::ALL, (1, 2), Goal::None),
+        row("800x600, night with lamps, 2 threads", plain, Outputs::ALL, (2, 2), Goal::None),
+        row("640x360, all four images, 2 threads", small, Outputs::ALL, (0, 2), Goal::None),
+        row("1920x1080, all four images, 2 threads", large, Outputs::ALL, (0, 2), Goal::None),
+    ];
+    let mut renderers = [1, 2].map(|threads| {
+        Renderer::new(RenderOptions { threads, ..RenderOptions::default() }).expect("threads can be started")
+    });
+    for _ in 0..ROUNDS {
+        for row in &mut rows {
+            let ms = measure(row, &scenes[row.scene], &mut renderers[row.threads - 1]);
+            row.rounds.push(ms);
+        }
+    }
+    let mut table = Rows::new(env!("CARGO_TARGET_TMPDIR"), "render");
+    let scene = &scenes[0];
+    let instances = scene.statics().instances().iter().chain(&scene.dynamics);
+    let triangles: usize = instances.map(|i| scene.meshes.get(i.mesh).triangles().len()).sum();
+    table.row("triangles of the town", triangles as f64, &format!("{triangles}"), Goal::None);
+    for row in rows {
+        let sample = Sample::new(row.rounds);
+        // The least round is held against the goal: what the host does when nobody disturbs it.
+        table.row(row.what, sample.least(), &sample.text(2, "ms"), row.goal);
+    }
+    table.finish();
+}
