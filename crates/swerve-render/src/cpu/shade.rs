@@ -178,7 +178,7 @@ impl Shading<'_> {
     fn triangle(&self, id: u32) -> (&TriShade, &Surface) {
         let chunk = &self.chunks[(id >> ID_BITS) as usize];
         let index = (id & ((1 << ID_BITS) - 1)) as usize;
-        (&chunk.shade[index], &self.surfaces[chunk.raster[index].surface as usize])
+        (&chunk.shade[index], &self.surfaces[chunk.surfaces[index] as usize])
     }
 
     /// One triangle in all eight pixels.

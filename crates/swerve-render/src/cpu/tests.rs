@@ -248,9 +248,9 @@ fn digest(frame: &Frame) -> u64 {
 
 /// Changes on purpose only: when shapes, textures or shading change, after a look at the pictures.
 const GOLDEN: [(WeatherPreset, u64); 3] = [
-    (WeatherPreset::ClearNoon, 10_475_055_120_341_319_681),
-    (WeatherPreset::HardRainSunset, 11_622_672_638_831_537_046),
-    (WeatherPreset::ClearNight, 11_406_830_960_323_549_679),
+    (WeatherPreset::ClearNoon, 18_334_303_290_821_878_506),
+    (WeatherPreset::HardRainSunset, 10_094_719_741_055_933_056),
+    (WeatherPreset::ClearNight, 13_339_760_406_959_261_248),
 ];
 
 #[test]
