@@ -22,6 +22,7 @@ pub mod camera;
 mod class;
 mod cpu;
 mod frame;
+mod furnish;
 mod hash;
 mod library;
 mod light;
@@ -40,6 +41,7 @@ pub use camera::{
 };
 pub use class::SemanticClass;
 pub use frame::{Frame, FrameMut, FrameSizeError, Outputs};
+pub use furnish::{Furnishing, furnish, ground_pieces};
 pub use library::{
     Kind, LaneLine, LinePattern, MeshId, MeshLibrary, Model, PHASES, RoadLayout, RoadPiece, SideOfRoad, Size,
     road_pieces, walk_phase,
