@@ -9,7 +9,7 @@ use serde::Deserialize;
 use swerve::plan::{Posed, read, solve_all};
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_geom::{angle_between, math};
-use swerve_planning::posed::ProblemFile;
+use swerve_planning::posed::{FotConfig, ProblemFile};
 use swerve_planning::{Budget, Goes, Preset, Solution, Unlimited, rrt_star};
 
 /// What the file records of the peers: planner, configuration, problem.
@@ -34,9 +34,30 @@ struct FotPeer {
     cf: f64,
     #[serde(default)]
     min_clearance: f64,
+    /// How far it gets from the line, by its own reckoning.
+    #[serde(default)]
+    max_abs_d: f64,
+    #[serde(default)]
+    length: f64,
+    #[serde(default)]
+    v_end: f64,
     #[serde(default)]
     frenet_ic: Option<[f64; 5]>,
     cpu_ms: f64,
+}
+
+impl FotPeer {
+    /// Whether it found a path that keeps the clearance and stays between the limits of the road.
+    fn passes(&self, config: &FotConfig) -> bool {
+        self.success == 1
+            && self.min_clearance >= config.obstacle_clearance
+            && self.max_abs_d <= config.max_road_width_l.max(config.max_road_width_r)
+    }
+
+    /// Whether its quartic from `speed_mps` keeps the acceleration: the peak is 1.5 times the mean.
+    fn keeps_acceleration(&self, speed_mps: f64, config: &FotConfig) -> bool {
+        0.75 * (self.v_end * self.v_end - speed_mps * speed_mps) <= config.max_accel * self.length
+    }
 }
 
 #[derive(Deserialize)]
@@ -67,8 +88,8 @@ fn times(ours: &Sample, theirs: &Sample) -> String {
     format!("{:.3} ms, p99 {:.3}; peer {:.1} ms", ours.median(), ours.at(0.99), theirs.median())
 }
 
-/// Frenet: the peer's figures count where its path keeps the clearance by its recorded distance, and its costs where
-/// its reference frame is right: on straight lines.
+/// Frenet: the peer's figures count where its recorded path keeps the clearance and the road, and its costs where its
+/// reference frame is right, on straight lines, and it keeps the acceleration that its settings allow.
 fn fot(rows: &mut Rows, file: &ProblemFile, recorded: &Recorded) {
     for name in ["pylot_fast", "pylot_slow"] {
         let config = &file.configs.fot[name];
@@ -76,6 +97,7 @@ fn fot(rows: &mut Rows, file: &ProblemFile, recorded: &Recorded) {
         let peers = &recorded.results.fot[name];
         let (mut ours_ms, mut theirs_ms, mut faster) = (vec![], vec![], vec![]);
         let (mut passing, mut found, mut compared) = (0, 0, 0);
+        let (mut off_road, mut off_road_found) = (0, 0);
         let (mut missed, mut dearer) = (vec![], vec![]);
         let mut least_m = f64::INFINITY;
         for (problem, solution) in file.problems.fot.iter().zip(&solutions) {
@@ -83,8 +105,10 @@ fn fot(rows: &mut Rows, file: &ProblemFile, recorded: &Recorded) {
             if solution.found {
                 least_m = least_m.min(solution.clearance_m - config.obstacle_clearance);
             }
-            let passes = peer.success == 1 && peer.min_clearance >= config.obstacle_clearance;
-            if !passes {
+            if !peer.passes(config) {
+                let clear = peer.success == 1 && peer.min_clearance >= config.obstacle_clearance;
+                off_road += usize::from(clear);
+                off_road_found += usize::from(clear && solution.found);
                 continue;
             }
             passing += 1;
@@ -96,7 +120,9 @@ fn fot(rows: &mut Rows, file: &ProblemFile, recorded: &Recorded) {
                 missed.push(problem.id.as_str());
             }
             let straight = problem.waypoints.iter().all(|p| p[1] == problem.waypoints[0][1]);
-            if straight && peer.frenet_ic.is_some() && solution.found {
+            let [x, y] = problem.vel.unwrap_or_default();
+            let drivable = peer.keeps_acceleration(math::hypot(x, y), config);
+            if straight && drivable && peer.frenet_ic.is_some() && solution.found {
                 compared += 1;
                 if solution.cost > peer.cf + 0.01 {
                     dearer.push(format!("{} {:.1} > {:.1}", problem.id, solution.cost, peer.cf));
@@ -107,7 +133,7 @@ fn fot(rows: &mut Rows, file: &ProblemFile, recorded: &Recorded) {
         let what = |text: &str| format!("fot {name}: {text}");
         let speed = format!("{:.1} x; {}", faster.median(), times(&ours, &theirs));
         rows.row(&what("times the peer's speed"), faster.median(), &speed, Goal::Least(10.0));
-        let reads = format!("{found} of {passing}");
+        let reads = format!("{found} of {passing}; {off_road_found} of {off_road} where it leaves the road");
         rows.row(
             &what("found where the peer's path passes"),
             share(found, passing),

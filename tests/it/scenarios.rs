@@ -66,3 +66,21 @@ fn other_seeds_end_the_same_way() {
         }
     }
 }
+
+#[test]
+fn our_presets_slow_for_people_who_stop_in_the_lane() {
+    let best = root().join("configs/best.toml");
+    for name in ["people_crossing", "person_crossing"] {
+        let scenario = read_scenario(&crate::common::scenario_file(name)).unwrap();
+        for planner in ["fot", "rrt_star", "hybrid_astar", "aeb"] {
+            for seed in 1..4 {
+                let set =
+                    crate::common::sets(&[&format!("planning.planner={planner}"), &format!("seed={seed}")]);
+                let config = Config::load(Some(&best), &set).unwrap();
+                let metrics = drive(&config, &scenario).unwrap().metrics;
+                let broken = (metrics.impact, metrics.left_road_at_s);
+                assert_eq!(broken, (None, None), "{name} under {planner}, seed {seed}");
+            }
+        }
+    }
+}

@@ -136,7 +136,7 @@ impl Slots<'_> {
         core::mem::take(self.0.next().expect("the layout counts as many ports as were declared"))
     }
 
-    #[inline]
+    #[inline(always)]
     fn message<T: Payload>(&mut self) -> Option<Message<T>> {
         match self.next() {
             Slot::Message(msg) => Some(msg.typed()),

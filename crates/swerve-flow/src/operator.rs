@@ -70,6 +70,14 @@ pub(crate) struct Task {
     pub(crate) stop_run: Option<Box<str>>,
 }
 
+impl Task {
+    /// A task that nothing cuts.
+    #[inline]
+    pub(crate) fn new(now: Time, stamp: Time, seed: u64) -> Self {
+        Self { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), stop_run: None }
+    }
+}
+
 /// Counts the work of a step.
 #[derive(Default)]
 pub(crate) struct Meter {

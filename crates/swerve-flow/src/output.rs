@@ -3,7 +3,7 @@
 use core::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-use swerve_core::Digest;
+use swerve_core::{Digest, digest_of};
 
 use crate::graph::Stream;
 use crate::message::Message;
@@ -129,11 +129,10 @@ impl<T: Payload> Outputs for Port<T> {
 
     #[inline(always)]
     fn take(&mut self, sent: &mut Outs) {
-        let known = self.known;
-        sent[self.index] = self.sent.take().map(|value| match known {
-            Some(digest) => Sent { payload: value, digest },
-            None => Sent::new(value),
-        });
+        let Some(payload) = self.sent.take() else { return };
+        let digest = self.known.unwrap_or_else(|| digest_of(&*payload));
+        // As an assignment it would be put together elsewhere first: the old value is dropped before.
+        drop(sent[self.index].replace(Sent { payload, digest }));
     }
 
     fn values(outs: Option<&Outs>, first: usize) -> Self::Values {

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Obb, Point2, Pose2, math};
-use swerve_msg::Prediction;
+use swerve_msg::{ActorKind, Prediction};
 
 /// How predicted motion enters the collision check.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -20,11 +20,33 @@ pub enum CollisionMode {
     /// An obstacle is at all its predicted places at once, all the time (places at least
     /// [`SWEPT_STEP_M`] apart): what Pylot does.
     SweptStatic,
+    /// As time-indexed, but a pedestrian may stop on the way: at each moment all that lies between where it is now and
+    /// where it is predicted to be by then counts.
+    ///
+    /// Whoever walks can stand within a step, without notice, and constant velocity says only how far they can have
+    /// come. This is the set that they can reach along their way (as the reachable sets of Koschi et al., Set-Based
+    /// Prediction of Pedestrians, ITSC 2018, but along one line). What rolls needs a way to stop in and stays
+    /// time-indexed. Where this leaves neither a way through nor a stop, planners take pedestrians as predicted.
+    MayStop,
+}
+
+impl CollisionMode {
+    /// What planners try in order: where nothing is found although walkers may stop, they are taken as predicted.
+    pub fn in_order(self) -> &'static [Self] {
+        match self {
+            Self::TimeIndexed => &[Self::TimeIndexed],
+            Self::SweptStatic => &[Self::SweptStatic],
+            Self::MayStop => &[Self::MayStop, Self::TimeIndexed],
+        }
+    }
 }
 
 /// Smallest distance between two places of one obstacle under [`CollisionMode::SweptStatic`], metres
 /// (Pylot's value).
 pub const SWEPT_STEP_M: f64 = 1.0;
+
+/// Who is predicted to get no further than this stands, metres.
+const STANDS_M: f64 = 0.02;
 
 /// Stretches in which nothing moves further than this are settled by their ends and middle, metres.
 const RESOLUTION_M: f64 = 0.02;
@@ -123,6 +145,7 @@ struct Mover {
     first: usize,
     /// One past its last place.
     end: usize,
+    /// Of the largest of its places.
     radius_m: f64,
     /// Bounds of the centres of all places: x_min, y_min, x_max, y_max.
     bounds: [f64; 4],
@@ -136,6 +159,8 @@ struct Mover {
 #[derive(Clone, Debug, Default)]
 pub struct Obstacles {
     mode: CollisionMode,
+    /// Whether anybody walks who may stop.
+    walkers: bool,
     movers: Vec<Mover>,
     at: Vec<Time>,
     heading_rad: Vec<f64>,
@@ -162,13 +187,13 @@ impl Obstacles {
     /// Replaces the content, keeping the storage.
     pub fn set(&mut self, predictions: &[Prediction], mode: CollisionMode) {
         self.mode = mode;
+        self.walkers = false;
         self.movers.clear();
         self.at.clear();
         self.heading_rad.clear();
         self.places.clear();
         for prediction in predictions {
-            let boxes = prediction.path.iter().map(|p| (p.at, prediction.extent.footprint(p.pose)));
-            self.push(boxes, mode);
+            self.push_predicted(prediction, mode);
         }
     }
 
@@ -183,8 +208,7 @@ impl Obstacles {
         self.set(&[], mode);
         for prediction in predictions {
             if prediction.path.iter().any(|p| p.pose.point().distance(center) <= range_m) {
-                let boxes = prediction.path.iter().map(|p| (p.at, prediction.extent.footprint(p.pose)));
-                self.push(boxes, mode);
+                self.push_predicted(prediction, mode);
             }
         }
     }
@@ -195,6 +219,19 @@ impl Obstacles {
         for obb in boxes {
             self.push(core::iter::once((Time::ZERO, obb)), CollisionMode::TimeIndexed);
         }
+    }
+
+    fn push_predicted(&mut self, prediction: &Prediction, mode: CollisionMode) {
+        if mode == CollisionMode::MayStop
+            && prediction.kind == ActorKind::Pedestrian
+            && let Some(walked) = Walked::new(prediction)
+        {
+            self.walkers = true;
+            self.push(walked, mode);
+            return;
+        }
+        let boxes = prediction.path.iter().map(|p| (p.at, prediction.extent.footprint(p.pose)));
+        self.push(boxes, mode);
     }
 
     /// Takes one obstacle in.
@@ -216,9 +253,12 @@ impl Obstacles {
                 let turned =
                     swerve_geom::angle_between(self.heading_rad[index], obb.center.heading_rad).abs();
                 let took_s = (at - self.at[index]).as_secs().max(1e-9);
-                mover.speed_mps = mover.speed_mps.max((moved_m + turned * solid.radius_m()) / took_s);
+                let grown_m = (solid.half_length_m - last.half_length_m).abs()
+                    + (solid.half_width_m - last.half_width_m).abs();
+                let edge_m = moved_m + turned * solid.radius_m() + grown_m;
+                mover.speed_mps = mover.speed_mps.max(edge_m / took_s);
             }
-            mover.radius_m = solid.radius_m();
+            mover.radius_m = mover.radius_m.max(solid.radius_m());
             let b = &mut mover.bounds;
             *b = [b[0].min(solid.x_m), b[1].min(solid.y_m), b[2].max(solid.x_m), b[3].max(solid.y_m)];
             self.at.push(at);
@@ -236,6 +276,11 @@ impl Obstacles {
         self.movers.is_empty()
     }
 
+    /// Whether somebody walks who may stop: under [`CollisionMode::MayStop`], whether it differs from time-indexed.
+    pub fn any_may_stop(&self) -> bool {
+        self.walkers
+    }
+
     /// How predicted motion is taken.
     pub fn mode(&self) -> CollisionMode {
         self.mode
@@ -246,7 +291,7 @@ impl Obstacles {
     pub fn for_each_at(&self, at: Time, mut visit: impl FnMut(&Solid)) {
         for mover in &self.movers {
             match self.mode {
-                CollisionMode::TimeIndexed => visit(&self.place_at(mover, at)),
+                CollisionMode::TimeIndexed | CollisionMode::MayStop => visit(&self.place_at(mover, at)),
                 CollisionMode::SweptStatic => self.places[mover.first..mover.end].iter().for_each(&mut visit),
             }
         }
@@ -282,7 +327,7 @@ impl Obstacles {
                 continue;
             }
             match self.mode {
-                CollisionMode::TimeIndexed => {
+                CollisionMode::TimeIndexed | CollisionMode::MayStop => {
                     let solid = self.place_at(mover, at);
                     nearest_m = nearer(footprint, &solid, own_m + mover.radius_m, nearest_m);
                 }
@@ -309,14 +354,24 @@ impl Obstacles {
         let turn = swerve_geom::angle_between(self.heading_rad[i], self.heading_rad[j]);
         let (sin, cos) =
             if turn == 0.0 { (a.sin, a.cos) } else { math::sin_cos(self.heading_rad[i] + turn * u) };
-        Solid { x_m: a.x_m + (b.x_m - a.x_m) * u, y_m: a.y_m + (b.y_m - a.y_m) * u, cos, sin, ..a }
+        let mix = |from: f64, to: f64| from + (to - from) * u;
+        Solid {
+            x_m: mix(a.x_m, b.x_m),
+            y_m: mix(a.y_m, b.y_m),
+            cos,
+            sin,
+            half_length_m: mix(a.half_length_m, b.half_length_m),
+            half_width_m: mix(a.half_width_m, b.half_width_m),
+        }
     }
 
     /// Fastest predicted motion of any point, m/s.
     pub(crate) fn fastest_mps(&self) -> f64 {
         match self.mode {
             CollisionMode::SweptStatic => 0.0,
-            CollisionMode::TimeIndexed => self.movers.iter().map(|m| m.speed_mps).fold(0.0, f64::max),
+            CollisionMode::TimeIndexed | CollisionMode::MayStop => {
+                self.movers.iter().map(|m| m.speed_mps).fold(0.0, f64::max)
+            }
         }
     }
 
@@ -414,6 +469,56 @@ impl Obstacles {
             }
         }
         least_m
+    }
+}
+
+/// The frame along somebody's way.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Walk;
+
+/// The ground that somebody covers who walks as predicted and may stop on the way: per instant of the prediction the box
+/// along the way that holds all places up to then.
+struct Walked<'a> {
+    prediction: &'a Prediction,
+    /// Directed along the way, at its first place.
+    frame: Pose2,
+    next: usize,
+    /// Ahead from, ahead to, left from, left to, metres.
+    reach_m: [f64; 4],
+}
+
+impl<'a> Walked<'a> {
+    /// `None` for who stands.
+    fn new(prediction: &'a Prediction) -> Option<Self> {
+        let (first, last) = (prediction.path.first()?.pose, prediction.path.last()?.pose);
+        let way = last.point() - first.point();
+        let frame = Pose2::new(first.x_m, first.y_m, way.heading());
+        let reach_m = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        (way.norm() > STANDS_M).then_some(Self { prediction, frame, next: 0, reach_m })
+    }
+}
+
+impl Iterator for Walked<'_> {
+    type Item = (Time, Obb);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let place = self.prediction.path.get(self.next)?;
+        self.next += 1;
+        let at: Point2<Walk> = self.frame.to_local(place.pose.point());
+        let (sin, cos) = math::sin_cos(place.pose.heading_rad - self.frame.heading_rad);
+        let (length_m, width_m) = (self.prediction.extent.length_m, self.prediction.extent.width_m);
+        let ahead_m = 0.5 * (length_m * cos.abs() + width_m * sin.abs());
+        let left_m = 0.5 * (length_m * sin.abs() + width_m * cos.abs());
+        let r = &mut self.reach_m;
+        *r = [
+            r[0].min(at.x_m - ahead_m),
+            r[1].max(at.x_m + ahead_m),
+            r[2].min(at.y_m - left_m),
+            r[3].max(at.y_m + left_m),
+        ];
+        let middle = self.frame.from_local(Point2::<Walk>::new(0.5 * (r[0] + r[1]), 0.5 * (r[2] + r[3])));
+        let center = Pose2::new(middle.x_m, middle.y_m, self.frame.heading_rad);
+        Some((place.at, Obb::new(center, r[1] - r[0], r[3] - r[2])))
     }
 }
 

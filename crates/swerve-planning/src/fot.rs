@@ -22,12 +22,12 @@ use swerve_geom::{Polyline, Pose2, angle_between, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::{Limits, Shape};
 
-use crate::collision::Obstacles;
+use crate::collision::{CollisionMode, Obstacles};
 use crate::params::InvalidParam;
 use crate::posed::Preset;
-use crate::request::{Budget, Goes, Planner, Request};
+use crate::request::{Budget, Counted, Goes, Planner, Request};
 use crate::road::Road;
-use crate::world::{Fallback, fall_back};
+use crate::world::{Fallback, eased_limits, fall_back, give_way, kept};
 use lattice::Lattice;
 use line::Line;
 use motion::{Checks, Drivable, FrenetState, Place};
@@ -72,7 +72,7 @@ impl Fot {
     }
 
     /// Takes in route and predictions.
-    fn set_world(&mut self, request: &Request<'_>) {
+    fn set_world(&mut self, request: &Request<'_>, collision: CollisionMode) {
         if self.route.as_ref() != Some(&request.route.line) {
             match line::smoothed(request.route.line.points()) {
                 Ok(smooth) => self.line.set(&smooth),
@@ -82,8 +82,7 @@ impl Fot {
         }
         self.road.set(request.route);
         let center = request.start.pose.point();
-        let Params { collision, obstacle_range_m, .. } = self.params;
-        self.obstacles.set_near(request.predictions, collision, center, obstacle_range_m);
+        self.obstacles.set_near(request.predictions, collision, center, self.params.obstacle_range_m);
     }
 
     /// The start in the Frenet frame. `paper` takes speed and heading only, as the original.
@@ -131,7 +130,30 @@ impl Fot {
 
 impl Planner for Fot {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
-        self.set_world(request);
+        let mut counted = Counted::new(budget);
+        let collision = self.params.collision;
+        let modes = match self.params.preset {
+            Preset::Paper => &[collision][..],
+            Preset::Best => collision.in_order(),
+        };
+        let mut found = None;
+        for (k, &mode) in modes.iter().enumerate() {
+            self.set_world(request, mode);
+            let last = k + 1 == modes.len() || !self.obstacles.any_may_stop();
+            let limits = if last { *request.limits } else { eased_limits(request) };
+            found = self.plan_among(&Request { limits: &limits, ..*request }, last, &mut counted);
+            if last || found.is_some() {
+                break;
+            }
+        }
+        let plan = found.expect("the last mode always has a plan");
+        Plan { work: counted.spent, ..plan }
+    }
+}
+
+impl Fot {
+    /// A plan among the obstacles that are set; where there is none, what comes last falls back to something.
+    fn plan_among(&mut self, request: &Request<'_>, last: bool, budget: &mut Counted<'_>) -> Option<Plan> {
         let start = self.frenet(request);
         let target_mps = self.target(request);
         self.lattice.set(&self.params, target_mps);
@@ -142,21 +164,20 @@ impl Planner for Fot {
         let Self { params, search, lattice, coarse, line, road, obstacles, .. } = self;
         let checks = checks(params, request, obstacles, road);
         let task = Task { params, line, cut_m: f64::INFINITY, start, target_mps, checks };
-        let mut spent = 0;
         let found = if best {
-            anytime(search, &task, (lattice, coarse), budget, &mut spent)
+            anytime(search, &task, (lattice, coarse), budget)
         } else {
-            built_whole(search, &task, lattice, budget, &mut spent)
+            built_whole(search, &task, lattice, budget)
         };
-        let mut plan = match found {
-            Some(candidate) => to_plan(&task, &candidate, request),
-            None => {
-                let fallback = if best { Fallback::KeepOrBrake } else { Fallback::StopOnRoute };
-                fall_back(fallback, request, obstacles, 0.0, params.horizon_max_s)
+        let fallback = if best { Fallback::KeepOrBrake } else { Fallback::StopOnRoute };
+        found.map(|candidate| to_plan(&task, &candidate, request)).or_else(|| {
+            if last {
+                Some(fall_back(fallback, request, obstacles, 0.0, params.horizon_max_s))
+            } else {
+                kept(request, obstacles, params.clearance_m)
+                    .or_else(|| give_way(request, obstacles, params.clearance_m))
             }
-        };
-        plan.work = spent;
-        plan
+        })
     }
 }
 
@@ -167,8 +188,8 @@ fn anytime(
     task: &Task<'_>,
     (lattice, coarse): (&Lattice, &mut Lattice),
     budget: &mut dyn Budget,
-    spent: &mut u64,
 ) -> Option<Candidate> {
+    let spent = &mut 0;
     coarse.set_coarse(lattice);
     let first = match search.run(task, coarse, Some(budget), spent) {
         Outcome::Found(candidate) => Some(candidate),
@@ -205,11 +226,9 @@ fn built_whole(
     task: &Task<'_>,
     lattice: &mut Lattice,
     budget: &mut dyn Budget,
-    spent: &mut u64,
 ) -> Option<Candidate> {
     let (offsets, block) = (lattice.d_m.len(), (lattice.t_s.len() * lattice.v_mps.len()) as u64);
     for done in 0..offsets {
-        *spent += block;
         if budget.spend(block) == Goes::Stop {
             if done == 0 {
                 return None;

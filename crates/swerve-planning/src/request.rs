@@ -57,6 +57,31 @@ impl Budget for Unlimited {
     }
 }
 
+/// Counts what a planner spends, and never asks again once told to stop.
+pub(crate) struct Counted<'a> {
+    inner: &'a mut dyn Budget,
+    pub(crate) spent: u64,
+    pub(crate) stopped: bool,
+}
+
+impl<'a> Counted<'a> {
+    pub(crate) fn new(inner: &'a mut dyn Budget) -> Self {
+        Self { inner, spent: 0, stopped: false }
+    }
+}
+
+impl Budget for Counted<'_> {
+    fn spend(&mut self, units: u64) -> Goes {
+        if self.stopped {
+            return Goes::Stop;
+        }
+        self.spent += units;
+        let goes = self.inner.spend(units);
+        self.stopped = goes == Goes::Stop;
+        goes
+    }
+}
+
 /// A motion planner.
 pub trait Planner: Send {
     /// Plans once. The plan's `work` is the number of units spent.

@@ -170,6 +170,31 @@ pub(crate) fn conformance<P: Planner>(make: &dyn Fn() -> P, best: bool) {
     }
 }
 
+/// What planners must hold with [`CollisionMode::MayStop`]; `make` builds one with the given mode.
+pub(crate) fn minds_walkers<P: Planner>(make: &dyn Fn(CollisionMode) -> P) {
+    conformance(&|| make(CollisionMode::MayStop), true);
+    let plan = |world: &World, mode| make(mode).plan(&world.request(), &mut Unlimited::default());
+    // She will have crossed when the ego comes, unless she stops in its way.
+    let crossing = World::straight(12.0).with_person((29.0, 3.5), (0.0, -3.5));
+    let trusting = plan(&crossing, CollisionMode::TimeIndexed);
+    assert!(crossing.clearance_m(&trusting, CollisionMode::MayStop) == 0.0);
+    let careful = plan(&crossing, CollisionMode::MayStop);
+    assert!(crossing.clearance_m(&careful, CollisionMode::MayStop) > 0.25, "{careful:?}");
+    assert!(careful.points.iter().all(|p| p.accel_mps2 > -0.75 * crossing.limits.brake_max_mps2 - 0.05));
+    // Who walks away from the lane, or along beside it, is no reason to slow.
+    for (from, velocity_mps) in [((25.0, -2.5), (0.0, -1.5)), ((20.0, 5.0), (-1.5, 0.0))] {
+        let away = World::straight(12.0).with_person(from, velocity_mps);
+        let plan = plan(&away, CollisionMode::MayStop);
+        assert!(plan.points.iter().all(|p| p.speed_mps > 11.4), "{from:?}");
+    }
+    // No stop is left: she is taken as predicted, which leaves a gap.
+    for speed_mps in [16.0, 20.0] {
+        let sudden = World::person_stepping_out(speed_mps, 0.05);
+        let plans = [CollisionMode::MayStop, CollisionMode::TimeIndexed].map(|mode| plan(&sudden, mode));
+        assert_eq!(plans[0].points, plans[1].points);
+    }
+}
+
 fn worlds() -> Vec<(&'static str, World)> {
     let mut hemmed = World::straight(15.0);
     for y in [-1.5, 1.0, 3.5, 6.0] {

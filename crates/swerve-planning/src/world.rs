@@ -326,8 +326,80 @@ const OFF_PLAN_M: f64 = 2.0;
 /// How long a plan may be driven on where only braking can follow it: some periods of planning.
 const BRAKE_LATER: Span = Span::from_ms(300);
 
+/// A stop before what the obstacles may come to cover of the way ahead: gently if that suffices, else as hard as it
+/// must be. `None` where braking as hard as the limits allow does not keep `clearance_m`.
+///
+/// For [`CollisionMode::MayStop`](crate::collision::CollisionMode::MayStop): who gives way to a walker has a stop left
+/// wherever the walker stops. Meant to be asked anew with every frame: once the way is free, it is driven on.
+pub fn give_way(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Option<Plan> {
+    let free = |plan: &Plan, clearance_m: f64| {
+        let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        obstacles.path_free(|pose| request.shape.footprint(pose), &path, clearance_m)
+    };
+    let path = with_curvature(&way_ahead(request));
+    let covered = |s_m: f64| {
+        let footprint = request.shape.footprint(along(&path, s_m).pose);
+        !obstacles.free(&footprint, Time::MAX, clearance_m)
+    };
+    let v = request.start.speed_mps.max(0.0);
+    let reach_m = v * v / (2.0 * COMFORT_BRAKE_MPS2) + YIELD_GAP_M + v * YIELD_AHEAD_S;
+    let steps = (reach_m / PATH_STEP_M).ceil() as usize;
+    let covered_m = (0..=steps).map(|k| k as f64 * PATH_STEP_M).find(|&s_m| covered(s_m)).unwrap_or(reach_m);
+    let way_m = covered_m - PATH_STEP_M - YIELD_GAP_M;
+    let brake_max_mps2 = COMFORT_BRAKE_MPS2.max(v * v / (2.0 * way_m));
+    if way_m > 0.0 && brake_max_mps2 <= request.limits.brake_max_mps2 {
+        let limits = Limits { brake_max_mps2, ..*request.limits };
+        let plan = stop_after(request, &path, way_m, &limits);
+        if free(&plan, clearance_m) {
+            return Some(plan);
+        }
+    }
+    // A stop that is under way is not given up for less than a touch.
+    let needed_m = if stops(request.previous) { 0.0 } else { clearance_m };
+    Some(brake(request)).filter(|plan| free(plan, needed_m))
+}
+
+/// What a plan may ask for that gives way, or goes round all that walkers may do: not all of the brakes, so that what is
+/// late or off is made up for; all of them once a stop is under way.
+pub fn eased_limits(request: &Request<'_>) -> Limits {
+    let share = if stops(request.previous) { 1.0 } else { GIVE_WAY_SHARE };
+    Limits { brake_max_mps2: share * request.limits.brake_max_mps2, ..*request.limits }
+}
+
+/// Share of the deceleration that giving way may need. Where it takes more, walkers are taken as predicted: a swerve
+/// may still clear them.
+const GIVE_WAY_SHARE: f64 = 0.75;
+
+/// Whether a plan ends at rest.
+fn stops(plan: Option<&Plan>) -> bool {
+    plan.and_then(|plan| plan.points.last()).is_some_and(|p| p.speed_mps < CREEP_MPS)
+}
+
+/// Deceleration that giving way gets by with where there is room, m/s².
+const COMFORT_BRAKE_MPS2: f64 = 3.0;
+
+/// What is left before the ground that others may come to cover, where there is room, metres.
+const YIELD_GAP_M: f64 = 1.0;
+
+/// A stop is looked for this much further than it takes to brake gently, seconds.
+const YIELD_AHEAD_S: f64 = 1.0;
+
+/// Along `path` at no more than the present speed, at rest after `way_m`.
+fn stop_after(request: &Request<'_>, path: &[PathPoint], way_m: f64, limits: &Limits) -> Plan {
+    let steps = (way_m / PATH_STEP_M).ceil().max(1.0) as usize;
+    let path: Vec<PathPoint> = (0..=steps).map(|k| along(path, way_m * k as f64 / steps as f64)).collect();
+    let target_mps = request.target_speed_mps.min(request.start.speed_mps.max(CREEP_MPS));
+    let points = timed_points(&path, &request.start, target_mps, SpeedProfile::LimitedToStop, limits);
+    Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
+}
+
 /// Full brake along the rest of the previous plan's path, or along the present arc without one.
 pub fn brake(request: &Request<'_>) -> Plan {
+    brake_along(request, &with_curvature(&way_ahead(request)), PlanStatus::Brake)
+}
+
+/// The rest of the previous plan's path from the start on, or the present arc without one.
+fn way_ahead(request: &Request<'_>) -> Vec<Pose2> {
     let start = request.start.pose;
     let mut poses = vec![start];
     if let Some(previous) = request.previous {
@@ -341,7 +413,7 @@ pub fn brake(request: &Request<'_>) -> Plan {
     if poses.len() == 1 {
         poses = present_arc(&request.start, brake_length_m(request));
     }
-    brake_along(request, &with_curvature(&poses), PlanStatus::Brake)
+    poses
 }
 
 /// Poses on the circle that the ego is on, for `length_m`.

@@ -115,7 +115,7 @@ fn ego(top: &Table<'_, '_>) -> EgoStart {
 fn end(top: &Table<'_, '_>, names: &[String]) -> End {
     let mut end = End { timeout_s: 30.0, after_collision_s: 2.0, standstill: None };
     let Some(table) = top.table_if_any("end") else { return end };
-    end.timeout_s = table.number_or("timeout_s", end.timeout_s, DURATION);
+    end.timeout_s = table.number_or("timeout_s", end.timeout_s, Range::between(0.1, 86_400.0));
     end.after_collision_s =
         table.number_or("after_collision_s", end.after_collision_s, Range::between(0.0, 3_600.0));
     if let Some(still) = table.table_if_any("standstill") {

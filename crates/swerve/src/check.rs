@@ -25,7 +25,9 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<()> {
     anyhow::ensure!(!files.is_empty(), "no .toml file to check");
     let mut faults = Vec::new();
     for file in &files {
-        faults.extend(problems(file));
+        // A study tells what is wrong with its scenario and its configuration, which may be among the files.
+        let new: Vec<String> = problems(file).into_iter().filter(|p| !faults.contains(p)).collect();
+        faults.extend(new);
     }
     let files = counted(files.len(), "file");
     if faults.is_empty() {
@@ -56,7 +58,7 @@ fn problems(path: &Path) -> Vec<String> {
         let told = crate::run::read_scenario(path).err().map(|error| error.to_string()).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
     } else if has("base") || has("axis") {
-        let told = Bench::open(path, &[]).err().map(|error| format!("{error:#}")).unwrap_or_default();
+        let told = Bench::check(path).err().map(|error| format!("{error:#}")).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
         told(crate::timing::read_file(path).err().unwrap_or_default())

@@ -2,7 +2,6 @@
 
 use std::ffi::OsString;
 
-use clap::builder::RangedU64ValueParser;
 use clap::{Parser, Subcommand};
 
 use crate::{calibrate, check, graph, plan, replay, run, scenarios, study, timing};
@@ -40,11 +39,6 @@ enum Command {
 /// Reads a command line, the program's name first; the error is what the terminal would show.
 pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> Result<Cli, clap::Error> {
     Cli::try_parse_from(words)
-}
-
-/// What `--threads` may be: a thread costs memory and a stack, so a slip of the finger must not start a million.
-pub(crate) fn threads() -> RangedU64ValueParser<usize> {
-    RangedU64ValueParser::new().range(1..=256)
 }
 
 /// An error with its causes, each told once: some errors already name theirs.

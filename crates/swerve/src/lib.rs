@@ -15,4 +15,5 @@ pub mod run;
 pub mod scenarios;
 pub mod story;
 pub mod study;
+mod threads;
 pub mod timing;

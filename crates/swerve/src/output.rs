@@ -12,3 +12,24 @@ pub fn print(text: &str) -> anyhow::Result<()> {
         written => written.context("writing to standard output"),
     }
 }
+
+/// Columns padded to equal width, two spaces between them; the first to the left, the others to the right.
+pub fn align(lines: &[Vec<String>]) -> String {
+    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
+    let width: Vec<usize> = (0..columns)
+        .map(|c| lines.iter().filter_map(|l| l.get(c)).map(|t| t.chars().count()).max().unwrap_or(0))
+        .collect();
+    let mut text = String::new();
+    for line in lines {
+        for (c, cell) in line.iter().enumerate() {
+            let pad = " ".repeat(width[c] - cell.chars().count());
+            let gap = if c == 0 { "" } else { "  " };
+            text += &if c == 0 { format!("{gap}{cell}{pad}") } else { format!("{gap}{pad}{cell}") };
+        }
+        while text.ends_with(' ') {
+            text.pop();
+        }
+        text.push('\n');
+    }
+    text
+}

@@ -15,6 +15,13 @@ impl Progress {
         Self { bar }
     }
 
+    /// Counts the configurations that a study's checks look at.
+    pub fn checks(count: usize) -> Self {
+        let bar = ProgressBar::new(count as u64);
+        bar.set_style(style("{bar:32} {pos}/{len} configurations checked  {elapsed}  {eta} left"));
+        Self { bar }
+    }
+
     /// Follows simulated time, in tenths of a second.
     pub fn simulated(until_s: f64) -> Self {
         let bar = ProgressBar::new((until_s * 10.0) as u64);
@@ -22,9 +29,14 @@ impl Progress {
         Self { bar }
     }
 
-    /// One more cell is done.
-    pub fn cell_done(&self) {
+    /// One more of what is counted is done.
+    pub fn one_done(&self) {
         self.bar.inc(1);
+    }
+
+    /// Says something on a line of its own, above the bar.
+    pub fn tell(&self, line: &str) {
+        self.bar.suspend(|| eprintln!("{line}"));
     }
 
     /// The run reached `now_s` seconds of simulated time.

@@ -12,7 +12,8 @@ use swerve_flow::{Decision, Event, Observer, Publication, Replay, RunOptions, ru
 use swerve_log::{Log, Record};
 use swerve_scenario::Scenario;
 
-use crate::config::text::{Document, Problem, nearest, parse_assignment};
+use crate::config::text::{Document, Problem, parse_assignment};
+use crate::config::words::nearest;
 use crate::config::{Config, OPERATORS};
 use crate::pipeline::Pipeline;
 use crate::run::problems_error;
@@ -32,7 +33,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "KEY=VALUE", conflicts_with = "verify")]
     set: Vec<String>,
     /// Worker threads for heavy steps; the result does not depend on them
-    #[arg(long, default_value_t = 1, value_parser = crate::cli::threads())]
+    #[arg(long, default_value_t = 1, value_parser = crate::threads::parser())]
     threads: usize,
 }
 
@@ -171,7 +172,7 @@ impl Comparison {
             let numbers = [c.same, c.different, c.missing, c.more].map(|n| n.to_string());
             std::iter::once(name.clone()).chain(numbers).collect()
         });
-        let mut text = crate::study::table::align(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
+        let mut text = crate::output::align(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
         for (name, counts) in &self.streams {
             if let Some(first) = &counts.first {
                 text += &format!("{name}: first difference {first}\n");

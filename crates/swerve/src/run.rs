@@ -15,12 +15,13 @@ use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
 use crate::config::Config;
-use crate::config::text::{Document, Problem, nearest, parse_assignment};
+use crate::config::text::{Document, Problem, parse_assignment};
+use crate::config::words::nearest;
 use crate::files::write_whole;
+use crate::output::align;
 use crate::pipeline::Pipeline;
 use crate::progress::Progress;
 use crate::story::{Story, draw};
-use crate::study::table::align;
 
 /// What is driven, by what.
 #[derive(clap::Args, Debug)]
@@ -50,7 +51,7 @@ pub struct RunArgs {
     #[arg(long)]
     json: bool,
     /// Worker threads for heavy steps; the result does not depend on them
-    #[arg(long, default_value_t = 1, value_parser = crate::cli::threads())]
+    #[arg(long, default_value_t = 1, value_parser = crate::threads::parser())]
     threads: usize,
     /// Take run times from an earlier log instead of the configuration
     #[arg(long, value_name = "LOG")]

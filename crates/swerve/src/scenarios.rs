@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::study::table::align;
+use crate::output::align;
 
 /// `swerve scenarios`.
 #[derive(clap::Args, Debug)]

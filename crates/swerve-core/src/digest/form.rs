@@ -80,12 +80,17 @@ impl Form {
         self.rest.map(|rest| *rest).unwrap_or_default()
     }
 
-    #[inline]
-    pub(super) fn digest(self) -> Digest {
-        match self.rest {
-            None => Digest(xxh3_64(&self.bytes[..self.len])),
-            Some(_) => Digest(self.spilled().digest()),
-        }
+    /// The digest of all that was taken in. By reference: to move the bytes costs more than to hash a small form;
+    /// and inlined, so that the length of a plain type's form is known where it is hashed.
+    #[inline(always)]
+    pub(super) fn digest(&mut self) -> Digest {
+        if self.rest.is_none() { Digest(xxh3_64(&self.bytes[..self.len])) } else { self.long_digest() }
+    }
+
+    #[cold]
+    fn long_digest(&mut self) -> Digest {
+        self.spill();
+        Digest(self.rest.get_or_insert_default().digest())
     }
 }
 

@@ -37,21 +37,12 @@ impl Engine<'_> {
         node.tally.repeats += u64::from(answer.reused_from.is_some());
         let id = node.streams[port];
         let stream = &mut self.streams[id];
-        let header = Header {
-            stamp: answer.stamp,
-            visible_at: now,
-            seq: stream.seq,
-            watermark,
-            reused_from: answer.reused_from,
-            origin: answer.origin,
-        };
-        stream.seq += 1;
-        stream.watermark = watermark;
+        let header = stream.next_header(now, watermark, answer);
         self.digest.message(stream.key, &header, sent.digest);
         if !self.observers.is_empty() {
             self.tell_publication(rank, port, &header, answer, &sent);
         }
-        self.deliver(id, header, sent);
+        self.deliver(id, Msg { header, sent });
     }
 
     fn tell_publication(
@@ -128,28 +119,20 @@ impl Engine<'_> {
     }
 
     /// Hands a message to the ports that read the stream.
-    #[inline]
-    fn deliver(&mut self, id: usize, header: Header, sent: Sent) {
+    pub(super) fn deliver(&mut self, id: usize, msg: Msg) {
         let now = self.now;
         let stream = &mut self.streams[id];
         let arrival = now.saturating_add(stream.delay);
         if stream.depth > 0 {
-            stream.remember(Msg { header, sent: sent.clone() }, now);
+            stream.remember(msg.clone(), now);
         }
         let Some((&last, others)) = stream.readers.split_last() else { return };
+        let (nodes, due, ready) = (&mut self.nodes, &mut self.due, &mut self.ready);
         for &reader in others {
-            let msg = Msg { header, sent: sent.clone() };
-            hand_over(&mut self.nodes, &mut self.due, &mut self.ready, reader, (arrival, now), msg);
+            hand_over(nodes, due, ready, reader, (arrival, now), msg.clone());
         }
-        // The last reader takes the payload itself: most streams have one reader.
-        hand_over(
-            &mut self.nodes,
-            &mut self.due,
-            &mut self.ready,
-            last,
-            (arrival, now),
-            Msg { header, sent },
-        );
+        // The last reader takes the message itself: most streams have one reader.
+        hand_over(nodes, due, ready, last, (arrival, now), msg);
     }
 
     /// Hands a watermark without a message to the ports that read the stream.
@@ -218,34 +201,36 @@ fn hand_over(
 /// The run's digest, which takes in messages by the dozen.
 pub(super) struct Commits {
     hasher: Hasher,
-    waiting: Vec<u8>,
+    /// What waits to be hashed: stream, stamp, visible_at and payload of each message.
+    waiting: Box<[[u8; 32]; WAITING_MAX]>,
+    waits: usize,
 }
 
-/// How many bytes wait before they are hashed: 64 messages.
-const WAITING_MAX: usize = 2048;
+/// How many messages wait before they are hashed.
+const WAITING_MAX: usize = 64;
 
 impl Commits {
     pub(super) fn new() -> Self {
-        Self { hasher: Hasher::new(), waiting: Vec::with_capacity(WAITING_MAX) }
+        Self { hasher: Hasher::new(), waiting: Box::new([[0; 32]; WAITING_MAX]), waits: 0 }
     }
 
     #[inline]
-    fn message(&mut self, stream: u64, header: &Header, payload: Digest) {
-        if self.waiting.len() >= WAITING_MAX {
+    pub(super) fn message(&mut self, stream: u64, header: &Header, payload: Digest) {
+        if self.waits == WAITING_MAX {
             self.flush();
         }
-        let mut bytes = [0; 32];
+        let bytes = &mut self.waiting[self.waits];
         bytes[..8].copy_from_slice(&stream.to_le_bytes());
         bytes[8..16].copy_from_slice(&header.stamp.ns().to_le_bytes());
         bytes[16..24].copy_from_slice(&header.visible_at.ns().to_le_bytes());
         bytes[24..].copy_from_slice(&payload.0.to_le_bytes());
-        self.waiting.extend_from_slice(&bytes);
+        self.waits += 1;
     }
 
     #[inline(never)]
     fn flush(&mut self) {
-        self.hasher.bytes(&self.waiting);
-        self.waiting.clear();
+        self.hasher.bytes(self.waiting[..self.waits].as_flattened());
+        self.waits = 0;
     }
 
     /// The digest of all messages so far.

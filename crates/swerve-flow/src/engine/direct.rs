@@ -1,13 +1,14 @@
-//! A shortcut through the turn of the simplest operators: one synchronised input and nothing else, no run
-//! time, no deadline, no resource, nothing open. Its frame starts and ends as soon as it opens, so that
-//! (a) to (f) come down to one step and one publication. It shows in no result.
+//! A shortcut through the turn of the simplest operators: one synchronised input and nothing else, at most one
+//! output, no run time, no deadline, no resource, nothing open. Its frame starts and ends as soon as it opens,
+//! so that (a) to (f) come down to one step and one publication. It shows in no result.
 
 use super::Engine;
 use super::node::Node;
 use super::start::step;
 use super::turn::Answer;
 use crate::input::Slot;
-use crate::operator::{Meter, Task};
+use crate::message::Msg;
+use crate::operator::Task;
 use crate::report::RunError;
 use crate::runtime::RuntimeModel;
 
@@ -15,6 +16,7 @@ impl Node {
     /// Whether the operator may ever take the shortcut.
     pub(super) fn may_be_direct(&self) -> bool {
         self.order.len() == 1
+            && self.streams.len() <= 1
             && self.at.len() == 1
             && self.runtime == RuntimeModel::Zero
             && !self.heavy
@@ -37,7 +39,6 @@ impl Node {
 impl Engine<'_> {
     /// Takes the shortcut if it can; says whether it did.
     pub(super) fn direct_turn(&mut self, rank: usize) -> bool {
-        let (now, seed) = (self.now, self.seed);
         let node = &mut self.nodes[rank];
         if !node.direct || !self.observers.is_empty() || !node.is_direct() {
             return false;
@@ -45,14 +46,24 @@ impl Engine<'_> {
         let port = &mut node.at[0];
         port.fresh = 0;
         let msg = port.queue.pop_front().expect("just counted");
-        let stamp = msg.header.stamp;
-        let origin = if node.origin { Some(stamp) } else { msg.header.origin };
-        let joined = port.watermark;
-        node.slots[0] = Slot::Message(msg);
-        let mut task =
-            Task { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), stop_run: None };
+        let mut slot = [Slot::Message(msg)];
+        let mut next = Some(rank);
+        while let Some(rank) = next {
+            next = self.direct_step(rank, &mut slot);
+        }
+        true
+    }
+
+    /// Answers the frame whose one message is in `slot`. What the operator publishes goes straight into the slot
+    /// for the step of its reader, where that is whose turn comes next anyway.
+    fn direct_step(&mut self, rank: usize, slot: &mut [Slot; 1]) -> Option<usize> {
+        let node = &mut self.nodes[rank];
+        let [Slot::Message(Msg { header, .. })] = slot else { return None };
+        let (now, stamp) = (self.now, header.stamp);
+        let origin = if node.origin { Some(stamp) } else { header.origin };
+        let mut task = Task::new(now, stamp, self.seed);
         let body = node.body.as_mut().expect("only heavy operators go away");
-        let panic = step(&mut **body, &node.name, &mut task, &mut node.slots, &mut self.outs);
+        let panic = step(&mut **body, &node.name, &mut task, slot, &mut self.outs);
         node.tally.steps += 1;
         node.tally.ended += 1;
         node.tally.units += task.meter.units;
@@ -61,20 +72,31 @@ impl Engine<'_> {
         }
         if let Some(message) = panic {
             self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });
-            return true;
+            return None;
         }
-        let ports = node.streams.len();
-        if self.outs[..ports].iter().any(Option::is_some) {
-            node.floor = stamp;
-        }
-        let watermark = node.floor.max(joined);
+        let &[id] = &node.streams[..] else { return None };
+        let watermark = node.at[0].watermark.max(stamp);
+        let Some(sent) = self.outs[0].take() else {
+            self.publish_risen(rank, 0, watermark);
+            return None;
+        };
+        node.floor = stamp;
+        node.tally.messages += 1;
+        let stream = &mut self.streams[id];
         let answer = Answer { stamp, reused_from: None, origin, reads: &[] };
-        for port in 0..ports {
-            match self.outs[port].take() {
-                Some(sent) => self.publish_on(rank, port, watermark, &answer, sent),
-                None => self.publish_risen(rank, port, watermark),
+        let header = stream.next_header(now, watermark, &answer);
+        self.digest.message(stream.key, &header, sent.digest);
+        match stream.sole {
+            Some(reader) if self.ready.is_before_all(reader) => {
+                self.nodes[reader].at[0].watermark = watermark;
+                // As an assignment it would be put together elsewhere first: the old value is dropped before.
+                drop(core::mem::replace(&mut slot[0], Slot::Message(Msg { header, sent })));
+                Some(reader)
+            }
+            _ => {
+                self.deliver(id, Msg { header, sent });
+                None
             }
         }
-        true
     }
 }

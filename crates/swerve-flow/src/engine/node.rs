@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use swerve_core::{Span, Time};
 
+use super::turn::Answer;
 use crate::deadline::Deadline;
 use crate::input::{Slot, Timer};
-use crate::message::Msg;
+use crate::message::{Header, Msg};
 use crate::operator::{Body, Offered, OnDeadline};
 use crate::payload::{Decode, Outs};
 use crate::playback::PlaybackRecord;
@@ -189,6 +190,8 @@ pub(crate) struct StreamState {
     pub(crate) delay: Span,
     /// The ports that join on it: rank, port.
     pub(crate) readers: Vec<(usize, usize)>,
+    /// Its one and only reader, where messages can go straight into that one's step (`engine/direct.rs`).
+    pub(crate) sole: Option<usize>,
     /// The newest messages, as deep as its readers look.
     pub(crate) history: VecDeque<Msg>,
     /// How deep that is; 0 where nobody looks.
@@ -196,6 +199,24 @@ pub(crate) struct StreamState {
 }
 
 impl StreamState {
+    /// The header of the next message, which the stream carries from now on.
+    #[inline]
+    pub(crate) fn next_header(&mut self, now: Time, watermark: Time, answer: &Answer<'_>) -> Header {
+        let &Answer { stamp, reused_from, origin, .. } = answer;
+        let header = Header { stamp, visible_at: now, seq: self.seq, watermark, reused_from, origin };
+        self.seq += 1;
+        self.watermark = watermark;
+        header
+    }
+
+    /// The operator that alone reads the stream, as soon as something is published.
+    pub(crate) fn sole_reader(&self) -> Option<usize> {
+        match self.readers[..] {
+            [(rank, _)] if self.depth == 0 && self.delay == Span::ZERO => Some(rank),
+            _ => None,
+        }
+    }
+
     /// The number of messages at the front of the history that are visible at `now`.
     pub(crate) fn visible(&self, now: Time, strictly_before: bool) -> usize {
         let hidden = |msg: &&Msg| {

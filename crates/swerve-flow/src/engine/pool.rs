@@ -1,4 +1,7 @@
 //! Worker threads for heavy steps. Which thread runs a step, and when, shows in no result.
+//!
+//! In virtual time the engine's own thread is one of them: while it waits for a step it runs one that is queued.
+//! A worker more, which would be woken for it, has been seen to share a core with another one for milliseconds.
 
 use std::collections::VecDeque;
 use std::io;
@@ -30,7 +33,7 @@ pub(crate) struct Done {
 
 pub(crate) struct Pool {
     shared: Arc<Shared>,
-    threads: Vec<JoinHandle<()>>,
+    workers: Vec<JoinHandle<()>>,
     tickets: u64,
 }
 
@@ -54,7 +57,10 @@ struct State {
 }
 
 impl Pool {
+    /// A pool of `threads`: all of them workers where a doorbell is rung for one that waits elsewhere, else one
+    /// of them is the thread that waits.
     pub(crate) fn new(threads: usize, doorbell: Option<Doorbell>) -> io::Result<Self> {
+        let workers = if doorbell.is_some() { threads } else { threads - 1 };
         let shared = Arc::new(Shared {
             state: Mutex::default(),
             work: Condvar::new(),
@@ -63,10 +69,10 @@ impl Pool {
             running: AtomicU64::new(0),
             overlapped: AtomicU64::new(0),
         });
-        let mut pool = Self { shared, threads: Vec::new(), tickets: 0 };
-        for i in 0..threads {
+        let mut pool = Self { shared, workers: Vec::new(), tickets: 0 };
+        for i in 0..workers {
             let shared = pool.shared.clone();
-            pool.threads
+            pool.workers
                 .push(Builder::new().name(format!("swerve-worker-{i}")).spawn(move || shared.work())?);
         }
         Ok(pool)
@@ -85,6 +91,15 @@ impl Pool {
         loop {
             if let Some(index) = state.done.iter().position(|done| done.ticket == ticket) {
                 return state.done.swap_remove(index);
+            }
+            if self.shared.doorbell.is_none()
+                && let Some((ticket, job)) = state.take(ticket)
+            {
+                drop(state);
+                let done = self.shared.run(ticket, job);
+                state = self.shared.lock();
+                state.done.push(done);
+                continue;
             }
             state = self.shared.done.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -109,10 +124,18 @@ impl Drop for Pool {
             state.jobs.clear();
         }
         self.shared.work.notify_all();
-        for thread in self.threads.drain(..) {
+        for thread in self.workers.drain(..) {
             // A worker catches what operators panic with, so this one has nothing to say.
             let _ = thread.join();
         }
+    }
+}
+
+impl State {
+    /// Takes the queued step under this ticket, else the oldest one.
+    fn take(&mut self, ticket: u64) -> Option<(u64, Job)> {
+        let index = self.jobs.iter().position(|(queued, _)| *queued == ticket).unwrap_or(0);
+        self.jobs.remove(index)
     }
 }
 
@@ -134,19 +157,24 @@ impl Shared {
                 state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
             };
             drop(state);
-            if self.running.fetch_add(1, Ordering::Relaxed) > 0 {
-                self.overlapped.fetch_add(1, Ordering::Relaxed);
-            }
-            let Job { rank, name, mut body, mut task, mut slots } = job;
-            let mut ran = Ran::default();
-            run(&mut *body, &name, &mut task, &mut slots, Some(crate::host::now()), &mut ran);
-            drop(slots);
-            self.running.fetch_sub(1, Ordering::Relaxed);
-            self.lock().done.push(Done { ticket, rank, body, ran });
+            let done = self.run(ticket, job);
+            self.lock().done.push(done);
             self.done.notify_all();
             if let Some(ring) = &self.doorbell {
                 ring();
             }
         }
+    }
+
+    /// Runs a step on the present thread.
+    fn run(&self, ticket: u64, job: Job) -> Done {
+        if self.running.fetch_add(1, Ordering::Relaxed) > 0 {
+            self.overlapped.fetch_add(1, Ordering::Relaxed);
+        }
+        let Job { rank, name, mut body, mut task, mut slots } = job;
+        let mut ran = Ran::default();
+        run(&mut *body, &name, &mut task, &mut slots, Some(crate::host::now()), &mut ran);
+        self.running.fetch_sub(1, Ordering::Relaxed);
+        Done { ticket, rank, body, ran }
     }
 }

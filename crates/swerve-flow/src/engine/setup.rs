@@ -60,6 +60,9 @@ impl<'o> Engine<'o> {
         let mut specs: Vec<Option<OperatorSpec>> = graph.operators.into_iter().map(Some).collect();
         let specs = order.iter().map(|index| specs[*index].take().expect("each operator has one rank"));
         let nodes: Vec<Node> = specs.map(|spec| node(spec, &stream_of, &names)).collect();
+        for stream in &mut streams {
+            stream.sole = stream.sole_reader().filter(|rank| nodes[*rank].direct);
+        }
         let (due, ready) = (Due::new(nodes.len()), Ready::new(nodes.len()));
         let mut engine = Self {
             nodes,
@@ -97,6 +100,7 @@ fn streams(graph: &Graph) -> Vec<StreamState> {
         seq: 0,
         delay: graph.operators[spec.producer].delay,
         readers: Vec::new(),
+        sole: None,
         history: VecDeque::new(),
         depth: 0,
     };

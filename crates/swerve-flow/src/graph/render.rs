@@ -10,6 +10,10 @@ const LINE: usize = 15;
 const GAP_X: usize = 90;
 const GAP_Y: usize = 26;
 const MARGIN: usize = 24;
+/// Between a box and its text.
+const INSET: usize = 10;
+/// Lines that one fact may take.
+const WRAPPED_MAX: usize = 3;
 
 impl GraphInfo {
     /// One line per operator in rank order, and its inputs and streams below it.
@@ -154,6 +158,10 @@ impl OperatorInfo {
 
     /// What the picture says in its box, below its name: timers and facts, without what is the default.
     fn box_lines(&self) -> Vec<String> {
+        self.box_facts().iter().flat_map(|fact| wrapped(fact, (WIDTH - 2 * INSET) as f64, 11.0)).collect()
+    }
+
+    fn box_facts(&self) -> Vec<String> {
         let timers = self.inputs.iter().filter(|input| input.stream.is_none()).map(InputInfo::text);
         let facts =
             self.facts().into_iter().filter(|fact| fact != "skip_to_latest" && fact != "run time zero");
@@ -184,28 +192,73 @@ impl InputInfo {
 fn operator_box(operator: &OperatorInfo, place: &Place) -> String {
     let Place { x, y, height } = *place;
     let fill = if operator.feed || operator.origin { "#e8f3ec" } else { "#eef2f8" };
+    // Bold letters are wider than others, by less than a fifth.
+    let name = cut(&operator.name, (WIDTH - 2 * INSET) as f64, 13.0 * 1.2);
+    let all = operator.box_facts().iter().fold(operator.name.clone(), |all, fact| format!("{all}\n{fact}"));
     let mut out = format!(
-        "<rect x=\"{x}\" y=\"{y}\" width=\"{WIDTH}\" height=\"{height}\" rx=\"5\" fill=\"{fill}\" stroke=\"#44546a\"/>\n\
+        "<g><title>{}</title>\n\
+         <rect x=\"{x}\" y=\"{y}\" width=\"{WIDTH}\" height=\"{height}\" rx=\"5\" fill=\"{fill}\" stroke=\"#44546a\"/>\n\
          <text x=\"{}\" y=\"{}\" font-size=\"13\" font-weight=\"bold\">{}</text>\n",
-        x + 10,
+        escaped(&all),
+        x + INSET,
         y + 18,
-        escaped(&operator.name)
+        escaped(&name)
     );
     for (i, line) in operator.box_lines().iter().enumerate() {
-        let line = if line.chars().count() > 38 {
-            line.chars().take(37).chain(['…']).collect()
-        } else {
-            line.clone()
-        };
         let _ = writeln!(
             out,
             "<text x=\"{}\" y=\"{}\" fill=\"#444\">{}</text>",
-            x + 10,
+            x + INSET,
             y + 18 + LINE * (i + 1),
-            escaped(&line)
+            escaped(line)
         );
     }
-    out
+    out + "</g>\n"
+}
+
+/// Width of a text in pixels, at least what any common sans-serif font makes of it.
+fn text_width(text: &str, size: f64) -> f64 {
+    let ems = text.chars().map(|c| match c {
+        'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | ' ' | '\u{a0}' => 0.38,
+        '(' | ')' | '[' | ']' | 'f' | 'r' | 't' | '-' => 0.45,
+        'm' | 'w' | 'M' | 'W' | '@' | '%' | '…' | '&' => 1.02,
+        'A'..='Z' => 0.8,
+        c if c.is_ascii() => 0.66,
+        _ => 1.1,
+    });
+    size * ems.sum::<f64>()
+}
+
+/// As much of a text as is that wide, with an ellipsis where it is not all of it.
+fn cut(text: &str, width: f64, size: f64) -> String {
+    if text_width(text, size) <= width {
+        return text.to_owned();
+    }
+    let mut short = String::new();
+    for c in text.chars() {
+        if text_width(&format!("{short}{c}…"), size) > width {
+            break;
+        }
+        short.push(c);
+    }
+    short + "…"
+}
+
+/// A text in lines of that width, broken between words, the last one cut.
+fn wrapped(text: &str, width: f64, size: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    // A number stays with its unit.
+    for word in text.replace(" ms", "\u{a0}ms").split(' ') {
+        let is_last = lines.len() == WRAPPED_MAX;
+        match lines.last_mut() {
+            Some(line) if is_last || text_width(&format!("{line} {word}"), size) <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines.iter().map(|line| cut(line, width, size)).collect()
 }
 
 fn edge_path(edge: &EdgeInfo<'_>, boxes: &[Place], lane: usize) -> String {
@@ -310,5 +363,33 @@ resource gpu0, slots 1: detector \"a\" & <b>
         assert_eq!(svg.matches("marker-end").count(), 4);
         assert_eq!(svg.matches("stroke-dasharray").count(), 1);
         assert!(svg.contains("detector &quot;a&quot; &amp; &lt;b&gt;"));
+    }
+
+    #[test]
+    fn texts_stay_within_their_boxes() {
+        let mut graph = Graph::new();
+        let times = (0..=10).map(|k| (f64::from(k) * 10.0, Span::from_us(1234 * i64::from(k)))).collect();
+        let none: Vec<crate::Stream<Vec<f64>>> = vec![];
+        let name = "a_name_of_wwwwwwwwwwwwwwww_that_no_box_can_hold";
+        let timer = vec![every(Span::from_ms(50))];
+        let _ =
+            graph.add(name, Any, (timer, none.clone(), none)).runtime(RuntimeModel::Percentiles(times)).out();
+        let info = graph.describe().unwrap();
+        let svg = info.svg();
+        let texts: Vec<(f64, &str)> = svg
+            .lines()
+            .filter(|line| line.starts_with("<text "))
+            .map(|line| {
+                let size = if line.contains("bold") { 13.0 } else { 11.0 };
+                (size, line.split('>').nth(1).unwrap().split('<').next().unwrap())
+            })
+            .collect();
+        assert_eq!(texts.len(), 1 + 1 + super::WRAPPED_MAX, "{svg}");
+        for (size, text) in &texts {
+            assert!(super::text_width(text, *size) <= (super::WIDTH - 2 * super::INSET) as f64, "{text}");
+        }
+        assert!(texts[0].1.ends_with('…') && texts[4].1.ends_with('…'), "{texts:?}");
+        // What the box has no room for is told by pointing at it.
+        assert!(svg.contains(&format!("<title>{name}\n")) && svg.contains("p100 12.340 ms"), "{svg}");
     }
 }

@@ -80,7 +80,7 @@ fn random_net(case: i64) -> Net {
     let records: Vec<_> = (0..n)
         .map(|k| {
             now += 5 + rng.below(20) as i64;
-            (now + rng.below(4) as i64, Some(10 * k), 10 * k)
+            (now + rng.below(4) as i64, Some(10 * k), 10 * k + rng.below(10) as i64)
         })
         .collect();
     let source = net.script("source", &records);
@@ -100,7 +100,9 @@ fn random_net(case: i64) -> Net {
             3 => Policy::pipelined(1 + rng.below(4)),
             _ => Policy::Pipelined { places: 3, overtaking: true },
         };
+        let plain = rng.below(2) == 0;
         let model = match rng.below(3) {
+            _ if plain => RuntimeModel::Zero,
             0 => RuntimeModel::Zero,
             1 => RuntimeModel::Cycle(vec![ms(3), ms(40), ms(0), ms(17)]),
             _ => RuntimeModel::Normal { mean: ms(20), deviation: ms(15) },
@@ -108,7 +110,7 @@ fn random_net(case: i64) -> Net {
         let reaction = [Reaction::Skip, Reaction::ReuseLast, Reaction::OnDeadline][rng.below(3)];
         let anchor = [Anchor::Arrival, Anchor::Stamp, Anchor::Start][rng.below(3)];
         let deadline = Deadline::after(ms(1 + rng.below(60) as i64)).anchor(anchor).reaction(reaction);
-        let (limited, shared) = (rng.below(2) == 0, rng.below(3) == 0);
+        let (limited, shared) = (!plain && rng.below(2) == 0, !plain && rng.below(3) == 0);
         let mut stage = net.stage(&format!("stage{i}"), join(&on)).policy(policy).runtime(model);
         if limited {
             stage = stage.deadline(deadline);

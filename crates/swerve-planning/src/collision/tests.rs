@@ -24,6 +24,18 @@ fn walker() -> Prediction {
     }
 }
 
+/// The same who turns back half way.
+fn wanderer() -> Prediction {
+    let mut prediction = walker();
+    for (k, p) in prediction.path.iter_mut().enumerate() {
+        let back = k.saturating_sub(10) as f64;
+        p.pose.x_m += 0.3 * back;
+        p.pose.y_m += back;
+        p.pose.heading_rad += 0.1 * back;
+    }
+    prediction
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
     #[test]
@@ -36,6 +48,22 @@ proptest! {
         let all = Obstacles::from_boxes(&[b]);
         prop_assert!((all.clearance_m(&a, Time::ZERO) - a.distance(&b)).abs() < 1e-9);
         prop_assert_eq!(all.free(&a, Time::ZERO, 0.5), p.distance_m(&q) >= 0.5);
+    }
+
+    /// Somebody who may stop is wherever she has come by then, and no nearer.
+    #[test]
+    fn who_may_stop_is_everywhere_up_to_then(x in 10.0..30.0, y in -9.0..9.0, h in -3.0..3.0, ms in 0_i64..6000) {
+        let (footprint, at) = (car(x, y, h), Time::from_ms(ms));
+        for (who, straight) in [(walker(), true), (wanderer(), false)] {
+            let timed = Obstacles::new(core::slice::from_ref(&who), CollisionMode::TimeIndexed);
+            let may_stop = Obstacles::new(&[who], CollisionMode::MayStop);
+            let stopped_m = (0..=ms / 10)
+                .map(|k| timed.clearance_m(&footprint, Time::from_ms(10 * k)))
+                .fold(timed.clearance_m(&footprint, at), f64::min);
+            let all_m = may_stop.clearance_m(&footprint, at);
+            prop_assert!(all_m <= stopped_m + 1e-9, "{} {}", all_m, stopped_m);
+            prop_assert!(!straight || all_m >= stopped_m - 0.02, "{} {}", all_m, stopped_m);
+        }
     }
 
     /// The bisected check against a fine sampling.
@@ -69,6 +97,27 @@ fn a_person_is_where_it_is_at_the_moment() {
 }
 
 #[test]
+fn who_stands_and_what_rolls_is_where_it_is_at_the_moment() {
+    let mut stands = walker();
+    let first = stands.path[0].pose;
+    stands.path.iter_mut().for_each(|p| p.pose = first);
+    let rolls = Prediction { kind: ActorKind::Cyclist, ..walker() };
+    for prediction in [stands, rolls] {
+        let timed = Obstacles::new(core::slice::from_ref(&prediction), CollisionMode::TimeIndexed);
+        let may_stop = Obstacles::new(&[prediction], CollisionMode::MayStop);
+        assert!(!may_stop.any_may_stop());
+        for ms in (0..6000).step_by(100) {
+            let (footprint, at) = (car(20.0, 0.0, 0.4), Time::from_ms(ms));
+            assert_eq!(may_stop.clearance_m(&footprint, at), timed.clearance_m(&footprint, at));
+        }
+    }
+    let mut obstacles = Obstacles::new(&[walker()], CollisionMode::MayStop);
+    assert!(obstacles.any_may_stop());
+    obstacles.set(&[walker()], CollisionMode::TimeIndexed);
+    assert!(!obstacles.any_may_stop());
+}
+
+#[test]
 fn nothing_tunnels() {
     // A thin post between two poses 20 m apart, and a person that crosses the gap in between.
     let post = Obstacles::from_boxes(&[Obb::new(Pose2::new(10.0, 0.0, 0.0), 0.01, 0.01)]);
@@ -78,6 +127,7 @@ fn nothing_tunnels() {
     let standing =
         [(Pose2::new(20.0, 0.0, 0.0), Time::ZERO), (Pose2::new(20.0, 0.0, 0.0), Time::from_ms(5000))];
     assert!(!Obstacles::new(&[walker()], CollisionMode::TimeIndexed).path_free(outline, &standing, 0.0));
+    assert!(!Obstacles::new(&[walker()], CollisionMode::MayStop).path_free(outline, &standing, 0.0));
 }
 
 #[test]

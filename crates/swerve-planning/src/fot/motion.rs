@@ -169,7 +169,8 @@ impl Checks<'_> {
         {
             return false;
         }
-        let steps = (end_s / LOOK_S).ceil().max(1.0);
+        // What ends within a second is looked at more often: its braking comes and goes between the looks of others.
+        let steps = (end_s / LOOK_S.min(0.1 * last_s)).ceil().max(1.0);
         let step_s = end_s / steps;
         let first = motion.at(line, 0.0, self.heading);
         let grace = Grace::new(self, &first);

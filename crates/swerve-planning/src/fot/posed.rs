@@ -136,14 +136,14 @@ pub fn solve(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Soluti
     let task = posed.task();
     let (mut search, mut lattice, mut coarse) = (Search::default(), Lattice::default(), Lattice::default());
     lattice.set(&posed.params, task.target_mps);
-    let (mut spent, mut budget) = (0, Unlimited::default());
+    let mut budget = Unlimited::default();
     let found = match preset {
-        Preset::Best => anytime(&mut search, &task, (&lattice, &mut coarse), &mut budget, &mut spent),
-        Preset::Paper => built_whole(&mut search, &task, &mut lattice, &mut budget, &mut spent),
+        Preset::Best => anytime(&mut search, &task, (&lattice, &mut coarse), &mut budget),
+        Preset::Paper => built_whole(&mut search, &task, &mut lattice, &mut budget),
     };
     match found {
-        Some(candidate) => solution(&problem.id, &task, &candidate, spent),
-        None => Solution::not_found(&problem.id, "no candidate keeps all limits", spent),
+        Some(candidate) => solution(&problem.id, &task, &candidate, budget.spent),
+        None => Solution::not_found(&problem.id, "no candidate keeps all limits", budget.spent),
     }
 }
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::testing::{Capped, World, conformance};
+use crate::testing::{Capped, World, conformance, minds_walkers};
 use crate::world::predicted_start;
 use crate::{CollisionMode, Solid, Unlimited};
 use proptest::prelude::*;
@@ -15,6 +15,33 @@ fn best_conforms() {
 #[test]
 fn paper_conforms() {
     conformance(&|| Fot::new(Params::fast(Preset::Paper)).unwrap(), false);
+}
+
+#[test]
+fn best_minds_walkers_who_may_stop() {
+    minds_walkers(&|collision| Fot::new(Params { collision, ..Params::default() }).unwrap());
+}
+
+/// A stop within a few samples must not ask for more than the brakes give between them.
+#[test]
+fn stops_that_are_too_near_are_not_found() {
+    for ahead_m in 8..40 {
+        let mut world = World::straight(15.0);
+        for y in [-1.5, 1.0, 3.5, 6.0] {
+            world = world.with(ActorKind::Car, (4.5, 2.4), (f64::from(ahead_m), y), (0.0, 0.0));
+        }
+        let plan = plan(&world, Params::slow(Preset::Best));
+        for pair in plan.points.windows(2) {
+            let moved_m = pair[0].pose.point().distance(pair[1].pose.point());
+            let least_m = {
+                let (v, dt_s) = (pair[0].speed_mps, (pair[1].at - pair[0].at).as_secs());
+                let brake = world.limits.brake_max_mps2;
+                let t_s = dt_s.min(v / brake);
+                v * t_s - 0.5 * brake * t_s * t_s
+            };
+            assert!(moved_m > least_m - 0.02, "{ahead_m} m: {:?} {pair:?}", plan.status);
+        }
+    }
 }
 
 fn plan(world: &World, params: Params) -> Plan {
@@ -252,7 +279,7 @@ proptest! {
         world.start.pose.y_m += offset;
         let mut planner = Fot::new(Params::default()).unwrap();
         let request = world.request();
-        planner.set_world(&request);
+        planner.set_world(&request, CollisionMode::TimeIndexed);
         let start = planner.frenet(&request);
         let Fot { params, line, road, obstacles, .. } = &planner;
         let checks = checks(params, &request, obstacles, road);

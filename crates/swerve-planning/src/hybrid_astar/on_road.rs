@@ -8,37 +8,12 @@ use swerve_vehicle::Limits;
 use super::dubins::{Dubins, Piece, advance};
 use super::ground::{Area, Clock, Ground, Outline};
 use crate::collision::{CollisionMode, Obstacles};
-use crate::request::{Budget, Goes, Request};
+use crate::request::{Budget, Counted, Request};
 use crate::road::Road;
 use crate::world::{
-    Fallback, PathPoint, SpeedProfile, fall_back, follow_route, obstacle_in_range, route_pose_ahead,
-    timed_points,
+    Fallback, PathPoint, SpeedProfile, eased_limits, fall_back, follow_route, give_way, kept,
+    obstacle_in_range, route_pose_ahead, timed_points,
 };
-
-/// Counts what a planner spends, and never asks again once told to stop.
-pub(crate) struct Counted<'a> {
-    inner: &'a mut dyn Budget,
-    pub(crate) spent: u64,
-    stopped: bool,
-}
-
-impl<'a> Counted<'a> {
-    pub(crate) fn new(inner: &'a mut dyn Budget) -> Self {
-        Self { inner, spent: 0, stopped: false }
-    }
-}
-
-impl Budget for Counted<'_> {
-    fn spend(&mut self, units: u64) -> Goes {
-        if self.stopped {
-            return Goes::Stop;
-        }
-        self.spent += units;
-        let goes = self.inner.spend(units);
-        self.stopped = goes == Goes::Stop;
-        goes
-    }
-}
 
 /// One search for a way from pose to pose.
 #[derive(Clone, Copy, Debug)]
@@ -163,17 +138,35 @@ impl Desk {
         request: &Request<'_>,
         budget: &mut dyn Budget,
     ) -> Plan {
-        self.obstacles.set(request.predictions, settings.collision);
         self.road.set(request.route);
         let mut counted = Counted::new(budget);
-        let mut plan = self
-            .follow(settings, request)
-            .or_else(|| self.search(search, settings, request, &mut counted))
-            .unwrap_or_else(|| {
-                fall_back(Fallback::KeepOrBrake, request, &self.obstacles, 0.0, settings.horizon_s)
-            });
-        plan.work = counted.spent;
-        plan
+        let modes = settings.collision.in_order();
+        let mut found = None;
+        for (k, &mode) in modes.iter().enumerate() {
+            self.obstacles.set(request.predictions, mode);
+            let last = k + 1 == modes.len() || !self.obstacles.any_may_stop();
+            let limits = if last { *request.limits } else { eased_limits(request) };
+            let request = &Request { limits: &limits, ..*request };
+            found = self
+                .follow(settings, request)
+                .or_else(|| self.search(search, settings, (request, last), &mut counted))
+                .or_else(|| self.otherwise(settings, (request, last)));
+            if last || found.is_some() {
+                break;
+            }
+        }
+        let plan = found.expect("the last mode always has a plan");
+        Plan { work: counted.spent, ..plan }
+    }
+
+    /// Without a way: the previous plan or a stop if they are free; what is tried `last` does one in any case.
+    fn otherwise(&self, settings: &OnRoad, (request, last): (&Request<'_>, bool)) -> Option<Plan> {
+        let Self { obstacles, .. } = self;
+        if last {
+            return Some(fall_back(Fallback::KeepOrBrake, request, obstacles, 0.0, settings.horizon_s));
+        }
+        kept(request, obstacles, settings.clearance_m)
+            .or_else(|| give_way(request, obstacles, settings.clearance_m))
     }
 
     /// The route itself, if the ego is on it and nothing is in the way.
@@ -191,11 +184,12 @@ impl Desk {
         self.plan_free(&plan, request, settings.clearance_m).then_some(plan)
     }
 
+    /// A way around what is in the way; only what is tried `last` passes more closely than asked for.
     fn search(
         &mut self,
         search: &mut impl PathSearch,
         settings: &OnRoad,
-        request: &Request<'_>,
+        (request, last): (&Request<'_>, bool),
         budget: &mut Counted<'_>,
     ) -> Option<Plan> {
         let outline = own_outline(request);
@@ -204,7 +198,8 @@ impl Desk {
         let from_s_m = self.road.project(request.start.pose.point()).s_m;
         // Full braking is not undone for a way that passes more closely than asked for.
         let braking = request.previous.is_some_and(|plan| plan.status == PlanStatus::Brake);
-        for attempt in ATTEMPTS.iter().filter(|attempt| !braking || attempt.clearance == 1.0) {
+        let exactly = braking || !last;
+        for attempt in ATTEMPTS.iter().filter(|attempt| !exactly || attempt.clearance == 1.0) {
             let target_mps = attempt.target_mps(request);
             let limits = Limits { brake_max_mps2: attempt.brake(request.limits), ..*request.limits };
             let slowed = Request { target_speed_mps: target_mps, limits: &limits, ..*request };

@@ -258,7 +258,7 @@ impl PathSearch for LatticeSearch {
 mod tests {
     use super::*;
     use crate::request::Unlimited;
-    use crate::testing::{World, conformance};
+    use crate::testing::{World, conformance, minds_walkers};
     use swerve_msg::PlanStatus;
 
     #[test]
@@ -266,6 +266,11 @@ mod tests {
         conformance(&|| HybridAstar::new(Params::fast(Preset::Best)).unwrap(), true);
         conformance(&|| HybridAstar::new(Params::fast(Preset::Paper)).unwrap(), false);
         conformance(&|| HybridAstar::new(Params::slow(Preset::Paper)).unwrap(), false);
+    }
+
+    #[test]
+    fn minds_walkers_who_may_stop() {
+        minds_walkers(&|collision| HybridAstar::new(Params { collision, ..Params::default() }).unwrap());
     }
 
     #[test]

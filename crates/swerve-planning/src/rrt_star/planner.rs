@@ -323,7 +323,7 @@ mod tests {
     use super::*;
     use crate::collision::Obstacles;
     use crate::request::Unlimited;
-    use crate::testing::{World, conformance};
+    use crate::testing::{World, conformance, minds_walkers};
     use swerve_geom::{Obb, Point2};
     use swerve_msg::PlanStatus;
 
@@ -332,6 +332,11 @@ mod tests {
         conformance(&|| RrtStar::new(Params::fast(Preset::Best)).unwrap(), true);
         conformance(&|| RrtStar::new(Params::fast(Preset::Paper)).unwrap(), false);
         conformance(&|| RrtStar::new(Params::slow(Preset::Paper)).unwrap(), false);
+    }
+
+    #[test]
+    fn minds_walkers_who_may_stop() {
+        minds_walkers(&|collision| RrtStar::new(Params { collision, ..Params::default() }).unwrap());
     }
 
     #[test]

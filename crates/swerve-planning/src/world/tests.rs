@@ -82,6 +82,34 @@ fn a_free_plan_is_kept_and_a_blocked_one_braked_along() {
 }
 
 #[test]
+fn giving_way_stops_before_all_that_a_walker_may_come_to_cover() {
+    // She comes from the left and may stop anywhere between 4 m left and 6 m right of the line, 24.75 m ahead.
+    let stopping = |speed_mps: f64, previous: Option<&Plan>| {
+        let world = World::straight(speed_mps).with_person((25.0, 4.0), (0.0, -2.0));
+        let obstacles = Obstacles::new(&world.predictions, CollisionMode::MayStop);
+        let request = Request { previous, ..world.request() };
+        let limits = eased_limits(&request);
+        let plan = give_way(&Request { limits: &limits, ..request }, &obstacles, 0.3)?;
+        assert!(world.clearance_m(&plan, CollisionMode::MayStop) > 0.25);
+        let last = plan.points[plan.points.len() - 1];
+        assert!(last.speed_mps < 1e-5, "{last:?}");
+        let hardest = plan.points.iter().map(|p| p.accel_mps2).fold(0.0, f64::min);
+        let front_m = world.shape.footprint(last.pose).corners()[0].x_m;
+        Some((plan.status, hardest, front_m))
+    };
+    let (status, hardest, front_m) = stopping(8.0, None).expect("there is room");
+    assert!(status == PlanStatus::Found && (hardest + 3.0).abs() < 0.01, "{hardest}");
+    assert!(front_m > 20.0 && front_m < 24.45, "{front_m}");
+    let (_, hardest, _) = stopping(13.0, None).expect("there is just room");
+    assert!((-6.0..-3.5).contains(&hardest), "{hardest}");
+    // From 17 m/s it takes 7 of 8 m/s²: too much to begin with, but not to go on with.
+    assert_eq!(stopping(17.0, None), None);
+    let stop = Plan { points: vec![PlanPoint::default()], ..Plan::default() };
+    assert!(stopping(17.0, Some(&stop)).is_some());
+    assert_eq!(stopping(20.0, Some(&stop)), None);
+}
+
+#[test]
 fn the_originals_fall_back_as_they_did() {
     let world = World::straight(10.0);
     let none = Obstacles::default();

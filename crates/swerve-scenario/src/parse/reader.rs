@@ -272,7 +272,7 @@ impl<'a, 't> Table<'a, 't> {
         let mut tables = Vec::new();
         for (i, value) in array.iter().enumerate() {
             let line = self.source.line(value.span().start);
-            let path = format!("{}[{}]", self.key(key), i + 1);
+            let path = format!("{}[{}]", self.key(key), i);
             match value.get_ref() {
                 DeValue::Table(table) => {
                     let mut found = Table::new(self.source, path, line, table);
@@ -323,7 +323,7 @@ impl<'a, 't> Table<'a, 't> {
                 self.source.guess();
                 let wanted = format!("{} and {}", ranges[0].wanted(), ranges[1].wanted());
                 let found = describe(value.get_ref());
-                let path = format!("{}[{}]", self.key(key), i + 1);
+                let path = format!("{}[{}]", self.key(key), i);
                 let line = self.source.line(value.span().start);
                 self.source.report(line, &path, format!("expected a pair of {wanted}, found {found}"));
             }

@@ -188,7 +188,7 @@ fn wrong_names_are_reported_with_the_nearest_valid_one() {
         ("name = \"bike\"", "name = \"bus\"", vec![
             "15 actor.bus.name: another actor is named \"bus\" already",
         ]),
-        ("name = \"bike\"", "name = 7", vec!["15 actor[2].name: expected a text that is not blank, found 7"]),
+        ("name = \"bike\"", "name = 7", vec!["15 actor[1].name: expected a text that is not blank, found 7"]),
     ];
     check(&table);
 }
@@ -198,17 +198,17 @@ fn wrong_motion_expectation_and_text_are_reported() {
     #[rustfmt::skip]
     let table = [
         ("[4.0, 0.0]", "[4.0, -1.0]", vec![
-            "13 actor.bus.motion[1].drive.speeds[2]: expected a pair of a number from 0 to 86400 and a number \
+            "13 actor.bus.motion[0].drive.speeds[1]: expected a pair of a number from 0 to 86400 and a number \
              from 0 to 100, found an array",
         ]),
         ("[[0.0, 5.0], [4.0, 0.0]]", "[[0.0, 5.0], [4.0, 1.0], [4.0, 0.0]]", vec![
-            "13 actor.bus.motion[1].drive.speeds: expected increasing times, found 4 s after 4 s",
+            "13 actor.bus.motion[0].drive.speeds: expected increasing times, found 4 s after 4 s",
         ]),
         ("[4.0, 0.0]", "[4.0, 1.0]", vec![
-            "13 actor.bus.motion[2]: is never reached: the drive before it has no distance_m and does not come to a stop",
+            "13 actor.bus.motion[1]: is never reached: the drive before it has no distance_m and does not come to a stop",
         ]),
         ("points = [[60.0, 3.0]]", "points = []", vec![
-            "13 actor.bus.motion[3].path.points: expected an array of pairs [s, d] in metres, found an empty array",
+            "13 actor.bus.motion[2].path.points: expected an array of pairs [s, d] in metres, found an empty array",
         ]),
         ("verdict = \"avoided\"", "verdict = \"fine\"", vec![
             "25 expect.verdict: expected one of \"avoided\", \"collision\", \"left_road\", \"timeout\", found \"fine\"",
@@ -222,8 +222,8 @@ fn wrong_motion_expectation_and_text_are_reported() {
         ("{ min = 2.0, max = 8.0 }", "{ min = 9.0, max = 8.0 }", vec![
             "29 expect.pipeline.slow.impact_speed_mps: the lowest value 9 is above the highest 8",
         ]),
-        ("timeout_s = 20.0", "timeout_s = 0.0", vec![
-            "22 end.timeout_s: expected a number above 0 and at most 86400, found 0.0",
+        ("timeout_s = 20.0", "timeout_s = 1e-12", vec![
+            "22 end.timeout_s: expected a number from 0.1 to 86400, found 1e-12",
         ]),
         ("name = \"full\"", "name = \"full\"\ngoal = 1", vec![
             "3 goal: unknown key; expected one of \"actor\", \"description\", \"ego\", \"end\", \"expect\", \"name\", \"road\"",

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_flow::{Anchor, Full, Policy, Reaction, RuntimeModel};
 
+use super::words::number;
+
 /// A run-time model: exactly one of its keys.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -53,7 +55,7 @@ pub fn span_ms(ms: f64) -> Result<Span, String> {
     if ms.is_finite() && (0.0..=MS_MAX).contains(&ms) {
         return Ok(Span::from_secs(ms * 1e-3));
     }
-    Err(format!("expected milliseconds between 0 and {MS_MAX}, found {ms:?}"))
+    Err(format!("expected milliseconds between 0 and {MS_MAX}, found {}", number(ms)))
 }
 
 impl Runtime {
@@ -103,7 +105,10 @@ impl Runtime {
         }
         if let Some([median, sigma]) = self.log_normal_ms {
             if !(sigma.is_finite() && (0.0..=10.0).contains(&sigma)) {
-                return Err(format!("`log_normal_ms` needs a sigma between 0 and 10, found {sigma}"));
+                return Err(format!(
+                    "`log_normal_ms` needs a sigma between 0 and 10, found {}",
+                    number(sigma)
+                ));
             }
             models.push(RuntimeModel::LogNormal { median: span_ms(median)?, sigma });
         }
@@ -118,7 +123,7 @@ impl Runtime {
         }
         if let Some(scale) = self.measured {
             if !(scale.is_finite() && (0.0..=1e6).contains(&scale)) {
-                return Err(format!("`measured` needs a factor between 0 and 1e6, found {scale}"));
+                return Err(format!("`measured` needs a factor between 0 and 1e6, found {}", number(scale)));
             }
             models.push(RuntimeModel::Measured { scale });
         }

@@ -4,11 +4,14 @@
 //! angles degrees (their names say so); resolving converts them.
 
 pub mod execution;
+pub mod faults;
 mod planner;
 pub mod text;
+pub mod words;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 use swerve_control::Following;
@@ -233,6 +236,10 @@ pub enum StartState {
 /// Run time by planner and discretisation.
 pub type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
 
+/// Read once: every default configuration has it.
+static BUILT_IN_COST: LazyLock<Cost> =
+    LazyLock::new(|| toml::from_str(include_str!("cost.toml")).expect("a test reads the built-in costs"));
+
 /// The motion planner.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -243,7 +250,8 @@ pub struct PlanningConfig {
     pub config: Fineness,
     /// The paper's behaviour, or ours; sets the defaults of the keys below.
     pub preset: Preset,
-    /// What predictions mean for collision checks.
+    /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way), or
+    /// the original's `swept_static`.
     pub collision: CollisionMode,
     /// Where a plan starts; the preset's when absent.
     pub start: Option<StartState>,
@@ -268,7 +276,7 @@ impl Default for PlanningConfig {
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
-            cost: toml::from_str(include_str!("cost.toml")).expect("a test reads the built-in costs"),
+            cost: BUILT_IN_COST.clone(),
             added_latency_ms: 0.0,
         }
     }
@@ -380,24 +388,21 @@ impl Config {
 
     /// As [`load`](Self::load), from text that is already at hand.
     pub fn from_document(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
-        let plain: Self = document.to().map_err(|p| vec![p])?;
+        let plain: Self = document.to()?;
         if sets.is_empty() {
             return plain.checked(|key, message| document.problem(key, message));
         }
         // The file's own faults are told with their lines; what is left is a fault of an assignment.
         plain.checked(|key, message| document.problem(key, message))?;
-        let mut table = document.table.clone();
-        for (key, value) in sets {
-            text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;
-            table.clone().try_into::<Self>().map_err(|error| {
-                let message = error.message().lines().next().unwrap_or_default().to_owned();
-                vec![set_problem(key, text::with_nearest_name(&message))]
-            })?;
-        }
-        let config: Self = table
-            .try_into()
-            .map_err(|error: toml::de::Error| vec![set_problem("", error.message().to_owned())])?;
-        config.checked(|key, message| {
+        Self::with_sets(document, sets)
+    }
+
+    /// A document that has no faults of its own, with assignments; the faults are theirs.
+    pub(crate) fn with_sets(
+        document: &Document,
+        sets: &[(String, toml::Value)],
+    ) -> Result<Self, Vec<Problem>> {
+        Self::formed(document, sets)?.checked(|key, message| {
             let set = sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key));
             match set {
                 Some((k, _)) => set_problem(k, message),
@@ -406,11 +411,29 @@ impl Config {
         })
     }
 
+    /// As [`with_sets`](Self::with_sets), with no look at the values: the faults are those of their form.
+    pub(crate) fn formed(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+        let mut table = document.table.clone();
+        for (key, value) in sets {
+            text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;
+        }
+        table.clone().try_into().map_err(|error: toml::de::Error| {
+            let told = faults::faults::<Self>(&table);
+            if told.is_empty() {
+                return vec![set_problem("", error.message())];
+            }
+            told.iter().map(|(key, message)| set_problem(key, message.as_str())).collect()
+        })
+    }
+
     fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Vec<Problem>> {
         let mut faults: Vec<(String, String)> = Vec::new();
         let mut range = |key: &str, value: f64, low: f64, high: f64| {
             if !(low..=high).contains(&value) {
-                faults.push((key.to_owned(), format!("expected {low} to {high}, found {value}")));
+                faults.push((
+                    key.to_owned(),
+                    format!("expected {low} to {high}, found {}", words::number(value)),
+                ));
             }
         };
         let sensing = &self.sensing;
@@ -431,7 +454,7 @@ impl Config {
         if let Err(fault) = self.sim.vehicle.validate() {
             faults.push((
                 format!("sim.vehicle.{}", fault.key),
-                format!("expected {}, found {}", fault.must, fault.value),
+                format!("expected {}, found {}", fault.must, words::number(fault.value)),
             ));
         }
         if let Err(message) = self.planning.planner() {
@@ -455,7 +478,7 @@ impl Config {
         for (name, operator) in &self.operator {
             let key = |last: &str| format!("operator.{name}.{last}");
             if !OPERATORS.contains(&name.as_str()) {
-                let near = text::nearest(name, OPERATORS)
+                let near = words::nearest(name, OPERATORS)
                     .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
                 let message = format!("unknown operator, expected one of {}{near}", OPERATORS.join(", "));
                 faults.push((format!("operator.{name}"), message));
@@ -546,10 +569,12 @@ mod tests {
     #[test]
     fn unknown_names_offer_the_nearest() {
         let unknown = &problems("[planning]\nplanner = \"rrtstar\"\n", &[])[0];
-        assert!(unknown.starts_with("c.toml:2: planning.planner: unknown variant `rrtstar`"), "{unknown}");
-        assert!(unknown.ends_with("(did you mean `rrt_star`?)"), "{unknown}");
-        let unknown = &problems("", &["planning.planer=fot"])[0];
-        assert!(unknown.starts_with("--set: planning.planer: unknown field `planer`"), "{unknown}");
+        assert!(unknown.starts_with("c.toml:2: planning.planner: expected one of \"fot\", "), "{unknown}");
+        assert!(unknown.ends_with("found \"rrtstar\"; did you mean \"rrt_star\"?"), "{unknown}");
+        assert_eq!(
+            problems("", &["planning.planer=fot"]),
+            ["--set: planning.planer: unknown key; did you mean \"planner\"?"]
+        );
         assert_eq!(problems("", &["sim.dt_ms=100"]), ["--set: sim.dt_ms: expected 1 to 20, found 100"]);
     }
 

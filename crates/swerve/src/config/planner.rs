@@ -9,7 +9,7 @@ use swerve_planning::hybrid_astar::{self, HybridAstar};
 use swerve_planning::rrt_star::{self, RrtStar};
 use swerve_planning::waypoint::{self, Waypoint};
 
-use super::text::with_nearest_name;
+use super::faults::faults;
 use super::{Fineness, PlannerName, PlanningConfig};
 
 /// The planner that a configuration names, with its parameters.
@@ -55,5 +55,9 @@ pub(super) fn planner(planning: &PlanningConfig) -> Result<Box<dyn Planner>, Str
 fn overridden<T: Serialize + DeserializeOwned>(defaults: &T, changes: &toml::Table) -> Result<T, String> {
     let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
     table.extend(changes.clone());
-    table.try_into().map_err(|error| with_nearest_name(error.message()))
+    table.clone().try_into().map_err(|error: toml::de::Error| {
+        let told = faults::<T>(&table);
+        let lines: Vec<String> = told.iter().map(|(key, message)| format!("`{key}`: {message}")).collect();
+        if lines.is_empty() { error.message().to_owned() } else { lines.join("; ") }
+    })
 }

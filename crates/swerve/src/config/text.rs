@@ -1,14 +1,15 @@
 //! TOML text with problems that name file, line and key.
 
 use std::fmt;
-use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
+use super::faults::faults;
+
 /// One thing wrong with one file.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct Problem {
     /// The file as the user named it, or where else the text came from.
     pub file: String,
@@ -50,8 +51,7 @@ pub struct Document {
 #[derive(Clone, Debug)]
 struct Place {
     key: String,
-    name: Range<usize>,
-    value: Range<usize>,
+    start: usize,
 }
 
 impl Document {
@@ -81,13 +81,17 @@ impl Document {
         Ok(Self { file: file.to_owned(), table, text, places })
     }
 
-    /// The typed form of the whole text.
-    pub fn to<T: DeserializeOwned>(&self) -> Result<T, Problem> {
+    /// The typed form of the whole text, or all that has not its form.
+    pub fn to<T: DeserializeOwned>(&self) -> Result<T, Vec<Problem>> {
         toml::from_str(&self.text).map_err(|error| {
-            let place = error.span().and_then(|span| self.place_of(&span));
-            let mut problem = syntax_problem(&self.file, &self.text, &error);
-            problem.key = place.map_or_else(String::new, |p| p.key.clone());
-            problem
+            let told = faults::<T>(&self.table);
+            if told.is_empty() {
+                return vec![syntax_problem(&self.file, &self.text, &error)];
+            }
+            let mut problems: Vec<Problem> =
+                told.iter().map(|(key, message)| self.problem(key, message.as_str())).collect();
+            problems.sort_by_key(|problem| problem.line);
+            problems
         })
     }
 
@@ -98,25 +102,17 @@ impl Document {
             if let Some(place) = self.places.iter().find(|p| p.key == at) {
                 break Some(place);
             }
-            match at.rsplit_once('.') {
+            match at.rsplit_once(['.', '[']) {
                 Some((parent, _)) => at = parent,
                 None => break None,
             }
         };
         Problem {
             file: self.file.clone(),
-            line: place.map(|p| line_of(&self.text, p.name.start)),
+            line: place.map(|p| line_of(&self.text, p.start)),
             key: key.to_owned(),
             message: message.into(),
         }
-    }
-
-    fn place_of(&self, span: &Range<usize>) -> Option<&Place> {
-        if span.is_empty() {
-            return None; // of the whole file: a key that it lacks
-        }
-        let holds = |r: &Range<usize>| r.start <= span.start && span.end <= r.end;
-        self.places.iter().filter(|p| holds(&p.name) || holds(&p.value)).max_by_key(|p| p.key.len())
     }
 }
 
@@ -127,13 +123,13 @@ fn collect_places(table: &DeTable<'_>, prefix: &str, places: &mut Vec<Place>) {
         } else {
             format!("{prefix}.{}", name.get_ref())
         };
-        places.push(Place { key: key.clone(), name: name.span(), value: value.span() });
+        places.push(Place { key: key.clone(), start: name.span().start });
         match value.get_ref() {
             DeValue::Table(inner) => collect_places(inner, &key, places),
             DeValue::Array(items) => {
                 for (i, item) in items.iter().enumerate() {
                     let key = format!("{key}[{i}]");
-                    places.push(Place { key: key.clone(), name: item.span(), value: item.span() });
+                    places.push(Place { key: key.clone(), start: item.span().start });
                     if let DeValue::Table(inner) = item.get_ref() {
                         collect_places(inner, &key, places);
                     }
@@ -149,33 +145,12 @@ fn syntax_problem(file: &str, text: &str, error: &toml::de::Error) -> Problem {
         file: file.to_owned(),
         line: error.span().map(|span| line_of(text, span.start)),
         key: String::new(),
-        message: with_nearest_name(error.message()),
+        message: format!("not TOML: {}", error.message().trim_end()),
     }
 }
 
 fn line_of(text: &str, offset: usize) -> usize {
     text.as_bytes()[..offset.min(text.len())].iter().filter(|b| **b == b'\n').count() + 1
-}
-
-/// Adds "did you mean" to serde's "unknown field `x`, expected one of `y`, `z`".
-pub fn with_nearest_name(message: &str) -> String {
-    let message = message.trim_end();
-    let mut names = message.split('`').skip(1).step_by(2);
-    let unknown = message.starts_with("unknown ").then(|| names.next()).flatten();
-    match unknown.and_then(|wrong| nearest(wrong, names)) {
-        Some(name) => format!("{message} (did you mean `{name}`?)"),
-        None => message.to_owned(),
-    }
-}
-
-/// The name most like `wrong`, when one is like it at all.
-pub fn nearest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    names
-        .into_iter()
-        .map(|name| (strsim::jaro_winkler(wrong, name), name))
-        .filter(|(likeness, _)| *likeness > 0.7)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, name)| name)
 }
 
 /// Sets the value at dotted `key`, making tables on the way.
@@ -228,25 +203,28 @@ mod tests {
     }
 
     fn problem(text: &str) -> String {
-        Document::parse("a.toml", text.to_owned())
-            .and_then(|document| document.to::<Outer>().map(|_| ()))
-            .expect_err("wrong on purpose")
-            .to_string()
+        let read = Document::parse("a.toml", text.to_owned()).map_err(|problem| vec![problem]);
+        let problems = read.and_then(|document| document.to::<Outer>()).expect_err("wrong on purpose");
+        problems.iter().map(Problem::to_string).collect::<Vec<_>>().join(" & ")
     }
 
     #[test]
-    fn a_problem_names_file_line_key_and_the_nearest_name() {
+    fn a_problem_names_file_line_key_and_what_was_expected() {
         assert_eq!(
             problem("[inner]\nhorizn = 1.0\n"),
-            "a.toml:2: inner.horizn: unknown field `horizn`, expected `horizon` (did you mean `horizon`?)"
+            "a.toml:2: inner.horizn: unknown key; did you mean \"horizon\"?"
         );
         assert_eq!(
             problem("\n[inner]\nhorizon = \"long\"\n"),
-            "a.toml:3: inner.horizon: invalid type: string \"long\", expected f64"
+            "a.toml:3: inner.horizon: expected a number, found the text \"long\""
         );
-        assert_eq!(problem("[other]\n"), "a.toml:1: other: unknown field `other`, expected `inner`");
-        assert_eq!(problem(""), "a.toml:1: missing field `inner`");
-        assert!(problem("[inner\n").starts_with("a.toml:1: "), "{}", problem("[inner\n"));
+        assert_eq!(
+            problem("[other]\n"),
+            "a.toml: inner: is missing: expected a table & \
+             a.toml:1: other: unknown key; expected one of \"inner\""
+        );
+        assert_eq!(problem(""), "a.toml: inner: is missing: expected a table");
+        assert!(problem("[inner\n").starts_with("a.toml:1: not TOML: "), "{}", problem("[inner\n"));
     }
 
     #[test]

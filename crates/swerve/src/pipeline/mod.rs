@@ -42,9 +42,16 @@ impl Pipeline {
         let mut graph = Graph::new();
         connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
         configure(&mut graph, config)?;
-        let until = Time::ZERO + Span::from_secs(scenario.end.timeout_s);
+        let until =
+            last_step(Span::from_secs(scenario.end.timeout_s), Span::from_secs(config.sim.dt_ms * 1e-3));
         Ok(Self { graph, scenario, route, vehicle, until })
     }
+}
+
+/// The first step of the world at which the scenario's time is over.
+fn last_step(timeout: Span, dt: Span) -> Time {
+    let steps = (timeout.ns() + dt.ns() - 1) / dt.ns();
+    Time::from_ns(steps * dt.ns())
 }
 
 /// The scenario under the configuration's speed, as its seed varies it.

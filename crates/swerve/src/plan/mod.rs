@@ -17,7 +17,7 @@ use clap::ValueEnum;
 use swerve_planning::{Preset, Solution};
 
 use crate::files::write_whole;
-use crate::study::table::align;
+use crate::output::align;
 
 pub use read::{Posed, read};
 pub use solve::{REPEATS, solve_all};

@@ -6,7 +6,7 @@ use anyhow::{Context as _, anyhow, bail};
 use swerve_planning::posed::{FotConfig, HybridAstarConfig, ProblemFile, RrtStarConfig};
 
 use super::PosedPlanner;
-use crate::config::text::{nearest, with_nearest_name};
+use crate::config::words::{nearest, with_nearest_name};
 
 /// A planner with one of the file's configurations.
 #[derive(Clone, Copy, Debug)]

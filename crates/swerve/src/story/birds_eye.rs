@@ -1,17 +1,21 @@
 //! The view from above.
 
-use swerve_core::Time;
+use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2};
 use swerve_msg::ActorKind;
 
 use super::canvas::{At, Canvas, Text, color, multiples, number, round_step};
-use super::record::{ActorTrace, Shape, Story};
+use super::record::{ActorTrace, PlanMark, Shape, Story};
 use super::view::View;
 
 /// Outlines are drawn at the multiples of this, ns.
 const OUTLINE_EVERY_NS: i64 = 500_000_000;
-/// Plans that are numbered; further changes of mind are drawn without.
-pub(super) const NUMBERED: usize = 9;
+/// A change of mind sooner than this after the one drawn last belongs to it, unless a path was found or lost.
+const SETTLED: Span = Span::from_ms(250);
+/// More plans than this on top of each other cannot be told apart.
+const PLANS_MAX: usize = 9;
+/// The ego stands where its outline would come to lie nearer to the last one than this, metres.
+const MOVED_M: f64 = 0.3;
 
 /// Draws the road and all that went on there.
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
@@ -24,9 +28,8 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     }
     plans(canvas, story, view);
     ego_trace(canvas, story, view);
-    plan_numbers(canvas, story, view);
-    sight(canvas, story, view);
-    closest(canvas, story, view);
+    let labels = [sight(canvas, story, view), closest(canvas, story, view)];
+    plan_numbers(canvas, story, view, labels.into_iter().flatten().collect());
     canvas.end_clip();
     axes(canvas, view);
 }
@@ -190,14 +193,20 @@ pub(super) fn kind_name(kind: ActorKind) -> &'static str {
 fn ego_trace(canvas: &mut Canvas, story: &Story, view: &View) {
     let paint = color::EGO;
     let faint = format!("fill=\"{paint}\" fill-opacity=\"0.10\" stroke=\"{paint}\" stroke-width=\"1.2\"");
+    let (left, right) = (view.corner.0 + 15.0, view.corner.0 + view.size.0 - 15.0);
     let mut labelled = f64::NEG_INFINITY;
+    let mut drawn: Option<Point2> = None;
     for at in half_seconds(view) {
         let Some(ego) = story.ego_at(at) else { continue };
         let footprint = story.outline.footprint(ego.pose);
-        outline(canvas, view, &footprint, &faint);
         let center = footprint.center.point();
+        if drawn.is_some_and(|last| last.distance(center) < MOVED_M) {
+            continue;
+        }
+        drawn = Some(center);
+        outline(canvas, view, &footprint, &faint);
         let (x, y) = view.at(center);
-        if (x - labelled).abs() > 30.0 {
+        if (x - labelled).abs() > 30.0 && x > left && x < right {
             labelled = x;
             let how = Text { size: 10.0, color: paint, anchor: "middle", rim: true, ..Text::default() };
             // Below the middle, where the ego's way does not run through it.
@@ -208,15 +217,77 @@ fn ego_trace(canvas: &mut Canvas, story: &Story, view: &View) {
     polyline(canvas, view, &way, &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.6\""));
 }
 
-/// The changes of mind within the view, numbered from 1.
-pub(super) fn changes<'a>(
-    story: &'a Story,
-    view: &View,
-) -> impl Iterator<Item = (usize, &'a super::record::PlanMark)> {
+/// The changes of mind within the view.
+pub(super) struct Changes<'a> {
+    /// Those that are drawn, in order of time.
+    pub(super) shown: Vec<&'a PlanMark>,
+    /// How many more there were, each soon after one that is drawn.
+    pub(super) left_out: usize,
+}
+
+/// The changes of mind within the view that a reader can tell apart.
+pub(super) fn changes<'a>(story: &'a Story, view: &View) -> Changes<'a> {
     let (from, to) = view.span;
     // What the ego set out with is no change.
-    let inside = story.plans.iter().skip(1).filter(move |mark| mark.at >= from && mark.at <= to);
-    (1..).zip(inside)
+    let marks = story.plans.iter().skip(1);
+    let inside: Vec<&PlanMark> = marks.filter(|mark| mark.at >= from && mark.at <= to).collect();
+    let mut gap = SETTLED;
+    loop {
+        // With a path found and lost many times over, that is left out too.
+        let shown = settled(story, &inside, gap, gap == SETTLED);
+        if shown.len() <= PLANS_MAX {
+            return Changes { left_out: inside.len() - shown.len(), shown };
+        }
+        gap = gap * 2;
+    }
+}
+
+fn settled<'a>(story: &Story, marks: &[&'a PlanMark], gap: Span, found_or_lost: bool) -> Vec<&'a PlanMark> {
+    let place = |mark: &PlanMark| story.ego_at(mark.at).map(|ego| ego.pose.point());
+    let stands = |a, b| place(a).zip(place(b)).is_some_and(|(a, b)| a.distance(b) < MOVED_M);
+    let mut shown: Vec<&PlanMark> = Vec::new();
+    for mark in marks {
+        let is_fallback = |mark: &PlanMark| mark.plan.status.is_fallback();
+        let is_next = shown.last().is_none_or(|last| {
+            (mark.at - last.at >= gap && !stands(mark, last))
+                || (found_or_lost && is_fallback(mark) != is_fallback(last))
+        });
+        if is_next {
+            shown.push(mark);
+        }
+    }
+    shown
+}
+
+/// What explains a plan from before the first sight of the actor that the story is about: who else was seen.
+pub(super) fn before_sight(story: &Story, view: &View) -> Option<String> {
+    let at = first_sight(story)?;
+    let early = changes(story, view).shown.iter().filter(|mark| mark.at < at).count();
+    let hero = story.protagonist()?;
+    let seen_s = |a: &&swerve_eval::ActorMetrics| a.first_sight_s.is_some_and(|s| s < at.as_secs());
+    let others: Vec<&str> = story
+        .metrics
+        .iter()
+        .flat_map(|m| m.actors.iter().filter(seen_s))
+        .filter(|a| a.actor != hero.actor)
+        .map(|a| kind_name(a.kind))
+        .collect();
+    let plans = match early {
+        0 => return None,
+        1 => "plan 1 is".to_owned(),
+        n => format!("plans 1 to {n} are"),
+    };
+    let unseen = kind_name(hero.kind);
+    Some(match &others[..] {
+        [] => format!("{plans} from before first sight of the {unseen}"),
+        [other] => {
+            format!("{plans} from before first sight of the {unseen}: only the {other} is in sight then")
+        }
+        _ => format!(
+            "{plans} from before first sight of the {unseen}: {} others are in sight then",
+            others.len()
+        ),
+    })
 }
 
 /// Colour of a plan.
@@ -225,7 +296,7 @@ pub(super) fn plan_color(plan: &swerve_msg::Plan) -> &'static str {
 }
 
 fn plans(canvas: &mut Canvas, story: &Story, view: &View) {
-    for (_, mark) in changes(story, view) {
+    for mark in changes(story, view).shown {
         let paint = plan_color(&mark.plan);
         let dash = if mark.plan.status.is_fallback() { " stroke-dasharray=\"3 3\"" } else { "" };
         let style =
@@ -236,16 +307,16 @@ fn plans(canvas: &mut Canvas, story: &Story, view: &View) {
 }
 
 /// Where the ego was when it changed its mind.
-fn plan_numbers(canvas: &mut Canvas, story: &Story, view: &View) {
-    let mut taken: Vec<At> = Vec::new();
-    for (number, mark) in changes(story, view).take(NUMBERED) {
+fn plan_numbers(canvas: &mut Canvas, story: &Story, view: &View, mut taken: Vec<Taken>) {
+    for (number, mark) in (1..).zip(changes(story, view).shown) {
         let Some(ego) = story.ego_at(mark.at) else { continue };
-        let (x, mut y) = view.at(ego.pose.point());
-        y -= 9.0;
-        while taken.iter().any(|t| (t.0 - x).abs() < 15.0 && (t.1 - y).abs() < 15.0) {
-            y -= 15.0;
+        let (x, _) = view.at(ego.pose.point());
+        // Above the outline: within it stands the time.
+        let mut y = label_height(view, &story.outline.footprint(ego.pose), false) - 5.0;
+        while taken.iter().any(|t| (t.at.0 - x).abs() < t.half_width + 8.5 && (t.at.1 - y).abs() < 17.0) {
+            y -= 17.0;
         }
-        taken.push((x, y));
+        taken.push(Taken { at: (x, y), half_width: 8.5 });
         badge(canvas, (x, y), number, plan_color(&mark.plan));
     }
 }
@@ -264,13 +335,11 @@ pub(super) fn first_sight(story: &Story) -> Option<Time> {
     (at > start).then_some(at)
 }
 
-fn sight(canvas: &mut Canvas, story: &Story, view: &View) {
-    let Some(at) = first_sight(story) else { return };
+fn sight(canvas: &mut Canvas, story: &Story, view: &View) -> Option<Taken> {
+    let at = first_sight(story)?;
     let actor = story.protagonist().and_then(|a| story.actor(a.actor));
-    let (Some(ego), Some((actor, pose))) = (story.ego_at(at), actor.and_then(|a| Some((a, a.pose_at(at)?))))
-    else {
-        return;
-    };
+    let (ego, actor) = (story.ego_at(at)?, actor?);
+    let pose = actor.pose_at(at)?;
     let paint = color::SIGHT;
     let footprint = story.outline.footprint(ego.pose);
     let dashed = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\" stroke-dasharray=\"6 4\"");
@@ -279,24 +348,23 @@ fn sight(canvas: &mut Canvas, story: &Story, view: &View) {
     canvas.line(from, to, &dashed);
     shape(canvas, view, &actor.shape(pose), &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\""));
     let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
-    let label = format!("first sight {:.2} s, {:.1} m away", at.as_secs(), on_ego.distance(on_actor));
+    let away_m = on_ego.distance(on_actor);
+    let end = if from.0 < view.corner.0 { ", before this view" } else { "" };
+    let label = format!("first sight {:.2} s, {away_m:.1} m away{end}", at.as_secs());
     // On the side away from the actor, where the line of sight does not cross it.
     let place = (from.0, label_height(view, &footprint, to.1 < from.1));
-    let how = Text { size: 11.0, color: "#8A5E00", anchor: "middle", bold: true, rim: true };
-    canvas.text(place, &label, how);
+    Some(mark_label(canvas, view, place, &label, "#8A5E00"))
 }
 
-fn closest(canvas: &mut Canvas, story: &Story, view: &View) {
-    let Some(metrics) = &story.metrics else { return };
-    let Some(hero) = story.protagonist() else { return };
+fn closest(canvas: &mut Canvas, story: &Story, view: &View) -> Option<Taken> {
+    let metrics = story.metrics.as_ref()?;
+    let hero = story.protagonist()?;
     let impact = metrics.impact.filter(|i| i.actor == hero.actor);
     let at_s = impact.map_or(hero.min_distance_at_s, |i| i.at_s);
     let at = Time::ZERO + swerve_core::Span::from_secs(at_s);
     let actor = story.actor(hero.actor);
-    let (Some(ego), Some((actor, pose))) = (story.ego_at(at), actor.and_then(|a| Some((a, a.pose_at(at)?))))
-    else {
-        return;
-    };
+    let (ego, actor) = (story.ego_at(at)?, actor?);
+    let pose = actor.pose_at(at)?;
     let footprint = story.outline.footprint(ego.pose);
     let paint = color::ALARM;
     let strong = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.8\"");
@@ -304,10 +372,15 @@ fn closest(canvas: &mut Canvas, story: &Story, view: &View) {
     shape(canvas, view, &actor.shape(pose), &strong);
     let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
     let (from, to) = (view.at(on_ego), view.at(on_actor));
+    let is_shown = (view.corner.0..=view.corner.0 + view.size.0).contains(&to.0);
     let label = match impact {
         Some(i) => {
             canvas.star(to, 9.0, &format!("fill=\"{paint}\" stroke=\"#FFFFFF\" stroke-width=\"1\""));
             format!("collision {:.2} s, at {:.1} m/s", i.at_s, i.ego_speed_mps)
+        }
+        None if !is_shown => {
+            let who = kind_name(hero.kind);
+            format!("closest {at_s:.2} s, {:.2} m to the {who} outside this view", hero.min_distance_m)
         }
         None => {
             canvas.line(from, to, &format!("stroke=\"{paint}\" stroke-width=\"3\""));
@@ -318,9 +391,29 @@ fn closest(canvas: &mut Canvas, story: &Story, view: &View) {
     let middle = view.at(footprint.center.point());
     let is_below = to.1 < middle.1;
     // Above the outline is where the actor came from, with its own labels to the right.
-    let (x, anchor) = if is_below { (middle.0, "middle") } else { (to.0 - 12.0, "end") };
-    let how = Text { size: 11.0, color: paint, anchor, bold: true, rim: true };
-    canvas.text((x, label_height(view, &footprint, is_below)), &label, how);
+    let x = if is_below || !is_shown { middle.0 } else { to.0 - 12.0 - half_width(&label) };
+    let place = (x, label_height(view, &footprint, is_below));
+    Some(mark_label(canvas, view, place, &label, paint))
+}
+
+/// A place that has a text or a badge in its middle, pixels.
+struct Taken {
+    at: At,
+    half_width: f64,
+}
+
+/// Half the width of a bold label, pixels, rather too much than too little.
+fn half_width(label: &str) -> f64 {
+    3.5 * label.chars().count() as f64
+}
+
+/// A label in the middle of a place, or as near to it as the view allows.
+fn mark_label(canvas: &mut Canvas, view: &View, (x, y): At, label: &str, paint: &str) -> Taken {
+    let half_width = half_width(label);
+    let (left, right) = (view.corner.0, view.corner.0 + view.size.0);
+    let x = x.min(right - half_width - 4.0).max(left + half_width + 4.0);
+    canvas.text((x, y), label, Text { size: 11.0, color: paint, anchor: "middle", bold: true, rim: true });
+    Taken { at: (x, y - 4.0), half_width }
 }
 
 /// Height of a label just below an outline, or just above it.

@@ -26,6 +26,10 @@ pub fn draw(story: &Story) -> String {
     birds_eye::draw(&mut canvas, story, &view);
     let mut y = HEADER + view.size.1 + 48.0;
     legend(&mut canvas, story, &view, (LEFT, y));
+    if let Some(note) = birds_eye::before_sight(story, &view) {
+        y += 20.0;
+        canvas.text((LEFT, y + 4.0), &note, Text { size: 12.0, color: color::SOFT, ..Text::default() });
+    }
     y += 14.0;
     y += panels::draw(&mut canvas, story, &view, (LEFT, y), width);
     canvas.finish(WIDTH, y + 8.0, &story.title)
@@ -41,7 +45,7 @@ fn header(canvas: &mut Canvas, story: &Story) {
     let how = Text { size: 14.0, color: "#FFFFFF", anchor: "middle", bold: true, rim: false };
     canvas.text((corner.0 + 0.5 * width, 28.0), word, how);
     let how = Text { size: 12.5, color: color::SOFT, ..Text::default() };
-    canvas.text((LEFT, 50.0), &headline(metrics), how);
+    canvas.text((LEFT, 50.0), &headline(story, metrics), how);
 }
 
 fn verdict(verdict: Verdict) -> (&'static str, &'static str) {
@@ -54,7 +58,7 @@ fn verdict(verdict: Verdict) -> (&'static str, &'static str) {
     }
 }
 
-fn headline(metrics: &Metrics) -> String {
+fn headline(story: &Story, metrics: &Metrics) -> String {
     let mut parts = Vec::new();
     if let Some(i) = metrics.impact {
         parts.push(format!(
@@ -64,7 +68,11 @@ fn headline(metrics: &Metrics) -> String {
     } else if let Some(distance_m) = metrics.min_distance_m {
         let nearest = metrics.actors.iter().find(|a| Some(a.actor) == metrics.min_distance_actor);
         let to = nearest.map_or("", |a| birds_eye::kind_name(a.kind));
-        parts.push(format!("smallest distance {distance_m:.2} m ({to})"));
+        let hero = story.protagonist().filter(|hero| Some(hero.actor) != metrics.min_distance_actor);
+        let hero = hero.map_or_else(String::new, |a| {
+            format!(", {:.2} m ({})", a.min_distance_m, birds_eye::kind_name(a.kind))
+        });
+        parts.push(format!("smallest distance {distance_m:.2} m ({to}){hero}"));
     }
     if let Some(at_s) = metrics.left_road_at_s {
         parts.push(format!("left the road at {at_s:.2} s"));
@@ -107,12 +115,12 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, (mut x, y): At) {
     if has(false) {
         entry(canvas, &block(color::VEHICLE), "other vehicle");
     }
-    let changes: Vec<_> = birds_eye::changes(story, view).map(|(_, mark)| &mark.plan).collect();
+    let birds_eye::Changes { shown, left_out } = birds_eye::changes(story, view);
+    let changes: Vec<_> = shown.iter().map(|mark| &mark.plan).collect();
     if changes.iter().any(|plan| !plan.status.is_fallback()) {
-        let more = changes.len().saturating_sub(birds_eye::NUMBERED);
-        let text = match more {
+        let text = match left_out {
             0 => "plan at a change of mind".to_owned(),
-            more => format!("plan at a change of mind ({more} more not numbered)"),
+            more => format!("plan at a change of mind ({more} more soon after)"),
         };
         entry(canvas, &line(color::PLAN, "stroke-width=\"2\""), &text);
     }

@@ -54,7 +54,7 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
         let values = samples.iter().map(|e| (panel.of)(e));
         let frame = Frame { corner: (corner.0, y), width, time, value: range(values, panel.range_min) };
         axes(canvas, panel, &frame, k + 1 == PANELS.len());
-        marks(canvas, story, &frame);
+        marks(canvas, story, view, &frame);
         canvas.begin_clip(frame.corner, (width, HEIGHT));
         let points = samples.iter().map(|e| frame.at(e.stamp.as_secs(), (panel.of)(e)));
         canvas.path(points, false, &format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\"", color::EGO));
@@ -104,7 +104,7 @@ fn axes(canvas: &mut Canvas, panel: &Panel, frame: &Frame, is_last: bool) {
 }
 
 /// First sight, closest approach or collision, and the changes of mind, as lines across a panel.
-fn marks(canvas: &mut Canvas, story: &Story, frame: &Frame) {
+fn marks(canvas: &mut Canvas, story: &Story, view: &View, frame: &Frame) {
     let mut line = |at: Time, style: &str| {
         let t = at.as_secs();
         if t >= frame.time.0 && t <= frame.time.1 {
@@ -112,7 +112,7 @@ fn marks(canvas: &mut Canvas, story: &Story, frame: &Frame) {
             canvas.line((x, frame.corner.1), (x, frame.corner.1 + HEIGHT), style);
         }
     };
-    for mark in story.plans.iter().skip(1) {
+    for mark in birds_eye::changes(story, view).shown {
         let paint = birds_eye::plan_color(&mark.plan);
         line(mark.at, &format!("stroke=\"{paint}\" stroke-width=\"1\" stroke-opacity=\"0.55\""));
     }
@@ -130,9 +130,9 @@ fn marks(canvas: &mut Canvas, story: &Story, frame: &Frame) {
 /// The numbers of the changes of mind above the first panel.
 fn numbers(canvas: &mut Canvas, story: &Story, view: &View, frame: &Frame) {
     let mut last = f64::NEG_INFINITY;
-    for (number, mark) in birds_eye::changes(story, view).take(birds_eye::NUMBERED) {
+    for (number, mark) in (1..).zip(birds_eye::changes(story, view).shown) {
         let (x, _) = frame.at(mark.at.as_secs(), 0.0);
-        let x = x.max(last + 15.0);
+        let x = x.max(last + 17.0);
         last = x;
         birds_eye::badge(canvas, (x, frame.corner.1 - 11.0), number, birds_eye::plan_color(&mark.plan));
     }

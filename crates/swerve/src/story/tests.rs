@@ -275,6 +275,60 @@ fn only_changes_of_mind_are_kept() {
     assert_eq!(story.plans.len(), kept + 1, "0.4 m from the one kept last is one");
 }
 
+/// Changes of mind every 50 ms make a picture that can be read: few plans, badges beside each other.
+#[test]
+fn a_mind_that_never_rests_is_drawn_now_and_then() {
+    let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
+    let mut story = drive.story();
+    story.plans.clear();
+    for k in 0..160_i64 {
+        let at = Time::from_ms(50 * k);
+        story.plans.push(PlanMark { at, plan: drive.plan(at, PlanStatus::Found) });
+    }
+    let svg = draw(&story);
+    show("restless.svg", &svg);
+    let badges = |svg: &str| svg.matches("r=\"7\" fill=\"#009E73\"").count();
+    // Each badge stands in the view and above the panels.
+    assert!((4..=18).contains(&badges(&svg)), "{}", badges(&svg));
+    assert!(svg.contains(" more soon after)"));
+    let places: Vec<(f64, f64)> = svg
+        .lines()
+        .filter(|line| line.contains("r=\"7\" fill=\"#009E73\""))
+        .map(|line| {
+            let of =
+                |name: &str| line.split(name).nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+            (of("cx=\""), of("cy=\""))
+        })
+        .collect();
+    for (i, a) in places.iter().enumerate() {
+        for b in &places[..i] {
+            assert!((a.0 - b.0).abs() >= 16.0 || (a.1 - b.1).abs() >= 16.0, "{a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn a_plan_from_before_first_sight_is_explained() {
+    let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
+    let mut story = drive.story();
+    assert!(!draw(&story).contains("before first sight"));
+    let at = Time::from_ms(4000);
+    story.plans.insert(1, PlanMark { at, plan: drive.plan(at, PlanStatus::Found) });
+    let note = "plan 1 is from before first sight of the person: only the truck is in sight then";
+    assert!(draw(&story).contains(note));
+}
+
+/// The person, whom the story is about, and the truck, which is nearer, are both named with their distances.
+#[test]
+fn an_ego_that_stands_far_away_has_one_outline_and_a_distance_to_each() {
+    let svg = real(&[("ego.speed_mps", 0.into())]);
+    show("stands.svg", &svg);
+    let of_person = "m to the person outside this view";
+    let distance = svg.split(of_person).next().unwrap().rsplit(", ").next().unwrap();
+    assert!(svg.contains(&format!("m (truck), {distance}m (person)")), "{distance}");
+    assert_eq!(svg.matches("fill-opacity=\"0.10\"").count(), 1);
+}
+
 #[test]
 fn a_run_that_ended_at_once_has_a_figure_that_says_so() {
     let route = Drive { swerve_m: 0.0, bend_1pm: 0.0 }.route();

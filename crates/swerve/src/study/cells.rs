@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::Context as _;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use swerve_core::Digest;
+use swerve_core::{Digest, Hasher};
 
 use super::grid::{Cell, Study};
 use crate::progress::Progress;
@@ -96,21 +96,53 @@ impl CellStore {
         Ok(Self { folder })
     }
 
-    /// The result of `cell`, when an earlier call finished it under the same fingerprint.
-    pub fn load(&self, cell: &Cell, fingerprint: Digest) -> Option<CellResult> {
-        let text = std::fs::read(self.path(cell, fingerprint)).ok()?;
-        serde_json::from_slice(&text).ok()
+    /// The result of `cell`, when an earlier call finished it under the same fingerprint; an error names a file
+    /// that is not as it was written.
+    pub fn load(&self, cell: &Cell, fingerprint: Digest) -> anyhow::Result<Option<CellResult>> {
+        let path = self.path(cell, fingerprint);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),
+        };
+        let result = unsealed(&text, cell, fingerprint);
+        result.map(Some).with_context(|| format!("{}: not as it was written", path.display()))
     }
 
-    /// Keeps a finished cell: written beside its name first, so that a half-written file is never taken for a result.
+    /// Keeps a finished cell under a checksum: written beside its name first, so that a half-written file is never
+    /// taken for a result.
     pub fn save(&self, cell: &Cell, fingerprint: Digest, result: &CellResult) -> anyhow::Result<()> {
-        let text = serde_json::to_vec(result)?;
-        crate::files::write_whole(&self.path(cell, fingerprint), &text)
+        let body = serde_json::to_string(result)?;
+        let sealed = format!("{HEAD}{}{BODY}{body}{TAIL}", checksum(&body, cell, fingerprint));
+        crate::files::write_whole(&self.path(cell, fingerprint), sealed.as_bytes())
     }
 
     fn path(&self, cell: &Cell, fingerprint: Digest) -> PathBuf {
         self.folder.join(format!("{:06}-{fingerprint}.json", cell.index))
     }
+}
+
+// A kept cell is the JSON object `{"checksum":"...","result":{...}}`. Framed by hand, because the checksum is of
+// the result's bytes: a number that was read and written again may end in another digit.
+const HEAD: &str = "{\"checksum\":\"";
+const BODY: &str = "\",\"result\":";
+const TAIL: &str = "}\n";
+
+/// Holds for one result under one name: a file that was renamed is another's result.
+fn checksum(body: &str, cell: &Cell, fingerprint: Digest) -> Digest {
+    let mut hasher = Hasher::new();
+    hasher.number(cell.index as u64);
+    hasher.number(fingerprint.0);
+    hasher.bytes(body.as_bytes());
+    hasher.digest()
+}
+
+fn unsealed(text: &str, cell: &Cell, fingerprint: Digest) -> Option<CellResult> {
+    let (sum, body) = text.strip_prefix(HEAD)?.strip_suffix(TAIL)?.split_once(BODY)?;
+    if sum != checksum(body, cell, fingerprint).to_string() {
+        return None;
+    }
+    serde_json::from_str(body).ok()
 }
 
 /// How the cells of a study are run.
@@ -141,8 +173,12 @@ impl Runner<'_> {
                 return Ok(None);
             }
             let fingerprint = prepare(cell)?;
+            let kept = self.store.load(cell, fingerprint).unwrap_or_else(|error| {
+                progress.tell(&format!("{error:#}; the cell is computed again"));
+                None
+            });
             // A cell whose run failed is tried again: what was in its way may be gone.
-            let finished = self.store.load(cell, fingerprint).filter(|result| result.error.is_none());
+            let finished = kept.filter(|result| result.error.is_none());
             let result = match finished {
                 Some(result) => result,
                 None if self.stop.load(Ordering::SeqCst) => return Ok(None),
@@ -152,7 +188,7 @@ impl Runner<'_> {
                     result
                 }
             };
-            progress.cell_done();
+            progress.one_done();
             Ok(Some(result))
         };
         let results = pool.install(|| study.cells.par_iter().with_max_len(1).map(one).collect());

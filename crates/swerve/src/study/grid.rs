@@ -1,11 +1,13 @@
 //! A study file: a base run and axes over configuration keys, expanded to cells.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::faults::is_within;
 use crate::config::text::{Document, Problem};
+use crate::config::words::number;
 
 /// A study as its file says it.
 #[derive(Clone, PartialEq, Debug, Deserialize)]
@@ -88,6 +90,21 @@ impl Budget {
     fn resolution_ms() -> f64 {
         5.0
     }
+
+    fn check(&self, document: &Document, axes: &[String], problems: &mut Vec<Problem>) {
+        if let Some(axis) = self.limit.as_ref().filter(|name| !axes.contains(name)) {
+            problems.push(document.problem("budget.limit", format!("no axis of the name `{axis}`")));
+        }
+        let times =
+            [("max_ms", self.max_ms), ("scan_ms", self.scan_ms), ("resolution_ms", self.resolution_ms)];
+        for (name, ms) in times {
+            if !(ms.is_finite() && ms > 0.0 && ms <= 1e5) {
+                let message =
+                    format!("expected milliseconds above 0 and at most 100000, found {}", number(ms));
+                problems.push(document.problem(&format!("budget.{name}"), message));
+            }
+        }
+    }
 }
 
 /// A checked study.
@@ -107,10 +124,26 @@ pub struct Study {
     pub config: Option<PathBuf>,
     /// Column names, one an axis.
     pub axes: Vec<String>,
-    /// Every combination, the last axis fastest.
+    /// Keys that every cell sets, before those of the axes.
+    pub base: Sets,
+    /// What each axis may set.
+    pub steps: Vec<Vec<Step>>,
+    /// Every combination, the last axis fastest; none before [`expand`](Self::expand).
     pub cells: Vec<Cell>,
     /// The latency budget, where asked for.
     pub budget: Option<Budget>,
+}
+
+/// Configuration keys with their values, in the order in which they are set.
+pub type Sets = Vec<(String, toml::Value)>;
+
+/// One step of an axis.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Step {
+    /// What stands in the table.
+    pub label: String,
+    /// What it sets.
+    pub sets: Sets,
 }
 
 /// One combination of the axes.
@@ -121,16 +154,19 @@ pub struct Cell {
     /// What stands in the table, one an axis.
     pub labels: Vec<String>,
     /// Keys set on top of the base configuration, in order.
-    pub sets: Vec<(String, toml::Value)>,
+    pub sets: Sets,
 }
 
 /// More cells than this is a mistake.
 const CELLS_MAX: usize = 1_000_000;
 
 impl Study {
-    /// Reads and expands a study file. `sets` go after the keys that its base sets, before the axes.
-    pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Problem> {
-        let document = Document::read(path)?;
+    /// Reads a study file. `sets` go after the keys that its base sets, before the axes.
+    ///
+    /// # Errors
+    /// All that is wrong with the file itself; its cells are not looked at.
+    pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+        let document = Document::read(path).map_err(|problem| vec![problem])?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
         Self::from_document(&document, folder, stem, sets)
@@ -141,44 +177,19 @@ impl Study {
         folder: &Path,
         name: String,
         sets: &[(String, toml::Value)],
-    ) -> Result<Self, Problem> {
+    ) -> Result<Self, Vec<Problem>> {
         let file: StudyFile = document.to()?;
+        let mut problems = Vec::new();
+        let (axes, steps) = read_axes(document, &file, sets, &mut problems);
+        if let Some(budget) = &file.budget {
+            budget.check(document, &axes, &mut problems);
+        }
+        if !problems.is_empty() {
+            return Err(problems);
+        }
         let mut base = Vec::new();
         flatten("", &file.base.set, &mut base);
         base.extend_from_slice(sets);
-        let mut axes: Vec<String> = Vec::new();
-        let mut cells = vec![Cell { index: 0, labels: Vec::new(), sets: base }];
-        for (i, axis) in file.axis.iter().enumerate() {
-            let here = format!("axis[{i}]");
-            let (name, mut steps) = axis.steps().map_err(|message| document.problem(&here, message))?;
-            if file.budget.as_ref().and_then(|b| b.limit.as_ref()) == Some(&name) {
-                steps.push(Step { label: LIMIT.into(), sets: Vec::new() });
-            }
-            if axes.contains(&name) {
-                return Err(document.problem(&here, format!("a second axis of the name `{name}`")));
-            }
-            refuse_overridden(sets, &steps, &name)?;
-            axes.push(name);
-            if cells.len() * steps.len() > CELLS_MAX {
-                return Err(document.problem(&here, format!("more than {CELLS_MAX} cells")));
-            }
-            cells = cells.iter().flat_map(|cell| steps.iter().map(move |step| cell.and(step))).collect();
-        }
-        if axes.is_empty() {
-            return Err(document.problem("axis", "expected at least one axis"));
-        }
-        if let Some(budget) = &file.budget {
-            if let Some(axis) = budget.limit.as_ref().filter(|name| !axes.contains(name)) {
-                return Err(document.problem("budget.limit", format!("no axis of the name `{axis}`")));
-            }
-            let good = |ms: f64| ms.is_finite() && ms > 0.0 && ms <= 1e5;
-            if !(good(budget.max_ms) && good(budget.scan_ms) && good(budget.resolution_ms)) {
-                return Err(document.problem("budget", "expected times above zero and at most 100000 ms"));
-            }
-        }
-        for (index, cell) in cells.iter_mut().enumerate() {
-            cell.index = index;
-        }
         Ok(Self {
             file: document.file.clone(),
             lines: lines(document, &file),
@@ -187,9 +198,25 @@ impl Study {
             scenario: beside(folder, &file.base.scenario),
             config: file.base.config.as_ref().map(|config| beside(folder, config)),
             axes,
-            cells,
+            base,
+            steps,
+            cells: Vec::new(),
             budget: file.budget,
         })
+    }
+
+    /// Makes the cells.
+    #[must_use]
+    pub fn expand(mut self) -> Self {
+        let mut cells = vec![Cell { index: 0, labels: Vec::new(), sets: self.base.clone() }];
+        for steps in &self.steps {
+            cells = cells.iter().flat_map(|cell| steps.iter().map(move |step| cell.and(step))).collect();
+        }
+        for (index, cell) in cells.iter_mut().enumerate() {
+            cell.index = index;
+        }
+        self.cells = cells;
+        self
     }
 
     /// The command line that repeats one cell.
@@ -223,20 +250,15 @@ fn beside(folder: &Path, path: &Path) -> PathBuf {
 }
 
 /// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
-fn refuse_overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Result<(), Problem> {
-    let overrides = |theirs: &str, ours: &str| {
-        ours.strip_prefix(theirs).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-    };
-    let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| overrides(k, key)));
-    match sets.iter().find(|(key, _)| varied(key)) {
-        None => Ok(()),
-        Some((key, _)) => Err(Problem {
-            file: "--set".to_owned(),
-            line: None,
-            key: key.clone(),
-            message: format!("the axis `{axis}` of the study varies it"),
-        }),
-    }
+fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Option<Problem> {
+    let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| is_within(key, k)));
+    let (key, _) = sets.iter().find(|(key, _)| varied(key))?;
+    Some(Problem {
+        file: "--set".to_owned(),
+        line: None,
+        key: key.clone(),
+        message: format!("the axis `{axis}` of the study varies it"),
+    })
 }
 
 fn quoted(word: &str) -> String {
@@ -244,9 +266,41 @@ fn quoted(word: &str) -> String {
     if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
-struct Step {
-    label: String,
-    sets: Vec<(String, toml::Value)>,
+/// Names and steps of the axes; what is wrong with them goes to `problems`.
+fn read_axes(
+    document: &Document,
+    file: &StudyFile,
+    sets: &[(String, toml::Value)],
+    problems: &mut Vec<Problem>,
+) -> (Vec<String>, Vec<Vec<Step>>) {
+    let (mut axes, mut all): (Vec<String>, Vec<Vec<Step>>) = (Vec::new(), Vec::new());
+    if file.axis.is_empty() {
+        problems.push(document.problem("axis", "expected at least one axis"));
+    }
+    for (i, axis) in file.axis.iter().enumerate() {
+        let mut wrong = |message| problems.push(document.problem(&format!("axis[{i}]"), message));
+        let (name, mut steps) = match axis.steps() {
+            Ok(read) => read,
+            Err(message) => {
+                wrong(message);
+                continue;
+            }
+        };
+        if file.budget.as_ref().and_then(|b| b.limit.as_ref()) == Some(&name) {
+            steps.push(Step { label: LIMIT.into(), sets: Vec::new() });
+        }
+        if axes.contains(&name) {
+            wrong(format!("a second axis of the name `{name}`"));
+        }
+        let before: usize = all.iter().map(Vec::len).product();
+        if before <= CELLS_MAX && before.saturating_mul(steps.len()) > CELLS_MAX {
+            wrong(format!("more than {CELLS_MAX} cells"));
+        }
+        problems.extend(overridden(sets, &steps, &name));
+        axes.push(name);
+        all.push(steps);
+    }
+    (axes, all)
 }
 
 impl Cell {
@@ -278,9 +332,9 @@ impl Axis {
         if steps.is_empty() {
             return Err("expected `values` or `settings` that are not empty".into());
         }
-        if let Some(twice) = (1..steps.len()).find(|&i| steps[..i].iter().any(|s| s.label == steps[i].label))
-        {
-            return Err(format!("`{}` stands twice", steps[twice].label));
+        let mut labels = BTreeSet::new();
+        if let Some(twice) = steps.iter().find(|step| !labels.insert(&step.label)) {
+            return Err(format!("`{}` stands twice", twice.label));
         }
         let last_part = self.key.as_deref().map(|key| key.rsplit('.').next().unwrap_or(key).to_owned());
         let name = self.name.clone().or(last_part).ok_or("an axis without `key` needs a `name`")?;
@@ -318,6 +372,7 @@ fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
 fn label_of(value: &toml::Value) -> String {
     match value {
         toml::Value::String(s) => s.clone(),
+        toml::Value::Float(x) if x.abs() >= 1e15 => number(*x),
         other => other.to_string(),
     }
 }
@@ -345,9 +400,9 @@ fn prefix_is_section(key: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn study(text: &str) -> Result<Study, Problem> {
-        let document = Document::parse("s.toml", text.to_owned())?;
-        Study::from_document(&document, Path::new("dir"), "s".into(), &[])
+    fn study(text: &str) -> Result<Study, Vec<Problem>> {
+        let document = Document::parse("s.toml", text.to_owned()).unwrap();
+        Study::from_document(&document, Path::new("dir"), "s".into(), &[]).map(Study::expand)
     }
 
     #[test]
@@ -372,16 +427,29 @@ mod tests {
 
     #[test]
     fn nonsense_names_its_place() {
-        let wrong = |text: &str| study(text).expect_err("wrong on purpose").to_string();
+        let wrong = |text: &str| {
+            let problems = study(text).expect_err("wrong on purpose");
+            problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+        };
         assert_eq!(
             wrong("base = { scenario = \"a\" }\n[[axis]]\nkey = \"seed\"\nvalues = [3, 1, 3]\n"),
             "s.toml:2: axis[0]: `3` stands twice"
         );
         assert!(wrong("base = { scenario = \"a\" }\naxis = []\n").contains("at least one axis"));
         assert_eq!(
-            wrong("base = { scenario = \"a\" }\n[[axis]]\nkey = \"seed\"\n"),
-            "s.toml:2: axis[0]: expected `values` or `settings` that are not empty"
+            wrong(
+                "base = { scenario = \"a\" }\n[[axis]]\nkey = \"seed\"\n[[axis]]\nvalues = [1]\n\
+                 [budget]\nmax_ms = 1e308\nlimit = \"planer\"\n"
+            ),
+            "s.toml:2: axis[0]: expected `values` or `settings` that are not empty\n\
+             s.toml:4: axis[1]: `values` need a `key`\n\
+             s.toml:8: budget.limit: no axis of the name `planer`\n\
+             s.toml:7: budget.max_ms: expected milliseconds above 0 and at most 100000, found 1e308"
         );
-        assert!(wrong("base = { scenari = \"a\" }\n").contains("did you mean `scenario`"));
+        assert_eq!(
+            wrong("base = { scenari = \"a\" }\n[[axis]]\nkey = \"seed\"\nvalues = 3\n"),
+            "s.toml:1: base.scenari: unknown key; did you mean \"scenario\"?\n\
+             s.toml:4: axis[0].values: expected an array, found 3"
+        );
     }
 }

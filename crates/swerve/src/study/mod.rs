@@ -4,6 +4,7 @@
 //! first one was stopped. Shards need no coordination: cell `k` belongs to shard `k mod n`.
 
 mod budget;
+mod joint;
 mod limit;
 
 pub mod cells;
@@ -39,7 +40,7 @@ pub struct StudyArgs {
     #[arg(long)]
     out: Option<PathBuf>,
     /// Cells run at once [default: one a core]
-    #[arg(long, value_parser = crate::cli::threads())]
+    #[arg(long, value_parser = crate::threads::parser())]
     threads: Option<usize>,
     /// Run only this share of the cells: 2/4 is the second of four
     #[arg(long, value_name = "I/N")]
@@ -83,7 +84,7 @@ pub fn run(args: &StudyArgs) -> anyhow::Result<()> {
                 .context("listening for Ctrl-C")?;
             let out = out_folder(&bench.study, args.out.as_deref());
             let store = CellStore::open(&out)?;
-            let threads = args.threads.unwrap_or_else(cores);
+            let threads = args.threads.unwrap_or_else(crate::threads::cores);
             let runner = Runner { store: &store, threads, shard: args.shard, stop: &stop };
             let results =
                 runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
@@ -123,11 +124,6 @@ fn out_folder(study: &Study, out: Option<&Path>) -> PathBuf {
     out.map_or_else(|| Path::new("out").join(&study.name), Path::to_path_buf)
 }
 
-/// Processors that this process may use.
-pub fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
-
 /// A study with everything its cells share.
 pub struct Bench {
     /// The study.
@@ -141,42 +137,45 @@ pub struct Bench {
 
 impl Bench {
     /// Reads a study, its scenario and its base configuration; `sets` apply to every cell, before the axes.
+    ///
+    /// # Errors
+    /// All that is wrong with the study, its scenario, its configuration and those of its cells.
     pub fn open(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let sets: Result<Vec<_>, Problem> =
-            sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
-        let study = Study::read(file, &sets?)?;
-        let scenario = crate::run::read_scenario(&study.scenario)?;
-        let scenario_text = std::fs::read_to_string(&study.scenario)?;
-        let base = match &study.config {
-            Some(path) => Document::read(path)?,
-            None => Document::parse("defaults", String::new())?,
-        };
-        let bench = Self { study, scenario, scenario_text, base, program: program()? };
-        // What is wrong is told before the first cell runs.
-        let faults = bench.faults();
-        if faults.is_empty() { Ok(bench) } else { Err(problems_error(&faults)) }
+        let mut bench = Self::unexpanded(file, sets)?;
+        bench.study = bench.study.expand();
+        Ok(bench)
     }
 
-    /// What is wrong with the configurations of the cells, each fault once, with the first cell that has it.
-    fn faults(&self) -> Vec<Problem> {
-        let mut faults: Vec<(Problem, String)> = Vec::new();
-        for cell in &self.study.cells {
-            let problems = Config::from_document(&self.base, &cell.sets).err().unwrap_or_default();
-            for mut problem in problems {
-                if let Some(line) = self.study.lines.get(&problem.key).filter(|_| problem.file == "--set") {
-                    problem.file.clone_from(&self.study.file);
-                    problem.line = Some(*line);
-                }
-                if faults.iter().all(|(told, _)| *told != problem) {
-                    faults.push((problem, cell.labels.join(" ")));
-                }
+    /// As [`open`](Self::open), with nothing but the result of the checks.
+    pub fn check(file: &Path) -> anyhow::Result<()> {
+        Self::unexpanded(file, &[]).map(|_| ())
+    }
+
+    fn unexpanded(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let sets: Result<Vec<_>, Problem> =
+            sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
+        let study = Study::read(file, &sets?).map_err(|problems| problems_error(&problems))?;
+        let scenario = crate::run::read_scenario(&study.scenario);
+        let base = match &study.config {
+            Some(path) => Document::read(path),
+            None => Document::parse("defaults", String::new()),
+        };
+        // What is wrong is told before the first cell runs.
+        let faults = match &base {
+            Ok(base) => joint::faults(&study, base),
+            Err(problem) => vec![problem.clone()],
+        };
+        match (scenario, base) {
+            (Ok(scenario), Ok(base)) if faults.is_empty() => {
+                let scenario_text = std::fs::read_to_string(&study.scenario)?;
+                Ok(Self { study, scenario, scenario_text, base, program: program()? })
+            }
+            (scenario, _) => {
+                let scenario = scenario.err().map(|error| error.to_string());
+                let faults = faults.iter().map(Problem::to_string);
+                Err(problems_error(&scenario.into_iter().chain(faults).collect::<Vec<_>>()))
             }
         }
-        let told = |(fault, cell): (Problem, String)| {
-            let message = format!("{}, in the cell [{cell}]", fault.message);
-            Problem { message, ..fault }
-        };
-        faults.into_iter().map(told).collect()
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
@@ -256,15 +255,29 @@ fn merge(file: &Path, folders: &[PathBuf], out: Option<&Path>, sets: &[String]) 
         );
     }
     let stores: Vec<CellStore> = folders.iter().map(|f| CellStore::open(f)).collect::<Result<_, _>>()?;
-    let joined = CellStore::open(&out)?;
-    let mut results = Vec::new();
+    let mut found = Vec::new();
+    let mut damaged = Vec::new();
     for cell in &bench.study.cells {
         let fingerprint = bench.fingerprint(cell)?;
-        let found = stores.iter().find_map(|store| store.load(cell, fingerprint));
-        if let Some(result) = &found {
+        let mut result = None;
+        for store in &stores {
+            match store.load(cell, fingerprint) {
+                Ok(loaded) => result = result.or(loaded),
+                Err(error) => damaged.push(format!("{error:#}")),
+            }
+        }
+        found.push((fingerprint, result));
+    }
+    if !damaged.is_empty() {
+        return Err(problems_error(&damaged).context("run the shards of these cells again, then merge again"));
+    }
+    let joined = CellStore::open(&out)?;
+    let mut results = Vec::new();
+    for (cell, (fingerprint, result)) in bench.study.cells.iter().zip(found) {
+        if let Some(result) = &result {
             joined.save(cell, fingerprint, result)?;
         }
-        results.push(found);
+        results.push(result);
     }
     report(&bench.study, &results, &out)?;
     let missing = results.iter().filter(|r| r.is_none()).count();

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use super::cells::CellResult;
 use super::grid::Study;
+use crate::output::align;
 
 /// `cells.csv`: one line a finished cell, in the order of the study.
 pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
@@ -189,27 +190,6 @@ fn unique(items: impl Iterator<Item = String>) -> Vec<String> {
     seen
 }
 
-/// Columns padded to equal width, two spaces between them; the first to the left, the others to the right.
-pub fn align(lines: &[Vec<String>]) -> String {
-    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
-    let width: Vec<usize> = (0..columns)
-        .map(|c| lines.iter().filter_map(|l| l.get(c)).map(|t| t.chars().count()).max().unwrap_or(0))
-        .collect();
-    let mut text = String::new();
-    for line in lines {
-        for (c, cell) in line.iter().enumerate() {
-            let pad = " ".repeat(width[c] - cell.chars().count());
-            let gap = if c == 0 { "" } else { "  " };
-            text += &if c == 0 { format!("{gap}{cell}{pad}") } else { format!("{gap}{pad}{cell}") };
-        }
-        while text.ends_with(' ') {
-            text.pop();
-        }
-        text.push('\n');
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -231,6 +211,8 @@ mod tests {
             scenario: "a".into(),
             config: None,
             axes: vec!["planner".into(), "speed_mps".into(), "seed".into()],
+            base: vec![],
+            steps: vec![],
             cells: cells
                 .into_iter()
                 .enumerate()

@@ -40,7 +40,7 @@ pub struct TimingArgs {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Worker threads; the result does not depend on them.
-    #[arg(long, default_value_t = 1, value_parser = crate::cli::threads())]
+    #[arg(long, default_value_t = 1, value_parser = crate::threads::parser())]
     pub threads: usize,
 }
 
@@ -53,9 +53,7 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
     if let Some(path) = &args.svg {
         crate::files::refuse_toml(path)?;
     }
-    let pipeline = read_file(&args.file).map_err(|problems| {
-        anyhow::anyhow!(problems.iter().map(Problem::to_string).collect::<Vec<_>>().join("\n"))
-    })?;
+    let pipeline = read_file(&args.file).map_err(|problems| crate::run::problems_error(&problems))?;
     let trace =
         simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
     if let Some(path) = &args.svg {

@@ -8,7 +8,8 @@ use swerve_flow::{Policy, Reaction};
 
 use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
 use crate::config::execution::{Deadline, Runtime, parse_policy, span_ms};
-use crate::config::text::{Document, Problem, nearest};
+use crate::config::text::{Document, Problem};
+use crate::config::words::{nearest, number};
 
 /// More ticks than this would not end in a sensible time.
 const TICKS_MAX: i64 = 2_000_000;
@@ -47,10 +48,9 @@ struct ResourceTable {
     slots: usize,
 }
 
-/// The pipeline that a file describes, or all that is wrong with it; what does not even have the form of a timing
-/// file is one problem.
+/// The pipeline that a file describes, or all that is wrong with it; of its form first.
 pub(crate) fn pipeline(document: &Document) -> Result<Pipeline, Vec<Problem>> {
-    let file: File = document.to().map_err(|problem| vec![problem])?;
+    let file: File = document.to()?;
     let mut reader = Reader { document, file: &file, problems: Vec::new() };
     let span = reader.above_zero("span_ms", file.span_ms);
     if file.operator.is_empty() {
@@ -88,7 +88,9 @@ impl Reader<'_> {
     fn above_zero(&mut self, key: &str, ms: f64) -> Span {
         let span = self.keep(key, span_ms(ms));
         if span == Some(Span::ZERO) {
-            self.problem(key, format!("expected milliseconds above zero, at least a nanosecond, found {ms}"));
+            let message =
+                format!("expected milliseconds above zero, at least a nanosecond, found {}", number(ms));
+            self.problem(key, message);
         }
         span.unwrap_or(Span::ZERO)
     }

@@ -1,8 +1,10 @@
 //! What goes where, and which options change it.
 
+use std::process::Command;
+
 use serde_json::Value;
 
-use crate::support::Bench;
+use crate::support::{Bench, SHORT, Said};
 
 fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|e| panic!("not one JSON value: {e}: {text}"))
@@ -42,6 +44,65 @@ fn the_seed_varies_the_run_and_threads_do_not() {
     assert_eq!(digest(&["--set", "seed=1", "--threads", "4"]), first);
     assert_ne!(digest(&["--seed", "2"]), first);
     assert_eq!(digest(&["--seed", "2"]), digest(&["--set", "seed=2"]));
+}
+
+/// The world stands still between its steps: a time-out is found at the next one.
+#[test]
+fn a_timeout_between_two_steps_of_the_world_is_one() {
+    let bench = Bench::new();
+    for (timeout_s, ends_at_s) in [("1.0", 1.0), ("1.0031", 1.005)] {
+        bench.write("late.toml", &SHORT.replace("timeout_s = 10.0", &format!("timeout_s = {timeout_s}")));
+        let metrics = json(&bench.good(&["run", "late.toml", "--json", "--out", "o"]));
+        assert_eq!(metrics["verdict"], "timeout", "{timeout_s}");
+        assert_eq!(metrics["drive"]["duration_s"], ends_at_s, "{timeout_s}");
+    }
+}
+
+/// The picture in the README is that of the command beside it.
+#[test]
+fn the_readmes_picture_and_digest_are_those_of_its_first_command() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let read = |name: &str| std::fs::read_to_string(format!("{root}/{name}")).unwrap();
+    let scenario = format!("{root}/scenarios/person_behind_truck.toml");
+    let bench = Bench::new();
+    let said = bench.good(&["run", &scenario, "--out", "o"]);
+    let head: Vec<&str> = said.lines().take_while(|line| !line.starts_with("operator")).collect();
+    assert!(read("README.md").contains(&head.join("\n")), "{said}");
+    let is_same = bench.read("o/story.svg") == read("docs/img/story.svg");
+    assert!(is_same, "docs/img/story.svg is not what `swerve run {scenario}` draws");
+}
+
+/// By a reader that shares nothing with the writer; it needs a Python.
+#[test]
+fn traces_keep_the_rules_of_their_format() {
+    let reader = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/reference/trace_events.py");
+    let has_python = Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success());
+    if !has_python {
+        println!("skipped: there is no python3");
+        return;
+    }
+    let bench = Bench::new();
+    let late: [&[&str]; 3] = [
+        &[],
+        &[
+            "--set",
+            "operator.planner.runtime={ fixed_ms = 120 }",
+            "--set",
+            "operator.planner.deadline={ ms = 90 }",
+        ],
+        &[
+            "--set",
+            "operator.planner.runtime={ cycle_ms = [150, 20] }",
+            "--set",
+            "operator.planner.policy=pipelined(4, overtaking)",
+        ],
+    ];
+    for set in late {
+        bench.good(&[&["run", "short.toml", "--out", "o"], set].concat());
+        let read =
+            Said::of(&Command::new("python3").arg(reader).arg(bench.path("o/trace.json")).output().unwrap());
+        assert!(read.code == Some(0) && read.stdout.contains(" flows ("), "{set:?}: {read:?}");
+    }
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! Cells, resuming, shards, failing cells, repeating a cell.
 
+use std::fs::File;
 use std::path::PathBuf;
+use std::time::SystemTime;
 
 use serde_json::Value;
 
@@ -70,20 +72,61 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     bench.good(&["study", "study.toml", "--out", "o"]);
     let (csv, files) = (bench.read("o/cells.csv"), cells(&bench, "o"));
     assert_eq!(files.len(), 4);
+    // What is written again has another time of change than what is kept.
+    let long_ago = SystemTime::UNIX_EPOCH;
+    for file in &files {
+        File::options().append(true).open(file).unwrap().set_modified(long_ago).unwrap();
+    }
+    let kept = || -> Vec<bool> {
+        files.iter().map(|f| f.metadata().unwrap().modified().unwrap() == long_ago).collect()
+    };
     std::fs::remove_file(&files[1]).unwrap();
-    std::fs::write(&files[2], "{ half a resu").unwrap();
-    // A figure that no run gives shows that the cell was not run again.
-    let mut kept: Value = serde_json::from_slice(&std::fs::read(&files[3]).unwrap()).unwrap();
-    kept["min_distance_m"] = 1234.5.into();
-    std::fs::write(&files[3], kept.to_string()).unwrap();
-    bench.good(&["study", "study.toml", "--out", "o"]);
-    let again = bench.read("o/cells.csv");
-    let (before, after): (Vec<&str>, Vec<&str>) = (csv.lines().collect(), again.lines().collect());
-    assert_eq!(after[..4], before[..4]);
-    assert!(after[4].contains(",1234.5000,"), "{}", after[4]);
-    // Under another configuration the cell is another one.
+    let again = bench.swerve(&["study", "study.toml", "--out", "o"]);
+    assert_eq!((again.code, again.stderr.as_str()), (Some(0), ""));
+    assert_eq!(kept(), [true, false, true, true]);
+    // Under another configuration every cell is another one.
     bench.good(&["study", "study.toml", "--out", "o", "--set", "sim.dt_ms=4"]);
-    assert!(!bench.read("o/cells.csv").contains("1234.5"));
+    assert_ne!(bench.read("o/cells.csv"), csv);
+    bench.good(&["study", "study.toml", "--out", "o"]);
+    assert_eq!(bench.read("o/cells.csv"), csv);
+    assert_eq!(kept(), [true, false, true, true]);
+}
+
+/// A digit changed by hand, a file cut short, one that has taken another's name, one that is no text.
+#[test]
+fn a_cell_that_is_not_as_it_was_written_is_told_and_computed_again() {
+    let bench = bench();
+    bench.good(&["study", "study.toml", "--out", "o"]);
+    let (csv, files) = (bench.read("o/cells.csv"), cells(&bench, "o"));
+    let whole: Vec<Vec<u8>> = files.iter().map(|file| std::fs::read(file).unwrap()).collect();
+    let text = String::from_utf8(whole[0].clone()).unwrap();
+    let kept: Value = serde_json::from_str(&text).expect("a kept cell is JSON");
+    let distance = kept["result"]["min_distance_m"].to_string();
+    assert_eq!(text.matches(&distance).count(), 1, "{text}");
+    std::fs::write(&files[0], text.replace(&distance, "1234.5")).unwrap();
+    std::fs::write(&files[1], &whole[1][..whole[1].len() / 2]).unwrap();
+    std::fs::write(&files[2], &whole[3]).unwrap();
+    std::fs::write(&files[3], [0xff; 300]).unwrap();
+    let names: Vec<_> = files.iter().map(|f| f.file_name().unwrap().to_str().unwrap()).collect();
+
+    let merge = ["study", "merge", "o", "--study", "study.toml", "--out", "merged"];
+    let said = bench.swerve(&merge);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(1), ""));
+    for name in &names {
+        assert_eq!(said.stderr.matches(*name).count(), 1, "{name}: {}", said.stderr);
+    }
+    assert!(!bench.path("merged/cells.csv").exists());
+
+    let said = bench.swerve(&["study", "study.toml", "--out", "o"]);
+    assert_eq!((said.code, said.stderr.lines().count()), (Some(0), 4), "{said:?}");
+    for name in &names {
+        let told = |line: &&str| line.contains(*name) && line.ends_with("the cell is computed again");
+        assert_eq!(said.stderr.lines().filter(told).count(), 1, "{name}: {}", said.stderr);
+    }
+    assert_eq!(bench.read("o/cells.csv"), csv);
+    assert!(files.iter().zip(&whole).all(|(file, bytes)| std::fs::read(file).unwrap() == *bytes));
+    bench.good(&merge);
+    assert_eq!(bench.read("merged/cells.csv"), csv);
 }
 
 #[test]
