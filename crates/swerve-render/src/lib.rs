@@ -23,6 +23,7 @@ pub mod camera;
 mod class;
 mod cpu;
 mod frame;
+mod furnish;
 mod hash;
 mod library;
 pub mod lidar;
@@ -42,6 +43,7 @@ pub use camera::{
 };
 pub use class::SemanticClass;
 pub use frame::{Frame, FrameMut, FrameSizeError, Outputs};
+pub use furnish::{Furnishing, furnish, ground_pieces};
 pub use library::{
     Kind, LaneLine, LinePattern, MeshId, MeshLibrary, Model, PHASES, RoadLayout, RoadPiece, SideOfRoad, Size,
     road_pieces, walk_phase,

@@ -165,3 +165,20 @@ fn check_finite(scene: &Scene, view: &View<'_>) -> Result<(), RenderError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Scenes are read and renderers are moved by worker threads; this compiles only if they can be.
+    #[test]
+    fn scenes_are_shared_and_renderers_moved() {
+        fn shared<T: Send + Sync>(_: &T) {}
+        fn moved<T: Send>(_: T) {}
+        shared(&Scene::default());
+        let renderer = Renderer::new(RenderOptions::default()).expect("no threads are needed");
+        assert_eq!((renderer.backend(), renderer.backend().name()), (Backend::Cpu, "cpu"));
+        assert!(renderer.backend().is_portable());
+        moved(renderer);
+    }
+}

@@ -452,10 +452,9 @@ impl Shading<'_> {
         let near = dot8(direction, splat3(environment.sun)).fast_max(F::ZERO);
         let n2 = near * near;
         let n4 = n2 * n2;
-        let n16 = n4 * n4 * n4 * n4;
-        let n64 = n16 * n16 * n16 * n16;
-        let n1024 =
-            n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64;
+        let squared = |x: F| x * x;
+        let n64 = squared(squared(squared(squared(n4))));
+        let n1024 = squared(squared(squared(squared(n64))));
         let disc = near.simd_gt(splat(0.999_96)).select(splat(12.0), F::ZERO);
         let halo = n4 * splat(0.10) + n64 * splat(0.35) + n1024 * splat(1.2);
         let clear = 1.0 - environment.cloudiness;

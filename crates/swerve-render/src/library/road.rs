@@ -168,6 +168,17 @@ fn stations(line: &[Point2<Map>]) -> Vec<Station> {
     all
 }
 
+/// Points a metre apart along a line, with the direction there.
+pub(crate) fn road_line(line: &[Point2<Map>]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
+    let stations = stations(line);
+    let count = stations.last().map_or(0, |station| station.s as usize + 1);
+    (0..count).map(move |s| {
+        let Station { at, left, .. } = at(&stations, s as f32);
+        let length = (left[0] * left[0] + left[1] * left[1]).sqrt().max(1e-6);
+        (at, [left[1] / length, -left[0] / length])
+    })
+}
+
 /// The cross-section at a station in between.
 fn at(stations: &[Station], s: f32) -> Station {
     let next = stations.partition_point(|station| station.s <= s).clamp(1, stations.len() - 1);
