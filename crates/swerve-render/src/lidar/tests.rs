@@ -721,6 +721,8 @@ fn firing_into_too_little_room_or_from_nowhere_is_refused() {
     let error = sweeper.fire(&tree, &backwards, &mut cloud.as_mut()).unwrap_err();
     assert_eq!(error, FireError::Backwards { by_ns: 6 });
     assert_eq!(cloud.len, 0);
+    let for_ever = Firing { begin_ns: i64::MIN, end_ns: i64::MAX, ..whole };
+    assert_eq!(sweeper.fire(&tree, &for_ever, &mut cloud.as_mut()).unwrap().columns, 0..100);
 }
 
 #[test]
