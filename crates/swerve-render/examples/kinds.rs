@@ -1,4 +1,5 @@
-//! Draws every kind of shape in rows: `cargo run --release -p swerve-render --example kinds -- out.png [weather]`.
+//! Draws every kind of shape in rows: `cargo run --release -p swerve-render --example kinds -- out.png
+//! [weather]`.
 
 use std::error::Error;
 use std::fs::File;

@@ -1,4 +1,5 @@
-//! Draws a road given by its course alone: `cargo run --release -p swerve-render --example road -- out.png [weather] [x y height yaw pitch]`.
+//! Draws a road given by its course alone: `cargo run --release -p swerve-render --example road -- out.png
+//! [weather] [x y height yaw pitch]`.
 
 use std::error::Error;
 use std::fs::File;

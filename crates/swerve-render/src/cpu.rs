@@ -1,10 +1,11 @@
 //! The rasteriser: triangles to planes, bands of rows to nearest triangles, pixels to light, light to bytes.
 //!
-//! Each pass goes through the same steps: which instances may be seen ([`resolve`]), their triangles as planes
-//! over the image ([`geometry`]), what the sun and the sky see of the moving ones ([`shadow`]), and then for
-//! each band of sixteen rows the nearest triangle of every pixel ([`raster`]), its light ([`shade`]) and the
-//! camera's answer to that ([`sensor`]). Bands and chunks of triangles are the units of work; neither depends
-//! on the number of threads, and all arithmetic is `f32` in a fixed order, without fused operations.
+//! Each pass goes through the same steps: which instances may be seen ([`resolve`]), their triangles as
+//! planes over the image ([`geometry`]), what the sun and the sky see of the moving ones ([`shadow`]), and
+//! then for each band of sixteen rows the nearest triangle of every pixel ([`raster`]), its light
+//! ([`shade`]) and the camera's answer to that ([`sensor`]). Bands and chunks of triangles are the units of
+//! work; neither depends on the number of threads, and all arithmetic is `f32` in a fixed order, without
+//! fused operations.
 
 mod geometry;
 mod lens;

@@ -37,7 +37,8 @@ struct Stop {
 
 /// Puts things beside a road, none of them on it; they never move and have no instance id.
 ///
-/// `is_free` says whether a disc (centre, radius in metres) may be built on; where it may not, nothing is put.
+/// `is_free` says whether a disc (centre, radius in metres) may be built on; where it may not, nothing is
+/// put.
 pub fn furnish(
     scene: &mut Scene,
     layout: &RoadLayout,

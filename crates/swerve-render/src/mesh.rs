@@ -7,8 +7,8 @@ pub(crate) use builder::{Builder, Placed, circle};
 use crate::hash::Key;
 use crate::material::Material;
 
-/// Frame of one mesh: x forward, y left, z up; for things that stand on the ground the origin is on it, at the
-/// centre of their footprint.
+/// Frame of one mesh: x forward, y left, z up; for things that stand on the ground the origin is on it, at
+/// the centre of their footprint.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Body;
 

@@ -38,8 +38,8 @@ impl Backend {
 pub struct RenderOptions {
     /// Which back end.
     pub backend: Backend,
-    /// Threads of the CPU back end. With 1 (or 0) all is done on the caller's thread; with more on that many of the
-    /// renderer's own, while the caller waits.
+    /// Threads of the CPU back end. With 1 (or 0) all is done on the caller's thread; with more on that
+    /// many of the renderer's own, while the caller waits.
     pub threads: usize,
 }
 
@@ -129,7 +129,8 @@ impl Renderer {
     /// The images are a function of scene, view and options alone, not of earlier passes.
     ///
     /// # Errors
-    /// Images of the wrong size, a weather out of its range, a pose that is not finite; nothing is written then.
+    /// Images of the wrong size, a weather out of its range, a pose that is not finite; nothing is written
+    /// then.
     pub fn render(&mut self, scene: &Scene, view: &View<'_>, out: FrameMut<'_>) -> Result<(), RenderError> {
         out.check(view.camera)?;
         scene.weather.check()?;

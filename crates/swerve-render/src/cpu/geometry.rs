@@ -1,9 +1,9 @@
 //! From instances to triangles on the image: culling, transformation, set-up.
 //!
 //! Edges and attributes are planes over the image (Olano and Greer 1997): for a triangle with corners `A B C`
-//! in the camera frame, the ray `r = (x, y, 1)` meets it at `z r = αA + βB + γC`, and `γ/z = (A x B)·r / det`.
-//! So every attribute over depth is affine in the pixel, and no triangle need be clipped: corners behind the
-//! camera are as good as others.
+//! in the camera frame, the ray `r = (x, y, 1)` meets it at `z r = αA + βB + γC`, and
+//! `γ/z = (A x B)·r / det`. So every attribute over depth is affine in the pixel, and no triangle need be
+//! clipped: corners behind the camera are as good as others.
 
 use wide::f32x4;
 
@@ -43,8 +43,8 @@ pub(super) struct TriRaster {
     pub(super) flags: u32,
 }
 
-/// What shading needs besides, over depth and padded to whole quads: inverse depth, u, v, and the normal in the
-/// map frame, a plane each.
+/// What shading needs besides, over depth and padded to whole quads: inverse depth, u, v, and the normal in
+/// the map frame, a plane each.
 pub(super) type TriShade = [f32; 20];
 
 /// Rows that share lists of triangles, and are the unit of work.
@@ -62,11 +62,12 @@ pub(super) struct Chunk {
     corners: Vec<Corner>,
 }
 
-/// A vertex in the camera frame, in double precision so that shared edges are exactly shared.
+/// A vertex before the camera.
 #[derive(Clone, Copy, Debug)]
 struct Corner {
+    /// In the camera frame.
     p: [f32; 3],
-    /// Pixel.
+    /// Pixel, if it is not nearer than the near plane.
     x: f32,
     y: f32,
     /// Bits: outside of left, right, top, bottom, far; nearer than near.
@@ -312,7 +313,8 @@ fn set_up(
     (columns, rows): ([u16; 2], [u16; 2]),
 ) -> Option<(TriRaster, Barycentric)> {
     let [a, b, c] = corners.map(|corner| corner.p.map(f64::from));
-    // Opposite edges in the order of the corners; a shared edge gives exactly opposite numbers in its neighbour.
+    // Opposite edges in the order of the corners; a shared edge gives exactly opposite numbers in its
+    // neighbour.
     let opposite = [cross64(b, c), cross64(c, a), cross64(a, b)];
     let det = a[0] * opposite[0][0] + a[1] * opposite[0][1] + a[2] * opposite[0][2];
     if det >= 0.0 {

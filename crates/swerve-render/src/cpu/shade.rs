@@ -289,8 +289,8 @@ impl Shading<'_> {
         mix8(splat3(environment.fog), colour, clear)
     }
 
-    /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared; with the level of
-    /// the first for `all` if they have one texture and much the same footprint.
+    /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared; with the
+    /// level of the first for `all` if they have one texture and much the same footprint.
     fn sample(&self, base: &[u32; 8], all: bool, (u, v): (F, F), footprint: F) -> F {
         // Half the exponent, rounded up, is the level.
         let level = |footprint: f32| ((footprint.clamp(1.0, 60_000.0).to_bits() >> 23) - 126) >> 1;

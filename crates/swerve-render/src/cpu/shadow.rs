@@ -144,7 +144,8 @@ impl ShadowMaps {
         self.pack([0, SKY_SIDE, 0, SKY_SIDE]);
     }
 
-    /// Takes away what moving things drew in an earlier pass, and draws those that `seen` may show the shadow of.
+    /// Takes away what moving things drew in an earlier pass, and draws those that `seen` may show the
+    /// shadow of.
     pub(super) fn draw_moving(
         &mut self,
         scene: &Scene,

@@ -203,8 +203,8 @@ impl Strips<'_> {
         [x as f32, y as f32, z]
     }
 
-    /// A strip between two edges, each an offset and a height, from one station to another. Seen from above if
-    /// the second edge is to the left of the first.
+    /// A strip between two edges, each an offset and a height, from one station to another. Seen from above
+    /// if the second edge is to the left of the first.
     fn strip(&mut self, material: u16, (from, to): (f32, f32), right: (f32, f32), left: (f32, f32)) {
         let inner = self.stations.iter().filter(|station| station.s > from + 1e-3 && station.s < to - 1e-3);
         let mut cuts = vec![at(self.stations, from)];
