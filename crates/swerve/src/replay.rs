@@ -90,9 +90,9 @@ pub fn replay(
             pipeline.graph.playback_steps(operator, log.held(operator))?;
         }
     }
-    // Cameras are computed again whatever the cut: they are functions of the world's states, which the log has.
-    let cameras = config.camera.keys().map(String::as_str);
-    let compared: Vec<&str> = OPERATORS[cut..].iter().copied().chain(cameras).collect();
+    // Cameras, radars and lidars are computed again whatever the cut: they are functions of the world's states,
+    // which the log has.
+    let compared: Vec<&str> = OPERATORS[cut..].iter().copied().chain(config.sensors()).collect();
     let mut comparison = Comparison::against(log, &compared);
     comparison.leaves_out = left_out_of_logs(config.log.images);
     let last = log.end.as_ref().map(|end| end.at);
@@ -217,7 +217,9 @@ impl Comparison {
 impl Observer for Comparison {
     fn event(&mut self, event: &Event<'_>) {
         match event {
-            Event::Publication(p) if self.streams.contains_key(p.stream) => self.compare(p.stream, &said(p, self.leaves_out)),
+            Event::Publication(p) if self.streams.contains_key(p.stream) => {
+                self.compare(p.stream, &said(p, self.leaves_out))
+            }
             Event::End(_) => {
                 for (stream, rest) in &mut self.expected {
                     self.streams.entry(stream.clone()).or_default().missing += rest.count() as u64;

@@ -9,14 +9,14 @@ use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, Metrics, Outline};
 use swerve_flow::{Event, Observer, RunOptions, RunReport, RuntimeModel, run_virtual};
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
-use swerve_msg::truth::WorldState;
-use swerve_msg::{Image, Imu, ObstacleList, Plan, Route};
+use swerve_msg::truth::{PointInstances, WorldState};
+use swerve_msg::{Image, Imu, ObstacleList, Plan, PointCloud, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
-use crate::config::{Config, Images};
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
+use crate::config::{Config, Images};
 use crate::files::write_whole;
 use crate::frames::Frames;
 use crate::output::align;
@@ -314,13 +314,20 @@ fn title(config: &Config, scenario: &Scenario) -> String {
 /// The picture of the run, to be filled in while it drives.
 fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     let lane_width_m = Some(scenario.road.lane_width_m);
-    Story::new(title(config, scenario), pipeline.route.clone(), lane_width_m, outline(&pipeline.vehicle.shape))
+    Story::new(
+        title(config, scenario),
+        pipeline.route.clone(),
+        lane_width_m,
+        outline(&pipeline.vehicle.shape),
+    )
 }
 
 /// The payloads of which a log holds the digest alone.
 pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
     match images {
-        Images::None => Some(|payload| payload.is::<Image>()),
+        Images::None => Some(|payload| {
+            payload.is::<Image>() || payload.is::<PointCloud>() || payload.is::<PointInstances>()
+        }),
         Images::Lossless => None,
     }
 }

@@ -194,7 +194,9 @@ impl CameraConfig {
             }
         };
         range("period_ms", self.period_ms, 1.0, 60_000.0);
-        for (key, value) in [("roll_deg", self.roll_deg), ("pitch_deg", self.pitch_deg), ("yaw_deg", self.yaw_deg)] {
+        for (key, value) in
+            [("roll_deg", self.roll_deg), ("pitch_deg", self.pitch_deg), ("yaw_deg", self.yaw_deg)]
+        {
             range(key, value, -360.0, 360.0);
         }
         self.at_m.iter().for_each(|value| range("at_m", *value, -100.0, 100.0));
@@ -248,7 +250,9 @@ mod tests {
         let shape = Shape::default();
         let fine = CameraConfig::default();
         assert_eq!(fine.faults(&shape), []);
-        let key = |camera: CameraConfig| camera.faults(&shape).iter().map(|(key, _)| key.clone()).collect::<Vec<_>>();
+        let key = |camera: CameraConfig| {
+            camera.faults(&shape).iter().map(|(key, _)| key.clone()).collect::<Vec<_>>()
+        };
         let with = |change: fn(&mut CameraConfig)| {
             let mut camera = fine.clone();
             change(&mut camera);
@@ -264,9 +268,6 @@ mod tests {
         assert_eq!(with(|c| c.outputs.clear()), ["outputs"]);
         assert_eq!(with(|c| c.period_ms = 0.0), ["period_ms"]);
         assert_eq!(with(|c| c.transfer_ms = -1.0), ["transfer_ms"]);
-        assert_eq!(
-            with(|c| (c.fov_deg, c.matrix) = (Some(90.0), Some([[1.0, 0.0, 0.0]; 3]))),
-            ["fov_deg"]
-        );
+        assert_eq!(with(|c| (c.fov_deg, c.matrix) = (Some(90.0), Some([[1.0, 0.0, 0.0]; 3]))), ["fov_deg"]);
     }
 }
