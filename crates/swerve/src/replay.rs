@@ -90,9 +90,9 @@ pub fn replay(
             pipeline.graph.playback_steps(operator, log.held(operator))?;
         }
     }
-    // Cameras are computed again whatever the cut: they are functions of the world's states, which the log has.
-    let cameras = config.camera.keys().map(String::as_str);
-    let compared: Vec<&str> = OPERATORS[cut..].iter().copied().chain(cameras).collect();
+    // Cameras, radars and lidars are computed again whatever the cut: they are functions of the world's states,
+    // which the log has.
+    let compared: Vec<&str> = OPERATORS[cut..].iter().copied().chain(config.sensors()).collect();
     let mut comparison = Comparison::against(log, &compared);
     comparison.leaves_out = left_out_of_logs(config.log.images);
     let last = log.end.as_ref().map(|end| end.at);

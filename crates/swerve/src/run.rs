@@ -9,8 +9,8 @@ use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, Metrics, Outline};
 use swerve_flow::{Event, Observer, RunOptions, RunReport, RuntimeModel, run_virtual};
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
-use swerve_msg::truth::WorldState;
-use swerve_msg::{Image, Imu, ObstacleList, Plan, Route};
+use swerve_msg::truth::{PointInstances, WorldState};
+use swerve_msg::{Image, Imu, ObstacleList, Plan, PointCloud, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
@@ -325,7 +325,9 @@ fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
 /// The payloads of which a log holds the digest alone.
 pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
     match images {
-        Images::None => Some(|payload| payload.is::<Image>()),
+        Images::None => Some(|payload| {
+            payload.is::<Image>() || payload.is::<PointCloud>() || payload.is::<PointInstances>()
+        }),
         Images::Lossless => None,
     }
 }

@@ -7,6 +7,7 @@ pub mod camera;
 pub mod execution;
 pub mod faults;
 mod planner;
+pub mod sensors;
 pub mod text;
 pub mod words;
 
@@ -18,11 +19,12 @@ use serde::{Deserialize, Serialize};
 use swerve_control::Following;
 use swerve_planning::posed::Preset;
 use swerve_planning::{CollisionMode, Planner};
-use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount};
+use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
 use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
 use execution::{Deadline, Runtime};
+use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
 
 /// A whole configuration: what runs, how long it takes, what is recorded.
@@ -41,6 +43,10 @@ pub struct Config {
     pub render: RenderConfig,
     /// Cameras on the ego, by name. Each runs where an operator reads it or `log.sensors` names it.
     pub camera: BTreeMap<String, CameraConfig>,
+    /// Radars on the ego, by name; they run as cameras do.
+    pub radar: BTreeMap<String, RadarConfig>,
+    /// Lidars on the ego, by name; they run as cameras do.
+    pub lidar: BTreeMap<String, LidarConfig>,
     /// The predictor.
     pub prediction: PredictionConfig,
     /// The motion planner.
@@ -64,6 +70,8 @@ impl Default for Config {
             sensing: SensingConfig::default(),
             render: RenderConfig::default(),
             camera: BTreeMap::new(),
+            radar: BTreeMap::new(),
+            lidar: BTreeMap::new(),
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
@@ -132,12 +140,16 @@ pub struct SensingConfig {
     pub imu_period_ms: f64,
     /// Period of the satellite receiver, ms.
     pub gnss_period_ms: f64,
+    /// Period of the wheel odometry, ms.
+    pub odometry_period_ms: f64,
     /// Errors of the pose sensor.
     pub pose: PoseParams,
     /// Errors of the inertial sensor.
     pub imu: ImuParams,
     /// Errors of the satellite receiver.
     pub gnss: GnssParams,
+    /// Encoders of the wheels and their errors.
+    pub odometry: WheelOdometryParams,
 }
 
 impl Default for SensingConfig {
@@ -152,9 +164,11 @@ impl Default for SensingConfig {
             pose_period_ms: 10.0,
             imu_period_ms: 10.0,
             gnss_period_ms: 100.0,
+            odometry_period_ms: 20.0,
             pose: PoseParams::default(),
             imu: ImuParams::default(),
             gnss: GnssParams::default(),
+            odometry: WheelOdometryParams::default(),
         }
     }
 }
@@ -352,17 +366,18 @@ impl Default for ControlConfig {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LogConfig {
-    /// Sensors that run although no operator reads them: `gnss`, and cameras by name.
+    /// Sensors that run although no operator reads them: `gnss`, `odometry`, `collisions`, `lane_invasions`,
+    /// `red_lights`, and cameras, radars and lidars by name.
     pub sensors: Vec<String>,
-    /// What the log holds of images; the digest of a run is the same with any.
+    /// What the log holds of images and point clouds; the digest of a run is the same with any.
     pub images: Images,
 }
 
-/// What a log holds of images.
+/// What a log holds of images and point clouds.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Images {
-    /// Their fingerprints: a replay renders them again and compares.
+    /// Their fingerprints: a replay computes them again and compares.
     #[default]
     None,
     /// All their bytes.
@@ -394,8 +409,21 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 9] =
-    ["world", "obstacles", "pose", "imu", "gnss", "tracker", "predictor", "planner", "controller"];
+pub const OPERATORS: [&str; 13] = [
+    "world",
+    "obstacles",
+    "pose",
+    "imu",
+    "gnss",
+    "odometry",
+    "collisions",
+    "lane_invasions",
+    "red_lights",
+    "tracker",
+    "predictor",
+    "planner",
+    "controller",
+];
 
 impl Config {
     /// Reads a file (or takes the defaults) and applies assignments in order; everything is checked.
@@ -466,6 +494,7 @@ impl Config {
         range("sensing.pose_period_ms", sensing.pose_period_ms, 1.0, 10_000.0);
         range("sensing.imu_period_ms", sensing.imu_period_ms, 1.0, 10_000.0);
         range("sensing.gnss_period_ms", sensing.gnss_period_ms, 1.0, 10_000.0);
+        range("sensing.odometry_period_ms", sensing.odometry_period_ms, 1.0, 10_000.0);
         range("prediction.horizon_ms", self.prediction.horizon_ms, 50.0, 60_000.0);
         range("prediction.step_ms", self.prediction.step_ms, 1.0, 10_000.0);
         range("prediction.past_steps", self.prediction.past_steps as f64, 1.0, 1000.0);
@@ -482,7 +511,7 @@ impl Config {
             faults.push(("planning.params".into(), message));
         }
         self.check_operators(&mut faults);
-        self.check_cameras(&mut faults);
+        self.check_sensors(&mut faults);
         self.check_log(&mut faults);
         if faults.is_empty() {
             return Ok(self);
@@ -490,35 +519,10 @@ impl Config {
         Err(faults.into_iter().map(|(key, message)| problem(&key, message)).collect())
     }
 
-    fn check_log(&self, faults: &mut Vec<(String, String)>) {
-        let known = |name: &str| name == "gnss" || self.camera.contains_key(name);
-        for sensor in self.log.sensors.iter().filter(|s| !known(s)) {
-            let names: Vec<&str> =
-                ["gnss"].into_iter().chain(self.camera.keys().map(String::as_str)).collect();
-            let message = format!("unknown sensor `{sensor}`, expected one of {}", names.join(", "));
-            faults.push(("log.sensors".into(), message));
-        }
-    }
-
-    fn check_cameras(&self, faults: &mut Vec<(String, String)>) {
-        if !(1..=256).contains(&self.render.threads) {
-            let message = format!("expected 1 to 256, found {}", self.render.threads);
-            faults.push(("render.threads".into(), message));
-        }
-        for (name, camera) in &self.camera {
-            let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
-            if !plain || OPERATORS.contains(&name.as_str()) {
-                let message = "expected a name of letters, digits and underscores that no operator has";
-                faults.push((format!("camera.{name}"), message.into()));
-            }
-            let within = |(key, message)| (format!("camera.{name}.{key}"), message);
-            faults.extend(camera.faults(&self.sim.vehicle.shape).into_iter().map(within));
-        }
-    }
-
-    /// The names of all operators that this configuration can set: those of the pipeline, and its cameras.
+    /// The names of all operators that this configuration can set: those of the pipeline, and its cameras,
+    /// radars and lidars.
     pub fn operators(&self) -> impl Iterator<Item = &str> {
-        OPERATORS.into_iter().chain(self.camera.keys().map(String::as_str))
+        OPERATORS.into_iter().chain(self.sensors())
     }
 
     fn check_operators(&self, faults: &mut Vec<(String, String)>) {

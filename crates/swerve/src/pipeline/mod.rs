@@ -2,16 +2,24 @@
 
 mod camera;
 mod controller;
+mod events;
+mod lidar;
 mod perception;
 mod planner;
+mod radar;
 mod sensors;
+mod stage;
+#[cfg(test)]
+mod tests;
 mod world;
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
-use swerve_flow::{Graph, RuntimeModel, every};
+use swerve_flow::{Graph, Policy, RuntimeModel, Stream, Timer, every};
+use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, Route};
 use swerve_scenario::{Scenario, sensor_phase};
+use swerve_sim::sense::{LaneInvasionSensor, RedLightSensor, WheelOdometer};
 use swerve_sim::{SimParams, Simulator};
 use swerve_vehicle::VehicleParams;
 
@@ -65,15 +73,26 @@ pub(crate) fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
     if config.sim.draws { scenario.drawn(config.seed) } else { scenario }
 }
 
-fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Route) -> anyhow::Result<()> {
-    let ms = |ms: f64| Span::from_secs(ms * 1e-3);
-    let dt = ms(config.sim.dt_ms);
-    let sensing = &config.sensing;
-    let phase = |name: &str, period: Span| match config.sim.draws {
-        true => sensor_phase(config.seed, name, period, dt),
+fn ms(ms: f64) -> Span {
+    Span::from_secs(ms * 1e-3)
+}
+
+/// When a sensor's first tick is: drawn where the run draws at all.
+fn phase(config: &Config, name: &str, period: Span) -> Span {
+    match config.sim.draws {
+        true => sensor_phase(config.seed, name, period, ms(config.sim.dt_ms)),
         false => Span::ZERO,
-    };
-    let timer = |name: &str, period_ms: f64| every(ms(period_ms)).phase(phase(name, ms(period_ms)));
+    }
+}
+
+fn timer(config: &Config, name: &str, period_ms: f64) -> Timer {
+    every(ms(period_ms)).phase(phase(config, name, ms(period_ms)))
+}
+
+fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Route) -> anyhow::Result<()> {
+    let sensing = &config.sensing;
+    let dt = ms(config.sim.dt_ms);
+    let timer = |name: &str, period_ms: f64| timer(config, name, period_ms);
 
     let params = SimParams { dt, vehicle: config.sim.vehicle.clone() };
     let simulator = Simulator::exact(scenario.clone(), &params)?;
@@ -88,20 +107,8 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     let pose = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
     let imu = sensors::Inertial { params: sensing.imu, seed };
     graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
-    if config.log.sensors.iter().any(|s| s == "gnss") {
-        let gnss = sensors::Satellite { params: sensing.gnss, seed };
-        graph.add("gnss", gnss, (timer("gnss", sensing.gnss_period_ms), world)).out();
-    }
-    let cameras: Vec<_> =
-        config.camera.iter().filter(|(name, _)| config.log.sensors.contains(name)).collect();
-    if !cameras.is_empty() {
-        let stage = camera::Stage::new(config, scenario)?;
-        for (name, camera) in cameras {
-            let operator = camera::CameraOperator::new((name, camera), config, stage.clone())?;
-            let node = graph.add(name, operator, (timer(name, camera.period_ms), world));
-            node.origin().outputs(&Output::ALL.map(Output::name)).out();
-        }
-    }
+    sense_motion_and_events(graph, config, scenario, world);
+    sense_surroundings(graph, config, scenario, world)?;
     let tracks = graph.add("tracker", perception::Tracker::new(config), (obstacles,)).out();
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
@@ -113,6 +120,70 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     Ok(())
 }
 
+/// Sensors of the ego's own motion, and of what happens to it, that run only where they are asked for.
+fn sense_motion_and_events(
+    graph: &mut Graph,
+    config: &Config,
+    scenario: &Scenario,
+    world: Stream<WorldState>,
+) {
+    let (sensing, seed, vehicle) = (&config.sensing, config.seed, &config.sim.vehicle);
+    if config.runs("gnss") {
+        let gnss = sensors::Satellite { params: sensing.gnss, seed };
+        graph.add("gnss", gnss, (timer(config, "gnss", sensing.gnss_period_ms), world)).out();
+    }
+    if config.runs("odometry") {
+        let odometer = WheelOdometer::new(sensing.odometry, vehicle, "odometry", seed);
+        let odometry = sensors::Odometry { odometer, vehicle: vehicle.clone() };
+        graph.add("odometry", odometry, (timer(config, "odometry", sensing.odometry_period_ms), world)).out();
+    }
+    if config.runs("collisions") {
+        graph.add("collisions", events::Collisions, (world,)).out();
+    }
+    if config.runs("lane_invasions") {
+        let sensor = LaneInvasionSensor::new(&scenario.road, vehicle.shape);
+        graph.add("lane_invasions", events::Lines(sensor), (world,)).out();
+    }
+    if config.runs("red_lights") {
+        let sensor = RedLightSensor::new(&scenario.road, vehicle.shape);
+        graph.add("red_lights", events::RedLights(sensor), (world,)).out();
+    }
+}
+
+/// Cameras, radars and lidars, each where it is asked for.
+fn sense_surroundings(
+    graph: &mut Graph,
+    config: &Config,
+    scenario: &Scenario,
+    world: Stream<WorldState>,
+) -> anyhow::Result<()> {
+    for (name, radar) in config.radar.iter().filter(|(name, _)| config.runs(name)) {
+        let wrong = |faults| anyhow::anyhow!("radar.{name}: {faults:?}");
+        let operator = radar::RadarOperator {
+            radar: radar.radar(&config.sim.vehicle).map_err(wrong)?,
+            seed: config.seed,
+        };
+        let node = graph.add(name, operator, (timer(config, name, radar.period_ms()), world));
+        node.origin().outputs(&["scan", "truth"]).out();
+    }
+    let cameras: Vec<_> = config.camera.iter().filter(|(name, _)| config.runs(name)).collect();
+    let lidars: Vec<_> = config.lidar.iter().filter(|(name, _)| config.runs(name)).collect();
+    if cameras.is_empty() && lidars.is_empty() {
+        return Ok(());
+    }
+    let stage = stage::Stage::new(config, scenario)?;
+    for (name, camera) in cameras {
+        let operator = camera::CameraOperator::new((name, camera), config, stage.clone())?;
+        let node = graph.add(name, operator, (timer(config, name, camera.period_ms), world));
+        node.origin().outputs(&Output::ALL.map(Output::name)).out();
+    }
+    for (name, lidar) in lidars {
+        let operator = lidar::LidarOperator::new((name, lidar), config, stage.clone())?;
+        graph.add(name, operator, (world,)).origin().outputs(&["points", "truth"]).out();
+    }
+    Ok(())
+}
+
 /// Run times, policies, deadlines, resources and delays, by operator name.
 fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
     let wrong = |name: &str, message: String| anyhow::anyhow!("operator.{name}: {message}");
@@ -121,9 +192,15 @@ fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
     for name in config.operators() {
         let operator = config.operator.get(name).cloned().unwrap_or_default();
         let Ok(mut node) = graph.operator(name) else { continue };
-        node = node.runtime(runtime(config, name).map_err(|m| wrong(name, m))?);
+        let on_its_way = OnItsWay::of(config, name);
+        node = node.runtime(match &on_its_way {
+            Some(way) if operator.runtime.is_none() => RuntimeModel::Fixed(way.after),
+            _ => runtime(config, name).map_err(|m| wrong(name, m))?,
+        });
         if let Some(policy) = &operator.policy {
             node = node.policy(parse_policy(policy).map_err(|m| wrong(name, m))?);
+        } else if let Some(way) = &on_its_way {
+            node = node.policy(Policy::Pipelined { places: way.frames, overtaking: false });
         }
         if let Some(deadline) = &operator.deadline {
             node = node.deadline(deadline.deadline().map_err(|m| wrong(name, m))?);
@@ -132,12 +209,27 @@ fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
             node = node.uses(*resource);
         }
         let added_ms = if name == "planner" { config.planning.added_latency_ms } else { 0.0 };
-        let on_its_way = config.camera.get(name).map_or(Span::ZERO, |camera| camera.timing().visible_after());
         let delay = span_ms(operator.delay_ms + added_ms).map_err(|m| wrong(name, m))?;
-        node = node.delay(delay + on_its_way);
+        let later = on_its_way.filter(|_| operator.runtime.is_some()).map_or(Span::ZERO, |way| way.after);
+        node = node.delay(delay + later);
         let _configured = if name == "planner" { node.heavy() } else { node };
     }
     Ok(())
+}
+
+/// What a sensor saw, between its stamp and its readers: run time of its operator, which therefore has several
+/// frames under way. Where `[operator.NAME]` gives a run time, that comes before it.
+struct OnItsWay {
+    after: Span,
+    frames: usize,
+}
+
+impl OnItsWay {
+    fn of(config: &Config, name: &str) -> Option<Self> {
+        let (timing, period) = config.sensor_timing(name)?;
+        let (after, frames) = (timing.visible_after(), timing.in_flight(period));
+        (after > Span::ZERO).then_some(Self { after, frames })
+    }
 }
 
 /// What the configuration says of an operator's run time: its own entry, or the planner's cost, or zero.

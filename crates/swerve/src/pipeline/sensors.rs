@@ -1,9 +1,11 @@
 use swerve_flow::{Context, Every, Latest, Operator, Port};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{EgoState, Gnss, Imu, ObstacleList};
+use swerve_msg::{EgoState, Gnss, Imu, ObstacleList, WheelOdometry};
 use swerve_sim::sense::{
-    self, GnssParams, ImuParams, PoseParams, SensorMount, SensorParams, visible_obstacles,
+    self, GnssParams, ImuParams, PoseParams, SensorMount, SensorParams, WheelOdometer, rolling_speeds_radps,
+    visible_obstacles,
 };
+use swerve_vehicle::VehicleParams;
 
 use crate::config::{Config, Source};
 
@@ -86,6 +88,24 @@ impl Operator for Satellite {
     fn step(&mut self, cx: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
         if let Some(world) = world.get() {
             out.loan().send(sense::gnss(world, cx.name(), &self.params, self.seed));
+        }
+    }
+}
+
+/// Encoders of the wheels. Of its first tick there is no reading: there is no time yet to count over.
+pub(super) struct Odometry {
+    pub(super) odometer: WheelOdometer,
+    pub(super) vehicle: VehicleParams,
+}
+
+impl Operator for Odometry {
+    type In = (Every, Latest<WorldState>);
+    type Out = Port<WheelOdometry>;
+
+    fn step(&mut self, _: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
+        let Some(world) = world.get() else { return };
+        if let Some(reading) = self.odometer.sense(world, rolling_speeds_radps(&world.ego, &self.vehicle)) {
+            out.send(reading);
         }
     }
 }

@@ -1,0 +1,333 @@
+//! Radars and lidars on the ego vehicle, `[radar.NAME]` and `[lidar.NAME]`, and what all sensors have in common.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use swerve_core::Span;
+use swerve_geom::{Ego, Lidar, Point, Transform};
+use swerve_render::lidar::{Beam, LidarError, LidarPreset, LidarSpec};
+use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTiming};
+use swerve_vehicle::{Shape, VehicleParams};
+
+use super::faults::faults;
+use super::words::{nearest, number};
+use super::{Config, OPERATORS};
+
+/// What is wrong, by key.
+type Faults = Vec<(String, String)>;
+
+/// One radar.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RadarConfig {
+    /// Which class of radar.
+    pub preset: RadarPreset,
+    /// What differs from the preset.
+    pub params: toml::Table,
+    /// Where it sits in the ego frame, m; the middle of the front bumper, 0.5 m up, when absent.
+    pub at_m: Option<[f64; 3]>,
+    /// Turned left, degrees.
+    pub yaw_deg: f64,
+    /// Between two scans, ms; the preset's when absent.
+    pub period_ms: Option<f64>,
+    /// Time that echoes are gathered, ms; the stamp is its middle.
+    pub exposure_ms: f64,
+    /// How long the scan is read out, ms.
+    pub readout_ms: f64,
+    /// From there to the reader, ms.
+    pub transfer_ms: f64,
+}
+
+impl RadarConfig {
+    /// The radar, on this vehicle.
+    pub fn radar(&self, vehicle: &VehicleParams) -> Result<Radar, Faults> {
+        Ok(Radar::new(self.params()?, self.mount(&vehicle.shape), vehicle))
+    }
+
+    /// Between two scans, ms.
+    pub fn period_ms(&self) -> f64 {
+        self.period_ms.unwrap_or_else(|| self.preset.period().as_secs() * 1e3)
+    }
+
+    /// When readers have a scan.
+    pub fn timing(&self) -> SensorTiming {
+        let &Self { exposure_ms, readout_ms, transfer_ms, .. } = self;
+        SensorTiming { exposure_ms, readout_ms, transfer_ms, rolling: false }
+    }
+
+    fn mount(&self, shape: &Shape) -> SensorMount {
+        let front = SensorMount::front(shape);
+        let [x_m, y_m, z_m] = self.at_m.unwrap_or([front.x_m, front.y_m, front.z_m]);
+        SensorMount { x_m, y_m, z_m, yaw_rad: self.yaw_deg.to_radians() }
+    }
+
+    fn params(&self) -> Result<RadarParams, Faults> {
+        let params = overridden(&self.preset.params(), &self.params, &[("preset", "preset")])?;
+        let told: Faults = params
+            .faults()
+            .into_iter()
+            .map(|fault| (format!("params.{}", fault.key), expected(&fault.must, fault.value)))
+            .collect();
+        if told.is_empty() { Ok(params) } else { Err(told) }
+    }
+
+    fn faults(&self, shape: &Shape) -> Faults {
+        let mut told = self.params().err().unwrap_or_default();
+        range(&mut told, "period_ms", self.period_ms(), [1.0, 60_000.0]);
+        told.extend(mount_faults(&self.mount(shape), shape));
+        told.extend(timing_faults(&self.timing()));
+        told
+    }
+}
+
+/// One lidar.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LidarConfig {
+    /// Which class of lidar.
+    pub preset: LidarPreset,
+    /// What differs from the preset.
+    pub params: toml::Table,
+    /// Elevation and azimuth offset of each laser, degrees; the preset's when empty.
+    pub beams_deg: Vec<[f64; 2]>,
+    /// Turns per second; the preset's when absent.
+    pub rate_hz: Option<f64>,
+    /// Where it sits in the ego frame, m; above the middle of the roof, 1.9 m up, when absent.
+    pub at_m: Option<[f64; 3]>,
+    /// Turned about its own axis, degrees; positive leans right.
+    pub roll_deg: f64,
+    /// Turned down, degrees.
+    pub pitch_deg: f64,
+    /// Turned left, degrees.
+    pub yaw_deg: f64,
+    /// How long a turn is read out after its last column, ms.
+    pub readout_ms: f64,
+    /// From there to the reader, ms.
+    pub transfer_ms: f64,
+}
+
+impl LidarConfig {
+    /// What it is made from, its noise keyed by `seed`.
+    pub fn spec(&self, seed: u64) -> Result<LidarSpec, Faults> {
+        let beside = [("beams", "beams_deg"), ("rate_hz", "rate_hz")];
+        let mut table = self.params.clone();
+        let mut told = Faults::new();
+        if table.remove("seed").is_some() {
+            told.push((
+                "params.seed".into(),
+                "unknown key; the noise is keyed by the run's seed and the name".into(),
+            ));
+        }
+        for (k, &[elevation, azimuth]) in self.beams_deg.iter().enumerate() {
+            let key = format!("beams_deg[{k}]");
+            range(&mut told, &key, elevation, [-90.0, 90.0]);
+            range(&mut told, &key, azimuth, [-180.0, 180.0]);
+        }
+        let mut spec = match overridden(&self.preset.spec(), &table, &beside) {
+            Ok(spec) if told.is_empty() => spec,
+            spec => return Err([told, spec.err().unwrap_or_default()].concat()),
+        };
+        if !self.beams_deg.is_empty() {
+            let beam = |[elevation, azimuth]: &[f64; 2]| Beam {
+                elevation_rad: elevation.to_radians(),
+                azimuth_rad: azimuth.to_radians(),
+            };
+            spec.beams = self.beams_deg.iter().map(beam).collect();
+        }
+        spec.rate_hz = self.rate_hz.unwrap_or(spec.rate_hz);
+        spec.seed = seed;
+        spec.check().map_err(|error| vec![lidar_fault(&error)])?;
+        Ok(spec)
+    }
+
+    /// Its place in the ego frame, m.
+    pub fn at_m(&self, shape: &Shape) -> [f64; 3] {
+        let roof = SensorMount::roof(shape);
+        self.at_m.unwrap_or([roof.x_m, roof.y_m, roof.z_m])
+    }
+
+    /// Where it sits and looks.
+    pub fn ego_from_lidar(&self, shape: &Shape) -> Transform<Ego, Lidar> {
+        let [x, y, z] = self.at_m(shape);
+        let [roll, pitch, yaw] = [self.roll_deg, self.pitch_deg, self.yaw_deg].map(f64::to_radians);
+        Transform::from_roll_pitch_yaw(Point::new(x, y, z), roll, pitch, yaw)
+    }
+
+    /// When readers have a turn. Its stamp is its end.
+    pub fn timing(&self) -> SensorTiming {
+        let &Self { readout_ms, transfer_ms, .. } = self;
+        SensorTiming { exposure_ms: 0.0, readout_ms, transfer_ms, rolling: false }
+    }
+
+    fn faults(&self, shape: &Shape, dt_ms: f64) -> Faults {
+        let mut told = Faults::new();
+        match self.spec(0) {
+            Ok(spec) if spec.rate_hz * dt_ms > 1000.0 => {
+                let message = format!(
+                    "expected at most one turn in a step of the world of {dt_ms} ms, found {}",
+                    spec.rate_hz
+                );
+                told.push(("rate_hz".into(), message));
+            }
+            Ok(_) => {}
+            Err(faults) => told.extend(faults),
+        }
+        for (key, value) in [("roll_deg", self.roll_deg), ("pitch_deg", self.pitch_deg)] {
+            range(&mut told, key, value, [-360.0, 360.0]);
+        }
+        let [x_m, y_m, z_m] = self.at_m(shape);
+        told.extend(mount_faults(&SensorMount { x_m, y_m, z_m, yaw_rad: self.yaw_deg.to_radians() }, shape));
+        told.extend(timing_faults(&self.timing()));
+        told
+    }
+}
+
+/// A lidar's fault under the key that it has here.
+fn lidar_fault(error: &LidarError) -> (String, String) {
+    let field = error.field.as_str();
+    let here = |text: &str| text.replace("beams[", "beams_deg[");
+    let key = match field {
+        "rate_hz" => field.to_owned(),
+        "beams x columns" => "params.columns".to_owned(),
+        _ if field.starts_with("beams") => here(field),
+        _ => format!("params.{field}"),
+    };
+    (key, format!("expected {}, found {}", error.expected, here(&error.value)))
+}
+
+/// A preset with some of its parameters changed. What is `beside` the parameters under a key of its own is no
+/// key of theirs.
+fn overridden<T: Serialize + DeserializeOwned>(
+    preset: &T,
+    params: &toml::Table,
+    beside: &[(&str, &str)],
+) -> Result<T, Faults> {
+    let twice = |(key, own): &&(&str, &str)| {
+        params
+            .contains_key(*key)
+            .then(|| (format!("params.{key}"), format!("expected as `{own}` beside `params`")))
+    };
+    let told: Faults = beside.iter().filter_map(|pair| twice(&pair)).collect();
+    if !told.is_empty() {
+        return Err(told);
+    }
+    let mut table = toml::Table::try_from(preset).expect("parameters are plain values");
+    table.extend(params.clone());
+    table.clone().try_into().map_err(|error: toml::de::Error| {
+        let told = faults::<T>(&table);
+        let within = |(key, message)| (format!("params.{key}"), message);
+        if told.is_empty() {
+            return vec![("params".into(), error.message().to_owned())];
+        }
+        told.into_iter().map(within).collect()
+    })
+}
+
+fn expected(must: &str, found: f64) -> String {
+    format!("expected {must}, found {}", number(found))
+}
+
+fn range(told: &mut Faults, key: &str, value: f64, [low, high]: [f64; 2]) {
+    if !(low..=high).contains(&value) {
+        told.push((key.to_owned(), expected(&format!("{low} to {high}"), value)));
+    }
+}
+
+fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
+    let own = |fault: swerve_sim::sense::ParamsFault| match fault.key {
+        "yaw_rad" => ("yaw_deg".to_owned(), expected("-360 to 360", fault.value.to_degrees())),
+        axis => ("at_m".to_owned(), format!("{axis}: {}", expected(&fault.must, fault.value))),
+    };
+    let mut told: Faults = mount.faults().into_iter().map(own).collect();
+    if told.is_empty() && mount.is_inside(shape) {
+        let message = "expected a place outside the car's body: it would see nothing else";
+        told.push(("at_m".into(), message.into()));
+    }
+    told
+}
+
+fn timing_faults(timing: &SensorTiming) -> Faults {
+    timing
+        .faults()
+        .into_iter()
+        .map(|fault| (fault.key.to_owned(), expected(&fault.must, fault.value)))
+        .collect()
+}
+
+/// Sensors of the pipeline that run only where they are asked for.
+const ON_DEMAND: [&str; 5] = ["gnss", "odometry", "collisions", "lane_invasions", "red_lights"];
+
+impl Config {
+    /// The names of the sensors that have tables of their own, with those tables' names.
+    fn named_sensors(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let cameras = self.camera.keys().map(|name| ("camera", name.as_str()));
+        let radars = self.radar.keys().map(|name| ("radar", name.as_str()));
+        let lidars = self.lidar.keys().map(|name| ("lidar", name.as_str()));
+        cameras.chain(radars).chain(lidars)
+    }
+
+    /// The names of all cameras, radars and lidars.
+    pub fn sensors(&self) -> impl Iterator<Item = &str> {
+        self.named_sensors().map(|(_, name)| name)
+    }
+
+    /// Whether a sensor runs.
+    pub fn runs(&self, sensor: &str) -> bool {
+        self.log.sensors.iter().any(|name| name == sensor)
+    }
+
+    /// When readers have what a camera, radar or lidar saw, and the time between two steps of its operator.
+    pub fn sensor_timing(&self, name: &str) -> Option<(SensorTiming, Span)> {
+        let with = |timing, ms: f64| (timing, Span::from_secs(ms * 1e-3));
+        let camera = self.camera.get(name).map(|camera| with(camera.timing(), camera.period_ms));
+        let radar = || self.radar.get(name).map(|radar| with(radar.timing(), radar.period_ms()));
+        let lidar = || self.lidar.get(name).map(|lidar| with(lidar.timing(), self.sim.dt_ms));
+        camera.or_else(radar).or_else(lidar)
+    }
+
+    pub(super) fn check_sensors(&self, told: &mut Faults) {
+        if !(1..=256).contains(&self.render.threads) {
+            told.push(("render.threads".into(), format!("expected 1 to 256, found {}", self.render.threads)));
+        }
+        for (kind, name) in self.named_sensors() {
+            let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+            if !plain || OPERATORS.contains(&name) {
+                let message = "expected a name of letters, digits and underscores that no operator has";
+                told.push((format!("{kind}.{name}"), message.into()));
+            }
+            let other = self.named_sensors().find(|(_, first)| *first == name);
+            if let Some((other, _)) = other.filter(|(other, _)| *other != kind) {
+                let message = format!("expected a name of its own, found that of `[{other}.{name}]`");
+                told.push((format!("{kind}.{name}"), message));
+            }
+        }
+        let shape = &self.sim.vehicle.shape;
+        let mut within = |kind: &str, name: &str, faults: Faults| {
+            told.extend(faults.into_iter().map(|(key, message)| (format!("{kind}.{name}.{key}"), message)));
+        };
+        self.camera.iter().for_each(|(name, camera)| within("camera", name, camera.faults(shape)));
+        self.radar.iter().for_each(|(name, radar)| within("radar", name, radar.faults(shape)));
+        let dt_ms = self.sim.dt_ms;
+        self.lidar.iter().for_each(|(name, lidar)| within("lidar", name, lidar.faults(shape, dt_ms)));
+        let odometry = &self.sensing.odometry;
+        for fault in odometry.faults() {
+            told.push((format!("sensing.odometry.{}", fault.key), expected(&fault.must, fault.value)));
+        }
+    }
+
+    pub(super) fn check_log(&self, told: &mut Faults) {
+        let known = || ON_DEMAND.into_iter().chain(["imu"]).chain(self.sensors());
+        for (k, sensor) in self.log.sensors.iter().enumerate() {
+            if known().any(|name| name == sensor) {
+                continue;
+            }
+            let near = nearest(sensor, known())
+                .map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+            let names: Vec<&str> = known().collect();
+            let message = format!("unknown sensor `{sensor}`, expected one of {}{near}", names.join(", "));
+            told.push((format!("log.sensors[{k}]"), message));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

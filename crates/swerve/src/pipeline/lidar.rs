@@ -1,0 +1,189 @@
+use std::sync::Arc;
+
+use swerve_core::{Rng, Span, Time};
+use swerve_flow::{At, Context, Operator, Port};
+use swerve_geom::{Ego, Lidar, Map, Transform};
+use swerve_msg::PointCloud;
+use swerve_msg::truth::{PointInstances, WorldState};
+use swerve_render::lidar::{CloudMut, Firing, Sweeper, TruthMut};
+
+use super::phase;
+use super::stage::{Pool, SharedStage, hides_ego, with};
+use crate::config::Config;
+use crate::config::sensors::LidarConfig;
+use crate::street::EGO_INSTANCE;
+
+/// A lidar on the ego: the points of each turn, and what they lie on.
+///
+/// At every step of the world it fires the columns since the step before, each from where the sensor was then,
+/// at the scene of this step. A turn is published at the first step at which it is over.
+pub(super) struct LidarOperator {
+    stage: SharedStage,
+    sweeper: Sweeper,
+    ego_from_lidar: Transform<Ego, Lidar>,
+    hidden_instance: Option<u32>,
+    /// When the turn that is being fired begins, and which it is.
+    begins: Time,
+    turn: u64,
+    /// The step before: when, and where the sensor was.
+    last: Option<(Time, Transform<Map, Lidar>)>,
+    sweep: Sweep,
+    clouds: Pool<PointCloud>,
+    truths: Pool<PointInstances>,
+}
+
+/// The turn that is being fired, with room for all its points.
+struct Sweep {
+    cloud: Arc<PointCloud>,
+    truth: Arc<PointInstances>,
+    /// Of each point its class, which no message has.
+    class: Vec<u8>,
+    len: usize,
+}
+
+impl LidarOperator {
+    pub(super) fn new(
+        (name, lidar): (&str, &LidarConfig),
+        config: &Config,
+        stage: SharedStage,
+    ) -> anyhow::Result<Self> {
+        let shape = &config.sim.vehicle.shape;
+        let seed = Rng::keyed(config.seed, name, &[]).bits();
+        let wrong = |faults: Vec<(String, String)>| anyhow::anyhow!("lidar.{name}: {faults:?}");
+        let sweeper = Sweeper::new(lidar.spec(seed).map_err(wrong)?, config.render.threads)?;
+        let ego_from_lidar = lidar.ego_from_lidar(shape);
+        let hidden_instance = hides_ego(lidar.at_m(shape), shape).then_some(EGO_INSTANCE);
+        let (mut clouds, mut truths) = (Pool::new(), Pool::new());
+        let sweep = Sweep::new(sweeper.points_max(), &mut clouds, &mut truths);
+        let begins = Time::ZERO + phase(config, name, Span::from_ns(sweeper.period_ns()));
+        let last = None;
+        Ok(Self {
+            stage,
+            sweeper,
+            ego_from_lidar,
+            hidden_instance,
+            begins,
+            turn: 0,
+            last,
+            sweep,
+            clouds,
+            truths,
+        })
+    }
+
+    /// Fires the columns of this turn up to a step of the world.
+    fn fire(&mut self, world: &WorldState, end: Transform<Map, Lidar>) -> Result<(), String> {
+        let (since, begin) = self.last.unwrap_or((world.stamp, end));
+        let firing = Firing {
+            begin_ns: (since - self.begins).ns(),
+            begin,
+            end_ns: (world.stamp - self.begins).ns(),
+            end,
+            hidden_instance: self.hidden_instance,
+        };
+        let (sweeper, sweep) = (&mut self.sweeper, &mut self.sweep);
+        with(&self.stage, |stage| {
+            let tree = stage.tree_of(world).map_err(|error| error.to_string())?;
+            let fired = sweeper.fire(tree, &firing, &mut sweep.room());
+            fired.map(drop).map_err(|error| error.to_string())
+        })
+    }
+}
+
+impl Operator for LidarOperator {
+    type In = (At<WorldState>,);
+    type Out = (Port<PointCloud>, Port<PointInstances>);
+
+    fn step(&mut self, cx: &mut Context<'_>, (world,): &Self::In, out: &mut Self::Out) {
+        let Some(world) = world.get() else { return };
+        let map_from_lidar = world.ego.map_from_ego * self.ego_from_lidar;
+        let period = Span::from_ns(self.sweeper.period_ns());
+        // The end of one turn and the begin of the next may be in one step.
+        while self.begins <= world.stamp {
+            if let Err(error) = self.fire(world, map_from_lidar) {
+                return cx.stop_run(format!("lidar {}: {error}", cx.name()));
+            }
+            let ends = self.begins + period;
+            if world.stamp < ends {
+                break;
+            }
+            let (cloud, truth) = self.sweep.end(self.begins, world.stamp);
+            self.clouds.keep(&cloud);
+            self.truths.keep(&truth);
+            out.0.forward(cloud);
+            out.1.forward(truth);
+            self.turn += 1;
+            self.begins = ends;
+            self.sweep.begin(self.sweeper.points_max(), &mut self.clouds, &mut self.truths);
+            self.sweeper.begin_turn(self.turn, &mut self.sweep.room());
+        }
+        self.last = Some((world.stamp, map_from_lidar));
+    }
+}
+
+impl Sweep {
+    fn new(points_max: usize, clouds: &mut Pool<PointCloud>, truths: &mut Pool<PointInstances>) -> Self {
+        let (cloud, truth) = (clouds.take(PointCloud::default), truths.take(PointInstances::default));
+        let mut sweep = Self { cloud, truth, class: vec![0; points_max], len: 0 };
+        sweep.reset(points_max);
+        sweep
+    }
+
+    /// Takes memory that no reader holds, with room for a turn.
+    fn begin(&mut self, points_max: usize, clouds: &mut Pool<PointCloud>, truths: &mut Pool<PointInstances>) {
+        self.cloud = clouds.take(PointCloud::default);
+        self.truth = truths.take(PointInstances::default);
+        self.reset(points_max);
+    }
+
+    fn reset(&mut self, points_max: usize) {
+        let (cloud, truth) = self.parts();
+        for array in
+            [&mut cloud.x_m, &mut cloud.y_m, &mut cloud.z_m, &mut cloud.intensity, &mut cloud.time_offset_s]
+        {
+            array.reset(points_max);
+        }
+        cloud.ring.reset(points_max);
+        truth.instance.reset(points_max);
+        self.len = 0;
+    }
+
+    fn parts(&mut self) -> (&mut PointCloud, &mut PointInstances) {
+        let held = "what is being written is not published yet";
+        (Arc::get_mut(&mut self.cloud).expect(held), Arc::get_mut(&mut self.truth).expect(held))
+    }
+
+    fn room(&mut self) -> CloudMut<'_> {
+        let held = "what is being written is not published yet";
+        let cloud = Arc::get_mut(&mut self.cloud).expect(held);
+        let truth = Arc::get_mut(&mut self.truth).expect(held);
+        CloudMut {
+            len: &mut self.len,
+            x_m: &mut cloud.x_m,
+            y_m: &mut cloud.y_m,
+            z_m: &mut cloud.z_m,
+            intensity: &mut cloud.intensity,
+            ring: &mut cloud.ring,
+            offset_s: &mut cloud.time_offset_s,
+            truth: Some(TruthMut { instance: &mut truth.instance, class: &mut self.class }),
+        }
+    }
+
+    /// The turn as it is published: its points alone, their times counted from the stamp.
+    fn end(&mut self, begins: Time, stamp: Time) -> (Arc<PointCloud>, Arc<PointInstances>) {
+        let (len, shift_s) = (self.len, (begins - stamp).as_secs());
+        let (cloud, truth) = self.parts();
+        (cloud.stamp, truth.stamp) = (stamp, stamp);
+        for array in
+            [&mut cloud.x_m, &mut cloud.y_m, &mut cloud.z_m, &mut cloud.intensity, &mut cloud.time_offset_s]
+        {
+            array.truncate(len);
+        }
+        cloud.ring.truncate(len);
+        truth.instance.truncate(len);
+        for offset_s in cloud.time_offset_s.iter_mut() {
+            *offset_s = (f64::from(*offset_s) + shift_s) as f32;
+        }
+        (self.cloud.clone(), self.truth.clone())
+    }
+}

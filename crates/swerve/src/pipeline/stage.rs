@@ -1,0 +1,129 @@
+use std::sync::{Arc, Mutex, PoisonError};
+
+use swerve_core::Time;
+use swerve_msg::truth::WorldState;
+use swerve_render::lidar::{SceneTree, TreeError};
+use swerve_render::{RenderOptions, Renderer, Scene};
+use swerve_scenario::Scenario;
+use swerve_vehicle::Shape;
+
+use crate::config::Config;
+use crate::street::Street;
+
+/// What all cameras and lidars of a run share: the world as it looks, and what images and rays need of it.
+///
+/// It makes nothing depend on who asks first: images and echoes are functions of the world's state.
+pub(super) struct Stage {
+    street: Street,
+    renderer: Renderer,
+    tree: SceneTree,
+    /// The state that the street shows.
+    shown: Option<Time>,
+    /// The state that the tree was made of.
+    planted: Option<Time>,
+}
+
+/// A stage and who else has it.
+pub(super) type SharedStage = Arc<Mutex<Stage>>;
+
+impl Stage {
+    pub(super) fn new(config: &Config, scenario: &Scenario) -> anyhow::Result<SharedStage> {
+        let render = &config.render;
+        let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
+        let options = RenderOptions { threads: render.threads, ..RenderOptions::default() };
+        let (renderer, tree) = (Renderer::new(options)?, SceneTree::default());
+        Ok(Arc::new(Mutex::new(Self { street, renderer, tree, shown: None, planted: None })))
+    }
+
+    /// The scene of a state of the world, and who draws it.
+    pub(super) fn of(&mut self, world: &WorldState) -> (&Scene, &mut Renderer) {
+        self.show(world);
+        (self.street.scene(), &mut self.renderer)
+    }
+
+    /// The scene of a state of the world as rays meet it.
+    pub(super) fn tree_of(&mut self, world: &WorldState) -> Result<&SceneTree, TreeError> {
+        self.show(world);
+        if self.planted != Some(world.stamp) {
+            self.tree.update(self.street.scene())?;
+            self.planted = Some(world.stamp);
+        }
+        Ok(&self.tree)
+    }
+
+    fn show(&mut self, world: &WorldState) {
+        if self.shown != Some(world.stamp) {
+            self.street.show(world);
+            self.shown = Some(world.stamp);
+        }
+    }
+}
+
+/// Works with the stage while nobody else does.
+pub(super) fn with<T>(stage: &Mutex<Stage>, work: impl FnOnce(&mut Stage) -> T) -> T {
+    work(&mut stage.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// From farther off than this a sensor sees the car that carries it, metres from its outline.
+const CLOSE_M: f64 = 0.5;
+
+/// Whether a sensor at this place of the ego sits so close that the body would fill what it sees with what is no
+/// obstacle.
+pub(super) fn hides_ego([x, y, z]: [f64; 3], shape: &Shape) -> bool {
+    let along_m = (x - shape.center_ahead_m()).abs() - 0.5 * shape.length_m;
+    let across_m = y.abs() - 0.5 * shape.width_m;
+    along_m.max(across_m).max(z - shape.height_m) < CLOSE_M
+}
+
+/// Payloads that were published, to be used again once no reader holds them.
+pub(super) struct Pool<T> {
+    lent: Vec<Arc<T>>,
+}
+
+impl<T> Pool<T> {
+    pub(super) fn new() -> Self {
+        Self { lent: Vec::new() }
+    }
+
+    /// One that nobody else holds; made anew where there is none.
+    pub(super) fn take(&mut self, make: impl FnOnce() -> T) -> Arc<T> {
+        match self.lent.iter_mut().position(|lent| Arc::get_mut(lent).is_some()) {
+            Some(index) => self.lent.swap_remove(index),
+            None => Arc::new(make()),
+        }
+    }
+
+    /// Remembers what is published.
+    pub(super) fn keep(&mut self, lent: &Arc<T>) {
+        self.lent.push(lent.clone());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_read_no_longer_is_used_again() {
+        let mut pool = Pool::new();
+        let (first, second) = (pool.take(|| vec![1]), pool.take(|| vec![2]));
+        pool.keep(&first);
+        pool.keep(&second);
+        let at = second.as_ptr();
+        assert_eq!(*pool.take(|| vec![3]), [3], "both are held");
+        drop(second);
+        let again = pool.take(|| vec![4]);
+        assert_eq!((&*again, again.as_ptr()), (&vec![2], at));
+        assert_eq!(*first, [1]);
+    }
+
+    #[test]
+    fn the_car_is_seen_from_far_off_only() {
+        let shape = Shape::default();
+        let ahead_m = shape.center_ahead_m();
+        assert!(hides_ego([ahead_m, 0.0, 1.9], &shape));
+        assert!(hides_ego([ahead_m, 0.0, 1.2], &shape));
+        assert!(!hides_ego([ahead_m, 0.0, 40.0], &shape));
+        assert!(!hides_ego([ahead_m - 9.5, 0.0, 4.2], &shape));
+    }
+}
