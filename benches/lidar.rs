@@ -13,6 +13,10 @@ use swerve_render::{Instance, Scene, WeatherPreset};
 const SENSOR_M: [f64; 3] = [0.0, -1.9, 1.9];
 /// No ray is longer, metres.
 const RANGE_M: f64 = 120.0;
+/// Reach of a town of about 64,000 triangles, metres.
+const NEAR_M: f64 = 38.0;
+/// Reach of the whole town, metres.
+const WHOLE_M: f64 = 200.0;
 const ROUNDS: usize = 15;
 
 fn triangles(scene: &Scene, instance: &Instance) -> usize {
@@ -21,36 +25,6 @@ fn triangles(scene: &Scene, instance: &Instance) -> usize {
 
 fn all(scene: &Scene) -> impl Iterator<Item = &Instance> {
     scene.statics().instances().iter().chain(&scene.dynamics)
-}
-
-/// The town's instances nearest to the sensor, up to a number of triangles; the ground counts as near.
-fn near_town(most: usize) -> Scene {
-    let whole = town(WeatherPreset::ClearNoon, 1);
-    let distance = |instance: &Instance| {
-        let at = instance.map_from_body.origin().coords;
-        let (_, radius) = whole.meshes.get(instance.mesh).sphere();
-        (at.x - SENSOR_M[0]).powi(2) + (at.y - SENSOR_M[1]).powi(2) - f64::from(radius).powi(2)
-    };
-    let mut order: Vec<(f64, bool, Instance)> = Vec::new();
-    order.extend(whole.statics().instances().iter().map(|i| (distance(i), true, *i)));
-    order.extend(whole.dynamics.iter().map(|i| (distance(i), false, *i)));
-    order.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut scene = whole.clone();
-    scene.clear_statics();
-    scene.dynamics.clear();
-    let mut count = 0;
-    for (_, is_static, instance) in order {
-        count += triangles(&whole, &instance);
-        if count > most {
-            break;
-        }
-        if is_static {
-            scene.add_static(instance);
-        } else {
-            scene.dynamics.push(instance);
-        }
-    }
-    scene
 }
 
 /// The same instances as trimeshes of a physics world.
@@ -198,9 +172,9 @@ fn main() {
         return;
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "lidar");
-    let near = near_town(64_500);
+    let near = town(WeatherPreset::ClearNoon, 1, NEAR_M);
     compare(&mut rows, &near, true);
-    compare(&mut rows, &town(WeatherPreset::ClearNoon, 1), false);
+    compare(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M), false);
     trees(&mut rows, &near);
     rows.finish();
 }

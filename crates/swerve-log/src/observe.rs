@@ -2,7 +2,9 @@
 
 use std::io::Write;
 
-use swerve_flow::{Decision, DropReason, EndReason, ErasedPayload, Event, Observer, Publication, Reaction, RunReport};
+use swerve_flow::{
+    Decision, DropReason, EndReason, ErasedPayload, Event, Observer, Publication, Reaction, RunReport,
+};
 
 use crate::record::{
     DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,

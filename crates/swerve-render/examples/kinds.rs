@@ -1,4 +1,5 @@
-//! Draws every kind of shape in rows: `cargo run --release -p swerve-render --example kinds -- out.png [weather]`.
+//! Draws every kind of shape in rows: `cargo run --release -p swerve-render --example kinds -- out.png
+//! [weather]`.
 
 use std::error::Error;
 use std::fs::File;
@@ -6,8 +7,8 @@ use std::io::BufWriter;
 
 use swerve_geom::{Ego, Map, Point, Point2, Transform};
 use swerve_render::{
-    Camera, CameraSpec, Frame, Instance, Intrinsics, Kind, Look, Motion, Outputs, RenderOptions, Renderer,
-    RoadLayout, Scene, Shutter, SideOfRoad, View, WeatherPreset, lamps, mount, road_pieces,
+    Camera, CameraSpec, Frame, Instance, Intrinsics, Kind, Outputs, RenderOptions, Renderer, RoadLayout,
+    Scene, Shutter, SideOfRoad, View, WeatherPreset, lamps, mount, road_pieces,
 };
 
 /// Kinds, nearest row first, each row from the left.
@@ -43,12 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         right_side: verge,
         ..RoadLayout::street(vec![Point2::new(-5.0, 0.0), Point2::new(80.0, 0.0)], 30.0, 30.0)
     };
-    for piece in road_pieces(&square, 1) {
-        let mesh = scene.meshes.add(piece.mesh);
-        let (look, motion) = (Look::default(), Motion::default());
-        let (map_from_body, class) = (piece.map_from_body, piece.class);
-        scene.add_static(Instance { mesh, map_from_body, instance_id: 0, class, look, motion });
-    }
+    road_pieces(&square, 1).into_iter().for_each(|piece| scene.add_piece(piece));
     let mut id = 0;
     for (kinds, (x, spread, yaw)) in
         ROWS.iter().zip([(8.5, 10.5, 2.6), (15.0, 18.0, 2.5), (26.0, 34.0, 3.8), (50.0, 60.0, 3.1)])

@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let preset: LidarPreset = arguments.next().unwrap_or_else(|| "os1_64".to_owned()).parse()?;
     let weather: WeatherPreset = arguments.next().unwrap_or_else(|| "clear_noon".to_owned()).parse()?;
     let colours = arguments.next().unwrap_or_else(|| "height".to_owned());
-    let tree = SceneTree::new(&town(weather, 1))?;
+    let tree = SceneTree::new(&town(weather, 1, 200.0))?;
     let spec = preset.spec();
     let rings = spec.beams.len();
     let mut cloud = Cloud::new(&spec, true);

@@ -1,8 +1,9 @@
 //! The camera: intrinsics, lens, exposure, noise, shutter; and the closed forms of its projection.
 //!
 //! **Frame.** `Camera` of `swerve-geom`: x right, y down, z forward along the optical axis.
-//! A pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)` of the image plane; its centre is at
-//! `(column + 0.5, row + 0.5)`, and so the principal point of a symmetric camera is at half the image's size.
+//! A pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)` of the image plane; its centre is
+//! at `(column + 0.5, row + 0.5)`, and so the principal point of a symmetric camera is at half the image's
+//! size.
 
 mod distortion;
 
@@ -47,7 +48,8 @@ pub enum Exposure {
 pub struct SensorNoise {
     /// Standard deviation of the read-out, as a share of full scale.
     pub read: f64,
-    /// Standard deviation of the photon count at full scale, as a share of it; grows with the root of the signal.
+    /// Standard deviation of the photon count at full scale, as a share of it; grows with the root of the
+    /// signal.
     pub shot: f64,
     /// Which noise.
     pub seed: u64,
@@ -65,9 +67,9 @@ pub struct Shutter {
     /// Time that light is gathered, seconds; with `blur_samples` above 1 motion blurs the colour
     /// image.
     pub exposure_s: f64,
-    /// Sub-frames that make the colour image; 1 for a single one. They differ by parts of a pixel, which smooths
-    /// edges, and in their instants, spread over the exposure. Depth and ids are of one of them, at the pixels'
-    /// centres.
+    /// Sub-frames that make the colour image; 1 for a single one. They differ by parts of a pixel, which
+    /// smooths edges, and in their instants, spread over the exposure. Depth and ids are of one of them, at
+    /// the pixels' centres.
     pub blur_samples: u32,
     /// Time between the first and the last row, seconds; 0 for a global shutter.
     pub readout_s: f64,
@@ -217,8 +219,8 @@ impl Camera {
         [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
     }
 
-    /// Where a point appears, pixels `(column, row)` with the lens; `None` when it is not in front of the camera.
-    /// The pixel may lie outside the image.
+    /// Where a point appears, pixels `(column, row)` with the lens; `None` when it is not in front of the
+    /// camera. The pixel may lie outside the image.
     pub fn project(&self, point: Point<swerve_geom::Camera>) -> Option<[f64; 2]> {
         let p = point.coords;
         (p.z >= self.spec.near_m).then(|| {
@@ -304,8 +306,8 @@ fn check_shutter(shutter: &Shutter) -> Result<(), CameraError> {
 
 /// Where a camera sits on the ego vehicle.
 ///
-/// Position in the ego frame; roll, pitch, yaw of the *body* of the camera (x forward, y left, z up) as for any
-/// other part: all zero looks straight ahead, positive pitch looks down, positive yaw to the left.
+/// Position in the ego frame; roll, pitch, yaw of the *body* of the camera (x forward, y left, z up) as for
+/// any other part: all zero looks straight ahead, positive pitch looks down, positive yaw to the left.
 pub fn mount(
     position_m: [f64; 3],
     roll_rad: f64,

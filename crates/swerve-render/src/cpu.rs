@@ -1,10 +1,11 @@
 //! The rasteriser: triangles to planes, bands of rows to nearest triangles, pixels to light, light to bytes.
 //!
-//! Each pass goes through the same steps: which instances may be seen ([`resolve`]), their triangles as planes
-//! over the image ([`geometry`]), what the sun and the sky see of the moving ones ([`shadow`]), and then for
-//! each band of sixteen rows the nearest triangle of every pixel ([`raster`]), its light ([`shade`]) and the
-//! camera's answer to that ([`sensor`]). Bands and chunks of triangles are the units of work; neither depends
-//! on the number of threads, and all arithmetic is `f32` in a fixed order, without fused operations.
+//! Each pass goes through the same steps: which instances may be seen ([`resolve`]), their triangles as
+//! planes over the image ([`geometry`]), what the sun and the sky see of the moving ones ([`shadow`]), and
+//! then for each band of sixteen rows the nearest triangle of every pixel ([`raster`]), its light
+//! ([`shade`]) and the camera's answer to that ([`sensor`]). Bands and chunks of triangles are the units of
+//! work; neither depends on the number of threads, and all arithmetic is `f32` in a fixed order, without
+//! fused operations.
 
 mod geometry;
 mod lens;
@@ -464,34 +465,51 @@ impl Target<'_> {
         (plane[0] * x + (plane[1] * y + plane[2])).clamp(0.67 * near, 1.5 * near)
     }
 
-    fn write_ids(&self, ids: &[u32], semantic: Option<&mut [u8]>, instance: Option<&mut [u32]>) {
-        let surface = |id: u32| {
-            let raster = &self.chunks[(id >> ID_BITS) as usize].raster;
-            &self.surfaces[raster[(id & ((1 << ID_BITS) - 1)) as usize].surface as usize]
-        };
+    /// Classes and instances of triangles.
+    fn write_ids(&self, ids: &[u32], mut semantic: Option<&mut [u8]>, mut instance: Option<&mut [u32]>) {
+        if semantic.is_none() && instance.is_none() {
+            return;
+        }
         // Neighbours mostly show the same triangle.
-        let (mut last, mut class, mut number) = (NONE, SemanticClass::Sky as u8, 0);
-        let mut look_up = |id: u32| {
-            if id != last {
-                last = id;
-                (class, number) = if id == NONE {
-                    (SemanticClass::Sky as u8, 0)
-                } else {
-                    (surface(id).class, surface(id).instance)
-                };
+        for (block, ids) in ids.chunks(16).enumerate() {
+            let (from, first) = (16 * block, ids[0]);
+            let mut label = self.label(first);
+            if ids.len() == 16 && ids.iter().fold(0, |different, id| different | (id ^ first)) == 0 {
+                let semantic =
+                    semantic.as_deref_mut().and_then(|image| image[from..].first_chunk_mut::<16>());
+                let instance =
+                    instance.as_deref_mut().and_then(|image| image[from..].first_chunk_mut::<16>());
+                if let Some(semantic) = semantic {
+                    *semantic = [label.0; 16];
+                }
+                if let Some(instance) = instance {
+                    *instance = [label.1; 16];
+                }
+                continue;
             }
-            (class, number)
-        };
-        match (semantic, instance) {
-            (Some(semantic), Some(instance)) => {
-                for ((id, semantic), instance) in ids.iter().zip(semantic).zip(instance) {
-                    (*semantic, *instance) = look_up(*id);
+            let mut last = first;
+            for (k, id) in ids.iter().enumerate() {
+                if *id != last {
+                    (last, label) = (*id, self.label(*id));
+                }
+                if let Some(semantic) = &mut semantic {
+                    semantic[from + k] = label.0;
+                }
+                if let Some(instance) = &mut instance {
+                    instance[from + k] = label.1;
                 }
             }
-            (Some(semantic), None) => ids.iter().zip(semantic).for_each(|(id, s)| *s = look_up(*id).0),
-            (None, Some(instance)) => ids.iter().zip(instance).for_each(|(id, i)| *i = look_up(*id).1),
-            (None, None) => {}
         }
+    }
+
+    /// Class and instance of a triangle.
+    fn label(&self, id: u32) -> (u8, u32) {
+        if id == NONE {
+            return (SemanticClass::Sky as u8, 0);
+        }
+        let of_triangle = &self.chunks[(id >> ID_BITS) as usize].surfaces;
+        let surface = &self.surfaces[of_triangle[(id & ((1 << ID_BITS) - 1)) as usize] as usize];
+        (surface.class, surface.instance)
     }
 
     /// Adds eight pixels to the sums of sub-frames, and writes them when they are complete.

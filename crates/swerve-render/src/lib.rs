@@ -1,7 +1,7 @@
 //! What a camera sees of a scene: procedural shapes, weather, camera model, and a rasteriser for the CPU.
 //!
-//! Fill a [`Scene`] from any world (poses, kinds, seeds; nothing here knows the simulator), make a [`Camera`],
-//! and let a [`Renderer`] write colour, depth, semantic and instance images into memory of yours:
+//! Fill a [`Scene`] from any world (poses, kinds, seeds; nothing here knows the simulator), make a
+//! [`Camera`], and let a [`Renderer`] write colour, depth, semantic and instance images into memory of yours:
 //!
 //! ```text
 //! MeshLibrary::model ─> Instance ─┐
@@ -12,9 +12,10 @@
 //! **Frames.** Map and body: x forward, y left, z up. Camera: x right, y down, z forward; [`camera::mount`]
 //! makes one from a position and angles on the vehicle. Colours are linear inside, sRGB in the image.
 //!
-//! **Promises.** The images are a function of scene, view and options: not of earlier passes, of the number of
-//! threads, or of the x86-64 machine. Ids are never blended. What can be kept between passes (static shadow
-//! maps, lens maps) is keyed by content. A pass into used buffers allocates nothing that grows with the image.
+//! **Promises.** The images are a function of scene, view and options: not of earlier passes, of the number
+//! of threads, or of the x86-64 machine. Ids are never blended. What can be kept between passes (static
+//! shadow maps, lens maps) is keyed by content. A pass into used buffers allocates nothing that grows with
+//! the image.
 //!
 //! Other sensors read the same scene: [`Mesh`] has the triangles, [`Material`] the reflectance for lidars. [`lidar`]
 //! has those, and rays for whoever asks what is in the way.
@@ -23,6 +24,7 @@ pub mod camera;
 mod class;
 mod cpu;
 mod frame;
+mod furnish;
 mod hash;
 mod library;
 pub mod lidar;
@@ -42,6 +44,7 @@ pub use camera::{
 };
 pub use class::SemanticClass;
 pub use frame::{Frame, FrameMut, FrameSizeError, Outputs};
+pub use furnish::{Furnishing, furnish, ground_pieces};
 pub use library::{
     Kind, LaneLine, LinePattern, MeshId, MeshLibrary, Model, PHASES, RoadLayout, RoadPiece, SideOfRoad, Size,
     road_pieces, walk_phase,

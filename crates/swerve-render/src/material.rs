@@ -3,7 +3,8 @@
 use crate::SemanticClass;
 use crate::hash::Key;
 
-/// Patterns that mix a material's two colours; baked once into square tiles of grey, see [`Material::tile_m`].
+/// Patterns that mix a material's two colours; baked once into square tiles of grey, see
+/// [`Material::tile_m`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default)]
 #[repr(u8)]
 pub enum Texture {

@@ -7,8 +7,8 @@ pub(crate) use builder::{Builder, Placed, circle};
 use crate::hash::Key;
 use crate::material::Material;
 
-/// Frame of one mesh: x forward, y left, z up; for things that stand on the ground the origin is on it, at the
-/// centre of their footprint.
+/// Frame of one mesh: x forward, y left, z up; for things that stand on the ground the origin is on it, at
+/// the centre of their footprint.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Body;
 
@@ -79,6 +79,9 @@ pub enum MeshError {
 /// Most triangles of one mesh.
 pub const MESH_TRIANGLES_MAX: usize = 1 << 22;
 
+/// What is not higher than this above the lowest point is where a thing stands, metres.
+const BASE_M: f32 = 0.8;
+
 /// A checked mesh that no longer changes.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Mesh {
@@ -86,6 +89,8 @@ pub struct Mesh {
     min: [f32; 3],
     max: [f32; 3],
     radius_m: f32,
+    /// Smallest and largest x and y of what is near the ground.
+    base: [[f32; 2]; 2],
     key: Key,
 }
 
@@ -149,7 +154,11 @@ impl Mesh {
             key.word(u32::from(*material));
         }
         parts.materials.iter().for_each(|material| material.add_to(&mut key));
-        Self { parts, min, max, radius_m, key }
+        let low = parts.positions.iter().filter(|p| p[2] <= min[2] + BASE_M);
+        let base = low.fold([[f32::INFINITY; 2], [f32::NEG_INFINITY; 2]], |[a, b], p| {
+            [[a[0].min(p[0]), a[1].min(p[1])], [b[0].max(p[0]), b[1].max(p[1])]]
+        });
+        Self { parts, min, max, radius_m, base, key }
     }
 
     /// Of each vertex.
@@ -190,6 +199,11 @@ impl Mesh {
     /// Centre of the bounds, and the radius around it that holds every vertex.
     pub fn sphere(&self) -> ([f32; 3], f32) {
         ([0, 1, 2].map(|axis| 0.5 * (self.min[axis] + self.max[axis])), self.radius_m)
+    }
+
+    /// Smallest and largest x and y of what is near its lowest point: where it stands.
+    pub(crate) fn base(&self) -> [[f32; 2]; 2] {
+        self.base
     }
 
     pub(crate) fn key(&self) -> Key {

@@ -38,8 +38,8 @@ impl Backend {
 pub struct RenderOptions {
     /// Which back end.
     pub backend: Backend,
-    /// Threads of the CPU back end. With 1 (or 0) all is done on the caller's thread; with more on that many of the
-    /// renderer's own, while the caller waits.
+    /// Threads of the CPU back end. With 1 (or 0) all is done on the caller's thread; with more on that
+    /// many of the renderer's own, while the caller waits.
     pub threads: usize,
 }
 
@@ -129,7 +129,8 @@ impl Renderer {
     /// The images are a function of scene, view and options alone, not of earlier passes.
     ///
     /// # Errors
-    /// Images of the wrong size, a weather out of its range, a pose that is not finite; nothing is written then.
+    /// Images of the wrong size, a weather out of its range, a pose that is not finite; nothing is written
+    /// then.
     pub fn render(&mut self, scene: &Scene, view: &View<'_>, out: FrameMut<'_>) -> Result<(), RenderError> {
         out.check(view.camera)?;
         scene.weather.check()?;
@@ -164,4 +165,21 @@ fn check_finite(scene: &Scene, view: &View<'_>) -> Result<(), RenderError> {
         fine(finite, "a light")?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Scenes are read and renderers are moved by worker threads; this compiles only if they can be.
+    #[test]
+    fn scenes_are_shared_and_renderers_moved() {
+        fn shared<T: Send + Sync>(_: &T) {}
+        fn moved<T: Send>(_: T) {}
+        shared(&Scene::default());
+        let renderer = Renderer::new(RenderOptions::default()).expect("no threads are needed");
+        assert_eq!((renderer.backend(), renderer.backend().name()), (Backend::Cpu, "cpu"));
+        assert!(renderer.backend().is_portable());
+        moved(renderer);
+    }
 }

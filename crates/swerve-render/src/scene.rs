@@ -4,7 +4,7 @@ use swerve_geom::{Map, Point, Transform};
 
 use crate::SemanticClass;
 use crate::hash::Key;
-use crate::library::{MeshId, MeshLibrary, Model};
+use crate::library::{MeshId, MeshLibrary, Model, RoadPiece};
 use crate::mesh::Body;
 use crate::weather::{Sun, Weather, WeatherPreset};
 
@@ -229,6 +229,14 @@ impl Scene {
         instance.add_to(&mut self.statics.version);
         self.statics.version.long(self.meshes.get(instance.mesh).key().0);
         self.statics.instances.push(instance);
+    }
+
+    /// Adds a piece of road or ground.
+    pub fn add_piece(&mut self, piece: RoadPiece) {
+        let RoadPiece { mesh, class, map_from_body } = piece;
+        let mesh = self.meshes.add(mesh);
+        let (look, motion) = (Look::default(), Motion::default());
+        self.add_static(Instance { mesh, map_from_body, instance_id: 0, class, look, motion });
     }
 
     /// Takes everything away that never moves.

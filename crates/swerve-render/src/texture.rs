@@ -57,7 +57,8 @@ impl Tiles {
         TILES.get_or_init(Self::bake)
     }
 
-    /// Word `index` of all tiles; the index is taken from a tile's base, level offset and wrapped coordinates.
+    /// Word `index` of all tiles; the index is taken from a tile's base, level offset and wrapped
+    /// coordinates.
     pub(crate) fn words(&self) -> &[u32] {
         &self.words
     }

@@ -1,9 +1,11 @@
 //! From instances to triangles on the image: culling, transformation, set-up.
 //!
 //! Edges and attributes are planes over the image (Olano and Greer 1997): for a triangle with corners `A B C`
-//! in the camera frame, the ray `r = (x, y, 1)` meets it at `z r = αA + βB + γC`, and `γ/z = (A x B)·r / det`.
-//! So every attribute over depth is affine in the pixel, and no triangle need be clipped: corners behind the
-//! camera are as good as others.
+//! in the camera frame, the ray `r = (x, y, 1)` meets it at `z r = αA + βB + γC`, and
+//! `γ/z = (A x B)·r / det`. So every attribute over depth is affine in the pixel, and no triangle need be
+//! clipped: corners behind the camera are as good as others.
+
+use wide::f32x4;
 
 use super::resolve::Item;
 use crate::mesh::Mesh;
@@ -39,12 +41,10 @@ pub(super) struct TriRaster {
     pub(super) rows: [u16; 2],
     /// Bits 0 to 2: the edge bounds the inside from the left. Bit 3: parts are nearer than the near plane.
     pub(super) flags: u32,
-    /// Entry in the table of surfaces.
-    pub(super) surface: u32,
 }
 
-/// What shading needs besides, over depth and padded to whole quads: inverse depth, u, v, and the normal in the
-/// map frame, a plane each.
+/// What shading needs besides, over depth and padded to whole quads: inverse depth, u, v, and the normal in
+/// the map frame, a plane each.
 pub(super) type TriShade = [f32; 20];
 
 /// Rows that share lists of triangles, and are the unit of work.
@@ -55,16 +55,19 @@ pub(super) const BAND: usize = 16;
 pub(super) struct Chunk {
     pub(super) raster: Vec<TriRaster>,
     pub(super) shade: Vec<TriShade>,
+    /// Of each triangle: entry in the table of surfaces.
+    pub(super) surfaces: Vec<u32>,
     /// For each band the triangles that touch it, in order.
     pub(super) bands: Vec<Vec<u32>>,
     corners: Vec<Corner>,
 }
 
-/// A vertex in the camera frame, in double precision so that shared edges are exactly shared.
+/// A vertex before the camera.
 #[derive(Clone, Copy, Debug)]
 struct Corner {
+    /// In the camera frame.
     p: [f32; 3],
-    /// Pixel.
+    /// Pixel, if it is not nearer than the near plane.
     x: f32,
     y: f32,
     /// Bits: outside of left, right, top, bottom, far; nearer than near.
@@ -132,6 +135,7 @@ impl Chunk {
     pub(super) fn clear(&mut self, height: usize) {
         self.raster.clear();
         self.shade.clear();
+        self.surfaces.clear();
         let bands = height.div_ceil(BAND);
         self.bands.resize_with(bands.max(self.bands.len()), Vec::new);
         self.bands.iter_mut().for_each(Vec::clear);
@@ -148,7 +152,10 @@ impl Chunk {
         let placement = &item.placement;
         self.corners.clear();
         let view = Viewport::new(image, rows);
-        self.corners.extend(mesh.positions().iter().map(|p| view.corner(placement, *p)));
+        let mover = view.mover(placement);
+        for position in mesh.positions() {
+            self.corners.push(mover.corner(*position));
+        }
         let (triangles, materials) = (mesh.triangles(), mesh.triangle_materials());
         let range = item.range.0..item.range.1;
         for (triangle, material) in triangles[range.clone()].iter().zip(&materials[range]) {
@@ -166,9 +173,10 @@ impl Chunk {
             }
             let (b, c) = if flipped { (c, b) } else { (b, c) };
             let Some((columns, span)) = view.bounds([a, b, c]) else { continue };
-            let Some((raster, planes)) = set_up(image, [a, b, c], (columns, span), surface) else { continue };
+            let Some((raster, planes)) = set_up(image, [a, b, c], (columns, span)) else { continue };
             let id = self.raster.len() as u32;
             self.raster.push(raster);
+            self.surfaces.push(surface);
             if shaded {
                 let order = if flipped { [triangle[0], triangle[2], triangle[1]] } else { *triangle };
                 self.shade.push(shade((mesh, item), order.map(|k| k as usize), &planes, flipped));
@@ -201,19 +209,23 @@ impl<'a> Viewport<'a> {
         Self { image, f, c, left, right, top, bottom, rows }
     }
 
-    fn corner(&self, placement: &Placement, position: [f32; 3]) -> Corner {
-        let [x, y, z] = turn(&placement.camera, position);
-        let p = [x + placement.offset[0], y + placement.offset[1], z + placement.offset[2]];
-        let (u, v) = (self.f[0] * p[0], self.f[1] * p[1]);
-        let bit = |condition: bool, k: u32| u32::from(condition) << k;
-        let out = bit(p[2] < self.image.near, 0)
-            | bit(u < self.left * p[2], 1)
-            | bit(u > self.right * p[2], 2)
-            | bit(v < self.top * p[2], 3)
-            | bit(v > self.bottom * p[2], 4)
-            | bit(p[2] > self.image.far, 5);
-        let inverse = 1.0 / p[2].max(1e-6);
-        Corner { p, x: u * inverse + self.c[0], y: v * inverse + self.c[1], out }
+    /// What takes vertices of something placed to corners.
+    fn mover(&self, placement: &Placement) -> Mover {
+        let m = placement.camera;
+        let column = |k: usize| f32x4::new([m[0][k], m[1][k], m[2][k], 0.0]);
+        let [x, y, z] = placement.offset;
+        Mover {
+            columns: [column(0), column(1), column(2), f32x4::new([x, y, z, 0.0])],
+            sides: [
+                f32x4::new([self.f[0], -self.f[0], 0.0, 0.0]),
+                f32x4::new([0.0, 0.0, self.f[1], -self.f[1]]),
+                f32x4::new([-self.left, self.right, -self.top, self.bottom]),
+            ],
+            f: self.f,
+            c: self.c,
+            near: self.image.near,
+            far: self.image.far,
+        }
     }
 
     /// Columns and rows that a triangle may cover, `None` if it covers no centre of a pixel.
@@ -251,6 +263,34 @@ impl<'a> Viewport<'a> {
     }
 }
 
+/// Takes vertices to corners.
+struct Mover {
+    /// Of the matrix from the body to the camera, and its translation.
+    columns: [f32x4; 4],
+    /// Factors of x, y and z in the distances from the four sides of the viewport.
+    sides: [f32x4; 3],
+    f: [f32; 2],
+    c: [f32; 2],
+    near: f32,
+    far: f32,
+}
+
+impl Mover {
+    #[inline]
+    fn corner(&self, [x, y, z]: [f32; 3]) -> Corner {
+        let [i, j, k, offset] = self.columns;
+        let moved = i * f32x4::splat(x) + j * f32x4::splat(y) + (k * f32x4::splat(z) + offset);
+        let [x, y, z, _] = moved.to_array();
+        let [by_x, by_y, by_z] = self.sides;
+        let distances = by_x * f32x4::splat(x) + by_y * f32x4::splat(y) + by_z * f32x4::splat(z);
+        // The signs of the four distances.
+        let out = distances.to_bitmask() << 1 | u32::from(z < self.near) | u32::from(z > self.far) << 5;
+        let inverse = 1.0 / z.max(1e-6);
+        let pixel = [self.f[0] * x * inverse + self.c[0], self.f[1] * y * inverse + self.c[1]];
+        Corner { p: [x, y, z], x: pixel[0], y: pixel[1], out }
+    }
+}
+
 /// Planes of the barycentric coordinates over depth, for the attributes.
 struct Barycentric([[f64; 3]; 3]);
 
@@ -271,17 +311,17 @@ fn set_up(
     image: &Pinhole,
     corners: [Corner; 3],
     (columns, rows): ([u16; 2], [u16; 2]),
-    surface: u32,
 ) -> Option<(TriRaster, Barycentric)> {
     let [a, b, c] = corners.map(|corner| corner.p.map(f64::from));
-    // Opposite edges in the order of the corners; a shared edge gives exactly opposite numbers in its neighbour.
+    // Opposite edges in the order of the corners; a shared edge gives exactly opposite numbers in its
+    // neighbour.
     let opposite = [cross64(b, c), cross64(c, a), cross64(a, b)];
     let det = a[0] * opposite[0][0] + a[1] * opposite[0][1] + a[2] * opposite[0][2];
     if det >= 0.0 {
         return None;
     }
     let (over_fx, over_fy) = (1.0 / image.fx, 1.0 / image.fy);
-    let mut raster = TriRaster { columns, rows, surface, ..TriRaster::default() };
+    let mut raster = TriRaster { columns, rows, ..TriRaster::default() };
     let over_det = 1.0 / det;
     let mut planes = [[0.0; 3]; 3];
     for k in 0..3 {

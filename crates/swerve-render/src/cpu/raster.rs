@@ -73,12 +73,32 @@ fn span<const NEAR: bool>(triangle: &TriRaster, y: f32, id: u32, near: f32, w: &
     }
     let row = triangle.w[1] * y + triangle.w[2];
     let slope = triangle.w[0];
-    let (w, ids) = (&mut w[from as usize..to as usize], &mut ids[from as usize..to as usize]);
     let limit = if NEAR { 1.0 / near } else { f32::INFINITY };
-    for (k, (w, seen)) in w.iter_mut().zip(ids).enumerate() {
-        let here = slope * (from + k as i32) as f32 + row;
-        let nearer = if NEAR { here > *w && here <= limit } else { here > *w };
-        *w = if nearer { here } else { *w };
-        *seen = if nearer { id } else { *seen };
+    let (from, to) = (from as usize, to as usize);
+    let (first, last) = (f32x4::splat(from as f32), f32x4::splat(to as f32));
+    // Fours from the last multiple of four before the span on; the image may end within one.
+    let mut x = from & !3;
+    while x < to {
+        let (Some(w), Some(ids)) = (w[x..].first_chunk_mut::<4>(), ids[x..].first_chunk_mut::<4>()) else {
+            break;
+        };
+        let columns = f32x4::splat(x as f32) + f32x4::new([0.0, 1.0, 2.0, 3.0]);
+        let here = f32x4::splat(slope) * columns + f32x4::splat(row);
+        let before = f32x4::new(*w);
+        let mut nearer = here.simd_gt(before) & columns.simd_ge(first) & columns.simd_lt(last);
+        if NEAR {
+            nearer &= here.simd_le(f32x4::splat(limit));
+        }
+        *w = nearer.select(here, before).to_array();
+        // Ids pass through as bits.
+        let seen = f32x4::new(ids.map(f32::from_bits));
+        *ids = nearer.select(f32x4::splat(f32::from_bits(id)), seen).to_array().map(f32::to_bits);
+        x += 4;
+    }
+    for x in x.max(from)..to {
+        let here = slope * x as f32 + row;
+        if here > w[x] && (!NEAR || here <= limit) {
+            (w[x], ids[x]) = (here, id);
+        }
     }
 }

@@ -99,7 +99,8 @@ impl<'a> Rows<'a> {
         (upper, lower)
     }
 
-    /// Calls `work` for each band of rows; on all threads of the pool in which this is called, if there is one.
+    /// Calls `work` for each band of rows; on all threads of the pool in which this is called, if there is
+    /// one.
     pub(super) fn each_band(self, parallel: bool, work: &(impl Fn(Rows<'_>) + Sync)) {
         let bands = self.count.div_ceil(BAND);
         if bands <= 1 {

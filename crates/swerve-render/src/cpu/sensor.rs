@@ -142,8 +142,8 @@ impl<'a> Sensor<'a> {
 
 /// Tone curve, 0 to 255.
 ///
-/// A filmic curve with a toe and a shoulder (Narkowicz's fit to that of ACES) followed by that of sRGB, both at
-/// once: a quotient of two squares in the root of the signal, fitted to within 0.9 of 255.
+/// A filmic curve with a toe and a shoulder (Narkowicz's fit to that of ACES) followed by that of sRGB,
+/// both at once: a quotient of two squares in the root of the signal, fitted to within 0.9 of 255.
 fn tone(x: F) -> wide::i32x8 {
     let t = x.fast_max(F::ZERO).fast_min(F::splat(64.0)).sqrt();
     let up = t * (t * F::splat(0.997_46) - F::splat(0.017_452));

@@ -178,7 +178,7 @@ impl Shading<'_> {
     fn triangle(&self, id: u32) -> (&TriShade, &Surface) {
         let chunk = &self.chunks[(id >> ID_BITS) as usize];
         let index = (id & ((1 << ID_BITS) - 1)) as usize;
-        (&chunk.shade[index], &self.surfaces[chunk.raster[index].surface as usize])
+        (&chunk.shade[index], &self.surfaces[chunk.surfaces[index] as usize])
     }
 
     /// One triangle in all eight pixels.
@@ -289,8 +289,8 @@ impl Shading<'_> {
         mix8(splat3(environment.fog), colour, clear)
     }
 
-    /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared; with the level of
-    /// the first for `all` if they have one texture and much the same footprint.
+    /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared; with the
+    /// level of the first for `all` if they have one texture and much the same footprint.
     fn sample(&self, base: &[u32; 8], all: bool, (u, v): (F, F), footprint: F) -> F {
         // Half the exponent, rounded up, is the level.
         let level = |footprint: f32| ((footprint.clamp(1.0, 60_000.0).to_bits() >> 23) - 126) >> 1;
@@ -452,10 +452,9 @@ impl Shading<'_> {
         let near = dot8(direction, splat3(environment.sun)).fast_max(F::ZERO);
         let n2 = near * near;
         let n4 = n2 * n2;
-        let n16 = n4 * n4 * n4 * n4;
-        let n64 = n16 * n16 * n16 * n16;
-        let n1024 =
-            n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64 * n64;
+        let squared = |x: F| x * x;
+        let n64 = squared(squared(squared(squared(n4))));
+        let n1024 = squared(squared(squared(squared(n64))));
         let disc = near.simd_gt(splat(0.999_96)).select(splat(12.0), F::ZERO);
         let halo = n4 * splat(0.10) + n64 * splat(0.35) + n1024 * splat(1.2);
         let clear = 1.0 - environment.cloudiness;

@@ -144,7 +144,8 @@ impl ShadowMaps {
         self.pack([0, SKY_SIDE, 0, SKY_SIDE]);
     }
 
-    /// Takes away what moving things drew in an earlier pass, and draws those that `seen` may show the shadow of.
+    /// Takes away what moving things drew in an earlier pass, and draws those that `seen` may show the
+    /// shadow of.
     pub(super) fn draw_moving(
         &mut self,
         scene: &Scene,
@@ -254,10 +255,10 @@ impl ShadowMaps {
         let (min, max) = mesh.bounds();
         let height = max[2] - min[2];
         let origin = instance.map_from_body.origin().coords;
-        let leafy = instance.class == SemanticClass::Vegetation && height > 2.5;
-        if leafy || height < 0.3 {
+        if height < 0.3 {
             return;
         }
+        let [min, max] = mesh.base();
         let rows = rows_of(&instance.map_from_body).map(|row| row.map(|x| x as f32));
         let middle = [0.5 * (min[0] + max[0]), 0.5 * (min[1] + max[1]), 0.0];
         let place = [0, 1].map(|k| (origin[k] - self.centre[k]) as f32 + dot(rows[k], middle));

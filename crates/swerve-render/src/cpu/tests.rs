@@ -248,9 +248,9 @@ fn digest(frame: &Frame) -> u64 {
 
 /// Changes on purpose only: when shapes, textures or shading change, after a look at the pictures.
 const GOLDEN: [(WeatherPreset, u64); 3] = [
-    (WeatherPreset::ClearNoon, 10_475_055_120_341_319_681),
-    (WeatherPreset::HardRainSunset, 11_622_672_638_831_537_046),
-    (WeatherPreset::ClearNight, 11_406_830_960_323_549_679),
+    (WeatherPreset::ClearNoon, 48_576_911_804_073_683),
+    (WeatherPreset::HardRainSunset, 13_363_621_287_538_823_868),
+    (WeatherPreset::ClearNight, 958_461_889_955_914_264),
 ];
 
 #[test]
@@ -376,7 +376,8 @@ fn blur_and_rolling_shutters_show_motion_and_leave_ids_sharp() {
         let hits: Vec<usize> = (0..160).filter(|c| frame.instance[row * 160 + c] == 1).collect();
         hits.iter().sum::<usize>() as f64 / hits.len() as f64
     };
-    // 20 m/s at 7.5 m are 10.7 pixels over all rows; between the middles of the slabs at 24 and 88, 64 rows apart, 5.7.
+    // 20 m/s at 7.5 m are 10.7 pixels over all rows; between the middles of the slabs at 24 and 88, 64 rows
+    // apart, 5.7.
     let lean = middle(&rolling, 90) - middle(&rolling, 30);
     let upright = middle(&sharp, 90) - middle(&sharp, 30);
     assert!(upright.abs() < 0.01 && (lean - 5.7).abs() < 1.1, "{lean}");

@@ -144,9 +144,9 @@ fn torso(builder: &mut Builder, clothes: Clothes, hips: [f32; 3], neck: [f32; 3]
 fn head(builder: &mut Builder, clothes: Clothes, centre: [f32; 3], size: f32) {
     let saved = builder.place;
     builder.place = Placed::at(centre);
-    builder.ball(clothes.skin, [0.095 * size, 0.077 * size, 0.12 * size], (12, 8), |_, _| 1.0);
+    builder.ball(clothes.skin, [0.095 * size, 0.077 * size, 0.12 * size], (10, 7), |_, _| 1.0);
     builder.place = Placed::at(add(centre, [-0.014 * size, 0.0, 0.022 * size]));
-    builder.ball(clothes.hair, [0.098 * size, 0.085 * size, 0.103 * size], (12, 8), |_, _| 1.0);
+    builder.ball(clothes.hair, [0.098 * size, 0.085 * size, 0.103 * size], (10, 6), |_, _| 1.0);
     builder.place = saved;
 }
 

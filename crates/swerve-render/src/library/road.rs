@@ -168,6 +168,17 @@ fn stations(line: &[Point2<Map>]) -> Vec<Station> {
     all
 }
 
+/// Points a metre apart along a line, with the direction there.
+pub(crate) fn road_line(line: &[Point2<Map>]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
+    let stations = stations(line);
+    let count = stations.last().map_or(0, |station| station.s as usize + 1);
+    (0..count).map(move |s| {
+        let Station { at, left, .. } = at(&stations, s as f32);
+        let length = (left[0] * left[0] + left[1] * left[1]).sqrt().max(1e-6);
+        (at, [left[1] / length, -left[0] / length])
+    })
+}
+
 /// The cross-section at a station in between.
 fn at(stations: &[Station], s: f32) -> Station {
     let next = stations.partition_point(|station| station.s <= s).clamp(1, stations.len() - 1);
@@ -192,8 +203,8 @@ impl Strips<'_> {
         [x as f32, y as f32, z]
     }
 
-    /// A strip between two edges, each an offset and a height, from one station to another. Seen from above if
-    /// the second edge is to the left of the first.
+    /// A strip between two edges, each an offset and a height, from one station to another. Seen from above
+    /// if the second edge is to the left of the first.
     fn strip(&mut self, material: u16, (from, to): (f32, f32), right: (f32, f32), left: (f32, f32)) {
         let inner = self.stations.iter().filter(|station| station.s > from + 1e-3 && station.s < to - 1e-3);
         let mut cuts = vec![at(self.stations, from)];

@@ -7,8 +7,8 @@ use crate::material::{Material, Texture};
 use crate::mesh::{Builder, Mesh, Placed};
 use crate::scene::lamps;
 
-/// One cross-section of a car's profile, as shares: along the length from the front, height of the upper edge,
-/// height of the belt line, half width.
+/// One cross-section of a car's profile, as shares: along the length from the front, height of the upper
+/// edge, height of the belt line, half width.
 type Section = [f32; 4];
 
 /// Side view of a car and where its glass is.

@@ -1,8 +1,10 @@
-//! Bounding volume hierarchies with four children per node, and the walk of one ray through them.
+//! Bounding volume hierarchies with four children per node, and the walks of rays and packets through them.
 //!
 //! Built from the top by the surface area heuristic over sixteen bins (Wald, "On fast Construction of SAH-based
 //! Bounding Volume Hierarchies", 2007); a set is halved until a node has its four children, the largest part
-//! first. The boxes of the four lie side by side, so that one ray meets all of them in one test.
+//! first. The boxes of the four lie side by side, so that one ray meets all of them in one test. A packet tests the
+//! four against what bounds all of its rays first (interval arithmetic: Boulos, Wald, Shirley, "Geometric and
+//! Arithmetic Culling Methods for Entire Ray Packets", 2006), and then its rays against those that are left.
 
 use core::cmp::Ordering;
 

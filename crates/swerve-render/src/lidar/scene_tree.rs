@@ -370,6 +370,8 @@ impl SceneTree {
 
     /// Takes over a scene: what moves anew, what never moves only if it changed.
     ///
+    /// Mesh ids of one tree are those of one library: for a scene with another library make another tree.
+    ///
     /// # Errors
     /// As [`Self::new`]; the tree then stays as it was.
     pub fn update(&mut self, scene: &Scene) -> Result<(), TreeError> {

@@ -314,7 +314,8 @@ impl Volley<'_> {
     /// normalised mean of their quaternions, whose error over one step is below all others.
     fn station(&self, at_ns: i64) -> Station {
         let Firing { begin_ns, begin, end_ns, end, .. } = self.firing;
-        let share = (at_ns - begin_ns) as f64 / (end_ns - begin_ns).max(1) as f64;
+        let since = |ns: i64| ns as f64 - *begin_ns as f64;
+        let share = since(at_ns) / since(*end_ns).max(1.0);
         let (from, to) = (begin.origin().coords, end.origin().coords);
         let origin_m = [0, 1, 2].map(|axis| from[axis] + share * (to[axis] - from[axis]));
         let (from, to) = (begin.rotation(), end.rotation());

@@ -373,7 +373,7 @@ fn points_of_a_plane_fit_it_within_the_noise() {
 
 #[test]
 fn threads_and_pieces_do_not_change_a_byte() {
-    let scene = town(WeatherPreset::SoftRainNoon, 3);
+    let scene = town(WeatherPreset::SoftRainNoon, 3, 60.0);
     let tree = SceneTree::new(&scene).unwrap();
     let pose = Transform::from_roll_pitch_yaw(Point::new(1.0, -1.8, 1.9), 0.01, -0.02, 0.3);
     let spec = few_columns(LidarPreset::Hdl64, 301);
@@ -396,6 +396,35 @@ fn threads_and_pieces_do_not_change_a_byte() {
     sweeper.begin_turn(6, &mut cloud.as_mut());
     sweeper.fire(&tree, &Firing::turn_at_rest(&sweeper, pose), &mut cloud.as_mut()).unwrap();
     assert!(cloud != one, "another turn has other noise");
+}
+
+#[test]
+fn the_same_turn_has_the_same_bits_on_every_machine() {
+    // Own triangles only: a change of the shapes in the library is not a change here.
+    let mut scene = plain();
+    scene.set_weather(WeatherPreset::MidRainyNoon);
+    let mut draws = Draws::new(8, 0xb175);
+    let mut builder = Builder::new(20.0);
+    let material = builder.material(Material::matt([0.5; 3], 0.6));
+    for _ in 0..400 {
+        let middle = [0, 1, 2].map(|axis| draws.between(-30.0, 30.0) * [1.0, 1.0, 0.1][axis]);
+        let corners = [0, 1, 2].map(|_| middle.map(|x| x + draws.between(-2.0, 2.0)));
+        builder.triangle(material, corners, [[0.0; 2]; 3]);
+    }
+    let loose = instance(&mut scene, builder.finish(), unmoved());
+    let pose = Transform::from_roll_pitch_yaw(Point::new(3.0, -4.0, 0.5), 0.1, -0.2, 0.7);
+    scene.dynamics.push(Instance { map_from_body: pose, ..loose });
+    let tree = SceneTree::new(&scene).unwrap();
+    let pose = Transform::from_roll_pitch_yaw(Point::new(1.0, 2.0, 1.9), 0.01, 0.02, 0.3);
+    let cloud = turn(few_columns(LidarPreset::Os1, 500), &tree, pose, 1);
+    let mut key = crate::hash::Key::default();
+    for k in 0..cloud.len {
+        cloud.point_m(k).iter().for_each(|x| key.number(*x));
+        key.number(cloud.intensity[k]);
+        key.number(cloud.offset_s[k]);
+        key.word(u32::from(cloud.ring[k]));
+    }
+    assert_eq!((cloud.len, key.0), (18_611, 3_848_913_233_546_258_641));
 }
 
 #[test]
@@ -692,6 +721,8 @@ fn firing_into_too_little_room_or_from_nowhere_is_refused() {
     let error = sweeper.fire(&tree, &backwards, &mut cloud.as_mut()).unwrap_err();
     assert_eq!(error, FireError::Backwards { by_ns: 6 });
     assert_eq!(cloud.len, 0);
+    let for_ever = Firing { begin_ns: i64::MIN, end_ns: i64::MAX, ..whole };
+    assert_eq!(sweeper.fire(&tree, &for_ever, &mut cloud.as_mut()).unwrap().columns, 0..100);
 }
 
 #[test]
@@ -717,7 +748,7 @@ fn scenes_that_cannot_be_placed_are_refused_and_empty_ones_are_not() {
 
 #[test]
 fn lidar_and_depth_image_agree() {
-    let scene = town(WeatherPreset::ClearNoon, 2);
+    let scene = town(WeatherPreset::ClearNoon, 2, 120.0);
     let tree = SceneTree::new(&scene).unwrap();
     let spec = CameraSpec {
         width_px: 160,

@@ -219,11 +219,11 @@ impl Builder {
         self.place = saved;
     }
 
-    /// A dome on the end of a tube, in two rings.
+    /// A blunt cone on the end of a tube: with common normals it looks round.
     fn cap(&mut self, material: u16, radius: f32, z: f32, up: f32, sides: u32) {
         let ring = circle(sides);
         let count = sides as usize;
-        let levels = [(1.0, 0.0), (0.7, 0.7), (0.0, 1.0)];
+        let levels = [(1.0, 0.0), (0.0, 0.75)];
         for pair in levels.windows(2) {
             for k in 0..count {
                 let p = |(r, h): (f32, f32), k: usize| {
@@ -237,8 +237,8 @@ impl Builder {
         }
     }
 
-    /// Stretches everything so far to fill an outline: centred in x and y, from the ground up in z. A 0 in the
-    /// outline leaves that axis as it is.
+    /// Stretches everything so far to fill an outline: centred in x and y, from the ground up in z. A 0 in
+    /// the outline leaves that axis as it is.
     pub(crate) fn fit(&mut self, outline: [f32; 3]) {
         for (axis, &size) in outline.iter().enumerate().filter(|(_, size)| **size > 0.0) {
             let all = || self.corners.iter().flatten().map(|corner| corner.position[axis]);

@@ -5,7 +5,9 @@ use core::convert::Infallible;
 use embedded_graphics::mono_font::MonoTextStyle;
 use embedded_graphics::mono_font::ascii::{FONT_7X13_BOLD, FONT_10X20};
 use embedded_graphics::pixelcolor::{Rgb888, RgbColor as _};
-use embedded_graphics::prelude::{DrawTarget, Drawable as _, OriginDimensions, Pixel, Point as At, Primitive as _, Size};
+use embedded_graphics::prelude::{
+    DrawTarget, Drawable as _, OriginDimensions, Pixel, Point as At, Primitive as _, Size,
+};
 use embedded_graphics::primitives::{Line, PrimitiveStyle, Rectangle};
 use embedded_graphics::text::Text;
 use swerve_core::Time;
@@ -62,7 +64,8 @@ impl<'a> Canvas<'a> {
                 self.segment(corners[k], corners[4 + k], (colour, 2));
             }
             let ego = world.ego.state.pose.point();
-            let words = format!("{:?} {:.0} m", obstacle.kind, ego.distance(obstacle.pose.point())).to_lowercase();
+            let words =
+                format!("{:?} {:.0} m", obstacle.kind, ego.distance(obstacle.pose.point())).to_lowercase();
             let top = [obstacle.pose.x_m, obstacle.pose.y_m, obstacle.extent.height_m + 0.25];
             if let Some([x, y]) = self.pixel(top) {
                 self.label(At::new(x as i32 - 4 * words.len() as i32, y as i32), &words, colour);
@@ -103,14 +106,17 @@ impl<'a> Canvas<'a> {
 
     /// Words with a dark edge, readable on any ground.
     fn words(&mut self, at: At, text: &str, colour: Rgb888) {
-        for (x, y, ink) in [(1, 1, Rgb888::BLACK), (-1, 1, Rgb888::BLACK), (1, -1, Rgb888::BLACK), (0, 0, colour)] {
+        for (x, y, ink) in
+            [(1, 1, Rgb888::BLACK), (-1, 1, Rgb888::BLACK), (1, -1, Rgb888::BLACK), (0, 0, colour)]
+        {
             let Ok(_) = Text::new(text, at + At::new(x, y), MonoTextStyle::new(&FONT_10X20, ink)).draw(self);
         }
     }
 
     fn label(&mut self, at: At, text: &str, colour: Rgb888) {
         for (x, ink) in [(1, Rgb888::BLACK), (-1, Rgb888::BLACK), (0, colour)] {
-            let Ok(_) = Text::new(text, at + At::new(x, 0), MonoTextStyle::new(&FONT_7X13_BOLD, ink)).draw(self);
+            let Ok(_) =
+                Text::new(text, at + At::new(x, 0), MonoTextStyle::new(&FONT_7X13_BOLD, ink)).draw(self);
         }
     }
 
@@ -132,7 +138,8 @@ impl<'a> Canvas<'a> {
         for k in 0..n {
             if let (Some(from), Some(to)) = (self.pixel(at(k)), self.pixel(at(k + 1))) {
                 let [from, to] = [from, to].map(|[x, y]| At::new(x as i32, y as i32));
-                let Ok(()) = Line::new(from, to).into_styled(PrimitiveStyle::with_stroke(colour, width)).draw(self);
+                let Ok(()) =
+                    Line::new(from, to).into_styled(PrimitiveStyle::with_stroke(colour, width)).draw(self);
             }
         }
     }

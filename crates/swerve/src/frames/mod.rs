@@ -70,14 +70,24 @@ struct Eye {
 }
 
 impl Eye {
-    fn new((width_px, height_px): (u32, u32), fov_deg: f64, at_m: [f64; 3], pitch_deg: f64) -> anyhow::Result<Self> {
+    fn new(
+        (width_px, height_px): (u32, u32),
+        fov_deg: f64,
+        at_m: [f64; 3],
+        pitch_deg: f64,
+    ) -> anyhow::Result<Self> {
         let intrinsics = Intrinsics::HorizontalFovRad(fov_deg.to_radians());
         let camera = Camera::new(CameraSpec { width_px, height_px, intrinsics, ..CameraSpec::default() })?;
         let ego_from_camera = mount(at_m, 0.0, pitch_deg.to_radians(), 0.0);
         Ok(Self { frame: Frame::new(&camera, Outputs::RGB), camera, ego_from_camera, hides_ego: false })
     }
 
-    fn look(&mut self, renderer: &mut Renderer, street: &Street, map_from_ego: Transform<Map, Ego>) -> anyhow::Result<()> {
+    fn look(
+        &mut self,
+        renderer: &mut Renderer,
+        street: &Street,
+        map_from_ego: Transform<Map, Ego>,
+    ) -> anyhow::Result<()> {
         let mut view = View::new(&self.camera, map_from_ego * self.ego_from_camera);
         view.hidden_instance = self.hides_ego.then_some(EGO_INSTANCE);
         Ok(renderer.render(street.scene(), &view, self.frame.as_mut())?)
@@ -103,7 +113,10 @@ impl Frames {
         let eye_m = [ahead_m + 0.35, 0.36, 1.25];
         let mut driver = Eye::new((INSET_WIDTH_PX, INSET_HEIGHT_PX), 75.0, eye_m, 2.0)?;
         driver.hides_ego = true;
-        let cameras = config.camera.iter().map(|(name, camera)| Ok::<_, CameraError>((name.clone(), camera.camera(0)?)));
+        let cameras = config
+            .camera
+            .iter()
+            .map(|(name, camera)| Ok::<_, CameraError>((name.clone(), camera.camera(0)?)));
         Ok(Self {
             folder: folder.to_owned(),
             title,
@@ -212,7 +225,8 @@ fn remove_pictures(folder: &Path) -> anyhow::Result<()> {
     let entries = std::fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))?;
     for entry in entries.flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let is_ours = name.strip_suffix(".png").is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()));
+        let is_ours =
+            name.strip_suffix(".png").is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()));
         if is_ours {
             std::fs::remove_file(entry.path()).with_context(|| format!("removing {name}"))?;
         }

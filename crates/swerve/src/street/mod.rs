@@ -9,14 +9,14 @@ mod scenery;
 mod tests;
 
 use swerve_core::Rng;
-use swerve_geom::{Point, Point2, Polyline, Transform};
-use swerve_msg::ActorKind;
+use swerve_geom::{FrenetPoint, Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, WorldState};
+use swerve_msg::{ActorKind, Signal};
 use swerve_render::{
-    Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps, road_pieces,
-    walk_phase,
+    Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps,
+    road_pieces, walk_phase,
 };
-use swerve_scenario::Scenario;
+use swerve_scenario::{Scenario, TrafficLight};
 use swerve_vehicle::Shape;
 
 /// The ego's id in instance images; actors have their own.
@@ -33,6 +33,8 @@ pub struct Street {
     /// Of each actor of the scenario: what draws its look, and where it started.
     actors: Vec<(u64, Point2)>,
     ego: Model,
+    /// The traffic lights with their lamps off, and what switches them.
+    lights: Vec<(Instance, TrafficLight)>,
     /// From the ego's origin to the middle of its body, metres.
     ego_ahead_m: f64,
     /// How many lights stand along the road; those of vehicles come after them.
@@ -52,7 +54,8 @@ impl Street {
         let size = Size::from_m(ego.length_m, ego.width_m, ego.height_m);
         let model = scene.meshes.model_sized(Kind::Sedan, size, looks(0));
         let fixed_lights = scene.lights.len();
-        Self { scene, actors, ego: model, ego_ahead_m: ego.center_ahead_m(), fixed_lights }
+        let lights = traffic_lights(&mut scene, scenario, &line);
+        Self { scene, actors, ego: model, lights, ego_ahead_m: ego.center_ahead_m(), fixed_lights }
     }
 
     /// The scene of the state shown last.
@@ -73,6 +76,14 @@ impl Street {
             angular_radps: (ego.map_from_ego * ego.angular_velocity_radps).coords.into(),
         };
         self.put_vehicle(instance, self.ego);
+        for (light, switch) in &self.lights {
+            let lamp = match switch.signal(world.stamp) {
+                Signal::Green => lamps::GREEN,
+                Signal::Yellow => lamps::YELLOW,
+                Signal::Red => lamps::RED,
+            };
+            self.scene.dynamics.push(Instance { look: light.look.with_lamp(lamp, true), ..*light });
+        }
         for actor in &world.actors {
             self.put(actor);
         }
@@ -133,13 +144,25 @@ fn shape(actor: &Actor, look: u64, start: Point2) -> (Kind, Option<Size>) {
     }
 }
 
+/// The lights of the ego's lane, facing who comes along it.
+fn traffic_lights(scene: &mut Scene, scenario: &Scenario, line: &Polyline) -> Vec<(Instance, TrafficLight)> {
+    let model = scene.meshes.model(Kind::TrafficLight, 1);
+    let placed = |light: &TrafficLight| {
+        let at = line.to_map(FrenetPoint { s_m: light.s_m, d_m: light.d_m });
+        let yaw_rad = line.at(light.s_m).pose.heading_rad + core::f64::consts::PI;
+        (Instance::new(&model, at.x_m, at.y_m, yaw_rad), light.clone())
+    };
+    scenario.road.lights.iter().map(placed).collect()
+}
+
 /// The road with its markings, a lane's width apart, and the pavements beside it.
 fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
     let road = &scenario.road;
     let (left_m, right_m) = (road.left_m as f32, road.right_m as f32);
     let mut layout = RoadLayout::street(extended(line), left_m, right_m);
     let dashes = layout.lines.pop().expect("a street has a middle line");
-    let mut between_m = 0.5 * road.lane_width_m - road.lane_width_m * ((road.right_m / road.lane_width_m).floor());
+    let mut between_m =
+        0.5 * road.lane_width_m - road.lane_width_m * ((road.right_m / road.lane_width_m).floor());
     while between_m < road.left_m - 0.5 * road.lane_width_m {
         if between_m > 0.5 * road.lane_width_m - road.right_m {
             layout.lines.push(swerve_render::LaneLine { offset_m: between_m as f32, ..dashes });
@@ -148,6 +171,7 @@ fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
     }
     layout.left_side = SideOfRoad::Pavement { width_m: scenery::PAVEMENT_M as f32 };
     layout.right_side = layout.left_side;
+    layout.stop_lines_m = road.lights.iter().map(|light| (BEYOND_M + light.stop_s_m) as f32).collect();
     for piece in road_pieces(&layout, seed) {
         let mesh = scene.meshes.add(piece.mesh);
         scene.add_static(Instance {

@@ -1,11 +1,11 @@
 //! What stands beside the road: houses, trees, lamps, signs, and grass to the horizon.
 
 use swerve_core::Rng;
-use swerve_geom::{Point, Point2, Polyline, Pose2, Transform};
+use swerve_geom::{FrenetPoint, Obb, Point, Point2, Polyline, Pose2, Transform, math};
 use swerve_render::{
     Instance, Kind, Light, Look, Material, Mesh, MeshParts, Motion, Scene, SemanticClass, Size, Texture,
 };
-use swerve_scenario::{Motion as Leg, Scenario};
+use swerve_scenario::{Direction, Motion as Leg, Scenario};
 
 /// Width of the pavements, metres.
 pub(super) const PAVEMENT_M: f64 = 2.5;
@@ -13,20 +13,30 @@ pub(super) const PAVEMENT_M: f64 = 2.5;
 const KERB_M: f64 = 0.12;
 /// Houses stand this far behind the pavement at least, metres.
 const SETBACK_M: f64 = 3.0;
-/// Scenery keeps this far from where actors are, metres.
-const CLEAR_M: f64 = 4.0;
+/// The ground that scenery covers keeps this far from the ways of actors, metres.
+const CLEAR_M: f64 = 0.6;
 /// How far the road is built up beyond both its ends, metres.
 const BUILT_M: f64 = 60.0;
 /// Side of a tile of grass, metres, and how many there are in each direction from the middle of the road.
 const TILE_M: f64 = 80.0;
 const TILES: i32 = 5;
+/// How far one drives who is not told, metres.
+const DRIVE_M: f64 = 120.0;
+const QUARTER: f64 = core::f64::consts::FRAC_PI_2;
 
 pub(super) fn add(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
     grass(scene, line);
     let ways = ways(scenario, line);
     for (k, side) in [1.0, -1.0].into_iter().enumerate() {
         let edge_m = if side > 0.0 { scenario.road.left_m } else { scenario.road.right_m };
-        let mut row = Row { scene, line, side, kerb_m: edge_m, ways: &ways, rng: Rng::keyed(seed, "scenery", &[k as i64]) };
+        let mut row = Row {
+            scene,
+            line,
+            side,
+            kerb_m: edge_m,
+            ways: &ways,
+            rng: Rng::keyed(seed, "scenery", &[k as i64]),
+        };
         row.lamps();
         row.trees();
         row.houses();
@@ -47,32 +57,35 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// The place at `s_m` along the road and `out_m` beyond the kerb; none where an actor comes within `radius_m`
-    /// and a margin, or where the road bends back to it.
-    fn place(&self, s_m: f64, out_m: f64, radius_m: f64) -> Option<(Point2, f64)> {
+    /// The place at `s_m` along the road and `out_m` beyond the kerb, for something that covers a rectangle of
+    /// ground; none where an actor comes, or where the road bends back to it.
+    fn place(&self, s_m: f64, out_m: f64, (length_m, width_m): (f64, f64)) -> Option<(Point2, f64)> {
         let at = self.line.at(s_m).pose;
         let across = self.side * (self.kerb_m + out_m);
-        let (sin, cos) = swerve_geom::math::sin_cos(at.heading_rad);
+        let (sin, cos) = math::sin_cos(at.heading_rad);
         let point = Point2::new(at.x_m - across * sin, at.y_m + across * cos);
-        let clear = self.ways.iter().all(|way| way.distance(point) > radius_m + CLEAR_M);
-        let nearest = self.line.project(point);
-        let beside = self.line.at(nearest.s_m).pose.point().distance(point) + 0.1 > self.kerb_m + out_m;
-        (clear && beside).then_some((point, at.heading_rad))
+        let ground = Obb::new(Pose2::new(point.x_m, point.y_m, at.heading_rad), length_m, width_m);
+        let clear = self.ways.iter().all(|way| ground.distance_to_point(*way) > CLEAR_M);
+        let off_road = |corner: Point2| {
+            let nearest = self.line.project(corner);
+            self.line.at(nearest.s_m).pose.point().distance(corner) > self.kerb_m
+        };
+        (clear && ground.corners().into_iter().all(off_road)).then_some((point, at.heading_rad))
     }
 
     /// The yaw of something that faces the road.
     fn facing(&self, road_rad: f64) -> f64 {
-        road_rad - self.side * core::f64::consts::FRAC_PI_2
+        road_rad - self.side * QUARTER
     }
 
     fn lamps(&mut self) {
         let mut s_m = -BUILT_M + if self.side > 0.0 { 0.0 } else { 14.0 };
         while s_m < self.line.length() + BUILT_M {
-            if let Some((point, road_rad)) = self.place(s_m, 0.5, 0.2) {
+            if let Some((point, road_rad)) = self.place(s_m, 0.5, (0.3, 0.3)) {
                 let model = self.scene.meshes.model(Kind::StreetLamp, 1);
                 let instance = standing(&model, point, KERB_M, self.facing(road_rad));
                 self.scene.add_static(instance);
-                let (sin, cos) = swerve_geom::math::sin_cos(self.facing(road_rad));
+                let (sin, cos) = math::sin_cos(self.facing(road_rad));
                 let head = [point.x_m + 1.8 * cos, point.y_m + 1.8 * sin, 7.2];
                 self.scene.lights.push(Light::street_lamp(head));
             }
@@ -87,7 +100,7 @@ impl Row<'_> {
             let (seed, turn) = (self.rng.bits(), self.rng.uniform(0.0, 6.0));
             let out_m = self.rng.uniform(PAVEMENT_M + 0.8, PAVEMENT_M + 1.6);
             // A lamp stands every 28 m.
-            if let Some((point, _)) = self.place(s_m, out_m, 2.5) {
+            if let Some((point, _)) = self.place(s_m, out_m, (0.8, 0.8)) {
                 let kind = if self.rng.unit() < 0.7 { Kind::Tree } else { Kind::Bush };
                 let model = self.scene.meshes.model(kind, seed);
                 self.scene.add_static(standing(&model, point, 0.0, turn));
@@ -103,8 +116,7 @@ impl Row<'_> {
             let height_m = self.rng.uniform(6.5, 15.0);
             let (seed, gap_m) = (self.rng.bits(), self.rng.uniform(1.0, 7.0));
             let out_m = PAVEMENT_M + SETBACK_M + 0.5 * depth_m + self.rng.uniform(0.0, 2.0);
-            let radius_m = 0.5 * swerve_geom::math::hypot(length_m, depth_m);
-            if let Some((point, road_rad)) = self.place(s_m + 0.5 * length_m, out_m, radius_m) {
+            if let Some((point, road_rad)) = self.place(s_m + 0.5 * length_m, out_m, (length_m, depth_m)) {
                 let size = Size::from_m(length_m, depth_m, height_m);
                 let model = self.scene.meshes.model_sized(Kind::Building, size, seed);
                 let front = if self.side > 0.0 { road_rad + core::f64::consts::PI } else { road_rad };
@@ -117,7 +129,7 @@ impl Row<'_> {
     fn signs(&mut self) {
         let mut s_m = 35.0;
         while s_m < self.line.length() {
-            if let Some((point, road_rad)) = self.place(s_m, 0.4, 0.3) {
+            if let Some((point, road_rad)) = self.place(s_m, 0.4, (0.3, 0.3)) {
                 let model = self.scene.meshes.model(Kind::SpeedSign { kmh: 50 }, 1);
                 // Against the traffic on its side.
                 let facing = if self.side > 0.0 { road_rad } else { road_rad + core::f64::consts::PI };
@@ -129,55 +141,72 @@ impl Row<'_> {
 }
 
 fn standing(model: &swerve_render::Model, at: Point2, z_m: f64, yaw_rad: f64) -> Instance {
-    Instance::placed(model, Transform::from_roll_pitch_yaw(Point::new(at.x_m, at.y_m, z_m), 0.0, 0.0, yaw_rad))
+    Instance::placed(
+        model,
+        Transform::from_roll_pitch_yaw(Point::new(at.x_m, at.y_m, z_m), 0.0, 0.0, yaw_rad),
+    )
 }
 
-/// Points at most two metres apart on the ways that actors may go.
+/// Points at most half a metre apart on the ways that actors go, as wide as they are.
 fn ways(scenario: &Scenario, line: &Polyline) -> Vec<Point2> {
-    let mut points: Vec<Point2> = Vec::new();
+    let mut points = Vec::new();
     for actor in &scenario.actors {
-        let start = actor.pose(line);
-        points.push(start.point());
-        let mut from = start.point();
+        let mut at = actor.pose(line);
+        let half_m = 0.5 * actor.extent.width_m.max(actor.extent.length_m);
+        let mut go = |at: Pose2| {
+            points.extend([-half_m, 0.0, half_m].map(|along| at.ahead(along).point()));
+            points
+                .extend([-half_m, half_m].map(|across| {
+                    Pose2::new(at.x_m, at.y_m, at.heading_rad + QUARTER).ahead(across).point()
+                }));
+        };
+        go(at);
         for leg in &actor.motion {
-            match leg {
-                Leg::Walk { distance_m, .. } | Leg::Drive { distance_m: Some(distance_m), .. } => {
-                    // Whichever way it goes, it stays within this.
-                    let n = (distance_m / 2.0).ceil().clamp(1.0, 100.0) as i32;
-                    let reach = |k: i32| f64::from(k) / f64::from(n) * distance_m;
-                    for (k, quarter) in (1..=n).flat_map(|k| (0..4).map(move |quarter| (k, quarter))) {
-                        let turn = core::f64::consts::FRAC_PI_2 * f64::from(quarter);
-                        let way = Pose2::new(start.x_m, start.y_m, start.heading_rad + turn);
-                        points.push(way.ahead(reach(k)).point());
-                    }
-                }
-                Leg::Drive { .. } => points.extend((1..=60).map(|k| start.ahead(2.0 * f64::from(k)).point())),
+            let road_rad = line.at(line.project(at.point()).s_m).pose.heading_rad;
+            let (heading_rad, distance_m) = match leg {
+                Leg::Wait { .. } => continue,
+                Leg::Walk { distance_m, direction, .. } => (road_rad + turn(*direction), *distance_m),
+                Leg::Drive { distance_m, .. } => (at.heading_rad, distance_m.unwrap_or(DRIVE_M)),
                 Leg::Path { points: corners, .. } => {
                     for corner in corners {
-                        let to = line.to_map(swerve_geom::FrenetPoint { s_m: corner.s_m, d_m: corner.d_m });
-                        let n = (from.distance(to) / 2.0).ceil().clamp(1.0, 200.0) as i32;
-                        for k in 1..=n {
-                            let u = f64::from(k) / f64::from(n);
-                            points.push(Point2::new(
-                                from.x_m + u * (to.x_m - from.x_m),
-                                from.y_m + u * (to.y_m - from.y_m),
-                            ));
-                        }
-                        from = to;
+                        let to = line.to_map(FrenetPoint { s_m: corner.s_m, d_m: corner.d_m });
+                        let heading_rad = math::atan2(to.y_m - at.y_m, to.x_m - at.x_m);
+                        let from = Pose2::new(at.x_m, at.y_m, heading_rad);
+                        steps(at.point().distance(to)).for_each(|way_m| go(from.ahead(way_m)));
+                        at = Pose2::new(to.x_m, to.y_m, heading_rad);
                     }
+                    continue;
                 }
-                Leg::Wait { .. } => {}
-            }
+            };
+            let from = Pose2::new(at.x_m, at.y_m, heading_rad);
+            steps(distance_m).for_each(|way_m| go(from.ahead(way_m)));
+            at = from.ahead(distance_m);
         }
     }
     points
+}
+
+/// Distances from 0 to `length_m`, half a metre apart.
+fn steps(length_m: f64) -> impl Iterator<Item = f64> {
+    let n = (2.0 * length_m).ceil().clamp(1.0, 1000.0) as u32;
+    (0..=n).map(move |k| length_m * f64::from(k) / f64::from(n))
+}
+
+fn turn(direction: Direction) -> f64 {
+    match direction {
+        Direction::Ahead => 0.0,
+        Direction::Left => QUARTER,
+        Direction::Right => -QUARTER,
+        Direction::Back => core::f64::consts::PI,
+    }
 }
 
 /// Grass, in tiles that are drawn or left out as a whole, a touch below the road.
 fn grass(scene: &mut Scene, line: &Polyline) {
     let half = 0.5 * TILE_M as f32;
     let corners = [[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]];
-    let material = Material::matt([0.05, 0.075, 0.022], 0.45).textured(Texture::Grass, [0.12, 0.15, 0.05], 4.0);
+    let material =
+        Material::matt([0.05, 0.075, 0.022], 0.45).textured(Texture::Grass, [0.12, 0.15, 0.05], 4.0);
     let parts = MeshParts {
         positions: corners.to_vec(),
         normals: vec![[0.0, 0.0, 1.0]; 4],
@@ -190,7 +219,8 @@ fn grass(scene: &mut Scene, line: &Polyline) {
     let middle = line.at(0.5 * line.length()).pose;
     for i in -TILES..=TILES {
         for j in -TILES..=TILES {
-            let at = Point::new(middle.x_m + TILE_M * f64::from(i), middle.y_m + TILE_M * f64::from(j), -0.06);
+            let at =
+                Point::new(middle.x_m + TILE_M * f64::from(i), middle.y_m + TILE_M * f64::from(j), -0.06);
             scene.add_static(Instance {
                 mesh,
                 map_from_body: Transform::from_roll_pitch_yaw(at, 0.0, 0.0, 0.0),

