@@ -24,7 +24,6 @@ pub mod camera;
 mod class;
 mod cpu;
 mod frame;
-mod furnish;
 mod hash;
 mod library;
 pub mod lidar;
@@ -44,10 +43,9 @@ pub use camera::{
 };
 pub use class::SemanticClass;
 pub use frame::{Frame, FrameMut, FrameSizeError, Outputs};
-pub use furnish::{Furnishing, furnish, ground_pieces};
 pub use library::{
     Kind, LaneLine, LinePattern, MeshId, MeshLibrary, Model, PHASES, RoadLayout, RoadPiece, SideOfRoad, Size,
-    road_pieces, walk_phase,
+    ground_pieces, road_pieces, walk_phase,
 };
 pub use material::{Material, Texture};
 pub use mesh::{Body, MESH_TRIANGLES_MAX, Mesh, MeshError, MeshParts};

@@ -12,8 +12,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-pub(crate) use road::road_line;
-pub use road::{LaneLine, LinePattern, RoadLayout, RoadPiece, SideOfRoad, road_pieces};
+pub use road::{LaneLine, LinePattern, RoadLayout, RoadPiece, SideOfRoad, ground_pieces, road_pieces};
 
 use crate::SemanticClass;
 use crate::hash::{Draws, Key};

@@ -3,9 +3,10 @@
 use swerve_geom::{Point, Point2, Transform};
 
 use crate::SemanticClass;
-use crate::furnish::ground_pieces;
 use crate::hash::Draws;
-use crate::library::{Kind, LaneLine, LinePattern, RoadLayout, RoadPiece, SideOfRoad, Size, road_pieces};
+use crate::library::{
+    Kind, LaneLine, LinePattern, RoadLayout, RoadPiece, SideOfRoad, Size, ground_pieces, road_pieces,
+};
 use crate::material::{Material, Texture};
 use crate::mesh::Builder;
 use crate::scene::{Instance, Light, Scene, lamps};

@@ -168,15 +168,31 @@ fn stations(line: &[Point2<Map>]) -> Vec<Station> {
     all
 }
 
-/// Points a metre apart along a line, with the direction there.
-pub(crate) fn road_line(line: &[Point2<Map>]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
-    let stations = stations(line);
-    let count = stations.last().map_or(0, |station| station.s as usize + 1);
-    (0..count).map(move |s| {
-        let Station { at, left, .. } = at(&stations, s as f32);
-        let length = (left[0] * left[0] + left[1] * left[1]).sqrt().max(1e-6);
-        (at, [left[1] / length, -left[0] / length])
-    })
+/// Grass over a rectangle of the map at a height, in squares that are drawn or left out as a whole.
+///
+/// Lay it a few centimetres below the roads: verges end at -0.03 m.
+pub fn ground_pieces(low: Point2<Map>, high: Point2<Map>, height_m: f64) -> Vec<RoadPiece> {
+    const SIDE_M: f64 = 80.0;
+    if !(low.is_finite() && high.is_finite() && height_m.is_finite()) {
+        return Vec::new();
+    }
+    let count = |from: f64, to: f64| ((to - from) / SIDE_M).ceil().clamp(0.0, 200.0) as u32;
+    let mut builder = Builder::new(20.0);
+    let grass = Material::matt([0.05, 0.075, 0.022], 0.45).textured(Texture::Grass, [0.12, 0.15, 0.05], 4.0);
+    let grass = builder.material(grass);
+    let half = 0.5 * SIDE_M as f32;
+    builder.quad(grass, [[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]]);
+    let mesh = builder.finish();
+    let mut pieces = Vec::new();
+    for i in 0..count(low.x_m, high.x_m) {
+        for j in 0..count(low.y_m, high.y_m) {
+            let middle = |from: f64, k: u32| from + (f64::from(k) + 0.5) * SIDE_M;
+            let at = Point::new(middle(low.x_m, i), middle(low.y_m, j), height_m);
+            let map_from_body: Transform<Map, Body> = Transform::from_roll_pitch_yaw(at, 0.0, 0.0, 0.0);
+            pieces.push(RoadPiece { mesh: mesh.clone(), class: SemanticClass::Terrain, map_from_body });
+        }
+    }
+    pieces
 }
 
 /// The cross-section at a station in between.

@@ -173,15 +173,7 @@ fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
     layout.right_side = layout.left_side;
     layout.stop_lines_m = road.lights.iter().map(|light| (BEYOND_M + light.stop_s_m) as f32).collect();
     for piece in road_pieces(&layout, seed) {
-        let mesh = scene.meshes.add(piece.mesh);
-        scene.add_static(Instance {
-            mesh,
-            map_from_body: piece.map_from_body,
-            instance_id: 0,
-            class: piece.class,
-            look: swerve_render::Look::default(),
-            motion: Motion::default(),
-        });
+        scene.add_piece(piece);
     }
 }
 

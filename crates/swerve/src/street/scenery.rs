@@ -2,9 +2,7 @@
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Obb, Point, Point2, Polyline, Pose2, Transform, math};
-use swerve_render::{
-    Instance, Kind, Light, Look, Material, Mesh, MeshParts, Motion, Scene, SemanticClass, Size, Texture,
-};
+use swerve_render::{Instance, Kind, Light, Scene, Size, ground_pieces};
 use swerve_scenario::{Direction, Motion as Leg, Scenario};
 
 /// Width of the pavements, metres.
@@ -17,9 +15,8 @@ const SETBACK_M: f64 = 3.0;
 const CLEAR_M: f64 = 0.6;
 /// How far the road is built up beyond both its ends, metres.
 const BUILT_M: f64 = 60.0;
-/// Side of a tile of grass, metres, and how many there are in each direction from the middle of the road.
-const TILE_M: f64 = 80.0;
-const TILES: i32 = 5;
+/// How far the grass reaches from the middle of the road, metres.
+const HORIZON_M: f64 = 440.0;
 /// How far one drives who is not told, metres.
 const DRIVE_M: f64 = 120.0;
 const QUARTER: f64 = core::f64::consts::FRAC_PI_2;
@@ -201,34 +198,11 @@ fn turn(direction: Direction) -> f64 {
     }
 }
 
-/// Grass, in tiles that are drawn or left out as a whole, a touch below the road.
+/// Grass to the horizon, a touch below the road.
 fn grass(scene: &mut Scene, line: &Polyline) {
-    let half = 0.5 * TILE_M as f32;
-    let corners = [[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]];
-    let material =
-        Material::matt([0.05, 0.075, 0.022], 0.45).textured(Texture::Grass, [0.12, 0.15, 0.05], 4.0);
-    let parts = MeshParts {
-        positions: corners.to_vec(),
-        normals: vec![[0.0, 0.0, 1.0]; 4],
-        uvs: corners.iter().map(|corner| [corner[0], corner[1]]).collect(),
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        triangle_materials: vec![0, 0],
-        materials: vec![material],
-    };
-    let mesh = scene.meshes.add(Mesh::new(parts).expect("a square"));
     let middle = line.at(0.5 * line.length()).pose;
-    for i in -TILES..=TILES {
-        for j in -TILES..=TILES {
-            let at =
-                Point::new(middle.x_m + TILE_M * f64::from(i), middle.y_m + TILE_M * f64::from(j), -0.06);
-            scene.add_static(Instance {
-                mesh,
-                map_from_body: Transform::from_roll_pitch_yaw(at, 0.0, 0.0, 0.0),
-                instance_id: 0,
-                class: SemanticClass::Terrain,
-                look: Look::default(),
-                motion: Motion::default(),
-            });
-        }
+    let corner = |sign: f64| Point2::new(middle.x_m + sign * HORIZON_M, middle.y_m + sign * HORIZON_M);
+    for piece in ground_pieces(corner(-1.0), corner(1.0), -0.06) {
+        scene.add_piece(piece);
     }
 }
