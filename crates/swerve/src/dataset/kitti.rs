@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_geom::{Ego, Lidar, Point, Transform, Vector, math};
-use swerve_msg::{ActorKind, Image, Pixels, PointCloud};
+use swerve_msg::{ActorKind, Image, Pixels};
 use swerve_render::SemanticClass;
 
 use super::sample::{Object, Sample};
@@ -19,7 +19,7 @@ pub(super) const PIXELS_MIN: usize = 10;
 /// Visible at least at this share of its points an object is not occluded, below the second largely.
 const OCCLUSION: [f64; 2] = [0.8, 0.4];
 
-/// Writes `image_2`, `label_2`, `calib`, `velodyne`, `depth`, `semantic`, `instance`.
+/// Writes `image_2`, `label_2`, `calib`, `velodyne`, `depth`, `semantic`, `instance`; points as x, y, z, intensity.
 pub(super) struct Kitti {
     folder: PathBuf,
     calibration: String,
@@ -52,10 +52,11 @@ impl Kitti {
         let labels: String = seen.map(|object| label(object, sample.rgb)).collect();
         write_whole(&file("label_2", "txt"), labels.as_bytes())?;
         write_whole(&file("calib", "txt"), self.calibration.as_bytes())?;
-        match sample.cloud {
-            Some(cloud) => write_whole(&file("velodyne", "bin"), &velodyne(cloud)),
-            None => Ok(()),
+        if sample.cloud.is_none() {
+            return Ok(());
         }
+        let bytes: Vec<u8> = sample.points.iter().flatten().flat_map(|number| number.to_le_bytes()).collect();
+        write_whole(&file("velodyne", "bin"), &bytes)
     }
 }
 
@@ -119,17 +120,6 @@ fn rows<From>(to_camera: impl Fn(Point<From>) -> Point<swerve_geom::Camera>) -> 
         format!("{a:e} {b:e} {c:e} {:e}", origin[k])
     };
     [row(0), row(1), row(2)].join(" ")
-}
-
-/// x, y, z in the lidar's frame and intensity, single precision.
-fn velodyne(cloud: &PointCloud) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(16 * cloud.len());
-    for k in 0..cloud.len() {
-        for number in [cloud.x_m[k], cloud.y_m[k], cloud.z_m[k], cloud.intensity[k]] {
-            bytes.extend_from_slice(&number.to_le_bytes());
-        }
-    }
-    bytes
 }
 
 fn eight(image: &Image) -> Vec<u8> {

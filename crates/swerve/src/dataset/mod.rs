@@ -12,6 +12,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
+use swerve_geom::{Ego, Lidar, Transform};
 use swerve_render::WeatherPreset;
 
 use crate::config::Config;
@@ -62,7 +63,7 @@ pub fn run(args: &DatasetArgs) -> anyhow::Result<()> {
         args.scenarios.iter().map(|path| read_scenario(path)).collect::<anyhow::Result<_>>()?;
     let drives = scenarios.len() * args.seeds.len() * args.weathers.len();
     let progress = Progress::cells(drives);
-    let mut writer = Writer::create(&args.out, &base, &camera, lidar.as_deref())?;
+    let mut writer = Writer::create(&args.out, &base, &camera, lidar.as_ref().map(|(_, mount)| *mount))?;
     for scenario in &scenarios {
         for &seed in &args.seeds {
             for &weather in &args.weathers {
@@ -70,7 +71,7 @@ pub fn run(args: &DatasetArgs) -> anyhow::Result<()> {
                 (config.seed, config.render.weather) = (u64::from(seed), weather);
                 let origin = format!("{},{seed},{}", scenario.name, weather.name());
                 let mut write = |sample: &Sample<'_>| writer.add(sample, &origin);
-                let mut collector = Collector::new(&camera, lidar.as_deref(), &mut write);
+                let mut collector = Collector::new(&camera, lidar.clone(), &mut write);
                 drive_observed(&config, scenario, 1, &mut [&mut collector])?;
                 collector.finish()?;
                 progress.one_done();
@@ -108,8 +109,11 @@ fn kitti_camera() -> CameraConfig {
     }
 }
 
-/// The names of the camera and the lidar.
-fn sensors(config: &Config) -> anyhow::Result<(String, Option<String>)> {
+/// A lidar's name, and where it sits.
+type Mounted = (String, Transform<Ego, Lidar>);
+
+/// The name of the camera, and the lidar.
+fn sensors(config: &Config) -> anyhow::Result<(String, Option<Mounted>)> {
     let mut cameras = config.camera.iter();
     let (Some((name, camera)), None) = (cameras.next(), cameras.next()) else {
         bail!("a data set is of one camera, the configuration has {}", config.camera.len());
@@ -126,7 +130,9 @@ fn sensors(config: &Config) -> anyhow::Result<(String, Option<String>)> {
     if config.lidar.len() > 1 {
         bail!("a data set is of one lidar at most, the configuration has {}", config.lidar.len());
     }
-    Ok((name.clone(), config.lidar.keys().next().cloned()))
+    let shape = &config.sim.vehicle.shape;
+    let lidar = config.lidar.iter().next().map(|(name, lidar)| (name.clone(), lidar.ego_from_lidar(shape)));
+    Ok((name.clone(), lidar))
 }
 
 /// Both forms, and which drive each sample is of.
@@ -139,12 +145,14 @@ struct Writer {
 }
 
 impl Writer {
-    fn create(out: &Path, config: &Config, camera: &str, lidar: Option<&str>) -> anyhow::Result<Self> {
-        let shape = &config.sim.vehicle.shape;
+    fn create(
+        out: &Path,
+        config: &Config,
+        camera: &str,
+        ego_from_lidar: Option<Transform<Ego, Lidar>>,
+    ) -> anyhow::Result<Self> {
         let missing = || anyhow!("the camera is not in the configuration");
         let camera = config.camera.get(camera).ok_or_else(missing)?;
-        let ego_from_lidar =
-            lidar.and_then(|name| config.lidar.get(name)).map(|lidar| lidar.ego_from_lidar(shape));
         let kitti = Kitti::create(&out.join("kitti/training"), camera, ego_from_lidar)?;
         let index = "sample,scenario,seed,weather,stamp_s,cloud_stamp_s\n".to_owned();
         Ok(Self { out: out.to_owned(), kitti, coco: Coco::default(), index, count: 0 })

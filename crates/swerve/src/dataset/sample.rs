@@ -2,8 +2,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use swerve_core::Span;
 use swerve_flow::{Event, Observer};
-use swerve_geom::{Map, Point, Transform};
+use swerve_geom::{Ego, Lidar, Map, Point, Transform};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{Image, Pixels, PointCloud};
 use swerve_sim::sense::fixed_points;
@@ -19,6 +20,9 @@ pub(super) struct Sample<'a> {
     pub(super) instance: &'a Image,
     /// The newest turn of the lidar, if there is one.
     pub(super) cloud: Option<&'a PointCloud>,
+    /// Its points, x, y, z and intensity, in the lidar's frame at the image's instant: the car's way since each was
+    /// measured is taken out, by true poses.
+    pub(super) points: Vec<[f32; 4]>,
     /// The actors that have pixels in the image, by identity.
     pub(super) objects: Vec<Object<'a>>,
 }
@@ -31,7 +35,7 @@ pub(super) struct Object<'a> {
     pub(super) pixels: usize,
     /// The same of its box, as far as it is in front of the camera, not cut by the image's edges.
     pub(super) whole_px: [f64; 4],
-    /// Share of its fixed points that are pixels of its own, of those within the image.
+    /// Share of its fixed points within the image that nothing hides.
     pub(super) visible_share: f64,
     pub(super) camera_from_map: Transform<swerve_geom::Camera, Map>,
 }
@@ -55,7 +59,7 @@ impl Object<'_> {
 /// Gathers samples as a drive goes on and hands each over as soon as it is whole.
 pub(super) struct Collector<'a> {
     camera: String,
-    lidar: Option<String>,
+    lidar: Option<(String, Transform<Ego, Lidar>)>,
     worlds: VecDeque<WorldState>,
     images: BTreeMap<&'static str, Image>,
     cloud: Option<PointCloud>,
@@ -66,12 +70,12 @@ pub(super) struct Collector<'a> {
 impl<'a> Collector<'a> {
     pub(super) fn new(
         camera: &str,
-        lidar: Option<&str>,
+        lidar: Option<(String, Transform<Ego, Lidar>)>,
         write: &'a mut dyn FnMut(&Sample<'_>) -> anyhow::Result<()>,
     ) -> Self {
         Self {
             camera: camera.to_owned(),
-            lidar: lidar.map(str::to_owned),
+            lidar,
             worlds: VecDeque::new(),
             images: BTreeMap::new(),
             cloud: None,
@@ -100,8 +104,13 @@ impl<'a> Collector<'a> {
             return;
         }
         let Some(world) = self.worlds.iter().rev().find(|world| world.stamp <= rgb.stamp) else { return };
-        let objects = objects(instance, world);
-        let sample = Sample { rgb, depth, semantic, instance, cloud: self.cloud.as_ref(), objects };
+        let objects = objects(instance, depth, world);
+        let cloud = self.cloud.as_ref();
+        let points = match (cloud, &self.lidar) {
+            (Some(cloud), Some((_, ego_from_lidar))) => still(cloud, ego_from_lidar, &self.worlds, world),
+            _ => Vec::new(),
+        };
+        let sample = Sample { rgb, depth, semantic, instance, cloud, points, objects };
         self.failure = (self.write)(&sample).err();
         self.images.clear();
     }
@@ -117,7 +126,7 @@ impl Observer for Collector<'_> {
                 self.worlds.pop_front();
             }
         } else if let Some(cloud) = payload.downcast_ref::<PointCloud>() {
-            if self.lidar.as_deref() == Some(publication.operator) {
+            if self.lidar.as_ref().is_some_and(|(name, _)| name == publication.operator) {
                 self.cloud = Some(cloud.clone());
             }
         } else if let Some(image) = payload.downcast_ref::<Image>()
@@ -129,9 +138,33 @@ impl Observer for Collector<'_> {
     }
 }
 
+/// The points of a turn in the lidar's frame at the instant of `now`.
+fn still(
+    cloud: &PointCloud,
+    ego_from_lidar: &Transform<Ego, Lidar>,
+    worlds: &VecDeque<WorldState>,
+    now: &WorldState,
+) -> Vec<[f32; 4]> {
+    let lidar_from_map = (now.ego.map_from_ego * *ego_from_lidar).inverse();
+    let place = |k: usize| {
+        let at = cloud.stamp + Span::from_secs(f64::from(cloud.time_offset_s[k]));
+        let after = worlds.partition_point(|world| world.stamp <= at);
+        let world = worlds.get(after.saturating_sub(1)).unwrap_or(now);
+        let measured = [cloud.x_m[k], cloud.y_m[k], cloud.z_m[k]].map(f64::from);
+        let in_ego = *ego_from_lidar * Point::new(measured[0], measured[1], measured[2]);
+        let since_s = (at - world.stamp).as_secs();
+        let in_map = (world.ego.map_from_ego * in_ego).coords + world.ego.velocity_mps.coords * since_s;
+        let p = (lidar_from_map * Point::new(in_map.x, in_map.y, in_map.z)).coords;
+        [p.x as f32, p.y as f32, p.z as f32, cloud.intensity[k]]
+    };
+    (0..cloud.len()).map(place).collect()
+}
+
 /// The actors with at least one pixel.
-fn objects<'a>(image: &Image, world: &'a WorldState) -> Vec<Object<'a>> {
-    let Pixels::InstanceU32(ids) = &image.pixels else { return Vec::new() };
+fn objects<'a>(image: &Image, depth: &Image, world: &'a WorldState) -> Vec<Object<'a>> {
+    let (Pixels::InstanceU32(ids), Pixels::DepthF32M(depths)) = (&image.pixels, &depth.pixels) else {
+        return Vec::new();
+    };
     let width = image.width_px as usize;
     let mut seen: BTreeMap<u32, ([usize; 4], usize)> = BTreeMap::new();
     for (row, ids) in ids.chunks_exact(width.max(1)).enumerate() {
@@ -146,7 +179,7 @@ fn objects<'a>(image: &Image, world: &'a WorldState) -> Vec<Object<'a>> {
         let &([left, top, right, bottom], pixels) = seen.get(&actor.id.0)?;
         let visible_px = [left as f64, top as f64, right as f64 + 1.0, bottom as f64 + 1.0];
         let whole_px = whole(actor, image, &camera_from_map).unwrap_or(visible_px);
-        let visible_share = share(actor, image, ids, &camera_from_map);
+        let visible_share = share(actor, (ids, depths), image, &camera_from_map);
         Some(Object { actor, visible_px, pixels, whole_px, visible_share, camera_from_map })
     };
     world.actors.iter().filter_map(object).collect()
@@ -185,29 +218,26 @@ fn whole(
     })
 }
 
-/// Of the fixed points of truth sensing that fall into the image, the share around which the actor has pixels.
+/// Of the fixed points of truth sensing that fall into the image, the share that nothing else hides: their pixel is
+/// the actor's own, or no nearer than the actor.
 fn share(
     actor: &Actor,
+    (ids, depths): (&[u32], &[f32]),
     image: &Image,
-    ids: &[u32],
     camera_from_map: &Transform<swerve_geom::Camera, Map>,
 ) -> f64 {
-    /// The points are of the box, the pixels of the shape within it: this far from a point is looked, pixels.
-    const REACH_PX: i64 = 3;
-    let (width, height) = (i64::from(image.width_px), i64::from(image.height_px));
-    let (mut inside, mut own) = (0, 0);
+    let reach_m = 0.5 * actor.extent.length_m.max(actor.extent.width_m);
+    let (mut inside, mut free) = (0, 0);
     for point in fixed_points(actor) {
         let Some([x, y]) = project(image, camera_from_map, point) else { continue };
-        let (column, row) = (x.floor() as i64, y.floor() as i64);
-        if !(0..width).contains(&column) || !(0..height).contains(&row) {
+        if !(0.0..f64::from(image.width_px)).contains(&x) || !(0.0..f64::from(image.height_px)).contains(&y) {
             continue;
         }
+        let pixel = y as usize * image.width_px as usize + x as usize;
+        let depth_m = f64::from(depths.get(pixel).copied().unwrap_or(f32::INFINITY));
+        let hidden = depth_m < (*camera_from_map * point).coords.z - reach_m;
         inside += 1;
-        let is_own = |dx: i64, dy: i64| {
-            let (column, row) = ((column + dx).clamp(0, width - 1), (row + dy).clamp(0, height - 1));
-            ids.get((row * width + column) as usize) == Some(&actor.id.0)
-        };
-        own += i32::from((-REACH_PX..=REACH_PX).any(|dy| (-REACH_PX..=REACH_PX).any(|dx| is_own(dx, dy))));
+        free += i32::from(!hidden || ids.get(pixel) == Some(&actor.id.0));
     }
-    if inside == 0 { 1.0 } else { f64::from(own) / f64::from(inside) }
+    if inside == 0 { 1.0 } else { f64::from(free) / f64::from(inside) }
 }
