@@ -4,7 +4,7 @@ use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
-use crate::{calibrate, check, graph, plan, replay, run, scenarios, study, timing};
+use crate::{calibrate, check, dataset, graph, plan, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -32,6 +32,8 @@ enum Command {
     Check(check::CheckArgs),
     /// Measure what the planners cost on this host and freeze that in a configuration
     Calibrate(calibrate::CalibrateArgs),
+    /// Make labelled images and point clouds of scenarios, as KITTI and COCO have them
+    Dataset(dataset::DatasetArgs),
     /// List the scenarios of a folder
     Scenarios(scenarios::ScenariosArgs),
 }
@@ -65,6 +67,7 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Plan(args) => plan::run(args),
         Command::Check(args) => check::run(args),
         Command::Calibrate(args) => calibrate::run(args),
+        Command::Dataset(args) => dataset::run(args),
         Command::Scenarios(args) => scenarios::run(args),
     }
 }

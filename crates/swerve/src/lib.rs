@@ -4,6 +4,7 @@ pub mod calibrate;
 pub mod check;
 pub mod cli;
 pub mod config;
+pub mod dataset;
 pub mod files;
 pub mod frames;
 pub mod graph;

@@ -186,6 +186,33 @@ fn a_turn_holds_what_is_around_the_car_with_its_own_instants() {
 }
 
 #[test]
+fn a_turn_fires_every_column_once_wherever_steps_end() {
+    // A turn of whole steps; one that ends between two; and steps of the world that the lidar has no time for.
+    for (rate_hz, sets) in [
+        (20.0, &["lidar.roof.rate_hz=20"][..]),
+        (17.0, &["lidar.roof.rate_hz=17"]),
+        (17.0, &["lidar.roof.rate_hz=17", "operator.roof.runtime={ fixed_ms = 12 }"]),
+    ] {
+        let seen = Seen::of(&config(SENSORS, &[sets, &["lidar.roof.params.dropout=0"]].concat()));
+        assert!(seen.clouds.len() >= 3, "{sets:?}");
+        let mut begins = Vec::new();
+        for (cloud, _) in &seen.clouds {
+            // The lowest beam meets the road in every column, and they are even in time.
+            let at: Vec<f64> = (0..cloud.len())
+                .filter(|&k| cloud.ring[k] == 0)
+                .map(|k| cloud.stamp.as_secs() + f64::from(cloud.time_offset_s[k]))
+                .collect();
+            assert_eq!(at.len(), 123, "{sets:?}");
+            let even = |pair: &[f64]| (pair[1] - pair[0] - 1.0 / rate_hz / 123.0).abs() < 1e-6;
+            assert!(at.windows(2).all(even), "{sets:?}: {at:?}");
+            begins.push(at[0]);
+        }
+        let follow = |pair: &[f64]| (pair[1] - pair[0] - 1.0 / rate_hz).abs() < 1e-6;
+        assert!(begins.windows(2).all(follow), "{sets:?}: {begins:?}");
+    }
+}
+
+#[test]
 fn threads_of_the_renderer_do_not_show() {
     let digest = |threads: &str| drive(&config(SENSORS, &[threads]), &mut []).digest;
     let one = digest("render.threads=1");

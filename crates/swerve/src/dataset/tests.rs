@@ -1,0 +1,93 @@
+use std::path::Path;
+
+use super::*;
+
+fn data_set(out: &Path, set: &[&str]) -> anyhow::Result<()> {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_behind_truck.toml");
+    // A camera of few frames: 9 s of drive, one in 2 s.
+    let file = out.with_extension("toml");
+    std::fs::write(
+        &file,
+        "[camera.eye]\nwidth_px = 320\nheight_px = 120\nat_m = [1.7, 0.0, 1.6]\nperiod_ms = 2000\n\
+         outputs = ['rgb', 'depth', 'semantic', 'instance']\n",
+    )?;
+    run(&DatasetArgs {
+        scenarios: vec![scenario],
+        out: out.to_owned(),
+        config: Some(file),
+        set: set.iter().map(|s| (*s).to_owned()).collect(),
+        seeds: vec![1],
+        weathers: vec![WeatherPreset::default()],
+    })
+}
+
+#[test]
+fn labels_boxes_and_masks_agree_with_the_pixels() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("set");
+    data_set(&out, &[]).unwrap();
+    let kitti = out.join("kitti/training");
+    let index = std::fs::read_to_string(out.join("index.csv")).unwrap();
+    let samples = index.lines().count() - 1;
+    assert!((4..=5).contains(&samples), "{index}");
+    let coco: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("coco/instances.json")).unwrap()).unwrap();
+    assert_eq!(coco["images"].as_array().unwrap().len(), samples);
+    let annotations = coco["annotations"].as_array().unwrap();
+    assert!(!annotations.is_empty(), "the truck is in sight");
+    for annotation in annotations {
+        let counts: Vec<u64> = annotation["segmentation"]["counts"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|n| n.as_u64().unwrap())
+            .collect();
+        assert_eq!(counts.iter().sum::<u64>(), 320 * 120);
+        let inside: u64 = counts.iter().skip(1).step_by(2).sum();
+        assert_eq!(inside, annotation["area"].as_u64().unwrap());
+    }
+    let mut labels = 0;
+    for k in 0..samples {
+        let text = std::fs::read_to_string(kitti.join(format!("label_2/{k:06}.txt"))).unwrap();
+        for line in text.lines() {
+            labels += 1;
+            let words: Vec<&str> = line.split(' ').collect();
+            assert_eq!(words.len(), 15, "{line}");
+            let numbers: Vec<f64> = words[1..].iter().map(|word| word.parse().unwrap()).collect();
+            assert!((0.0..=1.0).contains(&numbers[0]) && (0.0..=2.0).contains(&numbers[1]), "{line}");
+            // The box in the image is the projection of the box in space.
+            let [height_m, x_m, y_m, z_m] = [numbers[7], numbers[10], numbers[11], numbers[12]];
+            let focal_px = 160.0;
+            let middle_px = 160.0 + focal_px * x_m / z_m;
+            assert!(
+                numbers[3] - 1.0 <= middle_px.clamp(0.0, 320.0)
+                    && middle_px.clamp(0.0, 320.0) <= numbers[5] + 1.0,
+                "{line}"
+            );
+            let bottom_px = 60.0 + focal_px * y_m / z_m;
+            assert!(bottom_px - focal_px * height_m / z_m > numbers[4] - 8.0, "{line}");
+        }
+        for name in ["image_2", "depth", "semantic", "instance"] {
+            assert!(kitti.join(format!("{name}/{k:06}.png")).exists());
+        }
+        let calibration = std::fs::read_to_string(kitti.join(format!("calib/{k:06}.txt"))).unwrap();
+        let p2 = calibration.lines().find_map(|line| line.strip_prefix("P2: ")).unwrap();
+        let p2: Vec<f64> = p2.split(' ').map(|word| word.parse().unwrap()).collect();
+        let wanted = [160.0, 0.0, 160.0, 0.0, 0.0, 160.0, 60.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        assert!(p2.len() == 12 && p2.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{calibration}");
+    }
+    assert_eq!(labels, annotations.len());
+    let error = data_set(&out, &[]).unwrap_err().to_string();
+    assert!(error.contains("expected an empty folder"), "{error}");
+}
+
+#[test]
+fn a_configuration_that_makes_no_data_set_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("set");
+    let told = |set: &[&str]| data_set(&out, set).unwrap_err().to_string();
+    assert!(told(&["camera.eye.outputs=[\"rgb\"]"]).contains("`depth` is missing"));
+    assert!(told(&["camera.eye.distortion.k1=0.1"]).contains("rectified"));
+    assert!(told(&["camera.other.fov_deg=80"]).contains("of one camera"));
+    assert!(!out.exists());
+}
