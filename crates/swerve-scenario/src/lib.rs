@@ -83,5 +83,5 @@ pub use model::{
     Actor, Along, Direction, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill, Subject,
     Trigger,
 };
-pub use problem::Problem;
+pub use problem::{Problem, read_text};
 pub use road::{Road, Segment, TrafficLight};

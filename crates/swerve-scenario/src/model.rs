@@ -223,7 +223,7 @@ impl Scenario {
     /// One problem when the file cannot be read, else as [`parse`](Self::parse).
     pub fn read(path: &std::path::Path) -> Result<Self, Vec<Problem>> {
         let file = path.display().to_string();
-        match std::fs::read_to_string(path) {
+        match crate::read_text(path) {
             Ok(text) => Self::parse(&file, &text),
             Err(error) => Err(vec![Problem {
                 file,

@@ -1,4 +1,7 @@
 use core::fmt;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
 
 /// One thing wrong with a scenario file.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -27,3 +30,19 @@ impl fmt::Display for Problem {
 }
 
 impl core::error::Error for Problem {}
+
+/// No file that people write is larger, bytes.
+const TEXT_MAX: u64 = 16 << 20;
+
+/// The text of a file that people write; a device or a data set given by mistake is not read to its end.
+///
+/// # Errors
+/// The file cannot be read, holds no UTF-8 or more than 16 MiB.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    File::open(path)?.take(TEXT_MAX + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > TEXT_MAX {
+        return Err(io::Error::other("it is larger than 16 MiB: expected a file of settings"));
+    }
+    Ok(text)
+}

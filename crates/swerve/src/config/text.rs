@@ -58,7 +58,7 @@ impl Document {
     /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, Problem> {
         let file = path.display().to_string();
-        match std::fs::read_to_string(path) {
+        match swerve_scenario::read_text(path) {
             Ok(text) => Self::parse(&file, text),
             Err(error) => Err(Problem {
                 file,

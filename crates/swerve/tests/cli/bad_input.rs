@@ -437,3 +437,16 @@ fn a_folder_that_cannot_be_made_is_told_before_anything_runs() {
     }
     assert_eq!(bench.read("short.toml"), SHORT);
 }
+
+#[test]
+fn a_file_without_end_is_not_read_to_its_end() {
+    let bench = Bench::new();
+    std::fs::File::create(bench.path("big.toml")).unwrap().set_len((16 << 20) + 1).unwrap();
+    for args in [&["run", "big.toml"][..], &["run", "short.toml", "-c", "big.toml"], &["check", "big.toml"]] {
+        let said = bench.swerve(args);
+        assert!(said.code != Some(0) && said.stderr.contains("larger than 16 MiB"), "{args:?}: {said:?}");
+    }
+    if cfg!(unix) {
+        assert!(bench.swerve(&["run", "/dev/zero"]).stderr.contains("larger than 16 MiB"));
+    }
+}
