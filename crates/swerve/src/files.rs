@@ -1,5 +1,7 @@
 //! Files written whole or not at all.
 
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -10,6 +12,24 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     std::fs::write(&beside, bytes)
         .and_then(|()| std::fs::rename(&beside, path))
         .with_context(|| format!("writing {}", path.display()))
+}
+
+/// Writes an image of this width, height, colour and depth, quickly rather than small.
+pub fn write_png(
+    path: &Path,
+    (width_px, height_px): (u32, u32),
+    (colour, depth): (png::ColorType, png::BitDepth),
+    bytes: &[u8],
+) -> anyhow::Result<()> {
+    let writing = || format!("writing {}", path.display());
+    let file = BufWriter::new(File::create(path).with_context(writing)?);
+    let mut encoder = png::Encoder::new(file, width_px, height_px);
+    encoder.set_color(colour);
+    encoder.set_depth(depth);
+    encoder.set_compression(png::Compression::Fast);
+    let mut writer = encoder.write_header().with_context(writing)?;
+    writer.write_image_data(bytes).with_context(writing)?;
+    writer.finish().with_context(writing)
 }
 
 fn beside(path: &Path) -> PathBuf {

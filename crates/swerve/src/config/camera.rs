@@ -9,6 +9,8 @@ use swerve_render::{
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
 
+use super::sensors::{range, timing_faults};
+
 /// How the world is rendered.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -188,21 +190,14 @@ impl CameraConfig {
     /// What is wrong with it on a vehicle of this shape: keys below the camera's, and messages.
     pub(super) fn faults(&self, shape: &Shape) -> Vec<(String, String)> {
         let mut faults = Vec::new();
-        let mut range = |key: &str, value: f64, low: f64, high: f64| {
-            if !(low..=high).contains(&value) {
-                faults.push((key.to_owned(), format!("expected {low} to {high}, found {value}")));
-            }
-        };
-        range("period_ms", self.period_ms, 1.0, 60_000.0);
+        range(&mut faults, "period_ms", self.period_ms, [1.0, 60_000.0]);
         for (key, value) in
             [("roll_deg", self.roll_deg), ("pitch_deg", self.pitch_deg), ("yaw_deg", self.yaw_deg)]
         {
-            range(key, value, -360.0, 360.0);
+            range(&mut faults, key, value, [-360.0, 360.0]);
         }
-        self.at_m.iter().for_each(|value| range("at_m", *value, -100.0, 100.0));
-        for fault in self.timing().faults() {
-            faults.push((fault.key.to_owned(), format!("expected {}, found {}", fault.must, fault.value)));
-        }
+        self.at_m.iter().for_each(|value| range(&mut faults, "at_m", *value, [-100.0, 100.0]));
+        faults.extend(timing_faults(&self.timing()));
         if self.fov_deg.is_some() && self.matrix.is_some() {
             faults.push(("fov_deg".into(), "expected either `fov_deg` or `matrix`, found both".into()));
         }

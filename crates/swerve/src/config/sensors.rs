@@ -226,7 +226,7 @@ fn expected(must: &str, found: f64) -> String {
     format!("expected {must}, found {}", number(found))
 }
 
-fn range(told: &mut Faults, key: &str, value: f64, [low, high]: [f64; 2]) {
+pub(super) fn range(told: &mut Faults, key: &str, value: f64, [low, high]: [f64; 2]) {
     if !(low..=high).contains(&value) {
         told.push((key.to_owned(), expected(&format!("{low} to {high}"), value)));
     }
@@ -245,7 +245,7 @@ fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
     told
 }
 
-fn timing_faults(timing: &SensorTiming) -> Faults {
+pub(super) fn timing_faults(timing: &SensorTiming) -> Faults {
     timing
         .faults()
         .into_iter()

@@ -1,8 +1,6 @@
 //! Samples as the KITTI object benchmark lays them out (Geiger, Lenz, Urtasun: "Are we ready for autonomous
 //! driving?", CVPR 2012), with depth, classes and instances as its depth and semantics benchmarks have them.
 
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -12,7 +10,7 @@ use swerve_render::SemanticClass;
 
 use super::sample::{Object, Sample};
 use crate::config::camera::CameraConfig;
-use crate::files::write_whole;
+use crate::files::{write_png, write_whole};
 
 /// Fewer pixels than this make no label.
 pub(super) const PIXELS_MIN: usize = 10;
@@ -43,11 +41,13 @@ impl Kitti {
 
     pub(super) fn add(&self, name: &str, sample: &Sample<'_>) -> anyhow::Result<()> {
         let file = |folder: &str, ending: &str| self.folder.join(folder).join(format!("{name}.{ending}"));
-        png(&file("image_2", "png"), sample.rgb, png::ColorType::Rgb, &eight(sample.rgb))?;
-        png(&file("depth", "png"), sample.depth, png::ColorType::Grayscale, &depth(sample.depth))?;
-        png(&file("semantic", "png"), sample.semantic, png::ColorType::Grayscale, &eight(sample.semantic))?;
+        let rgb = sample.rgb;
+        let colour = (png::ColorType::Rgb, png::BitDepth::Eight);
+        write_png(&file("image_2", "png"), (rgb.width_px, rgb.height_px), colour, rgb.pixels.bytes())?;
+        grey(&file("depth", "png"), sample.depth, &depth(sample.depth))?;
+        grey(&file("semantic", "png"), sample.semantic, sample.semantic.pixels.bytes())?;
         let instances = instances(sample.semantic, sample.instance);
-        png(&file("instance", "png"), sample.instance, png::ColorType::Grayscale, &instances)?;
+        grey(&file("instance", "png"), sample.instance, &instances)?;
         let seen = sample.objects.iter().filter(|object| object.pixels >= PIXELS_MIN);
         let labels: String = seen.map(|object| label(object, sample.rgb)).collect();
         write_whole(&file("label_2", "txt"), labels.as_bytes())?;
@@ -122,10 +122,6 @@ fn rows<From>(to_camera: impl Fn(Point<From>) -> Point<swerve_geom::Camera>) -> 
     [row(0), row(1), row(2)].join(" ")
 }
 
-fn eight(image: &Image) -> Vec<u8> {
-    image.pixels.bytes().to_vec()
-}
-
 /// 256 for each metre, 0 where there is none or beyond 255.99 m; big-endian, as PNG has it.
 fn depth(image: &Image) -> Vec<u8> {
     let Pixels::DepthF32M(depths) = &image.pixels else { return Vec::new() };
@@ -143,16 +139,9 @@ fn instances(semantic: &Image, instance: &Image) -> Vec<u8> {
     classes.iter().zip(ids.iter()).flat_map(code).collect()
 }
 
-fn png(path: &Path, image: &Image, colour: png::ColorType, bytes: &[u8]) -> anyhow::Result<()> {
-    let writing = || format!("writing {}", path.display());
-    let file = BufWriter::new(File::create(path).with_context(writing)?);
-    let mut encoder = png::Encoder::new(file, image.width_px, image.height_px);
-    encoder.set_color(colour);
+/// Writes numbers of one byte each, or of two where there are twice as many bytes as pixels.
+fn grey(path: &Path, image: &Image, bytes: &[u8]) -> anyhow::Result<()> {
     let pixels = image.width_px as usize * image.height_px as usize;
-    let is_wide = colour == png::ColorType::Grayscale && bytes.len() == 2 * pixels;
-    encoder.set_depth(if is_wide { png::BitDepth::Sixteen } else { png::BitDepth::Eight });
-    encoder.set_compression(png::Compression::Fast);
-    let mut writer = encoder.write_header().with_context(writing)?;
-    writer.write_image_data(bytes).with_context(writing)?;
-    writer.finish().with_context(writing)
+    let depth = if bytes.len() == 2 * pixels { png::BitDepth::Sixteen } else { png::BitDepth::Eight };
+    write_png(path, (image.width_px, image.height_px), (png::ColorType::Grayscale, depth), bytes)
 }

@@ -197,7 +197,7 @@ fn project(
 }
 
 /// The eight corners of an actor's box.
-pub(super) fn corners(actor: &Actor) -> [Point<Map>; 8] {
+fn corners(actor: &Actor) -> [Point<Map>; 8] {
     let ground = actor.footprint().corners();
     core::array::from_fn(|k| {
         let up_m = if k < 4 { 0.0 } else { actor.extent.height_m };

@@ -9,8 +9,6 @@ mod colours;
 mod tests;
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -25,6 +23,7 @@ use swerve_render::{
 use swerve_scenario::Scenario;
 
 use crate::config::Config;
+use crate::files::write_png;
 use crate::street::{EGO_INSTANCE, Street};
 use annotate::Canvas;
 
@@ -164,7 +163,7 @@ impl Frames {
             }
         };
         self.written.insert(stream.to_owned(), count + 1);
-        write_png(&folder.join(format!("{count:05}.png")), &frame)
+        write_picture(&folder.join(format!("{count:05}.png")), &frame)
     }
 
     fn take(&mut self, world: &WorldState) -> anyhow::Result<()> {
@@ -183,7 +182,7 @@ impl Frames {
         }
         canvas.inset(&self.driver.frame);
         canvas.head(&self.title, world, self.seen.plan.as_ref());
-        write_png(&self.folder.join(format!("{:05}.png", self.count)), &self.follower.frame)?;
+        write_picture(&self.folder.join(format!("{:05}.png", self.count)), &self.follower.frame)?;
         self.count += 1;
         Ok(())
     }
@@ -235,14 +234,7 @@ fn remove_pictures(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// Writes the colour image of a frame.
-pub fn write_png(path: &Path, frame: &Frame) -> anyhow::Result<()> {
-    let writing = || format!("writing {}", path.display());
-    let file = BufWriter::new(File::create(path).with_context(writing)?);
-    let mut encoder = png::Encoder::new(file, frame.width_px as u32, frame.height_px as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    let mut writer = encoder.write_header().with_context(writing)?;
-    writer.write_image_data(&frame.rgb).with_context(writing)?;
-    writer.finish().with_context(writing)
+fn write_picture(path: &Path, frame: &Frame) -> anyhow::Result<()> {
+    let size = (frame.width_px as u32, frame.height_px as u32);
+    write_png(path, size, (png::ColorType::Rgb, png::BitDepth::Eight), &frame.rgb)
 }

@@ -5,12 +5,12 @@ use swerve_flow::{Context, Every, Latest, Operator, Port};
 use swerve_geom::{Ego, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Pixels};
-use swerve_render::{Camera, FrameMut, Motion, Outputs, View};
+use swerve_render::{Camera, FrameMut, Outputs, View};
 
 use super::stage::{Pool, SharedStage, hides_ego, with};
 use crate::config::Config;
 use crate::config::camera::CameraConfig;
-use crate::street::EGO_INSTANCE;
+use crate::street::{EGO_INSTANCE, motion_of};
 
 /// Of each port what its images hold, in the order of the ports.
 const ENCODINGS: [Encoding; 4] =
@@ -79,10 +79,7 @@ impl Operator for CameraOperator {
             };
             let ego = &world.ego;
             let mut view = View::new(&self.camera, ego.map_from_ego * self.ego_from_camera);
-            view.motion = Motion {
-                linear_mps: ego.velocity_mps.coords.into(),
-                angular_radps: (ego.map_from_ego * ego.angular_velocity_radps).coords.into(),
-            };
+            view.motion = motion_of(ego);
             view.frame = cx.stamp().ns() as u64;
             view.hidden_instance = self.hides_ego.then_some(EGO_INSTANCE);
             let rendered = with(&self.stage, |stage| {

@@ -10,7 +10,7 @@ mod tests;
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Point, Point2, Polyline, Transform};
-use swerve_msg::truth::{Actor, WorldState};
+use swerve_msg::truth::{Actor, EgoTruth, WorldState};
 use swerve_msg::{ActorKind, Signal};
 use swerve_render::{
     Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps,
@@ -71,10 +71,7 @@ impl Street {
         let middle: Transform<swerve_geom::Ego, swerve_render::Body> =
             Transform::from_roll_pitch_yaw(Point::new(self.ego_ahead_m, 0.0, 0.0), 0.0, 0.0, 0.0);
         let mut instance = Instance::placed(&self.ego, ego.map_from_ego * middle).with_id(EGO_INSTANCE);
-        instance.motion = Motion {
-            linear_mps: ego.velocity_mps.coords.into(),
-            angular_radps: (ego.map_from_ego * ego.angular_velocity_radps).coords.into(),
-        };
+        instance.motion = motion_of(ego);
         self.put_vehicle(instance, self.ego);
         for (light, switch) in &self.lights {
             let lamp = match switch.signal(world.stamp) {
@@ -116,6 +113,14 @@ impl Street {
             self.scene.lights.push(Light::head_lamps(&instance.map_from_body, front_m, 0.7));
         }
         self.scene.dynamics.push(instance);
+    }
+}
+
+/// How the ego moves, in the map; so do the cameras on it.
+pub fn motion_of(ego: &EgoTruth) -> Motion {
+    Motion {
+        linear_mps: ego.velocity_mps.coords.into(),
+        angular_radps: (ego.map_from_ego * ego.angular_velocity_radps).coords.into(),
     }
 }
 
