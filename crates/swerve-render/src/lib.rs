@@ -24,6 +24,7 @@ pub mod camera;
 mod class;
 mod cpu;
 mod frame;
+pub mod gpu;
 mod hash;
 mod library;
 pub mod lidar;

@@ -1,0 +1,5 @@
+//! Graphics adapters: what is there, what may be used and why not, and devices that back ends share.
+
+mod device;
+
+pub use device::{AdapterKind, AdapterReport, Adapters, Gpu, NoAdapter, probe};
