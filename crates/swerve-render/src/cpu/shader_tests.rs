@@ -99,6 +99,7 @@ fn each_light(mut check: impl FnMut(&Light, &Shading<'_>, Environment, &mut Draw
             tiles: Tiles::get().words(),
             ray: [[0.0; 3]; 3],
             eye: [0.0; 3],
+            flat: None,
             focal: 400.0,
         };
         check(&light, &shading, translated(&light), &mut draws);

@@ -124,11 +124,14 @@ fn lenses_shutters_and_any_size_agree_too() {
         ("shutter", camera(|s| s.shutter = rolling)),
         ("both", camera(|s| (s.distortion, s.shutter) = (lens, rolling))),
         ("odd", camera(|s| (s.width_px, s.height_px) = (203, 117))),
+        ("map", camera(|s| s.intrinsics = Intrinsics::OrthographicMPerPx(0.2))),
         ("tiny", camera(|s| (s.width_px, s.height_px, s.intrinsics) = (1, 1, narrow))),
     ];
     let scene = town(WeatherPreset::WetNoon, 3, 40.0);
     for (what, camera) in &cameras {
-        let mut view = View::new(camera, looking([5.0, -1.9, 1.4], 0.05, 0.1));
+        let down = looking([15.0, -1.9, 30.0], core::f64::consts::FRAC_PI_2, 0.1);
+        let pose = if camera.is_orthographic() { down } else { looking([5.0, -1.9, 1.4], 0.05, 0.1) };
+        let mut view = View::new(camera, pose);
         view.motion = Motion { linear_mps: [9.0, 0.0, 0.0], angular_radps: [0.0, 0.0, 0.4] };
         let (a, b) = (shot(&mut cpu, &scene, &view), shot(&mut gpu, &scene, &view));
         save(&format!("{what}-cpu.png"), &a);
