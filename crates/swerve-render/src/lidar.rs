@@ -17,6 +17,7 @@
 
 mod bvh;
 mod cloud;
+mod compute;
 mod presets;
 mod returns;
 mod scene_tree;
@@ -28,7 +29,9 @@ pub use cloud::{Cloud, CloudMut, CloudSizeError, TruthMut};
 pub use presets::{LidarPreset, UnknownLidar};
 pub use scene_tree::{Hit, RayMemory, SceneTree, TreeError};
 pub use spec::{BEAMS_MAX, Beam, COLUMNS_MAX, LidarError, LidarSpec, SHOTS_MAX};
-pub use sweep::{FireError, Fired, Firing, Sweeper};
+pub use sweep::{FireError, Fired, Firing, LidarEngine, Sweeper};
+
+pub(crate) use scene_tree::flat;
 
 #[cfg(test)]
 mod tests;
