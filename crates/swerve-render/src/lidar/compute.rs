@@ -19,6 +19,8 @@ pub(super) struct Compute {
     /// Pieces that wait, and memory of earlier ones behind them.
     pieces: Vec<Piece>,
     waiting: usize,
+    /// The columns of these.
+    order: Vec<u32>,
     under: Option<Under>,
 }
 
@@ -55,6 +57,7 @@ impl Compute {
             salvo: Salvo::default(),
             pieces: Vec::new(),
             waiting: 0,
+            order: Vec::new(),
             under: None,
         }
     }
@@ -66,11 +69,7 @@ impl Compute {
 
     /// Columns that wait.
     pub(super) fn columns_waiting(&self) -> usize {
-        self.waiting().iter().map(|piece| piece.columns.len()).sum()
-    }
-
-    fn waiting(&self) -> &[Piece] {
-        &self.pieces[..self.waiting]
+        if self.waiting > 0 { self.order.len() } else { 0 }
     }
 
     /// Whether a piece cannot go with those that wait: other weather, another hidden instance, another ground.
@@ -92,9 +91,11 @@ impl Compute {
         self.resident.take_over(tree);
         if self.waiting == 0 {
             self.salvo.begin(tree, &self.resident);
+            self.order.clear();
             self.under = Some(under);
         }
         let root = self.salvo.add(tree.moving(), &self.resident);
+        self.order.extend(columns.clone());
         for column in columns.clone() {
             self.salvo.add_column(&sweeper.aim(tree, firing, column), root, column);
         }
@@ -114,14 +115,8 @@ impl Compute {
     /// Why the GPU cannot; nothing is added then, and the pieces still wait.
     pub(super) fn flush(&mut self, sweeper: &Sweeper, out: &mut CloudMut<'_>) -> Result<(), String> {
         let Some(under) = self.under.filter(|_| self.waiting > 0) else { return Ok(()) };
-        let Self { caster, resident, salvo, pieces, waiting, .. } = self;
-        let pieces = &pieces[..*waiting];
-        caster.cast(resident, salvo, under.words(), |returns| {
-            let columns = pieces.iter().flat_map(|piece| piece.columns.clone());
-            for (column, returns) in columns.zip(returns.chunks(sweeper.rings())) {
-                add_column(sweeper, column, returns, out);
-            }
-        })?;
+        let Self { caster, resident, salvo, order, .. } = self;
+        caster.cast(resident, salvo, under.words(), |returns| add(sweeper, order, returns, out))?;
         self.waiting = 0;
         Ok(())
     }
@@ -137,14 +132,42 @@ impl Compute {
     }
 }
 
+/// Columns that one thread takes at a time.
+const SHARE: usize = 128;
+
+/// Adds the points of columns, by column and then by beam.
+fn add(sweeper: &Sweeper, order: &[u32], returns: &[Words], out: &mut CloudMut<'_>) {
+    let rings = sweeper.rings();
+    let add_columns = |columns: &[u32], returns: &[Words], out: &mut CloudMut<'_>| {
+        for (&column, returns) in columns.iter().zip(returns.chunks(rings)) {
+            add_column(sweeper, column, returns, out);
+        }
+    };
+    let Some(pool) = sweeper.pool() else { return add_columns(order, returns, out) };
+    let shares = || order.chunks(SHARE).zip(returns.chunks(SHARE * rings));
+    let mut counts: Vec<usize> = vec![0; order.len().div_ceil(SHARE)];
+    // The place of a share is known when those before it are counted.
+    pool.in_place_scope(|scope| {
+        for (count, (_, returns)) in counts.iter_mut().zip(shares()) {
+            scope.spawn(|_| *count = returns.iter().filter(|words| words[3] & SEEN != 0).count());
+        }
+    });
+    let parts = out.deal(&mut counts);
+    pool.in_place_scope(|scope| {
+        for (mut part, (columns, returns)) in parts.into_iter().zip(shares()) {
+            scope.spawn(move |_| add_columns(columns, returns, &mut part));
+        }
+    });
+}
+
 fn add_column(sweeper: &Sweeper, column: u32, returns: &[Words], out: &mut CloudMut<'_>) {
     let offset_s = sweeper.offset_s(column);
-    let [sin, cos] = sweeper.azimuth(column);
+    let azimuth = sweeper.azimuth(column);
     for (ring, &[range, intensity, instance, class]) in returns.iter().enumerate() {
         if class & SEEN == 0 {
             continue;
         }
-        let at_m = sweeper.point(ring, [sin, cos], f32::from_bits(range));
+        let at_m = sweeper.point(ring, azimuth, f32::from_bits(range));
         let (intensity, class) = (f32::from_bits(intensity), class as u8);
         out.push(&Point { at_m, intensity, ring: ring as u16, offset_s, instance, class });
     }

@@ -109,13 +109,22 @@ pub struct Sweeper {
     period_ns: i64,
     /// Directions of the beams in a column at azimuth 0.
     beams: Vec<[f32; 3]>,
-    /// Sine and cosine of each column's azimuth.
-    columns: Vec<[f64; 2]>,
+    columns: Vec<Column>,
     pool: Option<rayon::ThreadPool>,
     shots: Vec<Shot>,
     turn: u64,
     compute: Option<Box<Compute>>,
     fallback: Option<String>,
+}
+
+/// A column of a turn.
+#[derive(Clone, Copy, Debug)]
+struct Column {
+    /// Sine and cosine of its azimuth.
+    azimuth: [f64; 2],
+    /// When it is fired, since the first.
+    at_ns: i64,
+    offset_s: f32,
 }
 
 /// What came back of one shot.
@@ -152,7 +161,8 @@ impl Sweeper {
         let columns = (0..spec.columns).map(|k| {
             let share = f64::from(k) / f64::from(spec.columns);
             let (sin, cos) = math::sin_cos(spec.first_azimuth_rad + turn_rad * share);
-            [sin, cos]
+            let at_ns = column_ns(k, period_ns, spec.columns);
+            Column { azimuth: [sin, cos], at_ns, offset_s: (at_ns as f64 / SECOND_NS) as f32 }
         });
         let (beams, columns) = (beams.collect(), columns.collect());
         let pool = if threads > 1 { Some(start(threads - 1)?) } else { None };
@@ -197,7 +207,7 @@ impl Sweeper {
 
     /// When a column of a turn is fired, nanoseconds since the first.
     pub fn column_ns(&self, column: u32) -> i64 {
-        (i128::from(column) * i128::from(self.period_ns) / i128::from(self.spec.columns)) as i64
+        column_ns(column, self.period_ns, self.spec.columns)
     }
 
     /// The columns of a turn whose instants are in `[begin_ns, end_ns)`: pieces that follow each other miss none.
@@ -325,6 +335,11 @@ impl Sweeper {
         self.shots = shots;
     }
 
+    /// Threads besides the caller's.
+    pub(super) fn pool(&self) -> Option<&rayon::ThreadPool> {
+        self.pool.as_ref()
+    }
+
     /// Number of beams.
     pub(super) fn rings(&self) -> usize {
         self.beams.len()
@@ -332,12 +347,12 @@ impl Sweeper {
 
     /// When a column is fired, seconds since the first.
     pub(super) fn offset_s(&self, column: u32) -> f32 {
-        (self.column_ns(column) as f64 / SECOND_NS) as f32
+        self.columns[column as usize].offset_s
     }
 
     /// Sine and cosine of a column's azimuth.
     pub(super) fn azimuth(&self, column: u32) -> [f32; 2] {
-        self.columns[column as usize].map(|part| part as f32)
+        self.columns[column as usize].azimuth.map(|part| part as f32)
     }
 
     /// The point at a range along a beam of a column with this azimuth, sensor's frame.
@@ -348,13 +363,18 @@ impl Sweeper {
 
     /// From where to where a column looks, frame of the trees.
     pub(super) fn aim(&self, tree: &SceneTree, firing: &Firing, column: u32) -> Aim {
-        let station = Station::of(firing, self.column_ns(column));
-        let [sin, cos] = self.columns[column as usize];
+        let Column { azimuth: [sin, cos], at_ns, .. } = self.columns[column as usize];
+        let station = Station::of(firing, at_ns);
         let matrix = station
             .rotation
             .map(|[x, y, z]| [(x * cos + y * sin) as f32, (y * cos - x * sin) as f32, z as f32]);
         Aim { origin: tree.local(station.origin_m), matrix }
     }
+}
+
+/// When a column of a turn is fired, nanoseconds since the first.
+fn column_ns(column: u32, period_ns: i64, columns: u32) -> i64 {
+    (i128::from(column) * i128::from(period_ns) / i128::from(columns)) as i64
 }
 
 fn start(threads: usize) -> Result<rayon::ThreadPool, LidarError> {
