@@ -208,9 +208,8 @@ fn compute(rows: &mut Rows, scene: &Scene) {
     let (rounds, turns) = if is_gpu { (ROUNDS, 100) } else { (3, 1) };
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(LIDARS);
     let mut tree = SceneTree::new(scene).expect("a sound scene");
-    let there = |spec: LidarSpec, threads: usize| {
-        Turn::of(Sweeper::on_gpu(spec, threads, &gpu).expect("a preset"))
-    };
+    let there =
+        |spec: LidarSpec, threads: usize| Turn::of(Sweeper::on_gpu(spec, threads, &gpu).expect("a preset"));
     let small = LidarPreset::Vlp32.spec();
     let wide = LidarPreset::Os1.spec();
     let mut one_small = there(small, threads);
