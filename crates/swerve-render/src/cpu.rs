@@ -563,4 +563,6 @@ fn eight(ids: &[u32], from: usize) -> [u32; 8] {
 }
 
 #[cfg(test)]
+mod shader_tests;
+#[cfg(test)]
 mod tests;

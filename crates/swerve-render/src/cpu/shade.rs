@@ -29,6 +29,7 @@ pub(crate) struct Lamp {
 }
 
 /// Everything that shading reads.
+#[derive(Clone, Copy)]
 pub(super) struct Shading<'a> {
     pub(super) chunks: &'a [Chunk],
     pub(super) surfaces: &'a [Surface],
@@ -243,12 +244,7 @@ impl Shading<'_> {
                 (point[0] * splat(1.0 / 16.0), point[1] * splat(1.0 / 16.0)),
                 footprint * side * side,
             );
-            let wet = ground * splat(environment.wetness);
-            let level = splat(0.72 - 0.42 * environment.puddles);
-            let flat = clamp01((normal[2] - splat(0.9)) * splat(20.0));
-            let puddle = clamp01((stain - level) * splat(9.0)) * wet * flat;
-            let tone = F::ONE + ground * (stain - splat(0.5)) * splat(0.7);
-            let tone = tone * (F::ONE - wet * splat(0.45)) * (F::ONE - puddle * splat(0.5));
+            let [tone, wet, puddle] = ground_tone(environment, stain, normal[2], ground);
             albedo = albedo.map(|a| a * tone);
             polish = polish.fast_max(wet * splat(0.25)).fast_max(puddle * splat(0.95));
             specular += puddle * splat(0.02);
@@ -262,13 +258,7 @@ impl Shading<'_> {
         } else {
             F::ZERO
         };
-        let up = (normal[2] * splat(0.5) + splat(0.5)) * open;
-        let down = (splat(0.5) - normal[2] * splat(0.5)) * (open * splat(0.7) + splat(0.3));
-        let mut light = [0, 1, 2].map(|k| {
-            splat(environment.sunlight[k]) * sun
-                + splat(environment.ambient[k]) * up
-                + splat(environment.bounce[k]) * down
-        });
+        let mut light = daylight(environment, normal, sun, open);
         if environment.lamps_on {
             self.add_lamps((x, y), point, normal, lanes.numbers[slot::RETRO], &mut light);
         }
@@ -282,16 +272,13 @@ impl Shading<'_> {
             let emissive = lanes.colour(slot::EMISSIVE);
             colour = [0, 1, 2].map(|k| colour[k] + emissive[k]);
         }
-        // Beer's law; exp(-x) by its series in the denominator.
-        let x = splat(environment.fog_1pm) * length * z;
-        let clear = F::ONE
-            / (F::ONE + x * (F::ONE + x * (splat(0.5) + x * (splat(1.0 / 6.0) + x * splat(1.0 / 24.0)))));
+        let clear = through_fog(splat(environment.fog_1pm) * length * z);
         mix8(splat3(environment.fog), colour, clear)
     }
 
     /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared; with the
     /// level of the first for `all` if they have one texture and much the same footprint.
-    fn sample(&self, base: &[u32; 8], all: bool, (u, v): (F, F), footprint: F) -> F {
+    pub(super) fn sample(&self, base: &[u32; 8], all: bool, (u, v): (F, F), footprint: F) -> F {
         // Half the exponent, rounded up, is the level.
         let level = |footprint: f32| ((footprint.clamp(1.0, 60_000.0).to_bits() >> 23) - 126) >> 1;
         let side = |level: u32| f32::from_bits((127 + 8 - level) << 23);
@@ -389,7 +376,7 @@ impl Shading<'_> {
     }
 
     /// What a polished surface mirrors, and its share of the light.
-    fn mirror(
+    pub(super) fn mirror(
         &self,
         normal: V,
         direction: V,
@@ -422,7 +409,7 @@ impl Shading<'_> {
     }
 
     /// Adds the light of lamps.
-    fn add_lamps(&self, (x, y): (F, F), point: V, normal: V, retro: F, light: &mut V) {
+    pub(super) fn add_lamps(&self, (x, y): (F, F), point: V, normal: V, retro: F, light: &mut V) {
         let (row, first, last) = (y.to_array()[0], x.to_array()[0], x.to_array()[7]);
         for lamp in self.lamps {
             if row < lamp.rows[0] || row > lamp.rows[1] || last < lamp.columns[0] || first > lamp.columns[1] {
@@ -445,7 +432,7 @@ impl Shading<'_> {
     }
 
     /// Colour of the sky.
-    fn sky(&self, direction: V) -> V {
+    pub(super) fn sky(&self, direction: V) -> V {
         let environment = self.environment;
         let up = direction[2].fast_max(F::ZERO);
         let mut colour = mix8(splat3(environment.horizon), splat3(environment.zenith), up.sqrt());
@@ -478,6 +465,36 @@ impl Shading<'_> {
         let thin = clamp01(direction[2] * splat(9.0 * haze) + splat(0.25 * haze));
         mix8(splat3(environment.fog), colour, thin)
     }
+}
+
+/// Share of the light that fog lets through: Beer's law; exp(-x) by its series in the denominator.
+#[inline]
+pub(super) fn through_fog(x: F) -> F {
+    F::ONE / (F::ONE + x * (F::ONE + x * (splat(0.5) + x * (splat(1.0 / 6.0) + x * splat(1.0 / 24.0)))))
+}
+
+/// Light on a surface from sun, sky and ground; `sun` is the cosine times the share that is seen.
+#[inline]
+pub(super) fn daylight(environment: &Environment, normal: V, sun: F, open: F) -> V {
+    let up = (normal[2] * splat(0.5) + splat(0.5)) * open;
+    let down = (splat(0.5) - normal[2] * splat(0.5)) * (open * splat(0.7) + splat(0.3));
+    [0, 1, 2].map(|k| {
+        splat(environment.sunlight[k]) * sun
+            + splat(environment.ambient[k]) * up
+            + splat(environment.bounce[k]) * down
+    })
+}
+
+/// How stains and water change ground: tone of its colour, how wet it is, how much of a puddle.
+#[inline]
+pub(super) fn ground_tone(environment: &Environment, stain: F, up: F, ground: F) -> [F; 3] {
+    let wet = ground * splat(environment.wetness);
+    let level = splat(0.72 - 0.42 * environment.puddles);
+    let flat = clamp01((up - splat(0.9)) * splat(20.0));
+    let puddle = clamp01((stain - level) * splat(9.0)) * wet * flat;
+    let tone = F::ONE + ground * (stain - splat(0.5)) * splat(0.7);
+    let tone = tone * (F::ONE - wet * splat(0.45)) * (F::ONE - puddle * splat(0.5));
+    [tone, wet, puddle]
 }
 
 /// Bilinear mean of the four bytes of each word, between 0 and 1.

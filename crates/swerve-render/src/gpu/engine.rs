@@ -51,16 +51,32 @@ pub(crate) struct GpuRenderer {
     listed: Clusters,
 }
 
-/// What is drawn to: which triangle is seen, and its depth.
+/// What is drawn to, a layer for each look: which triangle is seen, and its depth.
 struct Target {
-    size: (u32, u32),
+    /// Columns, rows, layers.
+    size: [u32; 3],
     visible: wgpu::TextureView,
-    depth: wgpu::TextureView,
+    /// Triangles and depths of each layer.
+    layers: Vec<[wgpu::TextureView; 2]>,
 }
 
 impl Target {
-    fn new(gpu: &Gpu, size: (u32, u32)) -> Self {
-        Self { size, visible: maps::image(gpu, size, VISIBLE), depth: maps::image(gpu, size, DEPTH) }
+    fn new(gpu: &Gpu, size: [u32; 3]) -> Self {
+        let [visible, depth] = [VISIBLE, DEPTH].map(|format| maps::texture(gpu, size, format));
+        let layer = |texture: &wgpu::Texture, layer: u32| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2),
+                base_array_layer: layer,
+                array_layer_count: Some(1),
+                ..wgpu::TextureViewDescriptor::default()
+            })
+        };
+        let layers = (0..size[2]).map(|k| [layer(&visible, k), layer(&depth, k)]).collect();
+        let visible = visible.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..wgpu::TextureViewDescriptor::default()
+        });
+        Self { size, visible, layers }
     }
 }
 
@@ -196,6 +212,7 @@ struct Drawn {
 pub(crate) struct Pending {
     submission: wgpu::SubmissionIndex,
     buffer: Option<wgpu::Buffer>,
+    bytes: u64,
     planes: Vec<Planes>,
     mapped: Arc<Mutex<Option<Result<(), String>>>>,
 }
@@ -220,7 +237,7 @@ impl GpuRenderer {
         let pipelines = Pipelines::new(&gpu);
         let read = Usage::STORAGE | Usage::COPY_DST;
         let blank = [DEPTH, DEPTH, super::pipelines::SKY, super::pipelines::SKY]
-            .map(|format| maps::image(&gpu, (1, 1), format));
+            .map(|format| maps::image(&gpu, 1, format));
         let no_maps = maps::bind(&gpu, &pipelines, [&blank[0], &blank[1], &blank[2], &blank[3]]);
         let lenses = Lenses {
             cache: LensCache::default(),
@@ -241,7 +258,7 @@ impl GpuRenderer {
             rounds: Grown::new(&gpu, "rounds", Usage::UNIFORM | Usage::COPY_DST),
             images: Grown::new(&gpu, "images", Usage::STORAGE | Usage::COPY_SRC),
             sums: Grown::new(&gpu, "sums", Usage::STORAGE),
-            target: Target::new(&gpu, (1, 1)),
+            target: Target::new(&gpu, [1; 3]),
             bound: None,
             read_backs: ReadBacks::default(),
             records: Records::default(),
@@ -284,8 +301,7 @@ impl GpuRenderer {
                 })
                 .collect()
         };
-        let most = self.gpu.limits().max_texture_dimension_2d;
-        let (rounds, size) = plan::rounds(&order, most)?;
+        let (rounds, size) = plan::rounds(&order, self.gpu.limits())?;
         let drawn: Vec<Drawn> =
             rounds.iter().map(|round| self.list(scene, &things, (&views, &groups), round)).collect();
         self.fit(size, words, sums, &drawn)?;
@@ -313,12 +329,12 @@ impl GpuRenderer {
             });
         }
         self.gpu.trouble().map_or(Ok(()), Err)?;
-        Ok(Pending { submission, buffer, planes, mapped })
+        Ok(Pending { submission, buffer, bytes: 4 * words, planes, mapped })
     }
 
     /// Waits for images and writes them to memory of the caller; the text says why there are none.
     pub(crate) fn collect(&mut self, pending: Pending, out: &mut [FrameMut<'_>]) -> Result<(), String> {
-        let Pending { submission, buffer, planes, mapped } = pending;
+        let Pending { submission, buffer, bytes, planes, mapped } = pending;
         self.gpu.wait(Some(submission))?;
         let Some(buffer) = buffer else { return Ok(()) };
         match mapped.lock().unwrap_or_else(PoisonError::into_inner).take() {
@@ -327,7 +343,7 @@ impl GpuRenderer {
             None => return Err("images are not ready after the device was waited for".to_owned()),
         }
         {
-            let bytes = buffer.get_mapped_range(..).map_err(|error| error.to_string())?;
+            let bytes = buffer.get_mapped_range(..bytes).map_err(|error| error.to_string())?;
             let mut copies: Vec<(&mut [u8], &[u8])> = Vec::new();
             for (out, planes) in out.iter_mut().zip(&planes) {
                 let images = [
@@ -511,7 +527,7 @@ impl GpuRenderer {
             ray: cpu::rays(&map_from_camera, &image),
             origin: [[0.0; 3], [0.0; 3], eye.map(|x| x as f32)],
             focal: image.fx as f32,
-            place: [placed.at.0, placed.at.1, view.camera.width_px() as u32, view.camera.height_px() as u32],
+            place: [placed.layer, 0, view.camera.width_px() as u32, view.camera.height_px() as u32],
             rows: [look.rows.0 as u32, look.rows.1 as u32, look.sample, look.samples],
             planes: planes.first,
             lens: [prepared.lens.unwrap_or(NONE), 0, 0, planes.sums],
@@ -555,7 +571,7 @@ impl GpuRenderer {
     }
 
     /// Makes room for everything and brings it to the device.
-    fn fit(&mut self, size: (u32, u32), words: u64, sums: u64, drawn: &[Drawn]) -> Result<(), String> {
+    fn fit(&mut self, size: [u32; 3], words: u64, sums: u64, drawn: &[Drawn]) -> Result<(), String> {
         let gpu = &self.gpu;
         let queue = gpu.queue();
         if self.listed.all.len() > (u32::MAX as usize) / CLUSTER {
@@ -583,9 +599,11 @@ impl GpuRenderer {
         queue.write_buffer(self.rounds.buffer(), 0, bytemuck::cast_slice(&rounds));
         replaced |= self.images.fit(gpu, 4 * words)?;
         replaced |= self.sums.fit(gpu, 4 * sums)?;
-        let Target { size: (width, height), .. } = self.target;
-        if size.0 > width || size.1 > height {
-            self.target = Target::new(gpu, (size.0.max(width), size.1.max(height)));
+        let had = self.target.size;
+        if (0..3).any(|k| size[k] > had[k]) {
+            // Not the largest of each that there ever was: few images may be large, and many small.
+            let fits = |k: usize| size[k] <= had[k];
+            self.target = Target::new(gpu, if fits(0) && fits(1) { [had[0], had[1], size[2]] } else { size });
             replaced = true;
         }
         if replaced || self.bound.is_none() {
@@ -647,8 +665,7 @@ impl GpuRenderer {
             depth_stencil_attachment: Some(cleared_depth(&maps.sun[job.which])),
             ..wgpu::RenderPassDescriptor::default()
         });
-        pass.set_bind_group(0, shapes, &[]);
-        draw_sides(&mut pass, &self.pipelines.sun, core::iter::once((None, &job.sun)));
+        self.draw_sides(&mut pass, &self.pipelines.sun, &job.sun);
         drop(pass);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("sky"),
@@ -663,14 +680,35 @@ impl GpuRenderer {
     }
 
     fn draw_round(&self, encoder: &mut wgpu::CommandEncoder, round: &Drawn) {
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("triangles"),
-            color_attachments: &[Some(cleared(&self.target.visible))],
-            depth_stencil_attachment: Some(cleared_depth(&self.target.depth)),
-            ..wgpu::RenderPassDescriptor::default()
-        });
+        for (placed, sides) in &round.looks {
+            let [visible, depth] = &self.target.layers[placed.layer as usize];
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("triangles"),
+                color_attachments: &[Some(cleared(visible))],
+                depth_stencil_attachment: Some(cleared_depth(depth)),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            let (width, height) = placed.size;
+            pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
+            pass.set_scissor_rect(0, 0, width, height);
+            self.draw_sides(&mut pass, &self.pipelines.draw, sides);
+        }
+    }
+
+    /// Draws clusters, those with one side first.
+    fn draw_sides(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipelines: &[wgpu::RenderPipeline; 2],
+        sides: &Sides,
+    ) {
         pass.set_bind_group(0, &self.bound()[0], &[]);
-        draw_sides(&mut pass, &self.pipelines.draw, round.looks.iter().map(|(at, sides)| (Some(at), sides)));
+        for (pipeline, clusters) in pipelines.iter().zip(sides) {
+            if !clusters.is_empty() {
+                pass.set_pipeline(pipeline);
+                pass.draw(0..3 * CLUSTER as u32, clusters.clone());
+            }
+        }
     }
 
     fn shade_round(&self, encoder: &mut wgpu::CommandEncoder, round: &Drawn, dispatched: &mut usize) {
@@ -701,26 +739,4 @@ fn cleared(view: &wgpu::TextureView) -> wgpu::RenderPassColorAttachment<'_> {
 fn cleared_depth(view: &wgpu::TextureView) -> wgpu::RenderPassDepthStencilAttachment<'_> {
     let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store };
     wgpu::RenderPassDepthStencilAttachment { view, depth_ops: Some(ops), stencil_ops: None }
-}
-
-/// Draws clusters of several looks, those with one side first; `None` for all of the image.
-fn draw_sides<'a>(
-    pass: &mut wgpu::RenderPass<'_>,
-    pipelines: &[wgpu::RenderPipeline; 2],
-    looks: impl Iterator<Item = (Option<&'a Placed>, &'a Sides)> + Clone,
-) {
-    for (side, pipeline) in pipelines.iter().enumerate() {
-        pass.set_pipeline(pipeline);
-        for (place, sides) in looks.clone() {
-            if sides[side].is_empty() {
-                continue;
-            }
-            if let Some(Placed { at, size, .. }) = place {
-                let [x, y, width, height] = [at.0, at.1, size.0, size.1].map(|v| v as f32);
-                pass.set_viewport(x, y, width, height, 0.0, 1.0);
-                pass.set_scissor_rect(at.0, at.1, size.0, size.1);
-            }
-            pass.draw(0..3 * CLUSTER as u32, sides[side].clone());
-        }
-    }
 }

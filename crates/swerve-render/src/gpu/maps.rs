@@ -19,27 +19,24 @@ pub(super) struct CellMaps {
     pub(super) is_new: bool,
 }
 
-fn square(gpu: &Gpu, side: usize, format: wgpu::TextureFormat) -> wgpu::TextureView {
-    image(gpu, (side as u32, side as u32), format)
-}
-
-/// A texture that is drawn to and read from.
-pub(super) fn image(
-    gpu: &Gpu,
-    (width, height): (u32, u32),
-    format: wgpu::TextureFormat,
-) -> wgpu::TextureView {
-    let texture = gpu.device().create_texture(&wgpu::TextureDescriptor {
+/// A texture that is drawn to and read from: columns, rows, layers.
+pub(super) fn texture(gpu: &Gpu, size: [u32; 3], format: wgpu::TextureFormat) -> wgpu::Texture {
+    let [width, height, depth_or_array_layers] = size;
+    gpu.device().create_texture(&wgpu::TextureDescriptor {
         label: None,
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width, height, depth_or_array_layers },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
         usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
         view_formats: &[],
-    });
-    texture.create_view(&wgpu::TextureViewDescriptor::default())
+    })
+}
+
+/// A view of a texture with one layer.
+pub(super) fn image(gpu: &Gpu, side: usize, format: wgpu::TextureFormat) -> wgpu::TextureView {
+    texture(gpu, [side as u32, side as u32, 1], format).create_view(&wgpu::TextureViewDescriptor::default())
 }
 
 /// Binds maps for shading.
@@ -57,8 +54,8 @@ pub(super) fn bind(gpu: &Gpu, pipelines: &Pipelines, views: [&wgpu::TextureView;
 
 impl CellMaps {
     pub(super) fn new(gpu: &Gpu, pipelines: &Pipelines) -> Self {
-        let sun = [0, 1].map(|_| square(gpu, SIDE, DEPTH));
-        let sky = [0, 1].map(|_| square(gpu, SKY_SIDE, SKY));
+        let sun = [0, 1].map(|_| image(gpu, SIDE, DEPTH));
+        let sky = [0, 1].map(|_| image(gpu, SKY_SIDE, SKY));
         let bound = bind(gpu, pipelines, [&sun[0], &sun[1], &sky[0], &sky[1]]);
         Self { key: Key::default(), used: 0, sun, sky, bound, is_new: true }
     }

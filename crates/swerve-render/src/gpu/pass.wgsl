@@ -21,7 +21,7 @@ struct Round {
 @group(1) @binding(2) var<storage, read> lenses: array<vec2<f32>>;
 @group(1) @binding(3) var<storage, read_write> images: array<u32>;
 @group(1) @binding(4) var<storage, read_write> sums: array<f32>;
-@group(1) @binding(5) var visible: texture_2d<u32>;
+@group(1) @binding(5) var visible: texture_2d_array<u32>;
 
 @group(2) @binding(0) var sun_fixed: texture_2d<f32>;
 @group(2) @binding(1) var sun_moving: texture_2d<f32>;
@@ -433,7 +433,7 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
             texel_at = vec2<u32>(u32(at.x + 0.5), u32(at.y + 0.5));
         }
         let ray = ray_of(look, at.x, at.y);
-        let marked = textureLoad(visible, vec2<i32>(texel_at + place.xy), 0).x;
+        let marked = textureLoad(visible, vec2<i32>(texel_at), i32(place.x), 0).x;
         var seen: Seen;
         if marked != 0u {
             seen = meet(marked - 1u, ray);

@@ -41,12 +41,12 @@ fn storage(binding: u32, visibility: ShaderStages, read_only: bool) -> wgpu::Bin
     wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
 }
 
-fn texture(binding: u32, sample_type: TextureSampleType) -> wgpu::BindGroupLayoutEntry {
-    let ty = wgpu::BindingType::Texture {
-        sample_type,
-        view_dimension: wgpu::TextureViewDimension::D2,
-        multisampled: false,
-    };
+fn texture(
+    binding: u32,
+    sample_type: TextureSampleType,
+    view_dimension: wgpu::TextureViewDimension,
+) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
     wgpu::BindGroupLayoutEntry { binding, visibility: ShaderStages::COMPUTE, ty, count: None }
 }
 
@@ -137,11 +137,15 @@ impl Pipelines {
             storage(2, at, true),
             storage(3, at, false),
             storage(4, at, false),
-            texture(5, TextureSampleType::Uint),
+            texture(5, TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array),
         ];
         let pixels = layout(device, "pixels", &pixels);
         let unfiltered = TextureSampleType::Float { filterable: false };
-        let maps = layout(device, "maps", &[0, 1, 2, 3].map(|binding| texture(binding, unfiltered)));
+        let maps = layout(
+            device,
+            "maps",
+            &[0, 1, 2, 3].map(|binding| texture(binding, unfiltered, wgpu::TextureViewDimension::D2)),
+        );
         let plan = |groups: &[Option<&wgpu::BindGroupLayout>]| {
             device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: None,

@@ -166,83 +166,59 @@ pub(super) struct Placed {
     /// Which view.
     pub(super) view: usize,
     pub(super) look: Look,
-    /// Columns and rows that are drawn, and where to.
+    /// Columns and rows that are drawn, and to which layer.
     pub(super) size: (u32, u32),
-    pub(super) at: (u32, u32),
+    pub(super) layer: u32,
 }
 
-/// Looks that are drawn side by side.
+/// Looks that are drawn side by side, each to a layer of its own: so that what else is drawn cannot change the
+/// last bits of where its triangles begin and end.
 #[derive(Debug, Default)]
 pub(super) struct Round {
     pub(super) looks: Vec<Placed>,
 }
 
-/// Packs looks on shelves.
-struct Packer {
-    most: u32,
-    rounds: Vec<Round>,
-    /// Size of the image that all rounds are drawn to.
-    size: (u32, u32),
-    /// Where the next look of the round goes, and how high its shelf is.
-    next: (u32, u32),
-    shelf: u32,
-}
-
-/// Pixels that a round may have, unless one look has more.
+/// Pixels that the layers of a round may have, unless one look has more.
 const ROUND_PIXELS: u64 = 1 << 25;
 
-impl Packer {
-    fn start_round(&mut self) {
-        self.rounds.push(Round::default());
-        (self.next, self.shelf) = ((0, 0), 0);
-    }
+/// What the looks of a submission are ordered by: which view it is, its outputs, the pinhole image that it is
+/// drawn as, and whether that is behind a lens.
+pub(super) type Ordered<'a> = (usize, &'a Camera, Outputs, Pinhole, bool);
 
-    fn add(&mut self, view: usize, look: Look, (width, height): (u32, u32)) -> Result<(), String> {
-        let most = self.most;
-        if width > most || height > most {
-            return Err(format!("an image of {width} x {height} pixels is drawn, the adapter takes {most}"));
-        }
-        if self.next.0 + width > most.min(SHELF).max(width) {
-            self.next = (0, self.next.1 + self.shelf);
-            self.shelf = 0;
-        }
-        let bottom = self.next.1 + height;
-        let area = u64::from(self.size.0.max(width)) * u64::from(bottom);
-        if self.next != (0, 0) && (bottom > most || area > ROUND_PIXELS) {
-            self.start_round();
-        }
-        let at = self.next;
-        self.next.0 += width;
-        self.shelf = self.shelf.max(height);
-        self.size = (self.size.0.max(self.next.0), self.size.1.max(at.1 + height));
-        let round = self.rounds.last_mut().expect("a round was started");
-        round.looks.push(Placed { view, look, size: (width, height), at });
-        Ok(())
-    }
-}
-
-/// Columns of looks side by side, unless one look has more.
-const SHELF: u32 = 8192;
-
-/// Orders the looks of all views to rounds: sub-frames of a view go to rounds of their own, one after the
-/// other. `views` gives the order of the views, and of each the pinhole image that it is drawn as; `most` is
-/// the largest side.
-pub(super) fn rounds(
-    views: &[(usize, &Camera, Outputs, Pinhole, bool)],
-    most: u32,
-) -> Result<(Vec<Round>, (u32, u32)), String> {
-    let mut packer = Packer { most, rounds: Vec::new(), size: (1, 1), next: (0, 0), shelf: 0 };
-    let looks: Vec<Vec<Look>> =
-        views.iter().map(|(_, camera, outputs, ..)| Look::all(camera, *outputs).collect()).collect();
-    let samples = looks.iter().flatten().map(|look| look.samples).max().unwrap_or(0);
-    for sample in 0..samples {
-        packer.start_round();
-        for ((view, _, _, image, has_lens), looks) in views.iter().zip(&looks) {
-            for look in looks.iter().filter(|look| look.sample == sample) {
-                let rows = if *has_lens { image.height } else { look.rows.1 - look.rows.0 };
-                packer.add(*view, *look, (image.width as u32, rows as u32))?;
-            }
+/// Orders the looks of views to rounds: sub-frames of a view go to rounds of their own, one after the other.
+/// Also says how large layers must be, and how many there must be.
+///
+/// # Errors
+/// If the adapter does not draw images that large.
+pub(super) fn rounds(views: &[Ordered<'_>], limits: &wgpu::Limits) -> Result<(Vec<Round>, [u32; 3]), String> {
+    let mut looks = Vec::new();
+    let (mut width, mut height) = (1, 1);
+    for (view, camera, outputs, image, has_lens) in views {
+        for look in Look::all(camera, *outputs) {
+            let rows = if *has_lens { image.height } else { look.rows.1 - look.rows.0 };
+            let size = (image.width as u32, rows as u32);
+            (width, height) = (width.max(size.0), height.max(size.1));
+            looks.push(Placed { view: *view, look, size, layer: 0 });
         }
     }
-    Ok((packer.rounds, packer.size))
+    let most = limits.max_texture_dimension_2d;
+    if width > most || height > most {
+        return Err(format!("an image of {width} x {height} pixels is drawn, the adapter takes {most}"));
+    }
+    let area = u64::from(width) * u64::from(height);
+    let most = (ROUND_PIXELS / area).clamp(1, u64::from(limits.max_texture_array_layers)) as u32;
+    looks.sort_by_key(|placed| placed.look.sample);
+    let mut rounds: Vec<Round> = Vec::new();
+    let (mut sample, mut layers) = (None, 0);
+    for placed in looks {
+        let is_full = rounds.last().is_none_or(|round| round.looks.len() as u32 == most);
+        if is_full || sample != Some(placed.look.sample) {
+            rounds.push(Round::default());
+            sample = Some(placed.look.sample);
+        }
+        let round = rounds.last_mut().expect("the first look starts a round");
+        round.looks.push(Placed { layer: round.looks.len() as u32, ..placed });
+        layers = layers.max(round.looks.len() as u32);
+    }
+    Ok((rounds, [width, height, layers.max(1)]))
 }

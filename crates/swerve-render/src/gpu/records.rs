@@ -222,7 +222,7 @@ pub(super) struct LookRecord {
     pub(super) origin: [[f32; 3]; 3],
     /// Pixels per unit of direction.
     pub(super) focal: f32,
-    /// Where it is drawn to, column and row; width and height of the image that is written.
+    /// Layer that it is drawn to, 0, width and height of the image that is written.
     pub(super) place: Row,
     /// First row, last but one; which sub-frame of how many.
     pub(super) rows: Row,

@@ -51,9 +51,15 @@ fn mix_bits(bits: u32) -> u32 {
     return x ^ (x >> 16u);
 }
 
-// Mip level for a footprint in texels squared: half the exponent, rounded up.
+fn one_if(condition: bool) -> u32 {
+    return select(0u, 1u, condition);
+}
+
+// Mip level for a footprint in texels squared: half its binary exponent, rounded up, at most 8.
 fn mip_level(footprint: f32) -> u32 {
-    return ((bitcast<u32>(clamp(footprint, 1.0, 60000.0)) >> 23u) - 126u) >> 1u;
+    return one_if(footprint >= 2.0) + one_if(footprint >= 8.0) + one_if(footprint >= 32.0)
+        + one_if(footprint >= 128.0) + one_if(footprint >= 512.0) + one_if(footprint >= 2048.0)
+        + one_if(footprint >= 8192.0) + one_if(footprint >= 32768.0);
 }
 
 // First word of a level within a tile of 256 x 256: the levels before it are a geometric series.

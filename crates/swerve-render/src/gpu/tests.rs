@@ -110,3 +110,129 @@ fn images_agree_with_those_of_the_cpu() {
         }
     }
 }
+
+#[test]
+fn lenses_shutters_and_any_size_agree_too() {
+    let Some(device) = device() else { return };
+    let mut gpu = Renderer::on(device, 1).unwrap();
+    let mut cpu = Renderer::new(RenderOptions::default()).unwrap();
+    let lens = Distortion { k1: -0.2, k2: 0.04, p1: 0.001, p2: -0.001, k3: 0.0 };
+    let rolling = Shutter { exposure_s: 0.03, blur_samples: 3, readout_s: 0.04, readout_slabs: 5 };
+    let narrow = Intrinsics::HorizontalFovRad(0.01);
+    let cameras = [
+        ("lens", camera(|s| s.distortion = lens)),
+        ("shutter", camera(|s| s.shutter = rolling)),
+        ("both", camera(|s| (s.distortion, s.shutter) = (lens, rolling))),
+        ("odd", camera(|s| (s.width_px, s.height_px) = (203, 117))),
+        ("tiny", camera(|s| (s.width_px, s.height_px, s.intrinsics) = (1, 1, narrow))),
+    ];
+    let scene = town(WeatherPreset::WetNoon, 3, 40.0);
+    for (what, camera) in &cameras {
+        let mut view = View::new(camera, looking([5.0, -1.9, 1.4], 0.05, 0.1));
+        view.motion = Motion { linear_mps: [9.0, 0.0, 0.0], angular_radps: [0.0, 0.0, 0.4] };
+        let (a, b) = (shot(&mut cpu, &scene, &view), shot(&mut gpu, &scene, &view));
+        save(&format!("{what}-cpu.png"), &a);
+        save(&format!("{what}-gpu.png"), &b);
+        assert_agree(what, &a, &b);
+    }
+}
+
+#[test]
+fn batches_and_submissions_are_the_single_frames_again_bit_for_bit() {
+    let Some(device) = device() else { return };
+    let scene = town(WeatherPreset::ClearSunset, 2, 40.0);
+    let wide = camera(|s| (s.width_px, s.height_px) = (160, 90));
+    let blurred = camera(|s| s.shutter.blur_samples = 2);
+    let blurred = Camera::new(CameraSpec { width_px: 100, height_px: 75, ..*blurred.spec() }).unwrap();
+    // The last is in another cell of the shadow maps.
+    let views: Vec<View<'_>> = [0.0, 1.0, 2.0, 30.0]
+        .into_iter()
+        .zip([&wide, &blurred, &wide, &wide])
+        .map(|(x, camera)| View::new(camera, looking([x, -1.9, 1.4], 0.05, 0.3 * x)))
+        .collect();
+    let mut renderer = Renderer::on(device.clone(), 2).unwrap();
+    let single: Vec<Frame> = views.iter().map(|view| shot(&mut renderer, &scene, view)).collect();
+    let empty = || -> Vec<Frame> { views.iter().map(|view| Frame::new(view.camera, Outputs::ALL)).collect() };
+    fn outs(frames: &mut [Frame]) -> Vec<FrameMut<'_>> {
+        frames.iter_mut().map(Frame::as_mut).collect()
+    }
+    let mut batch = empty();
+    renderer.render_batch(&scene, &views, &mut outs(&mut batch)).unwrap();
+    assert!(batch == single);
+    // Two on the way at once; another renderer on the same device has nothing to do with it.
+    let first = renderer.submit(&scene, &views, Outputs::ALL).unwrap();
+    let second = renderer.submit(&scene, &views[2..], Outputs::GEOMETRY).unwrap();
+    let mut other = Renderer::on(device, 1).unwrap();
+    assert!(shot(&mut other, &scene, &views[0]) == single[0]);
+    let mut frames = empty();
+    renderer.collect(first, &mut outs(&mut frames)).unwrap();
+    assert!(frames == single);
+    let mut frames: Vec<Frame> =
+        views[2..].iter().map(|view| Frame::new(view.camera, Outputs::GEOMETRY)).collect();
+    renderer.collect(second, &mut outs(&mut frames)).unwrap();
+    for (frame, full) in frames.iter().zip(&single[2..]) {
+        assert!(frame.depth_m == full.depth_m && frame.instance == full.instance);
+        assert!(frame.semantic == full.semantic && frame.rgb.is_empty());
+    }
+    let third = renderer.submit(&scene, &views[2..], Outputs::GEOMETRY).unwrap();
+    let mut frames = empty().split_off(2);
+    let error = renderer.collect(third, &mut outs(&mut frames)).unwrap_err();
+    assert_eq!(error, RenderError::NotSubmitted { image: "rgb" });
+    let error = renderer.render_batch(&scene, &views, &mut []).unwrap_err();
+    assert_eq!(error.to_string(), "4 views, but 0 frames");
+}
+
+#[test]
+fn images_do_not_depend_on_earlier_passes() {
+    let Some(device) = device() else { return };
+    let camera = camera(|s| (s.width_px, s.height_px) = (160, 120));
+    let noon = town(WeatherPreset::ClearNoon, 3, 60.0);
+    let mut other = town(WeatherPreset::ClearNight, 4, 40.0);
+    let mut renderer = Renderer::on(device, 1).unwrap();
+    let mut pass = |scene: &Scene, x: f64| {
+        shot(&mut renderer, scene, &View::new(&camera, looking([x, -1.9, 1.4], 0.05, 0.0)))
+    };
+    let first = pass(&noon, 0.0);
+    for x in [100.0, -60.0, 0.0] {
+        pass(&other, x);
+        other.dynamics.iter_mut().for_each(|i| i.look.lamps ^= 4);
+    }
+    let mut moved = noon.clone();
+    for thing in &mut moved.dynamics {
+        let step = Transform::<Map, Map>::from_roll_pitch_yaw(Point::new(1.0, 0.5, 0.0), 0.0, 0.0, 0.0);
+        thing.map_from_body = step * thing.map_from_body;
+    }
+    assert!(pass(&moved, 0.0) != first);
+    assert!(pass(&noon, 0.0) == first);
+}
+
+#[test]
+fn a_lost_adapter_is_replaced_by_the_cpu_in_the_same_frame() {
+    let Some(device) = given(Gpu::fresh(AdapterKind::Software).or_else(|_| Gpu::fresh(AdapterKind::Gpu)))
+    else {
+        return;
+    };
+    let scene = town(WeatherPreset::ClearNoon, 1, 30.0);
+    let camera = camera(|s| (s.width_px, s.height_px) = (96, 64));
+    let view = View::new(&camera, looking([0.0, -1.9, 1.4], 0.05, 0.0));
+    let expected = shot(&mut Renderer::new(RenderOptions::default()).unwrap(), &scene, &view);
+    let mut renderer = Renderer::on(device.clone(), 1).unwrap();
+    assert!(!renderer.backend().is_portable() && renderer.adapter().is_some());
+    shot(&mut renderer, &scene, &view);
+    let pending = renderer.submit(&scene, &[view], Outputs::ALL).unwrap();
+    device.device().destroy();
+    let mut frame = Frame::new(&camera, Outputs::ALL);
+    let lost = renderer.collect(pending, &mut [frame.as_mut()]);
+    if let Err(error) = lost {
+        assert!(error.to_string().starts_with("the adapter failed: "), "{error}");
+    }
+    renderer.render(&scene, &view, frame.as_mut()).unwrap();
+    assert!(frame == expected);
+    assert_eq!((renderer.backend(), renderer.adapter()), (Backend::Cpu, None));
+    let reason = renderer.fell_back().unwrap();
+    assert!(reason.contains("lost") || reason.contains("destroyed"), "{reason}");
+    let pending = renderer.submit(&scene, &[view], Outputs::ALL).unwrap();
+    let mut again = Frame::new(&camera, Outputs::ALL);
+    renderer.collect(pending, &mut [again.as_mut()]).unwrap();
+    assert!(again == expected);
+}
