@@ -67,7 +67,7 @@ impl Store {
             return Ok(None);
         }
         let limits = gpu.limits();
-        let most = limits.max_buffer_size.min(u64::from(limits.max_storage_buffer_binding_size));
+        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
         if bytes > most {
             let (label, mega) = (self.label, 1 << 20);
             return Err(format!("{label} need {} MiB, the adapter takes {}", bytes / mega + 1, most / mega));

@@ -443,8 +443,8 @@ impl Volley<'_> {
             let aim = self.sweeper.aim(self.tree, self.firing, column);
             for axis in 0..3 {
                 origin[axis][lane] = aim.origin[axis];
-                for part in 0..3 {
-                    matrix[axis][part][lane] = aim.matrix[axis][part];
+                for (lanes, part) in matrix[axis].iter_mut().zip(aim.matrix[axis]) {
+                    lanes[lane] = part;
                 }
             }
         }
