@@ -3,6 +3,7 @@
 use core::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use serde::{Deserialize, Serialize};
 use swerve_geom::{Lidar, Map, Transform, math};
 use wide::f32x8;
 
@@ -67,7 +68,8 @@ pub enum FireError {
 }
 
 /// What casts the rays of a lidar.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum LidarEngine {
     /// The trees in this crate: always there; the same bytes on every x86-64 machine and thread count.
     #[default]

@@ -201,20 +201,25 @@ impl Salvo {
     }
 }
 
-/// Which instances moved how when a piece of a turn was fired.
+/// What moved how when a piece of a turn was fired, and where the origin of all coordinates was.
 #[derive(Clone, Debug, Default)]
-pub(in crate::lidar) struct Moment(Crowd);
+pub(in crate::lidar) struct Moment {
+    crowd: Crowd,
+    centre_m: [f64; 3],
+}
 
 impl SceneTree {
-    /// What moves, as it is now.
+    /// Keeps what moves, as it is now.
     pub(in crate::lidar) fn moment(&self, into: &mut Moment) {
-        into.0.bvh.clone_from(&self.moving.bvh);
-        into.0.placed.clone_from(&self.moving.placed);
+        into.crowd.bvh.clone_from(&self.moving.bvh);
+        into.crowd.placed.clone_from(&self.moving.placed);
+        into.centre_m = self.centre_m;
     }
 
     /// Back to an earlier moment of the same scene.
     pub(in crate::lidar) fn recall(&mut self, moment: &Moment) {
-        self.moving.clone_from(&moment.0);
+        self.moving.clone_from(&moment.crowd);
+        self.centre_m = moment.centre_m;
     }
 
     /// What moves.
