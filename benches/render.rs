@@ -1,13 +1,16 @@
 //! Cameras on the CPU: one frame of a town, by what is asked for and by weather.
 //!
+//! Beside it the same on an adapter of software, lavapipe where it is installed, in the same run and with the
+//! threads that it takes: one for each processor, or `LP_NUM_THREADS`.
+//!
 //! The town has about 64,000 triangles, a quarter of them moving; colour means textures, shadows, reflections.
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_geom::{Ego, Map, Point, Transform};
 use swerve_render::town::town;
 use swerve_render::{
-    Camera, CameraSpec, Distortion, Frame, Outputs, RenderOptions, Renderer, Scene, SensorNoise, View,
-    WeatherPreset, mount,
+    Backend, Camera, CameraSpec, Distortion, Frame, Outputs, RenderOptions, Renderer, Scene, SensorNoise,
+    View, WeatherPreset, mount,
 };
 
 /// Frames of one measurement.
@@ -68,6 +71,30 @@ fn measure(row: &Row, scene: &Scene, renderer: &mut Renderer) -> (f64, Option<f6
     (median, busy)
 }
 
+/// Rows of the software adapter, and how much faster the CPU back end was with the same images.
+fn compare(table: &mut Rows, software: &Renderer, rows: &[Row], references: &[Row]) {
+    if let Some(adapter) = software.adapter() {
+        table.row("software adapter", 0.0, &adapter.to_string(), Goal::None);
+    }
+    if let Some(why) = software.fell_back() {
+        return table.skipped("software adapter", why);
+    }
+    for (row, reference) in rows.iter().zip(references) {
+        let sample = Sample::new(reference.rounds.clone());
+        let busy = Sample::new(reference.busy.clone());
+        let mut reads = sample.text(2, "ms");
+        if !reference.busy.is_empty() {
+            reads += &format!(", busy {:.2} ms", busy.median());
+        }
+        table.row(&format!("{}, software adapter", row.what), sample.least(), &reads, Goal::None);
+        // Turn by turn, so that a disturbance of the host weighs on both.
+        let ratios = row.rounds.iter().zip(&reference.rounds).map(|(cpu, software)| software / cpu);
+        let ratio = Sample::new(ratios.collect());
+        let what = format!("{}, how much faster", row.what);
+        table.row(&what, ratio.median(), &ratio.text(2, "times"), Goal::Least(1.5));
+    }
+}
+
 fn main() {
     if !is_asked_to_measure() {
         return;
@@ -98,7 +125,21 @@ fn main() {
     let mut renderers = [1, 2].map(|threads| {
         Renderer::new(RenderOptions { threads, ..RenderOptions::default() }).expect("threads can be started")
     });
+    let mut software = Renderer::new(RenderOptions { backend: Backend::Software, threads: 2 });
+    let by_software = |k: usize| {
+        let row = &rows[k];
+        let rounds = Vec::with_capacity(ROUNDS);
+        Row { goal: Goal::None, rounds, busy: Vec::with_capacity(ROUNDS), ..*row }
+    };
+    let mut references = [0, 1].map(by_software);
     for _ in 0..ROUNDS {
+        if let Ok(software) = &mut software {
+            for row in &mut references {
+                let (ms, busy) = measure(row, &scenes[row.scene], software);
+                row.rounds.push(ms);
+                row.busy.extend(busy);
+            }
+        }
         for row in &mut rows {
             let (ms, busy) = measure(row, &scenes[row.scene], &mut renderers[row.threads - 1]);
             row.rounds.push(ms);
@@ -110,6 +151,10 @@ fn main() {
     let instances = scene.statics().instances().iter().chain(&scene.dynamics);
     let triangles: usize = instances.map(|i| scene.meshes.get(i.mesh).triangles().len()).sum();
     table.row("triangles of the town", triangles as f64, &format!("{triangles}"), Goal::None);
+    match &software {
+        Ok(software) => compare(&mut table, software, &rows, &references),
+        Err(error) => table.skipped("software adapter", &error.to_string()),
+    }
     for row in rows {
         let sample = Sample::new(row.rounds);
         // The least round is held against the goal: what the host does when nobody disturbs it.

@@ -27,6 +27,9 @@ pub enum Intrinsics {
     HorizontalFovRad(f64),
     /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels.
     Matrix([[f64; 3]; 3]),
+    /// Parallel rays along the optical axis instead of rays from one point: a map when the camera looks down.
+    /// Metres per pixel, the same in both directions; centred. Takes neither lens nor vignetting.
+    OrthographicMPerPx(f64),
 }
 
 /// How brightness becomes a number.
@@ -188,6 +191,10 @@ impl Camera {
                 (f, f, 0.5 * width, 0.5 * height)
             }
             Intrinsics::Matrix(matrix) => focal(&matrix)?,
+            Intrinsics::OrthographicMPerPx(m_per_px) => {
+                check_orthographic(&spec, m_per_px)?;
+                (1.0 / m_per_px, 1.0 / m_per_px, 0.5 * width, 0.5 * height)
+            }
         };
         let camera = Self { spec, fx, fy, cx, cy };
         camera.check_lens()?;
@@ -209,12 +216,19 @@ impl Camera {
         self.spec.height_px as usize
     }
 
-    /// Focal lengths and principal point `(fx, fy, cx, cy)`, pixels.
+    /// Whether its rays are parallel.
+    pub fn is_orthographic(&self) -> bool {
+        matches!(self.spec.intrinsics, Intrinsics::OrthographicMPerPx(_))
+    }
+
+    /// Focal lengths and principal point `(fx, fy, cx, cy)`, pixels; with parallel rays, pixels per metre
+    /// instead of focal lengths.
     pub fn focal_px(&self) -> (f64, f64, f64, f64) {
         (self.fx, self.fy, self.cx, self.cy)
     }
 
-    /// The 3x3 matrix, row by row: for calibration messages.
+    /// The 3x3 matrix, row by row: for calibration messages. With parallel rays it is applied to `(x, y, 1)`,
+    /// not to `(x, y, z)`.
     pub fn matrix(&self) -> [[f64; 3]; 3] {
         [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
     }
@@ -224,13 +238,20 @@ impl Camera {
     pub fn project(&self, point: Point<swerve_geom::Camera>) -> Option<[f64; 2]> {
         let p = point.coords;
         (p.z >= self.spec.near_m).then(|| {
+            if self.is_orthographic() {
+                return [self.fx * p.x + self.cx, self.fy * p.y + self.cy];
+            }
             let [x, y] = self.spec.distortion.distort([p.x / p.z, p.y / p.z]);
             [self.fx * x + self.cx, self.fy * y + self.cy]
         })
     }
 
-    /// The ray through a point of the image, as `(x/z, y/z)` in the camera frame.
+    /// The ray through a point of the image, as `(x/z, y/z)` in the camera frame: of its direction, where rays
+    /// are parallel.
     pub fn ray(&self, pixel: [f64; 2]) -> [f64; 2] {
+        if self.is_orthographic() {
+            return [0.0; 2];
+        }
         self.spec.distortion.undistort([(pixel[0] - self.cx) / self.fx, (pixel[1] - self.cy) / self.fy])
     }
 
@@ -252,6 +273,15 @@ impl Camera {
         }
         Ok(())
     }
+}
+
+fn check_orthographic(spec: &CameraSpec, m_per_px: f64) -> Result<(), CameraError> {
+    let at = "intrinsics.orthographic_m_per_px";
+    expect((1e-4..=100.0).contains(&m_per_px), at, m_per_px, "0.0001 to 100 metres per pixel")?;
+    let vignetting = spec.vignetting;
+    expect(vignetting == 0.0, "vignetting", vignetting, "0 with orthographic intrinsics")?;
+    let bent = spec.distortion.coefficients().into_iter().find(|k| *k != 0.0);
+    expect(bent.is_none(), "distortion", bent.unwrap_or(0.0), "no lens with orthographic intrinsics")
 }
 
 /// Focal lengths and principal point of a matrix.

@@ -205,6 +205,7 @@ impl Pass<'_> {
             tiles,
             ray: rays(&map_from_camera, &image),
             eye,
+            flat: image.flat.then(|| (origins(&map_from_camera, &image, centre), image.far)),
             focal: image.fx as f32,
         });
         let sensor = Sensor::new(view.camera, &environment, view.frame, tiles);
@@ -245,10 +246,31 @@ fn both<A: Send, B: Send>(
     if parallel { rayon::join(a, b) } else { (a(), b()) }
 }
 
+/// Where the ray of a pixel starts in a flat image, from a centre in the map frame: factors of x, of y, and the
+/// rest.
+pub(crate) fn origins(
+    map_from_camera: &Transform<Map, swerve_geom::Camera>,
+    image: &Pinhole,
+    centre: [f64; 3],
+) -> [[f32; 3]; 3] {
+    let rows = rows_of(map_from_camera);
+    let at = map_from_camera.origin().coords;
+    let at: [f64; 3] = [0, 1, 2]
+        .map(|k| at[k] - centre[k] - rows[k][0] * image.cx / image.fx - rows[k][1] * image.cy / image.fy);
+    [
+        [0, 1, 2].map(|k| (rows[k][0] / image.fx) as f32),
+        [0, 1, 2].map(|k| (rows[k][1] / image.fy) as f32),
+        at.map(|x| x as f32),
+    ]
+}
+
 /// Direction of the ray of a pixel with depth 1, map frame: factors of x, of y, and the rest.
 pub(crate) fn rays(map_from_camera: &Transform<Map, swerve_geom::Camera>, image: &Pinhole) -> [[f32; 3]; 3] {
     let rows = rows_of(map_from_camera);
     let of = |f: &dyn Fn([f64; 3]) -> f64| [f(rows[0]) as f32, f(rows[1]) as f32, f(rows[2]) as f32];
+    if image.flat {
+        return [[0.0; 3], [0.0; 3], of(&|row| row[2])];
+    }
     [
         of(&|row| row[0] / image.fx),
         of(&|row| row[1] / image.fy),
@@ -347,7 +369,10 @@ pub(crate) fn light_up(
         }
         let everywhere = [-1.0, 1e6];
         let (mut columns, mut rows) = (everywhere, everywhere);
-        if at.z > range {
+        if image.flat {
+            columns = [at.x - range, at.x + range].map(|x| image.fx * x + image.cx);
+            rows = [at.y - range, at.y + range].map(|y| image.fy * y + image.cy);
+        } else if at.z > range {
             // The sphere's outline lies within this of its centre's image.
             let (near, far) = (at.z - range, at.z + range);
             let extent = |p: f64, f: f64, c: f64| {
@@ -394,19 +419,17 @@ impl Target<'_> {
     fn draw(&self, band: Rows<'_>) {
         let mut visible = Visible { w: band.w, id: band.id };
         let index = band.first / geometry::BAND;
-        raster::band(self.chunks, index, (band.width, band.first), self.image.near, &mut visible);
+        raster::band(self.chunks, index, (band.width, band.first), self.image.nearest(), &mut visible);
     }
 
     /// A band without a lens: nearest triangles, and at once what is asked of them.
     fn draw_and_shade(&self, band: Rows<'_>) {
         let Rows { width, first, count, w, id, mut sums, mut rgb, mut depth_m, semantic, instance } = band;
         let mut visible = Visible { w: &mut *w, id: &mut *id };
-        raster::band(self.chunks, first / geometry::BAND, (width, first), self.image.near, &mut visible);
+        raster::band(self.chunks, first / geometry::BAND, (width, first), self.image.nearest(), &mut visible);
         if self.look.gives_ids() {
             if let Some(depth) = &mut depth_m {
-                for (depth, w) in depth.iter_mut().zip(w.iter()) {
-                    *depth = 1.0 / *w;
-                }
+                self.image.depths(depth, w);
             }
             self.write_ids(id, semantic, instance);
         }

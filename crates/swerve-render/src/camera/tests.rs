@@ -33,6 +33,13 @@ fn what_cannot_be_a_camera_is_refused_by_name() {
         bad[row][column] = value;
         assert_eq!(matrix(bad), "intrinsics.matrix", "{bad:?}");
     }
+    for scale in [0.0, -1.0, nan, 1e9] {
+        let field = refused(|s| s.intrinsics = Intrinsics::OrthographicMPerPx(scale)).field;
+        assert_eq!(field, "intrinsics.orthographic_m_per_px");
+    }
+    let map = Intrinsics::OrthographicMPerPx(0.1);
+    assert_eq!(refused(|s| (s.intrinsics, s.vignetting) = (map, 0.1)).field, "vignetting");
+    assert_eq!(refused(|s| (s.intrinsics, s.distortion.k1) = (map, 0.1)).field, "distortion");
     assert_eq!(refused(|s| s.near_m = 0.0).field, "near_m");
     assert_eq!(refused(|s| s.far_m = 0.05).field, "far_m");
     assert_eq!(refused(|s| s.vignetting = nan).field, "vignetting");

@@ -4,6 +4,9 @@
 //! in the camera frame, the ray `r = (x, y, 1)` meets it at `z r = αA + βB + γC`, and
 //! `γ/z = (A x B)·r / det`. So every attribute over depth is affine in the pixel, and no triangle need be
 //! clipped: corners behind the camera are as good as others.
+//!
+//! A flat image, of parallel rays, is the same with `(x, y, 1)` for `(x, y, z)`: attributes themselves are
+//! affine then, and instead of inverse depth it is depth that is taken off that of the far end.
 
 use wide::f32x4;
 
@@ -23,6 +26,28 @@ pub(crate) struct Pinhole {
     pub(crate) cy: f64,
     pub(crate) near: f32,
     pub(crate) far: f32,
+    /// Its rays are parallel, and `fx` and `fy` are pixels per metre.
+    pub(crate) flat: bool,
+}
+
+impl Pinhole {
+    /// Nearness at the near plane; that of nothing is 0.
+    pub(super) fn nearest(&self) -> f32 {
+        if self.flat { self.far - self.near } else { 1.0 / self.near }
+    }
+
+    /// Depths of what has such nearness.
+    pub(super) fn depths(&self, out: &mut [f32], nearness: &[f32]) {
+        for (depth, w) in out.iter_mut().zip(nearness) {
+            *depth = if !self.flat {
+                1.0 / *w
+            } else if *w > 0.0 {
+                self.far - *w
+            } else {
+                f32::INFINITY
+            };
+        }
+    }
 }
 
 /// Value of a quantity over the image: `[a, b, c]` is `a x + b y + c`.
@@ -31,7 +56,7 @@ pub(super) type Plane = [f32; 3];
 /// A triangle as the rasteriser needs it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TriRaster {
-    /// Inverse depth.
+    /// Nearness: inverse depth, or depth taken off that of the far end.
     pub(super) w: Plane,
     /// Of each edge: where it crosses row 0, and how far it moves per row, pixels; padded to four.
     pub(super) start: [f32; 4],
@@ -43,8 +68,8 @@ pub(super) struct TriRaster {
     pub(super) flags: u32,
 }
 
-/// What shading needs besides, over depth and padded to whole quads: inverse depth, u, v, and the normal in
-/// the map frame, a plane each.
+/// What shading needs besides, over depth (or not, in a flat image) and padded to whole quads: nearness, u, v,
+/// and the normal in the map frame, a plane each.
 pub(super) type TriShade = [f32; 20];
 
 /// Rows that share lists of triangles, and are the unit of work.
@@ -95,6 +120,8 @@ pub(super) fn turn(rows: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
 pub(crate) struct Frustum {
     /// Normals of the four sides, inwards, camera frame.
     sides: [[f32; 3]; 4],
+    /// Distances of the sides from the camera.
+    offsets: [f32; 4],
     near: f32,
     far: f32,
 }
@@ -106,27 +133,37 @@ impl Frustum {
         let right = (image.width as f64 - 0.5 - image.cx) / image.fx;
         let top = (from as f64 - 0.5 - image.cy) / image.fy;
         let bottom = (to as f64 - 0.5 - image.cy) / image.fy;
+        if image.flat {
+            let sides = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]];
+            let offsets = [-left, right, -top, bottom].map(|v| v as f32);
+            return Self { sides, offsets, near: image.near, far: image.far };
+        }
         let side = |x: f64, y: f64, z: f64| {
             let length = (x * x + y * y + z * z).sqrt();
             [x / length, y / length, z / length].map(|v| v as f32)
         };
         let sides =
             [side(1.0, 0.0, -left), side(-1.0, 0.0, right), side(0.0, 1.0, -top), side(0.0, -1.0, bottom)];
-        Self { sides, near: image.near, far: image.far }
+        Self { sides, offsets: [0.0; 4], near: image.near, far: image.far }
     }
 
     /// Whether a sphere may be seen.
     pub(crate) fn touches(&self, centre: [f32; 3], radius: f32) -> bool {
         centre[2] + radius >= self.near
             && centre[2] - radius <= self.far
-            && self.sides.iter().all(|side| dot(*side, centre) >= -radius)
+            && self
+                .sides
+                .iter()
+                .zip(self.offsets)
+                .all(|(side, offset)| dot(*side, centre) + offset >= -radius)
     }
 
     /// Whether something that extends from a sphere along a vector may be seen.
     pub(super) fn touches_swept(&self, centre: [f32; 3], radius: f32, along: [f32; 3]) -> bool {
         let end = [centre[0] + along[0], centre[1] + along[1], centre[2] + along[2]];
         centre[2].max(end[2]) + radius >= self.near
-            && self.sides.iter().all(|side| dot(*side, centre).max(dot(*side, end)) >= -radius)
+            && (self.sides.iter().zip(self.offsets))
+                .all(|(side, offset)| dot(*side, centre).max(dot(*side, end)) + offset >= -radius)
     }
 }
 
@@ -166,7 +203,7 @@ impl Chunk {
                 continue;
             }
             let normal = cross(sub(b.p, a.p), sub(c.p, a.p));
-            let facing = dot(normal, a.p);
+            let facing = if image.flat { normal[2] } else { dot(normal, a.p) };
             let flipped = facing > 0.0;
             if facing == 0.0 || (flipped && !two_sided) {
                 continue;
@@ -179,7 +216,8 @@ impl Chunk {
             self.surfaces.push(surface);
             if shaded {
                 let order = if flipped { [triangle[0], triangle[2], triangle[1]] } else { *triangle };
-                self.shade.push(shade((mesh, item), order.map(|k| k as usize), &planes, flipped));
+                let order = order.map(|k| k as usize);
+                self.shade.push(shade((mesh, item), order, (&planes, raster.w), flipped));
             }
             for band in usize::from(span[0]) / BAND..=(usize::from(span[1]) - 1) / BAND {
                 self.bands[band].push(id);
@@ -225,6 +263,7 @@ impl<'a> Viewport<'a> {
             c: self.c,
             near: self.image.near,
             far: self.image.far,
+            flat: self.image.flat,
         }
     }
 
@@ -238,10 +277,10 @@ impl<'a> Viewport<'a> {
         let near = self.image.near;
         for k in 0..3 {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
-            if a.out & NEARER == 0 {
+            if a.out & NEARER == 0 || self.image.flat {
                 take(a.x, a.y);
             }
-            if (a.out ^ b.out) & NEARER != 0 {
+            if !self.image.flat && (a.out ^ b.out) & NEARER != 0 {
                 let t = (near - a.p[2]) / (b.p[2] - a.p[2]);
                 let cut = |axis: usize| {
                     (a.p[axis] + t * (b.p[axis] - a.p[axis])) * self.f[axis] / near + self.c[axis]
@@ -273,6 +312,7 @@ struct Mover {
     c: [f32; 2],
     near: f32,
     far: f32,
+    flat: bool,
 }
 
 impl Mover {
@@ -282,10 +322,11 @@ impl Mover {
         let moved = i * f32x4::splat(x) + j * f32x4::splat(y) + (k * f32x4::splat(z) + offset);
         let [x, y, z, _] = moved.to_array();
         let [by_x, by_y, by_z] = self.sides;
-        let distances = by_x * f32x4::splat(x) + by_y * f32x4::splat(y) + by_z * f32x4::splat(z);
+        let scale = if self.flat { 1.0 } else { z };
+        let distances = by_x * f32x4::splat(x) + by_y * f32x4::splat(y) + by_z * f32x4::splat(scale);
         // The signs of the four distances.
         let out = distances.to_bitmask() << 1 | u32::from(z < self.near) | u32::from(z > self.far) << 5;
-        let inverse = 1.0 / z.max(1e-6);
+        let inverse = 1.0 / scale.max(1e-6);
         let pixel = [self.f[0] * x * inverse + self.c[0], self.f[1] * y * inverse + self.c[1]];
         Corner { p: [x, y, z], x: pixel[0], y: pixel[1], out }
     }
@@ -312,7 +353,10 @@ fn set_up(
     corners: [Corner; 3],
     (columns, rows): ([u16; 2], [u16; 2]),
 ) -> Option<(TriRaster, Barycentric)> {
-    let [a, b, c] = corners.map(|corner| corner.p.map(f64::from));
+    let [a, b, c] = corners.map(|corner| {
+        let [x, y, z] = corner.p.map(f64::from);
+        [x, y, if image.flat { 1.0 } else { z }]
+    });
     // Opposite edges in the order of the corners; a shared edge gives exactly opposite numbers in its
     // neighbour.
     let opposite = [cross64(b, c), cross64(c, a), cross64(a, b)];
@@ -349,24 +393,23 @@ fn set_up(
         raster.flags |= 8;
     }
     let planes = Barycentric(planes);
-    raster.w = planes.plane([1.0; 3]);
+    raster.w = planes.plane(corners.map(|corner| if image.flat { image.far - corner.p[2] } else { 1.0 }));
     (raster.rows[0] < raster.rows[1]).then_some((raster, planes))
 }
 
-fn shade((mesh, item): (&Mesh, &Item), corners: [usize; 3], planes: &Barycentric, flipped: bool) -> TriShade {
+fn shade(
+    (mesh, item): (&Mesh, &Item),
+    corners: [usize; 3],
+    (planes, w): (&Barycentric, Plane),
+    flipped: bool,
+) -> TriShade {
     let uv = corners.map(|k| mesh.uvs()[k]);
     let sign = if flipped { -1.0 } else { 1.0 };
     let normals = corners.map(|k| turn(&item.placement.map, mesh.normals()[k]));
     let mut all = [0.0; 20];
     let normal = |axis: usize| planes.plane(normals.map(|n| sign * n[axis]));
-    let rows = [
-        planes.plane([1.0; 3]),
-        planes.plane(uv.map(|t| t[0])),
-        planes.plane(uv.map(|t| t[1])),
-        normal(0),
-        normal(1),
-        normal(2),
-    ];
+    let rows =
+        [w, planes.plane(uv.map(|t| t[0])), planes.plane(uv.map(|t| t[1])), normal(0), normal(1), normal(2)];
     for (three, plane) in all.chunks_exact_mut(3).zip(rows) {
         three.copy_from_slice(&plane);
     }

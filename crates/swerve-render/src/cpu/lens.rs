@@ -44,6 +44,7 @@ impl LensMap {
             cy,
             near: spec.near_m as f32,
             far: spec.far_m as f32,
+            flat: false,
         };
         let points = rays.iter().map(|ray| [(ray[0] * fx + cx) as f32, (ray[1] * fy + cy) as f32]).collect();
         Self { camera: *camera, pinhole, points }
@@ -98,5 +99,6 @@ pub(crate) fn pinhole(camera: &Camera) -> Pinhole {
         cy: cy - 0.5,
         near: spec.near_m as f32,
         far: spec.far_m as f32,
+        flat: camera.is_orthographic(),
     }
 }

@@ -12,7 +12,7 @@ pub(super) const ID_BITS: u32 = 20;
 
 /// The nearest surfaces of some rows.
 pub(super) struct Visible<'a> {
-    /// Inverse depth, 0 for none.
+    /// Nearness, 0 for none.
     pub(super) w: &'a mut [f32],
     /// Chunk and triangle.
     pub(super) id: &'a mut [u32],
@@ -25,12 +25,13 @@ fn ceil(x: f32x4) -> [i32; 4] {
     (whole + whole.simd_lt(x).select(f32x4::ONE, f32x4::ZERO)).fast_trunc_int().to_array()
 }
 
-/// Draws all triangles that touch a band into its rows; `first_row` is the first of the slices.
+/// Draws all triangles that touch a band into its rows; `first_row` is the first of the slices, and nothing is
+/// nearer than `nearest`.
 pub(super) fn band(
     chunks: &[Chunk],
     band: usize,
     (width, first_row): (usize, usize),
-    near: f32,
+    nearest: f32,
     out: &mut Visible<'_>,
 ) {
     out.w.fill(0.0);
@@ -47,9 +48,9 @@ pub(super) fn band(
                 let from = (row - first_row) * width;
                 let (w, ids) = (&mut out.w[from..from + width], &mut out.id[from..from + width]);
                 if triangle.flags & 8 == 0 {
-                    span::<false>(triangle, row as f32, id, near, w, ids);
+                    span::<false>(triangle, row as f32, id, nearest, w, ids);
                 } else {
-                    span::<true>(triangle, row as f32, id, near, w, ids);
+                    span::<true>(triangle, row as f32, id, nearest, w, ids);
                 }
             }
         }
@@ -58,7 +59,14 @@ pub(super) fn band(
 }
 
 /// One row of one triangle.
-fn span<const NEAR: bool>(triangle: &TriRaster, y: f32, id: u32, near: f32, w: &mut [f32], ids: &mut [u32]) {
+fn span<const NEAR: bool>(
+    triangle: &TriRaster,
+    y: f32,
+    id: u32,
+    nearest: f32,
+    w: &mut [f32],
+    ids: &mut [u32],
+) {
     let (mut from, mut to) = (i32::from(triangle.columns[0]), i32::from(triangle.columns[1]));
     let crossings = ceil(f32x4::new(triangle.start) + f32x4::new(triangle.step) * f32x4::splat(y));
     for (k, crossing) in crossings.into_iter().enumerate().take(3) {
@@ -73,7 +81,7 @@ fn span<const NEAR: bool>(triangle: &TriRaster, y: f32, id: u32, near: f32, w: &
     }
     let row = triangle.w[1] * y + triangle.w[2];
     let slope = triangle.w[0];
-    let limit = if NEAR { 1.0 / near } else { f32::INFINITY };
+    let limit = if NEAR { nearest } else { f32::INFINITY };
     let (from, to) = (from as usize, to as usize);
     let (first, last) = (f32x4::splat(from as f32), f32x4::splat(to as f32));
     // Fours from the last multiple of four before the span on; the image may end within one.

@@ -41,6 +41,8 @@ pub(super) struct Shading<'a> {
     pub(super) ray: [[f32; 3]; 3],
     /// Camera from the centre of the shadow maps' cell.
     pub(super) eye: [f32; 3],
+    /// With parallel rays: where the ray of a pixel starts, as [`Self::ray`], and the depth of the far end.
+    pub(super) flat: Option<([[f32; 3]; 3], f32)>,
     /// Pixels per unit of `x/z`.
     pub(super) focal: f32,
 }
@@ -215,21 +217,27 @@ impl Shading<'_> {
         let environment = self.environment;
         let at = |plane: usize| lanes.at(plane, x, y);
         let w = at(0).fast_max(splat(1e-6));
-        let z = F::ONE / w;
-        let point = [0, 1, 2].map(|k| splat(self.eye[k]) + ray[k] * z);
+        let (z, scale, eye) = match &self.flat {
+            None => (F::ONE / w, F::ONE / w, splat3(self.eye)),
+            Some((from, far)) => {
+                let eye = |k: usize| splat(from[0][k]) * x + (splat(from[1][k]) * y + splat(from[2][k]));
+                (splat(*far) - w, F::ONE, [eye(0), eye(1), eye(2)])
+            }
+        };
+        let point = [0, 1, 2].map(|k| eye[k] + ray[k] * z);
         let across = [at(3), at(4), at(5)];
         let over = F::ONE / dot8(across, across).sqrt().fast_max(splat(1e-20));
         let normal = across.map(|n| n * over);
         let facing = (F::ZERO - dot8(normal, direction)).fast_max(splat(0.02));
         // Length of a pixel on the surface, squared, as a mean over both directions.
-        let pixel = z * splat(1.0 / self.focal);
+        let pixel = scale * splat(1.0 / self.focal);
         let footprint = pixel * pixel / facing;
 
         let mut albedo = lanes.colour(slot::ALBEDO);
         if lanes.has(flag::TEXTURED) {
             let (tiles, contrast) = (lanes.numbers[slot::TILES], lanes.colour(slot::CONTRAST));
             let side = tiles * splat(texture::SIDE as f32);
-            let (u, v) = (at(1) * z * tiles, at(2) * z * tiles);
+            let (u, v) = (at(1) * scale * tiles, at(2) * scale * tiles);
             let t = self.sample(&lanes.texture, lanes.same, (u, v), footprint * side * side);
             albedo = [0, 1, 2].map(|k| albedo[k] + contrast[k] * t);
         }

@@ -4,14 +4,15 @@
 //! What is not translated, because it reads buffers and images: `pass.wgsl`, which the images of an adapter are
 //! compared for.
 
-#![allow(clippy::all, clippy::disallowed_methods, unused, unreachable_pub, missing_docs)]
-
-naga_rust_embed::include_wgsl_mr!("src/gpu/shade.wgsl");
+#[expect(clippy::too_many_arguments, reason = "constructors that the translation makes of structs")]
+mod wgsl {
+    naga_rust_embed::include_wgsl_mr!(public_items = true, "src/gpu/shade.wgsl");
+}
 
 use naga_rust_embed::rt::Vec3;
 use wide::f32x8;
 
-use super::sensor::{self, Sensor};
+use super::sensor::Sensor;
 use super::shade::{self, Lamp as CpuLamp, Shading};
 use super::shadow::ShadowCache;
 use crate::hash::{self, Draws};
@@ -19,6 +20,7 @@ use crate::light::Environment as Light;
 use crate::scene::Scene;
 use crate::texture::{self, STRIDE, Tiles};
 use crate::{Camera, CameraSpec, Exposure, SensorNoise, WeatherPreset};
+use wgsl::{Environment, Gloss, Lamp};
 
 type F = f32x8;
 
@@ -77,10 +79,10 @@ fn translated(light: &Light) -> Environment {
 
 /// A value of a texture as `pass.wgsl` reads it.
 fn sampled(tile: usize, u: f32, v: f32, footprint: f32) -> f32 {
-    let level = mip_level(footprint);
-    let (tu, tv) = (texel(level, u), texel(level, v));
-    let word = Tiles::get().words()[tile * STRIDE + texel_index(level, tu, tv) as usize];
-    unpack_word(word, tu - tu.floor(), tv - tv.floor())
+    let level = wgsl::mip_level(footprint);
+    let (tu, tv) = (wgsl::texel(level, u), wgsl::texel(level, v));
+    let word = Tiles::get().words()[tile * STRIDE + wgsl::texel_index(level, tu, tv) as usize];
+    wgsl::unpack_word(word, tu - tu.floor(), tv - tv.floor())
 }
 
 /// Does something with each weather's light.
@@ -99,6 +101,7 @@ fn each_light(mut check: impl FnMut(&Light, &Shading<'_>, Environment, &mut Draw
             tiles: Tiles::get().words(),
             ray: [[0.0; 3]; 3],
             eye: [0.0; 3],
+            flat: None,
             focal: 400.0,
         };
         check(&light, &shading, translated(&light), &mut draws);
@@ -109,7 +112,7 @@ fn each_light(mut check: impl FnMut(&Light, &Shading<'_>, Environment, &mut Draw
 fn bits_are_mixed_alike() {
     for k in 0..1000_u32 {
         let x = k.wrapping_mul(0x9e37_79b9);
-        assert_eq!(mix_bits(x), hash::mix(x));
+        assert_eq!(wgsl::mix_bits(x), hash::mix(x));
     }
 }
 
@@ -133,11 +136,11 @@ fn the_sky_and_what_mirrors_it_are_alike() {
     each_light(|_, shading, e, draws| {
         for _ in 0..500 {
             let d = direction(draws);
-            let place = cloud_place(vec3(d));
+            let place = wgsl::cloud_place(vec3(d));
             let grain = place.z * place.z * 400.0 / shading.focal;
             let large = sampled(texture::CLOUDS, place.x * 0.25, place.y * 0.25, grain * 0.3);
             let small = sampled(texture::CLOUDS, place.x, place.y, grain * 4.0);
-            let gpu = clouded(e, vec3(d), open_sky(e, vec3(d)), large, small);
+            let gpu = wgsl::clouded(e, vec3(d), wgsl::open_sky(e, vec3(d)), large, small);
             assert_near(array(gpu), first(shading.sky(splat(d))), "sky");
 
             let normal = direction(draws);
@@ -149,8 +152,8 @@ fn the_sky_and_what_mirrors_it_are_alike() {
                 F::splat(facing),
                 (numbers[0], numbers[1], numbers[2], numbers[3]),
             );
-            let gloss = Gloss { polish: polish, specular: specular, sharp: sharp, open: open };
-            let gpu = mirrored(e, vec3(normal), vec3(d), facing, gloss);
+            let gloss = Gloss { polish, specular, sharp, open };
+            let gpu = wgsl::mirrored(e, vec3(normal), vec3(d), facing, gloss);
             assert_near([gpu.x, gpu.y, gpu.z], first(cpu), "mirror");
             assert!((gpu.w - share.to_array()[0]).abs() < 1e-5);
         }
@@ -164,18 +167,18 @@ fn light_on_surfaces_is_alike() {
             let normal = direction(draws);
             let [sun, open, stain, ground] = [0; 4].map(|_| draws.between(0.0, 1.0));
             let cpu = shade::daylight(light, splat(normal), F::splat(sun), F::splat(open));
-            assert_near(array(daylight(e, vec3(normal), sun, open)), first(cpu), "daylight");
+            assert_near(array(wgsl::daylight(e, vec3(normal), sun, open)), first(cpu), "daylight");
 
             let up = draws.between(0.85, 1.0);
             let [tone, wet, puddle] =
                 shade::ground_tone(light, F::splat(stain), F::splat(up), F::splat(ground))
                     .map(|v| v.to_array()[0]);
             let expected = [tone, (0.25 * wet).max(0.95 * puddle), 0.02 * puddle];
-            assert_near(array(ground_tone(e, stain, up, ground)), expected, "ground");
+            assert_near(array(wgsl::ground_tone(e, stain, up, ground)), expected, "ground");
 
             let depth = draws.between(0.0, 9.0);
             let cpu = shade::through_fog(F::splat(depth)).to_array()[0];
-            assert!((through_fog(depth) - cpu).abs() < 1e-6);
+            assert!((wgsl::through_fog(depth) - cpu).abs() < 1e-6);
         }
     });
 }
@@ -208,7 +211,7 @@ fn lamps_are_alike() {
                 intensity: vec3(lamp.intensity),
                 over_fall: lamp.over_fall,
             };
-            let strength = lamp_strength(gpu, vec3(point), vec3(normal), retro);
+            let strength = wgsl::lamp_strength(gpu, vec3(point), vec3(normal), retro);
             assert_near(lamp.intensity.map(|c| c * strength), first(cpu), "lamp");
         }
     });
@@ -219,7 +222,7 @@ fn sensors_answer_alike() {
     let tiles = Tiles::get().words();
     let noise = SensorNoise { read: 0.01, shot: 0.05, seed: 9 };
     let camera = Camera::new(CameraSpec { noise, vignetting: 0.6, ..CameraSpec::default() }).unwrap();
-    each_light(|light, _, e, draws| {
+    each_light(|light, _, _, draws| {
         let sensor = Sensor::new(&camera, light, 77, tiles);
         for _ in 0..500 {
             let colour = [0, 1, 2].map(|_| draws.between(0.0, 2.0) / light.exposure);
@@ -229,20 +232,22 @@ fn sensors_answer_alike() {
 
             let (x, y) = (column as f32, row as f32);
             let (u, v) = (x * sensor.across[0] + sensor.across[1], y * sensor.down[0] + sensor.down[1]);
-            let gain = light.exposure * vignette(sensor.vignetting, u, v);
+            let gain = light.exposure * wgsl::vignette(sensor.vignetting, u, v);
             let (column, row) = (column as u32, row as u32);
             let mut streak = 0.0;
             for layer in 0..2 {
-                let at = streak_index(column, row, 2 + layer, hash::mix(sensor.rain_key ^ layer)) as usize;
+                let at =
+                    wgsl::streak_index(column, row, 2 + layer, hash::mix(sensor.rain_key ^ layer)) as usize;
                 streak += (tiles[texture::STREAKS * STRIDE + at] & 255) as f32 / 255.0;
             }
             let rain = light.horizon.map(|c| (c + 0.02) * 0.16 * light.rain);
-            let wet = if light.rain > 0.0 { array(rained(vec3(colour), vec3(rain), streak)) } else { colour };
-            let bits = noise_bits(sensor.key, column, row);
+            let wet =
+                if light.rain > 0.0 { array(wgsl::rained(vec3(colour), vec3(rain), streak)) } else { colour };
+            let bits = wgsl::noise_bits(sensor.key, column, row);
             for k in 0..3 {
                 let draw = Sensor::quantiles()[(bits >> (10 * k) & 1023) as usize];
                 let signal = wet[k] * gain;
-                let byte = tone(signal + deviation(signal, sensor.read, sensor.shot) * draw);
+                let byte = wgsl::tone(signal + wgsl::deviation(signal, sensor.read, sensor.shot) * draw);
                 assert!(byte.abs_diff(u32::from(cpu[k])) <= 1, "{byte} is not {}", cpu[k]);
             }
         }

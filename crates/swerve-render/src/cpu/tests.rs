@@ -468,3 +468,61 @@ fn what_cannot_be_drawn_is_refused() {
     // An empty scene, and no images at all, are no errors.
     renderer.render(&scene, &view, FrameMut::default()).unwrap();
 }
+
+#[test]
+fn an_orthographic_camera_shows_a_map_to_scale() {
+    let mut scene = Scene::new(WeatherPreset::ClearNoon);
+    let ground = scene.meshes.add(flat(400.0));
+    scene.add_static(instance(ground, [0.0; 3], 0.0, SemanticClass::Road));
+    // 4.8 m along x and 2 m along y, 1.5 m high: 24 x 10 pixels, wherever it stands.
+    let model = scene.meshes.model_sized(Kind::Block, Size::from_m(4.8, 2.0, 1.5), 0);
+    scene.dynamics.push(Instance::new(&model, 112.0, 46.0, 0.0).with_id(7));
+    scene.dynamics.push(Instance::new(&model, 93.0, 56.0, 0.0).with_id(8));
+    let camera = small(|s| s.intrinsics = Intrinsics::OrthographicMPerPx(0.2));
+    assert!(camera.is_orthographic());
+    // From 40 m above, the top of the image is where the car looks.
+    let pose = looking([100.0, 50.0, 40.0], core::f64::consts::FRAC_PI_2, 0.0);
+    let frame = shot(&scene, &View::new(&camera, pose));
+    assert_eq!(pixel_box(&frame, 7), Some([95.0, 0.0, 105.0, 12.0]));
+    assert_eq!(pixel_box(&frame, 8), Some([45.0, 83.0, 55.0, 107.0]));
+    for (k, id) in frame.instance.iter().enumerate() {
+        let expected = if *id == 0 { 40.0 } else { 38.5 };
+        assert!((frame.depth_m[k] - expected).abs() < 1e-3, "{k}: {}", frame.depth_m[k]);
+        let class = if *id == 0 { SemanticClass::Road } else { SemanticClass::Static };
+        assert_eq!(frame.semantic[k], class as u8);
+    }
+    let p = pose.inverse() * Point::new(93.0 + 2.4, 56.0 - 1.0, 1.5);
+    let [column, row] = camera.project(p).unwrap();
+    assert!((column - 55.0).abs() < 1e-9 && (row - 83.0).abs() < 1e-9, "{column} {row}");
+    // What is nearer than the near plane or behind the far end is not there.
+    let cut =
+        small(|s| (s.intrinsics, s.near_m, s.far_m) = (Intrinsics::OrthographicMPerPx(0.2), 10.0, 39.0));
+    let frame = shot(&scene, &View::new(&cut, pose));
+    let seen = frame.depth_m.iter().filter(|d| d.is_finite()).count();
+    assert_eq!(seen, frame.instance.iter().filter(|id| **id != 0).count());
+    let low = looking([100.0, 50.0, 11.0], core::f64::consts::FRAC_PI_2, 0.0);
+    let frame = shot(&scene, &View::new(&cut, low));
+    assert!(
+        frame.instance.iter().all(|id| *id == 0) && frame.depth_m.iter().all(|d| (*d - 11.0).abs() < 1e-3)
+    );
+}
+
+#[test]
+fn an_orthographic_image_on_many_threads_and_in_slabs_is_the_same() {
+    let scene = town(WeatherPreset::ClearNoon, 3, 60.0);
+    let map = |s: &mut CameraSpec| s.intrinsics = Intrinsics::OrthographicMPerPx(0.4);
+    let (plain, slabs) = (
+        small(map),
+        small(|s| {
+            map(s);
+            s.shutter = Shutter { readout_s: 1e-9, readout_slabs: 4, ..Shutter::default() };
+        }),
+    );
+    let pose = looking([20.0, 0.0, 60.0], core::f64::consts::FRAC_PI_2, 0.3);
+    let expected = shot(&scene, &View::new(&plain, pose));
+    let mut frame = Frame::new(&plain, Outputs::ALL);
+    renderer(2).render(&scene, &View::new(&plain, pose), frame.as_mut()).unwrap();
+    assert!(frame == expected);
+    let sliced = shot(&scene, &View::new(&slabs, pose));
+    assert!(sliced.semantic == expected.semantic && sliced.instance == expected.instance);
+}

@@ -47,7 +47,7 @@ impl Grown {
 /// Largest buffer that shaders can be given, bytes.
 pub(super) fn most_bytes(gpu: &Gpu) -> u64 {
     let limits = gpu.limits();
-    limits.max_buffer_size.min(u64::from(limits.max_storage_buffer_binding_size)) / LEAST * LEAST
+    limits.max_buffer_size.min(limits.max_storage_buffer_binding_size) / LEAST * LEAST
 }
 
 /// Buffers that the processor reads results from; they are used again.

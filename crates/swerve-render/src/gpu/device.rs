@@ -193,7 +193,7 @@ fn why_absent(api: &str) -> String {
         return format!("{api}: no loader: {library} is not installed");
     }
     match manifests {
-        Some(count) if count == 0 => {
+        Some(0) => {
             format!("{api}: no driver: the loader {library} is there, but no driver file for it")
         }
         _ => format!("{api}: the loader {library} is there, but its drivers offer no adapter"),

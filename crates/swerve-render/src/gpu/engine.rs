@@ -454,6 +454,9 @@ impl GpuRenderer {
             if groups[group].moves {
                 switches |= switch::MOVING;
             }
+            if view.camera.is_orthographic() {
+                switches |= switch::FLAT;
+            }
             let place = Place { centre, switches, quantiles: self.pipelines.quantiles };
             prepared.push(Prepared {
                 view,
@@ -522,10 +525,15 @@ impl GpuRenderer {
             lamps.iter().for_each(|lamp| self.records.lamp(lamp));
         }
         let planes = &prepared.planes;
+        let origin = if image.flat {
+            cpu::origins(&map_from_camera, &image, group.centre)
+        } else {
+            [[0.0; 3], [0.0; 3], eye.map(|x| x as f32)]
+        };
         let record = LookRecord {
             clip: Clip::of(&image, rows, &rows_of(&camera_from_map), eye),
             ray: cpu::rays(&map_from_camera, &image),
-            origin: [[0.0; 3], [0.0; 3], eye.map(|x| x as f32)],
+            origin,
             focal: image.fx as f32,
             place: [placed.layer, 0, view.camera.width_px() as u32, view.camera.height_px() as u32],
             rows: [look.rows.0 as u32, look.rows.1 as u32, look.sample, look.samples],

@@ -110,6 +110,53 @@ fn drawing(
     })
 }
 
+/// What shaders are bound to: see [`Pipelines`].
+fn layouts(device: &wgpu::Device) -> [wgpu::BindGroupLayout; 3] {
+    let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
+    let triangles = [0, 1, 2, 3].map(|binding| storage(binding, all, true));
+    let at = ShaderStages::COMPUTE;
+    let round = wgpu::BindGroupLayoutEntry {
+        binding: 0,
+        visibility: at,
+        ty: wgpu::BindingType::Buffer {
+            ty: BufferBindingType::Uniform,
+            has_dynamic_offset: true,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let pixels = [
+        round,
+        storage(1, at, true),
+        storage(2, at, true),
+        storage(3, at, false),
+        storage(4, at, false),
+        texture(5, TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array),
+    ];
+    let unfiltered = TextureSampleType::Float { filterable: false };
+    let maps = [0, 1, 2, 3].map(|binding| texture(binding, unfiltered, wgpu::TextureViewDimension::D2));
+    [
+        layout(device, "triangles", &triangles),
+        layout(device, "pixels", &pixels),
+        layout(device, "maps", &maps),
+    ]
+}
+
+/// Texture tiles and quantiles of noise, and where the latter begin.
+fn constants(gpu: &Gpu) -> (wgpu::Buffer, u32) {
+    let words = Tiles::get().words();
+    let mut constant = words.to_vec();
+    constant.extend(Sensor::quantiles().iter().map(|q| q.to_bits()));
+    let buffer = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+        label: Some("tiles"),
+        size: 4 * constant.len() as u64,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    gpu.queue().write_buffer(&buffer, 0, bytemuck::cast_slice(&constant));
+    (buffer, words.len() as u32)
+}
+
 impl Pipelines {
     pub(super) fn new(gpu: &Gpu) -> Self {
         let device = gpu.device();
@@ -118,34 +165,7 @@ impl Pipelines {
             label: Some("swerve"),
             source: wgpu::ShaderSource::Wgsl(source.into()),
         });
-        let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
-        let triangles = layout(device, "triangles", &[0, 1, 2, 3].map(|binding| storage(binding, all, true)));
-        let at = ShaderStages::COMPUTE;
-        let round = wgpu::BindGroupLayoutEntry {
-            binding: 0,
-            visibility: at,
-            ty: wgpu::BindingType::Buffer {
-                ty: BufferBindingType::Uniform,
-                has_dynamic_offset: true,
-                min_binding_size: None,
-            },
-            count: None,
-        };
-        let pixels = [
-            round,
-            storage(1, at, true),
-            storage(2, at, true),
-            storage(3, at, false),
-            storage(4, at, false),
-            texture(5, TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array),
-        ];
-        let pixels = layout(device, "pixels", &pixels);
-        let unfiltered = TextureSampleType::Float { filterable: false };
-        let maps = layout(
-            device,
-            "maps",
-            &[0, 1, 2, 3].map(|binding| texture(binding, unfiltered, wgpu::TextureViewDimension::D2)),
-        );
+        let [triangles, pixels, maps] = layouts(device);
         let plan = |groups: &[Option<&wgpu::BindGroupLayout>]| {
             device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: None,
@@ -193,17 +213,7 @@ impl Pipelines {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
-        let words = Tiles::get().words();
-        let quantiles = words.len() as u32;
-        let mut constant = words.to_vec();
-        constant.extend(Sensor::quantiles().iter().map(|q| q.to_bits()));
-        let tiles = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("tiles"),
-            size: 4 * constant.len() as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        gpu.queue().write_buffer(&tiles, 0, bytemuck::cast_slice(&constant));
+        let (tiles, quantiles) = constants(gpu);
         Self {
             draw: sides.map(|cull| drawing(device, &module, &drawn, &camera(cull))),
             sun: sides.map(|cull| drawing(device, &module, &drawn, &sun(cull))),

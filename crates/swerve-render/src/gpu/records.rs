@@ -23,6 +23,8 @@ pub(super) mod switch {
     pub(in crate::gpu) const SUN: u32 = 1;
     /// There are maps of what moves.
     pub(in crate::gpu) const MOVING: u32 = 2;
+    /// Rays are parallel.
+    pub(in crate::gpu) const FLAT: u32 = 4;
 }
 
 /// Rows that are written one after the other.
@@ -186,7 +188,8 @@ pub(super) struct Clip {
 }
 
 impl Clip {
-    /// Of rows `from..to` of a pinhole image. Depth is 1 at the near plane, and 0 infinitely far away.
+    /// Of rows `from..to` of a pinhole image. Depth is 1 at the near plane, and 0 infinitely far away, or at the
+    /// far end of a flat image.
     pub(super) fn of(
         image: &Pinhole,
         (from, to): (usize, usize),
@@ -196,6 +199,17 @@ impl Clip {
         let [right, down, ahead] = *camera_from_map;
         let (width, height) = (image.width as f64, (to - from) as f64);
         let cy = image.cy - from as f64;
+        if image.flat {
+            let row = |main: [f64; 3], a: f64, w: f64| [a * main[0], a * main[1], a * main[2], w];
+            let (near, far) = (f64::from(image.near), f64::from(image.far));
+            let rows = [
+                row(right, 2.0 * image.fx / width, 2.0 * (image.cx + 0.5) / width - 1.0),
+                row(down, -2.0 * image.fy / height, 1.0 - 2.0 * (cy + 0.5) / height),
+                row(ahead, -1.0 / (far - near), far / (far - near)),
+                [0.0, 0.0, 0.0, 1.0],
+            ];
+            return Self { eye, rows };
+        }
         let along = |main: [f64; 3], f: f64, c: f64, size: f64| {
             let (a, b) = (2.0 * f / size, 2.0 * (c + 0.5) / size - 1.0);
             [0, 1, 2].map(|k| a * main[k] + b * ahead[k])
