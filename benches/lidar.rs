@@ -1,10 +1,16 @@
-//! Rays of lidars: our trees beside rapier's query pipeline on the same triangles, in turn, round by round.
+//! Rays of lidars: our trees beside rapier's query pipeline on the same triangles, in turn, round by round; and
+//! the same turns on a graphics processor where there is one.
+//!
+//! `--bench compute` measures the latter alone; with `SWERVE_SOFTWARE_ADAPTER=1` on a software adapter, if there is
+//! no other.
 
 use std::hint::black_box;
+use std::sync::Arc;
 
 use rapier3d::prelude::{ColliderBuilder, PhysicsWorld, Pose, QueryFilter, Ray, Rotation, Vector};
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_geom::{Lidar, Map, Point, Transform};
+use swerve_render::gpu::{AdapterKind, Gpu, NoAdapter};
 use swerve_render::lidar::{Cloud, Firing, LidarPreset, LidarSpec, RayMemory, SceneTree, Sweeper};
 use swerve_render::town::town;
 use swerve_render::{Instance, Scene, WeatherPreset};
@@ -18,6 +24,8 @@ const NEAR_M: f64 = 38.0;
 /// Reach of the whole town, metres.
 const WHOLE_M: f64 = 200.0;
 const ROUNDS: usize = 15;
+/// Lidars that share a graphics processor.
+const LIDARS: usize = 4;
 
 fn triangles(scene: &Scene, instance: &Instance) -> usize {
     scene.meshes.get(instance.mesh).triangles().len()
@@ -74,10 +82,25 @@ struct Turn {
 
 impl Turn {
     fn new(spec: LidarSpec, threads: usize) -> Self {
-        let cloud = Cloud::new(&spec, true);
+        Self::of(Sweeper::new(spec, threads).expect("a preset"))
+    }
+
+    fn of(sweeper: Sweeper) -> Self {
+        let spec = sweeper.spec();
+        let cloud = Cloud::new(spec, true);
         let [x, y, z] = SENSOR_M;
         let pose = Transform::from_roll_pitch_yaw(Point::new(x, y, z), 0.0, 0.0, 0.0);
-        Self { sweeper: Sweeper::new(spec, threads).expect("a preset"), cloud, pose }
+        Self { sweeper, cloud, pose }
+    }
+
+    /// Whole turns in one world.
+    fn fire_at_rest(&mut self, tree: &SceneTree, turns: usize) {
+        let rest = Firing::turn_at_rest(&self.sweeper, self.pose);
+        for turn in 0..turns {
+            self.sweeper.begin_turn(turn as u64, &mut self.cloud.as_mut());
+            self.sweeper.fire(tree, &rest, &mut self.cloud.as_mut()).expect("a sound firing");
+            black_box(&self.cloud);
+        }
     }
 
     /// A whole turn in steps of 5 ms, the tree updated before each.
@@ -167,14 +190,80 @@ fn trees(rows: &mut Rows, scene: &Scene) {
     rows.row("trees over all that never moves, once", fresh.median(), &fresh.text(1, "ms"), Goal::None);
 }
 
+/// The adapter to measure on: a graphics processor, or software where that is asked for.
+fn adapter() -> Result<Arc<Gpu>, NoAdapter> {
+    let software = std::env::var("SWERVE_SOFTWARE_ADAPTER").is_ok_and(|value| value == "1");
+    Gpu::shared(AdapterKind::Gpu)
+        .or_else(|none| if software { Gpu::shared(AdapterKind::Software) } else { Err(none) })
+}
+
+/// Whole turns on a graphics processor: sent there, fired with noise, and back as points in memory.
+fn compute(rows: &mut Rows, scene: &Scene) {
+    let gpu = match adapter() {
+        Ok(gpu) => gpu,
+        Err(none) => return rows.skipped("rays by compute", &none.to_string()),
+    };
+    print(&format!("adapter: {}", gpu.report()));
+    let is_gpu = gpu.report().kind == Some(AdapterKind::Gpu);
+    let (rounds, turns) = if is_gpu { (ROUNDS, 100) } else { (3, 1) };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(LIDARS);
+    let mut tree = SceneTree::new(scene).expect("a sound scene");
+    let there =
+        |spec: LidarSpec, threads: usize| Turn::of(Sweeper::on_gpu(spec, threads, &gpu).expect("a preset"));
+    let small = LidarPreset::Vlp32.spec();
+    let wide = LidarPreset::Os1.spec();
+    let mut one_small = there(small, threads);
+    let (mut one, mut alone) = (there(wide.clone(), threads), there(wide.clone(), 1));
+    let mut all: Vec<Turn> = (0..LIDARS).map(|_| there(wide.clone(), 1)).collect();
+    let began = now();
+    one.fire_at_rest(&tree, 1);
+    let first_ms = began.elapsed().as_secs_f64() * 1e3;
+    [&mut one_small, &mut alone].into_iter().chain(&mut all).for_each(|turn| turn.fire_at_rest(&tree, 1));
+    let [mut smalls, mut ones, mut alones, mut steps, mut alls] = [const { Vec::new() }; 5];
+    for _ in 0..rounds {
+        let rays = one_small.sweeper.points_max() * turns;
+        smalls.push(rate(rays, || one_small.fire_at_rest(&tree, turns)));
+        let rays = one.sweeper.points_max() * turns;
+        ones.push(rate(rays, || one.fire_at_rest(&tree, turns)));
+        alones.push(rate(rays, || alone.fire_at_rest(&tree, turns)));
+        alls.push(rate(rays * LIDARS, || {
+            std::thread::scope(|scope| {
+                for turn in &mut all {
+                    scope.spawn(|| turn.fire_at_rest(&tree, turns));
+                }
+            });
+        }));
+        steps.push(rate(rays, || (0..turns).for_each(|_| one.fire(scene, &mut tree))));
+    }
+    for turn in [&one_small, &one, &alone].into_iter().chain(&all) {
+        assert!(turn.cloud.len * 2 > turn.sweeper.points_max(), "{} points", turn.cloud.len);
+        assert_eq!(turn.sweeper.fallback(), None);
+    }
+    let mut row = |what: &str, figures: Vec<f64>, goal: Goal| {
+        let sample = Sample::new(figures);
+        rows.row(what, sample.median(), &sample.text(1, "Mray/s"), goal);
+    };
+    let goal = if is_gpu { Goal::Least(300.0) } else { Goal::None };
+    let (shared, several) = (format!("{threads} threads"), format!("{LIDARS} lidars at once"));
+    row(&format!("by compute, 32x1800 turn at rest, {shared}"), smalls, Goal::None);
+    row(&format!("by compute, 64x2048 turn at rest, {shared}"), ones, goal);
+    row("by compute, 64x2048 turn at rest, one thread", alones, Goal::None);
+    row(&format!("by compute, 64x2048 turns at rest, {several}"), alls, goal);
+    row(&format!("by compute, 64x2048 turn in 20 steps, trees updated, {shared}"), steps, Goal::None);
+    rows.row("first turn: shader compiled, trees sent", first_ms, &format!("{first_ms:.0} ms"), Goal::None);
+}
+
 fn main() {
     if !is_asked_to_measure() {
         return;
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "lidar");
     let near = town(WeatherPreset::ClearNoon, 1, NEAR_M);
-    compare(&mut rows, &near, true);
-    compare(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M), false);
-    trees(&mut rows, &near);
+    if !std::env::args().any(|argument| argument == "compute") {
+        compare(&mut rows, &near, true);
+        compare(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M), false);
+        trees(&mut rows, &near);
+    }
+    compute(&mut rows, &near);
     rows.finish();
 }

@@ -3,6 +3,7 @@
 mod buffers;
 mod device;
 mod engine;
+pub(crate) mod lidar;
 mod maps;
 mod meshes;
 mod pipelines;

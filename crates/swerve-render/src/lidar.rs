@@ -13,10 +13,12 @@
 //!
 //! **Promises.** The points are a function of the specification, the turn's number, the poses and the scene: not
 //! of the number of threads, of how a turn is cut into pieces of the same poses, or of the x86-64 machine. Noise
-//! is a hash of seed, turn, column and beam. A turn into used memory allocates nothing that grows with it.
+//! is a hash of seed, turn, column and beam. A turn into used memory allocates nothing that grows with it. On a GPU
+//! ([`Sweeper::on_gpu`]) the points are the same up to rounding, and the machine has a say in that.
 
 mod bvh;
 mod cloud;
+mod compute;
 mod presets;
 mod returns;
 mod scene_tree;
@@ -28,7 +30,9 @@ pub use cloud::{Cloud, CloudMut, CloudSizeError, TruthMut};
 pub use presets::{LidarPreset, UnknownLidar};
 pub use scene_tree::{Hit, RayMemory, SceneTree, TreeError};
 pub use spec::{BEAMS_MAX, Beam, COLUMNS_MAX, LidarError, LidarSpec, SHOTS_MAX};
-pub use sweep::{FireError, Fired, Firing, Sweeper};
+pub use sweep::{FireError, Fired, Firing, LidarEngine, Sweeper};
+
+pub(crate) use scene_tree::flat;
 
 #[cfg(test)]
 mod tests;

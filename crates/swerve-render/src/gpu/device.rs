@@ -335,6 +335,9 @@ impl Gpu {
         let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(poll)));
         match polled {
             Ok(Ok(_)) => {}
+            Ok(Err(wgpu::PollError::WrongSubmissionIndex(..))) => {
+                note(&self.trouble, "the device is lost: it takes no more work");
+            }
             Ok(Err(error)) => note(&self.trouble, &error.to_string()),
             Err(_) => note(&self.trouble, "the device is lost"),
         }

@@ -29,7 +29,7 @@ pub(super) fn extinction_1pm(weather: &Weather) -> f32 {
 }
 
 /// The numbers of one sensor in one weather.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Receiver {
     range_min: f32,
     range_max: f32,
@@ -67,6 +67,31 @@ impl Receiver {
             extinction: extinction_1pm(weather),
             key: mix(spec.seed ^ mix(turn)),
         }
+    }
+
+    /// The numbers as a compute shader takes them: see `Params` of `gpu/lidar.wgsl`.
+    pub(super) fn words(&self) -> [u32; 14] {
+        let numbers = [
+            self.range_min,
+            self.range_max,
+            self.range_max(),
+            self.reach,
+            self.sigma,
+            self.step,
+            self.dropout,
+            self.full_squared,
+            self.extinction,
+            RETRO_GAIN,
+            REACH_ODDS,
+            0.0,
+        ];
+        let mut words = [0; 14];
+        words[0] = self.key as u32;
+        words[1] = (self.key >> 32) as u32;
+        for (word, number) in words[2..].iter_mut().zip(numbers) {
+            *word = number.to_bits();
+        }
+        words
     }
 
     /// How far a ray of this sensor can matter, metres.

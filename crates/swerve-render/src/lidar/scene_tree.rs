@@ -4,6 +4,8 @@
 //! changes. Each mesh of a moving instance has a tree in its own frame, kept for as long as the mesh is the same;
 //! the tree over the moving instances is rebuilt for every step, and rays are turned into their frames.
 
+pub(crate) mod flat;
+
 use swerve_geom::{Map, Transform};
 
 use wide::f32x8;
@@ -198,7 +200,7 @@ struct Placed {
 
 /// A tree over instances.
 #[derive(Clone, Debug, Default)]
-struct Crowd {
+pub(super) struct Crowd {
     bvh: Bvh,
     /// By leaf.
     placed: Vec<Placed>,

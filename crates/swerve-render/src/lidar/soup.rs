@@ -177,6 +177,27 @@ impl Soup {
     }
 }
 
+/// Words of a block of a flat soup: corner, two edges and their outer product, of each axis those of the four
+/// triangles; four surfaces.
+pub(super) const BLOCK_WORDS: usize = 52;
+
+impl Soup {
+    /// The hierarchy.
+    pub(super) fn bvh(&self) -> &Bvh {
+        &self.bvh
+    }
+
+    /// Adds the blocks as words for a compute shader; surfaces are counted from `first_surface`.
+    pub(super) fn flatten(&self, words: &mut Vec<u32>, first_surface: u32) {
+        for (block, facets) in self.blocks.iter().zip(self.facets.chunks_exact(4)) {
+            for lanes in [block.corner, block.edge_1, block.edge_2, block.normal].iter().flatten() {
+                words.extend(lanes.to_array().map(f32::to_bits));
+            }
+            words.extend(facets.iter().map(|facet| first_surface + facet.surface));
+        }
+    }
+}
+
 impl Facet {
     fn of(triangle: &Triangle) -> Self {
         let [a, b, c] = triangle.corners;

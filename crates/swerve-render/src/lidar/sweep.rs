@@ -1,16 +1,19 @@
 //! A lidar that turns: fires the columns of one step of the world at a time.
 
 use core::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
+use serde::{Deserialize, Serialize};
 use swerve_geom::{Lidar, Map, Transform, math};
 use wide::f32x8;
 
 use super::bvh::LANES;
 use super::cloud::{CloudMut, CloudSizeError, Point};
+use super::compute::{Compute, Under};
 use super::returns::Receiver;
 use super::scene_tree::{RayMemory, SceneTree};
 use super::spec::{LidarError, LidarSpec};
+use crate::gpu::Gpu;
 
 /// One piece of a turn: a step of the world, and where the sensor is at its begin and end.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -64,17 +67,66 @@ pub enum FireError {
     },
 }
 
+/// What casts the rays of a lidar.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LidarEngine {
+    /// The trees in this crate: always there; the same bytes on every x86-64 machine and thread count.
+    #[default]
+    Cpu,
+    /// A compute shader over the same trees: the same points up to rounding, see [`Sweeper`].
+    Gpu,
+}
+
+impl LidarEngine {
+    /// Name in configurations and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        }
+    }
+
+    /// Whether the same scene gives the same bytes on any machine.
+    pub fn is_portable(self) -> bool {
+        self == Self::Cpu
+    }
+}
+
 /// A lidar that turns.
+///
+/// **Engines.** [`Sweeper::new`] casts the rays on the CPU, which is the reference: the same bytes everywhere.
+/// [`Sweeper::on_gpu`] sends whole turns to a GPU: the same trees, the same noise for the same shot, each column in
+/// the world of its own step; points differ by rounding alone, and now and then a ray goes by the other side of
+/// an edge. When it pays: a turn costs the GPU some tenths of a millisecond, most of them for the way there and
+/// back, whatever its size; one core casts millions of rays per second. So a small lidar at 10 Hz is best left
+/// where the bytes are portable; with 64 beams and more, with several lidars on a car, or where data sets are made
+/// as fast as can be, the GPU takes the rays off the cores. On an adapter that is software (llvmpipe) it never
+/// pays: it is for tests.
+///
+/// When the GPU fails, the turn that is under way is fired by the CPU, nothing of it is missing, and the CPU goes
+/// on: [`Sweeper::engine`] and [`Sweeper::fallback`] tell.
 pub struct Sweeper {
     spec: LidarSpec,
     period_ns: i64,
     /// Directions of the beams in a column at azimuth 0.
     beams: Vec<[f32; 3]>,
-    /// Sine and cosine of each column's azimuth.
-    columns: Vec<[f64; 2]>,
+    columns: Vec<Column>,
     pool: Option<rayon::ThreadPool>,
     shots: Vec<Shot>,
     turn: u64,
+    compute: Option<Box<Compute>>,
+    fallback: Option<String>,
+}
+
+/// A column of a turn.
+#[derive(Clone, Copy, Debug)]
+struct Column {
+    /// Sine and cosine of its azimuth.
+    azimuth: [f64; 2],
+    /// When it is fired, since the first.
+    at_ns: i64,
+    offset_s: f32,
 }
 
 /// What came back of one shot.
@@ -111,11 +163,33 @@ impl Sweeper {
         let columns = (0..spec.columns).map(|k| {
             let share = f64::from(k) / f64::from(spec.columns);
             let (sin, cos) = math::sin_cos(spec.first_azimuth_rad + turn_rad * share);
-            [sin, cos]
+            let at_ns = column_ns(k, period_ns, spec.columns);
+            Column { azimuth: [sin, cos], at_ns, offset_s: (at_ns as f64 / SECOND_NS) as f32 }
         });
         let (beams, columns) = (beams.collect(), columns.collect());
         let pool = if threads > 1 { Some(start(threads - 1)?) } else { None };
-        Ok(Self { spec, period_ns, beams, columns, pool, shots: Vec::new(), turn: 0 })
+        let (shots, turn, compute, fallback) = (Vec::new(), 0, None, None);
+        Ok(Self { spec, period_ns, beams, columns, pool, shots, turn, compute, fallback })
+    }
+
+    /// As [`Self::new`], with the rays on a GPU. `threads` are for the CPU, should the GPU be lost.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn on_gpu(spec: LidarSpec, threads: usize, gpu: &Arc<Gpu>) -> Result<Self, LidarError> {
+        let mut sweeper = Self::new(spec, threads)?;
+        sweeper.compute = Some(Box::new(Compute::new(gpu, &sweeper.beams)));
+        Ok(sweeper)
+    }
+
+    /// What casts its rays now.
+    pub fn engine(&self) -> LidarEngine {
+        if self.compute.is_some() { LidarEngine::Gpu } else { LidarEngine::Cpu }
+    }
+
+    /// Why the CPU casts the rays of a lidar that was to be on a GPU; `None` while nothing happened.
+    pub fn fallback(&self) -> Option<&str> {
+        self.fallback.as_deref()
     }
 
     /// What it was made from.
@@ -135,7 +209,7 @@ impl Sweeper {
 
     /// When a column of a turn is fired, nanoseconds since the first.
     pub fn column_ns(&self, column: u32) -> i64 {
-        (i128::from(column) * i128::from(self.period_ns) / i128::from(self.spec.columns)) as i64
+        column_ns(column, self.period_ns, self.spec.columns)
     }
 
     /// The columns of a turn whose instants are in `[begin_ns, end_ns)`: pieces that follow each other miss none.
@@ -156,9 +230,16 @@ impl Sweeper {
     pub fn begin_turn(&mut self, turn: u64, out: &mut CloudMut<'_>) {
         self.turn = turn;
         *out.len = 0;
+        if let Some(compute) = &mut self.compute {
+            compute.drop_pieces();
+        }
     }
 
     /// Fires the columns of one step and adds their points, by column and then by beam.
+    ///
+    /// On a GPU the columns of a turn go together: their points are added by the call that completes the turn, or
+    /// that comes with another weather, hidden instance or static part than those before it. All calls of a turn
+    /// take the same memory.
     ///
     /// # Errors
     /// Arrays without room, poses that are not finite, a step that ends before it begins; nothing is added then.
@@ -170,19 +251,66 @@ impl Sweeper {
     ) -> Result<Fired, FireError> {
         check(firing)?;
         let columns = self.columns_between(firing.begin_ns, firing.end_ns);
+        let waiting = self.compute.as_ref().map_or(0, |compute| compute.columns_waiting());
+        out.check((columns.len() + waiting) * self.beams.len())?;
+        let is_complete = !columns.is_empty() && columns.end == self.spec.columns;
+        let receiver = Receiver::new(&self.spec, tree.weather(), self.turn);
+        match self.compute.take() {
+            None => self.fire_here(tree, (firing, &columns), receiver, out),
+            Some(compute) if columns.is_empty() => self.compute = Some(compute),
+            Some(compute) => {
+                let under = Under { receiver, hidden: firing.hidden_instance };
+                self.fire_there(compute, tree, (firing, &columns), under, out);
+            }
+        }
+        Ok(Fired { columns, is_complete })
+    }
+
+    /// Has columns wait, and fires all that wait on the GPU when they complete the turn; on the CPU if it fails.
+    fn fire_there(
+        &mut self,
+        mut compute: Box<Compute>,
+        tree: &SceneTree,
+        (firing, columns): (&Firing, &Range<u32>),
+        under: Under,
+        out: &mut CloudMut<'_>,
+    ) {
+        if compute.is_apart(tree, &under)
+            && let Err(why) = compute.flush(self, out)
+        {
+            compute.fire_without(self, tree, out);
+            self.fallback = Some(why);
+            return self.fire_here(tree, (firing, columns), under.receiver, out);
+        }
+        compute.add(self, tree, under, (firing, columns));
+        if columns.end < self.spec.columns {
+            self.compute = Some(compute);
+            return;
+        }
+        match compute.flush(self, out) {
+            Ok(()) => self.compute = Some(compute),
+            Err(why) => {
+                compute.fire_without(self, tree, out);
+                self.fallback = Some(why);
+            }
+        }
+    }
+
+    /// Fires columns on the CPU and adds their points.
+    pub(super) fn fire_here(
+        &mut self,
+        tree: &SceneTree,
+        (firing, columns): (&Firing, &Range<u32>),
+        receiver: Receiver,
+        out: &mut CloudMut<'_>,
+    ) {
         let beams = self.beams.len();
         let count = columns.len() * beams;
-        out.check(count)?;
         if self.shots.len() < count {
             self.shots.resize(count, Shot::default());
         }
         let mut shots = std::mem::take(&mut self.shots);
-        let volley = Volley {
-            sweeper: self,
-            tree,
-            firing,
-            receiver: Receiver::new(&self.spec, tree.weather(), self.turn),
-        };
+        let volley = Volley { sweeper: self, tree, firing, receiver };
         let first = columns.start;
         let group = |(k, shots): (usize, &mut [Shot])| volley.group(first + (k * LANES) as u32, shots);
         let chunk = LANES * beams;
@@ -200,16 +328,55 @@ impl Sweeper {
             None => shots[..count].chunks_mut(chunk).enumerate().for_each(group),
         }
         for (column, shots) in columns.clone().zip(shots.chunks(beams)) {
-            let offset_s = (self.column_ns(column) as f64 / SECOND_NS) as f32;
+            let offset_s = self.offset_s(column);
             for (ring, shot) in shots.iter().enumerate().filter(|(_, shot)| shot.is_seen) {
                 let Shot { at_m, intensity, instance, class, .. } = *shot;
                 out.push(&Point { at_m, intensity, ring: ring as u16, offset_s, instance, class });
             }
         }
         self.shots = shots;
-        let is_complete = !columns.is_empty() && columns.end == self.spec.columns;
-        Ok(Fired { columns, is_complete })
     }
+
+    /// Threads besides the caller's.
+    pub(super) fn pool(&self) -> Option<&rayon::ThreadPool> {
+        self.pool.as_ref()
+    }
+
+    /// Number of beams.
+    pub(super) fn rings(&self) -> usize {
+        self.beams.len()
+    }
+
+    /// When a column is fired, seconds since the first.
+    pub(super) fn offset_s(&self, column: u32) -> f32 {
+        self.columns[column as usize].offset_s
+    }
+
+    /// Sine and cosine of a column's azimuth.
+    pub(super) fn azimuth(&self, column: u32) -> [f32; 2] {
+        self.columns[column as usize].azimuth.map(|part| part as f32)
+    }
+
+    /// The point at a range along a beam of a column with this azimuth, sensor's frame.
+    pub(super) fn point(&self, ring: usize, [sin, cos]: [f32; 2], range_m: f32) -> [f32; 3] {
+        let [x, y, z] = self.beams[ring];
+        crate::vector::scale([x * cos - y * sin, x * sin + y * cos, z], range_m)
+    }
+
+    /// From where to where a column looks, frame of the trees.
+    pub(super) fn aim(&self, tree: &SceneTree, firing: &Firing, column: u32) -> Aim {
+        let Column { azimuth: [sin, cos], at_ns, .. } = self.columns[column as usize];
+        let station = Station::of(firing, at_ns);
+        let matrix = station
+            .rotation
+            .map(|[x, y, z]| [(x * cos + y * sin) as f32, (y * cos - x * sin) as f32, z as f32]);
+        Aim { origin: tree.local(station.origin_m), matrix }
+    }
+}
+
+/// When a column of a turn is fired, nanoseconds since the first.
+fn column_ns(column: u32, period_ns: i64, columns: u32) -> i64 {
+    (i128::from(column) * i128::from(period_ns) / i128::from(columns)) as i64
 }
 
 fn start(threads: usize) -> Result<rayon::ThreadPool, LidarError> {
@@ -247,6 +414,13 @@ struct Volley<'a> {
     receiver: Receiver,
 }
 
+/// From where to where a column looks, in the frame of the trees: origin, and the rotation that turns the
+/// directions of the beams, row by row.
+pub(super) struct Aim {
+    pub(super) origin: [f32; 3],
+    pub(super) matrix: [[f32; 3]; 3],
+}
+
 /// Where the sensor is at a column's instant: origin, and rotation from its frame, row by row.
 struct Station {
     origin_m: [f64; 3],
@@ -267,16 +441,13 @@ impl Volley<'_> {
             if lane < count {
                 range[lane] = self.receiver.range_max();
             }
-            let station = self.station(self.sweeper.column_ns(column));
-            let [sin, cos] = self.sweeper.columns[column as usize];
-            turned[lane] = [sin as f32, cos as f32];
-            let local = self.tree.local(station.origin_m);
+            turned[lane] = self.sweeper.azimuth(column);
+            let aim = self.sweeper.aim(self.tree, self.firing, column);
             for axis in 0..3 {
-                let [x, y, z] = station.rotation[axis];
-                origin[axis][lane] = local[axis];
-                matrix[axis][0][lane] = (x * cos + y * sin) as f32;
-                matrix[axis][1][lane] = (y * cos - x * sin) as f32;
-                matrix[axis][2][lane] = z as f32;
+                origin[axis][lane] = aim.origin[axis];
+                for (lanes, part) in matrix[axis].iter_mut().zip(aim.matrix[axis]) {
+                    lanes[lane] = part;
+                }
             }
         }
         let origin = origin.map(f32x8::new);
@@ -299,9 +470,7 @@ impl Volley<'_> {
                 let number = (first + lane as u32) * beams as u32 + ring as u32;
                 let seen = hits[lane].and_then(|hit| {
                     let back = self.receiver.notice(&hit, [dx[lane], dy[lane], dz[lane]], number)?;
-                    let [sin, cos] = turned[lane];
-                    let direction = [x * cos - y * sin, x * sin + y * cos, z];
-                    let at_m = crate::vector::scale(direction, back.range_m);
+                    let at_m = self.sweeper.point(ring, turned[lane], back.range_m);
                     let (instance, class) = (hit.instance_id, hit.class as u8);
                     Some(Shot { at_m, intensity: back.intensity, instance, class, is_seen: true })
                 });
@@ -309,11 +478,13 @@ impl Volley<'_> {
             }
         }
     }
+}
 
+impl Station {
     /// The sensor's pose at an instant: the place between those at the step's ends, and the rotation by the
     /// normalised mean of their quaternions, whose error over one step is below all others.
-    fn station(&self, at_ns: i64) -> Station {
-        let Firing { begin_ns, begin, end_ns, end, .. } = self.firing;
+    fn of(firing: &Firing, at_ns: i64) -> Self {
+        let Firing { begin_ns, begin, end_ns, end, .. } = firing;
         let since = |ns: i64| ns as f64 - *begin_ns as f64;
         let share = since(at_ns) / since(*end_ns).max(1.0);
         let (from, to) = (begin.origin().coords, end.origin().coords);
@@ -329,6 +500,6 @@ impl Volley<'_> {
             [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
             [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
         ];
-        Station { origin_m, rotation }
+        Self { origin_m, rotation }
     }
 }
