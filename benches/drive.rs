@@ -62,7 +62,8 @@ fn loops(rows: &mut Rows) -> anyhow::Result<()> {
     let scenario = read_scenario(&root().join("scenarios/person_behind_truck.toml"))?;
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("drive.mcap");
     for (planner, goal) in [("waypoint", 100.0), ("fot", 20.0)] {
-        let kinds = [("off", None, false), ("without Foxglove", Some(&*file), false), ("on", Some(&*file), true)];
+        let kinds =
+            [("off", None, false), ("without Foxglove", Some(&*file), false), ("on", Some(&*file), true)];
         for (logging, log, foxglove) in kinds {
             let set = vec![
                 ("planning.planner".to_owned(), toml::Value::String(planner.into())),
@@ -123,8 +124,7 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
             "camera {width}x{height} at 20 Hz, lidar 32x1800 at 10 Hz, 2 threads, images = {images}: times real time"
         );
         let size_mb = std::fs::metadata(&file).map_or(0.0, |data| data.len() as f64 * 1e-6);
-        let reads =
-            format!("{}, per core {:.1} x, log {size_mb:.1} MB", wall.text(1, "x"), core.median());
+        let reads = format!("{}, per core {:.1} x, log {size_mb:.1} MB", wall.text(1, "x"), core.median());
         // The goal is that of a run that logs no images; what logging them costs stands beside it.
         let goal = if images == "none" { Goal::Least(goal) } else { Goal::None };
         rows.row(&what, wall.median(), &reads, goal);

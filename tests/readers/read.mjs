@@ -29,7 +29,7 @@ const expect = (holds, what) => {
 // What the app needs of a message of each schema to show it.
 const checks = {
   "foxglove.CompressedImage": (m) => {
-    expect(m.frameId !== "" && m.data.length > 100, "an image has a frame and data");
+    expect(m.frame_id !== "" && m.data.length > 100, "an image has a frame and data");
     if (m.format === "jpeg") {
       const image = jpeg.decode(m.data, { useTArray: true });
       expect(image.width > 0 && image.data.length === 4 * image.width * image.height, "a whole JPEG");
@@ -44,18 +44,18 @@ const checks = {
     expect(m.points.every((p) => p.type === 4 && p.points.length % 2 === 0), "lists of lines"),
   "foxglove.PointCloud": (m) =>
     expect(
-      m.data.length % m.pointStride === 0 && m.fields.slice(0, 3).map((f) => f.name).join("") === "xyz",
+      m.data.length % m.point_stride === 0 && m.fields.slice(0, 3).map((f) => f.name).join("") === "xyz",
       "whole points",
     ),
   "foxglove.SceneUpdate": (m) =>
-    expect(m.entities.every((e) => e.id !== "" && e.frameId !== ""), "entities with names and frames"),
+    expect(m.entities.every((e) => e.id !== "" && e.frame_id !== ""), "entities with names and frames"),
   "foxglove.FrameTransforms": (m) =>
     m.transforms.forEach(({ rotation: { x, y, z, w } }) =>
       expect(Math.abs(Math.hypot(x, y, z, w) - 1) < 1e-9, "a rotation"),
     ),
-  "foxglove.LocationFix": (m) => expect(m.positionCovariance.length === 9, "a covariance"),
+  "foxglove.LocationFix": (m) => expect(m.position_covariance.length === 9, "a covariance"),
   "foxglove.Log": (m) => expect(m.message !== "" && m.level > 0, "words"),
-  "swerve.Figures": (m) => expect(Number.isFinite(m.speedMps), "a speed"),
+  "swerve.Figures": (m) => expect(Number.isFinite(m.speed_mps), "a speed"),
 };
 
 const reader = await McapIndexedReader.Initialize({

@@ -16,8 +16,8 @@ pub struct Sensor;
 /// the stamp.
 pub(crate) type Motion = Vec<(Time, Transform<Sensor, Sensor>)>;
 
-/// Bytes of a lidar's point: three coordinates, intensity, time offset, ring, and two to fill up.
-const STRIDE: usize = 24;
+/// Bytes of a lidar's point: three coordinates, ring, intensity of 255, and one to fill up.
+const STRIDE: usize = 16;
 
 /// A turn of a lidar. Points are where what they lie on is seen from the sensor at the stamp: each was measured
 /// from where the sensor was then.
@@ -30,15 +30,17 @@ pub(crate) fn lidar(sensor: &str, cloud: &PointCloud, motion: &Motion) -> Option
         for number in moves.moved(point.place_m, point.time_offset_s) {
             data.extend(number.to_le_bytes());
         }
-        data.extend(point.intensity.to_le_bytes());
-        data.extend(point.time_offset_s.to_le_bytes());
         data.extend(point.ring.to_le_bytes());
-        data.extend([0; 2]);
+        data.extend([(255.0 * point.intensity).round() as u8, 0]);
     }
-    let float = NumericType::Float32;
-    let mut fields = floats(&["x", "y", "z", "intensity", "time_offset_s"]);
-    fields.push(PackedElementField { name: "ring".into(), offset: 20, r#type: NumericType::Uint16 as i32 });
-    debug_assert!(fields.iter().take(5).all(|f| f.r#type == float as i32));
+    let small = |name: &str, offset, kind: NumericType| PackedElementField {
+        name: name.into(),
+        offset,
+        r#type: kind as i32,
+    };
+    let mut fields = floats(&["x", "y", "z"]);
+    fields.push(small("ring", 12, NumericType::Uint16));
+    fields.push(small("intensity", 14, NumericType::Uint8));
     Some(shown(sensor, cloud.stamp, fields, STRIDE, data))
 }
 
@@ -110,5 +112,67 @@ impl Moves {
                 core::array::from_fn(|i| from[i] + (to[i] - from[i]) * share)
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_core::Span;
+    use swerve_msg::{LidarPoint, RadarDetection};
+
+    use super::*;
+
+    fn numbers(data: &[u8], stride: usize) -> Vec<[f32; 3]> {
+        let of = |bytes: &[u8], k: usize| f32::from_le_bytes(bytes[4 * k..4 * k + 4].try_into().unwrap());
+        data.chunks_exact(stride).map(|point| [0, 1, 2].map(|k| of(point, k))).collect()
+    }
+
+    #[test]
+    fn a_thing_measured_from_a_moving_sensor_is_in_one_place() {
+        // The sensor drives at 20 m/s along x and turns; the thing stands 30 m ahead and 5 m to the left of where it
+        // ends.
+        let end = Time::from_ms(2000);
+        let thing = Point::<Sensor>::new(30.0, 5.0, 1.0);
+        let now_from_then = |before_s: f64| {
+            let origin = Point::new(-20.0 * before_s, 0.0, 0.0);
+            Transform::<Sensor, Sensor>::from_roll_pitch_yaw(origin, 0.0, 0.0, -0.2 * before_s)
+        };
+        let steps = (0..=20).rev().map(|k| 0.005 * f64::from(k));
+        let motion: Motion = steps.map(|s| (end - Span::from_secs(s), now_from_then(s))).collect();
+        let mut cloud = PointCloud { stamp: end, ..PointCloud::default() };
+        for k in 0..100 {
+            let before_s = 0.001 * f64::from(k);
+            let seen = now_from_then(before_s).inverse() * thing;
+            let place_m = [seen.coords.x, seen.coords.y, seen.coords.z].map(|metres| metres as f32);
+            cloud.push(LidarPoint { place_m, time_offset_s: -before_s as f32, ring: 7, intensity: 0.5 });
+        }
+        let shown = lidar("roof", &cloud, &motion).unwrap();
+        let points = numbers(&shown.data, STRIDE);
+        assert_eq!((points.len(), shown.point_stride, shown.frame_id.as_str()), (100, 16, "ego/roof"));
+        for point in points {
+            for (found, wanted) in point.iter().zip([30.0, 5.0, 1.0]) {
+                assert!((found - wanted).abs() < 1e-3, "{point:?}");
+            }
+        }
+        cloud.ring.pop();
+        assert!(lidar("roof", &cloud, &motion).is_none(), "arrays of unequal length");
+    }
+
+    #[test]
+    fn echoes_are_where_range_and_angles_say() {
+        let echo = |azimuth_rad, elevation_rad| RadarDetection {
+            range_m: 10.0,
+            range_rate_mps: -3.0,
+            azimuth_rad,
+            elevation_rad,
+            rcs_dbsm: 10.0,
+            snr_db: 20.0,
+        };
+        let quarter = core::f64::consts::FRAC_PI_2;
+        let detections = vec![echo(0.0, None), echo(quarter, None), echo(0.0, Some(quarter))];
+        let shown = radar("front", &RadarScan { stamp: Time::ZERO, detections });
+        let round = |place: [f32; 3]| place.map(f32::round);
+        let wanted = [[10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
+        assert_eq!(numbers(&shown.data, 24).into_iter().map(round).collect::<Vec<_>>(), wanted);
     }
 }
