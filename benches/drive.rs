@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use swerve::config::Config;
 use swerve::config::text::Document;
-use swerve::run::{drive_observed, left_out_of_logs, read_scenario};
+use swerve::pipeline::Pipeline;
+use swerve::run::{drive_observed, drive_pipeline, read_scenario, set_up};
 use swerve::study::Bench;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_flow::Observer;
@@ -38,10 +39,9 @@ fn drive(config: &Config, scenario: &Scenario, log: Option<&Path>) -> anyhow::Re
         ..RunStart::default()
     };
     let mut recorder = Recorder::create(log, &start)?;
-    if let Some(images) = left_out_of_logs(config.log.images) {
-        recorder.leave_out(images);
-    }
-    let outcome = drive_observed(config, scenario, 1, &mut [&mut recorder as &mut dyn Observer])?;
+    let pipeline = Pipeline::build(config, scenario)?;
+    set_up(&mut recorder, config, &pipeline);
+    let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut recorder as &mut dyn Observer])?;
     recorder.finish()?;
     Ok(outcome.report.at.as_secs())
 }
@@ -62,10 +62,15 @@ fn loops(rows: &mut Rows) -> anyhow::Result<()> {
     let scenario = read_scenario(&root().join("scenarios/person_behind_truck.toml"))?;
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("drive.mcap");
     for (planner, goal) in [("waypoint", 100.0), ("fot", 20.0)] {
-        let set = vec![("planning.planner".to_owned(), toml::Value::String(planner.into()))];
-        let config = Config::load(Some(&root().join("configs/best.toml")), &set)
-            .map_err(|problems| swerve::run::problems_error(&problems))?;
-        for (logging, log) in [("off", None), ("on", Some(file.as_path()))] {
+        let kinds =
+            [("off", None, false), ("without Foxglove", Some(&*file), false), ("on", Some(&*file), true)];
+        for (logging, log, foxglove) in kinds {
+            let set = vec![
+                ("planning.planner".to_owned(), toml::Value::String(planner.into())),
+                ("log.foxglove".to_owned(), toml::Value::Boolean(foxglove)),
+            ];
+            let config = Config::load(Some(&root().join("configs/best.toml")), &set)
+                .map_err(|problems| swerve::run::problems_error(&problems))?;
             let (mut core, mut wall) = (vec![], vec![]);
             for _ in 0..ROUNDS {
                 let (per_core, per_wall) = rates(&config, &scenario, log)?;
@@ -100,10 +105,13 @@ threads = 2
 fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
     let scenario = read_scenario(&root().join("scenarios/person_behind_truck.toml"))?;
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("sensors.mcap");
-    for (width, height, goal) in [(640, 360, 2.5), (800, 600, 1.5)] {
+    let sizes = [(640, 360, 2.5), (800, 600, 1.5)];
+    let cases = sizes.into_iter().flat_map(|size| ["none", "jpeg", "lossless"].map(|images| (size, images)));
+    for ((width, height, goal), images) in cases {
         let text = SENSORS.replace("WIDTH", &width.to_string()).replace("HEIGHT", &height.to_string());
         let document = Document::parse("sensors", text)?;
-        let config = Config::from_document(&document, &[])
+        let set = vec![("log.images".to_owned(), toml::Value::String(images.into()))];
+        let config = Config::from_document(&document, &set)
             .map_err(|problems| swerve::run::problems_error(&problems))?;
         let (mut core, mut wall) = (vec![], vec![]);
         for _ in 0..ROUNDS {
@@ -112,10 +120,14 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
             wall.push(per_wall);
         }
         let (core, wall) = (Sample::new(core), Sample::new(wall));
-        let what =
-            format!("camera {width}x{height} at 20 Hz, lidar 32x1800 at 10 Hz, 2 threads: times real time");
-        let reads = format!("{}, per core {:.1} x", wall.text(1, "x"), core.median());
-        rows.row(&what, wall.median(), &reads, Goal::Least(goal));
+        let what = format!(
+            "camera {width}x{height} at 20 Hz, lidar 32x1800 at 10 Hz, 2 threads, images = {images}: times real time"
+        );
+        let size_mb = std::fs::metadata(&file).map_or(0.0, |data| data.len() as f64 * 1e-6);
+        let reads = format!("{}, per core {:.1} x, log {size_mb:.1} MB", wall.text(1, "x"), core.median());
+        // The goal is that of a run that logs no images; what logging them costs stands beside it.
+        let goal = if images == "none" { Goal::Least(goal) } else { Goal::None };
+        rows.row(&what, wall.median(), &reads, goal);
     }
     let _unneeded = std::fs::remove_file(file);
     Ok(())

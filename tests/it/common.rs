@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use swerve::config::Config;
 use swerve::config::text::parse_assignment;
 use swerve::pipeline::Pipeline;
-use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start};
+use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_log::Recorder;
 
 /// The repository.
@@ -32,6 +32,7 @@ pub(crate) fn config(assignments: &[&str]) -> Config {
 pub(crate) fn record(config: &Config, file: &Path, log: &Path, threads: usize) -> Outcome {
     let pipeline = Pipeline::build(config, &read_scenario(file).unwrap()).unwrap();
     let mut recorder = Recorder::create(log, &run_start(config, file).unwrap()).unwrap();
+    set_up(&mut recorder, config, &pipeline);
     let outcome = drive_pipeline(pipeline, config.seed, threads, &mut [&mut recorder]).unwrap();
     recorder.finish().unwrap();
     outcome

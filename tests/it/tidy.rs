@@ -73,6 +73,8 @@ fn heavy_packages_stay_behind_one_crate() {
     let owners = [
         ("rapier3d", "swerve-sim"),
         ("clarabel", "swerve-control"),
+        ("foxglove", "swerve-foxglove"),
+        ("jpeg-encoder", "swerve-foxglove"),
         ("mcap", "swerve-log"),
         ("clap", "swerve"),
         ("anyhow", "swerve"),

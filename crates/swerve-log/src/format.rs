@@ -4,6 +4,8 @@
 //! - One channel per stream, topic `/NAME`: `{header, payload}`, exactly in this order.
 //! - Channels `/swerve/watermarks`, `/swerve/steps`, `/swerve/unfinished`,
 //!   `/swerve/misses`, `/swerve/drops`, `/swerve/decisions`.
+//! - Channels of kind `view`: messages in the forms of other programs, in their own encodings. They are no part
+//!   of the record: a reader passes over them, and they are not counted.
 //! - Metadata record `swerve_run_end`, last: digest, instant, reason, report, number of records.
 //!
 //! A message's `log_time` is the instant of its publication, its `publish_time` the stamp, nanoseconds of run
@@ -36,6 +38,7 @@ pub(crate) enum Kind {
     Misses,
     Drops,
     Decisions,
+    View,
 }
 
 impl Kind {
@@ -52,11 +55,12 @@ impl Kind {
             Self::Misses => "misses",
             Self::Drops => "drops",
             Self::Decisions => "decisions",
+            Self::View => "view",
         }
     }
 
     pub(crate) fn of(name: &str) -> Option<Self> {
-        core::iter::once(Self::Stream).chain(Self::SINGLE).find(|kind| kind.name() == name)
+        [Self::Stream, Self::View].into_iter().chain(Self::SINGLE).find(|kind| kind.name() == name)
     }
 
     /// The form of a message in CDDL; times are nanoseconds since the run started.
@@ -81,6 +85,7 @@ impl Kind {
             }
             Self::Drops => "drop = { operator: tstr, stamp: int, at: int, reason: tstr }\n",
             Self::Decisions => "decision = { decision: tstr, * tstr => any }\n",
+            Self::View => "", // each has a schema of its own
         }
     }
 }

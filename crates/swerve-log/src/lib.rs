@@ -15,6 +15,7 @@ mod reader;
 mod record;
 mod recorder;
 mod trace;
+mod view;
 mod writer;
 
 pub use error::LogError;
@@ -27,6 +28,7 @@ pub use record::{
 };
 pub use recorder::{LeavesOut, Recorder};
 pub use trace::TraceWriter;
+pub use view::{Encode, View, ViewSchema, Views};
 
 #[cfg(test)]
 mod tests;

@@ -19,6 +19,8 @@ pub fn left_out(payload: &dyn ErasedPayload, out: &mut Vec<u8>) {
 
 impl Observer for Recorder {
     fn event(&mut self, event: &Event<'_>) {
+        // What is shown of the end comes before it.
+        self.show_event(event);
         match event {
             Event::Publication(publication) => self.publication(publication),
             Event::StepStart(e) => {

@@ -43,6 +43,7 @@ struct Context {
 enum Channel {
     Stream(Arc<StreamInfo>),
     Single(Kind),
+    View,
 }
 
 /// What is wrong with a file.
@@ -225,8 +226,8 @@ impl Context {
             op::MESSAGE => {
                 let (id, data) = mcap_record::message(body).ok_or_else(broken)?;
                 let record = self.message(id, data).map_err(Fault::Content)?;
-                self.records += 1;
-                Ok(Some(record))
+                self.records += u64::from(record.is_some());
+                Ok(record)
             }
             _ => Ok(None), // indices and statistics; nothing of ours
         }
@@ -255,6 +256,7 @@ impl Context {
         let mut metadata = channel.metadata;
         let kind = metadata.get(format::KIND).and_then(|kind| Kind::of(kind));
         let of = match kind.ok_or_else(|| foreign(format::KIND))? {
+            Kind::View => Channel::View,
             _ if channel.encoding != format::ENCODING => {
                 return Err(Fault::Foreign(format!("expected messages in {}", format::ENCODING)));
             }
@@ -275,22 +277,29 @@ impl Context {
         Ok(())
     }
 
-    fn message(&self, id: u16, data: &[u8]) -> Result<Record, String> {
-        match self.channels.get(&id).ok_or_else(|| format!("expected a known channel, found number {id}"))? {
+    /// What a message is; `None` for what is there to be looked at alone.
+    fn message(&self, id: u16, data: &[u8]) -> Result<Option<Record>, String> {
+        let record = match self
+            .channels
+            .get(&id)
+            .ok_or_else(|| format!("expected a known channel, found number {id}"))?
+        {
             Channel::Stream(info) => {
                 let (header, payload) = format::read_message(data)?;
                 let payload_cbor = payload.into();
-                Ok(Record::Publication(PublicationRecord { stream: info.clone(), header, payload_cbor }))
+                Record::Publication(PublicationRecord { stream: info.clone(), header, payload_cbor })
             }
-            Channel::Single(Kind::Watermarks) => parse(data).map(Record::Watermark),
-            Channel::Single(Kind::Steps) => parse(data).map(Record::Step),
-            Channel::Single(Kind::Unfinished) => parse(data).map(Record::Unfinished),
-            Channel::Single(Kind::Misses) => parse(data).map(Record::Miss),
-            Channel::Single(Kind::Drops) => parse(data).map(Record::Drop),
-            Channel::Single(Kind::Decisions | Kind::Stream) => {
-                Ok(Record::Decision(DecisionRecord { cbor: data.into() }))
+            Channel::Single(Kind::Watermarks) => Record::Watermark(parse(data)?),
+            Channel::Single(Kind::Steps) => Record::Step(parse(data)?),
+            Channel::Single(Kind::Unfinished) => Record::Unfinished(parse(data)?),
+            Channel::Single(Kind::Misses) => Record::Miss(parse(data)?),
+            Channel::Single(Kind::Drops) => Record::Drop(parse(data)?),
+            Channel::Single(Kind::Decisions | Kind::Stream | Kind::View) => {
+                Record::Decision(DecisionRecord { cbor: data.into() })
             }
-        }
+            Channel::View => return Ok(None),
+        };
+        Ok(Some(record))
     }
 }
 

@@ -12,13 +12,14 @@ use std::thread::JoinHandle;
 use crossbeam_channel::{Sender, bounded};
 use serde::{Serialize, Serializer};
 use swerve_core::{Span, Time};
-use swerve_flow::ErasedPayload;
+use swerve_flow::{ErasedPayload, Event};
 
 use crate::LogError;
 use crate::record::{
     DropRecord, MessageHeader, MissRecord, RunEnd, RunStart, StepRecord, StreamInfo, UnfinishedRecord,
     WatermarkRecord,
 };
+use crate::view::{View, Views};
 use crate::writer::LogWriter;
 
 /// Batches that may wait for the writer thread; with that many the run waits for the disk.
@@ -29,6 +30,8 @@ const BATCH_RECORDS: usize = 256;
 const BATCH_BYTES: usize = 256 << 10;
 /// or this much run time.
 const BATCH_SPAN: Span = Span::from_ms(100);
+/// Views that are a batch by themselves (images, point clouds) of which so many may wait: that bounds memory.
+const BIG_VIEWS: usize = 8;
 
 /// A name that many records share.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -64,7 +67,15 @@ pub(crate) enum Item {
         at: Time,
         cbor: Range<usize>,
     },
+    View(View),
     End(RunEnd),
+}
+
+impl Item {
+    /// Whether this fills a batch by what waits with it.
+    fn is_big(&self) -> bool {
+        matches!(self, Self::View(view) if view.bytes >= BATCH_BYTES)
+    }
 }
 
 /// Records on their way to the writer thread.
@@ -72,6 +83,8 @@ pub(crate) enum Item {
 pub(crate) struct Batch {
     pub(crate) items: Vec<Item>,
     pub(crate) bytes: Vec<u8>,
+    /// What waits with its views.
+    views_bytes: usize,
     since: Option<Time>,
 }
 
@@ -93,7 +106,11 @@ pub struct Recorder {
     streams: Vec<(Name, usize)>,
     running: Vec<UnfinishedRecord<Name>>,
     leaves_out: Option<LeavesOut>,
+    views: Option<Box<dyn Views>>,
+    shown: Vec<View>,
     sender: Option<Sender<Batch>>,
+    /// Takes a token for each big view that waits.
+    big: Sender<()>,
     thread: Option<JoinHandle<Result<u64, LogError>>>,
 }
 
@@ -109,6 +126,33 @@ impl Recorder {
         self.leaves_out = Some(payloads);
     }
 
+    /// Logs, beside the run, what these views show of it.
+    pub fn show(&mut self, views: Box<dyn Views>) {
+        self.views = Some(views);
+    }
+
+    /// Takes in what there is to show of an event.
+    pub(crate) fn show_event(&mut self, event: &Event<'_>) {
+        let Some(views) = &mut self.views else { return };
+        let mut shown = core::mem::take(&mut self.shown);
+        views.event(event, &mut shown);
+        for view in shown.drain(..) {
+            self.view(view);
+        }
+        self.shown = shown;
+    }
+
+    fn view(&mut self, view: View) {
+        let at = view.visible_at;
+        self.batch.views_bytes += view.bytes;
+        let item = Item::View(view);
+        if item.is_big() {
+            // Fails where the writer has, which the next batch tells.
+            let _sent = self.big.send(());
+        }
+        self.push(at, item);
+    }
+
     pub(crate) fn leaves_out(&self, payload: &dyn ErasedPayload) -> bool {
         self.leaves_out.is_some_and(|leaves_out| leaves_out(payload.as_any()))
     }
@@ -121,10 +165,13 @@ impl Recorder {
     ) -> Result<Self, LogError> {
         let mut writer = LogWriter::new(path, to, start)?;
         let (sender, receiver) = bounded::<Batch>(BATCHES);
+        let (big, big_done) = bounded::<()>(BIG_VIEWS);
         let work = move || {
             // An error drops the receiver, which the run notices at its next batch.
             for batch in receiver {
-                writer.write(&batch)?;
+                let big_views = batch.items.iter().filter(|item| item.is_big()).count();
+                writer.write(batch)?;
+                big_done.try_iter().take(big_views).for_each(drop);
             }
             writer.close()
         };
@@ -138,7 +185,10 @@ impl Recorder {
             streams: Vec::new(),
             running: Vec::new(),
             leaves_out: None,
+            views: None,
+            shown: Vec::new(),
             sender: Some(sender),
+            big,
             thread: Some(thread),
         })
     }
@@ -258,7 +308,8 @@ impl Recorder {
         self.now = at;
         self.batch.items.push(item);
         let since = *self.batch.since.get_or_insert(at);
-        let full = self.batch.items.len() >= BATCH_RECORDS || self.batch.bytes.len() >= BATCH_BYTES;
+        let bytes = self.batch.bytes.len() + self.batch.views_bytes;
+        let full = self.batch.items.len() >= BATCH_RECORDS || bytes >= BATCH_BYTES;
         if full || at - since >= BATCH_SPAN {
             self.send();
         }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use mcap::records::{MessageHeader as McapHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions};
@@ -13,6 +14,7 @@ use crate::LogError;
 use crate::format::{self, Kind, unsigned};
 use crate::record::{RunEnd, RunStart, StreamInfo};
 use crate::recorder::{Batch, Item};
+use crate::view::View;
 
 const CHUNK_BYTES: u64 = 1 << 20;
 /// At most this much run time is lost when the process is killed.
@@ -25,6 +27,8 @@ pub(crate) struct LogWriter<W: Write + Seek> {
     mcap: Option<mcap::Writer<W>>,
     singles: [u16; Kind::SINGLE.len()],
     streams: Vec<u16>,
+    /// Of each topic of views its channel, and how many messages it has.
+    views: BTreeMap<Arc<str>, (u16, u32)>,
     scratch: Vec<u8>,
     records: u64,
     flushed_at: Time,
@@ -55,6 +59,7 @@ impl<W: Write + Seek> LogWriter<W> {
             mcap: Some(mcap),
             singles,
             streams: Vec::new(),
+            views: BTreeMap::new(),
             scratch: Vec::new(),
             records: 0,
             flushed_at: Time::ZERO,
@@ -63,8 +68,9 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 
     /// Writes one batch. After an error the file is left as it is: readable, and without an end record.
-    pub(crate) fn write(&mut self, batch: &Batch) -> Result<(), LogError> {
-        batch.items.iter().try_for_each(|item| self.item(item, &batch.bytes)).map_err(|error| {
+    pub(crate) fn write(&mut self, batch: Batch) -> Result<(), LogError> {
+        let Batch { items, bytes, .. } = batch;
+        items.into_iter().try_for_each(|item| self.item(item, &bytes)).map_err(|error| {
             self.abandon();
             write_error(&self.path, &error)
         })
@@ -81,26 +87,28 @@ impl<W: Write + Seek> LogWriter<W> {
         written.map(|()| self.records).map_err(|error| write_error(&self.path, &error))
     }
 
-    fn item(&mut self, item: &Item, bytes: &[u8]) -> Result<(), McapError> {
+    fn item(&mut self, item: Item, bytes: &[u8]) -> Result<(), McapError> {
+        self.records += u64::from(!matches!(item, Item::Stream(_) | Item::View(_) | Item::End(_)));
         match item {
-            Item::Stream(info) => self.stream(info),
+            Item::Stream(info) => self.stream(&info),
             Item::Message { stream, header, payload } => {
                 self.scratch.clear();
-                format::write_message(header, &bytes[payload.clone()], &mut self.scratch);
-                let channel = self.streams[*stream];
+                format::write_message(&header, &bytes[payload], &mut self.scratch);
+                let channel = self.streams[stream];
                 self.put(channel, header.seq, header.visible_at, header.stamp)
             }
-            Item::Watermark(r) => self.single(Kind::Watermarks, r, r.visible_at, r.watermark),
-            Item::Step(r) => self.single(Kind::Steps, r, r.end, r.stamp),
-            Item::Unfinished(r) => self.single(Kind::Unfinished, r, r.start, r.stamp),
-            Item::Miss(r) => self.single(Kind::Misses, r, r.at, r.stamp),
-            Item::Drop(r) => self.single(Kind::Drops, r, r.at, r.stamp),
+            Item::Watermark(r) => self.single(Kind::Watermarks, &r, r.visible_at, r.watermark),
+            Item::Step(r) => self.single(Kind::Steps, &r, r.end, r.stamp),
+            Item::Unfinished(r) => self.single(Kind::Unfinished, &r, r.start, r.stamp),
+            Item::Miss(r) => self.single(Kind::Misses, &r, r.at, r.stamp),
+            Item::Drop(r) => self.single(Kind::Drops, &r, r.at, r.stamp),
             Item::Decision { at, cbor } => {
                 self.scratch.clear();
-                self.scratch.extend_from_slice(&bytes[cbor.clone()]);
-                self.put(self.channel(Kind::Decisions), 0, *at, *at)
+                self.scratch.extend_from_slice(&bytes[cbor]);
+                self.put(self.channel(Kind::Decisions), 0, at, at)
             }
-            Item::End(end) => self.end(end),
+            Item::View(view) => self.view(view),
+            Item::End(end) => self.end(&end),
         }
     }
 
@@ -116,6 +124,26 @@ impl<W: Write + Seek> LogWriter<W> {
         let topic = format!("/{}", info.stream);
         self.streams.push(mcap.add_channel(schema, &topic, format::ENCODING, &metadata)?);
         Ok(())
+    }
+
+    fn view(&mut self, view: View) -> Result<(), McapError> {
+        let View { topic, schema, visible_at, stamp, encode, .. } = view;
+        self.scratch.clear();
+        encode(&mut self.scratch);
+        let Some(mcap) = self.mcap.as_mut().filter(|_| !self.scratch.is_empty()) else { return Ok(()) };
+        let (channel, count) = match self.views.get_mut(&topic) {
+            Some(known) => known,
+            None => {
+                let form = schema();
+                let schema = mcap.add_schema(&form.name, form.encoding, &form.data)?;
+                let metadata = BTreeMap::from([(format::KIND.into(), Kind::View.name().into())]);
+                let channel = mcap.add_channel(schema, &topic, form.encoding, &metadata)?;
+                self.views.entry(topic).or_insert((channel, 0))
+            }
+        };
+        let (channel, seq) = (*channel, *count);
+        *count = count.wrapping_add(1);
+        self.put(channel, seq.into(), visible_at, stamp)
     }
 
     fn channel(&self, kind: Kind) -> u16 {
@@ -145,7 +173,6 @@ impl<W: Write + Seek> LogWriter<W> {
             publish_time: unsigned(stamp),
         };
         mcap.write_to_known_channel(&header, &self.scratch)?;
-        self.records += 1;
         if at - self.flushed_at >= FLUSH_EVERY {
             self.flushed_at = at;
             mcap.flush()?;

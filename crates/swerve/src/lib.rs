@@ -20,3 +20,4 @@ pub mod street;
 pub mod study;
 mod threads;
 pub mod timing;
+mod views;

@@ -8,6 +8,7 @@ use serde::Serialize;
 use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, Metrics, Outline};
 use swerve_flow::{Event, Observer, RunOptions, RunReport, RuntimeModel, run_virtual};
+use swerve_foxglove::Foxglove;
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{Image, Imu, ObstacleList, Plan, PointCloud, Route};
@@ -23,6 +24,7 @@ use crate::output::align;
 use crate::pipeline::Pipeline;
 use crate::progress::Progress;
 use crate::story::{Story, draw};
+use crate::views::views_of;
 
 /// What is driven, by what.
 #[derive(clap::Args, Debug)]
@@ -254,9 +256,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut recorder = Recorder::create(&log_part, &run_start(&config, &args.input.scenario)?)?;
-    if let Some(images) = left_out_of_logs(config.log.images) {
-        recorder.leave_out(images);
-    }
+    set_up(&mut recorder, &config, &pipeline);
     let mut trace = TraceWriter::create(&trace_part, &["controller"])?;
     let mut story = story(&config, &scenario, &pipeline);
     let mut frames = frames(args, &config, &pipeline)?;
@@ -325,10 +325,20 @@ fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
 /// The payloads of which a log holds the digest alone.
 pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
     match images {
-        Images::None => Some(|payload| {
+        Images::None | Images::Jpeg => Some(|payload| {
             payload.is::<Image>() || payload.is::<PointCloud>() || payload.is::<PointInstances>()
         }),
         Images::Lossless => None,
+    }
+}
+
+/// Has a log hold of a run what its configuration says.
+pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
+    if let Some(images) = left_out_of_logs(config.log.images) {
+        recorder.leave_out(images);
+    }
+    if config.log.foxglove {
+        recorder.show(Box::new(Foxglove::new(views_of(config, pipeline))));
     }
 }
 

@@ -214,3 +214,58 @@ fn events_come_in_order_of_time() {
     let back = times.windows(2).find(|pair| pair[1] < pair[0]);
     assert_eq!(back, None);
 }
+
+/// Shows every command, and an image of a megabyte every tenth time.
+struct Shown(u64);
+
+impl crate::Views for Shown {
+    fn event(&mut self, event: &Event<'_>, out: &mut Vec<crate::View>) {
+        let Event::Publication(p) = event else { return };
+        if p.operator != "control" {
+            return;
+        }
+        self.0 += 1;
+        let is_image = self.0.is_multiple_of(10);
+        let bytes = if is_image { 1 << 20 } else { 8 };
+        out.push(crate::View {
+            topic: if is_image { "/view/image" } else { "/view/command" }.into(),
+            schema: || crate::ViewSchema {
+                name: "Shown".into(),
+                encoding: "protobuf",
+                data: [1_u8][..].into(),
+            },
+            visible_at: p.visible_at,
+            stamp: p.visible_at,
+            bytes,
+            encode: Box::new(move |out| out.resize(bytes, 7)),
+        });
+    }
+}
+
+#[test]
+fn what_is_shown_is_in_the_file_and_no_part_of_the_record() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.mcap");
+    let mut recorder = Recorder::create(&path, &RunStart::default()).unwrap();
+    recorder.show(Box::new(Shown(0)));
+    let report = run_virtual(graph(250), &options(), vec![&mut recorder]).unwrap();
+    let records = recorder.finish().unwrap();
+    let (plain, plain_report) = logged(graph(250));
+    let log = Log::read(&path).unwrap();
+    assert_eq!(report.digest, plain_report.digest);
+    assert_eq!(log.records.len() as u64, records);
+    let messages = |log: &Log| log.all_publications().cloned().collect::<Vec<_>>();
+    assert_eq!(messages(&log), messages(&plain));
+    let bytes = std::fs::read(&path).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let count = |topic: &str| {
+        let (id, channel) = summary.channels.iter().find(|(_, channel)| channel.topic == topic).unwrap();
+        assert_eq!(
+            (channel.message_encoding.as_str(), channel.metadata["kind"].as_str()),
+            ("protobuf", "view")
+        );
+        summary.stats.as_ref().unwrap().channel_message_counts[id]
+    };
+    let commands = log.publications("control").count() as u64;
+    assert_eq!((count("/view/image"), count("/view/command")), (commands / 10, commands - commands / 10));
+}

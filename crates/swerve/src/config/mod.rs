@@ -363,7 +363,7 @@ impl Default for ControlConfig {
 }
 
 /// What is recorded.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LogConfig {
     /// Sensors that run although no operator reads them: `gnss`, `odometry`, `collisions`, `lane_invasions`,
@@ -371,6 +371,16 @@ pub struct LogConfig {
     pub sensors: Vec<String>,
     /// What the log holds of images and point clouds; the digest of a run is the same with any.
     pub images: Images,
+    /// Quality of JPEG images, 1 to 100.
+    pub jpeg_quality: u8,
+    /// Whether the log also holds the run in the forms that Foxglove shows, under `/view`.
+    pub foxglove: bool,
+}
+
+impl Default for LogConfig {
+    fn default() -> Self {
+        Self { sensors: Vec::new(), images: Images::default(), jpeg_quality: 85, foxglove: true }
+    }
 }
 
 /// What a log holds of images and point clouds.
@@ -380,6 +390,8 @@ pub enum Images {
     /// Their fingerprints: a replay computes them again and compares.
     #[default]
     None,
+    /// Their fingerprints, and under `/view` colour images as JPEG and point clouds, to be looked at.
+    Jpeg,
     /// All their bytes.
     Lossless,
 }

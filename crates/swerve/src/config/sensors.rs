@@ -10,7 +10,7 @@ use swerve_vehicle::{Shape, VehicleParams};
 
 use super::faults::faults;
 use super::words::{nearest, number};
-use super::{Config, OPERATORS};
+use super::{Config, Images, OPERATORS};
 
 /// What is wrong, by key.
 type Faults = Vec<(String, String)>;
@@ -54,7 +54,8 @@ impl RadarConfig {
         SensorTiming { exposure_ms, readout_ms, transfer_ms, rolling: false }
     }
 
-    fn mount(&self, shape: &Shape) -> SensorMount {
+    /// Where it sits and looks.
+    pub fn mount(&self, shape: &Shape) -> SensorMount {
         let front = SensorMount::front(shape);
         let [x_m, y_m, z_m] = self.at_m.unwrap_or([front.x_m, front.y_m, front.z_m]);
         SensorMount { x_m, y_m, z_m, yaw_rad: self.yaw_deg.to_radians() }
@@ -325,6 +326,14 @@ impl Config {
             let names: Vec<&str> = known().collect();
             let message = format!("unknown sensor `{sensor}`, expected one of {}{near}", names.join(", "));
             told.push((format!("log.sensors[{k}]"), message));
+        }
+        let log = &self.log;
+        if !(1..=100).contains(&log.jpeg_quality) {
+            told.push(("log.jpeg_quality".into(), format!("expected 1 to 100, found {}", log.jpeg_quality)));
+        }
+        if log.images == Images::Jpeg && !log.foxglove {
+            let message = "expected true where log.images is \"jpeg\": JPEG images are there to be looked at";
+            told.push(("log.foxglove".into(), message.into()));
         }
     }
 }

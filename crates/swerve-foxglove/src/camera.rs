@@ -1,0 +1,326 @@
+//! What cameras see: images, calibration, and what the stack believes drawn over them.
+//!
+//! Pixels count from the upper left corner of the upper left pixel, in Foxglove as in [`Intrinsics`].
+
+use foxglove::messages::points_annotation::Type as Points;
+use foxglove::messages::{
+    CameraCalibration, CompressedImage, ImageAnnotations, Point2, PointsAnnotation, RawImage, TextAnnotation,
+};
+use jpeg_encoder::{ColorType, Encoder};
+use swerve_core::Time;
+use swerve_geom::{Camera, Map, Point, Pose2, Transform};
+use swerve_msg::{ActorKind, CameraInfo, Extent, Intrinsics};
+
+use crate::form::{colour, colour_of, frame_of, timestamp};
+use crate::scene::{box_edges, label};
+
+/// Nothing is drawn nearer to the camera than this, metres.
+const NEAR_M: f64 = 0.1;
+/// A straight edge is a line of so many pieces behind a lens that bends.
+const PIECES: usize = 8;
+
+/// How colour images are written.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum ImageForm {
+    /// JPEG of this quality, 1 to 100.
+    Jpeg(u8),
+    /// PNG, which loses nothing.
+    Png,
+}
+
+/// An image as it is known without its numbers.
+#[derive(Clone, Debug)]
+pub(crate) struct Header {
+    pub(crate) camera: String,
+    pub(crate) stamp: Time,
+    pub(crate) width_px: u32,
+    pub(crate) height_px: u32,
+    pub(crate) info: CameraInfo,
+}
+
+/// Colours, three bytes for each pixel.
+pub(crate) fn colours(header: &Header, rgb: &[u8], form: ImageForm) -> Option<CompressedImage> {
+    let (data, format) = match form {
+        ImageForm::Jpeg(quality) => (jpeg(header, rgb, quality)?, "jpeg"),
+        ImageForm::Png => (png(header, rgb)?, "png"),
+    };
+    Some(CompressedImage {
+        timestamp: Some(timestamp(header.stamp)),
+        frame_id: frame_of(&header.camera),
+        data: data.into(),
+        format: format.into(),
+    })
+}
+
+fn jpeg(header: &Header, rgb: &[u8], quality: u8) -> Option<Vec<u8>> {
+    let (width, height) = (u16::try_from(header.width_px).ok()?, u16::try_from(header.height_px).ok()?);
+    let mut data = Vec::with_capacity(rgb.len() / 8);
+    Encoder::new(&mut data, quality).encode(rgb, width, height, ColorType::Rgb).ok()?;
+    Some(data)
+}
+
+fn png(header: &Header, rgb: &[u8]) -> Option<Vec<u8>> {
+    let mut data = Vec::with_capacity(rgb.len() / 2);
+    let mut encoder = png::Encoder::new(&mut data, header.width_px, header.height_px);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_compression(png::Compression::Fast);
+    let mut writer = encoder.write_header().ok()?;
+    writer.write_image_data(rgb).ok()?;
+    writer.finish().ok()?;
+    Some(data)
+}
+
+/// One number for each pixel, in Foxglove's name of its encoding.
+pub(crate) fn raw(header: &Header, encoding: &str, bytes: Vec<u8>) -> RawImage {
+    let rows = header.height_px.max(1) as usize;
+    RawImage {
+        timestamp: Some(timestamp(header.stamp)),
+        frame_id: frame_of(&header.camera),
+        width: header.width_px,
+        height: header.height_px,
+        encoding: encoding.into(),
+        step: (bytes.len() / rows) as u32,
+        data: bytes.into(),
+    }
+}
+
+/// From rays to pixels: the model that others call "plumb bob" is the one of [`Intrinsics`].
+pub(crate) fn calibration(header: &Header) -> CameraCalibration {
+    let Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion } = header.info.intrinsics;
+    CameraCalibration {
+        timestamp: Some(timestamp(header.stamp)),
+        frame_id: frame_of(&header.camera),
+        width: header.width_px,
+        height: header.height_px,
+        distortion_model: "plumb_bob".into(),
+        d: distortion.to_vec(),
+        k: vec![fx_px, 0.0, cx_px, 0.0, fy_px, cy_px, 0.0, 0.0, 1.0],
+        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: vec![fx_px, 0.0, cx_px, 0.0, 0.0, fy_px, cy_px, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }
+}
+
+/// A road user as the stack believes it to be at an image's stamp.
+#[derive(Clone, Debug)]
+pub(crate) struct Believed {
+    pub(crate) kind: ActorKind,
+    pub(crate) pose: Pose2,
+    pub(crate) extent: Extent,
+    pub(crate) distance_m: f64,
+}
+
+/// Boxes over an image, with kind and distance.
+pub(crate) fn annotations(
+    header: &Header,
+    camera_from_map: &Transform<Camera, Map>,
+    believed: &[Believed],
+) -> ImageAnnotations {
+    let stamp = Some(timestamp(header.stamp));
+    let lens = Lens::of(header);
+    let mut shown = ImageAnnotations { timestamp: stamp, ..ImageAnnotations::default() };
+    for one in believed {
+        let at = |[x, y, z]: [f64; 3]| *camera_from_map * Point::<Map>::new(x, y, z);
+        let points: Vec<Point2> =
+            box_edges(one.pose, one.extent).into_iter().flat_map(|[a, b]| lens.line(at(a), at(b))).collect();
+        if points.is_empty() {
+            continue;
+        }
+        shown.points.push(PointsAnnotation {
+            timestamp: stamp,
+            r#type: Points::LineList as i32,
+            points,
+            outline_color: Some(colour_of(one.kind, 255)),
+            thickness: 2.0,
+            ..PointsAnnotation::default()
+        });
+        let above = at([one.pose.x_m, one.pose.y_m, one.extent.height_m]);
+        if let Some([a, _]) = lens.clipped(above.coords.into(), above.coords.into()) {
+            shown.texts.push(TextAnnotation {
+                timestamp: stamp,
+                position: Some(lens.pixel(a)),
+                text: label(one.kind, one.distance_m),
+                font_size: 14.0,
+                text_color: Some(colour([255, 255, 255, 255])),
+                background_color: Some(colour([0, 0, 0, 120])),
+                ..TextAnnotation::default()
+            });
+        }
+    }
+    shown
+}
+
+/// From places before the camera to the image, and what of a line is in it.
+struct Lens {
+    intrinsics: Intrinsics,
+    bends: bool,
+    /// The rays through the borders of the image: `x/z` from the least to the greatest, `y/z` likewise.
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+impl Lens {
+    fn of(header: &Header) -> Self {
+        let intrinsics = header.info.intrinsics;
+        let bends = intrinsics.distortion.iter().any(|k| *k != 0.0);
+        let mut lens = Self { intrinsics, bends, x: [f64::INFINITY, -f64::INFINITY], y: [0.0; 2] };
+        lens.y = lens.x;
+        let (width, height) = (f64::from(header.width_px), f64::from(header.height_px));
+        for k in 0..=8 {
+            let share = f64::from(k) / 8.0;
+            let (along, down) = (share * width, share * height);
+            for pixel in [[along, 0.0], [along, height], [0.0, down], [width, down]] {
+                let [x, y] = lens.ray(pixel);
+                lens.x = [lens.x[0].min(x), lens.x[1].max(x)];
+                lens.y = [lens.y[0].min(y), lens.y[1].max(y)];
+            }
+        }
+        lens
+    }
+
+    /// The ray `(x/z, y/z)` through a point of the image: the lens undone by repetition.
+    fn ray(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.intrinsics;
+        let wanted = [(u - cx_px) / fx_px, (v - cy_px) / fy_px];
+        let mut ray = wanted;
+        for _ in 0..30 {
+            let bent = self.bent(ray);
+            ray = [ray[0] + wanted[0] - bent[0], ray[1] + wanted[1] - bent[1]];
+        }
+        ray
+    }
+
+    /// What the lens makes of a ray, as [`Intrinsics`] says.
+    fn bent(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [k1, k2, p1, p2, k3] = self.intrinsics.distortion;
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let across = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x);
+        let down = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y;
+        [across, down]
+    }
+
+    fn pixel(&self, [x, y, z]: [f64; 3]) -> Point2 {
+        let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.intrinsics;
+        let [x, y] = self.bent([x / z, y / z]);
+        Point2 { x: fx_px * x + cx_px, y: fy_px * y + cy_px }
+    }
+
+    /// The part of a line in space that the image shows.
+    fn clipped(&self, a: [f64; 3], b: [f64; 3]) -> Option<[[f64; 3]; 2]> {
+        let inside = |p: [f64; 3]| {
+            let [x, y, z] = p;
+            [z - NEAR_M, x - self.x[0] * z, self.x[1] * z - x, y - self.y[0] * z, self.y[1] * z - y]
+        };
+        let (mut from, mut to) = (0.0_f64, 1.0_f64);
+        for (at_a, at_b) in inside(a).into_iter().zip(inside(b)) {
+            if at_a < 0.0 && at_b < 0.0 {
+                return None;
+            }
+            if at_a < 0.0 {
+                from = from.max(at_a / (at_a - at_b));
+            } else if at_b < 0.0 {
+                to = to.min(at_a / (at_a - at_b));
+            }
+        }
+        let on = |t: f64| core::array::from_fn(|k| a[k] + (b[k] - a[k]) * t);
+        (from <= to).then(|| [on(from), on(to)])
+    }
+
+    /// A line in space as pairs of points in the image.
+    fn line(&self, a: Point<Camera>, b: Point<Camera>) -> Vec<Point2> {
+        let Some([a, b]) = self.clipped(a.coords.into(), b.coords.into()) else { return Vec::new() };
+        let n = if self.bends { PIECES } else { 1 };
+        let on = |k: usize| {
+            let t = k as f64 / n as f64;
+            self.pixel(core::array::from_fn(|i| a[i] + (b[i] - a[i]) * t))
+        };
+        (0..n).flat_map(|k| [on(k), on(k + 1)]).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(distortion: [f64; 5]) -> Header {
+        let intrinsics = Intrinsics { fx_px: 320.0, fy_px: 320.0, cx_px: 320.0, cy_px: 180.0, distortion };
+        let info = CameraInfo { intrinsics, ..CameraInfo::default() };
+        Header { camera: "eye".into(), stamp: Time::from_ms(1500), width_px: 640, height_px: 360, info }
+    }
+
+    /// A camera 1 m above the map's origin that looks along x.
+    fn camera_from_map() -> Transform<Camera, Map> {
+        let quarter = core::f64::consts::FRAC_PI_2;
+        Transform::<Map, Camera>::from_roll_pitch_yaw(Point::new(0.0, 0.0, 1.0), -quarter, 0.0, -quarter)
+            .inverse()
+    }
+
+    fn believed(x_m: f64, y_m: f64) -> Believed {
+        let extent = Extent { length_m: 2.0, width_m: 2.0, height_m: 2.0 };
+        Believed { kind: ActorKind::Car, pose: Pose2::new(x_m, y_m, 0.0), extent, distance_m: x_m }
+    }
+
+    fn bounds(shown: &ImageAnnotations) -> [f64; 4] {
+        let points = || shown.points.iter().flat_map(|one| &one.points);
+        let (x, y) = (|| points().map(|p| p.x), || points().map(|p| p.y));
+        let (low, high) = (f64::INFINITY, -f64::INFINITY);
+        [x().fold(low, f64::min), x().fold(high, f64::max), y().fold(low, f64::min), y().fold(high, f64::max)]
+    }
+
+    #[test]
+    fn a_box_ahead_is_where_a_pinhole_sees_it() {
+        let shown = annotations(&header([0.0; 5]), &camera_from_map(), &[believed(11.0, 0.0)]);
+        // Its near face is 10 m off and reaches 1 m to each side of the axis.
+        assert_eq!(bounds(&shown).map(|px| px.round()), [288.0, 352.0, 148.0, 212.0]);
+        assert_eq!((shown.points[0].points.len(), shown.texts.len()), (24, 1));
+        assert_eq!(
+            (shown.texts[0].text.as_str(), shown.timestamp.unwrap().nsec()),
+            ("car 11 m", 500_000_000)
+        );
+    }
+
+    #[test]
+    fn what_is_drawn_is_in_the_image() {
+        for distortion in [[0.0; 5], [-0.25, 0.06, 0.001, -0.001, -0.005]] {
+            let header = header(distortion);
+            for (x_m, y_m) in [(0.5, 0.0), (1.2, 1.0), (5.0, 6.0), (8.0, -7.5), (30.0, 0.0)] {
+                let shown = annotations(&header, &camera_from_map(), &[believed(x_m, y_m)]);
+                let [left, right, top, bottom] = bounds(&shown);
+                // A border that bends outwards lets a little by.
+                let margin = if distortion == [0.0; 5] { 1e-6 } else { 80.0 };
+                assert!(left >= -margin && right <= 640.0 + margin, "{x_m} {y_m}: {left} {right}");
+                assert!(top >= -margin && bottom <= 360.0 + margin, "{x_m} {y_m}: {top} {bottom}");
+            }
+            let behind =
+                annotations(&header, &camera_from_map(), &[believed(-5.0, 0.0), believed(3.0, 40.0)]);
+            assert_eq!((behind.points.len(), behind.texts.len()), (0, 0));
+        }
+    }
+
+    #[test]
+    fn a_ray_through_the_lens_comes_back() {
+        let lens = Lens::of(&header([-0.2, 0.05, 0.001, -0.002, 0.0]));
+        for pixel in [[0.0, 0.0], [640.0, 200.0], [100.0, 350.0]] {
+            let [x, y] = lens.ray(pixel);
+            let back = lens.pixel([x, y, 1.0]);
+            assert!(
+                (back.x - pixel[0]).abs() < 1e-6 && (back.y - pixel[1]).abs() < 1e-6,
+                "{back:?} {pixel:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn compressed_images_keep_their_size_and_png_its_bytes() {
+        let header = Header { width_px: 37, height_px: 21, ..header([0.0; 5]) };
+        let rgb: Vec<u8> = (0..3 * 37 * 21).map(|k| (k * 7 % 251) as u8).collect();
+        let png = colours(&header, &rgb, ImageForm::Png).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(&png.data[..])).read_info().unwrap();
+        let mut back = vec![0; 3 * 37 * 21];
+        reader.next_frame(&mut back).unwrap();
+        assert_eq!((back, png.format.as_str()), (rgb.clone(), "png"));
+        let jpeg = colours(&header, &rgb, ImageForm::Jpeg(80)).unwrap();
+        assert_eq!(jpeg.data[..2], [0xff, 0xd8]);
+        assert!(colours(&Header { height_px: 70_000, ..header }, &rgb, ImageForm::Jpeg(80)).is_none());
+    }
+}

@@ -1,0 +1,175 @@
+//! Numbers to plot, as a message of our own: `swerve.Figures`.
+
+use foxglove::{Encode, Schema};
+use prost::Message;
+use prost::bytes::BufMut;
+use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
+use swerve_geom::{Obb, Vector2};
+
+/// What a drive is judged by, over time. What there is none of is not a number.
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct Figures {
+    /// Speed of the ego origin along its heading, m/s.
+    #[prost(double, tag = "1")]
+    pub speed_mps: f64,
+    /// Speed that the plan asks for now, m/s.
+    #[prost(double, tag = "2")]
+    pub planned_speed_mps: f64,
+    /// Acceleration along the heading, m/s².
+    #[prost(double, tag = "3")]
+    pub accel_mps2: f64,
+    /// Acceleration to the left, m/s².
+    #[prost(double, tag = "4")]
+    pub lateral_accel_mps2: f64,
+    /// Angle of the front road wheels, degrees; positive to the left.
+    #[prost(double, tag = "5")]
+    pub steering_deg: f64,
+    /// Accelerator pedal, 0 to 1.
+    #[prost(double, tag = "6")]
+    pub throttle: f64,
+    /// Brake pedal, 0 to 1.
+    #[prost(double, tag = "7")]
+    pub brake: f64,
+    /// Gap to the nearest other body, metres.
+    #[prost(double, tag = "8")]
+    pub distance_m: f64,
+    /// Until the ego's outline and another's would meet if none changed its velocity, seconds.
+    #[prost(double, tag = "9")]
+    pub time_to_collision_s: f64,
+    /// From the sensor frame that the command in force derives from to its effect, milliseconds.
+    #[prost(double, tag = "10")]
+    pub response_ms: f64,
+    /// How old the newest plan's stamp is, milliseconds.
+    #[prost(double, tag = "11")]
+    pub plan_age_ms: f64,
+}
+
+/// The fields in the order of their tags, from 1; all are doubles.
+const FIELDS: [&str; 11] = [
+    "speed_mps",
+    "planned_speed_mps",
+    "accel_mps2",
+    "lateral_accel_mps2",
+    "steering_deg",
+    "throttle",
+    "brake",
+    "distance_m",
+    "time_to_collision_s",
+    "response_ms",
+    "plan_age_ms",
+];
+
+impl Encode for Figures {
+    type Error = prost::EncodeError;
+
+    fn get_schema() -> Option<Schema> {
+        let field = |(k, name): (usize, &&str)| FieldDescriptorProto {
+            name: Some((*name).to_owned()),
+            number: Some(k as i32 + 1),
+            label: Some(Label::Optional as i32),
+            r#type: Some(Type::Double as i32),
+            ..FieldDescriptorProto::default()
+        };
+        let message = DescriptorProto {
+            name: Some("Figures".into()),
+            field: FIELDS.iter().enumerate().map(field).collect(),
+            ..DescriptorProto::default()
+        };
+        let file = FileDescriptorProto {
+            name: Some("swerve/Figures.proto".into()),
+            package: Some("swerve".into()),
+            message_type: vec![message],
+            syntax: Some("proto3".into()),
+            ..FileDescriptorProto::default()
+        };
+        let set = FileDescriptorSet { file: vec![file] };
+        Some(Schema::new("swerve.Figures", "protobuf", set.encode_to_vec()))
+    }
+
+    fn get_message_encoding() -> String {
+        "protobuf".into()
+    }
+
+    fn encode(&self, buffer: &mut impl BufMut) -> Result<(), prost::EncodeError> {
+        Message::encode(self, buffer)
+    }
+}
+
+/// When two rectangles that move without turning first meet, seconds from now; zero where they do already,
+/// `None` where they never will. They are apart as long as they are along one of their four axes.
+pub(crate) fn time_to_contact_s(a: &Obb, b: &Obb, b_relative_mps: Vector2) -> Option<f64> {
+    let apart = b.center.point() - a.center.point();
+    let half = |of: &Obb, axis: Vector2| {
+        let ahead = of.center.direction();
+        of.half_length_m * ahead.dot(axis).abs() + of.half_width_m * ahead.left().dot(axis).abs()
+    };
+    let (mut enter_s, mut leave_s) = (0.0_f64, f64::INFINITY);
+    for of in [a, b] {
+        for axis in [of.center.direction(), of.center.direction().left()] {
+            let (distance, speed) = (apart.dot(axis), b_relative_mps.dot(axis));
+            let reach = half(a, axis) + half(b, axis);
+            if speed == 0.0 {
+                if distance.abs() > reach {
+                    return None;
+                }
+                continue;
+            }
+            let (one, other) = ((-reach - distance) / speed, (reach - distance) / speed);
+            enter_s = enter_s.max(one.min(other));
+            leave_s = leave_s.min(one.max(other));
+        }
+    }
+    (enter_s <= leave_s).then_some(enter_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_geom::Pose2;
+
+    use super::*;
+
+    fn car(x_m: f64, y_m: f64, heading_rad: f64) -> Obb {
+        Obb::new(Pose2::new(x_m, y_m, heading_rad), 4.0, 2.0)
+    }
+
+    #[test]
+    fn contact_comes_after_gap_over_closing_speed() {
+        let still = car(0.0, 0.0, 0.0);
+        let time = |b: &Obb, x, y| time_to_contact_s(&still, b, Vector2::new(x, y));
+        assert_eq!(time(&car(24.0, 0.0, 0.0), -10.0, 0.0), Some(2.0));
+        assert_eq!(time(&car(24.0, 1.9, 0.0), -10.0, 0.0), Some(2.0));
+        assert_eq!(time(&car(24.0, 2.1, 0.0), -10.0, 0.0), None);
+        assert_eq!(time(&car(24.0, 0.0, 0.0), 10.0, 0.0), None);
+        assert_eq!(time(&car(3.0, 0.0, 0.0), 10.0, 0.0), Some(0.0));
+        // From the side: 12 m off with half widths and lengths of 1 and 2 m between.
+        let crossing = car(0.0, -12.0, core::f64::consts::FRAC_PI_2);
+        let time_s = time(&crossing, 0.0, 3.0).unwrap();
+        assert!((time_s - 3.0).abs() < 1e-12, "{time_s}");
+        // It comes from the side and is past before it is there.
+        assert_eq!(time(&crossing, 3.0, 3.0), None);
+    }
+
+    #[test]
+    fn the_schema_has_the_fields_of_the_message() {
+        let schema = Figures::get_schema().unwrap();
+        let set = FileDescriptorSet::decode(&*schema.data).unwrap();
+        let fields = &set.file[0].message_type[0].field;
+        // Each number under its own tag: a message with one field set has that tag alone.
+        for (field, k) in fields.iter().zip(1_i32..) {
+            assert_eq!((field.number(), field.name()), (k, FIELDS[k as usize - 1]));
+        }
+        let shown = format!("{:?}", Figures::default());
+        let mut rest = shown.as_str();
+        for name in FIELDS {
+            let (_, after) = rest.split_once(&format!("{name}: ")).unwrap();
+            rest = after;
+        }
+        let all = Figures::decode(&*fields.iter().fold(Vec::new(), |mut bytes, field| {
+            bytes.push((field.number() << 3 | 1) as u8);
+            bytes.extend(f64::from(field.number()).to_le_bytes());
+            bytes
+        }));
+        assert_eq!(all.map(|f| (f.speed_mps, f.plan_age_ms)), Ok((1.0, 11.0)));
+    }
+}

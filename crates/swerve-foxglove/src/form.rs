@@ -1,0 +1,119 @@
+//! What all messages have in common: topics, stamps, places, colours.
+
+use std::sync::Arc;
+
+use foxglove::messages::{Color, Point3, Pose, Quaternion, Timestamp, Vector3};
+use foxglove::{Encode, Schema};
+use swerve_core::Time;
+use swerve_geom::{Point, Pose2, Transform, math};
+use swerve_log::{View, ViewSchema};
+use swerve_msg::ActorKind;
+
+/// The frame of everything that is not fixed to the car.
+pub(crate) const MAP: &str = "map";
+/// The frame of the car: the centre of the rear axle on the ground.
+pub(crate) const EGO: &str = "ego";
+
+/// The frame of a sensor.
+pub(crate) fn frame_of(sensor: &str) -> String {
+    format!("{EGO}/{sensor}")
+}
+
+/// When something is known, and what instant it describes.
+#[derive(Clone, Copy)]
+pub(crate) struct When {
+    pub(crate) visible_at: Time,
+    pub(crate) stamp: Time,
+}
+
+/// A message of a topic. `make` is called on the writer's thread; `bytes` is about what it holds until then.
+pub(crate) fn view<T: Encode>(
+    topic: &Arc<str>,
+    when: When,
+    bytes: usize,
+    make: impl FnOnce() -> Option<T> + Send + 'static,
+) -> View {
+    View {
+        topic: topic.clone(),
+        schema: schema::<T>,
+        visible_at: when.visible_at,
+        stamp: when.stamp,
+        bytes,
+        encode: Box::new(move |out| {
+            if let Some(message) = make() {
+                out.reserve(message.encoded_len().unwrap_or(0));
+                message.encode(out).expect("messages are plain data, and memory takes all");
+            }
+        }),
+    }
+}
+
+fn schema<T: Encode>() -> ViewSchema {
+    let Schema { name, data, .. } = T::get_schema().expect("every message of Foxglove's has a schema");
+    ViewSchema { name: name.into(), encoding: "protobuf", data }
+}
+
+/// An instant of the run; the run starts at zero.
+pub(crate) fn timestamp(at: Time) -> Timestamp {
+    const SECOND: i64 = 1_000_000_000;
+    let ns = at.ns().max(0);
+    Timestamp::new(u32::try_from(ns / SECOND).unwrap_or(u32::MAX), (ns % SECOND) as u32)
+}
+
+pub(crate) fn vector([x, y, z]: [f64; 3]) -> Vector3 {
+    Vector3 { x, y, z }
+}
+
+pub(crate) fn point([x, y, z]: [f64; 3]) -> Point3 {
+    Point3 { x, y, z }
+}
+
+pub(crate) fn coords<F>(point: Point<F>) -> [f64; 3] {
+    [point.coords.x, point.coords.y, point.coords.z]
+}
+
+pub(crate) fn rotation<A, B>(transform: &Transform<A, B>) -> Quaternion {
+    let rotation = transform.rotation();
+    let q = rotation.quaternion();
+    Quaternion { x: q.i, y: q.j, z: q.k, w: q.w }
+}
+
+/// Upright on the ground at height `z_m`.
+pub(crate) fn upright(pose: Pose2, z_m: f64) -> Pose {
+    let (sin, cos) = math::sin_cos(0.5 * pose.heading_rad);
+    Pose {
+        position: Some(vector([pose.x_m, pose.y_m, z_m])),
+        orientation: Some(Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }),
+    }
+}
+
+/// Red, green, blue and opacity, each of 255.
+pub(crate) fn colour([r, g, b, a]: [u8; 4]) -> Color {
+    let share = |part: u8| f64::from(part) / 255.0;
+    Color { r: share(r), g: share(g), b: share(b), a: share(a) }
+}
+
+/// The colour of a kind of road user, at this opacity of 255.
+pub(crate) fn colour_of(kind: ActorKind, opacity: u8) -> Color {
+    let [r, g, b] = match kind {
+        ActorKind::Car => [80, 160, 255],
+        ActorKind::Truck => [60, 100, 220],
+        ActorKind::Motorcycle => [140, 120, 255],
+        ActorKind::Cyclist => [255, 190, 60],
+        ActorKind::Pedestrian => [255, 90, 200],
+        ActorKind::Static => [170, 170, 170],
+    };
+    colour([r, g, b, opacity])
+}
+
+/// The name of a kind of road user.
+pub(crate) fn name_of(kind: ActorKind) -> &'static str {
+    match kind {
+        ActorKind::Car => "car",
+        ActorKind::Truck => "truck",
+        ActorKind::Motorcycle => "motorcycle",
+        ActorKind::Cyclist => "cyclist",
+        ActorKind::Pedestrian => "pedestrian",
+        ActorKind::Static => "static",
+    }
+}

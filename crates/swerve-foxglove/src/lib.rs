@@ -1,0 +1,22 @@
+//! A run's messages in the forms that Foxglove shows (<https://docs.foxglove.dev/docs/sdk/schemas>), protobuf
+//! encoded, for a log to hold them beside its own.
+//!
+//! [`Foxglove`] watches a run: the ego, others, tracks, predictions, plan and road as `foxglove.SceneUpdate`,
+//! frames as `foxglove.FrameTransforms`, cameras as `foxglove.CompressedImage`, `foxglove.RawImage`,
+//! `foxglove.CameraCalibration` and `foxglove.ImageAnnotations`, lidars and radars as `foxglove.PointCloud`,
+//! the satellite receiver as `foxglove.LocationFix`, what happens as `foxglove.Log`, and figures to plot as
+//! [`Figures`]. All times are instants of the run, which starts at zero: the same run gives the same messages.
+//! Absences: no file, no clock, no configuration, no simulator; nothing here is read by the stack.
+
+mod camera;
+mod cloud;
+mod figures;
+mod form;
+mod scene;
+mod watch;
+mod words;
+
+pub use camera::ImageForm;
+pub use cloud::Sensor;
+pub use figures::Figures;
+pub use watch::{Foxglove, Mount, Setup};

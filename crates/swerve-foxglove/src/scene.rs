@@ -1,0 +1,193 @@
+//! The world as boxes and lines: `foxglove.SceneUpdate` and `foxglove.FrameTransforms`.
+
+use foxglove::messages::line_primitive::Type as LineType;
+use foxglove::messages::scene_entity_deletion::Type as Deletion;
+use foxglove::messages::{
+    Color, CubePrimitive, FrameTransform, FrameTransforms, LinePrimitive, Point3, Pose, Quaternion,
+    SceneEntity, SceneEntityDeletion, SceneUpdate, TextPrimitive, Timestamp,
+};
+use swerve_core::Time;
+use swerve_geom::{Ego, FrenetPoint, Map, Pose2, Transform};
+use swerve_msg::truth::Actor;
+use swerve_msg::{ActorKind, Extent, Plan, PredictionList, TrackList};
+
+use crate::form::{
+    EGO, MAP, colour, colour_of, coords, frame_of, name_of, point, rotation, timestamp, upright, vector,
+};
+use crate::{Mount, Setup};
+
+/// Lines over the ground are drawn this far above it, metres: the eye is to see them on it, not in it.
+const OVER_M: f64 = 0.05;
+/// Between two points of a line along the road, metres.
+const STEP_M: f64 = 2.0;
+const WHITE: [u8; 4] = [235, 235, 235, 255];
+const GREY: [u8; 4] = [120, 120, 120, 255];
+const GREEN: [u8; 4] = [60, 230, 120, 255];
+const ORANGE: [u8; 4] = [255, 170, 40, 255];
+
+/// Where the car is.
+pub(crate) fn map_from_ego(at: Time, pose: Transform<Map, Ego>) -> FrameTransforms {
+    FrameTransforms { transforms: vec![transform(timestamp(at), MAP, EGO.into(), &pose)] }
+}
+
+/// Where the sensors are on it.
+pub(crate) fn ego_from_sensors(at: Time, mounts: &[Mount]) -> FrameTransforms {
+    let of = |mount: &Mount| transform(timestamp(at), EGO, frame_of(&mount.name), &mount.ego_from_sensor);
+    FrameTransforms { transforms: mounts.iter().map(of).collect() }
+}
+
+fn transform<A, B>(at: Timestamp, parent: &str, child: String, of: &Transform<A, B>) -> FrameTransform {
+    FrameTransform {
+        timestamp: Some(at),
+        parent_frame_id: parent.into(),
+        child_frame_id: child,
+        translation: Some(vector(coords(of.origin()))),
+        rotation: Some(rotation(of)),
+    }
+}
+
+/// What does not change: the road's lines, and the car, which goes with its frame.
+pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
+    let line = &setup.route.line;
+    let n = (line.length() / STEP_M).ceil().max(1.0) as usize;
+    let mut lines = Vec::new();
+    for &d_m in &setup.lines_m {
+        let on = |k: usize| line.to_map(FrenetPoint { s_m: line.length() * k as f64 / n as f64, d_m });
+        let points = (0..=n).map(|k| [on(k).x_m, on(k).y_m, OVER_M]).map(point).collect();
+        let is_edge = d_m == setup.route.left_m || d_m == -setup.route.right_m;
+        lines.push(strip(points, if is_edge { WHITE } else { GREY }, 0.12));
+    }
+    let shape = &setup.shape;
+    let extent = Extent { length_m: shape.length_m, width_m: shape.width_m, height_m: shape.height_m };
+    let center = Pose2::new(shape.center_ahead_m(), 0.0, 0.0);
+    let body = cube(center, 0.0, extent, colour([240, 240, 240, 110]));
+    let road = SceneEntity { lines, ..entity(at, "road") };
+    let ego = SceneEntity { frame_id: EGO.into(), cubes: vec![body], ..entity(at, "ego") };
+    SceneUpdate { deletions: Vec::new(), entities: vec![road, ego] }
+}
+
+/// The other road users as they are.
+pub(crate) fn actors(at: Time, actors: &[Actor]) -> SceneUpdate {
+    let of = |actor: &Actor| {
+        let body = cube(actor.pose, actor.z_m, actor.extent, colour_of(actor.kind, 200));
+        let top_m = actor.z_m + actor.extent.height_m + 0.4;
+        let words = format!("{} {}", name_of(actor.kind), actor.id.0);
+        let texts = vec![text(actor.pose, top_m, words)];
+        SceneEntity { cubes: vec![body], texts, ..entity(at, &format!("actor {}", actor.id.0)) }
+    };
+    anew(at, actors.iter().map(of).collect())
+}
+
+/// What the stack follows: a box, the way so far, and where it goes within the next second.
+pub(crate) fn tracks(list: &TrackList) -> SceneUpdate {
+    let of = |track: &swerve_msg::Track| {
+        let colour = colour_of(track.kind, 255);
+        let outline = LinePrimitive {
+            r#type: LineType::LineList as i32,
+            points: edges(track.pose, track.extent),
+            ..strip(Vec::new(), GREY, 0.06)
+        };
+        let outline = LinePrimitive { color: Some(colour), ..outline };
+        let past = track.history.iter().map(|s| [s.point.x_m, s.point.y_m, OVER_M]).map(point).collect();
+        let from = track.pose.point();
+        let to = from + track.velocity_mps;
+        let ahead = [[from.x_m, from.y_m, 0.5], [to.x_m, to.y_m, 0.5]].map(point).to_vec();
+        let lines = vec![outline, strip(past, GREY, 0.05), strip(ahead, ORANGE, 0.08)];
+        SceneEntity { lines, ..entity(list.stamp, &format!("track {}", track.id.0)) }
+    };
+    anew(list.stamp, list.tracks.iter().map(of).collect())
+}
+
+/// Where the stack expects others to go.
+pub(crate) fn predictions(list: &PredictionList) -> SceneUpdate {
+    let of = |(k, prediction): (usize, &swerve_msg::Prediction)| {
+        let path = prediction.path.iter().map(|p| [p.pose.x_m, p.pose.y_m, OVER_M]).map(point).collect();
+        let line = LinePrimitive { color: Some(colour_of(prediction.kind, 160)), ..strip(path, GREY, 0.15) };
+        let id = format!("prediction {} of {}", k, prediction.id.0);
+        SceneEntity { lines: vec![line], ..entity(list.stamp, &id) }
+    };
+    anew(list.stamp, list.predictions.iter().enumerate().map(of).collect())
+}
+
+/// What the stack means to do; orange where the planner found nothing and falls back.
+pub(crate) fn plan(plan: &Plan) -> SceneUpdate {
+    let path = plan.points.iter().map(|p| [p.pose.x_m, p.pose.y_m, 2.0 * OVER_M]).map(point).collect();
+    let line = strip(path, if plan.status.is_fallback() { ORANGE } else { GREEN }, 0.3);
+    anew(plan.stamp, vec![SceneEntity { lines: vec![line], ..entity(plan.stamp, "plan") }])
+}
+
+/// These entities instead of all that the topic showed before.
+fn anew(at: Time, entities: Vec<SceneEntity>) -> SceneUpdate {
+    let all = SceneEntityDeletion {
+        timestamp: Some(timestamp(at)),
+        r#type: Deletion::All as i32,
+        id: String::new(),
+    };
+    SceneUpdate { deletions: vec![all], entities }
+}
+
+fn entity(at: Time, id: &str) -> SceneEntity {
+    SceneEntity {
+        timestamp: Some(timestamp(at)),
+        frame_id: MAP.into(),
+        id: id.into(),
+        frame_locked: true,
+        ..SceneEntity::default()
+    }
+}
+
+/// A box that stands at height `bottom_m`.
+fn cube(pose: Pose2, bottom_m: f64, extent: Extent, color: Color) -> CubePrimitive {
+    CubePrimitive {
+        pose: Some(upright(pose, bottom_m + 0.5 * extent.height_m)),
+        size: Some(vector([extent.length_m, extent.width_m, extent.height_m])),
+        color: Some(color),
+    }
+}
+
+fn text(pose: Pose2, z_m: f64, words: String) -> TextPrimitive {
+    TextPrimitive {
+        pose: Some(upright(pose, z_m)),
+        billboard: true,
+        font_size: 0.5,
+        scale_invariant: false,
+        color: Some(colour(WHITE)),
+        text: words,
+    }
+}
+
+fn strip(points: Vec<Point3>, color: [u8; 4], thickness: f64) -> LinePrimitive {
+    let identity = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
+    LinePrimitive {
+        r#type: LineType::LineStrip as i32,
+        pose: Some(Pose { position: Some(vector([0.0; 3])), orientation: Some(identity) }),
+        thickness,
+        scale_invariant: false,
+        points,
+        color: Some(colour(color)),
+        colors: Vec::new(),
+        indices: Vec::new(),
+    }
+}
+
+/// The edges of a box that stands on the map plane: pairs of points.
+fn edges(pose: Pose2, extent: Extent) -> Vec<Point3> {
+    box_edges(pose, extent).into_iter().flatten().map(point).collect()
+}
+
+/// The twelve edges of a box that stands on the map plane, metres.
+pub(crate) fn box_edges(pose: Pose2, extent: Extent) -> [[[f64; 3]; 2]; 12] {
+    let corners = extent.footprint(pose).corners();
+    let at = |k: usize, z_m: f64| [corners[k % 4].x_m, corners[k % 4].y_m, z_m];
+    let top_m = extent.height_m;
+    core::array::from_fn(|k| match k {
+        0..4 => [at(k, 0.0), at(k + 1, 0.0)],
+        4..8 => [at(k, top_m), at(k + 1, top_m)],
+        _ => [at(k, 0.0), at(k, top_m)],
+    })
+}
+
+/// What an obstacle is called in an image.
+pub(crate) fn label(kind: ActorKind, distance_m: f64) -> String {
+    format!("{} {distance_m:.0} m", name_of(kind))
+}

@@ -1,0 +1,374 @@
+//! The run, watched: which of its messages are shown, how often, under which topics.
+
+use std::any::Any;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use foxglove::messages::LocationFix;
+use foxglove::messages::location_fix::PositionCovarianceType;
+use swerve_core::{Span, Time};
+use swerve_flow::{Event, Publication};
+use swerve_geom::{Ego, Map, Pose2, Transform, Vector2};
+use swerve_log::{View, Views};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{
+    Command, Encoding, Gnss, Image, ObstacleList, Pixels, Plan, PlanStatus, PointCloud, PredictionList,
+    RadarScan, Route, TrackList,
+};
+use swerve_vehicle::Shape;
+
+use crate::camera::{self, Believed, Header, ImageForm};
+use crate::cloud::{self, Motion, Sensor};
+use crate::figures::{Figures, time_to_contact_s};
+use crate::form::{MAP, When, timestamp, view};
+use crate::words::Line;
+use crate::{scene, words};
+
+/// Between two poses of the ego, and two rows of figures.
+const POSE_PERIOD: Span = Span::from_ms(20);
+/// Between two pictures of the others.
+const ACTORS_PERIOD: Span = Span::from_ms(50);
+/// How long what was is remembered, for images and points that come later than what they show.
+const MEMORY: Span = Span::from_ms(1000);
+
+/// What does not change in a run.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// Where the ego is to go.
+    pub route: Route,
+    /// The road's lines, metres to the left of the route.
+    pub lines_m: Vec<f64>,
+    /// The ego.
+    pub shape: Shape,
+    /// From a command to its effect.
+    pub dead_time: Span,
+    /// The sensors that have a place of their own.
+    pub mounts: Vec<Mount>,
+    /// How images are shown; images and point clouds are not where it is `None`.
+    pub images: Option<ImageForm>,
+    /// Whether depth and classes are shown too, each image with all its numbers.
+    pub raw_images: bool,
+}
+
+/// Where a sensor sits.
+#[derive(Clone, Debug)]
+pub struct Mount {
+    pub(crate) name: String,
+    pub(crate) ego_from_sensor: Transform<Ego, Sensor>,
+}
+
+impl Mount {
+    /// Of a sensor by its operator's name; its messages are about its own axes.
+    pub fn new<F>(name: &str, ego_from_sensor: Transform<Ego, F>) -> Self {
+        let ego_from_sensor = Transform::new(ego_from_sensor.origin(), ego_from_sensor.rotation());
+        Self { name: name.into(), ego_from_sensor }
+    }
+}
+
+/// Watches a run.
+pub struct Foxglove {
+    setup: Setup,
+    topics: BTreeMap<String, Arc<str>>,
+    poses: Pace,
+    actors: Pace,
+    /// Poses of the ego of late, oldest first.
+    past: VecDeque<(Time, Transform<Map, Ego>)>,
+    /// What the obstacle sensor reported of late, oldest first.
+    seen: VecDeque<Arc<ObstacleList>>,
+    plan: Option<Plan>,
+    status: Option<PlanStatus>,
+    command: Command,
+    /// Commands that no step of the world has taken yet: visible when, from which sensor frame.
+    waiting: VecDeque<(Time, Option<Time>)>,
+    response_ms: f64,
+    has_ended: bool,
+}
+
+/// Something at regular instants.
+#[derive(Default)]
+struct Pace {
+    next: Time,
+}
+
+impl Pace {
+    /// Whether it is time again.
+    fn is_due(&mut self, now: Time, period: Span) -> bool {
+        let is_due = now >= self.next;
+        if is_due {
+            self.next = now + period;
+        }
+        is_due
+    }
+}
+
+impl Foxglove {
+    /// For a run in which this does not change.
+    pub fn new(setup: Setup) -> Self {
+        Self {
+            setup,
+            topics: BTreeMap::new(),
+            poses: Pace::default(),
+            actors: Pace::default(),
+            past: VecDeque::new(),
+            seen: VecDeque::new(),
+            plan: None,
+            status: None,
+            command: Command::default(),
+            waiting: VecDeque::new(),
+            response_ms: f64::NAN,
+            has_ended: false,
+        }
+    }
+
+    fn topic(&mut self, name: &str) -> Arc<str> {
+        if let Some(known) = self.topics.get(name) {
+            return known.clone();
+        }
+        let topic: Arc<str> = format!("/view/{name}").into();
+        self.topics.insert(name.into(), topic.clone());
+        topic
+    }
+
+    fn publication(&mut self, p: &Publication<'_>, out: &mut Vec<View>) {
+        let (Some(stamp), Some(payload)) = (p.stamp, p.payload.map(|payload| payload.as_any())) else {
+            return;
+        };
+        let when = When { visible_at: p.visible_at, stamp };
+        if let Some(world) = payload.downcast_ref::<WorldState>() {
+            self.world(world, when, out);
+        } else if let Some(command) = payload.downcast_ref::<Command>() {
+            self.command = *command;
+            self.waiting.push_back((p.visible_at, p.origin));
+        } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
+            self.seen.push_back(Arc::new(list.clone()));
+            while self.seen.front().is_some_and(|old| stamp - old.stamp > MEMORY) {
+                self.seen.pop_front();
+            }
+        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
+            self.plan(plan, when, out);
+        } else if let Some(list) = payload.downcast_ref::<TrackList>() {
+            self.scene("tracks", list, scene::tracks, when, out);
+        } else if let Some(list) = payload.downcast_ref::<PredictionList>() {
+            self.scene("predictions", list, scene::predictions, when, out);
+        } else if let Some(fix) = payload.downcast_ref::<Gnss>() {
+            let (topic, fix) = (self.topic("gnss"), *fix);
+            out.push(view(&topic, when, 0, move || Some(location(&fix))));
+        } else {
+            self.surroundings(p.operator, payload, when, out);
+        }
+    }
+
+    /// What the big sensors measure.
+    fn surroundings(&mut self, sensor: &str, payload: &dyn Any, when: When, out: &mut Vec<View>) {
+        if let Some(scan) = payload.downcast_ref::<RadarScan>() {
+            let (topic, scan, sensor) =
+                (self.topic(&format!("{sensor}/points")), scan.clone(), sensor.to_owned());
+            out.push(view(&topic, when, 0, move || Some(cloud::radar(&sensor, &scan))));
+            return;
+        }
+        let Some(form) = self.setup.images else { return };
+        if let Some(cloud) = payload.downcast_ref::<PointCloud>() {
+            let (topic, motion) = (self.topic(&format!("{sensor}/points")), self.motion(sensor, cloud));
+            let (cloud, sensor) = (cloud.clone(), sensor.to_owned());
+            let bytes = 22 * cloud.len();
+            out.push(view(&topic, when, bytes, move || cloud::lidar(&sensor, &cloud, &motion)));
+        } else if let Some(image) = payload.downcast_ref::<Image>() {
+            self.image(sensor, image, (form, when), out);
+        }
+    }
+
+    fn scene<T: Clone + Send + 'static>(
+        &mut self,
+        name: &str,
+        of: &T,
+        show: fn(&T) -> foxglove::messages::SceneUpdate,
+        when: When,
+        out: &mut Vec<View>,
+    ) {
+        let (topic, of) = (self.topic(name), of.clone());
+        out.push(view(&topic, when, 0, move || Some(show(&of))));
+    }
+
+    fn world(&mut self, world: &WorldState, when: When, out: &mut Vec<View>) {
+        let pose = world.ego.map_from_ego;
+        if self.past.is_empty() {
+            let (ground, frames) = (self.topic("ground"), self.topic("sensors"));
+            let (setup, mounts, stamp) = (self.setup.clone(), self.setup.mounts.clone(), when.stamp);
+            out.push(view(&ground, when, 0, move || Some(scene::ground(stamp, &setup))));
+            out.push(view(&frames, when, 0, move || Some(scene::ego_from_sensors(stamp, &mounts))));
+        }
+        self.past.push_back((when.stamp, pose));
+        while self.past.front().is_some_and(|(old, _)| when.stamp - *old > MEMORY) {
+            self.past.pop_front();
+        }
+        let taken = self.waiting.partition_point(|(visible_at, _)| *visible_at < when.stamp);
+        if let Some((_, Some(origin))) = self.waiting.drain(..taken).next_back() {
+            self.response_ms = (when.stamp + self.setup.dead_time - origin).as_ms();
+        }
+        if self.poses.is_due(when.stamp, POSE_PERIOD) {
+            let (frames, figures) = (self.topic("ego"), self.topic("figures"));
+            out.push(view(&frames, when, 0, move || Some(scene::map_from_ego(when.stamp, pose))));
+            let row = self.figures(world);
+            out.push(view(&figures, when, 0, move || Some(row)));
+        }
+        if self.actors.is_due(when.stamp, ACTORS_PERIOD) {
+            let (topic, actors) = (self.topic("actors"), world.actors.clone());
+            out.push(view(&topic, when, 0, move || Some(scene::actors(when.stamp, &actors))));
+        }
+        let lines = words::world(world, self.has_ended);
+        self.has_ended |= world.ended.is_some();
+        lines.into_iter().for_each(|line| self.line(line, when.visible_at, out));
+    }
+
+    fn figures(&self, world: &WorldState) -> Figures {
+        let state = &world.ego.state;
+        let outline = self.setup.shape.footprint(state.pose);
+        let ego = world.ego.velocity_mps.coords;
+        let gaps = world.actors.iter().map(|actor| actor.gap_m(&outline));
+        let contacts = world.actors.iter().filter_map(|actor| {
+            let v = actor.velocity_mps;
+            time_to_contact_s(&outline, &actor.footprint(), Vector2::new(v.x - ego.x, v.y - ego.y))
+        });
+        let or_nan = |least: f64| if least.is_finite() { least } else { f64::NAN };
+        let plan = self.plan.as_ref();
+        Figures {
+            speed_mps: state.speed_mps,
+            planned_speed_mps: plan
+                .and_then(|plan| plan.at(world.stamp))
+                .map_or(f64::NAN, |point| point.speed_mps),
+            accel_mps2: state.accel_mps2,
+            lateral_accel_mps2: state.lateral_accel_mps2,
+            steering_deg: state.steering_rad.to_degrees(),
+            throttle: self.command.throttle,
+            brake: self.command.brake,
+            distance_m: or_nan(gaps.fold(f64::INFINITY, f64::min)),
+            time_to_collision_s: or_nan(contacts.fold(f64::INFINITY, f64::min)),
+            response_ms: self.response_ms,
+            plan_age_ms: plan.map_or(f64::NAN, |plan| (world.stamp - plan.stamp).as_ms()),
+        }
+    }
+
+    fn plan(&mut self, plan: &Plan, when: When, out: &mut Vec<View>) {
+        self.scene("plan", plan, scene::plan, when, out);
+        if self.status != Some(plan.status) {
+            self.line(words::plan(when.stamp, plan.status), when.visible_at, out);
+        }
+        self.status = Some(plan.status);
+        self.plan = Some(plan.clone());
+    }
+
+    fn line(&mut self, line: Line, visible_at: Time, out: &mut Vec<View>) {
+        let (topic, when) = (self.topic("log"), When { visible_at, stamp: line.stamp });
+        out.push(view(&topic, when, 0, move || Some(line.message())));
+    }
+
+    fn image(&mut self, camera: &str, image: &Image, (form, when): (ImageForm, When), out: &mut Vec<View>) {
+        if image.check().is_err() {
+            return;
+        }
+        let (width_px, height_px, info) = (image.width_px, image.height_px, image.camera);
+        let header = Header { camera: camera.to_owned(), stamp: image.stamp, width_px, height_px, info };
+        let bytes = image.pixels.bytes().len();
+        match &image.pixels {
+            Pixels::Rgb8(rgb) => {
+                let calibration = self.topic(&format!("{camera}/calibration"));
+                let annotations = self.topic(&format!("{camera}/annotations"));
+                let colours = self.topic(&format!("{camera}/image"));
+                let (rgb, of) = (rgb.0.clone(), header.clone());
+                out.push(view(&colours, when, bytes, move || camera::colours(&of, &rgb, form)));
+                let of = header.clone();
+                out.push(view(&calibration, when, 0, move || Some(camera::calibration(&of))));
+                let map_from_ego = self.pose_at(image.stamp);
+                let believed = self.believed(image.stamp, map_from_ego);
+                let camera_from_map = (map_from_ego * info.ego_from_camera).inverse();
+                let show = move || Some(camera::annotations(&header, &camera_from_map, &believed));
+                out.push(view(&annotations, when, 0, show));
+            }
+            Pixels::DepthF32M(_) | Pixels::ClassU8(_) if self.setup.raw_images => {
+                let (name, encoding) = match image.encoding() {
+                    Encoding::DepthF32M => ("depth", "32FC1"),
+                    _ => ("classes", "mono8"),
+                };
+                let topic = self.topic(&format!("{camera}/{name}"));
+                let numbers = image.pixels.bytes().to_vec();
+                out.push(view(&topic, when, bytes, move || Some(camera::raw(&header, encoding, numbers))));
+            }
+            // Identities are what the simulator alone knows, and no encoding of Foxglove's holds their numbers.
+            Pixels::DepthF32M(_) | Pixels::ClassU8(_) | Pixels::InstanceU32(_) => {}
+        }
+    }
+
+    /// Where the ego was, as the nearest step of the world had it.
+    fn pose_at(&self, instant: Time) -> Transform<Map, Ego> {
+        let after = self.past.partition_point(|(at, _)| *at <= instant);
+        let found = self.past.get(after.saturating_sub(1));
+        found.map_or_else(
+            || Transform::from_roll_pitch_yaw(swerve_geom::Point::default(), 0.0, 0.0, 0.0),
+            |p| p.1,
+        )
+    }
+
+    /// What the newest report not after an instant makes of that instant: everyone keeps the velocity.
+    fn believed(&self, instant: Time, map_from_ego: Transform<Map, Ego>) -> Vec<Believed> {
+        let after = self.seen.partition_point(|list| list.stamp <= instant);
+        let Some(list) = self.seen.get(after.saturating_sub(1)) else { return Vec::new() };
+        let ego = map_from_ego.origin().coords;
+        let ego = Pose2::new(ego.x, ego.y, 0.0).point();
+        let passed_s = (instant - list.stamp).as_secs();
+        let of = |obstacle: &swerve_msg::Obstacle| {
+            let point = obstacle.pose.point() + obstacle.velocity_mps * passed_s;
+            Believed {
+                kind: obstacle.kind,
+                pose: Pose2::new(point.x_m, point.y_m, obstacle.pose.heading_rad),
+                extent: obstacle.extent,
+                distance_m: ego.distance(point),
+            }
+        };
+        list.obstacles.iter().map(of).collect()
+    }
+
+    /// How a lidar moved while it took a turn.
+    fn motion(&self, sensor: &str, cloud: &PointCloud) -> Motion {
+        let Some(mount) = self.setup.mounts.iter().find(|mount| mount.name == sensor) else {
+            return Vec::new();
+        };
+        let first_s = cloud.time_offset_s.iter().copied().fold(0.0, f32::min);
+        let first = cloud.stamp + Span::from_secs(f64::from(first_s));
+        let pose = |map_from_ego: Transform<Map, Ego>| map_from_ego * mount.ego_from_sensor;
+        let now_from_map = pose(self.pose_at(cloud.stamp)).inverse();
+        let after = self.past.partition_point(|(at, _)| *at <= first);
+        let turn = self.past.range(after.saturating_sub(1)..);
+        turn.filter(|(at, _)| *at <= cloud.stamp)
+            .map(|(at, then)| (*at, now_from_map * pose(*then)))
+            .collect()
+    }
+}
+
+impl Views for Foxglove {
+    fn event(&mut self, event: &Event<'_>, out: &mut Vec<View>) {
+        match event {
+            Event::Publication(publication) => self.publication(publication, out),
+            Event::Miss(miss) => {
+                let line = words::miss(miss.operator, miss.stamp, miss.at, miss.reaction);
+                self.line(line, miss.at, out);
+            }
+            Event::Drop(dropped) => self.line(words::dropped(dropped), dropped.at, out),
+            Event::StepStart(_) | Event::StepEnd(_) | Event::Decision(_) | Event::End(_) => {}
+        }
+    }
+}
+
+fn location(fix: &Gnss) -> LocationFix {
+    // Of the height nothing is said: as the position.
+    let variance = fix.deviation_m * fix.deviation_m;
+    LocationFix {
+        timestamp: Some(timestamp(fix.stamp)),
+        frame_id: MAP.into(),
+        latitude: fix.latitude_deg,
+        longitude: fix.longitude_deg,
+        altitude: fix.altitude_m,
+        position_covariance: vec![variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance],
+        position_covariance_type: PositionCovarianceType::DiagonalKnown as i32,
+        ..LocationFix::default()
+    }
+}

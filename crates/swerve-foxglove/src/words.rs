@@ -1,0 +1,99 @@
+//! What happens, in words: `foxglove.Log`.
+
+use foxglove::messages::Log;
+use foxglove::messages::log::Level;
+use swerve_core::Time;
+use swerve_flow::{DropReason, Dropped, Reaction};
+use swerve_msg::PlanStatus;
+use swerve_msg::truth::{EndReason, InfractionKind, WorldState};
+
+use crate::form::timestamp;
+
+/// A line of the log.
+pub(crate) struct Line {
+    pub(crate) stamp: Time,
+    level: Level,
+    name: String,
+    words: String,
+}
+
+impl Line {
+    fn new(stamp: Time, level: Level, name: &str, words: impl Into<String>) -> Self {
+        Self { stamp, level, name: name.into(), words: words.into() }
+    }
+
+    pub(crate) fn message(self) -> Log {
+        Log {
+            timestamp: Some(timestamp(self.stamp)),
+            level: self.level as i32,
+            message: self.words,
+            name: self.name,
+            file: String::new(),
+            line: 0,
+        }
+    }
+}
+
+/// What a step of the world brought.
+pub(crate) fn world(world: &WorldState, has_ended: bool) -> Vec<Line> {
+    let line = |level, words: String| Line::new(world.stamp, level, "world", words);
+    let mut lines = Vec::new();
+    for hit in &world.collisions {
+        let words = format!("collision with actor {} at {:.1} m/s", hit.actor.0, hit.ego_speed_mps);
+        lines.push(line(Level::Error, words));
+    }
+    for broken in &world.infractions {
+        let words = match broken.kind {
+            InfractionKind::LeftRoad => "left the road",
+        };
+        lines.push(line(Level::Warning, words.into()));
+    }
+    if let (Some(why), false) = (world.ended, has_ended) {
+        let words = match why {
+            EndReason::Goal => "over: the end of the road",
+            EndReason::Stopped => "over: the ego stands",
+            EndReason::Collision => "over: some time after a collision",
+            EndReason::Timeout => "over: out of time",
+        };
+        lines.push(line(Level::Info, words.into()));
+    }
+    lines
+}
+
+/// A plan that came about in another way than the one before.
+pub(crate) fn plan(stamp: Time, status: PlanStatus) -> Line {
+    let words = match status {
+        PlanStatus::Route => "nothing to plan for: along the route",
+        PlanStatus::Found => "a path was found",
+        PlanStatus::Kept => "no path found: the previous plan goes on",
+        PlanStatus::Brake => "no path found: full brake",
+        PlanStatus::Stop => "no path found: speed zero along the route",
+        PlanStatus::GaveUp => "no path found: along the route regardless",
+    };
+    let level = if status.is_fallback() { Level::Warning } else { Level::Info };
+    Line::new(stamp, level, "planner", words)
+}
+
+/// The deadline of the frame of `stamp` passed at `at`.
+pub(crate) fn miss(operator: &str, stamp: Time, at: Time, reaction: Reaction) -> Line {
+    let answer = match reaction {
+        Reaction::Skip => "nothing is said",
+        Reaction::ReuseLast => "the last result is repeated",
+        Reaction::OnDeadline => "the operator's answer for that",
+    };
+    let words = format!("deadline of the frame of {:.3} s missed: {answer}", stamp.as_secs());
+    Line::new(at, Level::Warning, operator, words)
+}
+
+/// A frame or a result was dropped.
+pub(crate) fn dropped(dropped: &Dropped<'_>) -> Line {
+    let why = match dropped.reason {
+        DropReason::Skipped => "a newer one came",
+        DropReason::QueueFull => "the queue is full",
+        DropReason::GivenUp => "given up",
+        DropReason::Overtaken => "overtaken",
+        DropReason::TooLate => "too late",
+    };
+    let words = format!("frame of {:.3} s dropped: {why}", dropped.stamp.as_secs());
+    Line::new(dropped.at, Level::Debug, dropped.operator, words)
+}

@@ -1,0 +1,47 @@
+//! What Foxglove needs to know of a run before it begins.
+
+use swerve_core::Span;
+use swerve_foxglove::{ImageForm, Mount, Sensor, Setup};
+use swerve_geom::{Ego, Point, Transform};
+
+use crate::config::{Config, Images};
+use crate::pipeline::Pipeline;
+
+/// Road, car and sensors of a run.
+pub(crate) fn views_of(config: &Config, pipeline: &Pipeline) -> Setup {
+    let log = &config.log;
+    Setup {
+        route: pipeline.route.clone(),
+        lines_m: pipeline.scenario.road.lines().into_iter().map(|(_, d_m)| d_m).collect(),
+        shape: pipeline.vehicle.shape,
+        dead_time: Span::from_secs(pipeline.vehicle.dead_time_s),
+        mounts: mounts(config),
+        images: match log.images {
+            Images::None => None,
+            Images::Jpeg => Some(ImageForm::Jpeg(log.jpeg_quality)),
+            Images::Lossless => Some(ImageForm::Png),
+        },
+        raw_images: log.images == Images::Lossless,
+    }
+}
+
+/// Where the sensors that run sit.
+fn mounts(config: &Config) -> Vec<Mount> {
+    let shape = &config.sim.vehicle.shape;
+    let runs = |name: &&String| config.runs(name);
+    let cameras = config.camera.keys().filter(runs).map(|name| {
+        let camera = &config.camera[name];
+        Mount::new(name, camera.ego_from_camera())
+    });
+    let lidars = config.lidar.keys().filter(runs).map(|name| {
+        let lidar = &config.lidar[name];
+        Mount::new(name, lidar.ego_from_lidar(shape))
+    });
+    let radars = config.radar.keys().filter(runs).map(|name| {
+        let at = config.radar[name].mount(shape);
+        let origin = Point::new(at.x_m, at.y_m, at.z_m);
+        let turned: Transform<Ego, Sensor> = Transform::from_roll_pitch_yaw(origin, 0.0, 0.0, at.yaw_rad);
+        Mount::new(name, turned)
+    });
+    cameras.chain(lidars).chain(radars).collect()
+}
