@@ -7,14 +7,14 @@
 //! work; neither depends on the number of threads, and all arithmetic is `f32` in a fixed order, without
 //! fused operations.
 
-mod geometry;
-mod lens;
+pub(crate) mod geometry;
+pub(crate) mod lens;
 mod raster;
-mod resolve;
+pub(crate) mod resolve;
 mod rows;
-mod sensor;
-mod shade;
-mod shadow;
+pub(crate) mod sensor;
+pub(crate) mod shade;
+pub(crate) mod shadow;
 
 use rayon::prelude::*;
 use swerve_geom::{Map, Transform};
@@ -29,13 +29,13 @@ use sensor::Sensor;
 use shade::{Kept, Lamp, Shading};
 use shadow::{ShadowCache, ShadowMaps};
 
-use crate::SemanticClass;
 use crate::frame::{FrameMut, Outputs};
 use crate::light::Environment;
 use crate::renderer::{RenderError, View};
 use crate::scene::Scene;
 use crate::surface::{self, Surface};
 use crate::texture::Tiles;
+use crate::{Camera, SemanticClass};
 
 /// Triangles that one piece of geometry work has at least.
 const CHUNK_TRIANGLES: usize = 2048;
@@ -64,17 +64,35 @@ struct Work {
 
 /// One look through the shutter: an instant, a part of the rows, a share of the light.
 #[derive(Clone, Copy, Debug)]
-struct Look {
-    at_s: f64,
-    rows: (usize, usize),
+pub(crate) struct Look {
+    pub(crate) at_s: f64,
+    pub(crate) rows: (usize, usize),
     /// Which of how many sub-frames.
-    sample: u32,
-    samples: u32,
+    pub(crate) sample: u32,
+    pub(crate) samples: u32,
 }
 
 impl Look {
+    /// All looks of a camera, in order: slab by slab, of each its sub-frames.
+    pub(crate) fn all(camera: &Camera, outputs: Outputs) -> impl Iterator<Item = Self> {
+        let (height, shutter) = (camera.height_px(), camera.spec().shutter);
+        let samples = if outputs.rgb { shutter.blur_samples } else { 1 };
+        let slabs = if shutter.readout_s > 0.0 { shutter.readout_slabs as usize } else { 1 };
+        let step = height.div_ceil(slabs).next_multiple_of(geometry::BAND);
+        (0..height).step_by(step).flat_map(move |from| {
+            let to = (from + step).min(height);
+            let middle = (0.5 * (from + to) as f64) / height as f64 - 0.5;
+            (0..samples).map(move |sample| {
+                let look = Self { at_s: 0.0, rows: (from, to), sample, samples };
+                let spread = (f64::from(sample) + 0.5) / f64::from(samples) - 0.5;
+                let part = if look.gives_ids() { 0.0 } else { spread };
+                Self { at_s: shutter.readout_s * middle + shutter.exposure_s * part, ..look }
+            })
+        })
+    }
+
     /// Where in the pixel it looks, from the centre: evenly spread, the sub-frame of the ids in the middle.
-    fn offset(&self) -> [f64; 2] {
+    pub(crate) fn offset(&self) -> [f64; 2] {
         if self.gives_ids() {
             return [0.0; 2];
         }
@@ -84,22 +102,24 @@ impl Look {
     }
 
     /// The sub-frame that gives depth and ids.
-    fn gives_ids(&self) -> bool {
+    pub(crate) fn gives_ids(&self) -> bool {
         self.sample == self.samples / 2
     }
 }
 
+/// Threads of a renderer, if it is to have more than the caller's.
+pub(crate) fn pool(threads: usize) -> Result<Option<rayon::ThreadPool>, RenderError> {
+    if threads < 2 {
+        return Ok(None);
+    }
+    let named = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("render-{k}"));
+    named.build().map(Some).map_err(|error| RenderError::Threads { threads, why: error.to_string() })
+}
+
 impl CpuRenderer {
     pub(crate) fn new(threads: usize) -> Result<Self, RenderError> {
-        let pool = if threads > 1 {
-            let named =
-                rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("render-{k}"));
-            Some(named.build().map_err(|error| RenderError::Threads { threads, why: error.to_string() })?)
-        } else {
-            None
-        };
         let (shadows, lenses) = (ShadowCache::default(), LensCache::default());
-        Ok(Self { pool, shadows, lenses, work: Work::default(), sums: Vec::new() })
+        Ok(Self { pool: pool(threads)?, shadows, lenses, work: Work::default(), sums: Vec::new() })
     }
 
     /// One pass; sizes, weather and poses have been checked.
@@ -129,24 +149,13 @@ impl Pass<'_> {
         let camera = self.view.camera;
         let outputs = out.outputs();
         let (width, height) = (camera.width_px(), camera.height_px());
-        let shutter = camera.spec().shutter;
-        let samples = if outputs.rgb { shutter.blur_samples } else { 1 };
+        let samples = if outputs.rgb { camera.spec().shutter.blur_samples } else { 1 };
         let needed = if samples > 1 { 3 * width * height } else { 0 };
         self.sums.resize(needed, 0.0);
         let mut sums = std::mem::take(self.sums);
         let mut rows = Rows::all(width, height, out, &mut sums);
-        let slabs = if shutter.readout_s > 0.0 { shutter.readout_slabs as usize } else { 1 };
-        let step = height.div_ceil(slabs).next_multiple_of(geometry::BAND);
-        for from in (0..height).step_by(step) {
-            let to = (from + step).min(height);
-            let middle = (0.5 * (from + to) as f64) / height as f64 - 0.5;
-            for sample in 0..samples {
-                let look = Look { at_s: 0.0, rows: (from, to), sample, samples };
-                let spread = (f64::from(sample) + 0.5) / f64::from(samples) - 0.5;
-                let part = if look.gives_ids() { 0.0 } else { spread };
-                let look = Look { at_s: shutter.readout_s * middle + shutter.exposure_s * part, ..look };
-                self.look(&look, outputs, rows.part(from, to));
-            }
+        for look in Look::all(camera, outputs) {
+            self.look(&look, outputs, rows.part(look.rows.0, look.rows.1));
         }
         *self.sums = sums;
     }
@@ -185,7 +194,7 @@ impl Pass<'_> {
         );
         let centre = maps.map_or([0.0; 3], |maps| maps.centre);
         let eye = [eye.x - centre[0], eye.y - centre[1], eye.z - centre[2]].map(|x| x as f32);
-        work.light_up(scene, &camera_from_map, &image, centre);
+        light_up(scene, &camera_from_map, &image, (centre, &mut work.lamps));
         let tiles = Tiles::get().words();
         let shading = maps.map(|maps| Shading {
             chunks: &work.chunks[..work.groups.len()],
@@ -237,7 +246,7 @@ fn both<A: Send, B: Send>(
 }
 
 /// Direction of the ray of a pixel with depth 1, map frame: factors of x, of y, and the rest.
-fn rays(map_from_camera: &Transform<Map, swerve_geom::Camera>, image: &Pinhole) -> [[f32; 3]; 3] {
+pub(crate) fn rays(map_from_camera: &Transform<Map, swerve_geom::Camera>, image: &Pinhole) -> [[f32; 3]; 3] {
     let rows = rows_of(map_from_camera);
     let of = |f: &dyn Fn([f64; 3]) -> f64| [f(rows[0]) as f32, f(rows[1]) as f32, f(rows[2]) as f32];
     [
@@ -316,53 +325,52 @@ impl Work {
             self.groups.push((from, self.items.len()));
         }
     }
+}
 
-    /// Lamps that may light something in the image.
-    fn light_up(
-        &mut self,
-        scene: &Scene,
-        camera_from_map: &Transform<swerve_geom::Camera, Map>,
-        image: &Pinhole,
-        centre: [f64; 3],
-    ) {
-        self.lamps.clear();
-        if !scene.weather.lamps_on {
-            return;
+/// Lamps that may light something in the image.
+pub(crate) fn light_up(
+    scene: &Scene,
+    camera_from_map: &Transform<swerve_geom::Camera, Map>,
+    image: &Pinhole,
+    (centre, lamps): ([f64; 3], &mut Vec<Lamp>),
+) {
+    lamps.clear();
+    if !scene.weather.lamps_on {
+        return;
+    }
+    for light in &scene.lights {
+        let [x, y, z] = light.position_m;
+        let at = (*camera_from_map * swerve_geom::Point::new(x, y, z)).coords;
+        let range = f64::from(light.range_m);
+        if at.z + range < 0.0 {
+            continue;
         }
-        for light in &scene.lights {
-            let [x, y, z] = light.position_m;
-            let at = (*camera_from_map * swerve_geom::Point::new(x, y, z)).coords;
-            let range = f64::from(light.range_m);
-            if at.z + range < 0.0 {
-                continue;
-            }
-            let everywhere = [-1.0, 1e6];
-            let (mut columns, mut rows) = (everywhere, everywhere);
-            if at.z > range {
-                // The sphere's outline lies within this of its centre's image.
-                let (near, far) = (at.z - range, at.z + range);
-                let extent = |p: f64, f: f64, c: f64| {
-                    let ends = [(p - range) / near, (p - range) / far, (p + range) / near, (p + range) / far];
-                    let low = ends.iter().copied().fold(f64::INFINITY, f64::min);
-                    let high = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-                    [f * low + c, f * high + c]
-                };
-                columns = extent(at.x, image.fx, image.cx);
-                rows = extent(at.y, image.fy, image.cy);
-            }
-            let lamp = Lamp {
-                position: [x - centre[0], y - centre[1], z - centre[2]].map(|v| v as f32),
-                direction: light.direction.map(|v| v as f32),
-                intensity: light.intensity,
-                range: light.range_m,
-                cos_outer: light.cos_outer,
-                over_fall: 1.0 / (light.cos_inner - light.cos_outer).max(1e-3),
-                columns: columns.map(|v| v as f32),
-                rows: rows.map(|v| v as f32),
+        let everywhere = [-1.0, 1e6];
+        let (mut columns, mut rows) = (everywhere, everywhere);
+        if at.z > range {
+            // The sphere's outline lies within this of its centre's image.
+            let (near, far) = (at.z - range, at.z + range);
+            let extent = |p: f64, f: f64, c: f64| {
+                let ends = [(p - range) / near, (p - range) / far, (p + range) / near, (p + range) / far];
+                let low = ends.iter().copied().fold(f64::INFINITY, f64::min);
+                let high = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                [f * low + c, f * high + c]
             };
-            if lamp.shines() {
-                self.lamps.push(lamp);
-            }
+            columns = extent(at.x, image.fx, image.cx);
+            rows = extent(at.y, image.fy, image.cy);
+        }
+        let lamp = Lamp {
+            position: [x - centre[0], y - centre[1], z - centre[2]].map(|v| v as f32),
+            direction: light.direction.map(|v| v as f32),
+            intensity: light.intensity,
+            range: light.range_m,
+            cos_outer: light.cos_outer,
+            over_fall: 1.0 / (light.cos_inner - light.cos_outer).max(1e-3),
+            columns: columns.map(|v| v as f32),
+            rows: rows.map(|v| v as f32),
+        };
+        if lamp.shines() {
+            lamps.push(lamp);
         }
     }
 }

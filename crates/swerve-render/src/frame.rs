@@ -99,6 +99,32 @@ pub struct FrameSizeError {
 }
 
 impl FrameMut<'_> {
+    /// The same images for a shorter time.
+    pub fn reborrow(&mut self) -> FrameMut<'_> {
+        FrameMut {
+            rgb: self.rgb.as_deref_mut(),
+            depth_m: self.depth_m.as_deref_mut(),
+            semantic: self.semantic.as_deref_mut(),
+            instance: self.instance.as_deref_mut(),
+        }
+    }
+
+    /// Takes over the images of a frame of the same size.
+    pub(crate) fn copy_from(&mut self, frame: &Frame) {
+        if let Some(rgb) = &mut self.rgb {
+            rgb.copy_from_slice(&frame.rgb);
+        }
+        if let Some(depth_m) = &mut self.depth_m {
+            depth_m.copy_from_slice(&frame.depth_m);
+        }
+        if let Some(semantic) = &mut self.semantic {
+            semantic.copy_from_slice(&frame.semantic);
+        }
+        if let Some(instance) = &mut self.instance {
+            instance.copy_from_slice(&frame.instance);
+        }
+    }
+
     /// Which images are there.
     pub fn outputs(&self) -> Outputs {
         Outputs {

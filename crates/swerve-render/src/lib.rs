@@ -24,6 +24,7 @@ pub mod camera;
 mod class;
 mod cpu;
 mod frame;
+pub mod gpu;
 mod hash;
 mod library;
 pub mod lidar;
@@ -49,6 +50,6 @@ pub use library::{
 };
 pub use material::{Material, Texture};
 pub use mesh::{Body, MESH_TRIANGLES_MAX, Mesh, MeshError, MeshParts};
-pub use renderer::{Backend, RenderError, RenderOptions, Renderer, View};
+pub use renderer::{Backend, RenderError, RenderOptions, Renderer, Submission, View};
 pub use scene::{Instance, Light, Look, Motion, Scene, StaticPart, lamps};
 pub use weather::{Sun, UnknownWeather, Weather, WeatherError, WeatherPreset};

@@ -149,6 +149,8 @@ impl Mesh {
         for position in &parts.positions {
             position.iter().for_each(|x| key.number(*x));
         }
+        parts.normals.iter().flatten().for_each(|x| key.number(*x));
+        parts.uvs.iter().flatten().for_each(|x| key.number(*x));
         for (triangle, material) in parts.triangles.iter().zip(&parts.triangle_materials) {
             triangle.iter().for_each(|corner| key.word(*corner));
             key.word(u32::from(*material));

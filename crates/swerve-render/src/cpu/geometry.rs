@@ -13,16 +13,16 @@ use crate::vector::{cross, dot, sub};
 
 /// A pinhole image: what the planes are relative to. The centre of pixel `(i, j)` is where `x = i`, `y = j`.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Pinhole {
-    pub(super) width: usize,
-    pub(super) height: usize,
-    pub(super) fx: f64,
-    pub(super) fy: f64,
+pub(crate) struct Pinhole {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) fx: f64,
+    pub(crate) fy: f64,
     /// Principal point in the coordinates of pixel centres: half a pixel less than usual.
-    pub(super) cx: f64,
-    pub(super) cy: f64,
-    pub(super) near: f32,
-    pub(super) far: f32,
+    pub(crate) cx: f64,
+    pub(crate) cy: f64,
+    pub(crate) near: f32,
+    pub(crate) far: f32,
 }
 
 /// Value of a quantity over the image: `[a, b, c]` is `a x + b y + c`.
@@ -48,7 +48,7 @@ pub(super) struct TriRaster {
 pub(super) type TriShade = [f32; 20];
 
 /// Rows that share lists of triangles, and are the unit of work.
-pub(super) const BAND: usize = 16;
+pub(crate) const BAND: usize = 16;
 
 /// Triangles of one piece of work.
 #[derive(Debug, Default)]
@@ -92,7 +92,7 @@ pub(super) fn turn(rows: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
 
 /// Tests of spheres against what the image shows.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frustum {
+pub(crate) struct Frustum {
     /// Normals of the four sides, inwards, camera frame.
     sides: [[f32; 3]; 4],
     near: f32,
@@ -101,7 +101,7 @@ pub(super) struct Frustum {
 
 impl Frustum {
     /// Of the rows `from..to` of an image.
-    pub(super) fn new(image: &Pinhole, (from, to): (usize, usize)) -> Self {
+    pub(crate) fn new(image: &Pinhole, (from, to): (usize, usize)) -> Self {
         let left = (-0.5 - image.cx) / image.fx;
         let right = (image.width as f64 - 0.5 - image.cx) / image.fx;
         let top = (from as f64 - 0.5 - image.cy) / image.fy;
@@ -116,7 +116,7 @@ impl Frustum {
     }
 
     /// Whether a sphere may be seen.
-    pub(super) fn touches(&self, centre: [f32; 3], radius: f32) -> bool {
+    pub(crate) fn touches(&self, centre: [f32; 3], radius: f32) -> bool {
         centre[2] + radius >= self.near
             && centre[2] - radius <= self.far
             && self.sides.iter().all(|side| dot(*side, centre) >= -radius)

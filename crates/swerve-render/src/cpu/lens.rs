@@ -7,10 +7,10 @@ use super::geometry::Pinhole;
 use crate::Camera;
 
 /// Where each pixel of a distorted image is in the pinhole image, row by row, in pixel-centre coordinates.
-pub(super) struct LensMap {
+pub(crate) struct LensMap {
     camera: Camera,
-    pub(super) pinhole: Pinhole,
-    pub(super) points: Vec<[f32; 2]>,
+    pub(crate) pinhole: Pinhole,
+    pub(crate) points: Vec<[f32; 2]>,
 }
 
 /// Largest side of the pinhole image behind a lens, pixels.
@@ -52,8 +52,17 @@ impl LensMap {
 
 /// Maps of the lenses that were used last.
 #[derive(Default)]
-pub(super) struct LensCache {
+pub(crate) struct LensCache {
     maps: Vec<LensMap>,
+}
+
+/// Whether two cameras bend the same rays to the same pixels.
+pub(crate) fn same_lens(one: &Camera, other: &Camera) -> bool {
+    let (a, b) = (one.spec(), other.spec());
+    let size = (a.width_px, a.height_px) == (b.width_px, b.height_px);
+    size && one.focal_px() == other.focal_px()
+        && a.distortion == b.distortion
+        && (a.near_m, a.far_m) == (b.near_m, b.far_m)
 }
 
 /// Lenses that are kept.
@@ -61,18 +70,11 @@ const KEPT: usize = 8;
 
 impl LensCache {
     /// The map of a camera with a lens; `None` for a perfect one.
-    pub(super) fn of(&mut self, camera: &Camera) -> Option<&LensMap> {
+    pub(crate) fn of(&mut self, camera: &Camera) -> Option<&LensMap> {
         if camera.spec().distortion.is_none() {
             return None;
         }
-        let same = |map: &LensMap| {
-            let (a, b) = (map.camera.spec(), camera.spec());
-            let size = (a.width_px, a.height_px) == (b.width_px, b.height_px);
-            size && map.camera.focal_px() == camera.focal_px()
-                && a.distortion == b.distortion
-                && (a.near_m, a.far_m) == (b.near_m, b.far_m)
-        };
-        let index = self.maps.iter().position(same).unwrap_or_else(|| {
+        let index = self.maps.iter().position(|map| same_lens(&map.camera, camera)).unwrap_or_else(|| {
             if self.maps.len() == KEPT {
                 self.maps.remove(0);
             }
@@ -84,7 +86,7 @@ impl LensCache {
 }
 
 /// The pinhole of a camera without a lens.
-pub(super) fn pinhole(camera: &Camera) -> Pinhole {
+pub(crate) fn pinhole(camera: &Camera) -> Pinhole {
     let (fx, fy, cx, cy) = camera.focal_px();
     let spec = camera.spec();
     Pinhole {

@@ -19,7 +19,7 @@ pub(super) struct Item {
 }
 
 /// Rotation matrix by rows.
-pub(super) fn rows_of<A, B>(transform: &Transform<A, B>) -> [[f64; 3]; 3] {
+pub(crate) fn rows_of<A, B>(transform: &Transform<A, B>) -> [[f64; 3]; 3] {
     let m = transform.rotation().to_rotation_matrix();
     let m = m.matrix();
     [0, 1, 2].map(|row| [m[(row, 0)], m[(row, 1)], m[(row, 2)]])
@@ -30,7 +30,7 @@ fn narrow(rows: [[f64; 3]; 3]) -> [[f32; 3]; 3] {
 }
 
 /// A pose a little earlier or later: moved, and turned about its own origin. The turn is taken as small.
-pub(super) fn moved<F>(pose: &Transform<Map, F>, motion: &Motion, by_s: f64) -> Transform<Map, F> {
+pub(crate) fn moved<F>(pose: &Transform<Map, F>, motion: &Motion, by_s: f64) -> Transform<Map, F> {
     if *motion == Motion::default() || by_s == 0.0 {
         return *pose;
     }

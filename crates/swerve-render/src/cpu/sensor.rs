@@ -37,23 +37,30 @@ fn quantile(p: f64) -> f64 {
 }
 
 /// The sensor of one camera for one frame.
-pub(super) struct Sensor<'a> {
+pub(crate) struct Sensor<'a> {
     exposure: f32,
-    vignetting: f32,
+    pub(crate) vignetting: f32,
     /// `x` and `y` over focal length: slope and offset.
-    across: [f32; 2],
-    down: [f32; 2],
-    read: f32,
-    shot: f32,
+    pub(crate) across: [f32; 2],
+    pub(crate) down: [f32; 2],
+    pub(crate) read: f32,
+    pub(crate) shot: f32,
     normal: &'a [f32],
-    key: u32,
+    pub(crate) key: u32,
     rain: [f32; 3],
-    rain_key: u32,
+    pub(crate) rain_key: u32,
     tiles: &'a [u32],
 }
 
+impl Sensor<'_> {
+    /// Quantiles of the normal distribution, 1024 of them, which noise is drawn from.
+    pub(crate) fn quantiles() -> &'static [f32] {
+        &Normal::get().0
+    }
+}
+
 impl<'a> Sensor<'a> {
-    pub(super) fn new(camera: &Camera, environment: &Environment, frame: u64, tiles: &'a [u32]) -> Self {
+    pub(crate) fn new(camera: &Camera, environment: &Environment, frame: u64, tiles: &'a [u32]) -> Self {
         let spec = camera.spec();
         let (fx, fy, cx, cy) = camera.focal_px();
         let drop = 0.16 * environment.rain;

@@ -15,17 +15,17 @@ type V = [F; 3];
 
 /// A lamp as shading needs it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lamp {
+pub(crate) struct Lamp {
     /// From the centre of the shadow maps' cell.
-    pub(super) position: [f32; 3],
-    pub(super) direction: [f32; 3],
-    pub(super) intensity: [f32; 3],
-    pub(super) range: f32,
-    pub(super) cos_outer: f32,
-    pub(super) over_fall: f32,
+    pub(crate) position: [f32; 3],
+    pub(crate) direction: [f32; 3],
+    pub(crate) intensity: [f32; 3],
+    pub(crate) range: f32,
+    pub(crate) cos_outer: f32,
+    pub(crate) over_fall: f32,
     /// Columns and rows, first and last, that it may light.
-    pub(super) columns: [f32; 2],
-    pub(super) rows: [f32; 2],
+    pub(crate) columns: [f32; 2],
+    pub(crate) rows: [f32; 2],
 }
 
 /// Everything that shading reads.
@@ -492,7 +492,7 @@ fn unpack(words: i32x8, tu: F, tv: F) -> F {
 
 impl Lamp {
     /// Whether it is worth anything before the camera.
-    pub(super) fn shines(&self) -> bool {
+    pub(crate) fn shines(&self) -> bool {
         self.range > 0.0 && dot(self.intensity, self.intensity) > 0.0 && self.columns[0] <= self.columns[1]
     }
 }

@@ -15,17 +15,17 @@ use crate::scene::{Instance, Scene};
 use crate::vector::{cross, dot, normalized};
 
 /// Side of the sun's map, texels.
-pub(super) const SIDE: usize = 2048;
+pub(crate) const SIDE: usize = 2048;
 /// Half of the sun's map, metres.
-const REACH_M: f32 = 120.0;
+pub(crate) const REACH_M: f32 = 120.0;
 /// Texels per metre.
-pub(super) const PER_M: f32 = SIDE as f32 / (2.0 * REACH_M);
+pub(crate) const PER_M: f32 = SIDE as f32 / (2.0 * REACH_M);
 /// Steps of stored depth per metre.
 pub(super) const DEPTHS_PER_M: f32 = 128.0;
 /// Stored depth of the cell's centre.
 pub(super) const DEPTH_0: f32 = 32768.0;
 /// Side of the sky's map, texels.
-pub(super) const SKY_SIDE: usize = 1024;
+pub(crate) const SKY_SIDE: usize = 1024;
 /// Texels per metre of the sky's map.
 pub(super) const SKY_PER_M: f32 = 8.0;
 /// Side of a cell, metres.
@@ -52,7 +52,7 @@ pub(super) struct ShadowMaps {
 }
 
 /// Which cell a position is in: its centre.
-fn cell(position: [f64; 3]) -> [f64; 3] {
+pub(crate) fn cell(position: [f64; 3]) -> [f64; 3] {
     position.map(|x| (x / CELL_M).round() * CELL_M)
 }
 
@@ -100,7 +100,7 @@ impl ShadowCache {
 }
 
 /// Whether something casts a shadow that matters: not what lies flat on the ground.
-fn casts(instance: &Instance) -> bool {
+pub(crate) fn casts(instance: &Instance) -> bool {
     use SemanticClass as C;
     !matches!(instance.class, C::Road | C::Ground | C::Terrain | C::Sidewalk | C::Parking | C::RailTrack)
 }
@@ -125,9 +125,7 @@ impl ShadowMaps {
 
     fn draw_fixed(&mut self, scene: &Scene, centre: [f64; 3], sun: [f32; 3], with_sun: bool) {
         self.centre = centre;
-        let helper = if sun[2].abs() < 0.99 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
-        let across = normalized(cross(helper, sun));
-        self.axes = [across, cross(sun, across), sun];
+        self.axes = axes(sun);
         self.depth.fill(0);
         self.sky.fill(0);
         for instance in scene.statics().instances().iter().filter(|i| casts(i)) {
@@ -252,21 +250,8 @@ impl ShadowMaps {
 
     /// Hides the sky from the ground under and around a thing.
     fn draw_base(&mut self, mesh: &Mesh, instance: &Instance) {
-        let (min, max) = mesh.bounds();
-        let height = max[2] - min[2];
-        let origin = instance.map_from_body.origin().coords;
-        if height < 0.3 {
-            return;
-        }
-        let [min, max] = mesh.base();
-        let rows = rows_of(&instance.map_from_body).map(|row| row.map(|x| x as f32));
-        let middle = [0.5 * (min[0] + max[0]), 0.5 * (min[1] + max[1]), 0.0];
-        let place = [0, 1].map(|k| (origin[k] - self.centre[k]) as f32 + dot(rows[k], middle));
-        let half = [0.5 * (max[0] - min[0]), 0.5 * (max[1] - min[1])];
-        let is_person = matches!(instance.class, SemanticClass::Person | SemanticClass::Rider);
-        let strength = if is_person { 130.0 } else { 235.0 };
-        let fall = (0.5 * height).clamp(0.15, 1.0);
-        let reach = half[0].max(half[1]) * core::f32::consts::SQRT_2 + fall;
+        let Some(base) = Base::of(mesh, instance, self.centre) else { return };
+        let Base { place, half, rows, strength, fall, reach } = base;
         let texel = |m: f32| (m * SKY_PER_M + 0.5 * SKY_SIDE as f32).clamp(0.0, SKY_SIDE as f32) as usize;
         let rectangle = [
             texel(place[0] - reach),
@@ -295,6 +280,52 @@ impl ShadowMaps {
         }
         self.dirty_sky.push(rectangle);
     }
+}
+
+/// Where a thing stands, as the sky's map sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Base {
+    /// Middle of its foot, from the centre of the map.
+    pub(crate) place: [f32; 2],
+    /// Half of its length and width.
+    pub(crate) half: [f32; 2],
+    /// Rotation from the body to the map.
+    pub(crate) rows: [[f32; 3]; 3],
+    /// How much it hides, in 255ths.
+    pub(crate) strength: f32,
+    /// Over which distance that fades.
+    pub(crate) fall: f32,
+    /// Farther from the middle it hides nothing.
+    pub(crate) reach: f32,
+}
+
+impl Base {
+    /// `None` for what is flat.
+    pub(crate) fn of(mesh: &Mesh, instance: &Instance, centre: [f64; 3]) -> Option<Self> {
+        let (min, max) = mesh.bounds();
+        let height = max[2] - min[2];
+        if height < 0.3 {
+            return None;
+        }
+        let origin = instance.map_from_body.origin().coords;
+        let [min, max] = mesh.base();
+        let rows = rows_of(&instance.map_from_body).map(|row| row.map(|x| x as f32));
+        let middle = [0.5 * (min[0] + max[0]), 0.5 * (min[1] + max[1]), 0.0];
+        let place = [0, 1].map(|k| (origin[k] - centre[k]) as f32 + dot(rows[k], middle));
+        let half = [0.5 * (max[0] - min[0]), 0.5 * (max[1] - min[1])];
+        let is_person = matches!(instance.class, SemanticClass::Person | SemanticClass::Rider);
+        let strength = if is_person { 130.0 } else { 235.0 };
+        let fall = (0.5 * height).clamp(0.15, 1.0);
+        let reach = half[0].max(half[1]) * core::f32::consts::SQRT_2 + fall;
+        Some(Self { place, half, rows, strength, fall, reach })
+    }
+}
+
+/// Axes of the sun's map, by rows: across the light, along it across, towards the sun.
+pub(crate) fn axes(sun: [f32; 3]) -> [[f32; 3]; 3] {
+    let helper = if sun[2].abs() < 0.99 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
+    let across = normalized(cross(helper, sun));
+    [across, cross(sun, across), sun]
 }
 
 /// Draws a triangle, counter-clockwise, into the map of depths: the largest stays. `area` is twice its area.

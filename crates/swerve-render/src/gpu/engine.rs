@@ -1,0 +1,726 @@
+//! The back end for graphics adapters.
+//!
+//! Each view goes through the same steps as on the CPU: what the sun and the sky see ([`super::maps`]), which
+//! triangle is seen at each pixel, its light and the sensor's answer. All views of a submission are drawn side
+//! by side in one image, shaded by one dispatch, and read back by one copy.
+
+use core::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use super::buffers::{Grown, ReadBacks};
+use super::device::Gpu;
+use super::maps::{self, MapCache};
+use super::meshes::{CLUSTER, MeshStore};
+use super::pipelines::{DEPTH, Pipelines, VISIBLE};
+use super::plan::{self, Clusters, Placed, Planes, Round, Sides, Thing};
+use super::records::{Clip, LOOK_ROWS, LookRecord, NONE, Place, Records, Row, switch};
+use crate::Camera;
+use crate::cpu::geometry::{Frustum, Pinhole};
+use crate::cpu::lens::{self, LensCache, same_lens};
+use crate::cpu::resolve::{moved, rows_of};
+use crate::cpu::sensor::Sensor;
+use crate::cpu::shadow::{self, Base};
+use crate::cpu::{self};
+use crate::frame::{FrameMut, Outputs};
+use crate::light::Environment;
+use crate::renderer::View;
+use crate::scene::{Instance, Motion, Scene};
+use crate::texture::Tiles;
+
+/// The back end for one device.
+pub(crate) struct GpuRenderer {
+    gpu: Arc<Gpu>,
+    pool: Option<rayon::ThreadPool>,
+    pipelines: Pipelines,
+    meshes: MeshStore,
+    statics: Statics,
+    maps: MapCache,
+    no_maps: wgpu::BindGroup,
+    lenses: Lenses,
+    frame: Grown,
+    clusters: Grown,
+    rounds: Grown,
+    images: Grown,
+    sums: Grown,
+    target: Target,
+    bound: Option<[wgpu::BindGroup; 2]>,
+    read_backs: ReadBacks,
+    records: Records,
+    listed: Clusters,
+}
+
+/// What is drawn to: which triangle is seen, and its depth.
+struct Target {
+    size: (u32, u32),
+    visible: wgpu::TextureView,
+    depth: wgpu::TextureView,
+}
+
+impl Target {
+    fn new(gpu: &Gpu, size: (u32, u32)) -> Self {
+        Self { size, visible: maps::image(gpu, size, VISIBLE), depth: maps::image(gpu, size, DEPTH) }
+    }
+}
+
+/// What never moves, by content.
+#[derive(Default)]
+struct Statics {
+    key: Option<(u64, bool, u64)>,
+    things: Vec<Thing>,
+    surfaces: Records,
+    /// Surfaces are yet to be uploaded.
+    is_new: bool,
+    /// Records of items around the centres of cells.
+    items: Vec<([f64; 3], Vec<Row>)>,
+}
+
+/// Cells of which the items are kept.
+const CELLS_KEPT: usize = 8;
+
+impl Statics {
+    fn follow(&mut self, scene: &Scene, meshes: &mut MeshStore) {
+        let key = (scene.statics().version(), scene.weather.lamps_on, meshes.generation);
+        if self.key == Some(key) {
+            return;
+        }
+        let Self { things, surfaces, .. } = self;
+        surfaces.restart(0);
+        things.clear();
+        things.extend(scene.statics().instances().iter().map(|i| Thing::new(scene, i, meshes, surfaces)));
+        self.items.clear();
+        (self.key, self.is_new) = (Some(key), true);
+    }
+
+    /// Records of all items around a centre.
+    fn around(&mut self, scene: &Scene, centre: [f64; 3]) -> &[Row] {
+        let Self { items, things, .. } = self;
+        let found = items.iter().position(|(of, _)| *of == centre);
+        let index = found.unwrap_or_else(|| {
+            if items.len() == CELLS_KEPT {
+                items.remove(0);
+            }
+            let mut records = Records::default();
+            for (instance, thing) in scene.statics().instances().iter().zip(things) {
+                plan::write_item(&mut records, &instance.map_from_body, centre, thing.surfaces);
+            }
+            items.push((centre, records.rows));
+            items.len() - 1
+        });
+        &items[index].1
+    }
+}
+
+/// Points of lenses on the device.
+struct Lenses {
+    cache: LensCache,
+    known: Vec<(Camera, Pinhole, u32)>,
+    points: Vec<[f32; 2]>,
+    uploaded: usize,
+    on_device: Grown,
+}
+
+/// Points above which those of earlier cameras are forgotten.
+const LENS_POINTS: usize = 1 << 24;
+
+impl Lenses {
+    /// The pinhole image behind a lens, and the first of its points.
+    fn of(&mut self, camera: &Camera) -> Option<(Pinhole, u32)> {
+        if let Some((_, image, first)) = self.known.iter().find(|(known, ..)| same_lens(known, camera)) {
+            return Some((*image, *first));
+        }
+        let map = self.cache.of(camera)?;
+        let first = self.points.len() as u32;
+        self.points.extend_from_slice(&map.points);
+        self.known.push((*camera, map.pinhole, first));
+        Some((map.pinhole, first))
+    }
+
+    fn forget_if_large(&mut self) {
+        if self.points.len() > LENS_POINTS {
+            self.known.clear();
+            self.points.clear();
+            self.uploaded = 0;
+        }
+    }
+
+    fn upload(&mut self, gpu: &Gpu) -> Result<bool, String> {
+        let replaced = self.on_device.fit(gpu, size_of_val(self.points.as_slice()) as u64)?;
+        if replaced {
+            self.uploaded = 0;
+        }
+        if self.points.len() > self.uploaded {
+            let new = bytemuck::cast_slice(&self.points[self.uploaded..]);
+            gpu.queue().write_buffer(self.on_device.buffer(), 8 * self.uploaded as u64, new);
+            self.uploaded = self.points.len();
+        }
+        Ok(replaced)
+    }
+}
+
+/// Views around one cell.
+struct Group {
+    centre: [f64; 3],
+    /// First rows of the items that are fixed, of those that move.
+    items: [u32; 2],
+    /// Maps of sun and sky, if colour is asked for.
+    maps: Option<usize>,
+    moves: bool,
+}
+
+/// What is drawn to the maps of a cell.
+struct MapJob {
+    maps: usize,
+    /// Fixed or moving.
+    which: usize,
+    sun: Sides,
+    bases: Range<u32>,
+}
+
+/// Looks of one cell that one dispatch shades.
+struct Dispatch {
+    first_look: u32,
+    looks: u32,
+    blocks: u32,
+    maps: Option<usize>,
+}
+
+/// A round, ready to be drawn.
+struct Drawn {
+    looks: Vec<(Placed, Sides)>,
+    dispatches: Vec<Dispatch>,
+}
+
+/// Images that the device is working on.
+pub(crate) struct Pending {
+    submission: wgpu::SubmissionIndex,
+    buffer: Option<wgpu::Buffer>,
+    planes: Vec<Planes>,
+    mapped: Arc<Mutex<Option<Result<(), String>>>>,
+}
+
+/// What of a view the steps of a submission share.
+struct Prepared<'a> {
+    view: &'a View<'a>,
+    outputs: Outputs,
+    group: usize,
+    image: Pinhole,
+    /// First point of its lens.
+    lens: Option<u32>,
+    /// Row of its record.
+    record: u32,
+    planes: Planes,
+}
+
+impl GpuRenderer {
+    /// Starts on a device; more than one thread helps to copy images.
+    pub(crate) fn new(gpu: Arc<Gpu>, pool: Option<rayon::ThreadPool>) -> Result<Self, String> {
+        use wgpu::BufferUsages as Usage;
+        let pipelines = Pipelines::new(&gpu);
+        let read = Usage::STORAGE | Usage::COPY_DST;
+        let blank = [DEPTH, DEPTH, super::pipelines::SKY, super::pipelines::SKY]
+            .map(|format| maps::image(&gpu, (1, 1), format));
+        let no_maps = maps::bind(&gpu, &pipelines, [&blank[0], &blank[1], &blank[2], &blank[3]]);
+        let lenses = Lenses {
+            cache: LensCache::default(),
+            known: Vec::new(),
+            points: Vec::new(),
+            uploaded: 0,
+            on_device: Grown::new(&gpu, "lenses", read),
+        };
+        let made = Self {
+            pool,
+            meshes: MeshStore::new(&gpu),
+            statics: Statics::default(),
+            maps: MapCache::default(),
+            no_maps,
+            lenses,
+            frame: Grown::new(&gpu, "records", read),
+            clusters: Grown::new(&gpu, "clusters", read),
+            rounds: Grown::new(&gpu, "rounds", Usage::UNIFORM | Usage::COPY_DST),
+            images: Grown::new(&gpu, "images", Usage::STORAGE | Usage::COPY_SRC),
+            sums: Grown::new(&gpu, "sums", Usage::STORAGE),
+            target: Target::new(&gpu, (1, 1)),
+            bound: None,
+            read_backs: ReadBacks::default(),
+            records: Records::default(),
+            listed: Clusters::default(),
+            pipelines,
+            gpu,
+        };
+        made.gpu.trouble().map_or(Ok(made), Err)
+    }
+
+    /// The device.
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// Starts to draw views of a scene; the text says why it cannot be done.
+    pub(crate) fn submit(&mut self, scene: &Scene, views: &[(View<'_>, Outputs)]) -> Result<Pending, String> {
+        self.meshes.forget_if_large();
+        self.lenses.forget_if_large();
+        self.meshes.follow(&scene.meshes);
+        self.statics.follow(scene, &mut self.meshes);
+        self.listed.all.clear();
+        self.records.restart(self.statics.surfaces.rows.len() as u32);
+        let things: Vec<Thing> = scene
+            .dynamics
+            .iter()
+            .map(|i| Thing::new(scene, i, &mut self.meshes, &mut self.records))
+            .collect();
+        let (planes, [words, sums]) = Planes::all(views)?;
+        let (groups, jobs) = self.group(scene, views, &things);
+        let views = self.prepare(scene, views, &groups, &planes);
+        let order: Vec<_> = {
+            let mut order: Vec<usize> = (0..views.len()).collect();
+            order.sort_by_key(|&k| views[k].group);
+            order
+                .into_iter()
+                .map(|k| {
+                    let of = &views[k];
+                    (k, of.view.camera, of.outputs, of.image, of.lens.is_some())
+                })
+                .collect()
+        };
+        let most = self.gpu.limits().max_texture_dimension_2d;
+        let (rounds, size) = plan::rounds(&order, most)?;
+        let drawn: Vec<Drawn> =
+            rounds.iter().map(|round| self.list(scene, &things, (&views, &groups), round)).collect();
+        self.fit(size, words, sums, &drawn)?;
+        let buffer = (words > 0).then(|| self.read_backs.take(&self.gpu, 4 * words));
+        let mut encoder =
+            self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for job in &jobs {
+            self.draw_maps(&mut encoder, job);
+        }
+        let mut dispatched = 0;
+        for round in &drawn {
+            self.draw_round(&mut encoder, round);
+            self.shade_round(&mut encoder, round, &mut dispatched);
+        }
+        if let Some(buffer) = &buffer {
+            encoder.copy_buffer_to_buffer(self.images.buffer(), 0, buffer, 0, 4 * words);
+        }
+        let submission = self.gpu.queue().submit([encoder.finish()]);
+        let mapped = Arc::new(Mutex::new(None));
+        if let Some(buffer) = &buffer {
+            let kept = Arc::clone(&mapped);
+            buffer.map_async(wgpu::MapMode::Read, 0..4 * words, move |result| {
+                let result = result.map_err(|error| error.to_string());
+                *kept.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+            });
+        }
+        self.gpu.trouble().map_or(Ok(()), Err)?;
+        Ok(Pending { submission, buffer, planes, mapped })
+    }
+
+    /// Waits for images and writes them to memory of the caller; the text says why there are none.
+    pub(crate) fn collect(&mut self, pending: Pending, out: &mut [FrameMut<'_>]) -> Result<(), String> {
+        let Pending { submission, buffer, planes, mapped } = pending;
+        self.gpu.wait(Some(submission))?;
+        let Some(buffer) = buffer else { return Ok(()) };
+        match mapped.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(Ok(())) => {}
+            Some(Err(error)) => return Err(error),
+            None => return Err("images are not ready after the device was waited for".to_owned()),
+        }
+        {
+            let bytes = buffer.get_mapped_range(..).map_err(|error| error.to_string())?;
+            let mut copies: Vec<(&mut [u8], &[u8])> = Vec::new();
+            for (out, planes) in out.iter_mut().zip(&planes) {
+                let images = [
+                    out.rgb.as_deref_mut(),
+                    out.depth_m.as_deref_mut().map(bytemuck::cast_slice_mut),
+                    out.semantic.as_deref_mut(),
+                    out.instance.as_deref_mut().map(bytemuck::cast_slice_mut),
+                ];
+                for (k, image) in images.into_iter().enumerate() {
+                    if let Some(image) = image.filter(|_| planes.first[k] != NONE) {
+                        copies.extend(image.chunks_mut(PIECE).zip(bytes[planes.bytes(k)].chunks(PIECE)));
+                    }
+                }
+            }
+            let copy = |(to, from): (&mut [u8], &[u8])| to.copy_from_slice(from);
+            match &self.pool {
+                Some(pool) => pool.install(|| copies.into_par_iter().for_each(copy)),
+                None => copies.into_iter().for_each(copy),
+            }
+        }
+        buffer.unmap();
+        self.read_backs.give(buffer);
+        self.gpu.trouble().map_or(Ok(()), Err)
+    }
+}
+
+/// Bytes that one thread copies at a time.
+const PIECE: usize = 1 << 19;
+
+impl GpuRenderer {
+    /// Which cells there are, where things are around them, and what their maps show.
+    fn group(
+        &mut self,
+        scene: &Scene,
+        views: &[(View<'_>, Outputs)],
+        things: &[Thing],
+    ) -> (Vec<Group>, Vec<MapJob>) {
+        let environment = Environment::new(scene, crate::Exposure::Factor(1.0));
+        let with_sun = environment.has_shadows();
+        let sun = if with_sun { environment.sun } else { [0.0, 0.0, 1.0] };
+        self.maps.start();
+        let (mut groups, mut jobs) = (Vec::<Group>::new(), Vec::new());
+        for (view, outputs) in views {
+            let centre = shadow::cell(view.map_from_camera.origin().coords.into());
+            let index = groups.iter().position(|group| group.centre == centre).unwrap_or_else(|| {
+                let fixed = self.records.next();
+                self.records.rows.extend_from_slice(self.statics.around(scene, centre));
+                let moving = self.records.next();
+                for (instance, thing) in scene.dynamics.iter().zip(things) {
+                    plan::write_item(&mut self.records, &instance.map_from_body, centre, thing.surfaces);
+                }
+                groups.push(Group { centre, items: [fixed, moving], maps: None, moves: false });
+                groups.len() - 1
+            });
+            let group = &mut groups[index];
+            if !outputs.rgb || group.maps.is_some() {
+                continue;
+            }
+            let maps = self.maps.of((&self.gpu, &self.pipelines), scene, centre, (sun, with_sun));
+            group.maps = Some(maps);
+            let sun_look = self.records.sun(sun);
+            let instances = [scene.statics().instances(), &scene.dynamics];
+            let is_new = core::mem::take(&mut self.maps.maps[maps].is_new);
+            for which in [0, 1] {
+                let things = [self.statics.things.as_slice(), things][which];
+                let casts = |thing: &&Thing| thing.casts;
+                let wanted = if which == 0 { is_new } else { things.iter().any(|thing| thing.casts) };
+                if !wanted {
+                    continue;
+                }
+                group.moves |= which == 1;
+                let first = group.items[which];
+                let sun = self.listed.group(|add| {
+                    for (k, thing) in things.iter().enumerate().filter(|(_, t)| with_sun && casts(t)) {
+                        add(thing.shape, first + 4 * k as u32, sun_look);
+                    }
+                });
+                let from = self.listed.all.len() as u32;
+                for (instance, _) in instances[which].iter().zip(things).filter(|(_, t)| t.casts) {
+                    let mesh = scene.meshes.get(instance.mesh);
+                    if let Some(base) = Base::of(mesh, instance, centre) {
+                        self.listed.all.push([self.records.base(&base), 0, 0, 0]);
+                    }
+                }
+                jobs.push(MapJob { maps, which, sun, bases: from..self.listed.all.len() as u32 });
+            }
+        }
+        (groups, jobs)
+    }
+
+    /// Writes the records of the views.
+    fn prepare<'a>(
+        &mut self,
+        scene: &Scene,
+        views: &'a [(View<'a>, Outputs)],
+        groups: &[Group],
+        planes: &[Planes],
+    ) -> Vec<Prepared<'a>> {
+        let tiles = Tiles::get().words();
+        let mut prepared = Vec::with_capacity(views.len());
+        for ((view, outputs), planes) in views.iter().zip(planes) {
+            let centre = shadow::cell(view.map_from_camera.origin().coords.into());
+            let group = groups.iter().position(|g| g.centre == centre).expect("each view's cell has a group");
+            let lens = self.lenses.of(view.camera);
+            let light = Environment::new(scene, view.camera.spec().exposure);
+            let sensor = Sensor::new(view.camera, &light, view.frame, tiles);
+            let mut switches = if light.has_shadows() { switch::SUN } else { 0 };
+            if groups[group].moves {
+                switches |= switch::MOVING;
+            }
+            let place = Place { centre, switches, quantiles: self.pipelines.quantiles };
+            prepared.push(Prepared {
+                view,
+                outputs: *outputs,
+                group,
+                image: lens.map_or_else(|| lens::pinhole(view.camera), |(image, _)| image),
+                lens: lens.map(|(_, first)| first),
+                record: self.records.view(&light, &sensor, &place),
+                planes: *planes,
+            });
+        }
+        prepared
+    }
+
+    /// Writes the looks of a round and lists what each of them draws.
+    fn list(
+        &mut self,
+        scene: &Scene,
+        things: &[Thing],
+        (views, groups): (&[Prepared<'_>], &[Group]),
+        round: &Round,
+    ) -> Drawn {
+        let first = self.records.reserve_looks(round.looks.len());
+        let mut drawn = Drawn { looks: Vec::with_capacity(round.looks.len()), dispatches: Vec::new() };
+        let mut last_group = None;
+        for (k, placed) in round.looks.iter().enumerate() {
+            let at = first + k as u32 * LOOK_ROWS;
+            let view = &views[placed.view];
+            let sides = self.list_look(scene, things, (view, &groups[view.group]), (placed, at));
+            drawn.looks.push((*placed, sides));
+            let rows = placed.look.rows.1 - placed.look.rows.0;
+            let blocks = (rows * view.view.camera.width_px()).div_ceil(64) as u32;
+            if last_group != Some(view.group) {
+                last_group = Some(view.group);
+                let maps = groups[view.group].maps;
+                drawn.dispatches.push(Dispatch { first_look: at, looks: 0, blocks: 0, maps });
+            }
+            let dispatch = drawn.dispatches.last_mut().expect("one was pushed for the first look");
+            dispatch.looks += 1;
+            dispatch.blocks = dispatch.blocks.max(blocks);
+        }
+        drawn
+    }
+
+    fn list_look(
+        &mut self,
+        scene: &Scene,
+        things: &[Thing],
+        (prepared, group): (&Prepared<'_>, &Group),
+        (placed, at): (&Placed, u32),
+    ) -> Sides {
+        let (view, look) = (prepared.view, &placed.look);
+        let mut image = prepared.image;
+        let [right, down] = look.offset();
+        (image.cx, image.cy) = (image.cx - right, image.cy - down);
+        let rows = if prepared.lens.is_some() { (0, image.height) } else { look.rows };
+        let map_from_camera = moved(&view.map_from_camera, &view.motion, look.at_s);
+        let camera_from_map = map_from_camera.inverse();
+        let frustum = Frustum::new(&image, rows);
+        let origin: [f64; 3] = map_from_camera.origin().coords.into();
+        let eye = [0, 1, 2].map(|k| origin[k] - group.centre[k]);
+        let first_lamp = self.records.next();
+        let mut lamps = Vec::new();
+        if prepared.outputs.rgb {
+            cpu::light_up(scene, &camera_from_map, &image, (group.centre, &mut lamps));
+            lamps.iter().for_each(|lamp| self.records.lamp(lamp));
+        }
+        let planes = &prepared.planes;
+        let record = LookRecord {
+            clip: Clip::of(&image, rows, &rows_of(&camera_from_map), eye),
+            ray: cpu::rays(&map_from_camera, &image),
+            origin: [[0.0; 3], [0.0; 3], eye.map(|x| x as f32)],
+            focal: image.fx as f32,
+            place: [placed.at.0, placed.at.1, view.camera.width_px() as u32, view.camera.height_px() as u32],
+            rows: [look.rows.0 as u32, look.rows.1 as u32, look.sample, look.samples],
+            planes: planes.first,
+            lens: [prepared.lens.unwrap_or(NONE), 0, 0, planes.sums],
+            light: [first_lamp, lamps.len() as u32, prepared.record, 0],
+        };
+        self.records.look(at, &record);
+        let hidden = view.hidden_instance.filter(|id| *id != 0);
+        let seen = |middle: [f64; 3], radius: f32| {
+            let [x, y, z] = middle;
+            let at = (camera_from_map * swerve_geom::Point::new(x, y, z)).coords;
+            frustum.touches([at.x as f32, at.y as f32, at.z as f32], radius)
+        };
+        let Self { listed, records, statics, .. } = self;
+        let fixed = scene.statics().instances().iter().zip(&statics.things);
+        let moving = scene.dynamics.iter().zip(things);
+        listed.group(|add| {
+            let mut each = |instance: &Instance, thing: &Thing, item: u32| {
+                if hidden == Some(instance.instance_id) {
+                    return;
+                }
+                if look.at_s == 0.0 || instance.motion == Motion::default() {
+                    if seen(thing.middle, thing.radius()) {
+                        add(thing.shape, item, at);
+                    }
+                    return;
+                }
+                let pose = moved(&instance.map_from_body, &instance.motion, look.at_s);
+                if seen(thing.middle_at(&pose), thing.radius()) {
+                    let item = records.next();
+                    plan::write_item(records, &pose, group.centre, thing.surfaces);
+                    add(thing.shape, item, at);
+                }
+            };
+            for (k, (instance, thing)) in fixed.enumerate() {
+                each(instance, thing, group.items[0] + 4 * k as u32);
+            }
+            for (k, (instance, thing)) in moving.enumerate() {
+                each(instance, thing, group.items[1] + 4 * k as u32);
+            }
+        })
+    }
+
+    /// Makes room for everything and brings it to the device.
+    fn fit(&mut self, size: (u32, u32), words: u64, sums: u64, drawn: &[Drawn]) -> Result<(), String> {
+        let gpu = &self.gpu;
+        let queue = gpu.queue();
+        if self.listed.all.len() > (u32::MAX as usize) / CLUSTER {
+            return Err(format!("{} clusters of triangles are too many", self.listed.all.len()));
+        }
+        let fixed = 16 * self.statics.surfaces.rows.len() as u64;
+        let mut replaced = self.meshes.upload(gpu)? | self.lenses.upload(gpu)?;
+        if self.frame.fit(gpu, fixed + size_of_val(self.records.rows.as_slice()) as u64)? {
+            (self.statics.is_new, replaced) = (true, true);
+        }
+        if core::mem::take(&mut self.statics.is_new) {
+            let rows = bytemuck::cast_slice(&self.statics.surfaces.rows);
+            queue.write_buffer(self.frame.buffer(), 0, rows);
+        }
+        queue.write_buffer(self.frame.buffer(), fixed, bytemuck::cast_slice(&self.records.rows));
+        replaced |= self.clusters.fit(gpu, size_of_val(self.listed.all.as_slice()) as u64)?;
+        queue.write_buffer(self.clusters.buffer(), 0, bytemuck::cast_slice(&self.listed.all));
+        let step = self.round_step() / 4;
+        let mut rounds = Vec::new();
+        for dispatch in drawn.iter().flat_map(|round| &round.dispatches) {
+            rounds.extend([dispatch.first_look, LOOK_ROWS, 0, 0]);
+            rounds.resize(rounds.len().next_multiple_of(step), 0_u32);
+        }
+        replaced |= self.rounds.fit(gpu, size_of_val(rounds.as_slice()) as u64)?;
+        queue.write_buffer(self.rounds.buffer(), 0, bytemuck::cast_slice(&rounds));
+        replaced |= self.images.fit(gpu, 4 * words)?;
+        replaced |= self.sums.fit(gpu, 4 * sums)?;
+        let Target { size: (width, height), .. } = self.target;
+        if size.0 > width || size.1 > height {
+            self.target = Target::new(gpu, (size.0.max(width), size.1.max(height)));
+            replaced = true;
+        }
+        if replaced || self.bound.is_none() {
+            self.bound = Some(self.bind());
+        }
+        Ok(())
+    }
+
+    /// Bytes from one round's numbers to those of the next.
+    fn round_step(&self) -> usize {
+        16_usize.next_multiple_of(self.gpu.limits().min_uniform_buffer_offset_alignment.max(16) as usize)
+    }
+
+    fn bind(&self) -> [wgpu::BindGroup; 2] {
+        let device = self.gpu.device();
+        fn whole(binding: u32, buffer: &wgpu::Buffer) -> (u32, wgpu::BindingResource<'_>) {
+            (binding, wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size: None }))
+        }
+        let group = |layout, entries: Vec<(u32, wgpu::BindingResource<'_>)>| {
+            let entries: Vec<_> = entries
+                .into_iter()
+                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+                .collect();
+            device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+        };
+        let [vertices, triangles] = &self.meshes.on_device;
+        let shapes = vec![
+            whole(0, vertices.buffer()),
+            whole(1, triangles.buffer()),
+            whole(2, self.frame.buffer()),
+            whole(3, self.clusters.buffer()),
+        ];
+        let one = wgpu::BufferBinding {
+            buffer: self.rounds.buffer(),
+            offset: 0,
+            size: core::num::NonZeroU64::new(16),
+        };
+        let pixels = vec![
+            (0, wgpu::BindingResource::Buffer(one)),
+            whole(1, &self.pipelines.tiles),
+            whole(2, self.lenses.on_device.buffer()),
+            whole(3, self.images.buffer()),
+            whole(4, self.sums.buffer()),
+            (5, wgpu::BindingResource::TextureView(&self.target.visible)),
+        ];
+        [group(&self.pipelines.triangles, shapes), group(&self.pipelines.pixels, pixels)]
+    }
+
+    fn bound(&self) -> &[wgpu::BindGroup; 2] {
+        self.bound.as_ref().expect("everything is bound before something is drawn")
+    }
+
+    /// Draws what casts shadows to one of the maps.
+    fn draw_maps(&self, encoder: &mut wgpu::CommandEncoder, job: &MapJob) {
+        let maps = &self.maps.maps[job.maps];
+        let [shapes, _] = self.bound();
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("sun"),
+            depth_stencil_attachment: Some(cleared_depth(&maps.sun[job.which])),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        pass.set_bind_group(0, shapes, &[]);
+        draw_sides(&mut pass, &self.pipelines.sun, core::iter::once((None, &job.sun)));
+        drop(pass);
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("sky"),
+            color_attachments: &[Some(cleared(&maps.sky[job.which]))],
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        if !job.bases.is_empty() {
+            pass.set_bind_group(0, shapes, &[]);
+            pass.set_pipeline(&self.pipelines.hide);
+            pass.draw(0..6, job.bases.clone());
+        }
+    }
+
+    fn draw_round(&self, encoder: &mut wgpu::CommandEncoder, round: &Drawn) {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("triangles"),
+            color_attachments: &[Some(cleared(&self.target.visible))],
+            depth_stencil_attachment: Some(cleared_depth(&self.target.depth)),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        pass.set_bind_group(0, &self.bound()[0], &[]);
+        draw_sides(&mut pass, &self.pipelines.draw, round.looks.iter().map(|(at, sides)| (Some(at), sides)));
+    }
+
+    fn shade_round(&self, encoder: &mut wgpu::CommandEncoder, round: &Drawn, dispatched: &mut usize) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&self.pipelines.shade);
+        let [shapes, pixels] = self.bound();
+        pass.set_bind_group(0, shapes, &[]);
+        for dispatch in &round.dispatches {
+            pass.set_bind_group(1, pixels, &[(*dispatched * self.round_step()) as u32]);
+            let maps = dispatch.maps.map_or(&self.no_maps, |maps| &self.maps.maps[maps].bound);
+            pass.set_bind_group(2, maps, &[]);
+            let across = dispatch.blocks.min(BLOCKS_ACROSS);
+            pass.dispatch_workgroups(across, dispatch.looks, dispatch.blocks.div_ceil(BLOCKS_ACROSS));
+            *dispatched += 1;
+        }
+    }
+}
+
+/// Blocks of 64 pixels in the first dimension of a dispatch, of which `pass.wgsl` knows.
+const BLOCKS_ACROSS: u32 = 32768;
+
+fn cleared(view: &wgpu::TextureView) -> wgpu::RenderPassColorAttachment<'_> {
+    let ops =
+        wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };
+    wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }
+}
+
+fn cleared_depth(view: &wgpu::TextureView) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store };
+    wgpu::RenderPassDepthStencilAttachment { view, depth_ops: Some(ops), stencil_ops: None }
+}
+
+/// Draws clusters of several looks, those with one side first; `None` for all of the image.
+fn draw_sides<'a>(
+    pass: &mut wgpu::RenderPass<'_>,
+    pipelines: &[wgpu::RenderPipeline; 2],
+    looks: impl Iterator<Item = (Option<&'a Placed>, &'a Sides)> + Clone,
+) {
+    for (side, pipeline) in pipelines.iter().enumerate() {
+        pass.set_pipeline(pipeline);
+        for (place, sides) in looks.clone() {
+            if sides[side].is_empty() {
+                continue;
+            }
+            if let Some(Placed { at, size, .. }) = place {
+                let [x, y, width, height] = [at.0, at.1, size.0, size.1].map(|v| v as f32);
+                pass.set_viewport(x, y, width, height, 0.0, 1.0);
+                pass.set_scissor_rect(at.0, at.1, size.0, size.1);
+            }
+            pass.draw(0..3 * CLUSTER as u32, sides[side].clone());
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Maps of what the sun and the sky see, around a cell: of what is fixed, kept, and of what moves, drawn anew.
+
+use super::device::Gpu;
+use super::pipelines::{DEPTH, Pipelines, SKY};
+use crate::cpu::shadow::{SIDE, SKY_SIDE};
+use crate::hash::Key;
+use crate::scene::Scene;
+
+/// The maps of one cell.
+pub(super) struct CellMaps {
+    key: Key,
+    used: u64,
+    /// Depths towards the sun: of what is fixed, of what moves.
+    pub(super) sun: [wgpu::TextureView; 2],
+    /// Shares of the sky that are hidden, likewise.
+    pub(super) sky: [wgpu::TextureView; 2],
+    pub(super) bound: wgpu::BindGroup,
+    /// What is fixed is yet to be drawn.
+    pub(super) is_new: bool,
+}
+
+fn square(gpu: &Gpu, side: usize, format: wgpu::TextureFormat) -> wgpu::TextureView {
+    image(gpu, (side as u32, side as u32), format)
+}
+
+/// A texture that is drawn to and read from.
+pub(super) fn image(
+    gpu: &Gpu,
+    (width, height): (u32, u32),
+    format: wgpu::TextureFormat,
+) -> wgpu::TextureView {
+    let texture = gpu.device().create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    });
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// Binds maps for shading.
+pub(super) fn bind(gpu: &Gpu, pipelines: &Pipelines, views: [&wgpu::TextureView; 4]) -> wgpu::BindGroup {
+    let entries = [0, 1, 2, 3].map(|binding| wgpu::BindGroupEntry {
+        binding,
+        resource: wgpu::BindingResource::TextureView(views[binding as usize]),
+    });
+    gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("maps"),
+        layout: &pipelines.maps,
+        entries: &entries,
+    })
+}
+
+impl CellMaps {
+    pub(super) fn new(gpu: &Gpu, pipelines: &Pipelines) -> Self {
+        let sun = [0, 1].map(|_| square(gpu, SIDE, DEPTH));
+        let sky = [0, 1].map(|_| square(gpu, SKY_SIDE, SKY));
+        let bound = bind(gpu, pipelines, [&sun[0], &sun[1], &sky[0], &sky[1]]);
+        Self { key: Key::default(), used: 0, sun, sky, bound, is_new: true }
+    }
+}
+
+/// The maps of some cells, of which the least recently used make room.
+#[derive(Default)]
+pub(super) struct MapCache {
+    pub(super) maps: Vec<CellMaps>,
+    clock: u64,
+}
+
+/// Cells that are kept, unless one submission needs more.
+const KEPT: usize = 3;
+
+impl MapCache {
+    /// Starts a submission: maps that it takes from now on stay until the next.
+    pub(super) fn start(&mut self) {
+        self.clock += 1;
+    }
+
+    /// Which maps are those of a cell; new ones are marked as such.
+    pub(super) fn of(
+        &mut self,
+        (gpu, pipelines): (&Gpu, &Pipelines),
+        scene: &Scene,
+        centre: [f64; 3],
+        (sun, with_sun): ([f32; 3], bool),
+    ) -> usize {
+        let mut key = Key::default();
+        key.long(scene.statics().version());
+        centre.iter().for_each(|x| key.long(x.to_bits()));
+        sun.iter().for_each(|x| key.number(*x));
+        key.word(u32::from(with_sun));
+        let found = self.maps.iter().position(|maps| maps.key == key);
+        let index = found.unwrap_or_else(|| {
+            let oldest = (0..self.maps.len()).min_by_key(|&k| self.maps[k].used);
+            let index = match oldest {
+                Some(k) if self.maps.len() >= KEPT && self.maps[k].used < self.clock => k,
+                _ => {
+                    self.maps.push(CellMaps::new(gpu, pipelines));
+                    self.maps.len() - 1
+                }
+            };
+            (self.maps[index].key, self.maps[index].is_new) = (key, true);
+            index
+        });
+        self.maps[index].used = self.clock;
+        index
+    }
+}

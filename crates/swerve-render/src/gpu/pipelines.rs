@@ -1,0 +1,215 @@
+//! Shaders, what they are bound to, and how triangles are drawn.
+
+use wgpu::{BufferBindingType, ShaderStages, TextureFormat, TextureSampleType};
+
+use super::device::Gpu;
+use crate::cpu::sensor::Sensor;
+use crate::texture::Tiles;
+
+/// Formats of the images that triangles are drawn to.
+pub(super) const VISIBLE: TextureFormat = TextureFormat::R32Uint;
+pub(super) const DEPTH: TextureFormat = TextureFormat::Depth32Float;
+pub(super) const SKY: TextureFormat = TextureFormat::R8Unorm;
+
+/// Everything that does not depend on the scene.
+pub(super) struct Pipelines {
+    /// What triangles are read from: vertices, triangles, records, clusters.
+    pub(super) triangles: wgpu::BindGroupLayout,
+    /// What pixels are read from and written to.
+    pub(super) pixels: wgpu::BindGroupLayout,
+    /// Maps of sun and sky.
+    pub(super) maps: wgpu::BindGroupLayout,
+    /// Triangles to pixels: those with one side, those with two.
+    pub(super) draw: [wgpu::RenderPipeline; 2],
+    /// The same, seen from the sun.
+    pub(super) sun: [wgpu::RenderPipeline; 2],
+    /// What hides the sky.
+    pub(super) hide: wgpu::RenderPipeline,
+    pub(super) shade: wgpu::ComputePipeline,
+    /// Texture tiles, and behind them the quantiles of noise.
+    pub(super) tiles: wgpu::Buffer,
+    /// First word of the quantiles.
+    pub(super) quantiles: u32,
+}
+
+fn storage(binding: u32, visibility: ShaderStages, read_only: bool) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::Buffer {
+        ty: BufferBindingType::Storage { read_only },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
+}
+
+fn texture(binding: u32, sample_type: TextureSampleType) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::Texture {
+        sample_type,
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    wgpu::BindGroupLayoutEntry { binding, visibility: ShaderStages::COMPUTE, ty, count: None }
+}
+
+fn layout(
+    device: &wgpu::Device,
+    label: &str,
+    entries: &[wgpu::BindGroupLayoutEntry],
+) -> wgpu::BindGroupLayout {
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+}
+
+/// How a kind of triangle is drawn.
+struct Drawing<'a> {
+    entry: &'a str,
+    fragment: Option<&'a str>,
+    target: Option<wgpu::ColorTargetState>,
+    /// Side that is not drawn, and which way round the front is.
+    cull: Option<wgpu::Face>,
+    front: wgpu::FrontFace,
+    has_depth: bool,
+}
+
+fn drawing(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    layout: &wgpu::PipelineLayout,
+    how: &Drawing<'_>,
+) -> wgpu::RenderPipeline {
+    let targets = [how.target.clone()];
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(how.entry),
+        layout: Some(layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(how.entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState {
+            front_face: how.front,
+            cull_mode: how.cull,
+            ..wgpu::PrimitiveState::default()
+        },
+        depth_stencil: how.has_depth.then(|| wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(true),
+            // Near is 1 and far is 0; of equals the first stays.
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: how.fragment.map(|entry| wgpu::FragmentState {
+            module,
+            entry_point: Some(entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &targets,
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+impl Pipelines {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        let device = gpu.device();
+        let source = concat!(include_str!("shade.wgsl"), include_str!("pass.wgsl"));
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("swerve"),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        });
+        let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
+        let triangles = layout(device, "triangles", &[0, 1, 2, 3].map(|binding| storage(binding, all, true)));
+        let at = ShaderStages::COMPUTE;
+        let round = wgpu::BindGroupLayoutEntry {
+            binding: 0,
+            visibility: at,
+            ty: wgpu::BindingType::Buffer {
+                ty: BufferBindingType::Uniform,
+                has_dynamic_offset: true,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        let pixels = [
+            round,
+            storage(1, at, true),
+            storage(2, at, true),
+            storage(3, at, false),
+            storage(4, at, false),
+            texture(5, TextureSampleType::Uint),
+        ];
+        let pixels = layout(device, "pixels", &pixels);
+        let unfiltered = TextureSampleType::Float { filterable: false };
+        let maps = layout(device, "maps", &[0, 1, 2, 3].map(|binding| texture(binding, unfiltered)));
+        let plan = |groups: &[Option<&wgpu::BindGroupLayout>]| {
+            device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: None,
+                bind_group_layouts: groups,
+                immediate_size: 0,
+            })
+        };
+        let drawn = plan(&[Some(&triangles)]);
+        let shaded = plan(&[Some(&triangles), Some(&pixels), Some(&maps)]);
+        let sides = [Some(wgpu::Face::Back), None];
+        let camera = |cull| Drawing {
+            entry: "draw",
+            fragment: Some("mark"),
+            target: Some(VISIBLE.into()),
+            cull,
+            front: wgpu::FrontFace::Ccw,
+            has_depth: true,
+        };
+        // Rows of the sun's map grow upwards, which turns triangles round.
+        let front = wgpu::FrontFace::Cw;
+        let sun =
+            |cull| Drawing { entry: "draw", fragment: None, target: None, cull, front, has_depth: true };
+        let most = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::One,
+            dst_factor: wgpu::BlendFactor::One,
+            operation: wgpu::BlendOperation::Max,
+        };
+        let hide = Drawing {
+            entry: "base",
+            fragment: Some("hide"),
+            target: Some(wgpu::ColorTargetState {
+                format: SKY,
+                blend: Some(wgpu::BlendState { color: most, alpha: most }),
+                write_mask: wgpu::ColorWrites::ALL,
+            }),
+            cull: None,
+            front,
+            has_depth: false,
+        };
+        let shade = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("shade"),
+            layout: Some(&shaded),
+            module: &module,
+            entry_point: Some("shade"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        let words = Tiles::get().words();
+        let quantiles = words.len() as u32;
+        let mut constant = words.to_vec();
+        constant.extend(Sensor::quantiles().iter().map(|q| q.to_bits()));
+        let tiles = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("tiles"),
+            size: 4 * constant.len() as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        gpu.queue().write_buffer(&tiles, 0, bytemuck::cast_slice(&constant));
+        Self {
+            draw: sides.map(|cull| drawing(device, &module, &drawn, &camera(cull))),
+            sun: sides.map(|cull| drawing(device, &module, &drawn, &sun(cull))),
+            hide: drawing(device, &module, &drawn, &hide),
+            triangles,
+            pixels,
+            maps,
+            shade,
+            tiles,
+            quantiles,
+        }
+    }
+}
