@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Ego, Transform};
+use swerve_render::gpu::{AdapterKind, Adapters};
 use swerve_render::{
-    Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, SensorNoise, Shutter,
+    Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, SensorNoise, Shutter,
     WeatherPreset, mount,
 };
 use swerve_sim::sense::SensorTiming;
@@ -15,6 +16,8 @@ use super::sensors::{range, timing_faults};
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderConfig {
+    /// What computes the images.
+    pub backend: RenderBackend,
     /// Weather and time of day.
     pub weather: WeatherPreset,
     /// Threads of the renderer; the images do not depend on them.
@@ -23,7 +26,43 @@ pub struct RenderConfig {
 
 impl Default for RenderConfig {
     fn default() -> Self {
-        Self { weather: WeatherPreset::default(), threads: 2 }
+        Self { backend: RenderBackend::default(), weather: WeatherPreset::default(), threads: 2 }
+    }
+}
+
+/// What computes images.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RenderBackend {
+    /// In virtual time the processor, otherwise a graphics processor if there is one.
+    #[default]
+    Auto,
+    /// The processor: the same images on every machine.
+    Cpu,
+    /// A graphics processor: its images are its own.
+    Gpu,
+    /// A driver that takes the part of a graphics processor: for comparison.
+    Software,
+}
+
+impl RenderBackend {
+    /// The back end of a run in virtual time.
+    pub fn in_virtual_time(self) -> Backend {
+        match self {
+            Self::Auto | Self::Cpu => Backend::Cpu,
+            Self::Gpu => Backend::Gpu,
+            Self::Software => Backend::Software,
+        }
+    }
+
+    /// The back end where images need not be the same on every machine, and why it is that one.
+    pub fn of_machine(self, adapters: &Adapters) -> (Backend, String) {
+        let asked = || format!("render.backend = \"{}\"", self.in_virtual_time().name());
+        match (self, adapters.choose(AdapterKind::Gpu)) {
+            (Self::Auto, Ok(adapter)) => (Backend::Gpu, adapter.to_string()),
+            (Self::Auto, Err(none)) => (Backend::Cpu, none.to_string()),
+            _ => (self.in_virtual_time(), asked()),
+        }
     }
 }
 
