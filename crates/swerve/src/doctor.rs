@@ -50,9 +50,9 @@ fn rendering(adapters: &Adapters) -> Vec<String> {
     }
     lines.extend(adapters.absent.iter().map(|why| line("", why)));
     lines.push(line("  used by", "render.backend = \"auto\", the default"));
-    let (chosen, why) = RenderBackend::Auto.of_machine(adapters);
+    let (chosen, why) = RenderBackend::Auto.on_this_machine(adapters);
     lines.push(line("", "virtual time: cpu, so that a run has the same digest on every machine"));
-    lines.push(line("", &format!("wall clock, data sets: {}, {why}", chosen.name())));
+    lines.push(line("", &format!("wall clock, data sets: {}, {why}", chosen.in_virtual_time().name())));
     lines
 }
 

@@ -1,11 +1,12 @@
 //! Cameras on the ego vehicle: `[camera.NAME]`.
 
+use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Ego, Transform};
 use swerve_render::gpu::{AdapterKind, Adapters};
 use swerve_render::{
-    Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, SensorNoise, Shutter,
-    WeatherPreset, mount,
+    Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
+    SensorNoise, Shutter, WeatherPreset, mount,
 };
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
@@ -55,14 +56,21 @@ impl RenderBackend {
         }
     }
 
-    /// The back end where images need not be the same on every machine, and why it is that one.
-    pub fn of_machine(self, adapters: &Adapters) -> (Backend, String) {
-        let asked = || format!("render.backend = \"{}\"", self.in_virtual_time().name());
-        match (self, adapters.choose(AdapterKind::Gpu)) {
-            (Self::Auto, Ok(adapter)) => (Backend::Gpu, adapter.to_string()),
-            (Self::Auto, Err(none)) => (Backend::Cpu, none.to_string()),
-            _ => (self.in_virtual_time(), asked()),
+    /// What it comes to where images need not be the same on every machine, and why that.
+    pub fn on_this_machine(self, adapters: &Adapters) -> (Self, String) {
+        match adapters.choose(AdapterKind::Gpu) {
+            _ if self != Self::Auto => (self, format!("render.backend = \"{}\"", self.in_virtual_time().name())),
+            Ok(adapter) => (Self::Gpu, adapter.to_string()),
+            Err(none) => (Self::Cpu, none.to_string()),
         }
+    }
+}
+
+impl RenderConfig {
+    /// What renders, started.
+    pub fn renderer(&self) -> anyhow::Result<Renderer> {
+        let options = RenderOptions { backend: self.backend.in_virtual_time(), threads: self.threads };
+        Renderer::new(options).context("render.backend")
     }
 }
 

@@ -29,8 +29,10 @@ use crate::config::camera::Output;
 use crate::config::execution::{parse_policy, span_ms};
 
 use faulty::faulty;
+use stage::SharedStage;
 
 pub use controller::controller;
+pub use stage::Rendered;
 
 /// A pipeline ready to run.
 pub struct Pipeline {
@@ -44,6 +46,8 @@ pub struct Pipeline {
     pub vehicle: VehicleParams,
     /// When the scenario is over at the latest.
     pub until: Time,
+    /// What cameras and lidars share, where there are any.
+    stage: Option<SharedStage>,
 }
 
 impl Pipeline {
@@ -53,11 +57,17 @@ impl Pipeline {
         let vehicle = config.sim.vehicle.clone();
         let route = scenario.road.route();
         let mut graph = Graph::new();
-        connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
+        let stage = connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
         configure(&mut graph, config)?;
         let until =
             last_step(Span::from_secs(scenario.end.timeout_s), Span::from_secs(config.sim.dt_ms * 1e-3));
-        Ok(Self { graph, scenario, route, vehicle, until })
+        Ok(Self { graph, scenario, route, vehicle, until, stage })
+    }
+
+    /// Tells, once the pipeline has run, what computed its images, if it had any.
+    pub(crate) fn rendered(&self) -> impl FnOnce() -> Option<Rendered> + use<> {
+        let stage = self.stage.clone();
+        move || stage.map(|stage| stage::rendered(&stage))
     }
 }
 
@@ -92,7 +102,12 @@ fn timer(config: &Config, name: &str, period_ms: f64) -> Timer {
     every(ms(period_ms)).phase(phase(config, name, ms(period_ms)))
 }
 
-fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Route) -> anyhow::Result<()> {
+fn connect(
+    graph: &mut Graph,
+    config: &Config,
+    scenario: &Scenario,
+    route: &Route,
+) -> anyhow::Result<Option<SharedStage>> {
     let sensing = &config.sensing;
     let dt = ms(config.sim.dt_ms);
     let timer = |name: &str, period_ms: f64| timer(config, name, period_ms);
@@ -114,7 +129,7 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     let imu = graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     faulty(graph, config, "imu", imu)?;
     sense_motion_and_events(graph, config, scenario, world)?;
-    sense_surroundings(graph, config, scenario, world)?;
+    let stage = sense_surroundings(graph, config, scenario, world)?;
     let tracks = graph.add("tracker", perception::Tracker::new(config), (obstacles,)).out();
     let tracks = faulty(graph, config, "tracker", tracks)?;
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
@@ -127,7 +142,7 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
         graph.add("controller", controller, (every(ms(config.control.period_ms)), pose, plan)).out();
     let commands = faulty(graph, config, "controller", commands)?;
     graph.connect(command, commands);
-    Ok(())
+    Ok(stage)
 }
 
 /// Sensors of the ego's own motion, and of what happens to it, that run only where they are asked for.
@@ -170,7 +185,7 @@ fn sense_surroundings(
     config: &Config,
     scenario: &Scenario,
     world: Stream<WorldState>,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Option<SharedStage>> {
     for (name, radar) in config.radar.iter().filter(|(name, _)| config.runs(name)) {
         let wrong = |faults| anyhow::anyhow!("radar.{name}: {faults:?}");
         let operator = radar::RadarOperator {
@@ -184,7 +199,7 @@ fn sense_surroundings(
     let cameras: Vec<_> = config.camera.iter().filter(|(name, _)| config.runs(name)).collect();
     let lidars: Vec<_> = config.lidar.iter().filter(|(name, _)| config.runs(name)).collect();
     if cameras.is_empty() && lidars.is_empty() {
-        return Ok(());
+        return Ok(None);
     }
     let stage = stage::Stage::new(config, scenario)?;
     for (name, camera) in cameras {
@@ -202,7 +217,7 @@ fn sense_surroundings(
         let (points, _) = node.origin().outputs(&["points", "truth"]).out();
         faulty(graph, config, &format!("{name}.points"), points)?;
     }
-    Ok(())
+    Ok(Some(stage))
 }
 
 /// Run times, policies, deadlines, resources and delays, by operator name.
