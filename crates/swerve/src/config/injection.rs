@@ -15,6 +15,7 @@ use super::words::{nearest, number};
 pub struct FaultConfig {
     /// The stream, as the log names it. Its readers get what the fault makes of it; of two faults on one stream the
     /// first by name comes first.
+    #[serde(default)]
     pub stream: String,
     /// `drop = true`: the message is lost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
