@@ -12,6 +12,11 @@ pub struct Command {
 }
 
 impl Command {
+    /// Whether all of it are numbers.
+    pub fn is_finite(&self) -> bool {
+        [self.steering_rad, self.throttle, self.brake].iter().all(|x| x.is_finite())
+    }
+
     /// Straight wheels, no accelerator, full brake.
     pub const FULL_BRAKE: Self = Self { steering_rad: 0.0, throttle: 0.0, brake: 1.0 };
 }

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
-use swerve_geom::Pose2;
+use swerve_geom::{Pose2, Vector2};
 
 /// The ego vehicle as localization reports it.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -19,6 +19,36 @@ pub struct EgoState {
     pub yaw_rate_radps: f64,
     /// Present angle of the front road wheels, radians; positive to the left.
     pub steering_rad: f64,
+}
+
+impl EgoState {
+    /// Whether a car can be in this state: all numbers finite, and none beyond anything on wheels.
+    pub fn is_plausible(&self) -> bool {
+        let Self { pose, speed_mps, accel_mps2, lateral_accel_mps2, yaw_rate_radps, steering_rad, .. } = *self;
+        let within = [
+            (speed_mps, SPEED_MAX_MPS),
+            (accel_mps2, 500.0),
+            (lateral_accel_mps2, 500.0),
+            (yaw_rate_radps, 100.0),
+            (steering_rad, 10.0),
+        ];
+        is_plausible_place(&pose) && within.into_iter().all(|(x, most)| x.abs() <= most)
+    }
+}
+
+/// Faster than this moves nothing on a road, m/s.
+const SPEED_MAX_MPS: f64 = 150.0;
+/// Maps end here, metres from their origin.
+const PLACE_MAX_M: f64 = 1e7;
+
+/// Whether a pose is one on a map.
+pub(crate) fn is_plausible_place(pose: &Pose2) -> bool {
+    pose.x_m.abs() <= PLACE_MAX_M && pose.y_m.abs() <= PLACE_MAX_M && pose.heading_rad.is_finite()
+}
+
+/// Whether a velocity is one on a road.
+pub(crate) fn is_plausible_velocity(velocity_mps: &Vector2) -> bool {
+    velocity_mps.norm() <= SPEED_MAX_MPS
 }
 
 /// One reading of the inertial measurement unit at the centre of gravity, axes of the ego frame.

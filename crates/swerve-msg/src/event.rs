@@ -106,3 +106,16 @@ pub enum Signal {
     /// Stop.
     Red,
 }
+
+/// A fault was put on a message.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct FaultInjection {
+    /// Stamp of the message.
+    pub stamp: Time,
+    /// The stream.
+    pub stream: String,
+    /// What was done: `drop`, `delay`, `jitter`, `freeze`, `noise`, `nan`, `flip_bits`.
+    pub harm: String,
+    /// How much later the message came, seconds; 0 for what is not late.
+    pub later_s: f64,
+}

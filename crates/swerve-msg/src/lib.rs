@@ -20,7 +20,7 @@ pub mod truth;
 pub use actuation::Command;
 pub use ego::{EgoState, Gnss, Imu};
 pub use event::{
-    CollisionEvent, CollisionEvents, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, RoadLine,
+    CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, RoadLine,
     Side, Signal,
 };
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};

@@ -2,6 +2,8 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Obb, Point2, Pose2, Vector2};
 
+use crate::ego::{is_plausible_place, is_plausible_velocity};
+
 /// Identifies an actor or a track within one run.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -144,7 +146,42 @@ pub struct PredictionList {
     pub predictions: Vec<Prediction>,
 }
 
+impl Extent {
+    fn is_plausible(&self) -> bool {
+        [self.length_m, self.width_m, self.height_m].iter().all(|x| (0.0..=1e4).contains(x))
+    }
+}
+
+impl Obstacle {
+    /// Whether it can be on a road: all numbers finite, and none beyond anything there.
+    pub fn is_plausible(&self) -> bool {
+        is_plausible_place(&self.pose)
+            && is_plausible_velocity(&self.velocity_mps)
+            && self.extent.is_plausible()
+    }
+}
+
+impl Track {
+    /// As [`Obstacle::is_plausible`], with its past.
+    pub fn is_plausible(&self) -> bool {
+        let past = |sighting: &Sighting| {
+            is_plausible_place(&Pose2::new(sighting.point.x_m, sighting.point.y_m, 0.0))
+        };
+        is_plausible_place(&self.pose)
+            && is_plausible_velocity(&self.velocity_mps)
+            && self.extent.is_plausible()
+            && self.history.iter().all(past)
+    }
+}
+
 impl Prediction {
+    /// As [`Obstacle::is_plausible`], all along its path.
+    pub fn is_plausible(&self) -> bool {
+        !self.path.is_empty()
+            && self.path.iter().all(|at| is_plausible_place(&at.pose))
+            && self.extent.is_plausible()
+    }
+
     /// Where the centre is at `instant`: linear between the poses, held before the first and after the last.
     pub fn pose_at(&self, instant: Time) -> Pose2 {
         let after = self.path.partition_point(|p| p.at <= instant);

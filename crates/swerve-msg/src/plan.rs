@@ -2,6 +2,8 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Pose2, angle_between};
 
+use crate::EgoState;
+
 /// A planned motion of the ego origin.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Plan {
@@ -57,6 +59,20 @@ impl PlanStatus {
 }
 
 impl Plan {
+    /// Whether a car can follow it: all numbers finite, and none beyond anything on wheels.
+    pub fn is_plausible(&self) -> bool {
+        let point = |p: &PlanPoint| {
+            let state = EgoState {
+                pose: p.pose,
+                speed_mps: p.speed_mps,
+                accel_mps2: p.accel_mps2,
+                ..EgoState::default()
+            };
+            state.is_plausible() && p.curvature_1pm.is_finite()
+        };
+        self.points.iter().all(point)
+    }
+
     /// Instant of the last point; the stamp when there is none.
     pub fn end(&self) -> Time {
         self.points.last().map_or(self.stamp, |p| p.at)

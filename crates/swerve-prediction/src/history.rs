@@ -49,13 +49,13 @@ impl History {
     ///
     /// Velocity is the reported one. A track that is not in `seen` but not yet forgotten keeps its history
     /// and is moved on from its last sighting with its last velocity, so that its pose describes the stamp.
-    /// A list that is not newer than the one before changes nothing. Obstacles whose numbers are not finite
-    /// are ignored, and so are repeats of an identity.
+    /// A list that is not newer than the one before changes nothing. Obstacles that cannot be on a road
+    /// ([`Obstacle::is_plausible`]) are ignored, and so are repeats of an identity.
     pub fn update(&mut self, seen: &ObstacleList) -> TrackList {
         let newest = self.newest.unwrap_or(Time::MIN);
         if seen.stamp > newest {
             self.newest = Some(seen.stamp);
-            for obstacle in seen.obstacles.iter().filter(|o| is_finite(o)) {
+            for obstacle in seen.obstacles.iter().filter(|o| o.is_plausible()) {
                 self.take_in(obstacle, seen.stamp);
             }
             let limit = Span::from_secs(self.params.forget_after_s);
@@ -101,10 +101,6 @@ impl Seen {
             history: self.sightings.clone(),
         }
     }
-}
-
-fn is_finite(obstacle: &Obstacle) -> bool {
-    obstacle.pose.is_finite() && obstacle.velocity_mps.x.is_finite() && obstacle.velocity_mps.y.is_finite()
 }
 
 #[cfg(test)]

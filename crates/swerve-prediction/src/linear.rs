@@ -90,9 +90,11 @@ impl Params {
 
 /// The expected motion of every track, in the map frame; `path[0]` of each describes the list's stamp.
 ///
-/// Tracks without a sighting are taken as seen once, at their present pose.
+/// Tracks without a sighting are taken as seen once, at their present pose; those that cannot be on a road are
+/// left out ([`Track::is_plausible`]).
 pub fn predict(tracks: &TrackList, params: &Params) -> PredictionList {
-    let predictions = tracks.tracks.iter().map(|track| predict_track(track, tracks.stamp, params)).collect();
+    let plausible = tracks.tracks.iter().filter(|track| track.is_plausible());
+    let predictions = plausible.map(|track| predict_track(track, tracks.stamp, params)).collect();
     PredictionList { stamp: tracks.stamp, predictions }
 }
 

@@ -63,6 +63,16 @@ fn problems(path: &Path) -> Vec<String> {
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
         told(crate::timing::read_file(path).err().unwrap_or_default())
     } else {
-        told(Config::from_document(&document, &[]).err().unwrap_or_default())
+        match Config::from_document(&document, &[]) {
+            Ok(config) => told(no_adapter(&document, &config).into_iter().collect()),
+            Err(problems) => told(problems),
+        }
     }
+}
+
+/// A configuration that asks for an adapter that is not there.
+fn no_adapter(document: &Document, config: &Config) -> Option<Problem> {
+    let kind = config.render.backend.in_virtual_time().adapter()?;
+    let none = swerve_render::gpu::probe().choose(kind).err()?;
+    Some(document.problem("render.backend", format!("{none} (on this machine; `swerve doctor` tells more)")))
 }

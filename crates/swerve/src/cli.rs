@@ -4,7 +4,7 @@ use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
-use crate::{calibrate, check, dataset, graph, plan, replay, run, scenarios, study, timing};
+use crate::{calibrate, check, dataset, doctor, graph, plan, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -34,6 +34,8 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Make labelled images and point clouds of scenarios, as KITTI and COCO have them
     Dataset(dataset::DatasetArgs),
+    /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
+    Doctor(doctor::DoctorArgs),
     /// List the scenarios of a folder
     Scenarios(scenarios::ScenariosArgs),
 }
@@ -68,6 +70,7 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Check(args) => check::run(args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Dataset(args) => dataset::run(args),
+        Command::Doctor(args) => doctor::run(args),
         Command::Scenarios(args) => scenarios::run(args),
     }
 }

@@ -5,6 +5,7 @@ pub mod check;
 pub mod cli;
 pub mod config;
 pub mod dataset;
+pub mod doctor;
 pub mod files;
 pub mod frames;
 pub mod graph;

@@ -12,6 +12,7 @@ use swerve_foxglove::Foxglove;
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{Image, Imu, ObstacleList, Plan, PointCloud, Route};
+use swerve_render::Backend;
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
@@ -21,7 +22,7 @@ use crate::config::{Config, Images};
 use crate::files::write_whole;
 use crate::frames::Frames;
 use crate::output::align;
-use crate::pipeline::Pipeline;
+use crate::pipeline::{Pipeline, Rendered};
 use crate::progress::Progress;
 use crate::story::{Story, draw};
 use crate::views::views_of;
@@ -75,6 +76,8 @@ pub struct Outcome {
     pub road_margin_m: f64,
     /// What the engine counted.
     pub report: RunReport,
+    /// What computed the images, if there were any.
+    pub rendered: Option<Rendered>,
 }
 
 /// Several problems as one error.
@@ -138,6 +141,7 @@ pub fn drive_pipeline(
     observers: &mut [&mut dyn Observer],
 ) -> anyhow::Result<Outcome> {
     let mut measured = Measured::of(&pipeline)?;
+    let rendered = pipeline.rendered();
     let options = RunOptions::until(pipeline.until).seed(seed).threads(threads);
     let report = {
         let mut all: Vec<&mut dyn Observer> = vec![&mut measured];
@@ -149,6 +153,7 @@ pub fn drive_pipeline(
         digest: report.digest,
         road_margin_m: measured.road_margin_m,
         report,
+        rendered: rendered(),
     })
 }
 
@@ -367,6 +372,10 @@ pub struct Summary {
     seed: u64,
     /// As everywhere else in hexadecimal digits: JSON readers keep no more than 53 bits of a number.
     digest: String,
+    /// What computed the images: `cpu`, or an adapter, on which alone the digest holds; null without images.
+    images_by: Option<String>,
+    /// Why the processor went on with the images, if an adapter failed.
+    adapter_lost: Option<String>,
     /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
     as_expected: Option<bool>,
     not_as_expected: Vec<String>,
@@ -374,6 +383,11 @@ pub struct Summary {
     unrecorded: u64,
     #[serde(flatten)]
     metrics: Metrics,
+}
+
+fn images_by(rendered: &Rendered) -> String {
+    let backend = rendered.backend.name();
+    rendered.adapter.as_ref().map_or_else(|| backend.to_owned(), |adapter| format!("{backend}, {adapter}"))
 }
 
 impl Summary {
@@ -387,6 +401,8 @@ impl Summary {
             pipeline,
             seed: config.seed,
             digest: outcome.digest.to_string(),
+            images_by: outcome.rendered.as_ref().map(images_by),
+            adapter_lost: outcome.rendered.as_ref().and_then(|r| r.fell_back.clone()),
             as_expected: broken.as_ref().map(Vec::is_empty),
             not_as_expected: broken.unwrap_or_default(),
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
@@ -422,6 +438,12 @@ impl Summary {
             row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
         }
         row("digest", self.digest.clone());
+        if let Some(adapter) = self.images_by.as_ref().filter(|by| *by != Backend::Cpu.name()) {
+            row("images by", format!("{adapter}: the digest holds for this adapter and driver alone"));
+        }
+        if let Some(why) = &self.adapter_lost {
+            row("adapter lost", format!("{why}; the processor went on: the digest is not to be had again"));
+        }
         let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
         let lines = m.operators.iter().map(|o| {
             let ms = |x: f64| format!("{x:.2}");

@@ -1,10 +1,12 @@
 //! Cameras on the ego vehicle: `[camera.NAME]`.
 
+use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Ego, Transform};
+use swerve_render::gpu::{AdapterKind, Adapters};
 use swerve_render::{
-    Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, SensorNoise, Shutter,
-    WeatherPreset, mount,
+    Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
+    SensorNoise, Shutter, WeatherPreset, mount,
 };
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
@@ -15,6 +17,8 @@ use super::sensors::{range, timing_faults};
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderConfig {
+    /// What computes the images.
+    pub backend: RenderBackend,
     /// Weather and time of day.
     pub weather: WeatherPreset,
     /// Threads of the renderer; the images do not depend on them.
@@ -23,7 +27,50 @@ pub struct RenderConfig {
 
 impl Default for RenderConfig {
     fn default() -> Self {
-        Self { weather: WeatherPreset::default(), threads: 2 }
+        Self { backend: RenderBackend::default(), weather: WeatherPreset::default(), threads: 2 }
+    }
+}
+
+/// What computes images.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RenderBackend {
+    /// In virtual time the processor, otherwise a graphics processor if there is one.
+    #[default]
+    Auto,
+    /// The processor: the same images on every machine.
+    Cpu,
+    /// A graphics processor: its images are its own.
+    Gpu,
+    /// A driver that takes the part of a graphics processor: for comparison.
+    Software,
+}
+
+impl RenderBackend {
+    /// The back end of a run in virtual time.
+    pub fn in_virtual_time(self) -> Backend {
+        match self {
+            Self::Auto | Self::Cpu => Backend::Cpu,
+            Self::Gpu => Backend::Gpu,
+            Self::Software => Backend::Software,
+        }
+    }
+
+    /// What it comes to where images need not be the same on every machine, and why that.
+    pub fn on_this_machine(self, adapters: &Adapters) -> (Self, String) {
+        match adapters.choose(AdapterKind::Gpu) {
+            _ if self != Self::Auto => (self, format!("render.backend = \"{}\"", self.in_virtual_time().name())),
+            Ok(adapter) => (Self::Gpu, adapter.to_string()),
+            Err(none) => (Self::Cpu, none.to_string()),
+        }
+    }
+}
+
+impl RenderConfig {
+    /// What renders, started.
+    pub fn renderer(&self) -> anyhow::Result<Renderer> {
+        let options = RenderOptions { backend: self.backend.in_virtual_time(), threads: self.threads };
+        Renderer::new(options).context("render.backend")
     }
 }
 

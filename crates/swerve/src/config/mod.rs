@@ -6,6 +6,7 @@
 pub mod camera;
 pub mod execution;
 pub mod faults;
+pub mod injection;
 mod planner;
 pub mod sensors;
 pub mod text;
@@ -24,6 +25,7 @@ use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
 use execution::{Deadline, Runtime};
+use injection::FaultConfig;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
 
@@ -59,6 +61,9 @@ pub struct Config {
     pub operator: BTreeMap<String, OperatorConfig>,
     /// Shared resources, by name.
     pub resource: BTreeMap<String, ResourceConfig>,
+    /// Faults on streams, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub fault: BTreeMap<String, FaultConfig>,
 }
 
 impl Default for Config {
@@ -78,6 +83,7 @@ impl Default for Config {
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
+            fault: BTreeMap::new(),
         }
     }
 }
@@ -524,6 +530,7 @@ impl Config {
         }
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
+        self.check_faults(&mut faults);
         self.check_log(&mut faults);
         if faults.is_empty() {
             return Ok(self);

@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
 use swerve_geom::{Ego, Lidar, Transform};
-use swerve_render::WeatherPreset;
+use swerve_render::{WeatherPreset, gpu};
 
 use crate::config::Config;
-use crate::config::camera::{CameraConfig, Output};
+use crate::config::camera::{CameraConfig, Output, RenderBackend};
 use crate::config::sensors::LidarConfig;
 use crate::files::write_whole;
 use crate::progress::Progress;
@@ -53,7 +53,10 @@ const KITTI_LIKE: (&str, &str) = ("camera", "lidar");
 
 /// Runs `swerve dataset`.
 pub fn run(args: &DatasetArgs) -> anyhow::Result<()> {
-    let base = base(args)?;
+    let mut base = base(args)?;
+    if base.render.backend == RenderBackend::Auto {
+        (base.render.backend, _) = RenderBackend::Auto.on_this_machine(&gpu::probe());
+    }
     let (camera, lidar) = sensors(&base)?;
     let occupied = std::fs::read_dir(&args.out).is_ok_and(|mut entries| entries.next().is_some());
     if occupied {

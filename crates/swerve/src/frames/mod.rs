@@ -18,7 +18,7 @@ use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Image, ObstacleList, Pixels, Plan};
 use swerve_render::{
-    Camera, CameraError, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, View, mount,
+    Camera, CameraError, CameraSpec, Frame, Intrinsics, Outputs, Renderer, View, mount,
 };
 use swerve_scenario::Scenario;
 
@@ -120,7 +120,7 @@ impl Frames {
             folder: folder.to_owned(),
             title,
             street: Street::new(scenario, shape, render.weather, config.seed),
-            renderer: Renderer::new(RenderOptions { threads: render.threads, ..RenderOptions::default() })?,
+            renderer: render.renderer()?,
             follower,
             driver,
             next: Time::ZERO,

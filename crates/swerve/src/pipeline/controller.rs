@@ -45,8 +45,10 @@ impl Operator for ControllerOperator {
     type Out = Port<Command>;
 
     fn step(&mut self, cx: &mut Context<'_>, (_, ego, plan): &Self::In, out: &mut Self::Out) {
-        let Some(ego) = ego.get() else { return };
-        let input = Input { now: cx.now(), ego, plan: plan.get().map(|p| &**p), route: &self.route };
+        // What no car can do is no measurement and no plan: better none.
+        let Some(ego) = ego.get().filter(|ego| ego.is_plausible()) else { return };
+        let plan = plan.get().map(|p| &**p).filter(|plan| plan.is_plausible());
+        let input = Input { now: cx.now(), ego, plan, route: &self.route };
         out.loan().send(self.controller.step(&input).command);
     }
 }

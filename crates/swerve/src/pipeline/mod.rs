@@ -3,6 +3,7 @@
 mod camera;
 mod controller;
 mod events;
+mod faulty;
 mod lidar;
 mod perception;
 mod planner;
@@ -27,7 +28,11 @@ use crate::config::Config;
 use crate::config::camera::Output;
 use crate::config::execution::{parse_policy, span_ms};
 
+use faulty::faulty;
+use stage::SharedStage;
+
 pub use controller::controller;
+pub use stage::Rendered;
 
 /// A pipeline ready to run.
 pub struct Pipeline {
@@ -41,6 +46,8 @@ pub struct Pipeline {
     pub vehicle: VehicleParams,
     /// When the scenario is over at the latest.
     pub until: Time,
+    /// What cameras and lidars share, where there are any.
+    stage: Option<SharedStage>,
 }
 
 impl Pipeline {
@@ -50,11 +57,17 @@ impl Pipeline {
         let vehicle = config.sim.vehicle.clone();
         let route = scenario.road.route();
         let mut graph = Graph::new();
-        connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
+        let stage = connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
         configure(&mut graph, config)?;
         let until =
             last_step(Span::from_secs(scenario.end.timeout_s), Span::from_secs(config.sim.dt_ms * 1e-3));
-        Ok(Self { graph, scenario, route, vehicle, until })
+        Ok(Self { graph, scenario, route, vehicle, until, stage })
+    }
+
+    /// Tells, once the pipeline has run, what computed its images, if it had any.
+    pub(crate) fn rendered(&self) -> impl FnOnce() -> Option<Rendered> + use<> {
+        let stage = self.stage.clone();
+        move || stage.map(|stage| stage::rendered(&stage))
     }
 }
 
@@ -89,7 +102,12 @@ fn timer(config: &Config, name: &str, period_ms: f64) -> Timer {
     every(ms(period_ms)).phase(phase(config, name, ms(period_ms)))
 }
 
-fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Route) -> anyhow::Result<()> {
+fn connect(
+    graph: &mut Graph,
+    config: &Config,
+    scenario: &Scenario,
+    route: &Route,
+) -> anyhow::Result<Option<SharedStage>> {
     let sensing = &config.sensing;
     let dt = ms(config.sim.dt_ms);
     let timer = |name: &str, period_ms: f64| timer(config, name, period_ms);
@@ -102,22 +120,29 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
         .add("obstacles", sensors::Obstacles::new(config), (timer("obstacles", sensing.period_ms), world))
         .origin()
         .out();
+    let obstacles = faulty(graph, config, "obstacles", obstacles)?;
     let seed = config.seed;
     let pose_sensor = sensors::Pose { params: sensing.pose, seed };
     let pose = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
+    let pose = faulty(graph, config, "pose", pose)?;
     let imu = sensors::Inertial { params: sensing.imu, seed };
-    graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
-    sense_motion_and_events(graph, config, scenario, world);
-    sense_surroundings(graph, config, scenario, world)?;
+    let imu = graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
+    faulty(graph, config, "imu", imu)?;
+    sense_motion_and_events(graph, config, scenario, world)?;
+    let stage = sense_surroundings(graph, config, scenario, world)?;
     let tracks = graph.add("tracker", perception::Tracker::new(config), (obstacles,)).out();
+    let tracks = faulty(graph, config, "tracker", tracks)?;
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
+    let predictions = faulty(graph, config, "predictor", predictions)?;
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
     let plan = graph.add("planner", planner, (predictions, pose)).out();
+    let plan = faulty(graph, config, "planner", plan)?;
     let controller = controller::ControllerOperator::new(config, route);
     let commands =
         graph.add("controller", controller, (every(ms(config.control.period_ms)), pose, plan)).out();
+    let commands = faulty(graph, config, "controller", commands)?;
     graph.connect(command, commands);
-    Ok(())
+    Ok(stage)
 }
 
 /// Sensors of the ego's own motion, and of what happens to it, that run only where they are asked for.
@@ -126,16 +151,19 @@ fn sense_motion_and_events(
     config: &Config,
     scenario: &Scenario,
     world: Stream<WorldState>,
-) {
+) -> anyhow::Result<()> {
     let (sensing, seed, vehicle) = (&config.sensing, config.seed, &config.sim.vehicle);
     if config.runs("gnss") {
         let gnss = sensors::Satellite { params: sensing.gnss, seed };
-        graph.add("gnss", gnss, (timer(config, "gnss", sensing.gnss_period_ms), world)).out();
+        let gnss = graph.add("gnss", gnss, (timer(config, "gnss", sensing.gnss_period_ms), world)).out();
+        faulty(graph, config, "gnss", gnss)?;
     }
     if config.runs("odometry") {
         let odometer = WheelOdometer::new(sensing.odometry, vehicle, "odometry", seed);
         let odometry = sensors::Odometry { odometer, vehicle: vehicle.clone() };
-        graph.add("odometry", odometry, (timer(config, "odometry", sensing.odometry_period_ms), world)).out();
+        let ticks = timer(config, "odometry", sensing.odometry_period_ms);
+        let odometry = graph.add("odometry", odometry, (ticks, world)).out();
+        faulty(graph, config, "odometry", odometry)?;
     }
     if config.runs("collisions") {
         graph.add("collisions", events::Collisions, (world,)).out();
@@ -148,6 +176,7 @@ fn sense_motion_and_events(
         let sensor = RedLightSensor::new(&scenario.road, vehicle.shape);
         graph.add("red_lights", events::RedLights(sensor), (world,)).out();
     }
+    Ok(())
 }
 
 /// Cameras, radars and lidars, each where it is asked for.
@@ -156,7 +185,7 @@ fn sense_surroundings(
     config: &Config,
     scenario: &Scenario,
     world: Stream<WorldState>,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Option<SharedStage>> {
     for (name, radar) in config.radar.iter().filter(|(name, _)| config.runs(name)) {
         let wrong = |faults| anyhow::anyhow!("radar.{name}: {faults:?}");
         let operator = radar::RadarOperator {
@@ -164,24 +193,31 @@ fn sense_surroundings(
             seed: config.seed,
         };
         let node = graph.add(name, operator, (timer(config, name, radar.period_ms()), world));
-        node.origin().outputs(&["scan", "truth"]).out();
+        let (scan, _) = node.origin().outputs(&["scan", "truth"]).out();
+        faulty(graph, config, &format!("{name}.scan"), scan)?;
     }
     let cameras: Vec<_> = config.camera.iter().filter(|(name, _)| config.runs(name)).collect();
     let lidars: Vec<_> = config.lidar.iter().filter(|(name, _)| config.runs(name)).collect();
     if cameras.is_empty() && lidars.is_empty() {
-        return Ok(());
+        return Ok(None);
     }
     let stage = stage::Stage::new(config, scenario)?;
     for (name, camera) in cameras {
         let operator = camera::CameraOperator::new((name, camera), config, stage.clone())?;
         let node = graph.add(name, operator, (timer(config, name, camera.period_ms), world));
-        node.origin().outputs(&Output::ALL.map(Output::name)).out();
+        let names = Output::ALL.map(Output::name);
+        let (rgb, depth, semantic, instance) = node.origin().outputs(&names).out();
+        for (output, image) in names.into_iter().zip([rgb, depth, semantic, instance]) {
+            faulty(graph, config, &format!("{name}.{output}"), image)?;
+        }
     }
     for (name, lidar) in lidars {
         let operator = lidar::LidarOperator::new((name, lidar), config, stage.clone())?;
-        graph.add(name, operator, (world,)).origin().outputs(&["points", "truth"]).out();
+        let node = graph.add(name, operator, (world,));
+        let (points, _) = node.origin().outputs(&["points", "truth"]).out();
+        faulty(graph, config, &format!("{name}.points"), points)?;
     }
-    Ok(())
+    Ok(Some(stage))
 }
 
 /// Run times, policies, deadlines, resources and delays, by operator name.

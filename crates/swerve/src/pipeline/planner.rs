@@ -1,8 +1,9 @@
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use swerve_core::Span;
 use swerve_flow::{At, Context, Operator, Port, Progress, Window};
-use swerve_msg::{EgoState, Plan, PredictionList, Route};
+use swerve_msg::{EgoState, Plan, Prediction, PredictionList, Route};
 use swerve_planning::world::predicted_start;
 use swerve_planning::{Budget, Goes, Planner, Request};
 use swerve_scenario::Scenario;
@@ -54,18 +55,28 @@ impl Operator for PlannerOperator {
     fn step(&mut self, cx: &mut Context<'_>, (predictions, poses): &Self::In, out: &mut Self::Out) {
         let (Some(predictions), poses) = (predictions.get(), poses.get()) else { return };
         // Measured at the frame's stamp: what came later is not what the predictions go with.
-        let at_stamp = poses.iter().rev().find(|p| p.header().stamp <= cx.stamp());
-        let Some(measured) = at_stamp.or(poses.first()) else { return };
+        let mut poses = poses.iter().filter(|p| p.is_plausible());
+        let Some(first) = poses.next() else { return };
+        let at_stamp = poses.rev().find(|p| p.header().stamp <= cx.stamp());
+        let measured = at_stamp.unwrap_or(first);
         let start = match self.expected {
             None => **measured,
             Some(expected) => predicted_start(measured, self.previous.as_deref(), expected),
         };
+        let stamp = predictions.stamp;
+        let predictions = match predictions.predictions.iter().all(Prediction::is_plausible) {
+            true => Cow::Borrowed(&predictions.predictions),
+            false => {
+                let plausible = predictions.predictions.iter().filter(|p| p.is_plausible());
+                Cow::Owned(plausible.cloned().collect())
+            }
+        };
         let request = Request {
-            stamp: predictions.stamp,
+            stamp,
             start,
             route: &self.route,
             target_speed_mps: self.target_speed_mps,
-            predictions: &predictions.predictions,
+            predictions: &predictions,
             shape: &self.shape,
             limits: &self.limits,
             previous: self.previous.as_deref(),

@@ -3,7 +3,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use swerve_core::Time;
 use swerve_msg::truth::WorldState;
 use swerve_render::lidar::{SceneTree, TreeError};
-use swerve_render::{RenderOptions, Renderer, Scene};
+use swerve_render::{Backend, Renderer, Scene};
 use swerve_scenario::Scenario;
 use swerve_vehicle::Shape;
 
@@ -30,8 +30,7 @@ impl Stage {
     pub(super) fn new(config: &Config, scenario: &Scenario) -> anyhow::Result<SharedStage> {
         let render = &config.render;
         let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
-        let options = RenderOptions { threads: render.threads, ..RenderOptions::default() };
-        let (renderer, tree) = (Renderer::new(options)?, SceneTree::default());
+        let (renderer, tree) = (render.renderer()?, SceneTree::default());
         Ok(Arc::new(Mutex::new(Self { street, renderer, tree, shown: None, planted: None })))
     }
 
@@ -57,6 +56,32 @@ impl Stage {
             self.shown = Some(world.stamp);
         }
     }
+}
+
+/// What computed the images of a run.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Rendered {
+    /// The back end at the end of the run.
+    pub backend: Backend,
+    /// The adapter, where there is one.
+    pub adapter: Option<String>,
+    /// Why the run went on with the processor, if it had to.
+    pub fell_back: Option<String>,
+}
+
+impl Rendered {
+    /// What the digest of such a run holds for.
+    pub fn is_portable(&self) -> bool {
+        self.backend.is_portable() && self.fell_back.is_none()
+    }
+}
+
+pub(super) fn rendered(stage: &Mutex<Stage>) -> Rendered {
+    with(stage, |stage| Rendered {
+        backend: stage.renderer.backend(),
+        adapter: stage.renderer.adapter().map(ToString::to_string),
+        fell_back: stage.renderer.fell_back().map(str::to_owned),
+    })
 }
 
 /// Works with the stage while nobody else does.

@@ -26,7 +26,8 @@ impl Operator for World {
             self.simulator.step(self.latched);
         }
         self.started = true;
-        if let Some(command) = command.get() {
+        // Wires to pedals carry numbers: what is none does not reach them.
+        if let Some(command) = command.get().filter(|command| command.is_finite()) {
             self.latched = **command;
         }
         let state = self.simulator.state();

@@ -59,7 +59,10 @@ pub struct Axis {
 pub struct Setting {
     /// Name in tables.
     pub name: String,
+    /// Scenario file, relative to the study's folder, in the place of the base's.
+    pub scenario: Option<PathBuf>,
     /// Keys and values.
+    #[serde(default)]
     pub set: toml::Table,
 }
 
@@ -142,6 +145,8 @@ pub type Sets = Vec<(String, toml::Value)>;
 pub struct Step {
     /// What stands in the table.
     pub label: String,
+    /// The scenario, where it names one.
+    pub scenario: Option<PathBuf>,
     /// What it sets.
     pub sets: Sets,
 }
@@ -153,6 +158,8 @@ pub struct Cell {
     pub index: usize,
     /// What stands in the table, one an axis.
     pub labels: Vec<String>,
+    /// The scenario, where it is not the base's.
+    pub scenario: Option<PathBuf>,
     /// Keys set on top of the base configuration, in order.
     pub sets: Sets,
 }
@@ -180,7 +187,7 @@ impl Study {
     ) -> Result<Self, Vec<Problem>> {
         let file: StudyFile = document.to()?;
         let mut problems = Vec::new();
-        let (axes, steps) = read_axes(document, &file, sets, &mut problems);
+        let (axes, steps) = read_axes(document, (&file, folder), sets, &mut problems);
         if let Some(budget) = &file.budget {
             budget.check(document, &axes, &mut problems);
         }
@@ -208,7 +215,7 @@ impl Study {
     /// Makes the cells.
     #[must_use]
     pub fn expand(mut self) -> Self {
-        let mut cells = vec![Cell { index: 0, labels: Vec::new(), sets: self.base.clone() }];
+        let mut cells = vec![Cell { index: 0, labels: Vec::new(), scenario: None, sets: self.base.clone() }];
         for steps in &self.steps {
             cells = cells.iter().flat_map(|cell| steps.iter().map(move |step| cell.and(step))).collect();
         }
@@ -219,9 +226,20 @@ impl Study {
         self
     }
 
+    /// The scenario of a cell.
+    pub fn scenario<'a>(&'a self, cell: &'a Cell) -> &'a Path {
+        cell.scenario.as_deref().unwrap_or(&self.scenario)
+    }
+
+    /// All scenario files, each once.
+    pub fn scenarios(&self) -> BTreeSet<&Path> {
+        let named = self.steps.iter().flatten().filter_map(|step| step.scenario.as_deref());
+        named.chain([self.scenario.as_path()]).collect()
+    }
+
     /// The command line that repeats one cell.
     pub fn command(&self, cell: &Cell) -> String {
-        let mut line = format!("swerve run {}", quoted(&self.scenario.display().to_string()));
+        let mut line = format!("swerve run {}", quoted(&self.scenario(cell).display().to_string()));
         if let Some(config) = &self.config {
             line += &format!(" -c {}", quoted(&config.display().to_string()));
         }
@@ -269,7 +287,7 @@ fn quoted(word: &str) -> String {
 /// Names and steps of the axes; what is wrong with them goes to `problems`.
 fn read_axes(
     document: &Document,
-    file: &StudyFile,
+    (file, folder): (&StudyFile, &Path),
     sets: &[(String, toml::Value)],
     problems: &mut Vec<Problem>,
 ) -> (Vec<String>, Vec<Vec<Step>>) {
@@ -279,7 +297,7 @@ fn read_axes(
     }
     for (i, axis) in file.axis.iter().enumerate() {
         let mut wrong = |message| problems.push(document.problem(&format!("axis[{i}]"), message));
-        let (name, mut steps) = match axis.steps() {
+        let (name, mut steps) = match axis.steps(folder) {
             Ok(read) => read,
             Err(message) => {
                 wrong(message);
@@ -287,7 +305,7 @@ fn read_axes(
             }
         };
         if file.budget.as_ref().and_then(|b| b.limit.as_ref()) == Some(&name) {
-            steps.push(Step { label: LIMIT.into(), sets: Vec::new() });
+            steps.push(Step { label: LIMIT.into(), scenario: None, sets: Vec::new() });
         }
         if axes.contains(&name) {
             wrong(format!("a second axis of the name `{name}`"));
@@ -307,6 +325,7 @@ impl Cell {
     fn and(&self, step: &Step) -> Self {
         let mut cell = self.clone();
         cell.labels.push(step.label.clone());
+        cell.scenario = step.scenario.clone().or(cell.scenario);
         cell.sets.extend(step.sets.iter().cloned());
         cell
     }
@@ -318,15 +337,16 @@ impl Cell {
 }
 
 impl Axis {
-    fn steps(&self) -> Result<(String, Vec<Step>), String> {
+    fn steps(&self, folder: &Path) -> Result<(String, Vec<Step>), String> {
         let from_values = self.values.iter().map(|value| {
             let key = self.key.clone().ok_or("`values` need a `key`")?;
-            Ok(Step { label: label_of(value), sets: vec![(key, value.clone())] })
+            Ok(Step { label: label_of(value), scenario: None, sets: vec![(key, value.clone())] })
         });
         let from_settings = self.settings.iter().map(|setting| {
             let mut sets = Vec::new();
             flatten("", &setting.set, &mut sets);
-            Ok(Step { label: setting.name.clone(), sets })
+            let scenario = setting.scenario.as_ref().map(|path| beside(folder, path));
+            Ok(Step { label: setting.name.clone(), scenario, sets })
         });
         let steps: Vec<Step> = from_values.chain(from_settings).collect::<Result<_, &str>>()?;
         if steps.is_empty() {

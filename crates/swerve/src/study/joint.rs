@@ -13,10 +13,11 @@ use crate::config::text::{Document, Problem};
 use crate::progress::Progress;
 
 /// Keys whose values are checked together; `*` is any one name. What [`Config`] checks across keys has to be here.
-const JOINT: [&[&str]; 3] = [
+const JOINT: [&[&str]; 4] = [
     &["planning.planner", "planning.config", "planning.preset", "planning.collision", "planning.params"],
     &["sim.vehicle"],
     &["resource", "operator.*.uses"],
+    &["fault", "log.sensors", "camera", "radar", "lidar"],
 ];
 
 /// What is wrong, each fault once, with the first cell that has it, in the order of these cells.

@@ -12,6 +12,7 @@ pub mod grid;
 pub mod heatmap;
 pub mod table;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -128,8 +129,8 @@ fn out_folder(study: &Study, out: Option<&Path>) -> PathBuf {
 pub struct Bench {
     /// The study.
     pub study: Study,
-    scenario: Scenario,
-    scenario_text: String,
+    /// Each with its text, by its file.
+    scenarios: BTreeMap<PathBuf, (Scenario, String)>,
     base: Document,
     /// The program itself: what another build finished is not taken for its result.
     program: Digest,
@@ -155,7 +156,16 @@ impl Bench {
         let sets: Result<Vec<_>, Problem> =
             sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
         let study = Study::read(file, &sets?).map_err(|problems| problems_error(&problems))?;
-        let scenario = crate::run::read_scenario(&study.scenario);
+        let mut scenarios = BTreeMap::new();
+        let mut unread = Vec::new();
+        for path in study.scenarios() {
+            match crate::run::read_scenario(path) {
+                Ok(scenario) => {
+                    scenarios.insert(path.to_owned(), (scenario, std::fs::read_to_string(path)?));
+                }
+                Err(error) => unread.push(error.to_string()),
+            }
+        }
         let base = match &study.config {
             Some(path) => Document::read(path),
             None => Document::parse("defaults", String::new()),
@@ -165,17 +175,21 @@ impl Bench {
             Ok(base) => joint::faults(&study, base),
             Err(problem) => vec![problem.clone()],
         };
-        match (scenario, base) {
-            (Ok(scenario), Ok(base)) if faults.is_empty() => {
-                let scenario_text = std::fs::read_to_string(&study.scenario)?;
-                Ok(Self { study, scenario, scenario_text, base, program: program()? })
+        match base {
+            Ok(base) if faults.is_empty() && unread.is_empty() => {
+                Ok(Self { study, scenarios, base, program: program()? })
             }
-            (scenario, _) => {
-                let scenario = scenario.err().map(|error| error.to_string());
+            _ => {
                 let faults = faults.iter().map(Problem::to_string);
-                Err(problems_error(&scenario.into_iter().chain(faults).collect::<Vec<_>>()))
+                Err(problems_error(&unread.into_iter().chain(faults).collect::<Vec<_>>()))
             }
         }
+    }
+
+    /// The scenario of a cell, and its text.
+    fn scenario(&self, cell: &Cell) -> (&Scenario, &str) {
+        let (scenario, text) = &self.scenarios[self.study.scenario(cell)];
+        (scenario, text)
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
@@ -187,7 +201,7 @@ impl Bench {
     /// What a cell's result depends on, in one number.
     pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
         let mut hasher = Hasher::new();
-        hasher.value(&(self.program, self.config(cell)?.to_text(), &self.scenario_text));
+        hasher.value(&(self.program, self.config(cell)?.to_text(), self.scenario(cell).1));
         hasher
             .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
         Ok(hasher.digest())
@@ -195,13 +209,13 @@ impl Bench {
 
     /// Runs one cell.
     pub fn run_cell(&self, cell: &Cell) -> anyhow::Result<CellResult> {
-        let config = self.config(cell)?;
+        let (config, (scenario, _)) = (self.config(cell)?, self.scenario(cell));
         match &self.study.budget {
             Some(budget) if cell.labels.iter().any(|l| l == grid::LIMIT) => {
-                limit::largest_reaction(cell, &config, &self.scenario, budget)
+                limit::largest_reaction(cell, &config, scenario, budget)
             }
-            Some(budget) => budget::largest_latency(cell, &config, &self.scenario, budget),
-            None => Ok(summary(cell, &drive(&config, &self.scenario)?)),
+            Some(budget) => budget::largest_latency(cell, &config, scenario, budget),
+            None => Ok(summary(cell, &drive(&config, scenario)?)),
         }
     }
 }

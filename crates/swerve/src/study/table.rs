@@ -216,7 +216,7 @@ mod tests {
             cells: cells
                 .into_iter()
                 .enumerate()
-                .map(|(index, labels)| Cell { index, labels, sets: vec![] })
+                .map(|(index, labels)| Cell { index, labels, scenario: None, sets: vec![] })
                 .collect(),
             budget: None,
         }

@@ -1,0 +1,287 @@
+//! Faults put on streams: `[fault.NAME]`.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+
+use super::Config;
+use super::execution::span_ms;
+use super::words::{nearest, number};
+
+/// A fault on a stream: exactly one of what it may do to messages, and when.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FaultConfig {
+    /// The stream, as the log names it. Its readers get what the fault makes of it; of two faults on one stream the
+    /// first by name comes first.
+    #[serde(default)]
+    pub stream: String,
+    /// `drop = true`: the message is lost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drop: Option<bool>,
+    /// The message comes this much later, ms; those behind it wait for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay_ms: Option<f64>,
+    /// The message comes later by a time drawn evenly from 0 to this, ms; those behind it wait for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jitter_ms: Option<f64>,
+    /// The message is repeated under new stamps, in the place of those that come within this time, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub freeze_ms: Option<f64>,
+    /// Normal noise on the numbers: this standard deviation in metres, m/s, m/s², degrees, degrees a second, hundredths
+    /// of a pedal, grey levels of an image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<f64>,
+    /// `nan = true`: one number of the message is no number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nan: Option<bool>,
+    /// So many bits of an image or a point cloud are flipped.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flip_bits: Option<u32>,
+    /// Probability with which it befalls a message, 0 to 1.
+    #[serde(default = "always")]
+    pub probability: f64,
+    /// From this stamp on, ms.
+    #[serde(default)]
+    pub from_ms: f64,
+    /// Up to this stamp, ms; to the end of the run when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until_ms: Option<f64>,
+    /// Seed of its draws; the run's when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+}
+
+fn always() -> f64 {
+    1.0
+}
+
+/// What a fault does to a message.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Harm {
+    /// It is lost.
+    Drop,
+    /// It comes later.
+    Delay(Span),
+    /// It comes later by up to this.
+    Jitter(Span),
+    /// It is repeated for this time.
+    Freeze(Span),
+    /// Its numbers change.
+    Corrupt(Corruption),
+}
+
+/// How numbers of a message change.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Corruption {
+    /// Normal noise of this standard deviation, see [`FaultConfig::noise`].
+    Noise(f64),
+    /// One is no number.
+    Nan,
+    /// So many bits are flipped.
+    FlipBits(u32),
+}
+
+impl Harm {
+    /// The name in the log.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Drop => "drop",
+            Self::Delay(_) => "delay",
+            Self::Jitter(_) => "jitter",
+            Self::Freeze(_) => "freeze",
+            Self::Corrupt(Corruption::Noise(_)) => "noise",
+            Self::Corrupt(Corruption::Nan) => "nan",
+            Self::Corrupt(Corruption::FlipBits(_)) => "flip_bits",
+        }
+    }
+}
+
+/// What a stream carries, as far as faults have to know.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Carries {
+    /// Numbers that mean something one by one.
+    Numbers,
+    /// An image of whole numbers: colours or ids, none of which can be no number.
+    Levels,
+    /// An image of distances, or points.
+    Floats,
+}
+
+impl fmt::Display for Carries {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Numbers => "measured or computed numbers",
+            Self::Levels => "an image of whole numbers",
+            Self::Floats => "an image of distances or a point cloud",
+        })
+    }
+}
+
+impl FaultConfig {
+    /// What it does, or what is wrong.
+    pub fn harm(&self) -> Result<Harm, String> {
+        let mut harms = Vec::new();
+        for (name, given, harm) in
+            [("drop", self.drop, Harm::Drop), ("nan", self.nan, Harm::Corrupt(Corruption::Nan))]
+        {
+            match given {
+                Some(true) => harms.push(harm),
+                Some(false) => return Err(format!("`{name}` can only be true; leave it out instead")),
+                None => {}
+            }
+        }
+        let spans: [(_, fn(Span) -> Harm); 3] = [
+            (self.delay_ms, Harm::Delay),
+            (self.jitter_ms, Harm::Jitter),
+            (self.freeze_ms, Harm::Freeze),
+        ];
+        for (ms, harm) in spans {
+            if let Some(ms) = ms {
+                harms.push(harm(span_ms(ms)?));
+            }
+        }
+        if let Some(sigma) = self.noise {
+            if !(0.0..=1e6).contains(&sigma) {
+                return Err(format!("expected a noise of 0 to 1000000, found {}", number(sigma)));
+            }
+            harms.push(Harm::Corrupt(Corruption::Noise(sigma)));
+        }
+        if let Some(bits) = self.flip_bits {
+            harms.push(Harm::Corrupt(Corruption::FlipBits(bits)));
+        }
+        match harms.len() {
+            1 => Ok(harms.remove(0)),
+            n => Err(format!(
+                "expected exactly one of drop, delay_ms, jitter_ms, freeze_ms, noise, nan, flip_bits; found {n}"
+            )),
+        }
+    }
+
+    /// The stamps that it befalls: from, and up to.
+    pub fn stamps(&self) -> Result<(Time, Time), (&'static str, String)> {
+        let time = |key, ms| span_ms(ms).map(|span| Time::ZERO + span).map_err(|message| (key, message));
+        let from = time("from_ms", self.from_ms)?;
+        let until = self.until_ms.map_or(Ok(Time::MAX), |ms| time("until_ms", ms))?;
+        if until < from {
+            return Err(("until_ms", "expected an instant after `from_ms`".into()));
+        }
+        Ok((from, until))
+    }
+}
+
+/// Streams of the pipeline that faults can befall.
+const STREAMS: [&str; 9] =
+    ["obstacles", "pose", "imu", "gnss", "odometry", "tracker", "predictor", "planner", "controller"];
+
+impl Config {
+    /// All streams that faults can befall, with what they carry.
+    fn faultable(&self) -> Vec<(String, Carries)> {
+        let own = STREAMS.iter().filter(|name| !["gnss", "odometry"].contains(name) || self.runs(name));
+        let mut streams: Vec<_> = own.map(|name| ((*name).to_owned(), Carries::Numbers)).collect();
+        for (name, camera) in self.camera.iter().filter(|(name, _)| self.runs(name)) {
+            let wanted = camera.wanted();
+            let outputs = [
+                ("rgb", wanted.rgb, Carries::Levels),
+                ("depth", wanted.depth, Carries::Floats),
+                ("semantic", wanted.semantic, Carries::Levels),
+                ("instance", wanted.instance, Carries::Levels),
+            ];
+            let given = outputs.into_iter().filter(|(_, wanted, _)| *wanted);
+            streams.extend(given.map(|(output, _, carries)| (format!("{name}.{output}"), carries)));
+        }
+        let radars = self.radar.keys().filter(|name| self.runs(name));
+        streams.extend(radars.map(|name| (format!("{name}.scan"), Carries::Numbers)));
+        let lidars = self.lidar.keys().filter(|name| self.runs(name));
+        streams.extend(lidars.map(|name| (format!("{name}.points"), Carries::Floats)));
+        streams
+    }
+
+    pub(super) fn check_faults(&self, told: &mut Vec<(String, String)>) {
+        let streams = self.faultable();
+        for (name, fault) in &self.fault {
+            let key = |last: &str| format!("fault.{name}.{last}");
+            if name.is_empty() || self.operators().any(|operator| operator == name) {
+                told.push((format!("fault.{name}"), "expected a name that no operator has".into()));
+            }
+            let stream = streams.iter().find(|(stream, _)| *stream == fault.stream);
+            if stream.is_none() {
+                let names: Vec<&str> = streams.iter().map(|(name, _)| name.as_str()).collect();
+                let near = nearest(&fault.stream, names.iter().copied())
+                    .map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+                let message = format!(
+                    "unknown stream `{}`, expected one of {}{near}; sensors that only the log reads run where `log.sensors` names them",
+                    fault.stream,
+                    names.join(", ")
+                );
+                told.push((key("stream"), message));
+            }
+            let fits = |harm: Harm, carries: Carries| match harm {
+                Harm::Corrupt(Corruption::FlipBits(_)) => carries != Carries::Numbers,
+                Harm::Corrupt(Corruption::Nan) => carries != Carries::Levels,
+                _ => true,
+            };
+            match (fault.harm(), stream) {
+                (Err(message), _) => told.push((format!("fault.{name}"), message)),
+                (Ok(harm), Some((_, carries))) if !fits(harm, *carries) => told.push((
+                    key(harm.name()),
+                    format!("`{}` carries {carries}: this fault cannot befall it", fault.stream),
+                )),
+                _ => {}
+            }
+            if !(0.0..=1.0).contains(&fault.probability) {
+                let found = number(fault.probability);
+                told.push((key("probability"), format!("expected 0 to 1, found {found}")));
+            }
+            if let Err((last, message)) = fault.stamps() {
+                told.push((key(last), message));
+            }
+        }
+    }
+
+    /// The faults that befall a stream, by name, in order.
+    pub(crate) fn faults_of(&self, stream: &str) -> impl Iterator<Item = (&str, &FaultConfig)> {
+        let named = self.fault.iter().map(|(name, fault)| (name.as_str(), fault));
+        named.filter(move |(_, fault)| fault.stream == stream)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::text::Document;
+    use super::*;
+
+    fn told(text: &str) -> Vec<String> {
+        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        match Config::from_document(&document, &[]) {
+            Ok(_) => Vec::new(),
+            Err(problems) => problems.iter().map(ToString::to_string).collect(),
+        }
+    }
+
+    #[test]
+    fn what_cannot_befall_a_stream_is_refused_with_its_line() {
+        let good = "[fault.late]\nstream = \"obstacles\"\ndelay_ms = 100\nprobability = 0.2\nfrom_ms = 500\nuntil_ms = 900\n";
+        assert_eq!(told(good), [] as [&str; 0]);
+        let cases = [
+            ("stream = \"obstacle\"\ndrop = true", "c.toml:2: fault.f.stream: unknown stream `obstacle`"),
+            ("stream = \"pose\"", "c.toml:1: fault.f: expected exactly one of drop"),
+            ("stream = \"pose\"\ndrop = true\nnan = true", "c.toml:1: fault.f: expected exactly one of drop"),
+            ("stream = \"pose\"\nflip_bits = 3", "c.toml:3: fault.f.flip_bits: `pose` carries measured"),
+            ("stream = \"pose\"\ndrop = true\nprobability = 1.5", "c.toml:4: fault.f.probability: expected 0"),
+            ("stream = \"pose\"\ndelay_ms = -1", "c.toml:1: fault.f: expected milliseconds"),
+            ("stream = \"pose\"\nnoise = nan", "c.toml:1: fault.f: expected a noise of"),
+            ("stream = \"pose\"\ndrop = true\nfrom_ms = 5\nuntil_ms = 4", "c.toml:5: fault.f.until_ms: "),
+            ("stream = \"front.rgb\"\ndrop = true", "c.toml:2: fault.f.stream: unknown stream `front.rgb`"),
+        ];
+        for (fault, expected) in cases {
+            let found = told(&format!("[fault.f]\n{fault}\n"));
+            assert!(found.iter().any(|line| line.starts_with(expected)), "{fault}: {found:?}");
+        }
+        let camera = "[log]\nsensors = [\"front\"]\n[camera.front]\n[fault.f]\nstream = \"front.rgb\"\n";
+        assert_eq!(told(&format!("{camera}flip_bits = 10\n")), [] as [&str; 0]);
+        assert!(told(&format!("{camera}nan = true\n"))[0].contains("an image of whole numbers"));
+        assert!(told("[fault.pose]\nstream = \"pose\"\ndrop = true\n")[0].contains("no operator has"));
+    }
+}

@@ -1,0 +1,111 @@
+//! `swerve doctor`: what this machine offers, and what will be used of it.
+
+use std::path::Path;
+
+use swerve_render::gpu::{self, AdapterKind, Adapters};
+
+use crate::config::camera::RenderBackend;
+use crate::output;
+
+/// `swerve doctor`.
+#[derive(clap::Args, Debug)]
+pub struct DoctorArgs {}
+
+/// Runs `swerve doctor`.
+pub fn run(_: &DoctorArgs) -> anyhow::Result<()> {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut lines = vec![
+        line("swerve", env!("CARGO_PKG_VERSION")),
+        line(
+            "machine",
+            &format!("{} {}, {processors} processors", std::env::consts::ARCH, std::env::consts::OS),
+        ),
+        String::new(),
+    ];
+    lines.extend(rendering(&gpu::probe()));
+    lines.push(String::new());
+    lines.push(line("shared memory", &shared_memory(Path::new("/dev/shm"))));
+    output::print(&(lines.join("\n") + "\n"))
+}
+
+fn line(name: &str, value: &str) -> String {
+    format!("{name:<15}{value}").trim_end().to_owned()
+}
+
+/// What images can be rendered by, and what will be used where.
+fn rendering(adapters: &Adapters) -> Vec<String> {
+    let mut lines = vec![line(
+        "rendering",
+        "cpu: the rasteriser of this program; the same bytes on every x86-64 machine and any number of threads",
+    )];
+    for adapter in &adapters.found {
+        let what = match (&adapter.refused, adapter.kind) {
+            (Some(why), _) => format!("not used, {why}"),
+            (None, Some(AdapterKind::Gpu)) => "gpu".to_owned(),
+            (None, _) => {
+                "software: asked for by that name only; `cpu` is faster and the same everywhere".to_owned()
+            }
+        };
+        lines.push(line("", &format!("{adapter}: {what}")));
+    }
+    lines.extend(adapters.absent.iter().map(|why| line("", why)));
+    lines.push(line("  used by", "render.backend = \"auto\", the default"));
+    let (chosen, why) = RenderBackend::Auto.on_this_machine(adapters);
+    lines.push(line("", "virtual time: cpu, so that a run has the same digest on every machine"));
+    lines.push(line("", &format!("wall clock, data sets: {}, {why}", chosen.in_virtual_time().name())));
+    lines
+}
+
+/// Where processes of one run share images.
+fn shared_memory(folder: &Path) -> String {
+    match std::fs::metadata(folder) {
+        Ok(at) if at.is_dir() => match at.permissions().readonly() {
+            false => folder.display().to_string(),
+            true => format!("{}: not to be written", folder.display()),
+        },
+        _ => format!("none: there is no folder {}", folder.display()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_render::gpu::AdapterReport;
+
+    use super::*;
+
+    fn adapter(name: &str, kind: AdapterKind, refused: Option<&str>) -> AdapterReport {
+        AdapterReport {
+            name: name.into(),
+            api: "vulkan",
+            driver: String::new(),
+            device_type: if kind == AdapterKind::Gpu { "discrete" } else { "cpu" },
+            kind: Some(kind),
+            refused: refused.map(Into::into),
+        }
+    }
+
+    fn told(found: Vec<AdapterReport>, absent: &[&str]) -> String {
+        let absent = absent.iter().map(|why| (*why).to_owned()).collect();
+        rendering(&Adapters { found, absent }).join("\n")
+    }
+
+    #[test]
+    fn a_gpu_is_named_and_used() {
+        let text = told(vec![adapter("Strong One", AdapterKind::Gpu, None)], &[]);
+        assert!(text.contains("Strong One (vulkan, discrete): gpu"), "{text}");
+        assert!(text.contains("wall clock, data sets: gpu, Strong One"), "{text}");
+    }
+
+    #[test]
+    fn without_one_the_reasons_are_told() {
+        let found = vec![
+            adapter("Broken", AdapterKind::Gpu, Some("parent device is lost")),
+            adapter("llvmpipe", AdapterKind::Software, None),
+        ];
+        let text = told(found, &["gl: no loader"]);
+        assert!(text.contains("Broken (vulkan, discrete): not used, parent device is lost"), "{text}");
+        assert!(text.contains("llvmpipe (vulkan, cpu): software"), "{text}");
+        assert!(text.contains("wall clock, data sets: cpu, no gpu adapter"), "{text}");
+        assert!(text.contains("gl: no loader"), "{text}");
+    }
+}
