@@ -84,10 +84,11 @@ pub(crate) fn raw(header: &Header, encoding: &str, bytes: Vec<u8>) -> RawImage {
     }
 }
 
-/// From rays to pixels: the model that others call "plumb bob" is the one of [`Intrinsics`].
-pub(crate) fn calibration(header: &Header) -> CameraCalibration {
-    let Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion } = header.info.intrinsics;
-    CameraCalibration {
+/// From rays to pixels: the model that others call "plumb bob" is the one of [`Intrinsics`]. There is no message for
+/// parallel rays.
+pub(crate) fn calibration(header: &Header) -> Option<CameraCalibration> {
+    let Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion, is_parallel } = header.info.intrinsics;
+    (!is_parallel).then(|| CameraCalibration {
         timestamp: Some(timestamp(header.stamp)),
         frame_id: frame_of(&header.camera),
         width: header.width_px,
@@ -97,7 +98,7 @@ pub(crate) fn calibration(header: &Header) -> CameraCalibration {
         k: vec![fx_px, 0.0, cx_px, 0.0, fy_px, cy_px, 0.0, 0.0, 1.0],
         r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         p: vec![fx_px, 0.0, cx_px, 0.0, 0.0, fy_px, cy_px, 0.0, 0.0, 0.0, 1.0, 0.0],
-    }
+    })
 }
 
 /// A road user as the stack believes it to be at an image's stamp.
@@ -119,7 +120,12 @@ pub(crate) fn annotations(
     let lens = Lens::of(header);
     let mut shown = ImageAnnotations { timestamp: stamp, ..ImageAnnotations::default() };
     for one in believed {
-        let at = |[x, y, z]: [f64; 3]| *camera_from_map * Point::<Map>::new(x, y, z);
+        let at = |[x, y, z]: [f64; 3]| {
+            let p = *camera_from_map * Point::<Map>::new(x, y, z);
+            // Parallel rays show everything as if it were one metre off.
+            let is_ahead = header.info.intrinsics.is_parallel && p.coords.z > 0.0;
+            if is_ahead { Point::new(p.coords.x, p.coords.y, 1.0) } else { p }
+        };
         let points: Vec<Point2> =
             box_edges(one.pose, one.extent).into_iter().flat_map(|[a, b]| lens.line(at(a), at(b))).collect();
         if points.is_empty() {
@@ -243,7 +249,7 @@ mod tests {
     use super::*;
 
     fn header(distortion: [f64; 5]) -> Header {
-        let intrinsics = Intrinsics { fx_px: 320.0, fy_px: 320.0, cx_px: 320.0, cy_px: 180.0, distortion };
+        let intrinsics = Intrinsics { fx_px: 320.0, fy_px: 320.0, cx_px: 320.0, cy_px: 180.0, distortion, is_parallel: false };
         let info = CameraInfo { intrinsics, ..CameraInfo::default() };
         Header { camera: "eye".into(), stamp: Time::from_ms(1500), width_px: 640, height_px: 360, info }
     }

@@ -277,7 +277,7 @@ impl Foxglove {
                 let (rgb, of) = (rgb.0.clone(), header.clone());
                 out.push(view(&colours, when, bytes, move || camera::colours(&of, &rgb, form)));
                 let of = header.clone();
-                out.push(view(&calibration, when, 0, move || Some(camera::calibration(&of))));
+                out.push(view(&calibration, when, 0, move || camera::calibration(&of)));
                 let map_from_ego = self.pose_at(image.stamp);
                 let believed = self.believed(image.stamp, map_from_ego);
                 let camera_from_map = (map_from_ego * info.ego_from_camera).inverse();

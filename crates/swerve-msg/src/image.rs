@@ -79,6 +79,8 @@ pub struct Intrinsics {
     pub cy_px: f64,
     /// `k1, k2, p1, p2, k3`; all zero for a lens that does not bend.
     pub distortion: [f64; 5],
+    /// Rays are parallel, as those of a map: `x = X`, `y = Y`, and focal lengths are pixels per metre.
+    pub is_parallel: bool,
 }
 
 impl Default for CameraInfo {

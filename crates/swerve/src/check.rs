@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use swerve_render::gpu::{self, AdapterKind};
+use swerve_render::lidar::LidarEngine;
 
 use crate::config::Config;
 use crate::config::text::{Document, Problem};
@@ -64,15 +66,24 @@ fn problems(path: &Path) -> Vec<String> {
         told(crate::timing::read_file(path).err().unwrap_or_default())
     } else {
         match Config::from_document(&document, &[]) {
-            Ok(config) => told(no_adapter(&document, &config).into_iter().collect()),
+            Ok(config) => told(no_adapter(&document, &config)),
             Err(problems) => told(problems),
         }
     }
 }
 
-/// A configuration that asks for an adapter that is not there.
-fn no_adapter(document: &Document, config: &Config) -> Option<Problem> {
-    let kind = config.render.backend.in_virtual_time().adapter()?;
-    let none = swerve_render::gpu::probe().choose(kind).err()?;
-    Some(document.problem("render.backend", format!("{none} (on this machine; `swerve doctor` tells more)")))
+/// What asks for an adapter that is not there.
+fn no_adapter(document: &Document, config: &Config) -> Vec<Problem> {
+    let rendering = config.render.backend.in_virtual_time().adapter();
+    let mut asked: Vec<_> = rendering.map(|kind| ("render.backend".to_owned(), kind)).into_iter().collect();
+    let on_gpu = config.lidar.iter().filter(|(_, lidar)| lidar.engine == LidarEngine::Gpu);
+    asked.extend(on_gpu.map(|(name, _)| (format!("lidar.{name}.engine"), AdapterKind::Gpu)));
+    if asked.is_empty() {
+        return Vec::new();
+    }
+    let adapters = gpu::probe();
+    let missing = asked.into_iter().filter_map(|(key, kind)| Some((key, adapters.choose(kind).err()?)));
+    let told =
+        |(key, none)| document.problem(&key, format!("{none} (on this machine; `swerve doctor` tells more)"));
+    missing.map(told).collect()
 }

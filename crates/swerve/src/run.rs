@@ -12,7 +12,6 @@ use swerve_foxglove::Foxglove;
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{Image, Imu, ObstacleList, Plan, PointCloud, Route};
-use swerve_render::Backend;
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
@@ -372,8 +371,10 @@ pub struct Summary {
     seed: u64,
     /// As everywhere else in hexadecimal digits: JSON readers keep no more than 53 bits of a number.
     digest: String,
-    /// What computed the images: `cpu`, or an adapter, on which alone the digest holds; null without images.
+    /// What computed images and point clouds: `cpu`, or an adapter; null without such sensors.
     images_by: Option<String>,
+    /// Whether the digest holds on every machine, or for that adapter and driver alone.
+    digest_is_portable: bool,
     /// Why the processor went on with the images, if an adapter failed.
     adapter_lost: Option<String>,
     /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
@@ -383,11 +384,6 @@ pub struct Summary {
     unrecorded: u64,
     #[serde(flatten)]
     metrics: Metrics,
-}
-
-fn images_by(rendered: &Rendered) -> String {
-    let backend = rendered.backend.name();
-    rendered.adapter.as_ref().map_or_else(|| backend.to_owned(), |adapter| format!("{backend}, {adapter}"))
 }
 
 impl Summary {
@@ -401,7 +397,8 @@ impl Summary {
             pipeline,
             seed: config.seed,
             digest: outcome.digest.to_string(),
-            images_by: outcome.rendered.as_ref().map(images_by),
+            images_by: outcome.rendered.as_ref().map(|r| r.by.clone()),
+            digest_is_portable: outcome.rendered.as_ref().is_none_or(|r| r.is_portable),
             adapter_lost: outcome.rendered.as_ref().and_then(|r| r.fell_back.clone()),
             as_expected: broken.as_ref().map(Vec::is_empty),
             not_as_expected: broken.unwrap_or_default(),
@@ -438,8 +435,8 @@ impl Summary {
             row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
         }
         row("digest", self.digest.clone());
-        if let Some(adapter) = self.images_by.as_ref().filter(|by| *by != Backend::Cpu.name()) {
-            row("images by", format!("{adapter}: the digest holds for this adapter and driver alone"));
+        if let Some(by) = self.images_by.as_ref().filter(|_| !self.digest_is_portable) {
+            row("images by", format!("{by}: the digest holds for this adapter and driver alone"));
         }
         if let Some(why) = &self.adapter_lost {
             row("adapter lost", format!("{why}; the processor went on: the digest is not to be had again"));

@@ -119,10 +119,12 @@ pub struct CameraConfig {
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
-    /// Angle between the left and the right edge of the image, degrees; not with `matrix`.
+    /// Angle between the left and the right edge of the image, degrees; not with `matrix` or `m_per_px`.
     pub fov_deg: Option<f64>,
     /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels; instead of `fov_deg`.
     pub matrix: Option<[[f64; 3]; 3]>,
+    /// Parallel rays instead of a lens, a pixel each so many metres: with `pitch_deg = 90` a map from above.
+    pub m_per_px: Option<f64>,
     /// Lens: k1, k2, p1, p2, k3 (Brown).
     pub distortion: Distortion,
     /// Brightness.
@@ -168,6 +170,7 @@ impl Default for CameraConfig {
             height_px: 360,
             fov_deg: None,
             matrix: None,
+            m_per_px: None,
             distortion: Distortion::default(),
             exposure: Exposure::default(),
             noise: NoiseConfig::default(),
@@ -189,9 +192,10 @@ const FOV_DEG: f64 = 90.0;
 impl CameraConfig {
     /// The camera, its noise keyed by `noise_seed`.
     pub fn camera(&self, noise_seed: u64) -> Result<Camera, CameraError> {
-        let intrinsics = match self.matrix {
-            Some(matrix) => Intrinsics::Matrix(matrix),
-            None => Intrinsics::HorizontalFovRad(self.fov_deg.unwrap_or(FOV_DEG).to_radians()),
+        let intrinsics = match (self.matrix, self.m_per_px) {
+            (Some(matrix), _) => Intrinsics::Matrix(matrix),
+            (None, Some(m_per_px)) => Intrinsics::OrthographicMPerPx(m_per_px),
+            (None, None) => Intrinsics::HorizontalFovRad(self.fov_deg.unwrap_or(FOV_DEG).to_radians()),
         };
         Camera::new(CameraSpec {
             width_px: self.width_px,
@@ -245,8 +249,15 @@ impl CameraConfig {
         }
         self.at_m.iter().for_each(|value| range(&mut faults, "at_m", *value, [-100.0, 100.0]));
         faults.extend(timing_faults(&self.timing()));
-        if self.fov_deg.is_some() && self.matrix.is_some() {
-            faults.push(("fov_deg".into(), "expected either `fov_deg` or `matrix`, found both".into()));
+        let given = [
+            ("fov_deg", self.fov_deg.is_some()),
+            ("matrix", self.matrix.is_some()),
+            ("m_per_px", self.m_per_px.is_some()),
+        ];
+        let given: Vec<&str> = given.into_iter().filter(|(_, is)| *is).map(|(key, _)| key).collect();
+        if let [first, second, ..] = given[..] {
+            let message = format!("expected one of `fov_deg`, `matrix`, `m_per_px`, found `{second}` too");
+            faults.push((first.into(), message));
         }
         if self.outputs.is_empty() {
             faults.push(("outputs".into(), "expected at least one of rgb, depth, semantic, instance".into()));
@@ -261,6 +272,7 @@ impl CameraConfig {
             let (key, value) = match error.field {
                 "intrinsics.horizontal_fov_rad" => ("fov_deg", error.value.to_degrees()),
                 "intrinsics.matrix" => ("matrix", error.value),
+                "intrinsics.orthographic_m_per_px" => ("m_per_px", error.value),
                 "shutter.blur_samples" => ("blur_samples", error.value),
                 other => (other, error.value),
             };

@@ -4,7 +4,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_geom::{Ego, Lidar, Point, Transform};
-use swerve_render::lidar::{Beam, LidarError, LidarPreset, LidarSpec};
+use swerve_render::lidar::{Beam, LidarEngine, LidarError, LidarPreset, LidarSpec};
 use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTiming};
 use swerve_vehicle::{Shape, VehicleParams};
 
@@ -86,6 +86,8 @@ impl RadarConfig {
 pub struct LidarConfig {
     /// Which class of lidar.
     pub preset: LidarPreset,
+    /// What casts the rays: `cpu`, the same points on every machine, or `gpu`, which pays from 64 beams on.
+    pub engine: LidarEngine,
     /// What differs from the preset.
     pub params: toml::Table,
     /// Elevation and azimuth offset of each laser, degrees; the preset's when empty.

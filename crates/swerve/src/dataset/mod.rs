@@ -130,6 +130,9 @@ fn sensors(config: &Config) -> anyhow::Result<(String, Option<Mounted>)> {
     if !camera.distortion.is_none() {
         bail!("camera.{name}.distortion: expected none: KITTI's images are rectified");
     }
+    if camera.m_per_px.is_some() {
+        bail!("camera.{name}.m_per_px: expected none: a data set is of a camera with a lens");
+    }
     if config.lidar.len() > 1 {
         bail!("a data set is of one lidar at most, the configuration has {}", config.lidar.len());
     }

@@ -39,7 +39,8 @@ impl CameraOperator {
         let ego_from_camera = config.ego_from_camera();
         let (fx_px, fy_px, cx_px, cy_px) = camera.focal_px();
         let distortion = config.distortion.coefficients();
-        let intrinsics = Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion };
+        let is_parallel = camera.is_orthographic();
+        let intrinsics = Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion, is_parallel };
         let info = CameraInfo { intrinsics, ego_from_camera };
         let pools = ENCODINGS.map(|_| Pool::new());
         let hides_ego = hides_ego(config.at_m, shape);

@@ -1,11 +1,13 @@
 use std::sync::Arc;
 
+use anyhow::Context as _;
 use swerve_core::{Rng, Span, Time};
 use swerve_flow::{At, Context, Operator, Port};
 use swerve_geom::{Ego, Lidar, Map, Transform};
 use swerve_msg::PointCloud;
 use swerve_msg::truth::{PointInstances, WorldState};
-use swerve_render::lidar::{CloudMut, Firing, Sweeper, TruthMut};
+use swerve_render::gpu::{AdapterKind, Gpu};
+use swerve_render::lidar::{CloudMut, Firing, LidarEngine, Sweeper, TruthMut};
 
 use super::phase;
 use super::stage::{Pool, SharedStage, hides_ego, with};
@@ -50,7 +52,14 @@ impl LidarOperator {
         let shape = &config.sim.vehicle.shape;
         let seed = Rng::keyed(config.seed, name, &[]).bits();
         let wrong = |faults: Vec<(String, String)>| anyhow::anyhow!("lidar.{name}: {faults:?}");
-        let sweeper = Sweeper::new(lidar.spec(seed).map_err(wrong)?, config.render.threads)?;
+        let (spec, threads) = (lidar.spec(seed).map_err(wrong)?, config.render.threads);
+        let sweeper = match lidar.engine {
+            LidarEngine::Cpu => Sweeper::new(spec, threads)?,
+            LidarEngine::Gpu => {
+                let gpu = Gpu::shared(AdapterKind::Gpu).context(format!("lidar.{name}.engine"))?;
+                Sweeper::on_gpu(spec, threads, &gpu)?
+            }
+        };
         let ego_from_lidar = lidar.ego_from_lidar(shape);
         let hidden_instance = hides_ego(lidar.at_m(shape), shape).then_some(EGO_INSTANCE);
         let (mut clouds, mut truths) = (Pool::new(), Pool::new());
@@ -84,8 +93,9 @@ impl LidarOperator {
         let (sweeper, sweep) = (&mut self.sweeper, &mut self.sweep);
         with(&self.stage, |stage| {
             let tree = stage.tree_of(world).map_err(|error| error.to_string())?;
-            let fired = sweeper.fire(tree, &firing, &mut sweep.room());
-            fired.map(drop).map_err(|error| error.to_string())
+            sweeper.fire(tree, &firing, &mut sweep.room()).map_err(|error| error.to_string())?;
+            stage.note(sweeper);
+            Ok(())
         })
     }
 }

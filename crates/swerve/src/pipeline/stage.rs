@@ -2,8 +2,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use swerve_core::Time;
 use swerve_msg::truth::WorldState;
-use swerve_render::lidar::{SceneTree, TreeError};
-use swerve_render::{Backend, Renderer, Scene};
+use swerve_render::lidar::{LidarEngine, SceneTree, Sweeper, TreeError};
+use swerve_render::{Renderer, Scene};
 use swerve_scenario::Scenario;
 use swerve_vehicle::Shape;
 
@@ -21,6 +21,7 @@ pub(super) struct Stage {
     shown: Option<Time>,
     /// The state that the tree was made of.
     planted: Option<Time>,
+    lidars: Lidars,
 }
 
 /// A stage and who else has it.
@@ -31,7 +32,7 @@ impl Stage {
         let render = &config.render;
         let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
         let (renderer, tree) = (render.renderer()?, SceneTree::default());
-        Ok(Arc::new(Mutex::new(Self { street, renderer, tree, shown: None, planted: None })))
+        Ok(Arc::new(Mutex::new(Self { street, renderer, tree, shown: None, planted: None, lidars: Lidars::default() })))
     }
 
     /// The scene of a state of the world, and who draws it.
@@ -50,6 +51,14 @@ impl Stage {
         Ok(&self.tree)
     }
 
+    /// Remembers what casts the rays of a lidar.
+    pub(super) fn note(&mut self, sweeper: &Sweeper) {
+        self.lidars.on_gpu |= sweeper.engine() == LidarEngine::Gpu;
+        if self.lidars.fell_back.is_none() {
+            self.lidars.fell_back = sweeper.fallback().map(str::to_owned);
+        }
+    }
+
     fn show(&mut self, world: &WorldState) {
         if self.shown != Some(world.stamp) {
             self.street.show(world);
@@ -58,30 +67,37 @@ impl Stage {
     }
 }
 
-/// What computed the images of a run.
+/// What computed the images and point clouds of a run.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Rendered {
-    /// The back end at the end of the run.
-    pub backend: Backend,
-    /// The adapter, where there is one.
-    pub adapter: Option<String>,
+    /// `cpu`, or what did it in its place.
+    pub by: String,
+    /// Whether the digest holds on every machine.
+    pub is_portable: bool,
     /// Why the run went on with the processor, if it had to.
     pub fell_back: Option<String>,
 }
 
-impl Rendered {
-    /// What the digest of such a run holds for.
-    pub fn is_portable(&self) -> bool {
-        self.backend.is_portable() && self.fell_back.is_none()
-    }
+pub(super) fn rendered(stage: &Mutex<Stage>) -> Rendered {
+    with(stage, |stage| {
+        let Stage { renderer, lidars, .. } = stage;
+        let backend = renderer.backend();
+        let adapter = renderer.adapter().map(|adapter| format!(", {adapter}")).unwrap_or_default();
+        let lidars_by = if lidars.on_gpu { ", lidars by gpu" } else { "" };
+        let fell_back = renderer.fell_back().map(str::to_owned).or_else(|| lidars.fell_back.clone());
+        Rendered {
+            by: format!("{}{adapter}{lidars_by}", backend.name()),
+            is_portable: backend.is_portable() && !lidars.on_gpu && fell_back.is_none(),
+            fell_back,
+        }
+    })
 }
 
-pub(super) fn rendered(stage: &Mutex<Stage>) -> Rendered {
-    with(stage, |stage| Rendered {
-        backend: stage.renderer.backend(),
-        adapter: stage.renderer.adapter().map(ToString::to_string),
-        fell_back: stage.renderer.fell_back().map(str::to_owned),
-    })
+/// What cast the rays of the lidars.
+#[derive(Default)]
+struct Lidars {
+    on_gpu: bool,
+    fell_back: Option<String>,
 }
 
 /// Works with the stage while nobody else does.
