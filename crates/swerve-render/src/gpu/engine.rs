@@ -62,6 +62,9 @@ struct Target {
 
 impl Target {
     fn new(gpu: &Gpu, size: [u32; 3]) -> Self {
+        // In OpenGL an array of one layer is no array, and cannot be read as one.
+        let least = if gpu.report().api == "gl" { 2 } else { 1 };
+        let size = [size[0], size[1], size[2].max(least)];
         let [visible, depth] = [VISIBLE, DEPTH].map(|format| maps::texture(gpu, size, format));
         let layer = |texture: &wgpu::Texture, layer: u32| {
             texture.create_view(&wgpu::TextureViewDescriptor {

@@ -222,3 +222,57 @@ pub(super) fn rounds(views: &[Ordered<'_>], limits: &wgpu::Limits) -> Result<(Ve
     }
     Ok((rounds, [width, height, layers.max(1)]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::lens::pinhole;
+    use crate::{CameraSpec, Shutter};
+
+    fn camera(width_px: u32, height_px: u32, shutter: Shutter) -> Camera {
+        Camera::new(CameraSpec { width_px, height_px, shutter, ..CameraSpec::default() }).unwrap()
+    }
+
+    fn ordered(cameras: &[Camera]) -> Vec<Ordered<'_>> {
+        let all = Outputs::ALL;
+        cameras.iter().enumerate().map(|(k, c)| (k, c, all, pinhole(c), false)).collect()
+    }
+
+    #[test]
+    fn sub_frames_follow_each_other_and_slabs_lie_side_by_side() {
+        let shutter = Shutter { exposure_s: 0.01, blur_samples: 3, readout_s: 0.01, readout_slabs: 2 };
+        let cameras = [camera(64, 64, shutter), camera(100, 20, Shutter::default())];
+        let (rounds, size) = rounds(&ordered(&cameras), &wgpu::Limits::default()).unwrap();
+        let counts: Vec<usize> = rounds.iter().map(|round| round.looks.len()).collect();
+        assert_eq!((counts, size), (vec![3, 2, 2], [100, 32, 3]));
+        for (sample, round) in rounds.iter().enumerate() {
+            for (k, placed) in round.looks.iter().enumerate() {
+                assert_eq!((placed.look.sample as usize, placed.layer as usize), (sample, k));
+            }
+        }
+    }
+
+    #[test]
+    fn large_images_share_few_layers_and_too_large_ones_are_refused() {
+        let cameras = vec![camera(4096, 4096, Shutter::default()); 5];
+        let limits = wgpu::Limits::default();
+        let (some, size) = rounds(&ordered(&cameras), &limits).unwrap();
+        assert_eq!((some.len(), size), (3, [4096, 4096, 2]));
+        let few = wgpu::Limits { max_texture_dimension_2d: 2048, ..limits };
+        let error = rounds(&ordered(&cameras), &few).unwrap_err();
+        assert_eq!(error, "an image of 4096 x 4096 pixels is drawn, the adapter takes 2048");
+    }
+
+    #[test]
+    fn images_lie_one_after_the_other_and_only_those_asked_for() {
+        let camera = camera(7, 3, Shutter::default());
+        let at = swerve_geom::Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
+        let view = View::new(&camera, at);
+        let (planes, [words, sums]) =
+            Planes::all(&[(view, Outputs::GEOMETRY), (view, Outputs::RGB)]).unwrap();
+        assert_eq!(planes[0].first, [NONE, 0, 64, 128]);
+        assert_eq!(planes[1].first, [192, NONE, NONE, NONE]);
+        assert_eq!((words, sums), (256, 0));
+        assert_eq!((planes[1].bytes(0), planes[0].bytes(2)), (768..768 + 63, 256..256 + 21));
+    }
+}
