@@ -82,8 +82,9 @@ fn no_adapter(document: &Document, config: &Config) -> Vec<Problem> {
         return Vec::new();
     }
     let adapters = gpu::probe();
-    let missing = asked.into_iter().filter_map(|(key, kind)| Some((key, adapters.choose(kind).err()?)));
-    let told =
-        |(key, none)| document.problem(&key, format!("{none} (on this machine; `swerve doctor` tells more)"));
-    missing.map(told).collect()
+    let told = |(key, kind): (String, AdapterKind)| {
+        let none = adapters.choose(kind).err()?;
+        Some(document.problem(&key, format!("{none} (on this machine; `swerve doctor` tells more)")))
+    };
+    asked.into_iter().filter_map(told).collect()
 }
