@@ -131,18 +131,18 @@ fn ray_of(look: u32, x: f32, y: f32) -> Ray {
     return ray;
 }
 
-fn turned_back(item: u32, v: vec3<f32>) -> vec3<f32> {
-    return row_f(item).xyz * v.x + row_f(item + 1u).xyz * v.y + row_f(item + 2u).xyz * v.z;
-}
-
-// Where a ray meets the plane of a triangle, in the frame of its body.
-fn meet(id: u32, ray: Ray) -> Seen {
+// Where a ray meets the plane of a triangle, in the frame of its body; normal and texture coordinates only if
+// they are `wanted`.
+fn meet(id: u32, ray: Ray, wanted: bool) -> Seen {
     let cluster = clusters[id >> 6u];
     let triangle = triangles[cluster.y * 64u + (id & 63u)];
     let item = cluster.x;
-    let place = vec3<f32>(row_f(item).w, row_f(item + 1u).w, row_f(item + 2u).w);
-    let eye = turned_back(item, ray.origin - place);
-    let along = turned_back(item, ray.along);
+    let x = row_f(item);
+    let y = row_f(item + 1u);
+    let z = row_f(item + 2u);
+    let from_place = ray.origin - vec3<f32>(x.w, y.w, z.w);
+    let eye = x.xyz * from_place.x + y.xyz * from_place.y + z.xyz * from_place.z;
+    let along = x.xyz * ray.along.x + y.xyz * ray.along.y + z.xyz * ray.along.z;
     let a = vertices[2u * triangle.x];
     let b = vertices[2u * triangle.y];
     let c = vertices[2u * triangle.z];
@@ -153,6 +153,10 @@ fn meet(id: u32, ray: Ray) -> Seen {
     let height = dot(n, from_eye);
     var seen: Seen;
     seen.w = dot(n, along) / select(height, 1e-20, height == 0.0);
+    seen.surface = frame[item + 3u].x + 5u * (triangle.w & 0xffffu);
+    if !wanted {
+        return seen;
+    }
     let d = along / max(seen.w, 1e-6) - from_eye;
     let over = 1.0 / max(dot(n, n), 1e-30);
     let beta = dot(cross(d, q), n) * over;
@@ -162,14 +166,13 @@ fn meet(id: u32, ray: Ray) -> Seen {
     let nb = vertices[2u * triangle.y + 1u];
     let nc = vertices[2u * triangle.z + 1u];
     let mean = na.xyz * alpha + nb.xyz * beta + nc.xyz * gamma;
-    let across = vec3<f32>(dot(row_f(item).xyz, mean), dot(row_f(item + 1u).xyz, mean), dot(row_f(item + 2u).xyz, mean));
+    let across = vec3<f32>(dot(x.xyz, mean), dot(y.xyz, mean), dot(z.xyz, mean));
     let turned = dot(n, along) > 0.0;
     let size = max(length(across), 1e-20);
     seen.normal = select(across, -across, turned) / size;
     seen.uv = vec2<f32>(
         a.w * alpha + b.w * beta + c.w * gamma, na.w * alpha + nb.w * beta + nc.w * gamma,
     );
-    seen.surface = frame[item + 3u].x + 5u * (triangle.w & 0xffffu);
     return seen;
 }
 
@@ -439,7 +442,7 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     let marked = textureLoad(visible, vec2<i32>(texel_at), i32(place.x), 0).x;
     var seen: Seen;
     if marked != 0u {
-        seen = meet(marked - 1u, ray);
+        seen = meet(marked - 1u, ray, planes.x != NONE);
     }
     if gives_ids {
         var class_id = 23u;
@@ -451,7 +454,7 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
             instance_id = words.w;
             var w = seen.w;
             if lens.x != NONE {
-                let near = meet(marked - 1u, ray_of(look, f32(texel_at.x), f32(texel_at.y))).w;
+                let near = meet(marked - 1u, ray_of(look, f32(texel_at.x), f32(texel_at.y)), false).w;
                 w = clamp(w, 0.67 * near, 1.5 * near);
             }
             depth = bitcast<u32>(1.0 / w);
