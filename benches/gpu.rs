@@ -2,7 +2,7 @@
 //!
 //! The town of the bench `render`; in every frame the car goes on, and everything that moves is somewhere else,
 //! so that uploads are counted. With the argument `--software` the same on an adapter that computes on the
-//! processor, without goals: to try the bench out.
+//! processor, without goals and in one round: to try the bench out.
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_geom::{Ego, Map, Point, Transform};
@@ -162,7 +162,7 @@ fn main() {
         row(small, 16, How::OneByOne, Goal::None),
         row(small, 16, How::DoubleBuffered, Goal::None),
     ];
-    for _ in 0..ROUNDS {
+    for _ in 0..if software { 1 } else { ROUNDS } {
         for row in &mut rows {
             let rate = measure(row, &mut town, &mut renderer);
             row.rounds.push(rate);

@@ -1,4 +1,5 @@
-//! What a camera sees of a scene: procedural shapes, weather, camera model, and a rasteriser for the CPU.
+//! What a camera sees of a scene: procedural shapes, weather, camera model, a rasteriser for the CPU, and the
+//! same for graphics adapters.
 //!
 //! Fill a [`Scene`] from any world (poses, kinds, seeds; nothing here knows the simulator), make a
 //! [`Camera`], and let a [`Renderer`] write colour, depth, semantic and instance images into memory of yours:
@@ -16,6 +17,10 @@
 //! of threads, or of the x86-64 machine. Ids are never blended. What can be kept between passes (static
 //! shadow maps, lens maps) is keyed by content. A pass into used buffers allocates nothing that grows with
 //! the image.
+//!
+//! These are the promises of [`Backend::Cpu`]. The other back ends, on adapters that [`gpu`] finds, keep the
+//! first one on one adapter and driver alone: against the CPU's, colours may be off by a level or two and
+//! outlines by a pixel. When their adapter fails, the [`Renderer`] goes on with the CPU, in the same frame.
 //!
 //! Other sensors read the same scene: [`Mesh`] has the triangles, [`Material`] the reflectance for lidars. [`lidar`]
 //! has those, and rays for whoever asks what is in the way.

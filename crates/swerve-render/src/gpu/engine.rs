@@ -43,7 +43,7 @@ pub(crate) struct GpuRenderer {
     clusters: Grown,
     rounds: Grown,
     images: Grown,
-    sums: Grown,
+    kept: Grown,
     target: Target,
     bound: Option<[wgpu::BindGroup; 2]>,
     read_backs: ReadBacks,
@@ -260,7 +260,7 @@ impl GpuRenderer {
             clusters: Grown::new(&gpu, "clusters", read),
             rounds: Grown::new(&gpu, "rounds", Usage::UNIFORM | Usage::COPY_DST),
             images: Grown::new(&gpu, "images", Usage::STORAGE | Usage::COPY_SRC),
-            sums: Grown::new(&gpu, "sums", Usage::STORAGE),
+            kept: Grown::new(&gpu, "kept", Usage::STORAGE),
             target: Target::new(&gpu, [1; 3]),
             bound: None,
             read_backs: ReadBacks::default(),
@@ -290,7 +290,7 @@ impl GpuRenderer {
             .iter()
             .map(|i| Thing::new(scene, i, &mut self.meshes, &mut self.records))
             .collect();
-        let (planes, [words, sums]) = Planes::all(views)?;
+        let (planes, [words, kept]) = Planes::all(views)?;
         let (groups, jobs) = self.group(scene, views, &things);
         let views = self.prepare(scene, views, &groups, &planes);
         let order: Vec<_> = {
@@ -307,7 +307,7 @@ impl GpuRenderer {
         let (rounds, size) = plan::rounds(&order, self.gpu.limits())?;
         let drawn: Vec<Drawn> =
             rounds.iter().map(|round| self.list(scene, &things, (&views, &groups), round)).collect();
-        self.fit(size, words, sums, &drawn)?;
+        self.fit(size, words, kept, &drawn)?;
         let buffer = (words > 0).then(|| self.read_backs.take(&self.gpu, 4 * words));
         let mut encoder =
             self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -541,7 +541,7 @@ impl GpuRenderer {
             place: [placed.layer, 0, view.camera.width_px() as u32, view.camera.height_px() as u32],
             rows: [look.rows.0 as u32, look.rows.1 as u32, look.sample, look.samples],
             planes: planes.first,
-            lens: [prepared.lens.unwrap_or(NONE), 0, 0, planes.sums],
+            lens: [prepared.lens.unwrap_or(NONE), planes.kept, 0, planes.sums],
             light: [first_lamp, lamps.len() as u32, prepared.record, 0],
         };
         self.records.look(at, &record);
@@ -582,7 +582,7 @@ impl GpuRenderer {
     }
 
     /// Makes room for everything and brings it to the device.
-    fn fit(&mut self, size: [u32; 3], words: u64, sums: u64, drawn: &[Drawn]) -> Result<(), String> {
+    fn fit(&mut self, size: [u32; 3], words: u64, kept: u64, drawn: &[Drawn]) -> Result<(), String> {
         let gpu = &self.gpu;
         let queue = gpu.queue();
         if self.listed.all.len() > (u32::MAX as usize) / CLUSTER {
@@ -609,7 +609,7 @@ impl GpuRenderer {
         replaced |= self.rounds.fit(gpu, size_of_val(rounds.as_slice()) as u64)?;
         queue.write_buffer(self.rounds.buffer(), 0, bytemuck::cast_slice(&rounds));
         replaced |= self.images.fit(gpu, 4 * words)?;
-        replaced |= self.sums.fit(gpu, 4 * sums)?;
+        replaced |= self.kept.fit(gpu, 4 * kept)?;
         let had = self.target.size;
         if (0..3).any(|k| size[k] > had[k]) {
             // Not the largest of each that there ever was: few images may be large, and many small.
@@ -657,7 +657,7 @@ impl GpuRenderer {
             whole(1, &self.pipelines.tiles),
             whole(2, self.lenses.on_device.buffer()),
             whole(3, self.images.buffer()),
-            whole(4, self.sums.buffer()),
+            whole(4, self.kept.buffer()),
             (5, wgpu::BindingResource::TextureView(&self.target.visible)),
         ];
         [group(&self.pipelines.triangles, shapes), group(&self.pipelines.pixels, pixels)]
@@ -724,17 +724,21 @@ impl GpuRenderer {
 
     fn shade_round(&self, encoder: &mut wgpu::CommandEncoder, round: &Drawn, dispatched: &mut usize) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&self.pipelines.shade);
         let [shapes, pixels] = self.bound();
         pass.set_bind_group(0, shapes, &[]);
-        for dispatch in &round.dispatches {
-            pass.set_bind_group(1, pixels, &[(*dispatched * self.round_step()) as u32]);
-            let maps = dispatch.maps.map_or(&self.no_maps, |maps| &self.maps.maps[maps].bound);
-            pass.set_bind_group(2, maps, &[]);
-            let across = dispatch.blocks.min(BLOCKS_ACROSS);
-            pass.dispatch_workgroups(across, dispatch.looks, dispatch.blocks.div_ceil(BLOCKS_ACROSS));
-            *dispatched += 1;
+        // Of the second step each unit of work has four pixels.
+        for (pipeline, pixels_each) in self.pipelines.shade.iter().zip([1, 4]) {
+            pass.set_pipeline(pipeline);
+            for (k, dispatch) in round.dispatches.iter().enumerate() {
+                pass.set_bind_group(1, pixels, &[((*dispatched + k) * self.round_step()) as u32]);
+                let maps = dispatch.maps.map_or(&self.no_maps, |maps| &self.maps.maps[maps].bound);
+                pass.set_bind_group(2, maps, &[]);
+                let blocks = dispatch.blocks.div_ceil(pixels_each);
+                let across = blocks.min(BLOCKS_ACROSS);
+                pass.dispatch_workgroups(across, dispatch.looks, blocks.div_ceil(BLOCKS_ACROSS));
+            }
         }
+        *dispatched += round.dispatches.len();
     }
 }
 

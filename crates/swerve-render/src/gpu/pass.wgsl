@@ -20,7 +20,7 @@ struct Round {
 @group(1) @binding(1) var<storage, read> tiles: array<u32>;
 @group(1) @binding(2) var<storage, read> lenses: array<vec2<f32>>;
 @group(1) @binding(3) var<storage, read_write> images: array<u32>;
-@group(1) @binding(4) var<storage, read_write> sums: array<f32>;
+@group(1) @binding(4) var<storage, read_write> kept: array<u32>;
 @group(1) @binding(5) var visible: texture_2d_array<u32>;
 
 @group(2) @binding(0) var sun_fixed: texture_2d<f32>;
@@ -131,18 +131,18 @@ fn ray_of(look: u32, x: f32, y: f32) -> Ray {
     return ray;
 }
 
-fn turned_back(item: u32, v: vec3<f32>) -> vec3<f32> {
-    return row_f(item).xyz * v.x + row_f(item + 1u).xyz * v.y + row_f(item + 2u).xyz * v.z;
-}
-
-// Where a ray meets the plane of a triangle, in the frame of its body.
-fn meet(id: u32, ray: Ray) -> Seen {
+// Where a ray meets the plane of a triangle, in the frame of its body; normal and texture coordinates only if
+// they are `wanted`.
+fn meet(id: u32, ray: Ray, wanted: bool) -> Seen {
     let cluster = clusters[id >> 6u];
     let triangle = triangles[cluster.y * 64u + (id & 63u)];
     let item = cluster.x;
-    let place = vec3<f32>(row_f(item).w, row_f(item + 1u).w, row_f(item + 2u).w);
-    let eye = turned_back(item, ray.origin - place);
-    let along = turned_back(item, ray.along);
+    let x = row_f(item);
+    let y = row_f(item + 1u);
+    let z = row_f(item + 2u);
+    let from_place = ray.origin - vec3<f32>(x.w, y.w, z.w);
+    let eye = x.xyz * from_place.x + y.xyz * from_place.y + z.xyz * from_place.z;
+    let along = x.xyz * ray.along.x + y.xyz * ray.along.y + z.xyz * ray.along.z;
     let a = vertices[2u * triangle.x];
     let b = vertices[2u * triangle.y];
     let c = vertices[2u * triangle.z];
@@ -153,6 +153,10 @@ fn meet(id: u32, ray: Ray) -> Seen {
     let height = dot(n, from_eye);
     var seen: Seen;
     seen.w = dot(n, along) / select(height, 1e-20, height == 0.0);
+    seen.surface = frame[item + 3u].x + 5u * (triangle.w & 0xffffu);
+    if !wanted {
+        return seen;
+    }
     let d = along / max(seen.w, 1e-6) - from_eye;
     let over = 1.0 / max(dot(n, n), 1e-30);
     let beta = dot(cross(d, q), n) * over;
@@ -162,14 +166,13 @@ fn meet(id: u32, ray: Ray) -> Seen {
     let nb = vertices[2u * triangle.y + 1u];
     let nc = vertices[2u * triangle.z + 1u];
     let mean = na.xyz * alpha + nb.xyz * beta + nc.xyz * gamma;
-    let across = vec3<f32>(dot(row_f(item).xyz, mean), dot(row_f(item + 1u).xyz, mean), dot(row_f(item + 2u).xyz, mean));
+    let across = vec3<f32>(dot(x.xyz, mean), dot(y.xyz, mean), dot(z.xyz, mean));
     let turned = dot(n, along) > 0.0;
     let size = max(length(across), 1e-20);
     seen.normal = select(across, -across, turned) / size;
     seen.uv = vec2<f32>(
         a.w * alpha + b.w * beta + c.w * gamma, na.w * alpha + nb.w * beta + nc.w * gamma,
     );
-    seen.surface = frame[item + 3u].x + 5u * (triangle.w & 0xffffu);
     return seen;
 }
 
@@ -403,10 +406,8 @@ fn exposed(view: u32, e: Environment, light: vec3<f32>, column: u32, row: u32) -
     return tone(signal.x) | (tone(signal.y) << 8u) | (tone(signal.z) << 16u);
 }
 
-var<workgroup> colours: array<u32, 64>;
-var<workgroup> classes: array<u32, 64>;
-
-// Shades 64 pixels of one look, and packs what is asked for.
+// Shades the pixels of looks, 64 in a block. Depths and instances go to their images at once; colours and
+// classes, which are smaller than a word, wait side by side in `kept` for `pack`.
 @compute @workgroup_size(64)
 fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let look = round.first_look + group.y * round.look_rows;
@@ -416,87 +417,111 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     let lens = frame[look + 14u];
     let first = rows.x * place.z;
     let count = (rows.y - rows.x) * place.z;
-    let from_pixel = (group.x + group.z * 32768u) * 64u;
-    let own = from_pixel + lane;
+    let own = (group.x + group.z * 32768u) * 64u + lane;
+    if own >= count {
+        return;
+    }
     let is_last = rows.z + 1u == rows.w;
     let gives_ids = rows.z == rows.w / 2u;
-    var packed_colour = 0u;
-    var class_id = 23u;
-    if own < count {
-        let pixel = first + own;
-        let column = pixel % place.z;
-        let row = pixel / place.z;
-        var at = vec2<f32>(f32(column), f32(row));
-        var texel_at = vec2<u32>(column, row - rows.x);
-        if lens.x != NONE {
-            at = lenses[lens.x + pixel];
-            texel_at = vec2<u32>(u32(at.x + 0.5), u32(at.y + 0.5));
-        }
-        let ray = ray_of(look, at.x, at.y);
-        let marked = textureLoad(visible, vec2<i32>(texel_at), i32(place.x), 0).x;
-        var seen: Seen;
+    // The part of the word that this look does not write stays.
+    let kept_at = lens.y + first + own;
+    var word = 0u;
+    if rows.w > 1u {
+        word = kept[kept_at];
+    }
+    let pixel = first + own;
+    let column = pixel % place.z;
+    let row = pixel / place.z;
+    var at = vec2<f32>(f32(column), f32(row));
+    var texel_at = vec2<u32>(column, row - rows.x);
+    if lens.x != NONE {
+        at = lenses[lens.x + pixel];
+        texel_at = vec2<u32>(u32(at.x + 0.5), u32(at.y + 0.5));
+    }
+    let ray = ray_of(look, at.x, at.y);
+    let marked = textureLoad(visible, vec2<i32>(texel_at), i32(place.x), 0).x;
+    var seen: Seen;
+    if marked != 0u {
+        seen = meet(marked - 1u, ray, planes.x != NONE);
+    }
+    if gives_ids {
+        var class_id = 23u;
+        var instance_id = 0u;
+        var depth = 0x7f800000u;
         if marked != 0u {
-            seen = meet(marked - 1u, ray);
+            let words = frame[seen.surface + 4u];
+            class_id = words.z;
+            instance_id = words.w;
+            var w = seen.w;
+            if lens.x != NONE {
+                let near = meet(marked - 1u, ray_of(look, f32(texel_at.x), f32(texel_at.y)), false).w;
+                w = clamp(w, 0.67 * near, 1.5 * near);
+            }
+            depth = bitcast<u32>(1.0 / w);
         }
-        if gives_ids {
-            var instance_id = 0u;
-            var depth = 0x7f800000u;
-            if marked != 0u {
-                let words = frame[seen.surface + 4u];
-                class_id = words.z;
-                instance_id = words.w;
-                var w = seen.w;
-                if lens.x != NONE {
-                    let near = meet(marked - 1u, ray_of(look, f32(texel_at.x), f32(texel_at.y))).w;
-                    w = clamp(w, 0.67 * near, 1.5 * near);
-                }
-                depth = bitcast<u32>(1.0 / w);
-            }
-            if planes.y != NONE {
-                images[planes.y + pixel] = depth;
-            }
-            if planes.w != NONE {
-                images[planes.w + pixel] = instance_id;
-            }
+        if planes.y != NONE {
+            images[planes.y + pixel] = depth;
         }
-        if planes.x != NONE {
-            let view = frame[look + 15u].z;
-            let e = environment(view);
-            var colour: vec3<f32>;
-            if marked != 0u {
-                colour = surface_light(look, view, e, ray, at, seen);
-            } else {
-                colour = sky(view, e, normalize(ray.along), row_f(look + 5u).w);
+        if planes.w != NONE {
+            images[planes.w + pixel] = instance_id;
+        }
+        word = (word & 0xffffffu) | (class_id << 24u);
+    }
+    if planes.x != NONE {
+        let view = frame[look + 15u].z;
+        let e = environment(view);
+        var colour: vec3<f32>;
+        if marked != 0u {
+            colour = surface_light(look, view, e, ray, at, seen);
+        } else {
+            colour = sky(view, e, normalize(ray.along), row_f(look + 5u).w);
+        }
+        if rows.w > 1u {
+            let sum = lens.w + 3u * pixel;
+            if rows.z > 0u {
+                colour += bitcast<vec3<f32>>(vec3<u32>(kept[sum], kept[sum + 1u], kept[sum + 2u]));
             }
-            if rows.w > 1u {
-                let sum = lens.w + 3u * pixel;
-                if rows.z > 0u {
-                    colour += vec3<f32>(sums[sum], sums[sum + 1u], sums[sum + 2u]);
-                }
-                sums[sum] = colour.x;
-                sums[sum + 1u] = colour.y;
-                sums[sum + 2u] = colour.z;
-                colour *= 1.0 / f32(rows.w);
-            }
-            if is_last {
-                packed_colour = exposed(view, e, colour, column, row);
-            }
+            kept[sum] = bitcast<u32>(colour.x);
+            kept[sum + 1u] = bitcast<u32>(colour.y);
+            kept[sum + 2u] = bitcast<u32>(colour.z);
+            colour *= 1.0 / f32(rows.w);
+        }
+        if is_last {
+            word = (word & 0xff000000u) | exposed(view, e, colour, column, row);
         }
     }
-    colours[lane] = packed_colour;
-    classes[lane] = class_id;
-    workgroupBarrier();
-    if planes.x != NONE && is_last && lane < 48u && from_pixel * 3u + lane * 4u < count * 3u {
-        var word = 0u;
-        for (var k = 0u; k < 4u; k++) {
-            let byte = lane * 4u + k;
-            word |= ((colours[byte / 3u] >> (8u * (byte % 3u))) & 255u) << (8u * k);
-        }
-        images[planes.x + (first + from_pixel) * 3u / 4u + lane] = word;
+    if planes.x != NONE || planes.z != NONE {
+        kept[kept_at] = word;
     }
-    if planes.z != NONE && gives_ids && lane < 16u && from_pixel + lane * 4u < count {
-        let at = lane * 4u;
-        let word = classes[at] | (classes[at + 1u] << 8u) | (classes[at + 2u] << 16u) | (classes[at + 3u] << 24u);
-        images[planes.z + (first + from_pixel) / 4u + lane] = word;
+}
+
+// Packs the colours and classes of looks, four pixels by each.
+@compute @workgroup_size(64)
+fn pack(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let look = round.first_look + group.y * round.look_rows;
+    let place = frame[look + 11u];
+    let rows = frame[look + 12u];
+    let planes = frame[look + 13u];
+    let count = (rows.y - rows.x) * place.z;
+    let own = ((group.x + group.z * 32768u) * 64u + lane) * 4u;
+    if own >= count || rows.z + 1u != rows.w {
+        return;
+    }
+    // Slabs begin at whole fours; what is behind the last pixel is nobody's.
+    let from_pixel = rows.x * place.z + own;
+    let at = frame[look + 14u].y + from_pixel;
+    let a = kept[at];
+    let b = kept[at + 1u];
+    let c = kept[at + 2u];
+    let d = kept[at + 3u];
+    if planes.x != NONE {
+        let to = planes.x + from_pixel / 4u * 3u;
+        images[to] = (a & 0xffffffu) | (b << 24u);
+        images[to + 1u] = ((b >> 8u) & 0xffffu) | (c << 16u);
+        images[to + 2u] = ((c >> 16u) & 0xffu) | (d << 8u);
+    }
+    if planes.z != NONE {
+        images[planes.z + from_pixel / 4u] =
+            (a >> 24u) | ((b >> 24u) << 8u) | ((c >> 24u) << 16u) | (d & 0xff000000u);
     }
 }

@@ -25,7 +25,8 @@ pub(super) struct Pipelines {
     pub(super) sun: [wgpu::RenderPipeline; 2],
     /// What hides the sky.
     pub(super) hide: wgpu::RenderPipeline,
-    pub(super) shade: wgpu::ComputePipeline,
+    /// Pixels to light, and then to the bytes of images.
+    pub(super) shade: [wgpu::ComputePipeline; 2],
     /// Texture tiles, and behind them the quantiles of noise.
     pub(super) tiles: wgpu::Buffer,
     /// First word of the quantiles.
@@ -205,13 +206,15 @@ impl Pipelines {
             front,
             has_depth: false,
         };
-        let shade = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("shade"),
-            layout: Some(&shaded),
-            module: &module,
-            entry_point: Some("shade"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
+        let shade = ["shade", "pack"].map(|entry| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry),
+                layout: Some(&shaded),
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
         });
         let (tiles, quantiles) = constants(gpu);
         Self {

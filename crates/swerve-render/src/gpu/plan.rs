@@ -114,7 +114,8 @@ pub(super) struct Planes {
     pub(super) pixels: usize,
     /// Colour, depth, classes, instances; [`NONE`] for what is not asked for.
     pub(super) first: [u32; 4],
-    /// Sums of sub-frames.
+    /// Colours and classes until they are packed, a word each, and sums of sub-frames, three words each.
+    pub(super) kept: u32,
     pub(super) sums: u32,
 }
 
@@ -122,9 +123,10 @@ pub(super) struct Planes {
 const ALIGNED: usize = 64;
 
 impl Planes {
-    /// Places the images of views one after the other, and says how many words images and sums have.
+    /// Places the images of views one after the other, and says how many words images have, and what is
+    /// kept until they are complete.
     pub(super) fn all(views: &[(View<'_>, Outputs)]) -> Result<(Vec<Self>, [u64; 2]), String> {
-        let (mut words, mut sums) = (0_usize, 0_usize);
+        let (mut words, mut kept) = (0_usize, 0_usize);
         let planes: Vec<Self> = views
             .iter()
             .map(|(view, outputs)| {
@@ -139,17 +141,19 @@ impl Planes {
                         words += sizes[k].next_multiple_of(ALIGNED);
                     }
                 }
-                let own = sums as u32;
+                let own = kept;
+                kept += padded;
+                let sums = kept;
                 if outputs.rgb && view.camera.spec().shutter.blur_samples > 1 {
-                    sums += 3 * padded;
+                    kept += 3 * padded;
                 }
-                Self { pixels, first, sums: own }
+                Self { pixels, first, kept: own as u32, sums: sums as u32 }
             })
             .collect();
-        if words.max(sums) > (u32::MAX / 4) as usize {
+        if words.max(kept) > (u32::MAX / 4) as usize {
             return Err(format!("images of {words} words are too large"));
         }
-        Ok((planes, [words as u64, sums as u64]))
+        Ok((planes, [words as u64, kept as u64]))
     }
 
     /// Bytes of an image from its first one on.
@@ -268,11 +272,11 @@ mod tests {
         let camera = camera(7, 3, Shutter::default());
         let at = swerve_geom::Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
         let view = View::new(&camera, at);
-        let (planes, [words, sums]) =
+        let (planes, [words, kept]) =
             Planes::all(&[(view, Outputs::GEOMETRY), (view, Outputs::RGB)]).unwrap();
         assert_eq!(planes[0].first, [NONE, 0, 64, 128]);
         assert_eq!(planes[1].first, [192, NONE, NONE, NONE]);
-        assert_eq!((words, sums), (256, 0));
+        assert_eq!((words, kept), (256, 128));
         assert_eq!((planes[1].bytes(0), planes[0].bytes(2)), (768..768 + 63, 256..256 + 21));
     }
 }

@@ -242,7 +242,8 @@ pub(super) struct LookRecord {
     pub(super) rows: Row,
     /// First words of the images: colour, depth, classes, instances.
     pub(super) planes: Row,
-    /// First point of the lens, 0, 0, first number of the sums of sub-frames.
+    /// First point of the lens, first words of colours and classes until they are packed, 0, first one of the
+    /// sums of sub-frames.
     pub(super) lens: Row,
     /// First row of the lamps, their number, row of the view, 0.
     pub(super) light: Row,
