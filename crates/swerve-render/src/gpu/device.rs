@@ -355,6 +355,7 @@ fn note(trouble: &Mutex<Option<String>>, what: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::tests::given;
 
     fn report(kind: AdapterKind, refused: Option<&str>) -> AdapterReport {
         AdapterReport {
@@ -408,7 +409,7 @@ mod tests {
 
     #[test]
     fn a_device_in_trouble_is_not_given_out_again() {
-        let Ok(gpu) = Gpu::fresh(AdapterKind::Software) else { return };
+        let Some(gpu) = given(Gpu::fresh(AdapterKind::Software)) else { return };
         assert_eq!(gpu.trouble(), None);
         gpu.device().destroy();
         let _ = gpu.wait(None);

@@ -145,11 +145,12 @@ const LARGE: usize = 384 << 20;
 mod tests {
     use super::*;
     use crate::gpu::AdapterKind;
+    use crate::gpu::tests::given;
     use crate::library::Kind;
 
     #[test]
     fn meshes_are_stored_once_and_side_by_side() {
-        let Ok(gpu) = Gpu::shared(AdapterKind::Software) else { return };
+        let Some(gpu) = given(Gpu::shared(AdapterKind::Software)) else { return };
         let mut store = MeshStore::new(&gpu);
         let mut library = MeshLibrary::default();
         let [car, tree] = [Kind::Sedan, Kind::Tree].map(|kind| library.model(kind, 1).mesh);

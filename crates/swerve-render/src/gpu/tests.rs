@@ -15,7 +15,8 @@ fn device() -> Option<Arc<Gpu>> {
     given(tried)
 }
 
-fn given<T>(tried: Result<T, gpu::NoAdapter>) -> Option<T> {
+/// What was asked for, or `None` with a word on why not.
+pub(super) fn given<T>(tried: Result<T, gpu::NoAdapter>) -> Option<T> {
     match tried {
         Ok(gpu) => Some(gpu),
         Err(none) => {
