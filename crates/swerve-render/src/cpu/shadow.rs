@@ -27,7 +27,7 @@ pub(super) const DEPTH_0: f32 = 32768.0;
 /// Side of the sky's map, texels.
 pub(crate) const SKY_SIDE: usize = 1024;
 /// Texels per metre of the sky's map.
-pub(super) const SKY_PER_M: f32 = 8.0;
+pub(crate) const SKY_PER_M: f32 = 8.0;
 /// Side of a cell, metres.
 const CELL_M: f64 = 48.0;
 
@@ -105,6 +105,24 @@ pub(crate) fn casts(instance: &Instance) -> bool {
     !matches!(instance.class, C::Road | C::Ground | C::Terrain | C::Sidewalk | C::Parking | C::RailTrack)
 }
 
+/// Whether a camera may see a sphere, the ground around it, or its shadow: `sun` is the direction towards the sun, if
+/// that casts shadows.
+pub(crate) fn is_shadow_seen(
+    (camera_from_map, seen): (&Transform<swerve_geom::Camera, Map>, &Frustum),
+    middle: Point<Map>,
+    radius: f32,
+    sun: Option<[f32; 3]>,
+) -> bool {
+    let at = (*camera_from_map * middle).coords;
+    let at = [at.x as f32, at.y as f32, at.z as f32];
+    let along = sun.map_or([0.0; 3], |sun| {
+        let reach = ((2.0 * radius) / sun[2].max(0.08)).min(80.0);
+        let rows = rows_of(camera_from_map).map(|row| row.map(|x| x as f32));
+        turn(&rows, sun).map(|x| -x * reach)
+    });
+    seen.touches_swept(at, radius + 1.0, along)
+}
+
 impl ShadowMaps {
     fn empty() -> Self {
         Self {
@@ -157,12 +175,7 @@ impl ShadowMaps {
             let (centre, radius) = mesh.sphere();
             let centre = instance.map_from_body
                 * Point::new(f64::from(centre[0]), f64::from(centre[1]), f64::from(centre[2]));
-            let at = (*camera * centre).coords;
-            let at = [at.x as f32, at.y as f32, at.z as f32];
-            let reach = if with_sun { ((2.0 * radius) / self.axes[2][2].max(0.08)).min(80.0) } else { 0.0 };
-            let rows = rows_of(camera).map(|row| row.map(|x| x as f32));
-            let along = turn(&rows, self.axes[2]).map(|x| -x * reach);
-            if !seen.touches_swept(at, radius + 1.0, along) {
+            if !is_shadow_seen((camera, seen), centre, radius, with_sun.then_some(self.axes[2])) {
                 continue;
             }
             if with_sun {

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::buffers::{Grown, ReadBacks};
 use super::device::Gpu;
-use super::maps::{self, MapCache};
+use super::maps::{self, Corners, MapCache};
 use super::meshes::{CLUSTER, MeshStore};
 use super::pipelines::{DEPTH, Pipelines, VISIBLE};
 use super::plan::{self, Clusters, Placed, Planes, Round, Sides, Thing};
@@ -28,6 +28,7 @@ use crate::light::Environment;
 use crate::renderer::View;
 use crate::scene::{Instance, Motion, Scene};
 use crate::texture::Tiles;
+use swerve_geom::{Map, Transform};
 
 /// The back end for one device.
 pub(crate) struct GpuRenderer {
@@ -193,6 +194,11 @@ struct MapJob {
     maps: usize,
     /// Fixed or moving.
     which: usize,
+    /// All that was there before goes.
+    is_new: bool,
+    /// Rectangles that are made empty, in the map of the sun and in that of the sky. Clearing the whole of large
+    /// maps takes some adapters longer than all else.
+    erased: [Range<u32>; 2],
     sun: Sides,
     bases: Range<u32>,
 }
@@ -373,6 +379,25 @@ impl GpuRenderer {
     }
 }
 
+/// From where a camera looks, and what it may see.
+type Sight = (Transform<swerve_geom::Camera, Map>, Frustum);
+
+/// Those of the views of a cell that show colour; `None` if what they see is not known before their looks are.
+fn sights(views: &[(View<'_>, Outputs)], centre: [f64; 3]) -> Option<Vec<Sight>> {
+    let in_cell = |view: &View<'_>| shadow::cell(view.map_from_camera.origin().coords.into()) == centre;
+    let coloured = views.iter().filter(|(view, outputs)| outputs.rgb && in_cell(view));
+    coloured
+        .map(|(view, _)| {
+            let camera = view.camera;
+            let shutter = camera.spec().shutter;
+            let still = view.motion == Motion::default();
+            let simple = camera.spec().distortion.is_none() && shutter.blur_samples <= 1;
+            let frustum = Frustum::new(&lens::pinhole(camera), (0, camera.height_px()));
+            (simple && (still || shutter.readout_s <= 0.0)).then(|| (view.map_from_camera.inverse(), frustum))
+        })
+        .collect()
+}
+
 /// Bytes that one thread copies at a time.
 const PIECE: usize = 1 << 19;
 
@@ -409,29 +434,55 @@ impl GpuRenderer {
             group.maps = Some(maps);
             let sun_look = self.records.sun(sun);
             let instances = [scene.statics().instances(), &scene.dynamics];
-            let is_new = core::mem::take(&mut self.maps.maps[maps].is_new);
+            let sights = sights(views, centre);
+            let shadow = with_sun.then_some(sun);
+            let is_shown = |thing: &Thing| {
+                let [x, y, z] = thing.middle;
+                let middle = swerve_geom::Point::new(x, y, z);
+                let by = |(camera, seen): &Sight| {
+                    shadow::is_shadow_seen((camera, seen), middle, thing.radius(), shadow)
+                };
+                sights.as_ref().is_none_or(|sights| sights.iter().any(by))
+            };
             for which in [0, 1] {
                 let things = [self.statics.things.as_slice(), things][which];
-                let casts = |thing: &&Thing| thing.casts;
-                let wanted = if which == 0 { is_new } else { things.iter().any(|thing| thing.casts) };
+                // What is fixed is drawn for all views that will come, what moves for those of this submission.
+                let casts = |thing: &&Thing| thing.casts && (which == 0 || is_shown(thing));
+                let is_new = self.maps.maps[maps].is_new[which];
+                let wanted = if which == 0 { is_new } else { things.iter().any(|thing| casts(&thing)) };
                 if !wanted {
                     continue;
                 }
+                self.maps.maps[maps].is_new[which] = false;
                 group.moves |= which == 1;
+                let before = core::mem::take(&mut self.maps.maps[maps].moved);
+                let erased = before.map(|corners| {
+                    let from = self.listed.all.len() as u32;
+                    let fresh = corners.iter().filter(|_| which == 1 && !is_new);
+                    self.listed.all.extend(fresh.map(|corners| [self.records.corners(corners), 0, 0, 0]));
+                    from..self.listed.all.len() as u32
+                });
+                let mut moved: [Vec<Corners>; 2] = Default::default();
                 let first = group.items[which];
                 let sun = self.listed.group(|add| {
                     for (k, thing) in things.iter().enumerate().filter(|(_, t)| with_sun && casts(t)) {
                         add(thing.shape, first + 4 * k as u32, sun_look);
+                        moved[0].push(plan::corners_in_sun(thing, centre, sun));
                     }
                 });
                 let from = self.listed.all.len() as u32;
-                for (instance, _) in instances[which].iter().zip(things).filter(|(_, t)| t.casts) {
+                for (instance, _) in instances[which].iter().zip(things).filter(|(_, t)| casts(t)) {
                     let mesh = scene.meshes.get(instance.mesh);
                     if let Some(base) = Base::of(mesh, instance, centre) {
                         self.listed.all.push([self.records.base(&base), 0, 0, 0]);
+                        moved[1].push(plan::corners_in_sky(&base));
                     }
                 }
-                jobs.push(MapJob { maps, which, sun, bases: from..self.listed.all.len() as u32 });
+                let bases = from..self.listed.all.len() as u32;
+                if which == 1 {
+                    self.maps.maps[maps].moved = moved;
+                }
+                jobs.push(MapJob { maps, which, is_new, erased, sun, bases });
             }
         }
         (groups, jobs)
@@ -671,23 +722,36 @@ impl GpuRenderer {
     fn draw_maps(&self, encoder: &mut wgpu::CommandEncoder, job: &MapJob) {
         let maps = &self.maps.maps[job.maps];
         let [shapes, _] = self.bound();
+        let mut depth = cleared_depth(&maps.sun[job.which]);
+        let mut colour = cleared(&maps.sky[job.which]);
+        if !job.is_new {
+            depth.depth_ops =
+                Some(wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store });
+            colour.ops.load = wgpu::LoadOp::Load;
+        }
+        let quads = |pass: &mut wgpu::RenderPass<'_>, pipeline, which: &Range<u32>| {
+            if !which.is_empty() {
+                pass.set_bind_group(0, shapes, &[]);
+                pass.set_pipeline(pipeline);
+                pass.draw(0..6, which.clone());
+            }
+        };
+        let [no_sun, no_sky] = &self.pipelines.erase;
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("sun"),
-            depth_stencil_attachment: Some(cleared_depth(&maps.sun[job.which])),
+            depth_stencil_attachment: Some(depth),
             ..wgpu::RenderPassDescriptor::default()
         });
+        quads(&mut pass, no_sun, &job.erased[0]);
         self.draw_sides(&mut pass, &self.pipelines.sun, &job.sun);
         drop(pass);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("sky"),
-            color_attachments: &[Some(cleared(&maps.sky[job.which]))],
+            color_attachments: &[Some(colour)],
             ..wgpu::RenderPassDescriptor::default()
         });
-        if !job.bases.is_empty() {
-            pass.set_bind_group(0, shapes, &[]);
-            pass.set_pipeline(&self.pipelines.hide);
-            pass.draw(0..6, job.bases.clone());
-        }
+        quads(&mut pass, no_sky, &job.erased[1]);
+        quads(&mut pass, &self.pipelines.hide, &job.bases);
     }
 
     fn draw_round(&self, encoder: &mut wgpu::CommandEncoder, round: &Drawn) {

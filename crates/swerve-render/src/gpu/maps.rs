@@ -15,9 +15,14 @@ pub(super) struct CellMaps {
     /// Shares of the sky that are hidden, likewise.
     pub(super) sky: [wgpu::TextureView; 2],
     pub(super) bound: wgpu::BindGroup,
-    /// What is fixed is yet to be drawn.
-    pub(super) is_new: bool,
+    /// What is fixed, and what moves, is yet to be drawn for the first time.
+    pub(super) is_new: [bool; 2],
+    /// Where in the maps of sun and sky something that moves was drawn last: two corners each.
+    pub(super) moved: [Vec<Corners>; 2],
 }
+
+/// Two corners of a rectangle in a map, from -1 to 1.
+pub(super) type Corners = [f32; 4];
 
 /// A texture that is drawn to and read from: columns, rows, layers.
 pub(super) fn texture(gpu: &Gpu, size: [u32; 3], format: wgpu::TextureFormat) -> wgpu::Texture {
@@ -57,7 +62,7 @@ impl CellMaps {
         let sun = [0, 1].map(|_| image(gpu, SIDE, DEPTH));
         let sky = [0, 1].map(|_| image(gpu, SKY_SIDE, SKY));
         let bound = bind(gpu, pipelines, [&sun[0], &sun[1], &sky[0], &sky[1]]);
-        Self { key: Key::default(), used: 0, sun, sky, bound, is_new: true }
+        Self { key: Key::default(), used: 0, sun, sky, bound, is_new: [true; 2], moved: Default::default() }
     }
 }
 
@@ -100,7 +105,7 @@ impl MapCache {
                     self.maps.len() - 1
                 }
             };
-            (self.maps[index].key, self.maps[index].is_new) = (key, true);
+            (self.maps[index].key, self.maps[index].is_new) = (key, [true; 2]);
             index
         });
         self.maps[index].used = self.clock;

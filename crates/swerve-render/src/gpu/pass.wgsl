@@ -106,6 +106,20 @@ fn hide(in: Base) -> @location(0) vec4<f32> {
     return vec4<f32>(value, 0.0, 0.0, 1.0);
 }
 
+// A rectangle of a map that is made empty again: its record holds two corners.
+@vertex
+fn erase(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> @builtin(position) vec4<f32> {
+    let corners = row_f(clusters[instance].x);
+    let x = select(corners.x, corners.z, (vertex & 1u) == 1u);
+    let y = select(corners.y, corners.w, vertex > 1u && vertex < 5u);
+    return vec4<f32>(x, y, 0.0, 1.0);
+}
+
+@fragment
+fn nothing() -> @location(0) vec4<f32> {
+    return vec4<f32>(0.0);
+}
+
 // Pixels
 
 // What is seen on a ray.

@@ -25,6 +25,8 @@ pub(super) struct Pipelines {
     pub(super) sun: [wgpu::RenderPipeline; 2],
     /// What hides the sky.
     pub(super) hide: wgpu::RenderPipeline,
+    /// Rectangles that are made empty: of the map of the sun, of that of the sky.
+    pub(super) erase: [wgpu::RenderPipeline; 2],
     /// Pixels to light, and then to the bytes of images.
     pub(super) shade: [wgpu::ComputePipeline; 2],
     /// Texture tiles, and behind them the quantiles of noise.
@@ -67,7 +69,8 @@ struct Drawing<'a> {
     /// Side that is not drawn, and which way round the front is.
     cull: Option<wgpu::Face>,
     front: wgpu::FrontFace,
-    has_depth: bool,
+    /// Which depths replace those that are there.
+    depth: Option<wgpu::CompareFunction>,
 }
 
 fn drawing(
@@ -91,11 +94,10 @@ fn drawing(
             cull_mode: how.cull,
             ..wgpu::PrimitiveState::default()
         },
-        depth_stencil: how.has_depth.then(|| wgpu::DepthStencilState {
+        depth_stencil: how.depth.map(|compare| wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(true),
-            // Near is 1 and far is 0; of equals the first stays.
-            depth_compare: Some(wgpu::CompareFunction::Greater),
+            depth_compare: Some(compare),
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),
         }),
@@ -177,18 +179,19 @@ impl Pipelines {
         let drawn = plan(&[Some(&triangles)]);
         let shaded = plan(&[Some(&triangles), Some(&pixels), Some(&maps)]);
         let sides = [Some(wgpu::Face::Back), None];
+        // Near is 1 and far is 0; of equals the first stays.
+        let nearest = Some(wgpu::CompareFunction::Greater);
         let camera = |cull| Drawing {
             entry: "draw",
             fragment: Some("mark"),
             target: Some(VISIBLE.into()),
             cull,
             front: wgpu::FrontFace::Ccw,
-            has_depth: true,
+            depth: nearest,
         };
         // Rows of the sun's map grow upwards, which turns triangles round.
         let front = wgpu::FrontFace::Cw;
-        let sun =
-            |cull| Drawing { entry: "draw", fragment: None, target: None, cull, front, has_depth: true };
+        let sun = |cull| Drawing { entry: "draw", fragment: None, target: None, cull, front, depth: nearest };
         let most = wgpu::BlendComponent {
             src_factor: wgpu::BlendFactor::One,
             dst_factor: wgpu::BlendFactor::One,
@@ -204,8 +207,11 @@ impl Pipelines {
             }),
             cull: None,
             front,
-            has_depth: false,
+            depth: None,
         };
+        let any = Some(wgpu::CompareFunction::Always);
+        let no_sun = Drawing { entry: "erase", fragment: None, target: None, cull: None, front, depth: any };
+        let no_sky = Drawing { fragment: Some("nothing"), target: Some(SKY.into()), depth: None, ..no_sun };
         let shade = ["shade", "pack"].map(|entry| {
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry),
@@ -221,6 +227,7 @@ impl Pipelines {
             draw: sides.map(|cull| drawing(device, &module, &drawn, &camera(cull))),
             sun: sides.map(|cull| drawing(device, &module, &drawn, &sun(cull))),
             hide: drawing(device, &module, &drawn, &hide),
+            erase: [drawing(device, &module, &drawn, &no_sun), drawing(device, &module, &drawn, &no_sky)],
             triangles,
             pixels,
             maps,

@@ -4,6 +4,7 @@ use core::ops::Range;
 
 use swerve_geom::{Map, Point, Transform};
 
+use super::maps::Corners;
 use super::meshes::{MeshStore, Shape};
 use super::records::{NONE, Records, Row};
 use crate::Camera;
@@ -77,6 +78,24 @@ pub(super) fn write_item(
     let origin: [f64; 3] = map_from_body.origin().coords.into();
     let place = [0, 1, 2].map(|k| origin[k] - centre[k]);
     records.item(&rows_of(map_from_body), place, surfaces);
+}
+
+/// What of the sun's map something can be drawn to, with a texel or two around it.
+pub(super) fn corners_in_sun(thing: &Thing, centre: [f64; 3], sun: [f32; 3]) -> Corners {
+    let [across, up, _] = shadow::axes(sun);
+    let at = [0, 1, 2].map(|k| (thing.middle[k] - centre[k]) as f32);
+    let dot = |a: [f32; 3]| a[0] * at[0] + a[1] * at[1] + a[2] * at[2];
+    around([dot(across), -dot(up)], thing.radius(), shadow::REACH_M)
+}
+
+/// What of the sky's map is drawn to under something.
+pub(super) fn corners_in_sky(base: &shadow::Base) -> Corners {
+    around([base.place[0], -base.place[1]], base.reach, 0.5 * shadow::SKY_SIDE as f32 / shadow::SKY_PER_M)
+}
+
+fn around([x, y]: [f32; 2], radius: f32, reach: f32) -> Corners {
+    let wide = radius + 0.5;
+    [x - wide, y - wide, x + wide, y + wide].map(|v| v / reach)
 }
 
 /// Clusters that are drawn one after the other: (row of the item, cluster, row of the look, 0).

@@ -1,5 +1,6 @@
 //! Records that shaders read: rows of four words, see `pass.wgsl` for what is where.
 
+use super::maps::Corners;
 use crate::cpu::geometry::Pinhole;
 use crate::cpu::sensor::Sensor;
 use crate::cpu::shade::Lamp;
@@ -79,6 +80,12 @@ impl Records {
         self.rows.push(turn.map(f32::to_bits));
         self.rows.push([base.reach, base.strength, base.fall, 0.0].map(f32::to_bits));
         at
+    }
+
+    /// One row.
+    pub(super) fn corners(&mut self, corners: &Corners) -> u32 {
+        self.rows.push(corners.map(f32::to_bits));
+        self.next() - 1
     }
 
     /// Four rows.

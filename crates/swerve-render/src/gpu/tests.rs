@@ -236,3 +236,34 @@ fn a_lost_adapter_is_replaced_by_the_cpu_in_the_same_frame() {
     renderer.collect(pending, &mut [again.as_mut()]).unwrap();
     assert!(again == expected);
 }
+
+/// What moves is drawn into maps that are kept: only where it was is made empty.
+#[test]
+fn shadows_of_what_moved_on_do_not_stay() {
+    let Some(device) = device() else { return };
+    let camera = camera(|_| ());
+    let pose = looking([0.0, -1.9, 1.45], 0.03, 0.0);
+    let mut scene = town(WeatherPreset::ClearNoon, 1, 60.0);
+    let mut kept = Renderer::on(device.clone(), 1).unwrap();
+    let start = scene.dynamics.clone();
+    for step in 0..4 {
+        scene.dynamics.clone_from(&start);
+        for instance in &mut scene.dynamics {
+            let [x, y, z] = instance.motion.linear_mps.map(|v| 0.4 * v * f64::from(step));
+            let on: Transform<Map, Map> = Transform::from_roll_pitch_yaw(Point::new(x, y, z), 0.0, 0.0, 0.0);
+            instance.map_from_body = on * instance.map_from_body;
+        }
+        match step {
+            2 => scene.dynamics.truncate(start.len() / 2),
+            3 => scene.dynamics.clear(),
+            _ => {}
+        }
+        let view = View::new(&camera, pose);
+        let fresh = shot(&mut Renderer::on(device.clone(), 1).unwrap(), &scene, &view);
+        assert!(shot(&mut kept, &scene, &view) == fresh, "step {step}");
+    }
+    scene.dynamics.clone_from(&start);
+    let view = View::new(&camera, pose);
+    let fresh = shot(&mut Renderer::on(device, 1).unwrap(), &scene, &view);
+    assert!(shot(&mut kept, &scene, &view) == fresh, "all are there again");
+}
