@@ -74,6 +74,8 @@ fn heavy_packages_stay_behind_one_crate() {
         ("rapier3d", "swerve-sim"),
         ("clarabel", "swerve-control"),
         ("mcap", "swerve-log"),
+        ("ros2-client", "swerve-ros2"),
+        ("cdr-encoding", "swerve-ros2"),
         ("clap", "swerve"),
         ("anyhow", "swerve"),
     ];
