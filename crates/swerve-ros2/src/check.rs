@@ -8,6 +8,7 @@
 mod fields;
 mod walk;
 
+pub(crate) use fields::{bytes_per_pixel, field_bytes};
 pub use walk::check_numbers;
 
 /// No coordinate, speed, covariance or the like is beyond this.

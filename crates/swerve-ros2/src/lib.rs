@@ -9,6 +9,7 @@
 
 pub mod cdr;
 pub mod check;
+pub mod convert;
 pub mod message;
 pub mod msg;
 pub mod samples;
