@@ -9,7 +9,11 @@
 
 pub mod cdr;
 pub mod check;
+pub mod clock;
 pub mod convert;
+pub mod env;
+mod inbox;
+pub mod mapping;
 pub mod message;
 pub mod msg;
 pub mod samples;
