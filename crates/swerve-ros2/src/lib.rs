@@ -7,12 +7,14 @@
 //!
 //! Absences: no engine, no simulator. Only this crate knows DDS, and none of DDS's types leave it.
 
+pub mod bridge;
 pub mod cdr;
 pub mod check;
 pub mod clock;
 pub mod convert;
 pub mod env;
 mod inbox;
+pub mod logging;
 pub mod mapping;
 pub mod message;
 pub mod msg;

@@ -204,6 +204,47 @@ impl Kind {
     }
 }
 
+impl AnyMessage {
+    /// The instant that it describes, by its writer's clock; `None` where it says none or several.
+    pub fn stamp(&self) -> Option<builtin_interfaces::Time> {
+        Some(match self {
+            Self::Image(m) => m.header.stamp,
+            Self::CompressedImage(m) => m.header.stamp,
+            Self::CameraInfo(m) => m.header.stamp,
+            Self::PointCloud2(m) => m.header.stamp,
+            Self::Imu(m) => m.header.stamp,
+            Self::NavSatFix(m) => m.header.stamp,
+            Self::Odometry(m) => m.header.stamp,
+            Self::Path(m) => m.header.stamp,
+            Self::PoseStamped(m) => m.header.stamp,
+            Self::PoseWithCovarianceStamped(m) => m.header.stamp,
+            Self::TwistStamped(m) => m.header.stamp,
+            Self::TwistWithCovarianceStamped(m) => m.header.stamp,
+            Self::AccelWithCovarianceStamped(m) => m.header.stamp,
+            Self::Control(m) => m.stamp,
+            Self::VelocityReport(m) => m.header.stamp,
+            Self::SteeringReport(m) => m.stamp,
+            Self::ControlModeReport(m) => m.stamp,
+            Self::GearReport(m) => m.stamp,
+            Self::Trajectory(m) => m.header.stamp,
+            Self::PredictedObjects(m) => m.header.stamp,
+            Self::DataspeedSteeringReport(m) => m.header.stamp,
+            Self::DataspeedBrakeReport(m) => m.header.stamp,
+            Self::DataspeedThrottleReport(m) => m.header.stamp,
+            Self::DataspeedUlcReport(m) => m.header.stamp,
+            Self::DataspeedGearReport(m) => m.header.stamp,
+            Self::DataspeedVehicleVelocity(m) => m.header.stamp,
+            Self::DataspeedWheelSpeeds(m) => m.header.stamp,
+            Self::RaptorSteeringReport(m) => m.header.stamp,
+            Self::RaptorAcceleratorPedalReport(m) => m.header.stamp,
+            Self::RaptorBrakeReport(m) => m.header.stamp,
+            Self::RaptorMiscReport(m) => m.header.stamp,
+            Self::RaptorWheelSpeedReport(m) => m.header.stamp,
+            _ => return None,
+        })
+    }
+}
+
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/msg/{}", self.package(), self.name())
