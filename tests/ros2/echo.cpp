@@ -140,6 +140,23 @@ template <typename Q> static Q policy(Q qos, const std::string &name) {
   return qos;
 }
 
+// Payloads under a true type name that are none: random bytes of random length behind a true header.
+static void noise(DataWriter &writer, int count) {
+  static uint64_t state = 0x9e3779b97f4a7c15;
+  auto random = [] {
+    state ^= state << 13;
+    state ^= state >> 7;
+    state ^= state << 17;
+    return static_cast<uint32_t>(state >> 32);
+  };
+  while (count-- > 0) {
+    Payload payload{0, 1, 0, 0};
+    for (uint32_t n = random() % 600; n > 0; n--) payload.push_back(static_cast<char>(random() % 3 ? 0 : random()));
+    writer.write(&payload);
+    usleep(100);
+  }
+}
+
 int main(int argc, char **argv) {
   if (argc != 3) return 2;
   DomainParticipantQos participant_qos;
@@ -182,8 +199,8 @@ int main(int argc, char **argv) {
   }
   std::printf("ready\n");
   std::fflush(stdout);
-  // The listeners do the rest, until nobody is interested any more.
-  while (std::getline(std::cin, line)) {
-  }
+  // The listeners do the rest, until nobody is interested any more. Each further line is a wish for noise.
+  while (std::getline(std::cin, line))
+    for (auto &echo : echoes) noise(*echo->writer, 200);
   _exit(0);
 }

@@ -4,6 +4,12 @@
 //! back; what comes back has to be what was sent. So both directions are covered by one exchange. A peer whose tools
 //! are not installed is skipped with a word, unless `SWERVE_CI` is set. Figures are printed (`--nocapture`).
 
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "all of this is a test, and prints what it measured"
+)]
+
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -316,4 +322,44 @@ fn fast_dds_understands_every_kind() {
     compile.args(["-std=c++17", "-O1", "-o", "echo"]).arg(sources.join("echo.cpp"));
     run(compile.args(["-lfastrtps", "-lfastcdr"]).current_dir(&folder));
     talk("Fast DDS", &[&folder.join("echo")], 2);
+    noise(&folder.join("echo"), network(2));
+}
+
+/// Payloads under true names that are no messages: counted, refused, and the next true one is understood.
+fn noise(peer: &Path, network: Network) {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let kinds = [
+        Kind::Control,
+        Kind::PointCloud2,
+        Kind::Image,
+        Kind::Imu,
+        Kind::Odometry,
+        Kind::Trajectory,
+        Kind::MarkerArray,
+    ];
+    let mut peer = Peer::start(&[peer], network, "reliable", &kinds);
+    let all = bridge(network, Qos { depth: 1000, ..Qos::DEFAULT }, &kinds);
+    matched(&all, kinds.len());
+    for (i, kind) in kinds.iter().enumerate() {
+        echo_at_last(&all, i, &sample(*kind));
+    }
+    writeln!(peer.stdin.as_mut().unwrap(), "noise").unwrap();
+    let count = |all: &Bridge| all.statistics().iter().map(|s| s.received).sum::<u64>();
+    let wanted = 200 * kinds.len() as u64;
+    let start = now();
+    while count(&all) < wanted && start.elapsed() < PATIENCE {
+        all.wait_matched(EndpointId(0), usize::MAX, Duration::from_millis(50));
+    }
+    let statistics = all.statistics();
+    let refused: u64 = statistics.iter().map(|s| s.refused.total()).sum();
+    println!("noise: {} payloads, {refused} refused", count(&all));
+    assert!(refused > wanted * 9 / 10, "{statistics:#?}");
+    for (i, kind) in kinds.iter().enumerate() {
+        while let Some(noise) = all.take(EndpointId(2 * i + 1)) {
+            assert_eq!(noise.message.check(), Ok(()), "what is handed on passes its check");
+        }
+        echo_at_last(&all, i, &sample(*kind));
+    }
+    drop(peer);
+    assert_eq!(all.stop(PATIENCE), Stopped::Clean);
 }

@@ -1,5 +1,7 @@
 //! Two nodes in one process, over the loopback interface.
 
+#![expect(clippy::unwrap_used, reason = "all of this is a test")]
+
 use std::time::Duration;
 
 use swerve_ros2::bridge::{
@@ -36,9 +38,9 @@ fn pair(test: u16, topics: &[(&str, Kind, Qos)]) -> (Bridge, Bridge) {
     let side = |direction| topics.iter().map(|(n, k, q)| endpoint(n, *k, *q, direction)).collect();
     let writer = Bridge::start(&options("writer", network(test), side(Direction::Send))).unwrap();
     let reader = Bridge::start(&options("reader", network(test), side(Direction::Receive))).unwrap();
-    for i in 0..topics.len() {
-        assert!(writer.wait_matched(EndpointId(i), 1, PATIENCE), "{} was not found", topics[i].0);
-        assert!(reader.wait_matched(EndpointId(i), 1, PATIENCE), "{} was not found", topics[i].0);
+    for (i, (name, ..)) in topics.iter().enumerate() {
+        assert!(writer.wait_matched(EndpointId(i), 1, PATIENCE), "{name} was not found");
+        assert!(reader.wait_matched(EndpointId(i), 1, PATIENCE), "{name} was not found");
     }
     (writer, reader)
 }
@@ -236,6 +238,43 @@ fn the_control_mode_is_asked_for_in_both_mappings() {
         });
         assert!(asked.into_inner(), "{map:?}");
         assert!(server.request_control_mode(1, BRIEF).is_err());
+    }
+}
+
+/// Whoever is on the network can send anything to the transport's sockets. It may lose messages over it, or hang at
+/// its end; we go on, and come back from `stop` in time.
+#[test]
+fn noise_on_the_sockets_ends_nothing() {
+    let (writer, reader) = pair(9, &[("noisy", Kind::Control, Qos::DEFAULT)]);
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let base = 7400 + 250 * network(9).domain;
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 32) as u8
+    };
+    for i in 0..3000_usize {
+        // Noise behind a header of RTPS 2.3, with kinds of submessages that there are.
+        let mut datagram = b"RTPS\x02\x03\x01\x12".to_vec();
+        datagram.extend((0..12).map(|_| random()));
+        const KINDS: [u8; 8] = [0x06, 0x07, 0x08, 0x09, 0x0e, 0x12, 0x15, 0x16];
+        datagram.push(KINDS[i % KINDS.len()]);
+        datagram.extend([1, random() % 64, 0]);
+        let length = usize::from(random());
+        datagram.extend((0..length).map(|_| random()));
+        let port = base + 10 + 2 * ((i / 2) % 2) as u16 + (i % 2) as u16;
+        socket.send_to(&datagram, ("127.0.0.1", port)).unwrap();
+    }
+    for _ in 0..20 {
+        let _ = writer.publish(EndpointId(0), sample(Kind::Control));
+        reader.wait(Duration::from_millis(10));
+    }
+    assert!(reader.statistics()[0].received <= 20);
+    for bridge in [writer, reader] {
+        let ended = bridge.stop(Duration::from_secs(3));
+        assert!(matches!(ended, Stopped::Clean | Stopped::Hanging));
     }
 }
 

@@ -173,7 +173,7 @@ impl Topic {
 }
 
 enum Event {
-    Sample(usize, ReadResult<(AnyMessage, MessageInfo)>),
+    Sample(usize, Box<ReadResult<(AnyMessage, MessageInfo)>>),
     Status(Box<Status>),
     Stop,
 }
@@ -193,18 +193,20 @@ pub(super) fn run(
     ];
     for (i, kind, subscription) in subscriptions {
         let samples = subscription.async_stream_seed(*kind);
-        streams.push(samples.map(|sample| Event::Sample(*i, sample)).boxed_local());
+        streams.push(samples.map(|sample| Event::Sample(*i, Box::new(sample))).boxed_local());
     }
     let mut events = pin!(stream::select_all(streams));
     executor::block_on(async {
         while let Some(event) = events.next().await {
             match event {
                 Event::Stop => break,
-                Event::Sample(i, Ok((message, info))) => {
-                    let type_of = |gid| discovered_type(participant, gid);
-                    shared.lock().topics[i].receive(message, &info, type_of);
-                }
-                Event::Sample(i, Err(error)) => refuse(&mut shared.lock().topics[i], &error),
+                Event::Sample(i, sample) => match *sample {
+                    Ok((message, info)) => {
+                        let type_of = |gid| discovered_type(participant, gid);
+                        shared.lock().topics[i].receive(message, &info, type_of);
+                    }
+                    Err(error) => refuse(&mut shared.lock().topics[i], &error),
+                },
                 Event::Status(status) => follow(&mut shared.lock(), local, &status),
             }
             shared.news.notify_all();
