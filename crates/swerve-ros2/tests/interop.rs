@@ -12,13 +12,17 @@
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use swerve_msg::{EgoState, MotionCommand};
 use swerve_ros2::bridge::{Bridge, Direction, Endpoint, EndpointId, Options, Stopped, receive_buffer_max};
+use swerve_ros2::clock::ClockParams;
+use swerve_ros2::convert::{Epoch, control_to_ros, ego_from_ros};
 use swerve_ros2::env::Network;
 use swerve_ros2::mapping::{Mapping, Qos, Side, Vehicle};
+use swerve_ros2::msg::autoware_vehicle_msgs::Engage;
 use swerve_ros2::samples::{large_cloud, sample};
 use swerve_ros2::{AnyMessage, Kind};
 
@@ -63,6 +67,8 @@ fn run(command: &mut Command) {
 struct Peer {
     child: Child,
     stdin: Option<ChildStdin>,
+    /// Kept, so that the peer may go on printing.
+    _stdout: BufReader<ChildStdout>,
 }
 
 impl Peer {
@@ -85,8 +91,9 @@ impl Peer {
         }
         writeln!(stdin).unwrap();
         let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let peer = Self { child, stdin: Some(stdin) };
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        stdout.read_line(&mut line).unwrap();
+        let peer = Self { child, stdin: Some(stdin), _stdout: stdout };
         assert_eq!(line.trim(), "ready", "{command:?}");
         peer
     }
@@ -362,4 +369,64 @@ fn noise(peer: &Path, network: Network) {
     }
     drop(peer);
     assert_eq!(all.stop(PATIENCE), Stopped::Clean);
+}
+
+/// The emulated car is engaged, driven to 3 m/s along its lane, and left alone: it stops by itself.
+#[test]
+fn the_emulated_car_follows_commands_and_stops_without() {
+    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    if !available("Python's package cyclonedds", Command::new(&python).args(["-c", "import cyclonedds"])) {
+        return;
+    }
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let network = network(0);
+    let emulator = sources().join("vehicle_emulator.py");
+    let car = Peer::start(&[Path::new(&python), &emulator], network, "autoware", &[]);
+    let mapping = Mapping::of(Vehicle::Autoware, network);
+    let options = Options {
+        judge_stamps: Some(ClockParams::default()),
+        ..Options::from_mapping(&mapping, Side::Stack)
+    };
+    let stack = Bridge::start(&options).unwrap();
+    let [command, enable, odometry, mode] =
+        ["command", "enable", "odometry", "control_mode"].map(|name| stack.endpoint(name).unwrap());
+    for id in [command, enable, odometry, mode] {
+        assert!(stack.wait_matched(id, 1, PATIENCE), "{} found nobody", stack.endpoints()[id.0].topic);
+    }
+    let epoch = Epoch::default();
+    let drive = |until: &mut dyn FnMut(&EgoState) -> bool, speed_mps: Option<f64>| {
+        let start = now();
+        while start.elapsed() < PATIENCE {
+            stack.wait(Duration::from_millis(100));
+            while stack.take(mode).is_some() {}
+            let Some(received) = stack.take(odometry) else { continue };
+            let AnyMessage::Odometry(message) = received.message else { unreachable!() };
+            let ego = ego_from_ros(&message, epoch, ("map", "base_link"), (0.0, 0.0)).unwrap();
+            if until(&ego) {
+                return ego;
+            }
+            let Some(speed_mps) = speed_mps else { continue };
+            let wish = MotionCommand {
+                stamp: ego.stamp,
+                steering_rad: (-0.2 * ego.pose.y_m - 0.5 * ego.pose.heading_rad).clamp(-0.2, 0.2),
+                speed_mps,
+                accel_mps2: (2.0 * (speed_mps - ego.speed_mps)).clamp(-2.0, 2.0),
+            };
+            stack.publish(command, AnyMessage::Control(control_to_ros(&wish, epoch))).unwrap();
+            let engage = Engage { stamp: epoch.stamp(ego.stamp), engage: true };
+            stack.publish(enable, AnyMessage::Engage(engage)).unwrap();
+        }
+        panic!("the car does not do what it is told");
+    };
+    let driving = drive(&mut |ego| ego.speed_mps > 2.9, Some(3.0));
+    assert!(driving.pose.y_m.abs() < 0.1, "{driving:?}");
+    let stopped = drive(&mut |ego| ego.speed_mps == 0.0, None);
+    println!("emulated car: stood {:.1} m after the last command", stopped.pose.x_m - driving.pose.x_m);
+    let reports = stack.statistics();
+    let odometry = &reports[odometry.0];
+    assert!(
+        odometry.refused.total() == 0 && odometry.clock.unwrap().offset.as_ms().abs() < 100.0,
+        "{odometry:?}"
+    );
+    drop(car);
 }
