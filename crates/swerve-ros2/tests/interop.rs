@@ -19,10 +19,11 @@ use std::time::{Duration, Instant};
 use swerve_msg::{EgoState, MotionCommand};
 use swerve_ros2::bridge::{Bridge, Direction, Endpoint, EndpointId, Options, Stopped, receive_buffer_max};
 use swerve_ros2::clock::ClockParams;
-use swerve_ros2::convert::{Epoch, control_to_ros, ego_from_ros};
+use swerve_ros2::convert::{Dataspeed, Epoch, control_to_ros, ego_from_ros};
 use swerve_ros2::env::Network;
 use swerve_ros2::mapping::{Mapping, Qos, Side, Vehicle};
 use swerve_ros2::msg::autoware_vehicle_msgs::Engage;
+use swerve_ros2::msg::std_msgs::Empty;
 use swerve_ros2::samples::{large_cloud, sample};
 use swerve_ros2::{AnyMessage, Kind};
 
@@ -371,9 +372,29 @@ fn noise(peer: &Path, network: Network) {
     assert_eq!(all.stop(PATIENCE), Stopped::Clean);
 }
 
+/// What a stack does at each pose of the car: sends a wish, in the words of the car's interface.
+type Send = fn(&Bridge, MotionCommand);
+
+fn send_autoware(stack: &Bridge, wish: MotionCommand) {
+    let endpoint = |name| stack.endpoint(name).unwrap();
+    let epoch = Epoch::default();
+    stack.publish(endpoint("command"), AnyMessage::Control(control_to_ros(&wish, epoch))).unwrap();
+    let engage = Engage { stamp: epoch.stamp(wish.stamp), engage: true };
+    stack.publish(endpoint("enable"), AnyMessage::Engage(engage)).unwrap();
+}
+
+fn send_dataspeed(stack: &Bridge, wish: MotionCommand) {
+    let endpoint = |name| stack.endpoint(name).unwrap();
+    let car = Dataspeed::default();
+    let steering = car.steering(wish.stamp, wish.steering_rad, true, false);
+    stack.publish(endpoint("steering_command"), AnyMessage::DataspeedSteeringCmd(steering)).unwrap();
+    let speed = car.speed(&wish, (2.0, 3.0), true, false);
+    stack.publish(endpoint("speed_command"), AnyMessage::DataspeedUlcCmd(speed)).unwrap();
+    stack.publish(endpoint("enable"), AnyMessage::Empty(Empty::default())).unwrap();
+}
+
 /// The emulated car is engaged, driven to 3 m/s along its lane, and left alone: it stops by itself.
-#[test]
-fn the_emulated_car_follows_commands_and_stops_without() {
+fn drive_emulated(interface: &str, vehicle: Vehicle, endpoints: &[&str], send: Send) {
     let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     if !available("Python's package cyclonedds", Command::new(&python).args(["-c", "import cyclonedds"])) {
         return;
@@ -381,52 +402,61 @@ fn the_emulated_car_follows_commands_and_stops_without() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let network = network(0);
     let emulator = sources().join("vehicle_emulator.py");
-    let car = Peer::start(&[Path::new(&python), &emulator], network, "autoware", &[]);
-    let mapping = Mapping::of(Vehicle::Autoware, network);
+    let _car = Peer::start(&[Path::new(&python), &emulator], network, interface, &[]);
+    let mapping = Mapping::of(vehicle, network);
     let options = Options {
         judge_stamps: Some(ClockParams::default()),
         ..Options::from_mapping(&mapping, Side::Stack)
     };
     let stack = Bridge::start(&options).unwrap();
-    let [command, enable, odometry, mode] =
-        ["command", "enable", "odometry", "control_mode"].map(|name| stack.endpoint(name).unwrap());
-    for id in [command, enable, odometry, mode] {
-        assert!(stack.wait_matched(id, 1, PATIENCE), "{} found nobody", stack.endpoints()[id.0].topic);
+    for name in endpoints {
+        assert!(stack.wait_matched(stack.endpoint(name).unwrap(), 1, PATIENCE), "{name} found nobody");
     }
-    let epoch = Epoch::default();
+    let odometry = stack.endpoint("odometry").unwrap();
     let drive = |until: &mut dyn FnMut(&EgoState) -> bool, speed_mps: Option<f64>| {
         let start = now();
         while start.elapsed() < PATIENCE {
             stack.wait(Duration::from_millis(100));
-            while stack.take(mode).is_some() {}
-            let Some(received) = stack.take(odometry) else { continue };
+            let Some((id, received)) = stack.take_any() else { continue };
+            if id != odometry {
+                continue;
+            }
             let AnyMessage::Odometry(message) = received.message else { unreachable!() };
-            let ego = ego_from_ros(&message, epoch, ("map", "base_link"), (0.0, 0.0)).unwrap();
+            let ego = ego_from_ros(&message, Epoch::default(), ("map", "base_link"), (0.0, 0.0)).unwrap();
             if until(&ego) {
                 return ego;
             }
-            let Some(speed_mps) = speed_mps else { continue };
-            let wish = MotionCommand {
-                stamp: ego.stamp,
-                steering_rad: (-0.2 * ego.pose.y_m - 0.5 * ego.pose.heading_rad).clamp(-0.2, 0.2),
-                speed_mps,
-                accel_mps2: (2.0 * (speed_mps - ego.speed_mps)).clamp(-2.0, 2.0),
-            };
-            stack.publish(command, AnyMessage::Control(control_to_ros(&wish, epoch))).unwrap();
-            let engage = Engage { stamp: epoch.stamp(ego.stamp), engage: true };
-            stack.publish(enable, AnyMessage::Engage(engage)).unwrap();
+            if let Some(speed_mps) = speed_mps {
+                let steering_rad =
+                    (-0.2 * (ego.pose.y_m - 0.5) - 0.8 * ego.pose.heading_rad).clamp(-0.2, 0.2);
+                let accel_mps2 = (2.0 * (speed_mps - ego.speed_mps)).clamp(-2.0, 2.0);
+                send(&stack, MotionCommand { stamp: ego.stamp, steering_rad, speed_mps, accel_mps2 });
+            }
         }
         panic!("the car does not do what it is told");
     };
-    let driving = drive(&mut |ego| ego.speed_mps > 2.9, Some(3.0));
-    assert!(driving.pose.y_m.abs() < 0.1, "{driving:?}");
+    // The lane is half a metre to its left.
+    let driving = drive(&mut |ego| ego.pose.x_m > 8.0, Some(3.0));
+    assert!((driving.speed_mps - 3.0).abs() < 0.2, "{driving:?}");
+    assert!((driving.pose.y_m - 0.5).abs() < 0.3, "{driving:?}");
     let stopped = drive(&mut |ego| ego.speed_mps == 0.0, None);
-    println!("emulated car: stood {:.1} m after the last command", stopped.pose.x_m - driving.pose.x_m);
-    let reports = stack.statistics();
-    let odometry = &reports[odometry.0];
-    assert!(
-        odometry.refused.total() == 0 && odometry.clock.unwrap().offset.as_ms().abs() < 100.0,
-        "{odometry:?}"
+    println!(
+        "emulated car, {interface}: stood {:.1} m after the last command",
+        stopped.pose.x_m - driving.pose.x_m
     );
-    drop(car);
+    let report = stack.statistics().remove(odometry.0);
+    assert!(report.refused.total() == 0 && report.clock.unwrap().offset.as_ms().abs() < 100.0, "{report:?}");
+}
+
+#[test]
+fn an_emulated_car_with_autowares_interface_follows_commands_and_stops_without() {
+    let endpoints = ["command", "enable", "odometry", "control_mode", "velocity", "steering"];
+    drive_emulated("autoware", Vehicle::Autoware, &endpoints, send_autoware);
+}
+
+#[test]
+fn an_emulated_car_with_dataspeeds_interface_follows_commands_and_stops_without() {
+    let endpoints =
+        ["steering_command", "speed_command", "enable", "odometry", "steering", "brake", "enabled"];
+    drive_emulated("dataspeed", Vehicle::Dataspeed, &endpoints, send_dataspeed);
 }

@@ -114,12 +114,12 @@ fn a_writer_of_another_type_is_found_out() {
     // Both are a stamp and a number: the bytes of the one are nearly those of the other.
     let odd = Bridge::start(&options("odd", network, writer(Kind::GearReport))).unwrap();
     let reader = Bridge::start(&options("reader", network, reader)).unwrap();
-    if odd.wait_matched(EndpointId(0), 1, Duration::from_secs(3)) {
-        for _ in 0..5 {
-            odd.publish(EndpointId(0), sample(Kind::GearReport)).unwrap();
-        }
-        reader.wait(BRIEF);
+    assert!(odd.wait_matched(EndpointId(0), 1, PATIENCE), "the transport compares types by now");
+    reader.wait_matched(EndpointId(0), 1, PATIENCE);
+    for _ in 0..5 {
+        odd.publish(EndpointId(0), sample(Kind::GearReport)).unwrap();
     }
+    reader.wait(BRIEF);
     let right = Bridge::start(&options("right", network, writer(Kind::SteeringReport))).unwrap();
     assert!(right.wait_matched(EndpointId(0), 1, PATIENCE));
     reader.wait_matched(EndpointId(0), 2, BRIEF);
@@ -128,6 +128,25 @@ fn a_writer_of_another_type_is_found_out() {
     assert_eq!(reader.take(EndpointId(0)), None);
     let statistics = &reader.statistics()[0];
     assert_eq!(statistics.received - statistics.refused.total(), 1, "{statistics:?}");
+    assert!(statistics.refused.total() == 5, "{statistics:?}");
+}
+
+/// A reader that wants what is lost to be sent again, and a writer that does not: they never match, and that is told.
+#[test]
+fn wishes_for_delivery_that_do_not_go_together_are_counted() {
+    let network = network(3);
+    let topic = |qos, direction| vec![endpoint("hopeless", Kind::Imu, qos, direction)];
+    let writer = Bridge::start(&options("writer", network, topic(Qos::SENSOR, Direction::Send))).unwrap();
+    let reader = Bridge::start(&options("reader", network, topic(Qos::DEFAULT, Direction::Receive))).unwrap();
+    for _ in 0..50 {
+        if reader.statistics()[0].incompatible > 0 {
+            break;
+        }
+        reader.wait_matched(EndpointId(0), 1, Duration::from_millis(100));
+    }
+    assert!(reader.statistics()[0].incompatible > 0, "{:?}", reader.statistics());
+    writer.publish(EndpointId(0), sample(Kind::Imu)).unwrap();
+    assert!(!reader.wait(BRIEF) && reader.matched(EndpointId(0)) == 0);
 }
 
 #[test]
