@@ -92,14 +92,22 @@ pub struct Options {
 
 impl Options {
     /// The topics of a mapping as seen from one side: it sends its own and receives the other's.
+    ///
+    /// Small messages are always sent reliably: a reader that does not want that takes them too, but one that does
+    /// would not be matched otherwise (REP 2003 has sensors publish so).
     pub fn from_mapping(mapping: &Mapping, side: Side) -> Self {
-        let endpoint = |topic: &crate::mapping::TopicMap| Endpoint {
-            name: topic.name.clone(),
-            topic: topic.topic.clone(),
-            kind: topic.kind,
-            qos: topic.qos,
-            direction: if topic.role.side() == side { Direction::Send } else { Direction::Receive },
-            rate_max_hz: topic.rate_max_hz,
+        let endpoint = |topic: &crate::mapping::TopicMap| {
+            let direction = if topic.role.side() == side { Direction::Send } else { Direction::Receive };
+            let large = matches!(topic.kind, Kind::Image | Kind::CompressedImage | Kind::PointCloud2);
+            let reliable = topic.qos.reliable || (direction == Direction::Send && !large);
+            Endpoint {
+                name: topic.name.clone(),
+                topic: topic.topic.clone(),
+                kind: topic.kind,
+                qos: Qos { reliable, ..topic.qos },
+                direction,
+                rate_max_hz: topic.rate_max_hz,
+            }
         };
         Self {
             node: mapping.node.clone(),
@@ -459,4 +467,27 @@ fn profile(qos: Qos) -> QosProfile {
 /// Below 4 MiB, messages of a megabyte arrive with losses: raise `net.core.rmem_max` and `net.core.rmem_default`.
 pub fn receive_buffer_max() -> Option<u64> {
     std::fs::read_to_string("/proc/sys/net/core/rmem_max").ok()?.trim().parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mapping::Vehicle;
+
+    #[test]
+    fn each_side_sends_what_the_other_receives() {
+        let mapping = Mapping::of(Vehicle::Autoware, Network::default());
+        let [vehicle, stack] = [Side::Vehicle, Side::Stack].map(|side| Options::from_mapping(&mapping, side));
+        assert_eq!(vehicle.endpoints.len(), stack.endpoints.len());
+        for (ours, theirs) in vehicle.endpoints.iter().zip(&stack.endpoints) {
+            assert_eq!((&ours.topic, ours.kind), (&theirs.topic, theirs.kind));
+            assert_ne!(ours.direction, theirs.direction);
+            let [writer, reader] =
+                if ours.direction == Direction::Send { [ours, theirs] } else { [theirs, ours] };
+            assert!(writer.qos.reliable || !reader.qos.reliable, "{} would never match", ours.topic);
+        }
+        let imu = vehicle.endpoints.iter().find(|endpoint| endpoint.name == "imu").unwrap();
+        let lidar = vehicle.endpoints.iter().find(|endpoint| endpoint.name == "lidar").unwrap();
+        assert!(imu.qos.reliable && !lidar.qos.reliable);
+    }
 }

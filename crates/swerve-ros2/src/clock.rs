@@ -27,8 +27,10 @@ pub struct ClockParams {
     pub ahead_max: Span,
     /// A stamp that is older is refused beyond this: no message is worth anything after it.
     pub behind_max: Span,
-    /// So many refused stamps in a row that agree within `ahead_max` are a clock that was set.
+    /// So many refused stamps in a row that agree are a clock that was set.
     pub jump_after: u32,
+    /// How far they may be apart to agree: as far as delays are.
+    pub agree_within: Span,
 }
 
 impl Default for ClockParams {
@@ -40,6 +42,7 @@ impl Default for ClockParams {
             ahead_max: Span::from_ms(50),
             behind_max: Span::from_ms(1000),
             jump_after: 5,
+            agree_within: Span::from_ms(200),
         }
     }
 }
@@ -170,7 +173,7 @@ impl ClockEstimator {
             self.odd.remove(0);
         }
         let (least, most) = self.odd.iter().fold((i64::MAX, i64::MIN), |(a, b), d| (a.min(*d), b.max(*d)));
-        self.odd.len() == n && most.saturating_sub(least) <= self.params.ahead_max.ns()
+        self.odd.len() == n && most.saturating_sub(least) <= self.params.agree_within.ns()
     }
 
     fn learn(&mut self, stamp_ns: i64, difference: i64, received_ns: i64) {

@@ -24,18 +24,18 @@ use crate::msg::builtin_interfaces as builtin;
 use crate::msg::std_msgs::Header;
 
 pub use actuation::{
-    Dataspeed, Raptor, SteeringGear, control_from_ros, control_to_ros, dataspeed_steering_from_ros,
-    raptor_speed_from_ros,
+    Dataspeed, Raptor, SteeringGear, control_from_ros, control_to_ros, dataspeed_speed_from_ros,
+    dataspeed_steering_from_ros, driver_active, raptor_speed_from_ros,
 };
 pub use cloud::{cloud_from_ros, cloud_to_ros};
 pub use image::{camera_from_ros, camera_to_ros, image_from_ros, image_to_ros};
 pub use objects::{Identities, objects_from_ros, objects_to_ros};
 pub use plan::{path_to_ros, plan_from_ros, plan_to_ros};
-pub use pose::{Sensor, pose_from_ros, pose_to_ros, transform_from_ros, transform_to_ros};
+pub use pose::{Sensor, edge_to_ros, pose_from_ros, pose_to_ros, transform_from_ros, transform_to_ros};
 pub use show::{obstacles_to_markers, plan_to_marker};
 pub use state::{
-    ego_from_ros, ego_to_ros, ego_to_transform, gnss_from_ros, gnss_to_ros, imu_from_ros, imu_to_ros,
-    steering_to_ros, velocity_to_ros, wheels_from_ros,
+    ego_from_pose, ego_from_ros, ego_to_ros, ego_to_transform, gnss_from_ros, gnss_to_ros, imu_from_ros,
+    imu_to_ros, steering_to_ros, velocity_to_ros, wheels_from_ros,
 };
 
 /// Which instant of ROS's clock the run's time zero is.

@@ -3,11 +3,7 @@
 //! Needs Linux, `ip` (Debian `iproute2`) and the right to make namespaces; skipped with a word where these are not
 //! given, which a container may well be without.
 
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "all of this is a test, and says why it is skipped"
-)]
+#![expect(clippy::unwrap_used, reason = "all of this is a test")]
 
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;

@@ -2,8 +2,9 @@ use swerve_core::Time;
 use swerve_msg::{Command, MotionCommand};
 
 use super::{ConvertError, Epoch};
+use crate::AnyMessage;
 use crate::msg::autoware_control_msgs::{Control, Lateral, Longitudinal};
-use crate::msg::{ds_dbw_msgs, raptor_dbw_msgs};
+use crate::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
 
 /// A command as Autoware's control message.
 pub fn control_to_ros(command: &MotionCommand, epoch: Epoch) -> Control {
@@ -77,7 +78,7 @@ impl SteeringGear {
 pub struct Dataspeed {
     /// Steering wheel and road wheels.
     pub gear: SteeringGear,
-    /// How the frame is called in the headers.
+    /// Which instant of ROS's clock the run's time zero is.
     pub epoch: Epoch,
 }
 
@@ -163,6 +164,35 @@ pub fn dataspeed_steering_from_ros(
         return Err(ConvertError::NotMeasured("steering_wheel_angle"));
     }
     Ok(gear.steering_rad(f64::from(report.steering_wheel_angle)))
+}
+
+/// The speed of Dataspeed's report: as the brakes measure it, else as the drivetrain does, m/s.
+///
+/// # Errors
+/// The vehicle measures neither.
+pub fn dataspeed_speed_from_ros(report: &ds_dbw_msgs::VehicleVelocity) -> Result<f64, ConvertError> {
+    let both = [report.vehicle_velocity_brake, report.vehicle_velocity_propulsion];
+    let measured = both.into_iter().find(|speed| !speed.is_nan());
+    measured.map(f64::from).ok_or(ConvertError::NotMeasured("vehicle_velocity_brake"))
+}
+
+/// Whether a report says that the driver acts or drives; `None` from messages that say nothing of it.
+///
+/// Autoware's control mode: any mode in which steering or speed is not ours. Dataspeed: an override that is active,
+/// here or at another actuator. Raptor: the driver's activity.
+pub fn driver_active(report: &AnyMessage) -> Option<bool> {
+    use autoware_vehicle_msgs::ControlModeReport;
+    match report {
+        AnyMessage::ControlModeReport(report) => Some(report.mode != ControlModeReport::AUTONOMOUS),
+        AnyMessage::DataspeedSteeringReport(r) => Some(r.override_active || r.override_other),
+        AnyMessage::DataspeedBrakeReport(r) => Some(r.override_active || r.override_other),
+        AnyMessage::DataspeedThrottleReport(r) => Some(r.override_active || r.override_other),
+        AnyMessage::RaptorSteeringReport(r) => Some(r.driver_activity),
+        AnyMessage::RaptorBrakeReport(r) => Some(r.driver_activity),
+        AnyMessage::RaptorAcceleratorPedalReport(r) => Some(r.driver_activity),
+        AnyMessage::RaptorMiscReport(r) => Some(r.general_driver_activity),
+        _ => None,
+    }
 }
 
 /// Commands for a vehicle with New Eagle's Raptor: they carry a counter that shows that the sender lives.

@@ -1,6 +1,7 @@
 use nalgebra::{Quaternion, UnitQuaternion};
 use swerve_geom::{Map, Point, Pose2, Transform, math};
 
+use super::Epoch;
 use crate::msg::geometry_msgs as geo;
 
 /// Any sensor's own frame.
@@ -38,4 +39,18 @@ pub fn transform_from_ros<To, From>(transform: &geo::Transform) -> Transform<To,
     let (t, q) = (&transform.translation, &transform.rotation);
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q.w, q.x, q.y, q.z));
     Transform::new(Point::new(t.x, t.y, t.z), rotation)
+}
+
+/// The edge from `parent` to `child`, for `/tf` and `/tf_static`: `parent_from_child` at `at`.
+pub fn edge_to_ros<To, From>(
+    parent_from_child: &Transform<To, From>,
+    (parent, child): (&str, &str),
+    at: swerve_core::Time,
+    epoch: Epoch,
+) -> geo::TransformStamped {
+    geo::TransformStamped {
+        header: epoch.header(at, parent),
+        child_frame_id: child.to_owned(),
+        transform: transform_to_ros(parent_from_child),
+    }
 }

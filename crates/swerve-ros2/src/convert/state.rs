@@ -3,6 +3,7 @@ use swerve_msg::{EgoState, Gnss, Imu, WheelOdometry};
 
 use super::pose::Sensor;
 use super::{ConvertError, Epoch, expect_frame, pose_from_ros, pose_to_ros};
+use crate::msg::std_msgs::Header;
 use crate::msg::{Matrix, autoware_vehicle_msgs, geometry_msgs as geo, nav_msgs, sensor_msgs, tf2_msgs};
 
 /// What a fix that does not say how good it is, is taken for: plain GPS in a street, metres.
@@ -126,6 +127,31 @@ pub fn ego_from_ros(
         lateral_accel_mps2: twist.linear.x * twist.angular.z,
         yaw_rate_radps: twist.angular.z,
         steering_rad,
+    })
+}
+
+/// The ego from a pose alone (`PoseStamped`, or `PoseWithCovarianceStamped` without its covariance), with what the
+/// vehicle reports beside it.
+///
+/// # Errors
+/// The pose is in another frame than `map`.
+pub fn ego_from_pose(
+    header: &Header,
+    pose: &geo::Pose,
+    epoch: Epoch,
+    map: &str,
+    wheels: &WheelOdometry,
+    accel_mps2: f64,
+) -> Result<EgoState, ConvertError> {
+    expect_frame(&header.frame_id, map)?;
+    Ok(EgoState {
+        stamp: epoch.time(header.stamp),
+        pose: pose_from_ros(pose),
+        speed_mps: wheels.speed_mps,
+        accel_mps2,
+        lateral_accel_mps2: wheels.speed_mps * wheels.yaw_rate_radps,
+        yaw_rate_radps: wheels.yaw_rate_radps,
+        steering_rad: wheels.steering_rad,
     })
 }
 

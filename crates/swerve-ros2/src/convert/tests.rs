@@ -134,6 +134,32 @@ fn the_ego_is_odometry_of_base_link_in_the_map() {
 }
 
 #[test]
+fn a_pose_alone_gets_the_rest_from_the_wheels() {
+    let wheels =
+        WheelOdometry { speed_mps: 4.0, yaw_rate_radps: 0.5, steering_rad: 0.2, ..WheelOdometry::default() };
+    let (header, pose) = (EPOCH.header(Time::from_ms(70), "map"), pose_to_ros(Pose2::new(1.0, 2.0, 0.5)));
+    let ego = ego_from_pose(&header, &pose, EPOCH, "map", &wheels, 0.25).unwrap();
+    assert_eq!((ego.stamp, ego.pose.x_m, ego.speed_mps), (Time::from_ms(70), 1.0, 4.0));
+    assert_eq!((ego.lateral_accel_mps2, ego.steering_rad, ego.accel_mps2), (2.0, 0.2, 0.25));
+    assert!(ego_from_pose(&header, &pose, EPOCH, "odom", &wheels, 0.0).is_err());
+}
+
+#[test]
+fn a_sensors_place_is_an_edge_below_base_link() {
+    let ego_from_lidar: Transform<Ego, Sensor> =
+        Transform::from_roll_pitch_yaw(Point::new(1.5, 0.0, 1.9), 0.0, 0.0, PI);
+    let edge = edge_to_ros(&ego_from_lidar, ("base_link", "lidar"), Time::ZERO, EPOCH);
+    passes(&edge);
+    assert_eq!((edge.header.frame_id.as_str(), edge.child_frame_id.as_str()), ("base_link", "lidar"));
+    let (t, q) = (edge.transform.translation, edge.transform.rotation);
+    assert_eq!((t.x, t.z), (1.5, 1.9));
+    assert!((q.z - 1.0).abs() < 1e-12 && q.w.abs() < 1e-12);
+    let back: Transform<Ego, Sensor> = transform_from_ros(&edge.transform);
+    let ahead_of_sensor = back * Point::<Sensor>::new(10.0, 0.0, 0.0);
+    assert!((ahead_of_sensor - Point::new(-8.5, 0.0, 1.9)).norm() < 1e-12);
+}
+
+#[test]
 fn wheels_come_from_speed_and_turn() {
     let velocity = crate::msg::autoware_vehicle_msgs::VelocityReport {
         header: EPOCH.header(Time::from_ms(100), "base_link"),
@@ -475,8 +501,35 @@ fn reports_in_degrees_and_kilometres_per_hour_are_si_here() {
     report.steering_wheel_angle = f32::NAN;
     assert_eq!(AnyMessage::DataspeedSteeringReport(report.clone()).check(), Ok(()));
     assert!(dataspeed_steering_from_ros(&report, &gear).is_err());
+    let mut speed = crate::msg::ds_dbw_msgs::VehicleVelocity {
+        vehicle_velocity_brake: 3.5,
+        vehicle_velocity_propulsion: 3.25,
+        ..Default::default()
+    };
+    assert_eq!(dataspeed_speed_from_ros(&speed), Ok(3.5));
+    speed.vehicle_velocity_brake = f32::NAN;
+    assert_eq!(dataspeed_speed_from_ros(&speed), Ok(3.25));
+    speed.vehicle_velocity_propulsion = f32::NAN;
+    assert!(dataspeed_speed_from_ros(&speed).is_err());
     let misc = crate::msg::raptor_dbw_msgs::MiscReport { vehicle_speed: 36.0, ..Default::default() };
     assert_eq!(raptor_speed_from_ros(&misc), 10.0);
+}
+
+#[test]
+fn a_driver_who_acts_is_seen_in_every_interface() {
+    use crate::msg::autoware_vehicle_msgs::ControlModeReport;
+    use crate::msg::{ds_dbw_msgs, raptor_dbw_msgs};
+    let mode = |mode| AnyMessage::ControlModeReport(ControlModeReport { mode, ..Default::default() });
+    assert_eq!(driver_active(&mode(ControlModeReport::AUTONOMOUS)), Some(false));
+    for other in [0, 2, 3, 4, 5, 6] {
+        assert_eq!(driver_active(&mode(other)), Some(true), "{other}");
+    }
+    let brake = |override_active| ds_dbw_msgs::BrakeReport { override_active, ..Default::default() };
+    assert_eq!(driver_active(&AnyMessage::DataspeedBrakeReport(brake(true))), Some(true));
+    assert_eq!(driver_active(&AnyMessage::DataspeedBrakeReport(brake(false))), Some(false));
+    let steering = raptor_dbw_msgs::SteeringReport { driver_activity: true, ..Default::default() };
+    assert_eq!(driver_active(&AnyMessage::RaptorSteeringReport(steering)), Some(true));
+    assert_eq!(driver_active(&AnyMessage::Empty(Default::default())), None);
 }
 
 #[test]

@@ -130,3 +130,15 @@ fn mistakes_name_the_key_and_the_nearest() {
     check("ros2.node = '1st'", "`node`: a name of letters, digits and `_` was expected, not `\"1st\"`");
     check("ros2.topics.lidar = 3", "`topics.lidar`: a table was expected, not `3`");
 }
+
+/// The table that the page about two hosts shows.
+#[test]
+fn the_documented_table_is_one() {
+    let page = include_str!("../../../../docs/howto/two_hosts.md");
+    let start = page.find("[ros2]").unwrap();
+    let length = page[start..].find("```").unwrap();
+    let mapping = parse(&page[start..start + length]).unwrap();
+    assert_eq!((mapping.vehicle, mapping.network.domain), (Vehicle::Plain, 42));
+    assert_eq!(mapping.topic("lidar").unwrap().frame, "front_lidar");
+    assert_eq!(mapping.with_role(Role::Camera).count(), 2);
+}
