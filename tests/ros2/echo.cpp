@@ -1,4 +1,5 @@
 // Sends back what it receives with eProsima Fast DDS: echo DOMAIN QOS
+// With `service` for QOS it answers requests instead.
 //
 // As echo.py. Payloads are sent back byte by byte, but for the three messages below, which Fast CDR decodes field by
 // field and encodes again: a command, a report with a header, and a point cloud.
@@ -129,6 +130,27 @@ struct Echo : DataReaderListener {
   }
 };
 
+// Answers Autoware's requests for a control mode as a node on rmw_fastrtps does: a reply says in its parameters which
+// request it is for. Takes the modes 1 (autonomous) and 4 (manual).
+struct Service : DataReaderListener {
+  DataWriter *writer = nullptr;
+  void on_data_available(DataReader *reader) override {
+    Payload payload;
+    SampleInfo info;
+    while (reader->take_next_sample(&payload, &info) == ReturnCode_t::RETCODE_OK) {
+      // Header, seconds, nanoseconds, mode.
+      if (!info.valid_data || payload.size() < 13) continue;
+      Payload reply{0, 1, 0, 0, payload[12] == 1 || payload[12] == 4, 0, 0, 0};
+      auto request = info.sample_identity;
+      auto asker = info.related_sample_identity.writer_guid();
+      if (asker != eprosima::fastrtps::rtps::GUID_t::unknown()) request.writer_guid() = asker;
+      eprosima::fastrtps::rtps::WriteParams params;
+      params.related_sample_identity(request);
+      writer->write(&reply, params);
+    }
+  }
+};
+
 template <typename Q> static Q policy(Q qos, const std::string &name) {
   bool best_effort = name == "best_effort", latched = name == "latched";
   qos.reliability().kind = best_effort ? BEST_EFFORT_RELIABILITY_QOS : RELIABLE_RELIABILITY_QOS;
@@ -180,6 +202,18 @@ int main(int argc, char **argv) {
   auto *subscriber = participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT);
   std::vector<std::unique_ptr<Echo>> echoes;
   std::string line;
+  Service service;
+  if (std::string(argv[2]) == "service") {
+    std::string base = "autoware_vehicle_msgs::srv::dds_::ControlModeCommand_";
+    TypeSupport(new Bytes(base + "Request_")).register_type(participant);
+    TypeSupport(new Bytes(base + "Response_")).register_type(participant);
+    std::string name = "/control/control_mode_request";
+    auto *requests = participant->create_topic("rq" + name + "Request", base + "Request_", TOPIC_QOS_DEFAULT);
+    auto *replies = participant->create_topic("rr" + name + "Reply", base + "Response_", TOPIC_QOS_DEFAULT);
+    service.writer = publisher->create_datawriter(replies, policy(DATAWRITER_QOS_DEFAULT, "reliable"));
+    if (!service.writer || !subscriber->create_datareader(requests, policy(DATAREADER_QOS_DEFAULT, "reliable"), &service))
+      return 1;
+  }
   while (std::getline(std::cin, line) && !line.empty()) {
     auto slash = line.find('/');
     std::string type_name = line.substr(0, slash) + "::msg::dds_::" + line.substr(slash + 1) + "_";

@@ -17,11 +17,13 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use swerve_msg::{EgoState, MotionCommand};
-use swerve_ros2::bridge::{Bridge, Direction, Endpoint, EndpointId, Options, Stopped, receive_buffer_max};
+use swerve_ros2::bridge::{
+    Bridge, Direction, Endpoint, EndpointId, Options, ServiceSide, Stopped, receive_buffer_max,
+};
 use swerve_ros2::clock::ClockParams;
 use swerve_ros2::convert::{Dataspeed, Epoch, control_to_ros, ego_from_ros};
 use swerve_ros2::env::Network;
-use swerve_ros2::mapping::{Mapping, Qos, Side, Vehicle};
+use swerve_ros2::mapping::{Mapping, Qos, ServiceMap, Side, Vehicle};
 use swerve_ros2::msg::autoware_vehicle_msgs::Engage;
 use swerve_ros2::msg::std_msgs::Empty;
 use swerve_ros2::samples::{large_cloud, sample};
@@ -299,6 +301,13 @@ fn cyclone_dds_in_python_understands_every_kind() {
         return;
     }
     talk("Cyclone DDS, Python", &[Path::new(&python), &sources().join("echo.py")], 0);
+    let server = sources().join("service.py");
+    service(
+        "Cyclone DDS, Python",
+        &[Path::new(&python), &server],
+        network(0),
+        ("cyclone", ServiceMap::Cyclone),
+    );
 }
 
 #[test]
@@ -331,6 +340,32 @@ fn fast_dds_understands_every_kind() {
     run(compile.args(["-lfastrtps", "-lfastcdr"]).current_dir(&folder));
     talk("Fast DDS", &[&folder.join("echo")], 2);
     noise(&folder.join("echo"), network(2));
+    service("Fast DDS", &[&folder.join("echo")], network(2), ("service", ServiceMap::Enhanced));
+}
+
+/// The peer takes the modes 1 and 4, and no other.
+fn service(name: &str, command: &[&Path], network: Network, (argument, map): (&str, ServiceMap)) {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let _peer = Peer::start(command, network, argument, &[]);
+    let start = |service_map| {
+        let mapping = Mapping::of(Vehicle::Plain, network);
+        let service = "/control/control_mode_request".to_owned();
+        Bridge::start(&Options {
+            service_map,
+            control_mode_service: Some((ServiceSide::Client, service)),
+            endpoints: Vec::new(),
+            ..Options::from_mapping(&mapping, Side::Stack)
+        })
+        .unwrap()
+    };
+    let right = start(map);
+    let brief = Duration::from_millis(500);
+    // Requests are lost until both sides have found each other.
+    let first = (0..20).find_map(|_| right.request_control_mode(1, brief).ok());
+    assert_eq!(first, Some(true), "{name} does not answer");
+    let answers = [1, 2, 3, 4].map(|mode| right.request_control_mode(mode, PATIENCE));
+    assert_eq!(answers, [Ok(true), Ok(false), Ok(false), Ok(true)], "{name}");
+    println!("{name}: the service for the control mode answers in its mapping");
 }
 
 /// Payloads under true names that are no messages: counted, refused, and the next true one is understood.
