@@ -121,6 +121,17 @@ impl Options {
     }
 }
 
+impl Options {
+    /// The same with these endpoints sent, whoever sends them else: a simulator that shows its own stack's plan.
+    #[must_use]
+    pub fn sending(mut self, names: &[&str]) -> Self {
+        for endpoint in self.endpoints.iter_mut().filter(|endpoint| names.contains(&endpoint.name.as_str())) {
+            endpoint.direction = Direction::Send;
+        }
+        self
+    }
+}
+
 /// Which endpoint: its place in [`Options::endpoints`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct EndpointId(pub usize);
@@ -489,5 +500,8 @@ mod tests {
         let imu = vehicle.endpoints.iter().find(|endpoint| endpoint.name == "imu").unwrap();
         let lidar = vehicle.endpoints.iter().find(|endpoint| endpoint.name == "lidar").unwrap();
         assert!(imu.qos.reliable && !lidar.qos.reliable);
+        let shown = vehicle.sending(&["trajectory"]);
+        let direction = |name: &str| shown.endpoints.iter().find(|e| e.name == name).unwrap().direction;
+        assert_eq!((direction("trajectory"), direction("command")), (Direction::Send, Direction::Receive));
     }
 }

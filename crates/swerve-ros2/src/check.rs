@@ -86,9 +86,6 @@ pub enum Why {
     /// Shares bytes with another.
     #[error("overlaps `{0}`")]
     Overlaps(String),
-    /// Times that do not increase.
-    #[error("is not after the one before it")]
-    NotAfter,
 }
 
 pub(crate) fn invalid(field: impl Into<String>, why: Why) -> Result<(), Invalid> {

@@ -1,7 +1,13 @@
 use proptest::prelude::*;
 
+use swerve_geom::{Point, Transform};
+
 use super::*;
 use crate::check::Why;
+use crate::convert::{
+    Epoch, Identities, cloud_from_ros, control_from_ros, ego_from_ros, gnss_from_ros, image_from_ros,
+    imu_from_ros, objects_from_ros, objects_to_ros, plan_from_ros,
+};
 use crate::msg::geometry_msgs::Vector3;
 use crate::msg::sensor_msgs::{Image, Imu, NavSatFix, PointCloud2, PointField};
 use crate::samples::sample;
@@ -162,6 +168,38 @@ fn bytes_that_are_left_or_missing_are_told() {
     assert_eq!(decode_any(Kind::Control, &other), Err(DecodeError::Representation([0, 3])));
 }
 
+/// What is done with a message that passed its check: nothing of it may panic either.
+fn use_it(message: &AnyMessage) {
+    let (epoch, mut names) = (Epoch { ns: 1_000 }, Identities::default());
+    let place = Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0);
+    message.stamp().map(|stamp| epoch.time(stamp));
+    match message {
+        AnyMessage::Image(m) => drop(image_from_ros(m, epoch, swerve_msg::CameraInfo::default())),
+        AnyMessage::PointCloud2(m) => {
+            if let Ok(cloud) = cloud_from_ros(m, epoch) {
+                assert_eq!(cloud.check(), Ok(()));
+                assert!(cloud.len() <= (m.width * m.height) as usize);
+            }
+        }
+        AnyMessage::Imu(m) => drop(imu_from_ros(m, epoch, &place)),
+        AnyMessage::NavSatFix(m) => drop(gnss_from_ros(m, epoch)),
+        AnyMessage::Odometry(m) => {
+            drop(ego_from_ros(m, epoch, (&m.header.frame_id, &m.child_frame_id), (0.0, 0.0)));
+        }
+        AnyMessage::Trajectory(m) => drop(plan_from_ros(m, epoch, &m.header.frame_id)),
+        AnyMessage::PredictedObjects(m) => {
+            if let Ok((tracks, futures)) = objects_from_ros(m, epoch, &m.header.frame_id, &mut names) {
+                drop(objects_to_ros(&tracks, &futures, epoch, "map"));
+            }
+        }
+        AnyMessage::Control(m) => {
+            let command = control_from_ros(m, epoch);
+            assert!(command.steering_rad.is_finite() && command.speed_mps.is_finite());
+        }
+        _ => {}
+    }
+}
+
 /// How many mutated payloads are tried: more with `SWERVE_FUZZ=1`.
 fn mutations() -> u32 {
     if std::env::var_os("SWERVE_FUZZ").is_some() { 100_000 } else { 2_000 }
@@ -188,6 +226,7 @@ proptest! {
         }
         if let Ok(message) = decode_any(kind, &bytes) {
             prop_assert_eq!(message.check(), Ok(()));
+            use_it(&message);
             prop_assert!(encoded_bytes(&message) <= bytes.len() + 8);
         }
     }

@@ -16,6 +16,8 @@ use crate::msg::geometry_msgs as geo;
 
 /// More poses than this are not read of one path.
 const PATH_POSES_MAX: usize = 1000;
+/// Poses further apart than this tell nothing of what is between them.
+const STEP_MAX: Span = Span::from_ms(60_000);
 /// Step between poses where a path has one pose and none is needed.
 const STEP_MIN: Span = Span::from_ms(100);
 
@@ -143,13 +145,14 @@ pub fn objects_from_ros(
     Ok((tracks, predictions))
 }
 
-/// `None` for a path without poses, or with a step that is not forward.
+/// `None` for a path without poses, or with a step that is not forward or beyond [`STEP_MAX`].
 fn path_from_ros(path: &PredictedPath, stamp: Time) -> Option<Vec<PredictedPose>> {
     let step = Span::from_ns(path.time_step.ns());
-    if path.path.is_empty() || (path.path.len() > 1 && step <= Span::ZERO) {
+    if path.path.is_empty() || step > STEP_MAX || (path.path.len() > 1 && step <= Span::ZERO) {
         return None;
     }
-    let pose = |(i, pose)| PredictedPose { at: stamp + step * (i as i64), pose: pose_from_ros(pose) };
+    let pose =
+        |(i, pose)| PredictedPose { at: stamp.saturating_add(step * (i as i64)), pose: pose_from_ros(pose) };
     Some(path.path.iter().take(PATH_POSES_MAX).enumerate().map(pose).collect())
 }
 

@@ -41,7 +41,7 @@ pub fn plan_from_ros(trajectory: &Trajectory, epoch: Epoch, map: &str) -> Result
     for (i, point) in trajectory.points.iter().enumerate() {
         let pose = pose_from_ros(&point.pose);
         let speed_mps = f64::from(point.longitudinal_velocity_mps);
-        let mut at = stamp + Span::from_ns(point.time_from_start.ns());
+        let mut at = stamp.saturating_add(Span::from_ns(point.time_from_start.ns()));
         let mut curvature_1pm = 0.0;
         if let Some(before) = plan.points.last_mut() {
             let way_m = before.pose.point().distance(pose.point());
@@ -57,7 +57,7 @@ pub fn plan_from_ros(trajectory: &Trajectory, epoch: Epoch, map: &str) -> Result
                     }
                     return Err(ConvertError::NotLater(i));
                 }
-                at = before.at + Span::from_secs((way_m / mean_mps).max(1e-9));
+                at = before.at.saturating_add(Span::from_secs((way_m / mean_mps).max(1e-9)));
             }
         }
         let accel_mps2 = f64::from(point.acceleration_mps2);
