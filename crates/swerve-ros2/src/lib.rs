@@ -12,7 +12,7 @@
 //! | [`mapping`] | which stream is which topic: built-in tables for vehicles, changed in TOML |
 //! | [`clock`] | the offset between a sensor's clock and the host's, and what a stamp is worth |
 //! | [`bridge`] | the node: [`bridge::Bridge::start`], `publish`, `take`, `statistics`, `stop` |
-//! | [`env`], [`logging`] | what the environment says; a log that cannot be flooded |
+//! | [`mod@env`], [`logging`] | what the environment says; a log that cannot be flooded |
 //! | [`samples`] | one example of every message, for tests |
 //!
 //! A program makes a [`mapping::Mapping`] from its configuration, [`bridge::Options::from_mapping`] for its side of
