@@ -76,6 +76,8 @@ fn heavy_packages_stay_behind_one_crate() {
         ("foxglove", "swerve-foxglove"),
         ("jpeg-encoder", "swerve-foxglove"),
         ("mcap", "swerve-log"),
+        ("ros2-client", "swerve-ros2"),
+        ("cdr-encoding", "swerve-ros2"),
         ("clap", "swerve"),
         ("anyhow", "swerve"),
     ];

@@ -17,6 +17,7 @@ pub mod mpc;
 pub mod pedals;
 pub mod pid;
 mod reference;
+pub mod safety_gate;
 pub mod speed;
 mod validate;
 

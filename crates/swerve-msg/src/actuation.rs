@@ -1,4 +1,5 @@
 use serde::{Deserialize, Serialize};
+use swerve_core::Time;
 
 /// What the stack asks of the vehicle.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -19,4 +20,17 @@ impl Command {
 
     /// Straight wheels, no accelerator, full brake.
     pub const FULL_BRAKE: Self = Self { steering_rad: 0.0, throttle: 0.0, brake: 1.0 };
+}
+
+/// What the stack asks of a vehicle whose own controllers work the pedals.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct MotionCommand {
+    /// Instant of the state that it was computed from.
+    pub stamp: Time,
+    /// Wanted angle of the front road wheels, radians; positive to the left.
+    pub steering_rad: f64,
+    /// Wanted speed of the ego origin along its heading, m/s; negative in reverse.
+    pub speed_mps: f64,
+    /// Wanted acceleration along the heading, m/s².
+    pub accel_mps2: f64,
 }

@@ -17,7 +17,7 @@ mod radar;
 mod route;
 pub mod truth;
 
-pub use actuation::Command;
+pub use actuation::{Command, MotionCommand};
 pub use ego::{EgoState, Gnss, Imu};
 pub use event::{
     CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, RoadLine,

@@ -1,0 +1,363 @@
+use proptest::prelude::*;
+
+use super::*;
+
+const TICK_MS: i64 = 20;
+
+/// A gate, a car that does as it is told, and a stack that wants 10 m/s and 0.1 rad.
+struct Bench {
+    gate: SafetyGate,
+    now_ms: i64,
+    input: GateInput,
+    /// Whether the stack and the vehicle go on talking.
+    stack: bool,
+    vehicle: bool,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let gate = SafetyGate::new(GateParams::default()).unwrap();
+        Self { gate, now_ms: 0, input: GateInput::default(), stack: true, vehicle: true }
+    }
+
+    /// Driving at 10 m/s.
+    fn driving() -> Self {
+        let mut bench = Self::new();
+        bench.report().speed_mps = 10.0;
+        bench.run(5);
+        bench.input.enable = true;
+        assert_eq!(bench.run(5).mode, GateMode::Driving);
+        bench
+    }
+
+    fn report(&mut self) -> &mut VehicleReport {
+        self.input.report.get_or_insert_default()
+    }
+
+    fn command(&mut self) -> &mut MotionCommand {
+        let wish = MotionCommand { stamp: Time::ZERO, steering_rad: 0.1, speed_mps: 10.0, accel_mps2: 0.5 };
+        self.input.command.get_or_insert(wish)
+    }
+
+    /// One tick; the car follows acceleration and angle where it is engaged.
+    fn tick(&mut self) -> GateOutput {
+        self.now_ms += TICK_MS;
+        let now = Time::from_ms(self.now_ms);
+        self.input.now = now;
+        if self.stack {
+            self.command().stamp = now;
+        }
+        if self.vehicle {
+            self.report().stamp = now;
+        }
+        let output = self.gate.step(&self.input);
+        if output.engaged && self.vehicle {
+            let report = self.report();
+            report.steering_rad = output.command.steering_rad;
+            let speed = report.speed_mps + 0.001 * TICK_MS as f64 * output.command.accel_mps2;
+            // Brakes hold a car that stands.
+            report.speed_mps = if output.command.speed_mps == 0.0 { speed.max(0.0) } else { speed };
+        }
+        output
+    }
+
+    fn run(&mut self, ticks: usize) -> GateOutput {
+        (0..ticks).map(|_| self.tick()).last().expect("some ticks")
+    }
+}
+
+#[test]
+fn enabling_is_an_act_and_needs_all_to_be_well() {
+    // Held from the start: that is no act.
+    let mut held = Bench::new();
+    held.input.enable = true;
+    assert!(!held.run(50).engaged);
+    held.input.enable = false;
+    held.run(1);
+    held.input.enable = true;
+    assert_eq!(held.run(1).mode, GateMode::Driving);
+
+    // Each lack keeps it in manual mode; what was lacking is mended too late for the act.
+    type Lack = fn(&mut Bench, bool);
+    let lacks: [(&str, Lack); 5] = [
+        ("a command", |b, lack| b.stack = !lack),
+        ("a report", |b, lack| b.vehicle = !lack),
+        ("a driver at rest", |b, lack| b.report().driver_active = lack),
+        ("no emergency", |b, lack| b.input.emergency = lack),
+        ("a finite command", |b, lack| b.command().speed_mps = if lack { f64::NAN } else { 1.0 }),
+    ];
+    for (what, lack) in lacks {
+        let mut bench = Bench::new();
+        lack(&mut bench, true);
+        bench.run(50);
+        bench.input.enable = true;
+        assert!(!bench.run(1).engaged, "without {what}");
+        lack(&mut bench, false);
+        assert!(!bench.run(50).engaged, "without {what}, later");
+        bench.input.enable = false;
+        bench.run(1);
+        bench.input.enable = true;
+        assert_eq!(bench.run(1).mode, GateMode::Driving, "with {what}");
+    }
+}
+
+#[test]
+fn silence_of_the_stack_is_a_controlled_stop_after_half_a_second() {
+    let mut bench = Bench::driving();
+    bench.stack = false;
+    let silent_since = bench.now_ms;
+    while bench.tick().mode == GateMode::Driving {}
+    let after_ms = bench.now_ms - silent_since;
+    assert!((500..=540).contains(&after_ms), "{after_ms} ms");
+    let stopping = bench.run(50);
+    assert_eq!(stopping.mode, GateMode::Stopping(StopCause::CommandTimeout));
+    assert_eq!((stopping.command.accel_mps2, stopping.command.speed_mps), (-1.5, 0.0));
+    // 10.2 m/s at 1.5 m/s² is 7 s; it comes back in between, and that changes nothing.
+    bench.stack = true;
+    let at_rest = bench.run(400);
+    assert_eq!(at_rest.mode, GateMode::Holding(StopCause::CommandTimeout));
+    assert_eq!((at_rest.command.accel_mps2, at_rest.engaged), (-1.5, true));
+    // A new act, and it drives on.
+    bench.input.enable = false;
+    bench.run(1);
+    bench.input.enable = true;
+    assert_eq!(bench.run(1).mode, GateMode::Driving);
+}
+
+#[test]
+fn silence_of_the_vehicle_is_a_stop() {
+    let mut bench = Bench::driving();
+    bench.vehicle = false;
+    assert_eq!(bench.run(30).mode, GateMode::Stopping(StopCause::ReportTimeout));
+    // Without reports nobody knows that it stands.
+    assert_eq!(bench.run(500).mode, GateMode::Stopping(StopCause::ReportTimeout));
+}
+
+#[test]
+fn the_driver_wins_at_once_and_for_good() {
+    let modes: [fn(&mut Bench); 3] = [|_| {}, |b| b.stack = false, |b| b.input.emergency = true];
+    for prepare in modes {
+        let mut bench = Bench::driving();
+        prepare(&mut bench);
+        bench.run(40);
+        bench.report().driver_active = true;
+        let taken = bench.tick();
+        assert_eq!((taken.mode, taken.engaged), (GateMode::Manual, false));
+        bench.report().driver_active = false;
+        (bench.stack, bench.input.emergency) = (true, false);
+        assert!(!bench.run(100).engaged, "the switch was never released");
+        bench.input.enable = false;
+        bench.run(1);
+        bench.input.enable = true;
+        assert_eq!(bench.run(1).mode, GateMode::Driving);
+    }
+}
+
+#[test]
+fn an_emergency_brakes_at_once_and_is_not_taken_back() {
+    let mut bench = Bench::driving();
+    bench.input.emergency = true;
+    let first = bench.tick();
+    assert_eq!(first.mode, GateMode::Stopping(StopCause::Emergency));
+    assert_eq!((first.command.accel_mps2, first.command.speed_mps), (-5.0, 0.0));
+    bench.input.emergency = false;
+    bench.input.enable = false;
+    bench.run(1);
+    bench.input.enable = true;
+    assert_eq!(bench.run(1).mode, GateMode::Stopping(StopCause::Emergency));
+    assert_eq!(bench.run(200).mode, GateMode::Holding(StopCause::Emergency));
+}
+
+#[test]
+fn letting_go_of_the_switch_is_a_stop() {
+    let mut bench = Bench::driving();
+    bench.input.enable = false;
+    assert_eq!(bench.run(1).mode, GateMode::Stopping(StopCause::Released));
+}
+
+#[test]
+fn a_stop_never_brakes_less_than_was_asked_for() {
+    let mut bench = Bench::driving();
+    bench.report().speed_mps = 20.0;
+    bench.command().accel_mps2 = -6.0;
+    assert_eq!(bench.run(20).command.accel_mps2, -6.0);
+    bench.stack = false;
+    let stopping = bench.run(40);
+    assert_eq!(stopping.mode, GateMode::Stopping(StopCause::CommandTimeout));
+    assert_eq!(stopping.command.accel_mps2, -6.0);
+}
+
+#[test]
+fn commands_that_are_not_sound_are_refused_and_counted() {
+    type Spoil = fn(&mut MotionCommand, Time);
+    let spoils: [(Refusal, Spoil); 6] = [
+        (Refusal::NotFinite, |c, _| c.steering_rad = f64::NAN),
+        (Refusal::NotFinite, |c, _| c.speed_mps = f64::INFINITY),
+        (Refusal::NotFinite, |c, _| c.accel_mps2 = f64::NEG_INFINITY),
+        (Refusal::OutOfOrder, |c, now| c.stamp = now - Span::from_ms(300)),
+        (Refusal::Ahead, |c, now| c.stamp = now + Span::from_ms(300)),
+        (Refusal::Ahead, |c, _| c.stamp = Time::MAX),
+    ];
+    for (wanted, spoil) in spoils {
+        let mut bench = Bench::driving();
+        let before = bench.run(30).command;
+        bench.stack = false;
+        bench.now_ms += TICK_MS;
+        let now = Time::from_ms(bench.now_ms);
+        (bench.input.now, bench.report().stamp, bench.command().stamp) = (now, now, now);
+        bench.command().steering_rad = -0.3;
+        spoil(bench.command(), now);
+        let output = bench.gate.step(&bench.input);
+        assert_eq!((output.refused, output.mode), (Some(wanted), GateMode::Driving));
+        assert_eq!(output.command.steering_rad, before.steering_rad, "the command before it counts");
+        // The same again is not counted again, and runs out like silence.
+        let later = bench.run(30);
+        assert_eq!(later.mode, GateMode::Stopping(StopCause::CommandTimeout));
+        let counts = bench.gate.refusals();
+        assert_eq!(counts.not_finite + counts.out_of_order + counts.stale + counts.ahead, 1, "{wanted:?}");
+    }
+    // Too old on arrival.
+    let mut bench = Bench::new();
+    bench.stack = false;
+    bench.command().stamp = Time::from_ms(100);
+    bench.now_ms = 1000;
+    assert_eq!(bench.tick().refused, Some(Refusal::Stale));
+}
+
+#[test]
+fn wishes_beyond_the_limits_are_brought_within() {
+    let mut bench = Bench::driving();
+    *bench.command() =
+        MotionCommand { stamp: Time::ZERO, steering_rad: 3.0, speed_mps: 90.0, accel_mps2: 30.0 };
+    let first = bench.tick();
+    assert!(first.limited);
+    // 0.7 rad/s for 20 ms, from 0.1 rad; 40 m/s³ for 20 ms, from 0.5 m/s².
+    let before = 0.7 * 0.02 * 5.0;
+    assert!(
+        first.command.steering_rad <= before + 0.7 * 0.02 + 1e-9 && first.command.accel_mps2 <= 1.3 + 1e-9
+    );
+    assert_eq!(first.command.speed_mps, 25.0);
+    bench.report().speed_mps = 10.0;
+    let later = bench.run(60);
+    assert_eq!(later.command.accel_mps2, 3.0);
+    // At v a car without slip may turn by atan(a L / v²).
+    let v = bench.report().speed_mps;
+    let most = math::atan(5.0 * 2.85 / (v * v));
+    assert!((later.command.steering_rad / most - 1.0).abs() < 0.02, "{} {most}", later.command.steering_rad);
+    bench.report().speed_mps = 26.0;
+    assert!(bench.run(1).command.accel_mps2 <= 0.0, "it is too fast already");
+}
+
+#[test]
+fn a_car_that_rolls_backwards_is_braked_forwards() {
+    let mut bench = Bench::driving();
+    bench.stack = false;
+    for _ in 0..40 {
+        bench.report().speed_mps = -3.0;
+        bench.tick();
+    }
+    bench.report().speed_mps = -3.0;
+    let stopping = bench.tick();
+    assert_eq!(stopping.mode, GateMode::Stopping(StopCause::CommandTimeout));
+    assert_eq!((stopping.command.accel_mps2, stopping.command.speed_mps), (1.5, 0.0));
+}
+
+#[test]
+fn the_heartbeat_counts_every_call_and_wraps() {
+    let mut bench = Bench::new();
+    assert_eq!((bench.tick().heartbeat, bench.tick().heartbeat), (1, 2));
+    assert_eq!((bench.run(65_533).heartbeat, bench.tick().heartbeat), (65_535, 0));
+}
+
+#[test]
+fn parameters_that_make_no_gate_are_named() {
+    let wrong = GateParams { stop_decel_mps2: f64::NAN, ..GateParams::default() };
+    let error = SafetyGate::new(wrong).unwrap_err();
+    assert_eq!(error.to_string(), "`stop_decel_mps2` is NaN, which is not from 0.1 to 20");
+    assert!(SafetyGate::new(GateParams { command_timeout_s: 0.0, ..GateParams::default() }).is_err());
+}
+
+/// Numbers as they come: mostly plausible, some at the edges of what there is.
+fn number() -> impl Strategy<Value = f64> {
+    prop_oneof![6 => -40.0..40.0, 1 => any::<f64>(), 1 => Just(f64::NAN), 1 => Just(f64::INFINITY)]
+}
+
+/// Stamps around now, and far from it, ms.
+fn stamp() -> impl Strategy<Value = i64> {
+    prop_oneof![6 => -100_i64..50, 2 => -2000_i64..2000, 1 => Just(i64::MIN / 4_000_000), 1 => Just(i64::MAX / 4_000_000)]
+}
+
+prop_compose! {
+    fn any_command()(stamp in stamp(), steering in number(), speed in number(), accel in number()) -> (i64, [f64; 3]) {
+        (stamp, [steering, speed, accel])
+    }
+}
+
+prop_compose! {
+    fn any_tick()(
+        dt_ms in prop_oneof![8 => 0_i64..40, 1 => -500_i64..2000],
+        command in prop::option::weighted(0.9, any_command()),
+        report in prop::option::weighted(0.9, (stamp(), number(), number(), prop::bool::weighted(0.05))),
+        enable in prop::bool::weighted(0.8),
+        emergency in prop::bool::weighted(0.03),
+    ) -> (i64, Option<(i64, [f64; 3])>, Option<(i64, f64, f64, bool)>, bool, bool) {
+        (dt_ms, command, report, enable, emergency)
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, rng_seed: proptest::test_runner::RngSeed::Fixed(11), ..ProptestConfig::default() })]
+
+    /// No sequence of inputs lets a number that is none, a command that is old, or one beyond a limit through.
+    #[test]
+    fn nothing_unsafe_ever_passes(ticks in prop::collection::vec(any_tick(), 1..120)) {
+        let p = GateParams::default();
+        let mut gate = SafetyGate::new(p).unwrap();
+        let (mut now_ms, mut latest_ms) = (10_000_i64, i64::MIN);
+        let mut before: Option<(Time, GateOutput)> = None;
+        let mut enable_before = true;
+        // Stamps of commands with finite numbers, as given.
+        let mut sound: Vec<Time> = Vec::new();
+        for (dt_ms, command, report, enable, emergency) in ticks {
+            now_ms += dt_ms;
+            latest_ms = latest_ms.max(now_ms);
+            let (now, latest) = (Time::from_ms(now_ms), Time::from_ms(latest_ms));
+            let at = |ms: i64| Time::from_ms(now_ms.saturating_add(ms));
+            let command = command.map(|(stamp, [steering_rad, speed_mps, accel_mps2])| {
+                MotionCommand { stamp: at(stamp), steering_rad, speed_mps, accel_mps2 }
+            });
+            let report = report.map(|(stamp, speed_mps, steering_rad, driver_active)| {
+                VehicleReport { stamp: at(stamp), speed_mps, steering_rad, driver_active }
+            });
+            sound.extend(command.filter(|c| c.steering_rad.is_finite() && c.speed_mps.is_finite() && c.accel_mps2.is_finite()).map(|c| c.stamp));
+            let output = gate.step(&GateInput { now, command, report, enable, emergency });
+            let c = output.command;
+            prop_assert!(c.steering_rad.is_finite() && c.speed_mps.is_finite() && c.accel_mps2.is_finite(), "{output:?}");
+            prop_assert!(c.steering_rad.abs() <= p.steering_max_rad);
+            prop_assert!((-p.reverse_max_mps..=p.speed_max_mps).contains(&c.speed_mps));
+            prop_assert!(c.accel_mps2.abs() <= p.decel_max_mps2);
+            if report.is_some_and(|r| r.driver_active) {
+                prop_assert!(!output.engaged);
+            }
+            if output.mode == GateMode::Driving {
+                let oldest = latest - Span::from_secs(p.command_timeout_s);
+                prop_assert!(sound.iter().any(|stamp| *stamp >= oldest), "no sound command is young enough");
+                prop_assert!(!emergency && enable);
+            }
+            if let Some((then, last)) = before {
+                let rising = enable && !enable_before;
+                if output.mode == GateMode::Driving && last.mode != GateMode::Driving {
+                    prop_assert!(rising, "it began to drive without an act");
+                }
+                if output.engaged && last.engaged {
+                    let dt_s = (latest - then).min(STEP_MAX).as_secs();
+                    let turn = (c.steering_rad - last.command.steering_rad).abs();
+                    prop_assert!(turn <= p.steering_rate_max_radps * dt_s + 1e-9, "{turn} in {dt_s}");
+                }
+                prop_assert_eq!(output.heartbeat, last.heartbeat.wrapping_add(1));
+            }
+            before = Some((latest, output));
+            enable_before = enable;
+        }
+    }
+}

@@ -1,0 +1,507 @@
+//! The node: topics in, topics out, on a thread of its own.
+//!
+//! RustDDS and ros2-client have peculiarities that are handled here, so that nobody else has to know them:
+//!
+//! - fragments are not filled up to four bytes: every message is (`cdr`);
+//! - type names are not compared: a writer of another type is found out by what discovery says of it, and its
+//!   messages are refused; so is what fails its check;
+//! - ros2-client's own executor subscribes `/clock` as another type than ROS publishes, and offers parameter
+//!   services that only one middleware understands: it is not run, `/clock` is a topic like any other;
+//! - who is matched is followed from DDS's own events ([`Bridge::wait_matched`]): a message that is published
+//!   before that is lost unless the topic is latched;
+//! - a reliable topic may block its publisher: it waits [`PUBLISH_WAIT`] at most, and the message is counted;
+//! - shutting down may hang after malformed datagrams: [`Bridge::stop`] has a deadline;
+//! - `ROS_DOMAIN_ID` and its like are not read: [`crate::env`];
+//! - a reader that lost fragments floods the log: [`crate::logging`].
+
+mod receive;
+mod service;
+mod statistics;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use futures::channel::oneshot;
+use ros2_client::dds::rustdds::DomainParticipantBuilder;
+use ros2_client::dds::{Context, Node, Publisher, Subscription};
+use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
+use ros2_client::{MessageTypeName, Name, NodeName, NodeOptions, WriteError};
+
+use self::receive::{Local, State};
+use self::service::{ControlModeClient, ControlModeServer};
+pub use self::service::{ServiceError, ServiceSide};
+pub use self::statistics::{Latency, Refused, TopicStatistics};
+use crate::cdr::Padded;
+use crate::clock::{ClockParams, StampVerdict};
+use crate::env::Network;
+use crate::mapping::{Mapping, Qos, ServiceMap, Side};
+use crate::message::{AnyMessage, Kind};
+
+/// How long publishing on a reliable topic may wait for readers that are slow.
+pub const PUBLISH_WAIT: Duration = Duration::from_millis(10);
+
+/// How long [`Bridge`] takes for its end when it is dropped without [`Bridge::stop`].
+const DROP_DEADLINE: Duration = Duration::from_secs(2);
+
+/// Which way a topic goes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Direction {
+    /// From the others to us.
+    Receive,
+    /// From us to the others.
+    Send,
+}
+
+/// One topic of a bridge.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Endpoint {
+    /// What it is called here.
+    pub name: String,
+    /// What it is called in ROS.
+    pub topic: String,
+    /// What is on it.
+    pub kind: Kind,
+    /// How it is delivered.
+    pub qos: Qos,
+    /// Which way.
+    pub direction: Direction,
+    /// Faster than this is a flood; `None` for any.
+    pub rate_max_hz: Option<f64>,
+}
+
+/// What a bridge is made of.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Options {
+    /// Name of the node.
+    pub node: String,
+    /// Namespace of the node, beginning with a slash.
+    pub namespace: String,
+    /// Where to look for others.
+    pub network: Network,
+    /// Judge the stamps of what comes by the host's clock; `None` where the stamps are simulated time.
+    pub judge_stamps: Option<ClockParams>,
+    /// How services are mapped.
+    pub service_map: ServiceMap,
+    /// Call or offer Autoware's service for the control mode, of this name.
+    pub control_mode_service: Option<(ServiceSide, String)>,
+    /// The topics.
+    pub endpoints: Vec<Endpoint>,
+}
+
+impl Options {
+    /// The topics of a mapping as seen from one side: it sends its own and receives the other's.
+    ///
+    /// Small messages are always sent reliably: a reader that does not want that takes them too, but one that does
+    /// would not be matched otherwise (REP 2003 has sensors publish so).
+    pub fn from_mapping(mapping: &Mapping, side: Side) -> Self {
+        let endpoint = |topic: &crate::mapping::TopicMap| {
+            let direction = if topic.role.side() == side { Direction::Send } else { Direction::Receive };
+            let large = matches!(topic.kind, Kind::Image | Kind::CompressedImage | Kind::PointCloud2);
+            let reliable = topic.qos.reliable || (direction == Direction::Send && !large);
+            Endpoint {
+                name: topic.name.clone(),
+                topic: topic.topic.clone(),
+                kind: topic.kind,
+                qos: Qos { reliable, ..topic.qos },
+                direction,
+                rate_max_hz: topic.rate_max_hz,
+            }
+        };
+        Self {
+            node: mapping.node.clone(),
+            namespace: mapping.namespace.clone(),
+            network: mapping.network,
+            judge_stamps: None,
+            service_map: mapping.service_map,
+            control_mode_service: None,
+            endpoints: mapping.topics.iter().map(endpoint).collect(),
+        }
+    }
+}
+
+impl Options {
+    /// The same with these endpoints sent, whoever sends them else: a simulator that shows its own stack's plan.
+    #[must_use]
+    pub fn sending(mut self, names: &[&str]) -> Self {
+        for endpoint in self.endpoints.iter_mut().filter(|endpoint| names.contains(&endpoint.name.as_str())) {
+            endpoint.direction = Direction::Send;
+        }
+        self
+    }
+}
+
+/// Which endpoint: its place in [`Options::endpoints`].
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub struct EndpointId(pub usize);
+
+/// A message that came, and passed its checks.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Received {
+    /// The message.
+    pub message: AnyMessage,
+    /// When this host received it, nanoseconds since the Unix epoch.
+    pub received_ns: i64,
+    /// When its writer says that it wrote it, by the writer's clock.
+    pub source_ns: Option<i64>,
+    /// What its stamp is worth; `None` where it has none or stamps are not judged.
+    pub stamp: Option<StampVerdict>,
+}
+
+/// A bridge that could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum BridgeError {
+    /// A name that ROS does not allow.
+    #[error("`{name}` is no name in ROS: {reason}")]
+    Name {
+        /// The name.
+        name: String,
+        /// Why not.
+        reason: String,
+    },
+    /// The transport did not start, or refused a topic.
+    #[error("the ROS 2 transport does not start ({at}): {reason}")]
+    Transport {
+        /// For what.
+        at: String,
+        /// What it says.
+        reason: String,
+    },
+    /// No thread.
+    #[error("no thread for the ROS 2 transport: {0}")]
+    Thread(#[from] std::io::Error),
+}
+
+/// A message that was not sent.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum PublishError {
+    /// The endpoint receives, or there is none of this number.
+    #[error("nothing is sent on this endpoint")]
+    NoPublisher,
+    /// The message is of another kind than the topic.
+    #[error("the topic is of type {topic}, not {message}")]
+    Kind {
+        /// The topic's.
+        topic: Kind,
+        /// The message's.
+        message: Kind,
+    },
+    /// Readers are slower than the writer: it is counted, the next message has a new chance.
+    #[error("the readers are slow: no room within 10 ms")]
+    Full,
+    /// The bridge was stopped.
+    #[error("the bridge is stopped")]
+    Stopped,
+    /// The transport refused it.
+    #[error("not sent: {0}")]
+    Transport(String),
+}
+
+/// How a bridge ended.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Stopped {
+    /// All is gone.
+    Clean,
+    /// The transport still hangs: end the process with `std::process::exit`, do not return from `main`.
+    Hanging,
+}
+
+/// A node with its topics.
+pub struct Bridge {
+    endpoints: Vec<Endpoint>,
+    shared: Arc<Shared>,
+    node: Option<NodeParts>,
+    sent: Vec<Sent>,
+    stop: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What belongs to DDS, to be dropped together.
+struct NodeParts {
+    publishers: Vec<Option<Publisher<Padded>>>,
+    client: Option<ControlModeClient>,
+    server: Option<ControlModeServer>,
+    /// Announces what there is for as long as it lives.
+    _node: Node,
+}
+
+#[derive(Default)]
+struct Sent {
+    published: AtomicU64,
+    failed: AtomicU64,
+}
+
+/// What the receiving thread and the readers share.
+struct Shared {
+    state: Mutex<State>,
+    news: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // A panic while it was held would be a bug of ours in plain bookkeeping: what is there is still whole.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Bridge {
+    /// Starts a node.
+    ///
+    /// # Errors
+    /// Names that ROS does not allow, sockets that cannot be opened.
+    pub fn start(options: &Options) -> Result<Self, BridgeError> {
+        let transport = |at: &str, reason: &dyn std::fmt::Display| BridgeError::Transport {
+            at: at.to_owned(),
+            reason: reason.to_string(),
+        };
+        let mut builder = DomainParticipantBuilder::new(options.network.domain);
+        if let Some(addresses) = options.network.addresses() {
+            builder = builder.with_only_networks(addresses);
+        }
+        let participant = builder.build().map_err(|e| transport("participant", &e))?;
+        let context =
+            Context::from_domain_participant(participant.clone()).map_err(|e| transport("context", &e))?;
+        let name = NodeName::new(&options.namespace, &options.node).map_err(|e| BridgeError::Name {
+            name: format!("{} {}", options.namespace, options.node),
+            reason: format!("{e:?}"),
+        })?;
+        // Neither logs nor parameters go over the network: the first would flood it, the second work with one
+        // middleware only.
+        let node_options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+        let mut node = context.new_node(name, node_options).map_err(|e| transport("node", &e))?;
+
+        let mut parts = Parts::default();
+        for (i, endpoint) in options.endpoints.iter().enumerate() {
+            parts.add(&mut node, i, endpoint)?;
+        }
+        let service = options.control_mode_service.as_ref();
+        let (client, server) = service::open(&mut node, options.service_map, service)?;
+        let state = State::new(&options.endpoints, options.judge_stamps);
+        let shared = Arc::new(Shared { state: Mutex::new(state), news: Condvar::new() });
+        let (stop, stopped) = oneshot::channel();
+        let Parts { subscriptions, publishers, local } = parts;
+        let thread = thread::Builder::new().name("swerve-ros2".to_owned()).spawn({
+            let shared = Arc::clone(&shared);
+            move || receive::run(&shared, &participant, &subscriptions, &local, stopped)
+        })?;
+        Ok(Self {
+            endpoints: options.endpoints.clone(),
+            shared,
+            node: Some(NodeParts { publishers, client, server, _node: node }),
+            sent: options.endpoints.iter().map(|_| Sent::default()).collect(),
+            stop: Some(stop),
+            thread: Some(thread),
+        })
+    }
+
+    /// The endpoint of this name.
+    pub fn endpoint(&self, name: &str) -> Option<EndpointId> {
+        self.endpoints.iter().position(|endpoint| endpoint.name == name).map(EndpointId)
+    }
+
+    /// All endpoints, in the order of their numbers.
+    pub fn endpoints(&self) -> &[Endpoint] {
+        &self.endpoints
+    }
+
+    /// Sends a message; it is not checked, what we send is ours to answer for.
+    ///
+    /// # Errors
+    /// See [`PublishError`]; all are counted.
+    pub fn publish(&self, EndpointId(id): EndpointId, message: AnyMessage) -> Result<(), PublishError> {
+        let Some(parts) = &self.node else { return Err(PublishError::Stopped) };
+        let Some(publisher) = parts.publishers.get(id).and_then(Option::as_ref) else {
+            return Err(PublishError::NoPublisher);
+        };
+        let (topic, message_kind) = (self.endpoints[id].kind, message.kind());
+        if topic != message_kind {
+            return Err(PublishError::Kind { topic, message: message_kind });
+        }
+        let result = publisher.publish(Padded(message)).map_err(|e| match e {
+            WriteError::WouldBlock { .. } => PublishError::Full,
+            other => PublishError::Transport(other.to_string()),
+        });
+        let counter = if result.is_ok() { &self.sent[id].published } else { &self.sent[id].failed };
+        counter.fetch_add(1, Ordering::Relaxed);
+        result
+    }
+
+    /// The oldest message that waits on this endpoint.
+    pub fn take(&self, EndpointId(id): EndpointId) -> Option<Received> {
+        self.shared.lock().take(id)
+    }
+
+    /// A message of any endpoint, in turn.
+    pub fn take_any(&self) -> Option<(EndpointId, Received)> {
+        self.shared.lock().take_any().map(|(id, received)| (EndpointId(id), received))
+    }
+
+    /// Waits until a message waits on any endpoint; `false` when none came in time.
+    pub fn wait(&self, timeout: Duration) -> bool {
+        self.wait_until(timeout, State::has_any)
+    }
+
+    /// How many others read or write this topic.
+    pub fn matched(&self, EndpointId(id): EndpointId) -> usize {
+        self.shared.lock().matched(id)
+    }
+
+    /// Waits until so many others read or write this topic; `false` when they did not in time.
+    pub fn wait_matched(&self, EndpointId(id): EndpointId, others: usize, timeout: Duration) -> bool {
+        self.wait_until(timeout, |state| state.matched(id) >= others)
+    }
+
+    fn wait_until(&self, timeout: Duration, mut reached: impl FnMut(&State) -> bool) -> bool {
+        let state = self.shared.lock();
+        let waited = self.shared.news.wait_timeout_while(state, timeout, |state| !reached(state));
+        let (_state, result) = waited.unwrap_or_else(PoisonError::into_inner);
+        !result.timed_out()
+    }
+
+    /// Asks the vehicle for a control mode (as in `ControlModeReport`), and waits for the answer: whether it took it.
+    ///
+    /// # Errors
+    /// There is no such service, or no answer in time.
+    pub fn request_control_mode(&self, mode: u8, timeout: Duration) -> Result<bool, ServiceError> {
+        let client = self.node.as_ref().and_then(|parts| parts.client.as_ref());
+        client.ok_or(ServiceError::NotOpen)?.call(mode, timeout, &self.shared)
+    }
+
+    /// Answers the requests for a control mode that wait: `take` says whether the vehicle takes the mode. Returns
+    /// how many were answered.
+    ///
+    /// # Errors
+    /// There is no such service.
+    pub fn serve_control_mode(&self, take: impl FnMut(u8) -> bool) -> Result<usize, ServiceError> {
+        let server = self.node.as_ref().and_then(|parts| parts.server.as_ref());
+        Ok(server.ok_or(ServiceError::NotOpen)?.serve(take))
+    }
+
+    /// What happened so far, by endpoint.
+    pub fn statistics(&self) -> Vec<TopicStatistics> {
+        let state = self.shared.lock();
+        let both = self.endpoints.iter().zip(&self.sent).enumerate();
+        both.map(|(i, (endpoint, sent))| {
+            let published = sent.published.load(Ordering::Relaxed);
+            let not_published = sent.failed.load(Ordering::Relaxed);
+            TopicStatistics { published, not_published, ..state.statistics(i, endpoint) }
+        })
+        .collect()
+    }
+
+    /// Ends the node. The transport may hang when it was fed malformed datagrams; then this returns all the same,
+    /// and the process has to be ended.
+    pub fn stop(mut self, deadline: Duration) -> Stopped {
+        self.end(deadline)
+    }
+
+    fn end(&mut self, deadline: Duration) -> Stopped {
+        let (Some(parts), Some(thread)) = (self.node.take(), self.thread.take()) else {
+            return Stopped::Clean;
+        };
+        if let Some(stop) = self.stop.take() {
+            // It fails where the thread has ended by itself: that is what was wanted.
+            let _ = stop.send(());
+        }
+        let (done, wait) = mpsc::sync_channel(1);
+        let ending = thread::Builder::new().name("swerve-ros2-end".to_owned()).spawn(move || {
+            let _ = thread.join();
+            drop(parts);
+            let _ = done.send(());
+        });
+        match ending {
+            Ok(_) if wait.recv_timeout(deadline).is_ok() => Stopped::Clean,
+            _ => Stopped::Hanging,
+        }
+    }
+}
+
+impl Drop for Bridge {
+    fn drop(&mut self) {
+        self.end(DROP_DEADLINE);
+    }
+}
+
+#[derive(Default)]
+struct Parts {
+    subscriptions: Vec<(usize, Kind, Subscription<AnyMessage>)>,
+    publishers: Vec<Option<Publisher<Padded>>>,
+    local: Local,
+}
+
+impl Parts {
+    fn add(&mut self, node: &mut Node, i: usize, endpoint: &Endpoint) -> Result<(), BridgeError> {
+        let Endpoint { topic, kind, .. } = endpoint;
+        let name = Name::parse(topic)
+            .map_err(|e| BridgeError::Name { name: topic.clone(), reason: format!("{e:?}") })?;
+        let refused = |reason: &dyn std::fmt::Display| BridgeError::Transport {
+            at: topic.clone(),
+            reason: reason.to_string(),
+        };
+        let qos = profile(endpoint.qos);
+        let type_name = MessageTypeName::new(kind.package(), kind.name());
+        let dds_topic = node.create_topic(&name, type_name, &qos).map_err(|e| refused(&e))?;
+        match endpoint.direction {
+            Direction::Receive => {
+                let subscription =
+                    node.create_subscription(&dds_topic, Some(qos)).map_err(|e| refused(&e))?;
+                self.local.insert(subscription.gid(), i);
+                self.subscriptions.push((i, *kind, subscription));
+                self.publishers.push(None);
+            }
+            Direction::Send => {
+                let publisher = node.create_publisher(&dds_topic, Some(qos)).map_err(|e| refused(&e))?;
+                self.local.insert(publisher.gid(), i);
+                self.publishers.push(Some(publisher));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn profile(qos: Qos) -> QosProfile {
+    let reliability = if qos.reliable {
+        Reliability::Reliable { when_full: WhenFull::Wait(PUBLISH_WAIT) }
+    } else {
+        Reliability::BestEffort
+    };
+    let durability = if qos.transient_local { Durability::TransientLocal } else { Durability::Volatile };
+    QosProfile::subscription_default()
+        .reliability(reliability)
+        .durability(durability)
+        .history(History::KeepLast { depth: qos.depth })
+}
+
+/// The largest receive buffer that this host's kernel gives a socket, bytes; `None` where it does not say.
+///
+/// Below 4 MiB, messages of a megabyte arrive with losses: raise `net.core.rmem_max` and `net.core.rmem_default`.
+pub fn receive_buffer_max() -> Option<u64> {
+    std::fs::read_to_string("/proc/sys/net/core/rmem_max").ok()?.trim().parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mapping::Vehicle;
+
+    #[test]
+    fn each_side_sends_what_the_other_receives() {
+        let mapping = Mapping::of(Vehicle::Autoware, Network::default());
+        let [vehicle, stack] = [Side::Vehicle, Side::Stack].map(|side| Options::from_mapping(&mapping, side));
+        assert_eq!(vehicle.endpoints.len(), stack.endpoints.len());
+        for (ours, theirs) in vehicle.endpoints.iter().zip(&stack.endpoints) {
+            assert_eq!((&ours.topic, ours.kind), (&theirs.topic, theirs.kind));
+            assert_ne!(ours.direction, theirs.direction);
+            let [writer, reader] =
+                if ours.direction == Direction::Send { [ours, theirs] } else { [theirs, ours] };
+            assert!(writer.qos.reliable || !reader.qos.reliable, "{} would never match", ours.topic);
+        }
+        let imu = vehicle.endpoints.iter().find(|endpoint| endpoint.name == "imu").unwrap();
+        let lidar = vehicle.endpoints.iter().find(|endpoint| endpoint.name == "lidar").unwrap();
+        assert!(imu.qos.reliable && !lidar.qos.reliable);
+        let shown = vehicle.sending(&["trajectory"]);
+        let direction = |name: &str| shown.endpoints.iter().find(|e| e.name == name).unwrap().direction;
+        assert_eq!((direction("trajectory"), direction("command")), (Direction::Send, Direction::Receive));
+    }
+}

@@ -1,0 +1,283 @@
+//! The receiving thread and what it keeps.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::pin::pin;
+
+use futures::channel::oneshot;
+use futures::stream::{self, LocalBoxStream, StreamExt};
+use futures::{FutureExt, executor};
+use ros2_client::dds::Subscription;
+use ros2_client::dds::rustdds::{
+    DomainParticipant, DomainParticipantStatusEvent as Status, GUID, StatusEvented,
+};
+use ros2_client::{Gid, MessageInfo, ReadError, ReadResult};
+
+use super::statistics::{Counters, TopicStatistics};
+use super::{Direction, Endpoint, Received, Shared};
+use crate::clock::{ClockEstimator, ClockParams};
+use crate::inbox::Inbox;
+use crate::message::{AnyMessage, Kind};
+
+/// Writers of a topic that are told apart; more are all taken for sound.
+const WRITERS_MAX: usize = 256;
+
+/// A name of sixteen bytes of a reader or writer.
+type EndpointGid = [u8; 16];
+
+/// Which of our endpoints has which name.
+#[derive(Default)]
+pub(super) struct Local(BTreeMap<EndpointGid, usize>);
+
+impl Local {
+    pub(super) fn insert(&mut self, gid: Gid, endpoint: usize) {
+        self.0.insert(gid.to_bytes16(), endpoint);
+    }
+
+    fn find(&self, guid: GUID) -> Option<usize> {
+        self.0.get(&name(guid)).copied()
+    }
+}
+
+fn name(guid: GUID) -> EndpointGid {
+    Gid::from(guid).to_bytes16()
+}
+
+/// All that is known of one topic.
+struct Topic {
+    inbox: Inbox<Received>,
+    counters: Counters,
+    clock: Option<ClockEstimator>,
+    /// The writers that something came from: the newest number, and the type where it is another than the topic's.
+    writers: BTreeMap<EndpointGid, Writer>,
+    matched: BTreeSet<EndpointGid>,
+}
+
+struct Writer {
+    newest: i64,
+    wrong_type: Option<String>,
+}
+
+/// All topics.
+pub(super) struct State {
+    topics: Vec<Topic>,
+    /// Where the next search for a message begins.
+    turn: usize,
+}
+
+impl State {
+    pub(super) fn new(endpoints: &[Endpoint], judge: Option<ClockParams>) -> Self {
+        let topic = |endpoint: &Endpoint| Topic {
+            inbox: Inbox::new(endpoint.qos.depth, endpoint.rate_max_hz),
+            counters: Counters::default(),
+            clock: judge.filter(|_| endpoint.direction == Direction::Receive).map(ClockEstimator::new),
+            writers: BTreeMap::new(),
+            matched: BTreeSet::new(),
+        };
+        Self { topics: endpoints.iter().map(topic).collect(), turn: 0 }
+    }
+
+    pub(super) fn take(&mut self, id: usize) -> Option<Received> {
+        let topic = self.topics.get_mut(id)?;
+        let received = topic.inbox.pop()?;
+        topic.counters.delivered += 1;
+        Some(received)
+    }
+
+    pub(super) fn take_any(&mut self) -> Option<(usize, Received)> {
+        let n = self.topics.len();
+        for i in 0..n {
+            let id = (self.turn + i) % n;
+            if let Some(received) = self.take(id) {
+                self.turn = (id + 1) % n;
+                return Some((id, received));
+            }
+        }
+        None
+    }
+
+    pub(super) fn has_any(&self) -> bool {
+        self.topics.iter().any(|topic| !topic.inbox.is_empty())
+    }
+
+    pub(super) fn matched(&self, id: usize) -> usize {
+        self.topics.get(id).map_or(0, |topic| topic.matched.len())
+    }
+
+    pub(super) fn statistics(&self, id: usize, endpoint: &Endpoint) -> TopicStatistics {
+        let topic = &self.topics[id];
+        TopicStatistics {
+            matched: topic.matched.len(),
+            overwritten: topic.inbox.overwritten,
+            over_rate: topic.inbox.over_rate,
+            clock: topic.clock.as_ref().and_then(ClockEstimator::offset),
+            ..topic.counters.statistics(endpoint)
+        }
+    }
+}
+
+impl Topic {
+    /// Takes in a message, unless something is wrong with it.
+    fn receive(
+        &mut self,
+        message: AnyMessage,
+        info: &MessageInfo,
+        type_of: impl FnOnce(EndpointGid) -> Option<String>,
+    ) {
+        let received_ns = info.received_timestamp().map_or(0, |t| t.to_nanos());
+        let source_ns = info.source_timestamp().map(|t| t.to_nanos());
+        self.counters.receive(received_ns, source_ns);
+        if let Some(wrong) = self.follow(info, message.kind(), type_of) {
+            self.counters.refused.wrong_type += 1;
+            self.counters.last_refusal = Some(format!("its writer says that it is a {wrong}"));
+            return;
+        }
+        if let Err(invalid) = message.check() {
+            self.counters.refused.implausible += 1;
+            self.counters.last_refusal = Some(invalid.to_string());
+            return;
+        }
+        let stamp_ns = message.stamp().map(|stamp| stamp.ns());
+        let stamp = match (&mut self.clock, stamp_ns) {
+            (Some(clock), Some(stamp_ns)) => Some(clock.judge(stamp_ns, received_ns)),
+            _ => None,
+        };
+        if let Some(verdict) = stamp.filter(|verdict| verdict.is_refused()) {
+            self.counters.refuse_stamp(verdict);
+            return;
+        }
+        self.inbox.push(Received { message, received_ns, source_ns, stamp }, received_ns);
+    }
+
+    /// Counts what was lost of this writer; the name of its type where that is another than the topic's.
+    fn follow(
+        &mut self,
+        info: &MessageInfo,
+        kind: Kind,
+        type_of: impl FnOnce(EndpointGid) -> Option<String>,
+    ) -> Option<String> {
+        let (gid, number) = (info.publisher_gid().to_bytes16(), info.sequence_number());
+        if !self.writers.contains_key(&gid) {
+            if self.writers.len() >= WRITERS_MAX {
+                return None;
+            }
+            let wrong_type = type_of(gid).filter(|name| *name != kind.dds_type_name());
+            self.writers.insert(gid, Writer { newest: number, wrong_type });
+        }
+        let writer = self.writers.get_mut(&gid)?;
+        if number > writer.newest {
+            self.counters.lost += number.saturating_sub(writer.newest + 1) as u64;
+            writer.newest = number;
+        }
+        writer.wrong_type.clone()
+    }
+}
+
+enum Event {
+    Sample(usize, Box<ReadResult<(AnyMessage, MessageInfo)>>),
+    Status(Box<Status>),
+    Stop,
+}
+
+/// Runs until `stopped` is sent or dropped.
+pub(super) fn run(
+    shared: &Shared,
+    participant: &DomainParticipant,
+    subscriptions: &[(usize, Kind, Subscription<AnyMessage>)],
+    local: &Local,
+    stopped: oneshot::Receiver<()>,
+) {
+    let listener = participant.status_listener();
+    let mut streams: Vec<LocalBoxStream<'_, Event>> = vec![
+        listener.as_async_status_stream().map(|status| Event::Status(Box::new(status))).boxed_local(),
+        stopped.map(|_| Event::Stop).into_stream().boxed_local(),
+    ];
+    for (i, kind, subscription) in subscriptions {
+        let samples = subscription.async_stream_seed(*kind);
+        streams.push(samples.map(|sample| Event::Sample(*i, Box::new(sample))).boxed_local());
+    }
+    let mut events = pin!(stream::select_all(streams));
+    executor::block_on(async {
+        while let Some(event) = events.next().await {
+            match event {
+                Event::Stop => break,
+                Event::Sample(i, sample) => match *sample {
+                    Ok((message, info)) => {
+                        let type_of = |gid| discovered_type(participant, gid);
+                        shared.lock().topics[i].receive(message, &info, type_of);
+                    }
+                    Err(error) => refuse(&mut shared.lock().topics[i], &error),
+                },
+                Event::Status(status) => follow(&mut shared.lock(), local, &status),
+            }
+            shared.news.notify_all();
+        }
+    });
+}
+
+fn refuse(topic: &mut Topic, error: &ReadError) {
+    match error {
+        ReadError::Deserialization { .. } | ReadError::Malformed => {
+            topic.counters.received += 1;
+            topic.counters.refused.malformed += 1;
+        }
+        _ => topic.counters.refused.transport += 1,
+    }
+    topic.counters.last_refusal = Some(error.to_string());
+}
+
+/// What discovery says of a writer's type; `None` where it does not know the writer.
+fn discovered_type(participant: &DomainParticipant, gid: EndpointGid) -> Option<String> {
+    let writers = participant.discovered_writers();
+    let writer = writers.into_iter().find(|w| name(w.publication_topic_data.key) == gid)?;
+    Some(writer.publication_topic_data.type_name)
+}
+
+/// Follows who reads and writes what.
+fn follow(state: &mut State, local: &Local, status: &Status) {
+    match status {
+        Status::RemoteReaderMatched { local_writer: ours, remote_reader: other }
+        | Status::RemoteWriterMatched { local_reader: ours, remote_writer: other } => {
+            if let Some(i) = local.find(*ours) {
+                state.topics[i].matched.insert(name(*other));
+            }
+        }
+        Status::ReaderLost { guid, .. } | Status::WriterLost { guid, .. } => {
+            for topic in &mut state.topics {
+                topic.matched.remove(&name(*guid));
+                topic.writers.remove(&name(*guid));
+            }
+        }
+        Status::RemoteReaderQosIncompatible { local_writer: ours, .. }
+        | Status::RemoteWriterQosIncompatible { local_reader: ours, .. } => {
+            if let Some(i) = local.find(*ours) {
+                state.topics[i].counters.incompatible += 1;
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The newest values of something, for medians.
+#[derive(Default)]
+pub(super) struct Newest(VecDeque<i64>);
+
+impl Newest {
+    pub(super) const MAX: usize = 256;
+
+    pub(super) fn push(&mut self, value: i64) {
+        if self.0.len() == Self::MAX {
+            self.0.pop_front();
+        }
+        self.0.push_back(value);
+    }
+
+    pub(super) fn sorted(&self) -> Vec<i64> {
+        let mut values: Vec<i64> = self.0.iter().copied().collect();
+        values.sort_unstable();
+        values
+    }
+
+    pub(super) fn ends(&self) -> Option<(i64, i64, usize)> {
+        Some((*self.0.front()?, *self.0.back()?, self.0.len()))
+    }
+}

@@ -1,0 +1,150 @@
+use swerve_core::Span;
+
+use super::Endpoint;
+use super::receive::Newest;
+use crate::clock::{ClockOffset, StampVerdict};
+use crate::message::Kind;
+
+/// What happened on a topic.
+#[derive(Clone, PartialEq, Debug)]
+pub struct TopicStatistics {
+    /// What it is called here.
+    pub name: String,
+    /// What it is called in ROS.
+    pub topic: String,
+    /// What is on it.
+    pub kind: Kind,
+    /// How many others read or write it now.
+    pub matched: usize,
+    /// How often somebody was found whose wishes for delivery do not go with ours.
+    pub incompatible: u64,
+    /// Messages that came, sound or not.
+    pub received: u64,
+    /// Messages that were taken.
+    pub delivered: u64,
+    /// Messages that newer ones replaced before they were taken.
+    pub overwritten: u64,
+    /// Messages beyond the rate that is allowed; each replaced the one before it.
+    pub over_rate: u64,
+    /// Messages that are missing by the writers' numbers.
+    pub lost: u64,
+    /// Messages that were refused, by reason.
+    pub refused: Refused,
+    /// Why the newest of them was.
+    pub last_refusal: Option<String>,
+    /// Messages that were sent.
+    pub published: u64,
+    /// Messages that could not be sent.
+    pub not_published: u64,
+    /// Messages a second, over the newest 256.
+    pub rate_hz: Option<f64>,
+    /// Receipt minus the writer's time of writing, by two hosts' clocks.
+    pub latency: Option<Latency>,
+    /// The clock of the stamps.
+    pub clock: Option<ClockOffset>,
+}
+
+/// Messages that were refused, by reason.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Refused {
+    /// The bytes are no such message.
+    pub malformed: u64,
+    /// The writer's type is another.
+    pub wrong_type: u64,
+    /// Numbers, sizes or names that cannot be.
+    pub implausible: u64,
+    /// The stamp is older than the newest before it.
+    pub backwards: u64,
+    /// The stamp is from the future.
+    pub ahead: u64,
+    /// The stamp is from long ago.
+    pub behind: u64,
+    /// There is no stamp.
+    pub unset: u64,
+    /// The transport failed.
+    pub transport: u64,
+}
+
+impl Refused {
+    /// All together.
+    pub fn total(&self) -> u64 {
+        let Self { malformed, wrong_type, implausible, backwards, ahead, behind, unset, transport } = *self;
+        malformed + wrong_type + implausible + backwards + ahead + behind + unset + transport
+    }
+}
+
+/// How long messages were on their way.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Latency {
+    /// Half of them at most.
+    pub median: Span,
+    /// All but a hundredth of them at most.
+    pub p99: Span,
+    /// The newest 256 at most.
+    pub max: Span,
+}
+
+#[derive(Default)]
+pub(super) struct Counters {
+    pub(super) received: u64,
+    pub(super) delivered: u64,
+    pub(super) lost: u64,
+    pub(super) incompatible: u64,
+    pub(super) refused: Refused,
+    pub(super) last_refusal: Option<String>,
+    received_ns: Newest,
+    latencies_ns: Newest,
+}
+
+impl Counters {
+    pub(super) fn receive(&mut self, received_ns: i64, source_ns: Option<i64>) {
+        self.received += 1;
+        self.received_ns.push(received_ns);
+        if let Some(source_ns) = source_ns {
+            self.latencies_ns.push(received_ns.saturating_sub(source_ns));
+        }
+    }
+
+    pub(super) fn refuse_stamp(&mut self, verdict: StampVerdict) {
+        let (counter, why) = match verdict {
+            StampVerdict::Backwards => {
+                (&mut self.refused.backwards, "its stamp is older than the one before it")
+            }
+            StampVerdict::Ahead => (&mut self.refused.ahead, "its stamp is from the future"),
+            StampVerdict::Behind => (&mut self.refused.behind, "its stamp is from long ago"),
+            _ => (&mut self.refused.unset, "it has no stamp"),
+        };
+        *counter += 1;
+        self.last_refusal = Some(why.to_owned());
+    }
+
+    pub(super) fn statistics(&self, endpoint: &Endpoint) -> TopicStatistics {
+        let latencies = self.latencies_ns.sorted();
+        let at = |share: f64| Span::from_ns(latencies[((latencies.len() - 1) as f64 * share) as usize]);
+        let latency =
+            (!latencies.is_empty()).then(|| Latency { median: at(0.5), p99: at(0.99), max: at(1.0) });
+        let rate_hz = self.received_ns.ends().and_then(|(first, last, n)| {
+            let seconds = Span::from_ns(last - first).as_secs();
+            (n > 1 && seconds > 0.0).then(|| (n - 1) as f64 / seconds)
+        });
+        TopicStatistics {
+            name: endpoint.name.clone(),
+            topic: endpoint.topic.clone(),
+            kind: endpoint.kind,
+            matched: 0,
+            incompatible: self.incompatible,
+            received: self.received,
+            delivered: self.delivered,
+            overwritten: 0,
+            over_rate: 0,
+            lost: self.lost,
+            refused: self.refused,
+            last_refusal: self.last_refusal.clone(),
+            published: 0,
+            not_published: 0,
+            rate_hz,
+            latency,
+            clock: None,
+        }
+    }
+}

@@ -1,0 +1,213 @@
+use swerve_geom::{Ego, Transform, Vector, math};
+use swerve_msg::{EgoState, Gnss, Imu, WheelOdometry};
+
+use super::pose::Sensor;
+use super::{ConvertError, Epoch, expect_frame, pose_from_ros, pose_to_ros};
+use crate::msg::std_msgs::Header;
+use crate::msg::{Matrix, autoware_vehicle_msgs, geometry_msgs as geo, nav_msgs, sensor_msgs, tf2_msgs};
+
+/// What a fix that does not say how good it is, is taken for: plain GPS in a street, metres.
+const UNKNOWN_DEVIATION_M: f64 = 10.0;
+
+/// A reading as `sensor_msgs/Imu`: no orientation, unknown covariances. Both sides hold specific force, so that
+/// a sensor at rest reads +9.81 upwards.
+pub fn imu_to_ros(imu: &Imu, epoch: Epoch, frame_id: &str) -> sensor_msgs::Imu {
+    let vector = |v: [f64; 3]| geo::Vector3 { x: v[0], y: v[1], z: v[2] };
+    let mut no_orientation = Matrix::default();
+    no_orientation.0[0] = -1.0;
+    sensor_msgs::Imu {
+        header: epoch.header(imu.stamp, frame_id),
+        orientation_covariance: no_orientation,
+        angular_velocity: vector(imu.gyro_radps),
+        linear_acceleration: vector(imu.accel_mps2),
+        ..sensor_msgs::Imu::default()
+    }
+}
+
+/// A reading in the axes of the ego frame; the sensor's place adds nothing, its orientation all.
+///
+/// # Errors
+/// The sensor says that it does not measure one of the two.
+pub fn imu_from_ros(
+    imu: &sensor_msgs::Imu,
+    epoch: Epoch,
+    ego_from_sensor: &Transform<Ego, Sensor>,
+) -> Result<Imu, ConvertError> {
+    for (covariance, what) in [
+        (&imu.angular_velocity_covariance, "angular_velocity"),
+        (&imu.linear_acceleration_covariance, "linear_acceleration"),
+    ] {
+        if covariance.0[0] == -1.0 {
+            return Err(ConvertError::NotMeasured(what));
+        }
+    }
+    let turned = |v: &geo::Vector3| {
+        let ego = (*ego_from_sensor * Vector::<Sensor>::new(v.x, v.y, v.z)).coords;
+        [ego.x, ego.y, ego.z]
+    };
+    Ok(Imu {
+        stamp: epoch.time(imu.header.stamp),
+        accel_mps2: turned(&imu.linear_acceleration),
+        gyro_radps: turned(&imu.angular_velocity),
+    })
+}
+
+/// A fix with the same variance in all directions.
+pub fn gnss_to_ros(gnss: &Gnss, epoch: Epoch, frame_id: &str) -> sensor_msgs::NavSatFix {
+    let variance = gnss.deviation_m * gnss.deviation_m;
+    sensor_msgs::NavSatFix {
+        header: epoch.header(gnss.stamp, frame_id),
+        status: sensor_msgs::NavSatStatus {
+            status: sensor_msgs::NavSatStatus::FIX,
+            service: sensor_msgs::NavSatStatus::SERVICE_GPS,
+        },
+        latitude: gnss.latitude_deg,
+        longitude: gnss.longitude_deg,
+        altitude: gnss.altitude_m,
+        position_covariance: Matrix([variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]),
+        position_covariance_type: sensor_msgs::NavSatFix::COVARIANCE_TYPE_DIAGONAL_KNOWN,
+    }
+}
+
+/// A fix; its deviation is the root of the mean variance of east and north, 10 m where that is unknown, its
+/// height zero where there is none.
+///
+/// # Errors
+/// There is no fix.
+pub fn gnss_from_ros(fix: &sensor_msgs::NavSatFix, epoch: Epoch) -> Result<Gnss, ConvertError> {
+    if fix.status.status < sensor_msgs::NavSatStatus::FIX {
+        return Err(ConvertError::NoFix);
+    }
+    let known = fix.position_covariance_type != sensor_msgs::NavSatFix::COVARIANCE_TYPE_UNKNOWN;
+    let mean = 0.5 * (fix.position_covariance.0[0] + fix.position_covariance.0[4]);
+    Ok(Gnss {
+        stamp: epoch.time(fix.header.stamp),
+        latitude_deg: fix.latitude,
+        longitude_deg: fix.longitude,
+        altitude_m: if fix.altitude.is_nan() { 0.0 } else { fix.altitude },
+        deviation_m: if known { mean.sqrt() } else { UNKNOWN_DEVIATION_M },
+    })
+}
+
+/// The ego as `nav_msgs/Odometry`: pose in the map, twist in `base_link`.
+pub fn ego_to_ros(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str) -> nav_msgs::Odometry {
+    nav_msgs::Odometry {
+        header: epoch.header(ego.stamp, map),
+        child_frame_id: base_link.to_owned(),
+        pose: geo::PoseWithCovariance { pose: pose_to_ros(ego.pose), covariance: Matrix::default() },
+        twist: geo::TwistWithCovariance {
+            twist: geo::Twist {
+                linear: geo::Vector3 { x: ego.speed_mps, y: 0.0, z: 0.0 },
+                angular: geo::Vector3 { x: 0.0, y: 0.0, z: ego.yaw_rate_radps },
+            },
+            covariance: Matrix::default(),
+        },
+    }
+}
+
+/// The ego as localization reports it, with what the vehicle reports beside it: an odometry message has neither
+/// acceleration nor steering angle.
+///
+/// # Errors
+/// The message is about other frames than `map` and `base_link`.
+pub fn ego_from_ros(
+    odometry: &nav_msgs::Odometry,
+    epoch: Epoch,
+    (map, base_link): (&str, &str),
+    (accel_mps2, steering_rad): (f64, f64),
+) -> Result<EgoState, ConvertError> {
+    expect_frame(&odometry.header.frame_id, map)?;
+    expect_frame(&odometry.child_frame_id, base_link)?;
+    let twist = &odometry.twist.twist;
+    Ok(EgoState {
+        stamp: epoch.time(odometry.header.stamp),
+        pose: pose_from_ros(&odometry.pose.pose),
+        speed_mps: twist.linear.x,
+        accel_mps2,
+        lateral_accel_mps2: twist.linear.x * twist.angular.z,
+        yaw_rate_radps: twist.angular.z,
+        steering_rad,
+    })
+}
+
+/// The ego from a pose alone (`PoseStamped`, or `PoseWithCovarianceStamped` without its covariance), with what the
+/// vehicle reports beside it.
+///
+/// # Errors
+/// The pose is in another frame than `map`.
+pub fn ego_from_pose(
+    header: &Header,
+    pose: &geo::Pose,
+    epoch: Epoch,
+    map: &str,
+    wheels: &WheelOdometry,
+    accel_mps2: f64,
+) -> Result<EgoState, ConvertError> {
+    expect_frame(&header.frame_id, map)?;
+    Ok(EgoState {
+        stamp: epoch.time(header.stamp),
+        pose: pose_from_ros(pose),
+        speed_mps: wheels.speed_mps,
+        accel_mps2,
+        lateral_accel_mps2: wheels.speed_mps * wheels.yaw_rate_radps,
+        yaw_rate_radps: wheels.yaw_rate_radps,
+        steering_rad: wheels.steering_rad,
+    })
+}
+
+/// The edge from the map to `base_link`.
+pub fn ego_to_transform(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str) -> tf2_msgs::TFMessage {
+    let pose = pose_to_ros(ego.pose);
+    let transform = geo::Transform {
+        translation: geo::Vector3 { x: pose.position.x, y: pose.position.y, z: pose.position.z },
+        rotation: pose.orientation,
+    };
+    let header = epoch.header(ego.stamp, map);
+    let child_frame_id = base_link.to_owned();
+    tf2_msgs::TFMessage { transforms: vec![geo::TransformStamped { header, child_frame_id, transform }] }
+}
+
+/// What the wheels say as Autoware's velocity report.
+pub fn velocity_to_ros(
+    wheels: &WheelOdometry,
+    epoch: Epoch,
+    base_link: &str,
+) -> autoware_vehicle_msgs::VelocityReport {
+    autoware_vehicle_msgs::VelocityReport {
+        header: epoch.header(wheels.stamp, base_link),
+        longitudinal_velocity: wheels.speed_mps as f32,
+        lateral_velocity: 0.0,
+        heading_rate: wheels.yaw_rate_radps as f32,
+    }
+}
+
+/// The angle of the front road wheels as Autoware's steering report.
+pub fn steering_to_ros(wheels: &WheelOdometry, epoch: Epoch) -> autoware_vehicle_msgs::SteeringReport {
+    let stamp = epoch.stamp(wheels.stamp);
+    autoware_vehicle_msgs::SteeringReport { stamp, steering_tire_angle: wheels.steering_rad as f32 }
+}
+
+/// Autoware's two reports as wheel odometry: without counts, the wheels' speeds from the car's motion.
+///
+/// A wheel at `(x, y)` from the rear axle's centre rolls at `v - ω y` along the car (its angle left out), radius
+/// `wheel_radius_m`, half the track `half_track_m`.
+pub fn wheels_from_ros(
+    velocity: &autoware_vehicle_msgs::VelocityReport,
+    steering: Option<&autoware_vehicle_msgs::SteeringReport>,
+    epoch: Epoch,
+    (wheel_radius_m, half_track_m): (f64, f64),
+) -> WheelOdometry {
+    let speed_mps = f64::from(velocity.longitudinal_velocity);
+    let yaw_rate_radps = f64::from(velocity.heading_rate);
+    let steering_rad = steering.map_or(0.0, |report| f64::from(report.steering_tire_angle));
+    let wheel = |left: f64| (speed_mps - yaw_rate_radps * left * half_track_m) / wheel_radius_m;
+    let front = 1.0 / math::cos(steering_rad).max(0.1);
+    WheelOdometry {
+        stamp: epoch.time(velocity.header.stamp),
+        counts: [0; 4],
+        wheel_speeds_radps: [wheel(1.0) * front, wheel(-1.0) * front, wheel(1.0), wheel(-1.0)],
+        speed_mps,
+        yaw_rate_radps,
+        steering_rad,
+    }
+}

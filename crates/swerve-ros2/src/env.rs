@@ -1,0 +1,106 @@
+//! What the environment says, which the transport does not read itself.
+
+use std::net::{IpAddr, Ipv4Addr};
+
+/// Domains that DDS's port formula leaves room for below the ephemeral ports.
+const DOMAIN_MAX: u16 = 232;
+
+/// Where to look for others.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Network {
+    /// Participants of other domains are not seen.
+    pub domain: u16,
+    /// Whether only this host's own network is used.
+    pub localhost_only: bool,
+}
+
+/// A variable that says nothing that can be understood.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("the environment variable {variable} is `{value}`; {expected}")]
+pub struct EnvError {
+    /// Its name.
+    pub variable: &'static str,
+    /// What it says.
+    pub value: String,
+    /// What it may say.
+    pub expected: &'static str,
+}
+
+impl Network {
+    /// From `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY` and `ROS_AUTOMATIC_DISCOVERY_RANGE`, as `get` reads them.
+    ///
+    /// # Errors
+    /// A variable that is set to something else than ROS allows.
+    pub fn from_variables(get: impl Fn(&str) -> Option<String>) -> Result<Self, EnvError> {
+        let set = |variable| get(variable).filter(|value| !value.is_empty());
+        let mut network = Self::default();
+        if let Some(value) = set("ROS_DOMAIN_ID") {
+            let domain = value.parse::<u16>().ok().filter(|domain| *domain <= DOMAIN_MAX);
+            let expected = "a number from 0 to 232 was expected";
+            network.domain = domain.ok_or(EnvError { variable: "ROS_DOMAIN_ID", value, expected })?;
+        }
+        if let Some(value) = set("ROS_AUTOMATIC_DISCOVERY_RANGE") {
+            network.localhost_only = match value.as_str() {
+                "LOCALHOST" => true,
+                "SUBNET" | "SYSTEM_DEFAULT" => false,
+                _ => {
+                    let variable = "ROS_AUTOMATIC_DISCOVERY_RANGE";
+                    return Err(EnvError { variable, value, expected: "LOCALHOST or SUBNET was expected" });
+                }
+            };
+        }
+        // The older variable wins, as it does in ROS.
+        if let Some(value) = set("ROS_LOCALHOST_ONLY") {
+            network.localhost_only = match value.as_str() {
+                "0" => network.localhost_only,
+                "1" => true,
+                _ => {
+                    let variable = "ROS_LOCALHOST_ONLY";
+                    return Err(EnvError { variable, value, expected: "0 or 1 was expected" });
+                }
+            };
+        }
+        Ok(network)
+    }
+
+    /// From the environment of this process.
+    ///
+    /// # Errors
+    /// As [`Network::from_variables`].
+    pub fn from_environment() -> Result<Self, EnvError> {
+        Self::from_variables(|name| std::env::var(name).ok())
+    }
+
+    /// The addresses to use; `None` for all.
+    pub(crate) fn addresses(self) -> Option<[IpAddr; 1]> {
+        self.localhost_only.then_some([IpAddr::V4(Ipv4Addr::LOCALHOST)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(variables: &[(&str, &str)], wanted: Result<(u16, bool), &str>) {
+        let get = |name: &str| variables.iter().find(|(n, _)| *n == name).map(|(_, v)| (*v).to_owned());
+        let found =
+            Network::from_variables(get).map(|n| (n.domain, n.localhost_only)).map_err(|e| e.to_string());
+        assert_eq!(found, wanted.map_err(str::to_owned), "{variables:?}");
+    }
+
+    #[test]
+    fn variables_are_read_as_ros_does() {
+        check(&[], Ok((0, false)));
+        check(&[("ROS_DOMAIN_ID", "42"), ("ROS_LOCALHOST_ONLY", "1")], Ok((42, true)));
+        check(&[("ROS_DOMAIN_ID", ""), ("ROS_LOCALHOST_ONLY", "0")], Ok((0, false)));
+        check(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")], Ok((0, true)));
+        check(
+            &[("ROS_DOMAIN_ID", "300")],
+            Err("the environment variable ROS_DOMAIN_ID is `300`; a number from 0 to 232 was expected"),
+        );
+        check(
+            &[("ROS_LOCALHOST_ONLY", "yes")],
+            Err("the environment variable ROS_LOCALHOST_ONLY is `yes`; 0 or 1 was expected"),
+        );
+    }
+}

@@ -1,0 +1,29 @@
+//! `autoware_planning_msgs`.
+
+#![expect(missing_docs, reason = "fields are named and ordered as the ROS definition has them")]
+
+use serde::{Deserialize, Serialize};
+
+use super::builtin_interfaces::Duration;
+use super::geometry_msgs::Pose;
+use super::std_msgs::Header;
+
+/// Where base_link is to be, when, and how it moves there.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TrajectoryPoint {
+    pub time_from_start: Duration,
+    pub pose: Pose,
+    pub longitudinal_velocity_mps: f32,
+    pub lateral_velocity_mps: f32,
+    pub acceleration_mps2: f32,
+    pub heading_rate_rps: f32,
+    pub front_wheel_angle_rad: f32,
+    pub rear_wheel_angle_rad: f32,
+}
+
+/// Points in the order in which they are to be passed.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Trajectory {
+    pub header: Header,
+    pub points: Vec<TrajectoryPoint>,
+}

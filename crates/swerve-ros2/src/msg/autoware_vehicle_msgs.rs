@@ -1,0 +1,112 @@
+//! `autoware_vehicle_msgs`.
+
+#![expect(missing_docs, reason = "fields are named and ordered as the ROS definition has them")]
+
+use serde::{Deserialize, Serialize};
+
+use super::builtin_interfaces::Time;
+use super::std_msgs::Header;
+
+/// Speed of base_link forward and to the left (m/s), and yaw rate (rad/s, positive to the left).
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct VelocityReport {
+    pub header: Header,
+    pub longitudinal_velocity: f32,
+    pub lateral_velocity: f32,
+    pub heading_rate: f32,
+}
+
+/// Angle of the front road wheels, radians, positive to the left.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct SteeringReport {
+    pub stamp: Time,
+    pub steering_tire_angle: f32,
+}
+
+/// Who drives.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct ControlModeReport {
+    pub stamp: Time,
+    pub mode: u8,
+}
+
+impl ControlModeReport {
+    pub const NO_COMMAND: u8 = 0;
+    pub const AUTONOMOUS: u8 = 1;
+    pub const AUTONOMOUS_STEER_ONLY: u8 = 2;
+    pub const AUTONOMOUS_VELOCITY_ONLY: u8 = 3;
+    pub const MANUAL: u8 = 4;
+    pub const DISENGAGED: u8 = 5;
+    pub const NOT_READY: u8 = 6;
+}
+
+/// The gear that is wanted.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct GearCommand {
+    pub stamp: Time,
+    pub command: u8,
+}
+
+/// The gear that is in.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct GearReport {
+    pub stamp: Time,
+    pub report: u8,
+}
+
+impl GearReport {
+    pub const NONE: u8 = 0;
+    pub const NEUTRAL: u8 = 1;
+    pub const DRIVE: u8 = 2;
+    pub const REVERSE: u8 = 20;
+    pub const PARK: u8 = 22;
+    pub const LAST: u8 = 24;
+}
+
+/// Wanted turn indicators: 0 no command, 1 off, 2 left, 3 right.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TurnIndicatorsCommand {
+    pub stamp: Time,
+    pub command: u8,
+}
+
+/// Turn indicators: 1 off, 2 left, 3 right.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TurnIndicatorsReport {
+    pub stamp: Time,
+    pub report: u8,
+}
+
+/// Wanted hazard lights: 0 no command, 1 off, 2 on.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct HazardLightsCommand {
+    pub stamp: Time,
+    pub command: u8,
+}
+
+/// Hazard lights: 1 off, 2 on.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct HazardLightsReport {
+    pub stamp: Time,
+    pub report: u8,
+}
+
+/// Whether the stack is to drive.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Engage {
+    pub stamp: Time,
+    pub engage: bool,
+}
+
+/// Request of the service `ControlModeCommand`: modes as in [`ControlModeReport`], 1 to 4.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct ControlModeCommandRequest {
+    pub stamp: Time,
+    pub mode: u8,
+}
+
+/// Its reply.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct ControlModeCommandResponse {
+    pub success: bool,
+}

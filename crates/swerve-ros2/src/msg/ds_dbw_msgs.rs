@@ -1,0 +1,273 @@
+//! `ds_dbw_msgs` of Dataspeed (2.3): angles of the steering **wheel** in **degrees**, positive to the left;
+//! pedals in percent. A report's number is not-a-number where the vehicle has no such signal.
+
+#![expect(missing_docs, reason = "fields are named and ordered as the ROS definition has them")]
+
+use serde::{Deserialize, Serialize};
+
+use super::std_msgs::Header;
+
+/// Steering: `cmd_rate` in degrees/s, 0 for the vehicle's default.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct SteeringCmd {
+    pub header: Header,
+    pub cmd: f32,
+    pub cmd_rate: f32,
+    pub cmd_accel: f32,
+    pub cmd_type: u8,
+    pub enable: bool,
+    pub clear: bool,
+    pub ignore: bool,
+}
+
+impl SteeringCmd {
+    pub const CMD_NONE: u8 = 0;
+    pub const CMD_TORQUE: u8 = 1;
+    pub const CMD_ANGLE: u8 = 2;
+    pub const CMD_CURVATURE: u8 = 3;
+    pub const CMD_YAW_RATE: u8 = 4;
+    pub const CMD_PERCENT: u8 = 14;
+    pub const CMD_CALIBRATE: u8 = 15;
+}
+
+/// Brake.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct BrakeCmd {
+    pub header: Header,
+    pub cmd: f32,
+    pub rate_inc: f32,
+    pub rate_dec: f32,
+    pub cmd_type: u8,
+    pub enable: bool,
+    pub clear: bool,
+    pub ignore: bool,
+}
+
+impl BrakeCmd {
+    pub const CMD_NONE: u8 = 0;
+    pub const CMD_PRESSURE: u8 = 1;
+    pub const CMD_TORQUE: u8 = 2;
+    pub const CMD_ACCEL: u8 = 8;
+    pub const CMD_ACCEL_ACC: u8 = 9;
+    pub const CMD_ACCEL_AEB: u8 = 10;
+    pub const CMD_PEDAL_RAW: u8 = 13;
+    pub const CMD_PERCENT: u8 = 14;
+}
+
+/// Throttle.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct ThrottleCmd {
+    pub header: Header,
+    pub cmd: f32,
+    pub rate_inc: f32,
+    pub rate_dec: f32,
+    pub cmd_type: u8,
+    pub enable: bool,
+    pub clear: bool,
+    pub ignore: bool,
+}
+
+impl ThrottleCmd {
+    pub const CMD_NONE: u8 = 0;
+    pub const CMD_PEDAL_RAW: u8 = 13;
+    pub const CMD_PERCENT: u8 = 14;
+}
+
+/// Universal longitudinal controller: speed (m/s) or acceleration (m/s²).
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct UlcCmd {
+    pub header: Header,
+    pub cmd: f32,
+    pub limit_accel: f32,
+    pub limit_decel: f32,
+    pub limit_jerk_throttle: f32,
+    pub limit_jerk_brake: f32,
+    pub cmd_type: u8,
+    pub enable: bool,
+    pub clear: bool,
+    pub enable_shift: bool,
+    pub enable_shift_park: bool,
+    pub coast_decel: bool,
+}
+
+impl UlcCmd {
+    pub const CMD_NONE: u8 = 0;
+    pub const CMD_VELOCITY: u8 = 1;
+    pub const CMD_ACCEL: u8 = 2;
+}
+
+/// A gear: 0 none, 1 park, 2 reverse, 3 neutral, 4 drive, 5 low, 6 manual, 7 sport, 15 calibrate.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Gear {
+    pub value: u8,
+}
+
+/// Who commands: 0 user, 1 universal controller, 2 remote, 3 button, 4 loss of communication, 5 lockout.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct CmdSrc {
+    pub value: u8,
+}
+
+/// Why a gear was refused; 0 it was not.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct GearReject {
+    pub value: u8,
+}
+
+/// Gear.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct GearCmd {
+    pub header: Header,
+    pub cmd: Gear,
+}
+
+/// Steering as it is.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct SteeringReport {
+    pub header: Header,
+    pub steering_wheel_angle: f32,
+    pub steering_column_torque: f32,
+    pub cmd: f32,
+    pub cmd_type: u8,
+    pub limiting_value: bool,
+    pub limiting_rate: bool,
+    pub external_control: bool,
+    pub ready: bool,
+    pub enabled: bool,
+    pub override_active: bool,
+    pub override_other: bool,
+    pub override_latched: bool,
+    pub timeout: bool,
+    pub fault: bool,
+    pub bad_crc: bool,
+    pub bad_rc: bool,
+    pub degraded: bool,
+    pub limit_rate: f32,
+    pub limit_value: f32,
+    pub cmd_src: CmdSrc,
+}
+
+/// Brake as it is.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct BrakeReport {
+    pub header: Header,
+    pub cmd_type: u8,
+    pub pressure_input: f32,
+    pub pressure_cmd: f32,
+    pub pressure_output: f32,
+    pub torque_input: f32,
+    pub torque_cmd: f32,
+    pub torque_output: f32,
+    pub accel_cmd: f32,
+    pub accel_output: f32,
+    pub percent_input: f32,
+    pub percent_cmd: f32,
+    pub percent_output: f32,
+    pub btsi_cmd: bool,
+    pub yield_request: bool,
+    pub limiting_value: bool,
+    pub limiting_rate: bool,
+    pub external_control: bool,
+    pub ready: bool,
+    pub enabled: bool,
+    pub override_active: bool,
+    pub override_other: bool,
+    pub override_latched: bool,
+    pub timeout: bool,
+    pub fault: bool,
+    pub bad_crc: bool,
+    pub bad_rc: bool,
+    pub degraded: bool,
+    pub limit_value: f32,
+    pub brake_available_duration: f32,
+    pub brake_available_full: bool,
+    pub req_shift_park: bool,
+    pub req_park_brake: bool,
+    pub external_button: bool,
+    pub comms_loss_armed: bool,
+    pub cmd_src: CmdSrc,
+}
+
+/// Throttle as it is.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct ThrottleReport {
+    pub header: Header,
+    pub cmd_type: u8,
+    pub percent_input: f32,
+    pub percent_cmd: f32,
+    pub percent_output: f32,
+    pub yield_request: bool,
+    pub limiting_value: bool,
+    pub limiting_rate: bool,
+    pub external_control: bool,
+    pub ready: bool,
+    pub enabled: bool,
+    pub override_active: bool,
+    pub override_other: bool,
+    pub override_latched: bool,
+    pub timeout: bool,
+    pub fault: bool,
+    pub bad_crc: bool,
+    pub bad_rc: bool,
+    pub degraded: bool,
+    pub limit_value: f32,
+    pub cmd_src: CmdSrc,
+}
+
+/// The universal controller as it is.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct UlcReport {
+    pub header: Header,
+    pub cmd_type: u8,
+    pub vel_ref: f32,
+    pub vel_meas: f32,
+    pub accel_ref: f32,
+    pub accel_meas: f32,
+    pub coast_decel: bool,
+    pub ready: bool,
+    pub enabled: bool,
+    pub override_active: bool,
+    pub override_latched: bool,
+    pub preempted: bool,
+    pub timeout: bool,
+    pub bad_crc: bool,
+    pub bad_rc: bool,
+}
+
+/// The gear as it is.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct GearReport {
+    pub header: Header,
+    pub gear: Gear,
+    pub cmd: Gear,
+    pub driver: Gear,
+    pub reject: GearReject,
+    pub power_latched: bool,
+    pub external_control: bool,
+    pub ready: bool,
+    pub override_active: bool,
+    pub override_other: bool,
+    pub fault: bool,
+    pub bad_crc: bool,
+    pub degraded: bool,
+    pub cmd_src: CmdSrc,
+}
+
+/// Speed as brakes and drivetrain measure it, m/s.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct VehicleVelocity {
+    pub header: Header,
+    pub vehicle_velocity_brake: f32,
+    pub vehicle_velocity_propulsion: f32,
+    pub dir_src: u8,
+}
+
+/// Speeds of the wheels, rad/s.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct WheelSpeeds {
+    pub header: Header,
+    pub front_left: f32,
+    pub front_right: f32,
+    pub rear_left: f32,
+    pub rear_right: f32,
+}

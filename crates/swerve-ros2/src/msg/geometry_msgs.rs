@@ -1,0 +1,146 @@
+//! `geometry_msgs`.
+
+#![expect(missing_docs, reason = "fields are named and ordered as the ROS definition has them")]
+
+use serde::{Deserialize, Serialize};
+
+use super::Matrix;
+use super::std_msgs::Header;
+
+/// A place, metres.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Point {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+}
+
+/// A place in single precision, metres.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Point32 {
+    pub x: f32,
+    pub y: f32,
+    pub z: f32,
+}
+
+/// A direction with a length.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Vector3 {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+}
+
+/// A rotation: `x, y, z` are the vector part.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Quaternion {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+    pub w: f64,
+}
+
+impl Default for Quaternion {
+    /// No rotation.
+    fn default() -> Self {
+        Self { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }
+    }
+}
+
+/// Where and how turned.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Pose {
+    pub position: Point,
+    pub orientation: Quaternion,
+}
+
+/// A pose with its stamp and frame.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct PoseStamped {
+    pub header: Header,
+    pub pose: Pose,
+}
+
+/// A pose; covariance of x, y, z and the rotations about them, 6 x 6, row by row.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct PoseWithCovariance {
+    pub pose: Pose,
+    pub covariance: Matrix<36>,
+}
+
+/// A pose with its covariance, stamp and frame.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct PoseWithCovarianceStamped {
+    pub header: Header,
+    pub pose: PoseWithCovariance,
+}
+
+/// Velocity, m/s, and angular velocity, rad/s.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Twist {
+    pub linear: Vector3,
+    pub angular: Vector3,
+}
+
+/// A twist with its stamp and frame.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TwistStamped {
+    pub header: Header,
+    pub twist: Twist,
+}
+
+/// A twist; covariance 6 x 6, row by row.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TwistWithCovariance {
+    pub twist: Twist,
+    pub covariance: Matrix<36>,
+}
+
+/// A twist with its covariance, stamp and frame.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TwistWithCovarianceStamped {
+    pub header: Header,
+    pub twist: TwistWithCovariance,
+}
+
+/// Acceleration, m/s², and angular acceleration, rad/s².
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Accel {
+    pub linear: Vector3,
+    pub angular: Vector3,
+}
+
+/// An acceleration; covariance 6 x 6, row by row.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct AccelWithCovariance {
+    pub accel: Accel,
+    pub covariance: Matrix<36>,
+}
+
+/// An acceleration with its covariance, stamp and frame.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct AccelWithCovarianceStamped {
+    pub header: Header,
+    pub accel: AccelWithCovariance,
+}
+
+/// Takes coordinates in the child frame to coordinates in the header's frame.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Transform {
+    pub translation: Vector3,
+    pub rotation: Quaternion,
+}
+
+/// One edge of the tree of frames.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TransformStamped {
+    pub header: Header,
+    pub child_frame_id: String,
+    pub transform: Transform,
+}
+
+/// Corners, in order.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Polygon {
+    pub points: Vec<Point32>,
+}

@@ -1,0 +1,35 @@
+//! `std_msgs`.
+
+#![expect(missing_docs, reason = "fields are named and ordered as the ROS definition has them")]
+
+use serde::{Deserialize, Serialize};
+
+use super::builtin_interfaces::Time;
+
+/// When, and in which frame.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Header {
+    pub stamp: Time,
+    pub frame_id: String,
+}
+
+/// Red, green, blue and opacity, 0 to 1.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct ColorRGBA {
+    pub r: f32,
+    pub g: f32,
+    pub b: f32,
+    pub a: f32,
+}
+
+/// One truth value.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Bool {
+    pub data: bool,
+}
+
+/// Nothing; on the wire one byte, since the wire has no empty struct.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Empty {
+    pub structure_needs_at_least_one_member: u8,
+}
