@@ -1,7 +1,7 @@
 //! Cameras on the ego vehicle: `[camera.NAME]`.
 
 use serde::{Deserialize, Serialize};
-use swerve_geom::{Ego, Transform};
+use swerve_geom::{Ego, Transform, math};
 use swerve_render::{
     Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, SensorNoise, Shutter,
     WeatherPreset, mount,
@@ -162,6 +162,14 @@ impl CameraConfig {
             },
             ..CameraSpec::default()
         })
+    }
+
+    /// Angle between the left and the right edge of the image, degrees.
+    pub fn fov_across_deg(&self) -> f64 {
+        let of = |[[fx_px, ..], ..]: [[f64; 3]; 3]| {
+            2.0 * math::atan(0.5 * f64::from(self.width_px) / fx_px).to_degrees()
+        };
+        self.matrix.map_or(self.fov_deg.unwrap_or(FOV_DEG), of)
     }
 
     /// Where it sits and looks.

@@ -4,8 +4,10 @@
 //! angles degrees (their names say so); resolving converts them.
 
 pub mod camera;
+pub mod detectors;
 pub mod execution;
 pub mod faults;
+pub mod perception;
 mod planner;
 pub mod sensors;
 pub mod text;
@@ -24,6 +26,7 @@ use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
 use execution::{Deadline, Runtime};
+use perception::PerceptionConfig;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
 
@@ -47,6 +50,8 @@ pub struct Config {
     pub radar: BTreeMap<String, RadarConfig>,
     /// Lidars on the ego, by name; they run as cameras do.
     pub lidar: BTreeMap<String, LidarConfig>,
+    /// What stands between the sensors and the predictor.
+    pub perception: PerceptionConfig,
     /// The predictor.
     pub prediction: PredictionConfig,
     /// The motion planner.
@@ -72,6 +77,7 @@ impl Default for Config {
             camera: BTreeMap::new(),
             radar: BTreeMap::new(),
             lidar: BTreeMap::new(),
+            perception: PerceptionConfig::default(),
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
@@ -388,7 +394,7 @@ pub enum Images {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct OperatorConfig {
-    /// Run time; `zero` when absent (the planner: its cost).
+    /// Run time; `zero` when absent (the planner: its cost; an emulated detector: the published one).
     pub runtime: Option<Runtime>,
     /// Busy policy; `skip_to_latest` when absent.
     pub policy: Option<String>,
@@ -409,7 +415,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 13] = [
+pub const OPERATORS: [&str; 14] = [
     "world",
     "obstacles",
     "pose",
@@ -419,6 +425,7 @@ pub const OPERATORS: [&str; 13] = [
     "collisions",
     "lane_invasions",
     "red_lights",
+    "detector",
     "tracker",
     "predictor",
     "planner",
@@ -512,6 +519,7 @@ impl Config {
         }
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
+        self.check_perception(&mut faults);
         self.check_log(&mut faults);
         if faults.is_empty() {
             return Ok(self);

@@ -7,7 +7,7 @@ mod lidar;
 mod perception;
 mod planner;
 mod radar;
-mod sensors;
+pub(crate) mod sensors;
 mod stage;
 #[cfg(test)]
 mod tests;
@@ -25,7 +25,7 @@ use swerve_vehicle::VehicleParams;
 
 use crate::config::Config;
 use crate::config::camera::Output;
-use crate::config::execution::{parse_policy, span_ms};
+use crate::config::execution::{Runtime, parse_policy, span_ms};
 
 pub use controller::controller;
 
@@ -98,10 +98,7 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     let simulator = Simulator::exact(scenario.clone(), &params)?;
     let command = graph.feedback::<Command>("command");
     let world = graph.add("world", world::World::new(simulator), (every(dt), command)).out();
-    let obstacles = graph
-        .add("obstacles", sensors::Obstacles::new(config), (timer("obstacles", sensing.period_ms), world))
-        .origin()
-        .out();
+    let sight = perception::sight(graph, config, timer("obstacles", sensing.period_ms), world)?;
     let seed = config.seed;
     let pose_sensor = sensors::Pose { params: sensing.pose, seed };
     let pose = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
@@ -109,7 +106,7 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     sense_motion_and_events(graph, config, scenario, world);
     sense_surroundings(graph, config, scenario, world)?;
-    let tracks = graph.add("tracker", perception::Tracker::new(config), (obstacles,)).out();
+    let tracks = perception::tracks(graph, config, sight, pose)?;
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
     let plan = graph.add("planner", planner, (predictions, pose)).out();
@@ -232,13 +229,15 @@ impl OnItsWay {
     }
 }
 
-/// What the configuration says of an operator's run time: its own entry, or the planner's cost, or zero.
+/// What the configuration says of an operator's run time: its own entry, or the planner's cost, or the emulated
+/// detector's published time, or zero.
 fn runtime(config: &Config, name: &str) -> Result<RuntimeModel, String> {
     if let Some(runtime) = config.operator.get(name).and_then(|o| o.runtime.as_ref()) {
         return runtime.model();
     }
-    match config.planning.cost_of_chosen().filter(|_| name == "planner") {
-        Some(cost) => cost.model(),
-        None => Ok(RuntimeModel::Zero),
+    match name {
+        "planner" => config.planning.cost_of_chosen().map_or(Ok(RuntimeModel::Zero), Runtime::model),
+        "detector" => span_ms(config.detector_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed),
+        _ => Ok(RuntimeModel::Zero),
     }
 }

@@ -1,10 +1,108 @@
-use swerve_flow::{At, Context, Operator, Port};
-use swerve_msg::{ObstacleList, PredictionList, TrackList};
+use anyhow::anyhow;
+use swerve_flow::{At, Context, Graph, Operator, Port, Stream, Timer, Window};
+use swerve_geom::{Pose2, math};
+use swerve_msg::truth::{Surroundings, WorldState};
+use swerve_msg::{Detections, EgoState, ObstacleList, PredictionList, TrackList};
+use swerve_perception::detector::Detector;
+use swerve_perception::tracker::Tracker as Sort;
+use swerve_planning::posed::Preset;
 use swerve_prediction::{History, HistoryParams, linear};
 
-use swerve_planning::posed::Preset;
-
+use super::sensors::{DetectorSight, Obstacles};
 use crate::config::Config;
+use crate::config::perception::{Emulated, image_camera};
+
+/// What an emulated detector is given, and what it is.
+pub(super) struct Seen {
+    surroundings: Stream<Surroundings>,
+    emulated: Emulated,
+}
+
+/// What there is to see: for the tracker, or for the detector before it.
+pub(super) enum Sight {
+    Truth(Stream<ObstacleList>),
+    Detector(Seen),
+}
+
+/// Adds the obstacle sensor.
+pub(super) fn sight(
+    graph: &mut Graph,
+    config: &Config,
+    timer: Timer,
+    world: Stream<WorldState>,
+) -> anyhow::Result<Sight> {
+    let wrong = |(key, message): (&str, String)| anyhow!("perception.{key}: {message}");
+    let Some(emulated) = config.perception.emulated().map_err(wrong)? else {
+        let sensor = Obstacles::new(config, None);
+        return Ok(Sight::Truth(graph.add("obstacles", sensor, (timer, world)).origin().out()));
+    };
+    let camera = config.detector_camera(emulated.sensing);
+    let sensor = DetectorSight(Obstacles::new(config, camera.as_ref()));
+    let node = graph.add("obstacles", sensor, (timer, world)).origin();
+    let (_, surroundings) = node.outputs(&["seen", "surroundings"]).out();
+    Ok(Sight::Detector(Seen { surroundings, emulated }))
+}
+
+/// Adds the tracker, and the detector before it if there is one.
+pub(super) fn tracks(
+    graph: &mut Graph,
+    config: &Config,
+    sight: Sight,
+    pose: Stream<EgoState>,
+) -> anyhow::Result<Stream<TrackList>> {
+    let Seen { surroundings, emulated } = match sight {
+        Sight::Truth(obstacles) => return Ok(graph.add("tracker", Tracker::new(config), (obstacles,)).out()),
+        Sight::Detector(seen) => seen,
+    };
+    let wrong = |(key, message): (&str, String)| anyhow!("perception.{key}: {message}");
+    let params = config.perception.tracker(&emulated.params, config.prediction.past_steps).map_err(wrong)?;
+    let camera = config.detector_camera(emulated.sensing).and_then(|camera| image_camera(&camera));
+    let detector = DetectorOperator(Detector::new(emulated.params, camera, config.seed, "detector")?);
+    let boxes = graph.add("detector", detector, (surroundings,)).out();
+    let tracker = SortTracker(Sort::new(params)?);
+    Ok(graph.add("tracker", tracker, (boxes, pose)).out())
+}
+
+/// A detector of a given accuracy, emulated.
+struct DetectorOperator(Detector);
+
+impl Operator for DetectorOperator {
+    type In = (At<Surroundings>,);
+    type Out = Port<Detections>;
+
+    fn step(&mut self, _: &mut Context<'_>, (seen,): &Self::In, out: &mut Self::Out) {
+        if let Some(seen) = seen.get() {
+            out.loan().send(self.0.detect(seen));
+        }
+    }
+}
+
+/// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
+const POSES: usize = 256;
+
+/// Follows what a detector reports, in the map.
+struct SortTracker(Sort);
+
+impl Operator for SortTracker {
+    type In = (At<Detections>, Window<EgoState, POSES>);
+    type Out = Port<TrackList>;
+
+    fn step(&mut self, _: &mut Context<'_>, (boxes, poses): &Self::In, out: &mut Self::Out) {
+        let (Some(boxes), poses) = (boxes.get(), poses.get()) else { return };
+        // Measured before the frame: a later one is not known where a detector takes no time.
+        let before = poses.iter().rev().find(|pose| pose.header().stamp <= boxes.stamp);
+        let Some(measured) = before.or(poses.first()) else { return };
+        out.loan().send(self.0.update(boxes, moved_on(measured, (boxes.stamp - measured.stamp).as_secs())));
+    }
+}
+
+/// The pose a moment later: along the arc that speed and turn rate make.
+fn moved_on(ego: &EgoState, dt_s: f64) -> Pose2 {
+    let heading_rad = ego.pose.heading_rad + ego.yaw_rate_radps * dt_s;
+    let (sin, cos) = math::sin_cos(ego.pose.heading_rad + 0.5 * ego.yaw_rate_radps * dt_s);
+    let way_m = ego.speed_mps * dt_s;
+    Pose2::new(ego.pose.x_m + way_m * cos, ego.pose.y_m + way_m * sin, heading_rad)
+}
 
 /// Follows what the sensor reports by its identity and keeps past sightings.
 pub(super) struct Tracker {
