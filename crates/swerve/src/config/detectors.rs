@@ -183,7 +183,9 @@ mod tests {
         for d in published() {
             let fit = fits().get(&d.name).unwrap_or_else(|| panic!("{} is not fitted", d.name));
             assert!((fit.ap - d.ap).abs() <= 0.02, "{}: {fit:?}, to meet {}", d.name, d.ap);
-            assert!((fit.ap_other_draws - d.ap).abs() <= 0.02, "{}: {fit:?}, to meet {}", d.name, d.ap);
+            // Eleven recalls make a coarser measure than a hundred and one.
+            let spread = if d.measure.recalls == Recalls::Coco101 { 0.02 } else { 0.03 };
+            assert!((fit.ap_other_draws - d.ap).abs() <= spread, "{}: {fit:?}, to meet {}", d.name, d.ap);
         }
         assert_eq!(fits().len(), published().len());
     }
