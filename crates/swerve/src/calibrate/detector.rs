@@ -423,8 +423,9 @@ fn frozen(
 /// The built-in fits.
 fn table(args: &DetectorArgs, fitted: &[(&Target, &Fitted)]) -> String {
     let seeds: Vec<String> = args.seeds.iter().map(u32::to_string).collect();
-    let frames: BTreeMap<usize, Sensing> = fitted.iter().map(|(t, f)| (f.frames, t.sensing)).collect();
-    let frames: Vec<String> = frames.iter().map(|(n, sensing)| format!("{n} by {sensing:?}")).collect();
+    let frames: BTreeMap<String, usize> =
+        fitted.iter().map(|(t, f)| (format!("{:?}", t.sensing), f.frames)).collect();
+    let frames: Vec<String> = frames.iter().map(|(sensing, n)| format!("{n} by {sensing}")).collect();
     let mut text = format!(
         "# Written by `swerve calibrate detector --all`: which member of the family meets each published accuracy,\n\
          # and the average precision that it has. Drives with seeds {}, {DRAWS} draws from seed {}, everything within\n\
