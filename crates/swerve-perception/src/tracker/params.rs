@@ -37,7 +37,8 @@ pub struct Params {
     pub range_noise_share: f64,
     /// Standard deviation of its bearing, radians.
     pub bearing_noise_rad: f64,
-    /// Standard deviation of its place in any direction, on top, metres: poses of the ego have errors too.
+    /// Standard deviation of its place in any direction, on top, metres: poses of the ego have errors too. With more,
+    /// velocities come later.
     pub floor_noise_m: f64,
     /// How people on foot and on bicycles move.
     pub person: Motion,
@@ -59,7 +60,7 @@ impl Default for Params {
             range_noise_m: 0.0,
             range_noise_share: 0.03,
             bearing_noise_rad: 0.002,
-            floor_noise_m: 0.1,
+            floor_noise_m: 0.02,
             person: Motion { speed_mps: 2.0, accel_density: 2.0 },
             vehicle: Motion { speed_mps: 8.0, accel_density: 4.0 },
             fixed: Motion { speed_mps: 0.05, accel_density: 1e-4 },
