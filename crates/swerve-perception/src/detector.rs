@@ -2,7 +2,7 @@
 //!
 //! Every draw is keyed by (seed, operator name, instant, actor), so that neither the order of frames nor what else is
 //! in sight changes it. What real detectors get wrong they get wrong again in the next frame: each draw is therefore
-//! mostly one that is shared by neighbouring instants ([`drift`]), with the same distribution at each single one.
+//! mostly one that is shared by neighbouring instants ([`Drift`]), with the same distribution at each single one.
 //!
 //! Of an actor at distance `d` of which the share `s` is visible:
 //! - it is **missed** unless a draw falls below
