@@ -39,6 +39,18 @@ fn a_random_planner_repeats_itself_on_any_number_of_threads() {
 }
 
 #[test]
+fn an_emulated_detector_repeats_itself_on_any_number_of_threads() {
+    let of = |detector: &str| {
+        config(&[OVERLAPPING[0], OVERLAPPING[1], &format!("perception.detector={detector}")])
+    };
+    let d3 = of("efficientdet-d3@v100");
+    let one = digest(&d3, 1);
+    assert_eq!(digest(&d3, 2), one);
+    assert_ne!(digest(&of("efficientdet-d4@v100"), 1), one);
+    assert_ne!(digest(&Config { seed: 2, ..d3 }, 1), one);
+}
+
+#[test]
 fn recorded_run_times_give_back_the_run_that_they_are_of() {
     let folder = tempfile::tempdir().unwrap();
     let file = scenario_file("person_crossing");

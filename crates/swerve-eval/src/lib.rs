@@ -6,21 +6,25 @@
 //! are instants of the run.
 //! Absences: no engine, no simulator, no file, no clock; whether a result is good enough is for the caller.
 
+mod average_precision;
 mod distance;
 mod distribution;
 mod drive;
 mod evaluation;
 mod jerk;
+mod overlap;
 mod plan;
 mod response;
 mod runtime;
 mod verdict;
 
+pub use average_precision::{AveragePrecision, Found, Recalls};
 pub use distance::{Clearance, Clearances, Outline};
 pub use distribution::{Distribution, Summary};
 pub use drive::{Drive, DriveMetrics};
 pub use evaluation::{ActorMetrics, Evaluation, JerkMetrics, Metrics, Params, Sight};
 pub use jerk::{CUTOFF_HZ, LateralJerk, LowPass};
+pub use overlap::{ground_iou, image_iou, shared_area_m2, volume_iou};
 pub use plan::{PlanCounts, PlanMetrics};
 pub use response::ResponseTimes;
 pub use runtime::{OperatorMetrics, RunTimes};

@@ -5,6 +5,7 @@
 //! Absences: no behaviour beyond small accessors, no engine, no file format.
 
 mod actuation;
+mod detection;
 mod ego;
 mod event;
 mod image;
@@ -18,6 +19,7 @@ mod route;
 pub mod truth;
 
 pub use actuation::{Command, MotionCommand};
+pub use detection::{DetectedBox, Detections};
 pub use ego::{EgoState, Gnss, Imu};
 pub use event::{
     CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, RoadLine,

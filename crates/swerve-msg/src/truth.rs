@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Ego, Map, Obb, Pose2, Transform, Vector, Vector2};
 
-use crate::{ActorId, ActorKind, EgoState, Extent, Packed};
+use crate::{ActorId, ActorKind, EgoState, Extent, Obstacle, Packed};
 
 /// The state of the simulated world after one step.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -138,4 +138,15 @@ pub struct RadarSources {
     pub stamp: Time,
     /// For each detection the actor that gave most of the echo; `None` for clutter.
     pub sources: Vec<Option<ActorId>>,
+}
+
+/// What a sensor could see at one instant, and from where: all that an emulated detector is given.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Surroundings {
+    /// Instant of the measurement.
+    pub stamp: Time,
+    /// True pose of the ego origin in the map.
+    pub ego: Pose2,
+    /// The actors of which something is in sight, ordered by identity, in the map.
+    pub obstacles: Vec<Obstacle>,
 }

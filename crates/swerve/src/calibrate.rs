@@ -1,4 +1,7 @@
-//! `swerve calibrate`: what planning costs on this host, measured alone and frozen as percentiles.
+//! `swerve calibrate`: what planning costs on this host, measured alone and frozen as percentiles; and an emulated
+//! detector's parameters, fitted to an accuracy.
+
+pub(crate) mod detector;
 
 use std::path::PathBuf;
 
@@ -11,15 +14,25 @@ use crate::run::{RunInput, drive_observed, load};
 
 /// `swerve calibrate`.
 #[derive(clap::Args, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct CalibrateArgs {
+    #[command(subcommand)]
+    what: Option<What>,
     #[command(flatten)]
-    input: RunInput,
+    input: Option<RunInput>,
     /// Ego speeds to drive the scenario at, m/s
     #[arg(long, value_delimiter = ',', default_value = "16,18,20,22", value_parser = speed)]
     speeds: Vec<f64>,
     /// Write the configuration, with the measured run times in it, to this file instead of standard output
     #[arg(long)]
     out: Option<PathBuf>,
+}
+
+/// What else can be calibrated.
+#[derive(clap::Subcommand, Debug)]
+enum What {
+    /// Fit an emulated detector to an accuracy, over the frames of the scenarios
+    Detector(detector::DetectorArgs),
 }
 
 /// Percentiles that are kept.
@@ -35,7 +48,11 @@ fn speed(text: &str) -> Result<f64, String> {
 
 /// Measures every planner and discretisation, one run at a time.
 pub fn run(args: &CalibrateArgs) -> anyhow::Result<()> {
-    let (base, scenario) = load(&args.input)?;
+    if let Some(What::Detector(args)) = &args.what {
+        return detector::run(args);
+    }
+    let input = args.input.as_ref().context("a scenario is required")?;
+    let (base, scenario) = load(input)?;
     if let Some(path) = &args.out {
         crate::files::refuse_unwritable(path)?;
     }

@@ -30,7 +30,7 @@ enum Command {
     Plan(plan::PlanArgs),
     /// Check scenario, configuration, study and timing files without running them
     Check(check::CheckArgs),
-    /// Measure what the planners cost on this host and freeze that in a configuration
+    /// Measure what the planners cost on this host, or fit an emulated detector, and freeze that in a configuration
     Calibrate(calibrate::CalibrateArgs),
     /// Make labelled images and point clouds of scenarios, as KITTI and COCO have them
     Dataset(dataset::DatasetArgs),

@@ -15,6 +15,20 @@ impl Progress {
         Self { bar }
     }
 
+    /// Counts drives.
+    pub fn drives(count: usize) -> Self {
+        let bar = ProgressBar::new(count as u64);
+        bar.set_style(style("{bar:32} {pos}/{len} drives  {elapsed}  {eta} left"));
+        Self { bar }
+    }
+
+    /// Counts detectors that are fitted.
+    pub fn fits(count: usize) -> Self {
+        let bar = ProgressBar::new(count as u64);
+        bar.set_style(style("{bar:32} {pos}/{len} detectors fitted  {elapsed}  {eta} left"));
+        Self { bar }
+    }
+
     /// Counts the configurations that a study's checks look at.
     pub fn checks(count: usize) -> Self {
         let bar = ProgressBar::new(count as u64);

@@ -53,13 +53,13 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<()> {
 /// The place of the first operator that is computed again. Stages may be named instead of operators.
 fn cut(name: &str) -> anyhow::Result<usize> {
     let stages = [
-        ("perception", "tracker"),
+        ("perception", "detector"),
         ("prediction", "predictor"),
         ("planning", "planner"),
         ("control", "controller"),
     ];
     let operator = stages.iter().find(|(stage, _)| *stage == name).map_or(name, |(_, operator)| operator);
-    let open = &OPERATORS[OPERATORS.iter().position(|o| *o == "tracker").unwrap_or(0)..];
+    let open = &OPERATORS[OPERATORS.iter().position(|o| *o == "detector").unwrap_or(0)..];
     if !open.contains(&operator) {
         let near = nearest(name, open.iter().copied())
             .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));

@@ -2,7 +2,7 @@
 
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
-use swerve_geom::{Ego, Transform};
+use swerve_geom::{Ego, Transform, math};
 use swerve_render::gpu::{AdapterKind, Adapters};
 use swerve_render::{
     Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
@@ -213,6 +213,14 @@ impl CameraConfig {
             },
             ..CameraSpec::default()
         })
+    }
+
+    /// Angle between the left and the right edge of the image, degrees.
+    pub fn fov_across_deg(&self) -> f64 {
+        let of = |[[fx_px, ..], ..]: [[f64; 3]; 3]| {
+            2.0 * math::atan(0.5 * f64::from(self.width_px) / fx_px).to_degrees()
+        };
+        self.matrix.map_or(self.fov_deg.unwrap_or(FOV_DEG), of)
     }
 
     /// Where it sits and looks.

@@ -5,7 +5,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
-use super::Config;
+use super::{Config, perception};
 use super::execution::span_ms;
 use super::words::{nearest, number};
 
@@ -171,15 +171,18 @@ impl FaultConfig {
     }
 }
 
-/// Streams of the pipeline that faults can befall.
-const STREAMS: [&str; 9] =
-    ["obstacles", "pose", "imu", "gnss", "odometry", "tracker", "predictor", "planner", "controller"];
+/// Streams of the pipeline that faults can befall, beside what is seen of obstacles.
+const STREAMS: [&str; 8] =
+    ["pose", "imu", "gnss", "odometry", "tracker", "predictor", "planner", "controller"];
 
 impl Config {
     /// All streams that faults can befall, with what they carry.
     fn faultable(&self) -> Vec<(String, Carries)> {
         let own = STREAMS.iter().filter(|name| !["gnss", "odometry"].contains(name) || self.runs(name));
-        let mut streams: Vec<_> = own.map(|name| ((*name).to_owned(), Carries::Numbers)).collect();
+        // A detector takes the place of the obstacle sensor's list.
+        let first = if self.perception.detector == perception::TRUTH { "obstacles" } else { "detector" };
+        let mut streams: Vec<_> =
+            core::iter::once(&first).chain(own).map(|name| ((*name).to_owned(), Carries::Numbers)).collect();
         for (name, camera) in self.camera.iter().filter(|(name, _)| self.runs(name)) {
             let wanted = camera.wanted();
             let outputs = [

@@ -4,9 +4,11 @@
 //! angles degrees (their names say so); resolving converts them.
 
 pub mod camera;
+pub mod detectors;
 pub mod execution;
 pub mod faults;
 pub mod injection;
+pub mod perception;
 mod planner;
 pub mod sensors;
 pub mod text;
@@ -26,6 +28,7 @@ use swerve_vehicle::VehicleParams;
 use camera::{CameraConfig, RenderConfig};
 use execution::{Deadline, Runtime};
 use injection::FaultConfig;
+use perception::PerceptionConfig;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
 
@@ -49,6 +52,8 @@ pub struct Config {
     pub radar: BTreeMap<String, RadarConfig>,
     /// Lidars on the ego, by name; they run as cameras do.
     pub lidar: BTreeMap<String, LidarConfig>,
+    /// What stands between the sensors and the predictor.
+    pub perception: PerceptionConfig,
     /// The predictor.
     pub prediction: PredictionConfig,
     /// The motion planner.
@@ -77,6 +82,7 @@ impl Default for Config {
             camera: BTreeMap::new(),
             radar: BTreeMap::new(),
             lidar: BTreeMap::new(),
+            perception: PerceptionConfig::default(),
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
@@ -406,7 +412,7 @@ pub enum Images {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct OperatorConfig {
-    /// Run time; `zero` when absent (the planner: its cost).
+    /// Run time; `zero` when absent (the planner: its cost; an emulated detector: the published one).
     pub runtime: Option<Runtime>,
     /// Busy policy; `skip_to_latest` when absent.
     pub policy: Option<String>,
@@ -427,7 +433,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 13] = [
+pub const OPERATORS: [&str; 14] = [
     "world",
     "obstacles",
     "pose",
@@ -437,6 +443,7 @@ pub const OPERATORS: [&str; 13] = [
     "collisions",
     "lane_invasions",
     "red_lights",
+    "detector",
     "tracker",
     "predictor",
     "planner",
@@ -531,6 +538,7 @@ impl Config {
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
         self.check_faults(&mut faults);
+        self.check_perception(&mut faults);
         self.check_log(&mut faults);
         if faults.is_empty() {
             return Ok(self);

@@ -8,7 +8,7 @@ mod lidar;
 mod perception;
 mod planner;
 mod radar;
-mod sensors;
+pub(crate) mod sensors;
 mod stage;
 #[cfg(test)]
 mod tests;
@@ -26,7 +26,7 @@ use swerve_vehicle::VehicleParams;
 
 use crate::config::Config;
 use crate::config::camera::Output;
-use crate::config::execution::{parse_policy, span_ms};
+use crate::config::execution::{Runtime, parse_policy, span_ms};
 
 use faulty::faulty;
 use stage::SharedStage;
@@ -116,11 +116,7 @@ fn connect(
     let simulator = Simulator::exact(scenario.clone(), &params)?;
     let command = graph.feedback::<Command>("command");
     let world = graph.add("world", world::World::new(simulator), (every(dt), command)).out();
-    let obstacles = graph
-        .add("obstacles", sensors::Obstacles::new(config), (timer("obstacles", sensing.period_ms), world))
-        .origin()
-        .out();
-    let obstacles = faulty(graph, config, "obstacles", obstacles)?;
+    let sight = perception::sight(graph, config, timer("obstacles", sensing.period_ms), world)?;
     let seed = config.seed;
     let pose_sensor = sensors::Pose { params: sensing.pose, seed };
     let pose = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
@@ -130,7 +126,7 @@ fn connect(
     faulty(graph, config, "imu", imu)?;
     sense_motion_and_events(graph, config, scenario, world)?;
     let stage = sense_surroundings(graph, config, scenario, world)?;
-    let tracks = graph.add("tracker", perception::Tracker::new(config), (obstacles,)).out();
+    let tracks = perception::tracks(graph, config, sight, pose)?;
     let tracks = faulty(graph, config, "tracker", tracks)?;
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
     let predictions = faulty(graph, config, "predictor", predictions)?;
@@ -268,13 +264,15 @@ impl OnItsWay {
     }
 }
 
-/// What the configuration says of an operator's run time: its own entry, or the planner's cost, or zero.
+/// What the configuration says of an operator's run time: its own entry, or the planner's cost, or the emulated
+/// detector's published time, or zero.
 fn runtime(config: &Config, name: &str) -> Result<RuntimeModel, String> {
     if let Some(runtime) = config.operator.get(name).and_then(|o| o.runtime.as_ref()) {
         return runtime.model();
     }
-    match config.planning.cost_of_chosen().filter(|_| name == "planner") {
-        Some(cost) => cost.model(),
-        None => Ok(RuntimeModel::Zero),
+    match name {
+        "planner" => config.planning.cost_of_chosen().map_or(Ok(RuntimeModel::Zero), Runtime::model),
+        "detector" => span_ms(config.detector_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed),
+        _ => Ok(RuntimeModel::Zero),
     }
 }

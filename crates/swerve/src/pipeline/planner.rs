@@ -31,7 +31,7 @@ impl PlannerOperator {
         let vehicle = &config.sim.vehicle;
         let expected = match config.planning.start_state() {
             StartState::Measured => None,
-            StartState::Predicted => Some(Span::from_secs(config.planning.expected_ms() * 1e-3)),
+            StartState::Predicted => Some(Span::from_secs(config.expected_ms() * 1e-3)),
         };
         Ok(Self {
             planner: config

@@ -1,5 +1,5 @@
 use swerve_flow::{Context, Every, Latest, Operator, Port};
-use swerve_msg::truth::WorldState;
+use swerve_msg::truth::{Surroundings, WorldState};
 use swerve_msg::{EgoState, Gnss, Imu, ObstacleList, WheelOdometry};
 use swerve_sim::sense::{
     self, GnssParams, ImuParams, PoseParams, SensorMount, SensorParams, WheelOdometer, rolling_speeds_radps,
@@ -7,26 +7,44 @@ use swerve_sim::sense::{
 };
 use swerve_vehicle::VehicleParams;
 
+use crate::config::camera::CameraConfig;
 use crate::config::{Config, Source};
 
 /// Simulator state cut by what the sensor can see.
-pub(super) struct Obstacles {
+pub(crate) struct Obstacles {
     mount: SensorMount,
     params: SensorParams,
 }
 
 impl Obstacles {
-    pub(super) fn new(config: &Config) -> Self {
+    /// What the obstacle sensor can see or, where `camera` is given, what that camera can.
+    pub(crate) fn new(config: &Config, camera: Option<&CameraConfig>) -> Self {
         let sensing = &config.sensing;
+        let (mut mount, mut fov_deg) = (sensing.mount, sensing.fov_deg);
+        if let Some(camera) = camera {
+            let ([x_m, y_m, z_m], yaw_rad) = (camera.at_m, camera.yaw_deg.to_radians());
+            mount = Some(SensorMount { x_m, y_m, z_m, yaw_rad });
+            fov_deg = camera.fov_across_deg();
+        }
         Self {
-            mount: sensing.mount.unwrap_or_else(|| SensorMount::roof(&config.sim.vehicle.shape)),
+            mount: mount.unwrap_or_else(|| SensorMount::roof(&config.sim.vehicle.shape)),
             params: SensorParams {
                 range_m: sensing.range_m,
                 range_person_m: sensing.range_person_m,
-                fov_rad: sensing.fov_deg.to_radians(),
+                fov_rad: fov_deg.to_radians(),
                 occlusion: sensing.source == Source::Truth,
             },
         }
+    }
+
+    fn seen(&self, world: &WorldState) -> ObstacleList {
+        visible_obstacles(world, &self.mount, &self.params)
+    }
+
+    /// What is seen, and from where.
+    pub(crate) fn surroundings(&self, world: &WorldState) -> Surroundings {
+        let ObstacleList { stamp, obstacles } = self.seen(world);
+        Surroundings { stamp, ego: world.ego.state.pose, obstacles }
     }
 }
 
@@ -36,7 +54,24 @@ impl Operator for Obstacles {
 
     fn step(&mut self, _: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
         if let Some(world) = world.get() {
-            out.loan().send(visible_obstacles(world, &self.mount, &self.params));
+            out.loan().send(self.seen(world));
+        }
+    }
+}
+
+/// The same for an emulated detector: also from where it is seen.
+pub(super) struct DetectorSight(pub(super) Obstacles);
+
+impl Operator for DetectorSight {
+    type In = (Every, Latest<WorldState>);
+    type Out = (Port<ObstacleList>, Port<Surroundings>);
+
+    fn step(&mut self, _: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
+        if let Some(world) = world.get() {
+            let surroundings = self.0.surroundings(world);
+            let Surroundings { stamp, ref obstacles, .. } = surroundings;
+            out.0.loan().send(ObstacleList { stamp, obstacles: obstacles.clone() });
+            out.1.loan().send(surroundings);
         }
     }
 }

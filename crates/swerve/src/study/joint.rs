@@ -17,7 +17,7 @@ const JOINT: [&[&str]; 4] = [
     &["planning.planner", "planning.config", "planning.preset", "planning.collision", "planning.params"],
     &["sim.vehicle"],
     &["resource", "operator.*.uses"],
-    &["fault", "log.sensors", "camera", "radar", "lidar"],
+    &["fault", "log.sensors", "camera", "radar", "lidar", "perception"],
 ];
 
 /// What is wrong, each fault once, with the first cell that has it, in the order of these cells.

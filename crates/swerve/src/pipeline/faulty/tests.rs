@@ -136,4 +136,8 @@ fn no_number_of_any_stream_stops_the_program() {
             assert!(!seen.injected.is_empty(), "{stream} {keys}");
         }
     }
+    for keys in ["nan = true", "noise = 1e6", "freeze_ms = 100"] {
+        let detector = "[perception]\ndetector = \"efficientdet-d3@v100\"\n";
+        assert!(!drive(&format!("{detector}{}", fault("detector", keys))).0.injected.is_empty(), "{keys}");
+    }
 }

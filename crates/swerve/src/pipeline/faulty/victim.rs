@@ -4,7 +4,7 @@ use swerve_core::{Rng, Time};
 use swerve_flow::Payload;
 use swerve_geom::{Pose2, Vector2};
 use swerve_msg::{
-    Command, EgoState, Gnss, Image, Imu, ObstacleList, Packed, Pixels, Plan, PointCloud, PredictionList,
+    Command, Detections, EgoState, Gnss, Image, Imu, ObstacleList, Packed, Pixels, Plan, PointCloud, PredictionList,
     RadarScan, TrackList, WheelOdometry,
 };
 
@@ -38,7 +38,7 @@ fn corrupt(mut numbers: Vec<Number<'_>>, how: Corruption, rng: &mut Rng) {
     }
 }
 
-fn pose(pose: &mut Pose2) -> [Number<'_>; 3] {
+fn pose<F>(pose: &mut Pose2<F>) -> [Number<'_>; 3] {
     [(&mut pose.x_m, 1.0), (&mut pose.y_m, 1.0), (&mut pose.heading_rad, DEGREE)]
 }
 
@@ -65,6 +65,9 @@ macro_rules! victims {
 victims! {
     ObstacleList: |m, stamp| m.stamp = stamp, |m| {
         m.obstacles.iter_mut().flat_map(|o| pose(&mut o.pose).into_iter().chain(vector(&mut o.velocity_mps))).collect()
+    };
+    Detections: |m, stamp| m.stamp = stamp, |m| {
+        m.boxes.iter_mut().flat_map(|b| pose(&mut b.pose)).collect()
     };
     TrackList: |m, stamp| m.stamp = stamp, |m| {
         m.tracks.iter_mut().flat_map(|t| pose(&mut t.pose).into_iter().chain(vector(&mut t.velocity_mps))).collect()

@@ -1,0 +1,138 @@
+//! How much two boxes have in common: intersection over union.
+
+use swerve_geom::{Obb, Point2};
+use swerve_msg::DetectedBox;
+
+/// Corners of an intersection of two rectangles: at most eight.
+const CORNERS_MAX: usize = 8;
+
+/// Area that two rectangles share, m²: one, corner by corner, cut by each side of the other (Sutherland and Hodgman
+/// 1974). Zero where a number is not finite.
+pub fn shared_area_m2<F: Copy>(a: &Obb<F>, b: &Obb<F>) -> f64 {
+    let mut polygon = Vec::with_capacity(CORNERS_MAX);
+    polygon.extend(a.corners());
+    let cutter = b.corners();
+    for k in 0..4 {
+        let (from, side) = (cutter[k], cutter[(k + 1) % 4] - cutter[k]);
+        // Corners go round counter-clockwise: inside is to the left.
+        let inside = |p: Point2<F>| side.cross(p - from);
+        let mut rest = Vec::with_capacity(CORNERS_MAX);
+        for (i, &p) in polygon.iter().enumerate() {
+            let q = polygon[(i + 1) % polygon.len()];
+            let (at_p, at_q) = (inside(p), inside(q));
+            if at_p >= 0.0 {
+                rest.push(p);
+            }
+            if (at_p > 0.0 && at_q < 0.0) || (at_p < 0.0 && at_q > 0.0) {
+                rest.push(p + (q - p) * (at_p / (at_p - at_q)));
+            }
+        }
+        polygon = rest;
+    }
+    let Some(&first) = polygon.first() else { return 0.0 };
+    let doubled: f64 = polygon.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum();
+    if doubled.is_finite() { (0.5 * doubled).max(0.0) } else { 0.0 }
+}
+
+/// Intersection over union on the ground (bird's eye view), 0 to 1.
+pub fn ground_iou(a: &DetectedBox, b: &DetectedBox) -> f64 {
+    over_union(shared_area_m2(&footprint(a), &footprint(b)), area_m2(a), area_m2(b))
+}
+
+/// Intersection over union of the upright boxes, 0 to 1.
+pub fn volume_iou(a: &DetectedBox, b: &DetectedBox) -> f64 {
+    let top = |x: &DetectedBox| x.bottom_m + x.extent.height_m;
+    let height_m = (top(a).min(top(b)) - a.bottom_m.max(b.bottom_m)).max(0.0);
+    let shared = shared_area_m2(&footprint(a), &footprint(b)) * height_m;
+    over_union(shared, area_m2(a) * a.extent.height_m, area_m2(b) * b.extent.height_m)
+}
+
+/// Intersection over union of two rectangles in an image (left, top, right, bottom), 0 to 1.
+pub fn image_iou(a: [f64; 4], b: [f64; 4]) -> f64 {
+    let area = |[left, top, right, bottom]: [f64; 4]| (right - left).max(0.0) * (bottom - top).max(0.0);
+    let shared = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
+    over_union(shared, area(a), area(b))
+}
+
+fn footprint(x: &DetectedBox) -> Obb<swerve_geom::Ego> {
+    Obb::new(x.pose, x.extent.length_m, x.extent.width_m)
+}
+
+fn area_m2(x: &DetectedBox) -> f64 {
+    x.extent.length_m * x.extent.width_m
+}
+
+fn over_union(shared: f64, a: f64, b: f64) -> f64 {
+    let union = a + b - shared;
+    if union > 0.0 { (shared / union).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_core::Rng;
+    use swerve_geom::{Map, Pose2};
+    use swerve_msg::{ActorKind, Extent};
+
+    fn near(a: f64, b: f64) {
+        assert!((a - b).abs() < 1e-9, "{a} {b}");
+    }
+
+    #[test]
+    fn the_area_is_that_of_points_in_both() {
+        let mut rng = Rng::keyed(2, "overlap", &[]);
+        for k in 0..60 {
+            let mut rectangle = || {
+                let pose =
+                    Pose2::<Map>::new(rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0), rng.uniform(-4.0, 4.0));
+                Obb::new(pose, rng.uniform(0.5, 3.0), rng.uniform(0.5, 3.0))
+            };
+            let (a, b) = (rectangle(), rectangle());
+            let n = 300;
+            let mut both = 0;
+            for i in 0..n * n {
+                let at = |m: usize| -3.5 + 7.0 * (m as f64 + 0.5) / n as f64;
+                let p = Point2::new(at(i % n), at(i / n));
+                both += usize::from(a.contains(p) && b.contains(p));
+            }
+            let counted = both as f64 * (7.0 / n as f64) * (7.0 / n as f64);
+            let area = shared_area_m2(&a, &b);
+            assert!((area - counted).abs() < 0.02, "{k}: {area} {counted}");
+            near(area, shared_area_m2(&b, &a));
+        }
+    }
+
+    #[test]
+    fn squares_by_hand() {
+        let square = |x: f64, y: f64, turn: f64| Obb::<Map>::new(Pose2::new(x, y, turn), 2.0, 2.0);
+        near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(0.0, 0.0, 0.0)), 4.0);
+        near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(1.0, 1.0, 0.0)), 1.0);
+        near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(2.0, 0.0, 0.0)), 0.0);
+        // Turned by an eighth the octagon in both is left: 8 (sqrt 2 - 1) for squares of side 2.
+        let eighth = core::f64::consts::FRAC_PI_4;
+        near(
+            shared_area_m2(&square(0.0, 0.0, 0.0), &square(0.0, 0.0, eighth)),
+            8.0 * (core::f64::consts::SQRT_2 - 1.0),
+        );
+        near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(f64::NAN, 0.0, 0.0)), 0.0);
+    }
+
+    #[test]
+    fn boxes_by_hand() {
+        let cube = |x: f64, bottom_m: f64| DetectedBox {
+            kind: ActorKind::Car,
+            score: 1.0,
+            pose: Pose2::new(x, 0.0, 0.0),
+            bottom_m,
+            extent: Extent { length_m: 2.0, width_m: 2.0, height_m: 2.0 },
+            image_px: None,
+        };
+        near(ground_iou(&cube(0.0, 0.0), &cube(1.0, 5.0)), 2.0 / 6.0);
+        near(volume_iou(&cube(0.0, 0.0), &cube(1.0, 0.0)), 2.0 / 6.0);
+        near(volume_iou(&cube(0.0, 0.0), &cube(1.0, 1.0)), 2.0 / 14.0);
+        near(volume_iou(&cube(0.0, 0.0), &cube(1.0, 5.0)), 0.0);
+        near(image_iou([0.0, 0.0, 2.0, 2.0], [1.0, 1.0, 3.0, 3.0]), 1.0 / 7.0);
+        near(image_iou([0.0, 0.0, 2.0, 2.0], [2.0, 0.0, 3.0, 3.0]), 0.0);
+        near(image_iou([5.0, 5.0, 5.0, 5.0], [5.0, 5.0, 5.0, 5.0]), 0.0);
+    }
+}

@@ -1,0 +1,92 @@
+//! Who goes with whom at the least total cost.
+
+use pathfinding::kuhn_munkres::kuhn_munkres_min;
+use pathfinding::matrix::Matrix;
+
+/// Costs are counted in parts of this size: the solver is exact on integers, and the same on every machine.
+const PART: f64 = 1e-6;
+
+/// Larger costs count as this many parts: sums of as many as there can be stay far from overflow.
+const PARTS_MAX: f64 = 1e12;
+
+/// Pairs (row, column), rows increasing, whose sum of costs is least when a row or column that stays alone costs half
+/// of `gate`: no pair costs `gate` or more (Kuhn 1955, Munkres 1957; gated as in Blackman and Popoli 1999, section 6.4).
+///
+/// `cost` is asked for every row and column; what is not finite counts as out of reach. Any shape is allowed.
+pub fn assign(
+    rows: usize,
+    columns: usize,
+    gate: f64,
+    cost: impl Fn(usize, usize) -> f64,
+) -> Vec<(usize, usize)> {
+    if rows == 0 || columns == 0 {
+        return Vec::new();
+    }
+    let parts = |x: f64| (x / PART).clamp(-PARTS_MAX, PARTS_MAX).round() as i64;
+    let far = parts(gate);
+    let capped = |row, column| {
+        let cost = cost(row, column);
+        if cost.is_finite() { parts(cost).min(far) } else { far }
+    };
+    // The solver wants at least as many columns as rows.
+    let is_tall = rows > columns;
+    let (short, long) = if is_tall { (columns, rows) } else { (rows, columns) };
+    let at = |s: usize, l: usize| if is_tall { capped(l, s) } else { capped(s, l) };
+    let matrix = Matrix::from_fn(short, long, |(s, l)| at(s, l));
+    let (_, chosen) = kuhn_munkres_min(&matrix);
+    let mut pairs: Vec<(usize, usize)> = chosen
+        .into_iter()
+        .enumerate()
+        .filter(|&(s, l)| matrix[(s, l)] < far)
+        .map(|(s, l)| if is_tall { (l, s) } else { (s, l) })
+        .collect();
+    pairs.sort_unstable();
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_core::Rng;
+
+    /// The least cost over all ways to pair up, by trying them all.
+    fn least(costs: &[Vec<f64>], gate: f64, row: usize, taken: &mut Vec<bool>) -> f64 {
+        if row == costs.len() {
+            return 0.5 * gate * taken.iter().filter(|t| !**t).count() as f64;
+        }
+        let mut best = 0.5 * gate + least(costs, gate, row + 1, taken);
+        for column in 0..taken.len() {
+            if !taken[column] && costs[row][column] < gate {
+                taken[column] = true;
+                best = best.min(costs[row][column] + least(costs, gate, row + 1, taken));
+                taken[column] = false;
+            }
+        }
+        best
+    }
+
+    #[test]
+    fn no_other_pairing_costs_less() {
+        let mut rng = Rng::keyed(5, "assignment", &[]);
+        for k in 0..300 {
+            let (rows, columns) = (rng.below(5), rng.below(5));
+            let gate = if k % 2 == 0 { 0.6 } else { 2.0 };
+            let costs: Vec<Vec<f64>> =
+                (0..rows).map(|_| (0..columns).map(|_| rng.uniform(-0.5, 1.5)).collect()).collect();
+            let pairs = assign(rows, columns, gate, |r, c| costs[r][c]);
+            let alone = (rows + columns - 2 * pairs.len()) as f64;
+            let cost: f64 = pairs.iter().map(|&(r, c)| costs[r][c]).sum::<f64>() + 0.5 * gate * alone;
+            let best = least(&costs, gate, 0, &mut vec![false; columns]);
+            assert!((cost - best).abs() < 1e-5, "{k}: {cost} {best} {costs:?}");
+            assert!(pairs.iter().all(|&(r, c)| costs[r][c] < gate));
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_reach_or_no_number_stays_alone() {
+        let costs = [[f64::NAN, 0.5, f64::INFINITY], [f64::NAN, f64::NEG_INFINITY, 7.0]];
+        assert_eq!(assign(2, 3, 1.0, |r, c| costs[r][c]), [(0, 1)]);
+        assert_eq!(assign(3, 2, 1.0, |r, c| costs[c][r]), [(1, 0)]);
+        assert_eq!(assign(0, 3, 1.0, |_, _| 0.0), []);
+    }
+}

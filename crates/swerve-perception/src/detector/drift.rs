@@ -1,0 +1,73 @@
+//! Random numbers that change slowly.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+
+/// How a standard normal number goes on from instant to instant.
+///
+/// `sqrt(steady) * slow + sqrt(1 - steady) * new`: `new` is drawn for each instant; `slow` is drawn at multiples of
+/// `period_s`, blended linearly between two of them and scaled so that its deviation stays 1. At each single instant
+/// the number is standard normal; two that are at least two periods apart share no more than chance.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drift {
+    /// Share of the variance that neighbouring instants have in common, 0 to 1.
+    pub steady: f64,
+    /// Between two draws of it, seconds.
+    pub period_s: f64,
+}
+
+/// Draws for one instant, and draws for one of the slow instants, are told apart by these.
+const NEW: i64 = 0;
+const SLOW: i64 = 1;
+
+impl Drift {
+    /// The number at an instant; `draw(index, which)` gives the standard normal number under a key.
+    pub(super) fn at(&self, at: Time, draw: impl Fn(i64, i64) -> f64) -> f64 {
+        let (before, part) = self.block(at);
+        let slow = (1.0 - part) * draw(before, SLOW) + part * draw(before + 1, SLOW);
+        let deviation = ((1.0 - part) * (1.0 - part) + part * part).sqrt();
+        self.steady.sqrt() * slow / deviation + (1.0 - self.steady).sqrt() * draw(at.ns(), NEW)
+    }
+
+    /// The newest slow instant, counted from the start of time, and how far the next one has come, 0 to 1.
+    pub(super) fn block(&self, at: Time) -> (i64, f64) {
+        let period = Span::from_secs(self.period_s).ns().max(1);
+        let before = at.ns().div_euclid(period);
+        (before, at.ns().rem_euclid(period) as f64 / period as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_core::Rng;
+
+    const DRIFT: Drift = Drift { steady: 0.8, period_s: 0.5 };
+
+    fn number(k: i64, ms: i64) -> f64 {
+        DRIFT.at(Time::from_ms(ms), |when, which| Rng::keyed(3, "drift", &[k, when, which]).normal())
+    }
+
+    /// Correlation of the numbers at two instants, over many things.
+    fn correlation(a_ms: i64, b_ms: i64) -> f64 {
+        const N: i64 = 20_000;
+        (0..N).map(|k| number(k, a_ms) * number(k, b_ms)).sum::<f64>() / N as f64
+    }
+
+    #[test]
+    fn it_is_standard_normal_at_every_instant() {
+        for ms in [0, 100, 250, 400, 730] {
+            let variance = correlation(ms, ms);
+            assert!((variance - 1.0).abs() < 0.03, "{ms}: {variance}");
+        }
+    }
+
+    #[test]
+    fn neighbours_have_most_in_common_and_what_is_far_apart_nothing() {
+        let near = correlation(200, 250);
+        assert!((0.7..0.82).contains(&near), "{near}");
+        assert!(correlation(250, 700) < 0.5);
+        assert!(correlation(100, 1100).abs() < 0.03);
+    }
+}

@@ -1,0 +1,15 @@
+//! Perception: an emulated detector, and a tracker.
+//!
+//! [`detector`] takes what a sensor could see (truth) and makes of it what a detector of a given accuracy would have
+//! reported: boxes in the ego frame and in the image, some missed, some wrong, some of nothing. [`tracker`] makes
+//! tracks of such boxes.
+//!
+//! Absences: no engine, no simulator, no file, no clock; how long a detector takes is for the caller.
+
+pub mod assignment;
+pub mod detector;
+pub mod image_box;
+pub mod tracker;
+
+pub use detector::Detector;
+pub use tracker::Tracker;

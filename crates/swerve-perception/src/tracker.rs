@@ -1,0 +1,198 @@
+//! Tracks from boxes: SORT in the ground plane.
+//!
+//! As Bewley et al. 2016 (Simple Online and Realtime Tracking, arXiv 1602.00763): each track is a Kalman filter with
+//! constant velocity; tracks and boxes are paired by an optimal assignment; a box that no track takes founds one on
+//! probation, and a track that no box has confirmed for a while ends. Other than there the state is a position in the
+//! map, not in the image, boxes are near or far in standard deviations of their difference (Mahalanobis) instead of
+//! overlapping or not, which boxes as small as people on the ground mostly do not, and the way of a track is smoothed
+//! backwards over the last sightings (Rauch, Tung and Striebel 1965), because predictors fit lines to it.
+
+mod kalman;
+mod params;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{Matrix2, Vector2 as Column2};
+use swerve_core::{Span, Time};
+use swerve_geom::{Ego, Map, Pose2, Vector2, angle_between, math};
+use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, Track, TrackList};
+
+use crate::assignment::assign;
+use kalman::Filter;
+
+pub use params::{Motion, Params, ParamsError};
+
+/// Follows boxes over time.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Tracker {
+    params: Params,
+    newest: Option<Time>,
+    /// In the order of their identities.
+    tracks: Vec<Followed>,
+    /// Identities given so far.
+    given: u32,
+}
+
+/// One track.
+#[derive(Clone, PartialEq, Debug)]
+struct Followed {
+    id: ActorId,
+    kind: ActorKind,
+    /// The score that its kind comes from.
+    kind_score: f64,
+    filter: Filter,
+    heading_rad: f64,
+    extent: Extent,
+    hits: usize,
+    last_seen: Time,
+    is_confirmed: bool,
+}
+
+/// A box in the map, with what is known of its errors.
+struct Measured<'a> {
+    found: &'a DetectedBox,
+    at: Column2<f64>,
+    covariance: Matrix2<f64>,
+    heading_rad: f64,
+}
+
+impl Tracker {
+    /// Without any past.
+    ///
+    /// # Errors
+    /// A parameter outside its range.
+    pub fn new(params: Params) -> Result<Self, ParamsError> {
+        params.validate()?;
+        Ok(Self { params, newest: None, tracks: Vec::new(), given: 0 })
+    }
+
+    /// Takes in what a detector reports of one instant, with the ego's pose in the map then, and gives all confirmed
+    /// tracks, ordered by identity.
+    ///
+    /// Boxes below the least score are ignored, and so are those whose numbers are not finite. A report that is not
+    /// newer than the one before changes nothing. Identities are counted from 1 in the order in which tracks are
+    /// founded, which is that of falling scores within a frame.
+    pub fn update(&mut self, found: &Detections, ego: Pose2<Map>) -> TrackList {
+        let newest = self.newest.unwrap_or(Time::MIN);
+        if found.stamp > newest && ego.is_finite() {
+            self.newest = Some(found.stamp);
+            self.take_in(found, ego);
+        }
+        self.list()
+    }
+
+    fn take_in(&mut self, found: &Detections, ego: Pose2<Map>) {
+        let params = self.params;
+        let usable = |b: &&DetectedBox| b.score >= params.score_min && is_finite(b);
+        let boxes: Vec<Measured<'_>> =
+            found.boxes.iter().filter(usable).map(|b| Measured::of(b, ego, &params)).collect();
+        for track in &mut self.tracks {
+            track.filter.predict(found.stamp, params.motion(track.kind).accel_density);
+        }
+        let distance = |t: usize, b: usize| self.tracks[t].distance(&boxes[b]);
+        let pairs = assign(self.tracks.len(), boxes.len(), params.gate, distance);
+        for &(t, b) in &pairs {
+            self.tracks[t].meet(&boxes[b], found.stamp, &params);
+        }
+        let limit = Span::from_secs(params.forget_after_s);
+        self.tracks.retain(|track| {
+            let unseen = found.stamp - track.last_seen;
+            unseen == Span::ZERO || (track.is_confirmed && unseen <= limit)
+        });
+        for (b, measured) in boxes.iter().enumerate() {
+            if !pairs.iter().any(|&(_, taken)| taken == b) {
+                self.given += 1;
+                self.tracks.push(Followed::founded(ActorId(self.given), measured, found.stamp, &params));
+            }
+        }
+    }
+
+    fn list(&self) -> TrackList {
+        let confirmed = self.tracks.iter().filter(|track| track.is_confirmed);
+        TrackList { stamp: self.newest.unwrap_or_default(), tracks: confirmed.map(Followed::track).collect() }
+    }
+}
+
+impl<'a> Measured<'a> {
+    fn of(found: &'a DetectedBox, ego: Pose2<Map>, params: &Params) -> Self {
+        let (x, y) = (found.pose.x_m, found.pose.y_m);
+        let range_m = math::hypot(x, y);
+        let along_m = params.range_noise_m + params.range_noise_share * range_m;
+        let across_m = params.bearing_noise_rad * range_m;
+        let (sin, cos) = math::sin_cos(math::atan2(y, x) + ego.heading_rad);
+        let turn = Matrix2::new(cos, -sin, sin, cos);
+        let square = |m: f64| m * m + params.floor_noise_m * params.floor_noise_m;
+        let spread = Matrix2::new(square(along_m), 0.0, 0.0, square(across_m));
+        let at = ego.from_local::<Ego>(found.pose.point());
+        Self {
+            found,
+            at: Column2::new(at.x_m, at.y_m),
+            covariance: turn * spread * turn.transpose(),
+            heading_rad: found.pose.heading_rad + ego.heading_rad,
+        }
+    }
+}
+
+impl Followed {
+    fn founded(id: ActorId, measured: &Measured<'_>, stamp: Time, params: &Params) -> Self {
+        let found = measured.found;
+        let speed = params.motion(found.kind).speed_mps;
+        Self {
+            id,
+            kind: found.kind,
+            kind_score: found.score,
+            filter: Filter::new(stamp, measured.at, measured.covariance, speed),
+            heading_rad: measured.heading_rad,
+            extent: found.extent,
+            hits: 1,
+            last_seen: stamp,
+            is_confirmed: params.hits_min <= 1,
+        }
+    }
+
+    /// Squared distance to a box in standard deviations; infinite for what cannot be the same.
+    fn distance(&self, measured: &Measured<'_>) -> f64 {
+        if self.kind.is_person() != measured.found.kind.is_person() {
+            return f64::INFINITY;
+        }
+        self.filter.squared_distance(measured.at, measured.covariance).unwrap_or(f64::INFINITY)
+    }
+
+    fn meet(&mut self, measured: &Measured<'_>, stamp: Time, params: &Params) {
+        let found = measured.found;
+        self.filter.update(measured.at, measured.covariance, params.sightings_max);
+        if found.score > self.kind_score {
+            (self.kind, self.kind_score) = (found.kind, found.score);
+        }
+        // The mean of all so far, until it becomes a low-pass.
+        self.hits += 1;
+        let gain = (1.0 / self.hits as f64).max(params.shape_gain);
+        self.heading_rad += gain * angle_between(self.heading_rad, measured.heading_rad);
+        let mix = |old: f64, new: f64| old + gain * (new - old);
+        self.extent = Extent {
+            length_m: mix(self.extent.length_m, found.extent.length_m),
+            width_m: mix(self.extent.width_m, found.extent.width_m),
+            height_m: mix(self.extent.height_m, found.extent.height_m),
+        };
+        self.last_seen = stamp;
+        self.is_confirmed |= self.hits >= params.hits_min;
+    }
+
+    fn track(&self) -> Track {
+        let (x_m, y_m, velocity_mps) = self.filter.state();
+        let sighting = |(at, point)| Sighting { at, point };
+        Track {
+            id: self.id,
+            kind: self.kind,
+            pose: Pose2::new(x_m, y_m, self.heading_rad),
+            extent: self.extent,
+            velocity_mps: Vector2::new(velocity_mps[0], velocity_mps[1]),
+            history: self.filter.smoothed().into_iter().map(sighting).collect(),
+        }
+    }
+}
+
+fn is_finite(found: &DetectedBox) -> bool {
+    let Extent { length_m, width_m, height_m } = found.extent;
+    found.pose.is_finite() && [length_m, width_m, height_m].iter().all(|m| m.is_finite() && *m > 0.0)
+}

@@ -1,0 +1,217 @@
+//! A Kalman filter of a position in the plane with nearly constant velocity, and its smoother.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4};
+use swerve_core::Time;
+use swerve_geom::Point2;
+
+/// State: x and y in metres, their velocities in m/s (Bar-Shalom, Li and Kirubarajan 2001, section 6.2.2: white noise
+/// acceleration in continuous time).
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Filter {
+    /// One for each instant, the present one last.
+    steps: VecDeque<Step>,
+}
+
+/// The filter at one instant.
+#[derive(Clone, PartialEq, Debug)]
+struct Step {
+    at: Time,
+    /// Since the instant before, seconds.
+    since_s: f64,
+    predicted: Gauss,
+    filtered: Gauss,
+    is_measured: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Gauss {
+    mean: Vector4<f64>,
+    covariance: Matrix4<f64>,
+}
+
+/// The position of a state.
+fn position() -> Matrix2x4<f64> {
+    Matrix2x4::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+}
+
+/// What becomes of a state.
+fn transition(dt_s: f64) -> Matrix4<f64> {
+    let mut f = Matrix4::identity();
+    (f[(0, 2)], f[(1, 3)]) = (dt_s, dt_s);
+    f
+}
+
+impl Filter {
+    /// First measured at a position, moving nobody knows how.
+    pub(super) fn new(at: Time, measured: Vector2<f64>, covariance: Matrix2<f64>, speed_mps: f64) -> Self {
+        let mean = Vector4::new(measured.x, measured.y, 0.0, 0.0);
+        let mut p = Matrix4::identity() * (speed_mps * speed_mps);
+        p.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariance);
+        let state = Gauss { mean, covariance: p };
+        let first = Step { at, since_s: 0.0, predicted: state, filtered: state, is_measured: true };
+        Self { steps: [first].into() }
+    }
+
+    /// Moves on; `density` is that of the acceleration, m²/s³.
+    pub(super) fn predict(&mut self, at: Time, density: f64) {
+        let last = self.last();
+        let dt_s = (at - last.at).as_secs();
+        let f = transition(dt_s);
+        let (a, b, c) = (dt_s * dt_s * dt_s / 3.0, 0.5 * dt_s * dt_s, dt_s);
+        #[rustfmt::skip]
+        let q = Matrix4::new(
+            a, 0.0, b, 0.0,
+            0.0, a, 0.0, b,
+            b, 0.0, c, 0.0,
+            0.0, b, 0.0, c,
+        ) * density;
+        let Gauss { mean, covariance } = last.filtered;
+        let predicted = Gauss { mean: f * mean, covariance: f * covariance * f.transpose() + q };
+        self.steps.push_back(Step { at, since_s: dt_s, predicted, filtered: predicted, is_measured: false });
+    }
+
+    /// Takes in a measurement of the present position. Steps before the last `kept` measured ones are forgotten.
+    pub(super) fn update(&mut self, measured: Vector2<f64>, noise: Matrix2<f64>, kept: usize) {
+        let step = self.steps.back_mut().expect("a filter starts with a step and keeps its last");
+        let (h, Gauss { mean, covariance }) = (position(), step.predicted);
+        let Some(inverse) = (h * covariance * h.transpose() + noise).try_inverse() else { return };
+        let gain = covariance * h.transpose() * inverse;
+        // Joseph's form: stays symmetric and positive whatever is rounded.
+        let rest = Matrix4::identity() - gain * h;
+        step.filtered = Gauss {
+            mean: mean + gain * (measured - h * mean),
+            covariance: rest * covariance * rest.transpose() + gain * noise * gain.transpose(),
+        };
+        step.is_measured = true;
+        while self.steps.iter().filter(|step| step.is_measured).count() > kept.max(1) {
+            self.steps.pop_front();
+        }
+    }
+
+    /// Squared distance of a measurement from the present position, in standard deviations of their difference.
+    pub(super) fn squared_distance(&self, measured: Vector2<f64>, noise: Matrix2<f64>) -> Option<f64> {
+        let (h, Gauss { mean, covariance }) = (position(), self.last().predicted);
+        let off = measured - h * mean;
+        let inverse = (h * covariance * h.transpose() + noise).try_inverse()?;
+        Some((off.transpose() * inverse * off)[0])
+    }
+
+    /// Present position and velocity.
+    pub(super) fn state(&self) -> (f64, f64, [f64; 2]) {
+        let mean = self.last().filtered.mean;
+        (mean[0], mean[1], [mean[2], mean[3]])
+    }
+
+    /// The measured instants, oldest first, with the best estimate of each position under all measurements that are
+    /// kept.
+    pub(super) fn smoothed(&self) -> Vec<(Time, Point2)> {
+        let mut after: Option<(&Step, Vector4<f64>)> = None;
+        let mut way = Vec::with_capacity(self.steps.len());
+        for step in self.steps.iter().rev() {
+            let Gauss { mean, covariance } = step.filtered;
+            let best = match after {
+                None => mean,
+                Some((next, smoothed)) => match next.predicted.covariance.try_inverse() {
+                    Some(inverse) => {
+                        let gain = covariance * transition(next.since_s).transpose() * inverse;
+                        mean + gain * (smoothed - next.predicted.mean)
+                    }
+                    None => mean,
+                },
+            };
+            if step.is_measured {
+                way.push((step.at, Point2::new(best[0], best[1])));
+            }
+            after = Some((step, best));
+        }
+        way.reverse();
+        way
+    }
+
+    fn last(&self) -> &Step {
+        self.steps.back().expect("a filter starts with a step and keeps its last")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+    use swerve_core::Rng;
+
+    /// Filter and smoother give what one least-squares problem over all steps gives.
+    #[test]
+    fn it_is_the_least_squares_solution() {
+        let mut rng = Rng::keyed(1, "kalman", &[]);
+        let noise = Matrix2::new(0.3, 0.1, 0.1, 0.2);
+        let instants = [0_i64, 50, 100, 170, 200, 300];
+        let measured: Vec<Vector2<f64>> =
+            instants.iter().map(|ms| Vector2::new(*ms as f64 * 3e-3 + rng.normal(), rng.normal())).collect();
+        let (density, speed) = (2.0, 4.0);
+        let mut filter = Filter::new(Time::from_ms(0), measured[0], noise, speed);
+        for k in 1..instants.len() {
+            filter.predict(Time::from_ms(instants[k]), density);
+            if k != 3 {
+                filter.update(measured[k], noise, 100);
+            }
+        }
+        // Unknowns: all states. Rows, each weighted by the inverse of its deviation: first velocity, motion, sightings.
+        let n = instants.len();
+        let mut information = DMatrix::<f64>::zeros(4 * n, 4 * n);
+        let mut right = DVector::<f64>::zeros(4 * n);
+        for d in 2..4 {
+            information[(d, d)] += 1.0 / (speed * speed);
+        }
+        let h = position();
+        let weight = noise.try_inverse().unwrap();
+        for k in (0..n).filter(|k| *k != 3) {
+            let mut block = information.fixed_view_mut::<4, 4>(4 * k, 4 * k);
+            block += h.transpose() * weight * h;
+            let mut rows = right.fixed_rows_mut::<4>(4 * k);
+            rows += h.transpose() * weight * measured[k];
+        }
+        for k in 1..n {
+            let dt = (instants[k] - instants[k - 1]) as f64 * 1e-3;
+            let f = transition(dt);
+            let (a, b, c) = (dt * dt * dt / 3.0, 0.5 * dt * dt, dt);
+            #[rustfmt::skip]
+            let q = Matrix4::new(a, 0., b, 0., 0., a, 0., b, b, 0., c, 0., 0., b, 0., c) * density;
+            let w = q.try_inverse().unwrap();
+            let (i, j) = (4 * (k - 1), 4 * k);
+            let mut add = |r: usize, c: usize, m: Matrix4<f64>| {
+                let mut block = information.fixed_view_mut::<4, 4>(r, c);
+                block += m;
+            };
+            add(i, i, f.transpose() * w * f);
+            add(i, j, -f.transpose() * w);
+            add(j, i, -w * f);
+            add(j, j, w);
+        }
+        let states = information.lu().solve(&right).unwrap();
+        let (x, y, [vx, vy]) = filter.state();
+        for (a, b) in [x, y, vx, vy].into_iter().zip(states.fixed_rows::<4>(4 * (n - 1)).iter()) {
+            assert!((a - b).abs() < 1e-6, "{a} {b}");
+        }
+        let smoothed = filter.smoothed();
+        assert_eq!(smoothed.len(), 5);
+        for ((_, point), k) in smoothed.iter().zip([0, 1, 2, 4, 5]) {
+            assert!((point.x_m - states[4 * k]).abs() < 1e-6 && (point.y_m - states[4 * k + 1]).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn certainty_falls_unseen_and_rises_seen() {
+        let noise = Matrix2::identity();
+        let mut filter = Filter::new(Time::ZERO, Vector2::new(1.0, 2.0), noise, 3.0);
+        let far = Vector2::new(4.0, 2.0);
+        filter.predict(Time::from_ms(100), 1.0);
+        let seen = filter.squared_distance(far, noise).unwrap();
+        filter.predict(Time::from_ms(600), 1.0);
+        assert!(filter.squared_distance(far, noise).unwrap() < seen);
+        filter.update(Vector2::new(1.0, 2.0), noise, 10);
+        filter.predict(Time::from_ms(650), 1.0);
+        assert_eq!(filter.smoothed().len(), 2, "what was not seen is no sighting");
+    }
+}

@@ -1,0 +1,208 @@
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::detector::{self, Detector, Sensing};
+use swerve_geom::Point2;
+use swerve_msg::Obstacle;
+use swerve_msg::truth::Surroundings;
+
+const PERSON: Extent = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.7 };
+
+fn found(kind: ActorKind, x_m: f64, y_m: f64) -> DetectedBox {
+    DetectedBox {
+        kind,
+        score: 0.9,
+        pose: Pose2::new(x_m, y_m, 0.0),
+        bottom_m: 0.0,
+        extent: PERSON,
+        image_px: None,
+    }
+}
+
+fn origin() -> Pose2<Map> {
+    Pose2::new(0.0, 0.0, 0.0)
+}
+
+fn frame(ms: i64, boxes: Vec<DetectedBox>) -> Detections {
+    Detections { stamp: Time::from_ms(ms), boxes }
+}
+
+fn tracker(params: Params) -> Tracker {
+    Tracker::new(params).unwrap()
+}
+
+#[test]
+fn a_track_is_reported_after_its_probation_and_ends_some_time_after_the_last_sight() {
+    let mut tracker = tracker(Params { hits_min: 3, forget_after_s: 0.1, ..Params::default() });
+    let mut reported = |ms: i64, boxes| tracker.update(&frame(ms, boxes), origin()).tracks.len();
+    let person = || vec![found(ActorKind::Pedestrian, 10.0, 1.0)];
+    assert_eq!([reported(0, person()), reported(50, person()), reported(100, person())], [0, 0, 1]);
+    assert_eq!([reported(150, vec![]), reported(200, vec![]), reported(250, vec![])], [1, 1, 0]);
+    // One on probation ends at its first absence.
+    assert_eq!([reported(300, person()), reported(350, vec![]), reported(400, person())], [0, 0, 0]);
+    assert_eq!([reported(450, person()), reported(500, person())], [0, 1]);
+}
+
+#[test]
+fn velocity_and_history_are_those_of_the_motion_seen_from_a_car_that_turns() {
+    let mut tracker = tracker(Params::default());
+    let mut tracks = TrackList::default();
+    for k in 0..40 {
+        let t = f64::from(k) * 0.05;
+        let ego = Pose2::new(3.0 * t, -0.5 * t, 0.3 * t);
+        let at = ego.to_local::<Ego>(Point2::new(20.0 - 1.0 * t, 3.0 - 1.5 * t));
+        tracks = tracker
+            .update(&frame(50 * i64::from(k), vec![found(ActorKind::Pedestrian, at.x_m, at.y_m)]), ego);
+    }
+    let track = &tracks.tracks[0];
+    assert_eq!((tracks.tracks.len(), track.id, tracks.stamp), (1, ActorId(1), Time::from_ms(1950)));
+    let v = track.velocity_mps;
+    assert!((v.x + 1.0).abs() < 0.02 && (v.y + 1.5).abs() < 0.02, "{v:?}");
+    assert_eq!(track.history.len(), Params::default().sightings_max);
+    for sighting in &track.history {
+        let t = sighting.at.as_secs();
+        assert!(sighting.point.distance(Point2::new(20.0 - t, 3.0 - 1.5 * t)) < 0.02, "{sighting:?}");
+    }
+    assert!(track.history.windows(2).all(|w| w[0].at < w[1].at));
+}
+
+#[test]
+fn two_that_cross_keep_their_identities_and_kinds_do_not_mix() {
+    let mut tracker = tracker(Params::default());
+    let mut tracks = TrackList::default();
+    for k in 0..60 {
+        let y = 3.0 - 0.1 * f64::from(k);
+        let boxes = vec![
+            found(ActorKind::Pedestrian, 15.0, y),
+            found(ActorKind::Pedestrian, 15.2, -y),
+            found(ActorKind::Car, 15.1, y),
+        ];
+        tracks = tracker.update(&frame(50 * i64::from(k), boxes), origin());
+    }
+    let ends: Vec<(u32, bool, ActorKind)> =
+        tracks.tracks.iter().map(|t| (t.id.0, t.pose.y_m > 0.0, t.kind)).collect();
+    assert_eq!(
+        ends,
+        [(1, false, ActorKind::Pedestrian), (2, true, ActorKind::Pedestrian), (3, false, ActorKind::Car)]
+    );
+}
+
+#[test]
+fn what_is_old_unsure_or_no_number_changes_nothing() {
+    let mut tracker = tracker(Params { hits_min: 1, ..Params::default() });
+    let before = tracker.update(&frame(100, vec![found(ActorKind::Car, 10.0, 0.0)]), origin());
+    assert_eq!(before.tracks.len(), 1);
+    let other = || vec![found(ActorKind::Car, 30.0, 5.0)];
+    assert_eq!(tracker.update(&frame(100, other()), origin()), before);
+    assert_eq!(tracker.update(&frame(50, other()), origin()), before);
+    assert_eq!(tracker.update(&frame(150, other()), Pose2::new(f64::NAN, 0.0, 0.0)), before);
+    let mut bad = [
+        found(ActorKind::Car, f64::NAN, 0.0),
+        found(ActorKind::Car, 30.0, 0.0),
+        found(ActorKind::Car, 40.0, 0.0),
+    ];
+    bad[1].score = 0.1;
+    bad[2].extent.width_m = f64::INFINITY;
+    assert_eq!(tracker.update(&frame(150, bad.to_vec()), origin()).tracks.len(), 1);
+    assert_eq!(
+        Tracker::new(Params { floor_noise_m: 0.0, ..Params::default() }).unwrap_err().key,
+        "floor_noise_m"
+    );
+}
+
+/// What a tracker did to a truth that is known.
+#[derive(Default, Debug)]
+struct Score {
+    matched: f64,
+    missed: f64,
+    ghosts: f64,
+    switches: f64,
+    squares: f64,
+    speed_squares: f64,
+    last: BTreeMap<ActorId, ActorId>,
+}
+
+impl Score {
+    /// CLEAR MOT (Bernardin and Stiefelhagen 2008) with pairs up to 3 m apart.
+    fn take(&mut self, truth: &[Obstacle], tracks: &TrackList) {
+        let distance = |o: usize, t: usize| {
+            let (o, t) = (&truth[o], &tracks.tracks[t]);
+            // A pair that was one before stays one.
+            let kept = if self.last.get(&o.id) == Some(&t.id) { -3.0 } else { 0.0 };
+            let off = o.pose.point().distance(t.pose.point());
+            if off < 3.0 { off + kept } else { f64::INFINITY }
+        };
+        let pairs = assign(truth.len(), tracks.tracks.len(), 3.0, distance);
+        for &(o, t) in &pairs {
+            let (o, t) = (&truth[o], &tracks.tracks[t]);
+            if self.last.insert(o.id, t.id).is_some_and(|before| before != t.id) {
+                self.switches += 1.0;
+            }
+            self.squares += o.pose.point().distance(t.pose.point()).powi(2);
+            self.speed_squares += (o.velocity_mps - t.velocity_mps).norm_squared();
+        }
+        self.matched += pairs.len() as f64;
+        self.missed += (truth.len() - pairs.len()) as f64;
+        self.ghosts += (tracks.tracks.len() - pairs.len()) as f64;
+    }
+
+    fn mota(&self) -> f64 {
+        1.0 - (self.missed + self.ghosts + self.switches) / (self.matched + self.missed)
+    }
+}
+
+/// Six people who walk to and fro before a car that drives by at 8 m/s, seen by a detector of this difficulty.
+fn followed(difficulty: f64) -> Score {
+    let params = detector::Params::of_difficulty(Sensing::Camera, difficulty);
+    let detector = Detector::new(params, None, 11, "detector").unwrap();
+    let mut tracker = tracker(Params {
+        range_noise_share: params.range_noise_share,
+        bearing_noise_rad: params.bearing_noise_rad,
+        ..Params::default()
+    });
+    let mut score = Score::default();
+    for k in 0..100_i64 {
+        let t = k as f64 * 0.05;
+        let ego = Pose2::new(8.0 * t - 10.0, 0.0, 0.0);
+        let person = |id: u32| {
+            let (phase, x_m) = (f64::from(id), 34.0 + 4.0 * f64::from(id));
+            let vy = if id.is_multiple_of(2) { 1.2 } else { -1.2 };
+            Obstacle {
+                id: ActorId(id),
+                kind: ActorKind::Pedestrian,
+                pose: Pose2::new(x_m, vy * (t - 2.5) + phase - 3.0, 0.0),
+                extent: PERSON,
+                velocity_mps: Vector2::new(0.0, vy),
+                visible_share: 1.0,
+            }
+        };
+        let obstacles: Vec<Obstacle> = (0..6).map(person).collect();
+        let seen = Surroundings { stamp: Time::from_ms(50 * k), ego, obstacles };
+        let tracks = tracker.update(&detector.detect(&seen), ego);
+        if k >= 10 {
+            score.take(&seen.obstacles, &tracks);
+        }
+    }
+    score
+}
+
+#[test]
+fn a_perfect_detector_is_followed_without_a_fault() {
+    let score = followed(0.0);
+    let rmse_m = (score.squares / score.matched).sqrt();
+    let rmse_mps = (score.speed_squares / score.matched).sqrt();
+    assert!((score.mota() - 1.0).abs() < 1e-9, "{score:?}");
+    assert!(rmse_m < 0.05 && rmse_mps < 0.3, "{rmse_m} {rmse_mps}");
+}
+
+#[test]
+fn a_poor_detector_is_followed_less_well() {
+    let scores = [0.5, 1.0, 2.0].map(followed);
+    let mota = scores.each_ref().map(Score::mota);
+    let rmse_m = scores.each_ref().map(|s| (s.squares / s.matched).sqrt());
+    println!("MOTA {mota:?}, RMSE {rmse_m:?} m, switches {:?}", scores.each_ref().map(|s| s.switches));
+    assert!(mota[0] > mota[1] && mota[1] > mota[2], "{mota:?}");
+    assert!(mota[0] > 0.9 && mota[1] > 0.7 && mota[2] > 0.3, "{mota:?}");
+    assert!(rmse_m[0] < 1.0 && rmse_m[2] < 2.0, "{rmse_m:?}");
+    assert!(scores.iter().all(|s| s.switches <= 12.0), "{scores:?}");
+}

@@ -1,0 +1,192 @@
+//! Published detectors by name, `NAME@SUFFIX`, and what the emulation of each is fitted with.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use serde::{Deserialize, Serialize};
+use swerve_eval::Recalls;
+use swerve_perception::detector::Sensing;
+
+/// Of which boxes an overlap is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Overlap {
+    /// Rectangles in the image.
+    Image,
+    /// Footprints on the ground.
+    Ground,
+    /// Upright boxes.
+    Volume,
+}
+
+/// What is to be found.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kinds {
+    /// Everything, in one ranking.
+    All,
+    /// People on foot; others are left out.
+    People,
+}
+
+/// What an accuracy is measured by: average precision at an overlap of 0.5.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Measure {
+    /// Of which boxes the overlap is.
+    pub overlap: Overlap,
+    /// What is to be found.
+    pub kinds: Kinds,
+    /// Over which recalls the mean is taken.
+    pub recalls: Recalls,
+}
+
+/// COCO's, for a detector of one's own.
+impl Default for Measure {
+    fn default() -> Self {
+        Self { overlap: Overlap::Image, kinds: Kinds::All, recalls: Recalls::Coco101 }
+    }
+}
+
+/// One published detector.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Published {
+    /// Its key.
+    pub name: String,
+    /// What it and its hardware are.
+    pub title: String,
+    /// Where its numbers come from.
+    pub source: String,
+    /// What the published number is, and how `ap` follows from it.
+    pub accuracy: String,
+    /// The number as published, percent.
+    pub published: f64,
+    /// What calibration has to meet, 0 to 1.
+    pub ap: f64,
+    /// Published run time, ms.
+    pub ms: f64,
+    /// What it looks with.
+    pub sensing: Sensing,
+    /// What `ap` is measured by.
+    pub measure: Measure,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Ladder {
+    suffix: String,
+    title: String,
+    source: String,
+    accuracy: String,
+    sensing: Sensing,
+    overlap: Overlap,
+    kinds: Kinds,
+    recalls: Recalls,
+    rung: Vec<Rung>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Rung {
+    name: String,
+    published: f64,
+    ap: Option<f64>,
+    ms: f64,
+}
+
+/// What calibration found for a published detector.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fit {
+    /// Which member of the family of parameters.
+    pub difficulty: f64,
+    /// Average precision with it, over the frames that it was fitted to.
+    pub ap: f64,
+    /// The same under draws that it was not fitted to.
+    pub ap_other_draws: f64,
+}
+
+/// All published detectors, ladder by ladder.
+pub fn published() -> &'static [Published] {
+    static ALL: LazyLock<Vec<Published>> = LazyLock::new(|| {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct File {
+            ladder: Vec<Ladder>,
+        }
+        let file: File =
+            toml::from_str(include_str!("detectors.toml")).expect("a test reads the built-in ladders");
+        file.ladder.into_iter().flat_map(rungs).collect()
+    });
+    &ALL
+}
+
+fn rungs(ladder: Ladder) -> Vec<Published> {
+    let Ladder { suffix, title, source, accuracy, sensing, overlap, kinds, recalls, rung } = ladder;
+    let one = |rung: Rung| Published {
+        name: format!("{}@{suffix}", rung.name),
+        title: title.clone(),
+        source: source.clone(),
+        accuracy: accuracy.clone(),
+        published: rung.published,
+        ap: rung.ap.unwrap_or(rung.published / 100.0),
+        ms: rung.ms,
+        sensing,
+        measure: Measure { overlap, kinds, recalls },
+    };
+    rung.into_iter().map(one).collect()
+}
+
+/// The published detector of this name.
+pub fn find(name: &str) -> Option<&'static Published> {
+    published().iter().find(|detector| detector.name == name)
+}
+
+/// The built-in fits, by name.
+pub fn fits() -> &'static BTreeMap<String, Fit> {
+    static ALL: LazyLock<BTreeMap<String, Fit>> = LazyLock::new(|| {
+        toml::from_str(include_str!("detector_fits.toml")).expect("a test reads the built-in fits")
+    });
+    &ALL
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_rung_has_a_name_of_its_own_and_numbers_that_can_be() {
+        let all = published();
+        assert!(all.len() >= 40, "{}", all.len());
+        for (k, d) in all.iter().enumerate() {
+            assert!(all[..k].iter().all(|other| other.name != d.name), "{} twice", d.name);
+            assert!((0.01..0.99).contains(&d.ap) && d.ms > 0.0 && d.published < 100.0, "{d:?}");
+            assert!(!d.source.is_empty() && !d.accuracy.is_empty());
+        }
+        let d3 = find("efficientdet-d3@v100").unwrap();
+        assert_eq!((d3.published, d3.ap, d3.ms), (47.5, 0.662, 28.0));
+        assert_eq!(find("pointpillars@kitti-lidar").unwrap().sensing, Sensing::Lidar);
+    }
+
+    #[test]
+    fn along_a_ladder_of_one_family_what_takes_longer_is_better() {
+        for suffix in ["@v100", "@d3"] {
+            let family = |d: &&Published| d.name.ends_with(suffix) && !d.name.contains("640");
+            let rungs: Vec<_> = published().iter().filter(family).collect();
+            assert!(rungs.len() >= 6);
+            assert!(rungs.windows(2).all(|w| w[0].ms < w[1].ms && w[0].ap < w[1].ap), "{suffix}");
+        }
+    }
+
+    #[test]
+    fn every_rung_is_fitted_within_two_hundredths() {
+        for d in published() {
+            let fit = fits().get(&d.name).unwrap_or_else(|| panic!("{} is not fitted", d.name));
+            assert!((fit.ap - d.ap).abs() <= 0.02, "{}: {fit:?}, to meet {}", d.name, d.ap);
+            // Eleven recalls make a coarser measure than a hundred and one.
+            let spread = if d.measure.recalls == Recalls::Coco101 { 0.02 } else { 0.03 };
+            assert!((fit.ap_other_draws - d.ap).abs() <= spread, "{}: {fit:?}, to meet {}", d.name, d.ap);
+        }
+        assert_eq!(fits().len(), published().len());
+    }
+}

@@ -1,0 +1,278 @@
+//! What stands between the sensors and the predictor: `[perception]`.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use swerve_perception::detector::{self, Sensing};
+use swerve_perception::image_box::ImageCamera;
+use swerve_perception::tracker;
+
+use super::camera::CameraConfig;
+use super::detectors::{Measure, find, fits, published};
+use super::faults::faults;
+use super::words::nearest;
+use super::{Config, PlanningConfig};
+
+/// The detector's name for none: obstacles as the sensor sees them.
+pub const TRUTH: &str = "truth";
+
+/// The detector's name for one of one's own: all of it in `params`.
+pub const CUSTOM: &str = "custom";
+
+/// Perception.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PerceptionConfig {
+    /// `truth`: the tracker is given what the obstacle sensor sees. The name of a published detector
+    /// (`efficientdet-d3@v100`): one of its accuracy and run time is emulated, and tracked. `custom`: one with `params`.
+    pub detector: String,
+    /// Camera whose place, field of view and image the emulated detector has; 640 x 360 pixels and 90 degrees behind
+    /// the windscreen when absent. Detectors by lidar have none unless it is named: they see what the obstacle sensor sees.
+    pub camera: Option<String>,
+    /// Parameters of the emulation that differ from the named detector's.
+    pub params: toml::Table,
+    /// Parameters of the tracker that differ from its defaults; its measurement noise is that of the detector.
+    pub tracker: toml::Table,
+    /// Where `params` come from, where `swerve calibrate detector` wrote them; nothing reads it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Calibration>,
+}
+
+/// What a calibration of the emulation came to.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Average precision that was to be met, 0 to 1.
+    pub target_ap: f64,
+    /// Average precision that was met, over the frames that the parameters were fitted to.
+    pub ap: f64,
+    /// The same under draws that they were not fitted to.
+    pub ap_other_draws: f64,
+    /// What it is measured by.
+    pub measure: Measure,
+    /// Which member of the family of parameters that is.
+    pub difficulty: f64,
+    /// Only what is nearer counts, m.
+    pub within_m: f64,
+    /// Scenarios, by name.
+    pub scenarios: Vec<String>,
+    /// Seeds of the drives.
+    pub seeds: Vec<u64>,
+    /// Seed of the detector's draws.
+    pub draws_seed: u64,
+    /// Frames.
+    pub frames: usize,
+    /// Things that were to be found in them.
+    pub wanted: u64,
+}
+
+impl Default for PerceptionConfig {
+    fn default() -> Self {
+        Self {
+            detector: TRUTH.into(),
+            camera: None,
+            params: toml::Table::new(),
+            tracker: toml::Table::new(),
+            calibration: None,
+        }
+    }
+}
+
+/// An emulated detector, resolved.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Emulated {
+    /// What it gets wrong.
+    pub params: detector::Params,
+    /// What it looks with.
+    pub sensing: Sensing,
+    /// Its published run time, ms; none for one of one's own.
+    pub ms: Option<f64>,
+}
+
+impl PerceptionConfig {
+    /// The detector that is emulated, if one is; what is wrong with it, by key.
+    pub fn emulated(&self) -> Result<Option<Emulated>, (&'static str, String)> {
+        let (family, sensing, ms) = match self.detector.as_str() {
+            TRUTH => return Ok(None),
+            CUSTOM => (detector::Params::default(), Sensing::Camera, None),
+            name => {
+                let published = find(name).ok_or_else(|| ("detector", unknown(name)))?;
+                let difficulty = fits().get(name).map_or(1.0, |fit| fit.difficulty);
+                let family = detector::Params::of_difficulty(published.sensing, difficulty);
+                (family, published.sensing, Some(published.ms))
+            }
+        };
+        let params: detector::Params =
+            overridden(&family, &self.params).map_err(|message| ("params", message))?;
+        params.validate().map_err(|error| ("params", error.to_string()))?;
+        Ok(Some(Emulated { params, sensing, ms }))
+    }
+
+    /// The tracker behind a detector.
+    pub fn tracker(
+        &self,
+        behind: &detector::Params,
+        sightings_max: usize,
+    ) -> Result<tracker::Params, (&'static str, String)> {
+        let defaults = tracker::Params {
+            sightings_max,
+            range_noise_m: behind.range_noise_m,
+            range_noise_share: behind.range_noise_share,
+            bearing_noise_rad: behind.bearing_noise_rad,
+            ..tracker::Params::default()
+        };
+        let params = overridden(&defaults, &self.tracker).map_err(|message| ("tracker", message))?;
+        params.validate().map_err(|error| ("tracker", error.to_string()))?;
+        Ok(params)
+    }
+}
+
+impl Config {
+    /// The camera of the emulated detector, if it has one.
+    pub fn detector_camera(&self, sensing: Sensing) -> Option<CameraConfig> {
+        match (&self.perception.camera, sensing) {
+            (Some(name), _) => self.camera.get(name).cloned(),
+            (None, Sensing::Camera) => Some(CameraConfig::default()),
+            (None, Sensing::Lidar) => None,
+        }
+    }
+
+    /// The detector's run time where `[operator.detector]` gives none, ms.
+    pub fn detector_ms(&self) -> Option<f64> {
+        self.perception.emulated().ok().flatten()?.ms
+    }
+
+    /// Expected time from a sensor frame to its plan's first effect, ms: the detector's and the planner's.
+    pub fn expected_ms(&self) -> f64 {
+        let PlanningConfig { expected_ms, .. } = self.planning;
+        let named = self.operator.get("detector").and_then(|o| o.runtime.as_ref());
+        let detector_ms = match self.perception.detector.as_str() {
+            TRUTH => 0.0,
+            _ => named.map_or_else(|| self.detector_ms().unwrap_or(0.0), |runtime| runtime.typical_ms()),
+        };
+        expected_ms.unwrap_or_else(|| self.planning.expected_ms() + detector_ms)
+    }
+
+    pub(super) fn check_perception(&self, told: &mut Vec<(String, String)>) {
+        let perception = &self.perception;
+        let mut tell = |(key, message): (&str, String)| told.push((format!("perception.{key}"), message));
+        if let Some(name) = perception.camera.as_ref().filter(|name| !self.camera.contains_key(*name)) {
+            let names: Vec<&str> = self.camera.keys().map(String::as_str).collect();
+            let near = hint(name, names.iter().copied());
+            tell((
+                "camera",
+                format!("unknown camera `{name}`, expected one of [{}]{near}", names.join(", ")),
+            ));
+        }
+        match perception.emulated() {
+            Err(fault) => tell(fault),
+            Ok(None) => {}
+            Ok(Some(emulated)) => {
+                if let Err(fault) = perception.tracker(&emulated.params, self.prediction.past_steps) {
+                    tell(fault);
+                }
+            }
+        }
+    }
+}
+
+/// A camera as boxes are drawn in it; `None` where its numbers make none.
+pub fn image_camera(config: &CameraConfig) -> Option<ImageCamera> {
+    let camera = config.camera(0).ok()?;
+    let (fx_px, fy_px, cx_px, cy_px) = camera.focal_px();
+    // Boxes are those of a rectified image.
+    let intrinsics = swerve_msg::Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion: [0.0; 5] };
+    let info = swerve_msg::CameraInfo { intrinsics, ego_from_camera: config.ego_from_camera() };
+    Some(ImageCamera { info, width_px: config.width_px, height_px: config.height_px })
+}
+
+fn unknown(name: &str) -> String {
+    let names = || [TRUTH, CUSTOM].into_iter().chain(published().iter().map(|d| d.name.as_str()));
+    let near = hint(name, names());
+    match near.is_empty() {
+        false => format!("unknown detector `{name}`{near}"),
+        true => {
+            format!("unknown detector `{name}`, expected one of {}", names().collect::<Vec<_>>().join(", "))
+        }
+    }
+}
+
+fn hint<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"))
+}
+
+/// Parameters with what the configuration says otherwise; tables within them are taken key by key.
+fn overridden<T: Serialize + DeserializeOwned>(defaults: &T, changes: &toml::Table) -> Result<T, String> {
+    let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
+    for (key, value) in changes {
+        match (table.get_mut(key), value) {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new)) => old.extend(new.clone()),
+            _ => {
+                table.insert(key.clone(), value.clone());
+            }
+        }
+    }
+    table.clone().try_into().map_err(|error: toml::de::Error| {
+        let told = faults::<T>(&table);
+        let lines: Vec<String> = told.iter().map(|(key, message)| format!("`{key}`: {message}")).collect();
+        if lines.is_empty() { error.message().to_owned() } else { lines.join("; ") }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::text::{Document, parse_assignment};
+    use super::*;
+
+    fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
+        let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        Config::from_document(&document, &sets)
+            .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
+    }
+
+    #[test]
+    fn a_name_sets_accuracy_and_run_time() {
+        let config = config("[perception]\ndetector = \"efficientdet-d3@v100\"\n", &[]).unwrap();
+        let emulated = config.perception.emulated().unwrap().unwrap();
+        assert_eq!((emulated.ms, emulated.sensing), (Some(28.0), Sensing::Camera));
+        let difficulty = fits()["efficientdet-d3@v100"].difficulty;
+        assert_eq!(emulated.params, detector::Params::of_difficulty(Sensing::Camera, difficulty));
+        assert!(config.expected_ms() >= 28.0);
+        assert_eq!(Config::default().perception.emulated(), Ok(None));
+        assert_eq!(Config::default().expected_ms(), PlanningConfig::default().expected_ms());
+    }
+
+    #[test]
+    fn parameters_come_before_the_name_and_the_operator_before_both() {
+        let text = "[perception]\ndetector = \"efficientdet-d3@v100\"\ntracker = { hits_min = 4 }\n\
+                    [perception.params]\nscore_gap = 9\nmissed = { period_s = 1.5 }\n\
+                    [operator.detector]\nruntime = { fixed_ms = 5 }\n";
+        let config = config(text, &["operator.planner.runtime={ zero = true }"]).unwrap();
+        let emulated = config.perception.emulated().unwrap().unwrap();
+        assert_eq!((emulated.params.score_gap, emulated.params.missed.period_s), (9.0, 1.5));
+        let tracker = config.perception.tracker(&emulated.params, 7).unwrap();
+        assert_eq!((tracker.hits_min, tracker.sightings_max), (4, 7));
+        assert_eq!(tracker.range_noise_share, emulated.params.range_noise_share);
+        assert!((config.expected_ms() - config.planning.expected_ms() - 5.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_cannot_be_is_told_with_the_nearest_name() {
+        let said = config("[perception]\ndetector = \"efficientdet-d9@v100\"\n", &[]).unwrap_err();
+        assert!(
+            said.starts_with("c.toml:2: perception.detector: unknown detector `efficientdet-d9@v100`"),
+            "{said}"
+        );
+        assert!(said.contains("did you mean `efficientdet-d"), "{said}");
+        let said = config("", &["perception.detector=qqq"]).unwrap_err();
+        assert!(said.contains("expected one of truth, custom, efficientdet-d0@v100"), "{said}");
+        let said =
+            config("[perception]\ndetector = \"custom\"\nparams = { score_gab = 1 }\n", &[]).unwrap_err();
+        assert!(said.contains("perception.params") && said.contains("score_gap"), "{said}");
+        let said =
+            config("[perception]\ndetector = \"custom\"\nparams = { recall_best = 2 }\n", &[]).unwrap_err();
+        assert!(said.contains("`recall_best` is 2, expected 0 to 1"), "{said}");
+        let said = config("[camera.eye]\n[perception]\ncamera = \"eyes\"\n", &[]).unwrap_err();
+        assert!(said.contains("did you mean `eye`"), "{said}");
+    }
+}
