@@ -9,7 +9,7 @@
 //!   `recall_best * L((half_distance - d * 1.7 m / height) / spread) * L((s - half_share) / share_spread)`, `L` the
 //!   logistic function: what is small or far covers few pixels;
 //! - its **place** is off along the line of sight by `range_noise_m + range_noise_share * d` and across it by
-//!   `bearing_noise_rad`, its **size** and **heading** by theirs;
+//!   `bearing_noise_rad`, its **size** and **heading** by theirs times `1 + d / 30 m`;
 //! - its **score** is `L(±score_gap / 2 + n)`, `n` standard normal, plus for what is there and minus for what is not.
 //!
 //! **False positives** stand at places of the map (cells of 4 m) for as long as a draw lasts, in a corridor ahead
@@ -33,6 +33,9 @@ pub use params::{Params, ParamsError, Sensing};
 
 /// Height of the thing that `half_distance_m` is said of, metres: a person.
 const USUAL_HEIGHT_M: f64 = 1.7;
+
+/// Errors of size and heading are twice as large at this distance as at none, metres: what is far covers fewer pixels.
+const DOUBLES_AT_M: f64 = 30.0;
 
 /// Smallest part of its size that a box is reported with.
 const SHRINKS_TO: f64 = 0.3;
@@ -93,9 +96,10 @@ impl Detector {
             (distance_m + (p.range_noise_m + p.range_noise_share * distance_m) * place("range")).max(0.1);
         let bearing_rad = math::atan2(at.y_m, at.x_m) + p.bearing_noise_rad * place("bearing");
         let (sin, cos) = math::sin_cos(bearing_rad);
-        let heading_rad =
-            obstacle.pose.heading_rad - seen.ego.heading_rad + p.heading_noise_rad * place("heading");
-        let size = |what, m: f64| m * (1.0 + p.size_noise_share * place(what)).max(SHRINKS_TO);
+        let grown = 1.0 + distance_m / DOUBLES_AT_M;
+        let true_heading_rad = obstacle.pose.heading_rad - seen.ego.heading_rad;
+        let heading_rad = true_heading_rad + p.heading_noise_rad * grown * place("heading");
+        let size = |what, m: f64| m * (1.0 + p.size_noise_share * grown * place(what)).max(SHRINKS_TO);
         let length_m = size("length", obstacle.extent.length_m);
         // What is round stays round.
         let is_round = obstacle.extent.length_m == obstacle.extent.width_m;

@@ -41,9 +41,9 @@ pub struct Params {
     pub range_noise_share: f64,
     /// Standard deviation of the bearing, radians.
     pub bearing_noise_rad: f64,
-    /// Standard deviation of length, width and height, as a share of each.
+    /// Standard deviation of length, width and height near by, as a share of each; twice that at 30 m.
     pub size_noise_share: f64,
-    /// Standard deviation of the heading, radians.
+    /// Standard deviation of the heading near by, radians; twice that at 30 m.
     pub heading_noise_rad: f64,
     /// How misses and scores go on over time.
     pub missed: Drift,
@@ -102,8 +102,8 @@ impl Params {
             range_noise_m: range_noise_m * root,
             range_noise_share: range_noise_share * root,
             bearing_noise_rad: bearing_noise_rad * root,
-            size_noise_share: (0.06 * root).min(0.3),
-            heading_noise_rad: 0.08 * root,
+            size_noise_share: (0.04 * root).min(0.2),
+            heading_noise_rad: 0.05 * root,
             missed: Drift { steady: 0.6, period_s: 0.4 },
             ghosts: Drift { steady: 0.92, period_s: 0.4 },
             misplaced: Drift { steady: 0.8, period_s: 2.0 },

@@ -156,3 +156,21 @@ fn bad_numbers_are_refused_or_do_no_harm() {
     ));
     assert!(found.boxes.len() <= 1);
 }
+
+#[test]
+fn sizes_and_headings_are_off_by_more_the_farther_off_a_thing_is() {
+    let params = Params { recall_best: 1.0, half_distance_m: 1e4, ..quiet() };
+    let detector = detector(params);
+    for distance_m in [6.0, 30.0] {
+        let (mut size, mut heading, n) = (0.0, 0.0, 4000);
+        for id in 0..n {
+            let truck = obstacle(id, distance_m, 0.0, TRUCK, 1.0);
+            let found = detector.detect(&seen(770, origin(), vec![truck])).boxes[0];
+            size += (found.extent.length_m / TRUCK.length_m - 1.0).powi(2) / f64::from(n);
+            heading += (found.pose.heading_rad - 0.4).powi(2) / f64::from(n);
+        }
+        let grown = 1.0 + distance_m / 30.0;
+        assert!((size.sqrt() / (params.size_noise_share * grown) - 1.0).abs() < 0.05, "{}", size.sqrt());
+        assert!((heading.sqrt() / (params.heading_noise_rad * grown) - 1.0).abs() < 0.05);
+    }
+}
