@@ -249,7 +249,14 @@ mod tests {
     use super::*;
 
     fn header(distortion: [f64; 5]) -> Header {
-        let intrinsics = Intrinsics { fx_px: 320.0, fy_px: 320.0, cx_px: 320.0, cy_px: 180.0, distortion, is_parallel: false };
+        let intrinsics = Intrinsics {
+            fx_px: 320.0,
+            fy_px: 320.0,
+            cx_px: 320.0,
+            cy_px: 180.0,
+            distortion,
+            is_parallel: false,
+        };
         let info = CameraInfo { intrinsics, ..CameraInfo::default() };
         Header { camera: "eye".into(), stamp: Time::from_ms(1500), width_px: 640, height_px: 360, info }
     }

@@ -24,7 +24,8 @@ pub struct EgoState {
 impl EgoState {
     /// Whether a car can be in this state: all numbers finite, and none beyond anything on wheels.
     pub fn is_plausible(&self) -> bool {
-        let Self { pose, speed_mps, accel_mps2, lateral_accel_mps2, yaw_rate_radps, steering_rad, .. } = *self;
+        let Self { pose, speed_mps, accel_mps2, lateral_accel_mps2, yaw_rate_radps, steering_rad, .. } =
+            *self;
         let within = [
             (speed_mps, SPEED_MAX_MPS),
             (accel_mps2, 500.0),

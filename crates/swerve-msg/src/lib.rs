@@ -22,8 +22,8 @@ pub use actuation::{Command, MotionCommand};
 pub use detection::{DetectedBox, Detections};
 pub use ego::{EgoState, Gnss, Imu};
 pub use event::{
-    CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, RoadLine,
-    Side, Signal,
+    CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent,
+    RedLightEvents, RoadLine, Side, Signal,
 };
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use obstacle::{

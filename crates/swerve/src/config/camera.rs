@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use swerve_geom::{Ego, Transform, math};
 use swerve_render::gpu::{AdapterKind, Adapters};
 use swerve_render::{
-    Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
-    SensorNoise, Shutter, WeatherPreset, mount,
+    Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions,
+    Renderer, SensorNoise, Shutter, WeatherPreset, mount,
 };
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
@@ -59,7 +59,9 @@ impl RenderBackend {
     /// What it comes to where images need not be the same on every machine, and why that.
     pub fn on_this_machine(self, adapters: &Adapters) -> (Self, String) {
         match adapters.choose(AdapterKind::Gpu) {
-            _ if self != Self::Auto => (self, format!("render.backend = \"{}\"", self.in_virtual_time().name())),
+            _ if self != Self::Auto => {
+                (self, format!("render.backend = \"{}\"", self.in_virtual_time().name()))
+            }
             Ok(adapter) => (Self::Gpu, adapter.to_string()),
             Err(none) => (Self::Cpu, none.to_string()),
         }

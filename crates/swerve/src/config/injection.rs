@@ -5,9 +5,9 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
-use super::{Config, perception};
 use super::execution::span_ms;
 use super::words::{nearest, number};
+use super::{Config, perception};
 
 /// A fault on a stream: exactly one of what it may do to messages, and when.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -132,11 +132,8 @@ impl FaultConfig {
                 None => {}
             }
         }
-        let spans: [(_, fn(Span) -> Harm); 3] = [
-            (self.delay_ms, Harm::Delay),
-            (self.jitter_ms, Harm::Jitter),
-            (self.freeze_ms, Harm::Freeze),
-        ];
+        let spans: [(_, fn(Span) -> Harm); 3] =
+            [(self.delay_ms, Harm::Delay), (self.jitter_ms, Harm::Jitter), (self.freeze_ms, Harm::Freeze)];
         for (ms, harm) in spans {
             if let Some(ms) = ms {
                 harms.push(harm(span_ms(ms)?));
@@ -272,7 +269,10 @@ mod tests {
             ("stream = \"pose\"", "c.toml:1: fault.f: expected exactly one of drop"),
             ("stream = \"pose\"\ndrop = true\nnan = true", "c.toml:1: fault.f: expected exactly one of drop"),
             ("stream = \"pose\"\nflip_bits = 3", "c.toml:3: fault.f.flip_bits: `pose` carries measured"),
-            ("stream = \"pose\"\ndrop = true\nprobability = 1.5", "c.toml:4: fault.f.probability: expected 0"),
+            (
+                "stream = \"pose\"\ndrop = true\nprobability = 1.5",
+                "c.toml:4: fault.f.probability: expected 0",
+            ),
             ("stream = \"pose\"\ndelay_ms = -1", "c.toml:1: fault.f: expected milliseconds"),
             ("stream = \"pose\"\nnoise = nan", "c.toml:1: fault.f: expected a noise of"),
             ("stream = \"pose\"\ndrop = true\nfrom_ms = 5\nuntil_ms = 4", "c.toml:5: fault.f.until_ms: "),

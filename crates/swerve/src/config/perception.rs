@@ -180,7 +180,8 @@ pub fn image_camera(config: &CameraConfig) -> Option<ImageCamera> {
     let camera = config.camera(0).ok().filter(|camera| !camera.is_orthographic())?;
     let (fx_px, fy_px, cx_px, cy_px) = camera.focal_px();
     // Boxes are those of a rectified image.
-    let intrinsics = swerve_msg::Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion: [0.0; 5], is_parallel: false };
+    let intrinsics =
+        swerve_msg::Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion: [0.0; 5], is_parallel: false };
     let info = swerve_msg::CameraInfo { intrinsics, ego_from_camera: config.ego_from_camera() };
     Some(ImageCamera { info, width_px: config.width_px, height_px: config.height_px })
 }

@@ -32,7 +32,14 @@ impl Stage {
         let render = &config.render;
         let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
         let (renderer, tree) = (render.renderer()?, SceneTree::default());
-        Ok(Arc::new(Mutex::new(Self { street, renderer, tree, shown: None, planted: None, lidars: Lidars::default() })))
+        Ok(Arc::new(Mutex::new(Self {
+            street,
+            renderer,
+            tree,
+            shown: None,
+            planted: None,
+            lidars: Lidars::default(),
+        })))
     }
 
     /// The scene of a state of the world, and who draws it.

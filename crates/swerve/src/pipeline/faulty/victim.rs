@@ -4,8 +4,8 @@ use swerve_core::{Rng, Time};
 use swerve_flow::Payload;
 use swerve_geom::{Pose2, Vector2};
 use swerve_msg::{
-    Command, Detections, EgoState, Gnss, Image, Imu, ObstacleList, Packed, Pixels, Plan, PointCloud, PredictionList,
-    RadarScan, TrackList, WheelOdometry,
+    Command, Detections, EgoState, Gnss, Image, Imu, ObstacleList, Packed, Pixels, Plan, PointCloud,
+    PredictionList, RadarScan, TrackList, WheelOdometry,
 };
 
 use crate::config::injection::Corruption;
@@ -126,7 +126,9 @@ impl Victim for Image {
         match &mut self.pixels {
             Pixels::Rgb8(levels) => corrupt_levels(levels, how, rng),
             // A class or an identity that is nearly another one is another one: no noise on these.
-            Pixels::ClassU8(ids) => flip_ids(how, |bits| flip(ids, bits, rng, |id, bit| *id ^= 1 << (bit & 7))),
+            Pixels::ClassU8(ids) => {
+                flip_ids(how, |bits| flip(ids, bits, rng, |id, bit| *id ^= 1 << (bit & 7)))
+            }
             Pixels::InstanceU32(ids) => flip_ids(how, |bits| flip(ids, bits, rng, |id, bit| *id ^= 1 << bit)),
             Pixels::DepthF32M(metres) => corrupt_floats(metres, how, rng),
         }
