@@ -22,6 +22,7 @@ use due::{Due, Ready};
 use node::{Node, StreamState};
 use pool::Pool;
 use resource::ResourceState;
+pub(crate) use start::step as run_step;
 
 /// A graph being run.
 pub(crate) struct Engine<'o> {

@@ -69,6 +69,7 @@
 
 mod deadline;
 mod decision;
+mod elsewhere;
 mod engine;
 mod graph;
 mod host;
@@ -90,6 +91,7 @@ mod wall;
 
 pub use deadline::{Anchor, Deadline, Reaction};
 pub use decision::{Decision, Replay};
+pub use elsewhere::{Answered, Call, CallError, Elsewhere, Lost, Workshop};
 pub use graph::{
     Feedback, Graph, GraphError, GraphInfo, InputInfo, InputKind, OperatorInfo, OperatorRef, Resource, Stream,
 };

@@ -8,6 +8,7 @@ use swerve_core::{Rng, Time};
 use crate::input::{Inputs, Slot, Slots};
 use crate::output::{Outputs, Port};
 use crate::payload::{Outs, Payload, Sent};
+use crate::wall::Alarm;
 
 /// One component: a step from inputs to outputs, with state of its own.
 ///
@@ -68,13 +69,33 @@ pub(crate) struct Task {
     pub(crate) rng: Option<Rng>,
     pub(crate) meter: Meter,
     pub(crate) stop_run: Option<Box<str>>,
+    /// What a step elsewhere came to, where that is out of the ordinary.
+    pub(crate) away: Option<Box<Away>>,
+}
+
+/// What a step elsewhere came to beside its outputs.
+#[derive(Default)]
+pub(crate) struct Away {
+    /// It did not come to its end: why.
+    pub(crate) lost: Option<String>,
+    /// It was the first one of a process that began afresh.
+    pub(crate) afresh: bool,
 }
 
 impl Task {
     /// A task that nothing cuts.
     #[inline]
     pub(crate) fn new(now: Time, stamp: Time, seed: u64) -> Self {
-        Self { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), stop_run: None }
+        Self {
+            now,
+            stamp,
+            deadline: None,
+            seed,
+            rng: None,
+            meter: Meter::default(),
+            stop_run: None,
+            away: None,
+        }
     }
 }
 
@@ -103,14 +124,11 @@ pub(crate) struct Cut {
     /// Where offered values go; none if nobody would read them.
     pub(crate) offered: Option<Offered>,
     /// Says whether the time is out, under wall clock.
-    pub(crate) time_is_out: Option<TimeIsOut>,
+    pub(crate) time_is_out: Option<Alarm>,
 }
 
 /// The last offered values and how many there were, shared with the engine while the step runs.
 pub(crate) type Offered = Arc<Mutex<(u64, Outs)>>;
-
-/// Whether the real clock has passed a step's deadline.
-pub(crate) type TimeIsOut = Box<dyn Fn() -> bool + Send>;
 
 impl Context<'_> {
     /// The present instant: when the step starts.
@@ -153,7 +171,7 @@ impl Context<'_> {
             return Progress::Stop;
         }
         let at_limit = cut.limit.is_some_and(|limit| meter.units >= limit);
-        if at_limit || cut.time_is_out.as_ref().is_some_and(|out| out()) {
+        if at_limit || cut.time_is_out.as_ref().is_some_and(Alarm::is_out) {
             cut.stopped_at = Some(meter.units);
             return Progress::Stop;
         }

@@ -111,6 +111,14 @@ pub enum RunError {
         /// What it said.
         message: String,
     },
+    /// A step that was taken elsewhere did not come to its end.
+    #[error("operator `{operator}`: {why}")]
+    Lost {
+        /// Whose step.
+        operator: String,
+        /// What happened.
+        why: String,
+    },
     /// A queue was full whose policy forbids it.
     #[error("the queue of operator `{operator}` is full at stamp {stamp}")]
     QueueFull {

@@ -9,7 +9,7 @@ use super::turn::Answer;
 use crate::deadline::Deadline;
 use crate::input::{Slot, Timer};
 use crate::message::{Header, Msg};
-use crate::operator::{Body, Offered, OnDeadline};
+use crate::operator::{Away, Body, Offered, OnDeadline};
 use crate::payload::{Decode, Outs};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
@@ -22,6 +22,8 @@ pub(crate) struct Node {
     /// Absent in a feed, and while a worker has it.
     pub(crate) body: Option<Box<dyn Body>>,
     pub(crate) on_deadline: Option<OnDeadline>,
+    /// Bodies for steps before which it began afresh in the run that is repeated.
+    pub(crate) spares: VecDeque<Box<dyn Body>>,
     /// What a feed publishes next, in order of its instants.
     pub(crate) feed: Option<VecDeque<PlaybackRecord>>,
     /// When the steps that a feed plays back hold slots of the resource, in order of their starts.
@@ -151,6 +153,7 @@ pub(crate) struct Ran {
     pub(crate) went_on: bool,
     pub(crate) host_ns: u64,
     pub(crate) stop_run: Option<Box<str>>,
+    pub(crate) away: Option<Box<Away>>,
     pub(crate) panic: Option<Box<str>>,
 }
 

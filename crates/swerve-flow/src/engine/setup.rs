@@ -173,6 +173,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         name: spec.name,
         body,
         on_deadline,
+        spares: spec.spares.into(),
         feed,
         held: spec.held.into(),
         at,
