@@ -73,6 +73,7 @@ fn heavy_packages_stay_behind_one_crate() {
     let owners = [
         ("rapier3d", "swerve-sim"),
         ("clarabel", "swerve-control"),
+        ("iceoryx2", "swerve-ipc"),
         ("mcap", "swerve-log"),
         ("clap", "swerve"),
         ("anyhow", "swerve"),

@@ -5,8 +5,10 @@
 //! Absences: no behaviour beyond small accessors, no engine, no file format.
 
 mod actuation;
+pub mod block;
 mod ego;
 mod event;
+mod health;
 mod image;
 mod obstacle;
 mod odometry;
@@ -23,6 +25,7 @@ pub use event::{
     CollisionEvent, CollisionEvents, LaneInvasion, LaneInvasions, RedLightEvent, RedLightEvents, RoadLine,
     Side, Signal,
 };
+pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use obstacle::{
     ActorId, ActorKind, Extent, Obstacle, ObstacleList, PredictedPose, Prediction, PredictionList, Sighting,

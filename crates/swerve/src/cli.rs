@@ -4,7 +4,7 @@ use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
-use crate::{calibrate, check, dataset, graph, plan, replay, run, scenarios, study, timing};
+use crate::{calibrate, check, dataset, graph, plan, process, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -36,6 +36,9 @@ enum Command {
     Dataset(dataset::DatasetArgs),
     /// List the scenarios of a folder
     Scenarios(scenarios::ScenariosArgs),
+    /// Take steps for a run in another process, which starts this one
+    #[command(hide = true)]
+    Worker,
 }
 
 /// Reads a command line, the program's name first; the error is what the terminal would show.
@@ -69,5 +72,6 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Calibrate(args) => calibrate::run(args),
         Command::Dataset(args) => dataset::run(args),
         Command::Scenarios(args) => scenarios::run(args),
+        Command::Worker => process::run_worker(),
     }
 }

@@ -92,7 +92,7 @@ pub fn replay(
     }
     // Cameras, radars and lidars are computed again whatever the cut: they are functions of the world's states,
     // which the log has.
-    let compared: Vec<&str> = OPERATORS[cut..].iter().copied().chain(config.sensors()).collect();
+    let compared: Vec<&str> = OPERATORS[cut..].iter().copied().chain(config.sensors()).chain(config.monitors()).collect();
     let mut comparison = Comparison::against(log, &compared);
     comparison.leaves_out = left_out_of_logs(config.log.images);
     let last = log.end.as_ref().map(|end| end.at);

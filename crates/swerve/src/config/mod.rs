@@ -6,7 +6,9 @@
 pub mod camera;
 pub mod execution;
 pub mod faults;
+pub mod monitor;
 mod planner;
+pub mod process;
 pub mod sensors;
 pub mod text;
 pub mod words;
@@ -24,6 +26,8 @@ use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
 use execution::{Deadline, Runtime};
+use monitor::MonitorConfig;
+use process::ProcessConfig;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
 
@@ -47,6 +51,8 @@ pub struct Config {
     pub radar: BTreeMap<String, RadarConfig>,
     /// Lidars on the ego, by name; they run as cameras do.
     pub lidar: BTreeMap<String, LidarConfig>,
+    /// Watchers of single cameras and lidars, by name.
+    pub monitor: BTreeMap<String, MonitorConfig>,
     /// The predictor.
     pub prediction: PredictionConfig,
     /// The motion planner.
@@ -59,6 +65,8 @@ pub struct Config {
     pub operator: BTreeMap<String, OperatorConfig>,
     /// Shared resources, by name.
     pub resource: BTreeMap<String, ResourceConfig>,
+    /// Processes that take the steps of operators, by name.
+    pub process: BTreeMap<String, ProcessConfig>,
 }
 
 impl Default for Config {
@@ -72,12 +80,14 @@ impl Default for Config {
             camera: BTreeMap::new(),
             radar: BTreeMap::new(),
             lidar: BTreeMap::new(),
+            monitor: BTreeMap::new(),
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
+            process: BTreeMap::new(),
         }
     }
 }
@@ -513,16 +523,18 @@ impl Config {
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
         self.check_log(&mut faults);
+        self.check_monitors(&mut faults);
+        self.check_processes(&mut faults);
         if faults.is_empty() {
             return Ok(self);
         }
         Err(faults.into_iter().map(|(key, message)| problem(&key, message)).collect())
     }
 
-    /// The names of all operators that this configuration can set: those of the pipeline, and its cameras,
-    /// radars and lidars.
+    /// The names of all operators that this configuration can set: those of the pipeline, its cameras, radars and
+    /// lidars, and their watchers.
     pub fn operators(&self) -> impl Iterator<Item = &str> {
-        OPERATORS.into_iter().chain(self.sensors())
+        OPERATORS.into_iter().chain(self.sensors()).chain(self.monitors())
     }
 
     fn check_operators(&self, faults: &mut Vec<(String, String)>) {

@@ -4,6 +4,7 @@ mod camera;
 mod controller;
 mod events;
 mod lidar;
+mod monitor;
 mod perception;
 mod planner;
 mod radar;
@@ -12,6 +13,8 @@ mod stage;
 #[cfg(test)]
 mod tests;
 mod world;
+
+use std::collections::BTreeMap;
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
@@ -28,6 +31,7 @@ use crate::config::camera::Output;
 use crate::config::execution::{parse_policy, span_ms};
 
 pub use controller::controller;
+pub use stage::StreamMemory;
 
 /// A pipeline ready to run.
 pub struct Pipeline {
@@ -41,6 +45,8 @@ pub struct Pipeline {
     pub vehicle: VehicleParams,
     /// When the scenario is over at the latest.
     pub until: Time,
+    /// Where the images and point clouds of each stream lie.
+    pub memory: BTreeMap<String, StreamMemory>,
 }
 
 impl Pipeline {
@@ -50,11 +56,11 @@ impl Pipeline {
         let vehicle = config.sim.vehicle.clone();
         let route = scenario.road.route();
         let mut graph = Graph::new();
-        connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
+        let memory = connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
         configure(&mut graph, config)?;
         let until =
             last_step(Span::from_secs(scenario.end.timeout_s), Span::from_secs(config.sim.dt_ms * 1e-3));
-        Ok(Self { graph, scenario, route, vehicle, until })
+        Ok(Self { graph, scenario, route, vehicle, until, memory })
     }
 }
 
@@ -89,7 +95,12 @@ fn timer(config: &Config, name: &str, period_ms: f64) -> Timer {
     every(ms(period_ms)).phase(phase(config, name, ms(period_ms)))
 }
 
-fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Route) -> anyhow::Result<()> {
+fn connect(
+    graph: &mut Graph,
+    config: &Config,
+    scenario: &Scenario,
+    route: &Route,
+) -> anyhow::Result<BTreeMap<String, StreamMemory>> {
     let sensing = &config.sensing;
     let dt = ms(config.sim.dt_ms);
     let timer = |name: &str, period_ms: f64| timer(config, name, period_ms);
@@ -108,7 +119,7 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     let imu = sensors::Inertial { params: sensing.imu, seed };
     graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     sense_motion_and_events(graph, config, scenario, world);
-    sense_surroundings(graph, config, scenario, world)?;
+    let memory = sense_surroundings(graph, config, scenario, world)?;
     let tracks = graph.add("tracker", perception::Tracker::new(config), (obstacles,)).out();
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
@@ -117,7 +128,7 @@ fn connect(graph: &mut Graph, config: &Config, scenario: &Scenario, route: &Rout
     let commands =
         graph.add("controller", controller, (every(ms(config.control.period_ms)), pose, plan)).out();
     graph.connect(command, commands);
-    Ok(())
+    Ok(memory)
 }
 
 /// Sensors of the ego's own motion, and of what happens to it, that run only where they are asked for.
@@ -156,7 +167,8 @@ fn sense_surroundings(
     config: &Config,
     scenario: &Scenario,
     world: Stream<WorldState>,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<BTreeMap<String, StreamMemory>> {
+    let mut memories = BTreeMap::new();
     for (name, radar) in config.radar.iter().filter(|(name, _)| config.runs(name)) {
         let wrong = |faults| anyhow::anyhow!("radar.{name}: {faults:?}");
         let operator = radar::RadarOperator {
@@ -169,19 +181,39 @@ fn sense_surroundings(
     let cameras: Vec<_> = config.camera.iter().filter(|(name, _)| config.runs(name)).collect();
     let lidars: Vec<_> = config.lidar.iter().filter(|(name, _)| config.runs(name)).collect();
     if cameras.is_empty() && lidars.is_empty() {
-        return Ok(());
+        return Ok(memories);
     }
+    let mut memory = |name: &str, output: &str| {
+        let memory = StreamMemory::default();
+        memories.insert(format!("{name}.{output}"), memory.clone());
+        memory
+    };
     let stage = stage::Stage::new(config, scenario)?;
     for (name, camera) in cameras {
-        let operator = camera::CameraOperator::new((name, camera), config, stage.clone())?;
+        let memory = Output::ALL.map(|output| memory(name, output.name()));
+        let operator = camera::CameraOperator::new((name, camera), config, stage.clone(), memory)?;
         let node = graph.add(name, operator, (timer(config, name, camera.period_ms), world));
-        node.origin().outputs(&Output::ALL.map(Output::name)).out();
+        let (rgb, depth, semantic, instance) = node.origin().outputs(&Output::ALL.map(Output::name)).out();
+        for (name, monitor) in config.monitor.iter().filter(|(_, monitor)| monitor.sensor == **name) {
+            let watched = match monitor.output {
+                Output::Rgb => rgb,
+                Output::Depth => depth,
+                Output::Semantic => semantic,
+                Output::Instance => instance,
+            };
+            graph.add(name, monitor::ImageMonitor::default(), (watched,)).out();
+        }
     }
     for (name, lidar) in lidars {
-        let operator = lidar::LidarOperator::new((name, lidar), config, stage.clone())?;
-        graph.add(name, operator, (world,)).origin().outputs(&["points", "truth"]).out();
+        let outputs = ["points", "truth"];
+        let memory = outputs.map(|output| memory(name, output));
+        let operator = lidar::LidarOperator::new((name, lidar), config, stage.clone(), memory)?;
+        let (points, _) = graph.add(name, operator, (world,)).origin().outputs(&outputs).out();
+        for (name, _) in config.monitor.iter().filter(|(_, monitor)| monitor.sensor == **name) {
+            graph.add(name, monitor::CloudMonitor::default(), (points,)).out();
+        }
     }
-    Ok(())
+    Ok(memories)
 }
 
 /// Run times, policies, deadlines, resources and delays, by operator name.
@@ -212,7 +244,8 @@ fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
         let delay = span_ms(operator.delay_ms + added_ms).map_err(|m| wrong(name, m))?;
         let later = on_its_way.filter(|_| operator.runtime.is_some()).map_or(Span::ZERO, |way| way.after);
         node = node.delay(delay + later);
-        let _configured = if name == "planner" { node.heavy() } else { node };
+        let _configured =
+            if name == "planner" || config.process_of(name).is_some() { node.heavy() } else { node };
     }
     Ok(())
 }
