@@ -137,7 +137,7 @@ impl Engine<'_> {
             at: self.now,
             seed: self.seed,
             instants: self.instants,
-            operators: self.nodes.iter().map(|node| node.tally.clone()).collect(),
+            operators: self.nodes.iter().map(Node::report).collect(),
             overlapped_steps: self.pool.as_ref().map_or(0, Pool::overlapped),
         };
         self.tell(&Event::End(&report));

@@ -108,7 +108,7 @@ pub use payload::Sent;
 pub use payload::{ErasedPayload, Payload};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Policy};
-pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport};
+pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
 pub use virtual_time::{run_replay, run_virtual};
 pub use wall::{SendError, SourceHandle, StopHandle, run_wall};

@@ -166,7 +166,7 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
-    fn now(self) -> Time {
+    pub(crate) fn now(self) -> Time {
         Time::from_ns(i64::try_from(crate::host::ns_since(self.begin)).unwrap_or(i64::MAX))
     }
 

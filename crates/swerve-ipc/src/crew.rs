@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use swerve_flow::Elsewhere;
 use swerve_msg::block::Memory;
 
-use crate::folder::{RunFolder, shared_files};
+use crate::folder::RunFolder;
 use crate::lend::{Lender, StreamMemory};
 use crate::link::{Counts, Door, Link, Names, Watched, now};
 use crate::service::{Button, Hub};
@@ -41,7 +41,7 @@ pub struct Employment {
     pub streams: Vec<String>,
     /// What becomes of it when it dies.
     pub on_loss: OnLoss,
-    /// For so long its answers are waited for without sleeping.
+    /// For so long its answers are waited for, and its calls by itself, without sleeping.
     pub spin: Duration,
     /// The command that ends in [`work`](crate::work); gets its [`Setup`] through standard input.
     pub command: Box<dyn Fn() -> Command + Send>,
@@ -57,7 +57,7 @@ pub enum Happening {
         /// How it ended.
         why: String,
     },
-    /// It was started again.
+    /// It was started again, and is ready.
     Restarted {
         /// Which.
         process: String,
@@ -125,7 +125,13 @@ impl Crew {
     pub fn employ(&mut self, employment: Employment, told: Told) -> Result<(), IpcError> {
         let process = employment.process.clone();
         let watched = Arc::new(Watched::default());
-        let link = Link::new(&self.hub, &process, employment.spin, watched.clone(), self.counts.clone())?;
+        let link = Link::new(
+            &self.hub,
+            &process,
+            employment.spin,
+            watched.clone(),
+            (self.counts.clone(), told.clone()),
+        )?;
         let shared = Arc::new(Shared {
             watched,
             child: Mutex::new(None),
@@ -177,9 +183,9 @@ impl Crew {
         self.workers.iter().filter_map(|worker| Some((worker.process.clone(), number(worker)?))).collect()
     }
 
-    /// How many files of this run there are in the shared-memory folder.
-    pub fn shared_files(&self) -> usize {
-        shared_files(&self.folder.address.prefix).len()
+    /// What the names of this run's files in the shared-memory folder start with.
+    pub fn prefix(&self) -> &str {
+        &self.folder.address.prefix
     }
 }
 
@@ -225,6 +231,7 @@ impl Watch {
             start,
             operators: self.employment.operators.clone(),
             payload: self.employment.payload.clone(),
+            spin_us: u64::try_from(self.employment.spin.as_micros()).unwrap_or(u64::MAX),
             memories: self.memories.clone(),
         };
         let mut command = (self.employment.command)();
@@ -276,7 +283,6 @@ impl Watch {
             if self.is_ending() {
                 lock(&self.shared.stdin).take();
             }
-            (self.told)(Happening::Restarted { process });
         }
     }
 

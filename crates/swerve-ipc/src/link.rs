@@ -5,11 +5,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use serde::Serialize;
 use swerve_flow::{Answered, Call, Elsewhere, Lost};
 use swerve_msg::block::writing;
 
-use crate::IpcError;
 use crate::service::{Bell, Button, Head, Hub, Kind, Received, Receiver, Sender, TALK, send};
+use crate::{Happening, IpcError, Told};
 
 /// How long the waiting one sleeps before it looks around by itself. It is woken for whatever happens; this is
 /// for a bell that did not ring.
@@ -38,7 +39,7 @@ impl Names {
 }
 
 /// What went between the processes of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Traffic {
     /// Steps that were taken elsewhere.
     pub calls: u64,
@@ -110,6 +111,7 @@ pub(crate) struct Link {
     spin: Duration,
     watched: Arc<Watched>,
     counts: Arc<Counts>,
+    told: Told,
     /// The start of the worker that the last call went to.
     start: u64,
     seq: u64,
@@ -122,7 +124,7 @@ impl Link {
         process: &str,
         spin: Duration,
         watched: Arc<Watched>,
-        counts: Arc<Counts>,
+        (counts, told): (Arc<Counts>, Told),
     ) -> Result<Self, IpcError> {
         const CALL_BYTES: usize = 16 * 1024;
         let names = Names::of(process);
@@ -135,6 +137,7 @@ impl Link {
             spin,
             watched,
             counts,
+            told,
             start: 0,
             seq: 0,
             call: Vec::new(),
@@ -175,6 +178,9 @@ impl Link {
                 }
             }
             self.watched.life().ready = starts;
+            if starts > 1 {
+                (self.told)(Happening::Restarted { process: self.process.clone() });
+            }
         }
         self.start = starts;
         Ok(starts)

@@ -15,7 +15,7 @@ use swerve_msg::block::reading;
 use crate::IpcError;
 use crate::folder::Address;
 use crate::lend::{Shelves, StreamMemory};
-use crate::link::Names;
+use crate::link::{Names, now};
 use crate::service::{Hub, Kind, TALK, send};
 
 /// What a worker is told at its start.
@@ -30,6 +30,8 @@ pub struct Setup {
     pub operators: Vec<String>,
     /// What it needs to build the graph of which they are.
     pub payload: Vec<u8>,
+    /// For so long it waits for the next call without sleeping, microseconds.
+    pub(crate) spin_us: u64,
     /// What it reads where sensors write it.
     pub(crate) memories: Vec<StreamMemory>,
 }
@@ -92,9 +94,15 @@ pub fn work(setup: &Setup, mut workshop: Workshop) -> Result<(), IpcError> {
     send(&answers, setup.start, Kind::Ready, &[])?;
     coordinator.ring();
     let mut answer = Vec::new();
+    let spin = Duration::from_micros(setup.spin_us);
+    let mut spin_until = now() + spin;
     while !orphaned.load(Ordering::SeqCst) {
         let Some(call) = calls.receive().map_err(IpcError::of("receiving a call"))? else {
-            bell.wait(LOOK_AROUND);
+            if spin > Duration::ZERO && now() < spin_until {
+                core::hint::spin_loop();
+            } else {
+                bell.wait(LOOK_AROUND);
+            }
             continue;
         };
         let seq = call.user_header().seq;
@@ -107,6 +115,9 @@ pub fn work(setup: &Setup, mut workshop: Workshop) -> Result<(), IpcError> {
             Err(error) => send(&answers, seq, Kind::Refused, error.to_string().as_bytes())?,
         }
         coordinator.ring();
+        if spin > Duration::ZERO {
+            spin_until = now() + spin;
+        }
     }
     Ok(())
 }

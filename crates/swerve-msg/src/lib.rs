@@ -17,6 +17,7 @@ mod plan;
 mod point_cloud;
 mod radar;
 mod route;
+mod supervision;
 pub mod truth;
 
 pub use actuation::Command;
@@ -37,3 +38,4 @@ pub use plan::{Plan, PlanPoint, PlanStatus};
 pub use point_cloud::{LidarPoint, PointCloud, PointCloudError};
 pub use radar::{RadarDetection, RadarScan};
 pub use route::Route;
+pub use supervision::{GoneProcess, Supervision};

@@ -13,7 +13,7 @@ use crate::operator::{Away, Body, Offered, OnDeadline};
 use crate::payload::{Decode, Outs};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
-use crate::report::OperatorReport;
+use crate::report::{Lateness, OperatorReport};
 use crate::runtime::{Draw, RuntimeModel};
 
 /// One operator during a run; its index is its rank.
@@ -64,6 +64,8 @@ pub(crate) struct Node {
     /// It had a turn in this sweep whose (e) and (f) are still to come.
     pub(crate) unsettled: bool,
     pub(crate) tally: OperatorReport,
+    /// How its timers keep time, under wall clock.
+    pub(crate) lateness: Option<Box<Lateness>>,
 }
 
 /// A synchronised port that reads a stream.
@@ -247,6 +249,12 @@ impl StreamState {
 }
 
 impl Node {
+    /// What it did.
+    pub(crate) fn report(&self) -> OperatorReport {
+        let ticks = self.lateness.as_ref().map(|lateness| lateness.report());
+        OperatorReport { ticks, ..self.tally.clone() }
+    }
+
     /// The watermark that a publication of this moment carries; `Time::MIN` when there is none.
     pub(crate) fn watermark(&self) -> Time {
         let mut oldest = self.open.front().map_or(Time::MAX, |open| open.stamp);

@@ -77,9 +77,18 @@ impl Engine<'_> {
             let port = &mut self.nodes[rank].timers[timer];
             if port.next <= now && !port.ticking {
                 port.ticking = true;
-                let stamp = port.next;
+                let (stamp, period) = (port.next, port.timer.period);
+                self.note_lateness(rank, stamp, period);
                 self.open(rank, stamp);
             }
+        }
+    }
+
+    /// Notes how late a tick is on the real clock.
+    fn note_lateness(&mut self, rank: usize, due: Time, period: Span) {
+        if let (Some(pace), Some(lateness)) = (&self.wall, &mut self.nodes[rank].lateness) {
+            let late = (pace.now() - due).max(Span::ZERO);
+            lateness.tick(late.ns().unsigned_abs(), late >= period);
         }
     }
 

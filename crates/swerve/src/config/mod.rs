@@ -4,6 +4,7 @@
 //! angles degrees (their names say so); resolving converts them.
 
 pub mod camera;
+pub mod clock;
 pub mod execution;
 pub mod faults;
 pub mod monitor;
@@ -25,6 +26,7 @@ use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdo
 use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
+use clock::ClockConfig;
 use execution::{Deadline, Runtime};
 use monitor::MonitorConfig;
 use process::ProcessConfig;
@@ -37,6 +39,8 @@ use text::{Document, Problem};
 pub struct Config {
     /// Seed of everything random.
     pub seed: u64,
+    /// What moves the run.
+    pub clock: ClockConfig,
     /// The ego vehicle.
     pub ego: EgoConfig,
     /// The simulator.
@@ -73,6 +77,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             seed: 1,
+            clock: ClockConfig::default(),
             ego: EgoConfig::default(),
             sim: SimConfig::default(),
             sensing: SensingConfig::default(),

@@ -59,7 +59,8 @@ impl Operator for CameraOperator {
         let wanted = [self.outputs.rgb, self.outputs.depth, self.outputs.semantic, self.outputs.instance];
         let mut images: [Option<Arc<Image>>; 4] = Default::default();
         for (k, image) in images.iter_mut().enumerate().filter(|(k, _)| wanted[*k]) {
-            let make = |memory: Option<&dyn Memory>| Image::in_memory(memory, width_px, height_px, ENCODINGS[k]);
+            let make =
+                |memory: Option<&dyn Memory>| Image::in_memory(memory, width_px, height_px, ENCODINGS[k]);
             let mut taken = self.pools[k].take(make);
             let free = Arc::get_mut(&mut taken).expect("a pool gives what nobody else holds");
             (free.stamp, free.camera) = (cx.stamp(), self.info);

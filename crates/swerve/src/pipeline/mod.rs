@@ -18,9 +18,9 @@ use std::collections::BTreeMap;
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
-use swerve_flow::{Graph, Policy, RuntimeModel, Stream, Timer, every};
+use swerve_flow::{Graph, Policy, RuntimeModel, SourceHandle, Stream, Timer, every};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Command, Route};
+use swerve_msg::{Command, Route, Supervision};
 use swerve_scenario::{Scenario, sensor_phase};
 use swerve_sim::sense::{LaneInvasionSensor, RedLightSensor, WheelOdometer};
 use swerve_sim::{SimParams, Simulator};
@@ -28,6 +28,7 @@ use swerve_vehicle::VehicleParams;
 
 use crate::config::Config;
 use crate::config::camera::Output;
+use crate::config::clock::Clock;
 use crate::config::execution::{parse_policy, span_ms};
 
 pub use controller::controller;
@@ -47,6 +48,10 @@ pub struct Pipeline {
     pub until: Time,
     /// Where the images and point clouds of each stream lie.
     pub memory: BTreeMap<String, StreamMemory>,
+    /// What moves it.
+    pub clock: Clock,
+    /// Who is to be told what becomes of the run's processes, under wall clock.
+    pub supervisor: Option<SourceHandle<Supervision>>,
 }
 
 impl Pipeline {
@@ -56,11 +61,15 @@ impl Pipeline {
         let vehicle = config.sim.vehicle.clone();
         let route = scenario.road.route();
         let mut graph = Graph::new();
-        let memory = connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
+        let clock = config.clock.source;
+        let supervised = clock == Clock::Wall && !config.process.is_empty();
+        let (processes, supervisor) = supervised.then(|| graph.source(SUPERVISOR)).unzip();
+        let memory =
+            connect(&mut graph, config, &scenario, (&route, processes)).context("building the pipeline")?;
         configure(&mut graph, config)?;
         let until =
             last_step(Span::from_secs(scenario.end.timeout_s), Span::from_secs(config.sim.dt_ms * 1e-3));
-        Ok(Self { graph, scenario, route, vehicle, until, memory })
+        Ok(Self { graph, scenario, route, vehicle, until, memory, clock, supervisor })
     }
 }
 
@@ -99,7 +108,7 @@ fn connect(
     graph: &mut Graph,
     config: &Config,
     scenario: &Scenario,
-    route: &Route,
+    (route, processes): (&Route, Option<Stream<Supervision>>),
 ) -> anyhow::Result<BTreeMap<String, StreamMemory>> {
     let sensing = &config.sensing;
     let dt = ms(config.sim.dt_ms);
@@ -125,8 +134,10 @@ fn connect(
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
     let plan = graph.add("planner", planner, (predictions, pose)).out();
     let controller = controller::ControllerOperator::new(config, route);
-    let commands =
-        graph.add("controller", controller, (every(ms(config.control.period_ms)), pose, plan)).out();
+    let processes: Vec<_> = processes.into_iter().map(swerve_flow::Source::from).collect();
+    let commands = graph
+        .add("controller", controller, (every(ms(config.control.period_ms)), pose, plan, processes))
+        .out();
     graph.connect(command, commands);
     Ok(memory)
 }
@@ -244,10 +255,22 @@ fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
         let delay = span_ms(operator.delay_ms + added_ms).map_err(|m| wrong(name, m))?;
         let later = on_its_way.filter(|_| operator.runtime.is_some()).map_or(Span::ZERO, |way| way.after);
         node = node.delay(delay + later);
-        let _configured =
-            if name == "planner" || config.process_of(name).is_some() { node.heavy() } else { node };
+        let _configured = if is_heavy(config, name) { node.heavy() } else { node };
     }
     Ok(())
+}
+
+/// The source of what becomes of the run's processes.
+pub const SUPERVISOR: &str = "supervisor";
+
+/// Whether an operator's steps are worth a worker thread. Against the real clock those that look at images are
+/// too, so that nobody waits for them; in virtual time it shows in no result.
+fn is_heavy(config: &Config, name: &str) -> bool {
+    let looks = || config.camera.contains_key(name) || config.lidar.contains_key(name);
+    let watches = || config.monitor.contains_key(name);
+    name == "planner"
+        || config.process_of(name).is_some()
+        || (config.clock.source == Clock::Wall && (looks() || watches()))
 }
 
 /// What a sensor saw, between its stamp and its readers: run time of its operator, which therefore has several

@@ -38,7 +38,8 @@ impl Operator for CloudMonitor {
         let [x, y, z, intensity, time] = floats.map(|numbers| bytes(numbers));
         let ring = bytes(&cloud.ring);
         let (checksum, frozen) = compare(&mut self.last, [x, y, z, intensity, time, ring]);
-        let broken = floats.iter().map(|numbers| numbers.iter().filter(|x| !x.is_finite()).count()).sum::<usize>();
+        let broken =
+            floats.iter().map(|numbers| numbers.iter().filter(|x| !x.is_finite()).count()).sum::<usize>();
         let invalid = broken as u64 + u64::from(cloud.check().is_err());
         let (numbers, commonest_share) = (cloud.len() as u64, commonest_share(ring));
         out.send(SensorHealth { stamp: cx.stamp(), numbers, invalid, commonest_share, frozen, checksum });

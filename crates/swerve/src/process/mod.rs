@@ -6,11 +6,13 @@
 use core::time::Duration;
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
-use swerve_ipc::{Crew, Employment, Setup, Traffic, work};
+use swerve_flow::SourceHandle;
+use swerve_ipc::{Crew, Employment, Happening, Setup, Told, Traffic, work};
+use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 
 use crate::config::Config;
@@ -20,6 +22,25 @@ use crate::run::problems_error;
 
 /// A process that takes longer to build its pipeline is given up.
 const READY_WITHIN: Duration = Duration::from_secs(60);
+
+/// Passes on what becomes of processes, so that the controller reads it and the log has it.
+fn told(supervisor: Option<SourceHandle<Supervision>>) -> Told {
+    let gone: Mutex<Vec<GoneProcess>> = Mutex::default();
+    Arc::new(move |happening| {
+        let mut gone = gone.lock().unwrap_or_else(PoisonError::into_inner);
+        match happening {
+            Happening::Gone { process, why } => {
+                gone.retain(|one| one.process != process);
+                gone.push(GoneProcess { process, why });
+            }
+            Happening::Restarted { process } => gone.retain(|one| one.process != process),
+        }
+        if let Some(supervisor) = &supervisor {
+            // A run that is over has nobody to be told.
+            let _over = supervisor.send_now(Supervision { gone: gone.clone() });
+        }
+    })
+}
 
 /// A point cloud has so many arrays, an image has one.
 const BLOCKS_MAX: usize = 6;
@@ -68,6 +89,7 @@ impl Processes {
                 memory.share(crew.lend(stream, BLOCKS_MAX)?);
             }
         }
+        let told = told(pipeline.supervisor.take());
         for (name, process) in &config.process {
             let program = program.to_owned();
             let employment = Employment {
@@ -83,7 +105,7 @@ impl Processes {
                     command
                 }),
             };
-            crew.employ(employment, Arc::new(|_| {}))?;
+            crew.employ(employment, told.clone())?;
         }
         crew.wait_ready(READY_WITHIN)?;
         for (name, process) in &config.process {
