@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::IpcError;
 
 /// Where POSIX shared memory lies.
-const SHARED_MEMORY: &str = "/dev/shm";
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 
 /// What a run's things on the machine are called.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

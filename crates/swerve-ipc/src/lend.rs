@@ -36,19 +36,19 @@ impl StreamMemory {
 
     /// Frames that a worker has, or could have.
     fn depth(&self) -> Depth {
-        const FRAMES_WAITING: usize = 4;
+        const FRAMES_WAITING: usize = 2;
         Depth { waiting: FRAMES_WAITING * self.blocks, held: self.held() + FRAMES_WAITING * self.blocks }
     }
 
     /// The blocks that the coordinator has at most; what more its sensor writes is in memory of its own.
     fn held(&self) -> usize {
-        const FRAMES_HELD: usize = 12;
+        const FRAMES_HELD: usize = 6;
         FRAMES_HELD * self.blocks
     }
 
     /// The newest blocks, which a worker keeps for calls to come.
     fn kept(&self) -> usize {
-        const FRAMES_KEPT: usize = 6;
+        const FRAMES_KEPT: usize = 4;
         FRAMES_KEPT * self.blocks
     }
 }

@@ -234,7 +234,7 @@ impl Link {
         loop {
             while let Some(message) = self.receive()? {
                 if message.user_header().seq == self.seq
-                    && Kind::of(&message.user_header()) != Some(Kind::Ready)
+                    && Kind::of(message.user_header()) != Some(Kind::Ready)
                 {
                     return Ok(message);
                 }

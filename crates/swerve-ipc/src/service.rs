@@ -4,6 +4,7 @@
 #[cfg(test)]
 use core::mem::offset_of;
 use core::time::Duration;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
@@ -20,8 +21,10 @@ use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
+use rustix::fs::statvfs;
+
 use crate::IpcError;
-use crate::folder::Address;
+use crate::folder::{Address, SHARED_MEMORY};
 
 /// Several threads use the ports of one process.
 pub(crate) type Ipc = ipc_threadsafe::Service;
@@ -82,6 +85,8 @@ impl Kind {
 /// A process's access to the shared memory of a run.
 pub(crate) struct Hub {
     node: Node<Ipc>,
+    /// Bytes that were set aside for what sensors write, used or not.
+    promised: AtomicU64,
 }
 
 /// How many messages a service holds.
@@ -116,7 +121,7 @@ impl Hub {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Ipc>()
             .map_err(IpcError::of("joining the run's shared memory"))?;
-        Ok(Self { node })
+        Ok(Self { node, promised: AtomicU64::new(0) })
     }
 
     /// The service of this name, made or opened: all its ends come through here.
@@ -167,6 +172,7 @@ impl Hub {
         [loans, rooms]: [usize; 2],
         bytes: usize,
     ) -> Result<Sender, IpcError> {
+        self.promise((rooms * bytes) as u64)?;
         self.service(name, depth)?
             .publisher_builder()
             .max_loaned_samples(loans)
@@ -175,6 +181,19 @@ impl Hub {
             .override_sample_preallocation(move |most| most.min(rooms))
             .create()
             .map_err(IpcError::of(format!("a sender of {name}")))
+    }
+
+    /// Makes sure that there will be so much shared memory. The system gives it when it is written to, and kills
+    /// who writes to what it cannot give.
+    fn promise(&self, bytes: u64) -> Result<(), IpcError> {
+        let promised = self.promised.fetch_add(bytes, Ordering::SeqCst) + bytes;
+        let free = statvfs(SHARED_MEMORY).map_or(u64::MAX, |system| system.f_bavail * system.f_frsize);
+        if promised <= free {
+            return Ok(());
+        }
+        self.promised.fetch_sub(bytes, Ordering::SeqCst);
+        let error = format!("{free} bytes are free, {promised} would be needed");
+        Err(IpcError::Shared { doing: format!("getting shared memory in {SHARED_MEMORY}"), error })
     }
 
     /// The reading end of a service.
@@ -280,6 +299,15 @@ pub(crate) fn send(to: &Sender, seq: u64, kind: Kind, bytes: &[u8]) -> Result<()
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_more_is_promised_than_there_is() {
+        let folder = crate::folder::RunFolder::create().unwrap();
+        let hub = Hub::join(&folder.address).unwrap();
+        let refused = hub.lending_sender("memory/big", TALK, [2, 1 << 30], 1 << 20).unwrap_err().to_string();
+        assert!(refused.contains("would be needed"), "{refused}");
+        hub.lending_sender("memory/small", TALK, [2, 4], 1 << 16).unwrap();
+    }
 
     #[test]
     fn the_name_of_the_header_holds_its_layout() {

@@ -64,8 +64,8 @@ impl Operator for Camera {
         let mut image = Image::in_memory(self.memory.as_deref(), 320, 240, Encoding::Rgb8);
         image.stamp = cx.stamp();
         let Pixels::Rgb8(bytes) = &mut image.pixels else { return };
-        let seed = cx.rng().bits();
-        bytes.iter_mut().zip(seed..).for_each(|(byte, n)| *byte = (n * n >> 3) as u8);
+        let seed = cx.rng().bits() >> 32;
+        bytes.iter_mut().zip(seed..).for_each(|(byte, n)| *byte = (n.wrapping_mul(n) >> 3) as u8);
         image.seal().unwrap();
         out.forward(Arc::new(image));
     }

@@ -50,8 +50,7 @@ impl<T: Packable> Packed<T> {
     /// `n` numbers, all zero, in such memory; in a vector where that has no room.
     pub fn in_memory(memory: Option<&dyn Memory>, n: usize) -> Self {
         let room = memory.and_then(|memory| memory.room(n * size_of::<T>()));
-        let fits = |room: &Box<dyn Room>| numbers::<T>(room.bytes(), n).len() == n;
-        match room.filter(fits) {
+        match room.filter(|room| numbers::<T>(room.bytes(), n).len() == n) {
             Some(room) => Self(Store::Room(room, n)),
             None => Self(Store::Own(vec![T::default(); n])),
         }

@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use swerve::config::Config;
@@ -202,24 +203,52 @@ impl Observer for Killer {
     }
 }
 
+/// Does something after so long, on a thread of its own.
+fn after<T: Send + 'static>(wait: Duration, act: impl FnOnce() -> T + Send + 'static) -> JoinHandle<T> {
+    std::thread::spawn(move || {
+        let (_never, nothing) = channel::<()>();
+        assert_eq!(nothing.recv_timeout(wait), Err(RecvTimeoutError::Timeout));
+        act()
+    })
+}
+
+/// When a worker is killed.
+#[derive(Clone, Copy)]
+enum Moment {
+    /// Between two steps: after so many publications.
+    Publications(u64),
+    /// Wherever it is then.
+    After(Duration),
+}
+
 /// Drives until a worker of the run is killed; checks that this is noticed, told, logged and cleaned up.
-fn lose_one(config: &Config, which: usize, after: u64) {
+fn lose_one(config: &Config, which: usize, moment: Moment) {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
-    let Run { pipeline, processes, seed } = start(config, Time::from_ms(6000));
+    let Run { pipeline, processes, seed } = start(config, Time::from_ms(600_000));
     let prefix = processes.crew().prefix().to_owned();
     let all = processes.crew().processes();
     let (name, process) = all[which % all.len()].clone();
-    let mut killer = Killer { after, process, killed: None };
+    let publications = if let Moment::Publications(n) = moment { n } else { u64::MAX };
+    let mut killer = Killer { after: publications, process, killed: None };
     let mut recorder = Recorder::create(&log, &run_start(config, &scenario_file()).unwrap()).unwrap();
+    let other = match moment {
+        Moment::Publications(_) => None,
+        Moment::After(wait) => Some(after(wait, move || {
+            kill(process);
+            now()
+        })),
+    };
     let error = drive_pipeline(pipeline, seed, 1, &mut [&mut killer, &mut recorder]).unwrap_err().to_string();
-    let noticed = killer.killed.unwrap().elapsed();
-    // A step of another process may lie between the kill and the next call; its steps take about a millisecond.
+    let ended = now();
+    let killed = other.map(|other| other.join().unwrap()).or(killer.killed).unwrap();
+    // Between the kill and the next call of that process lie steps of others.
+    let noticed = ended - killed;
     assert!(noticed < Duration::from_millis(500), "noticed after {noticed:?}");
     assert!(error.contains(&format!("process `{name}` ended (signal: 9")), "{error}");
     recorder.finish().unwrap();
     let log = Log::read(&log).unwrap();
-    assert!(log.records.len() as u64 > after.min(100));
+    assert!(log.records.len() > 10 || matches!(moment, Moment::Publications(..10)));
     assert_eq!(log.end.unwrap().reason, format!("failed: {error}"));
     drop(processes);
     assert_eq!(left_over(&prefix), [""; 0]);
@@ -228,13 +257,17 @@ fn lose_one(config: &Config, which: usize, after: u64) {
 #[test]
 fn a_killed_process_ends_a_virtual_run_with_its_log_whole() {
     let config = config("two_processes", &[]);
-    lose_one(&config, 0, 300);
+    lose_one(&config, 0, Moment::Publications(300));
     let kills = std::env::var("SWERVE_KILLS").map_or(1, |n| n.parse().unwrap());
     let mut rng = Rng::keyed(2, "kills", &[]);
     let watched = watched(&["eye", "ear", "planner"]);
     for _ in 0..kills {
         let config = if rng.bits() % 4 == 0 { &watched } else { &config };
-        lose_one(config, (rng.bits() % 2) as usize, 1 + rng.bits() % 2000);
+        let moment = match rng.bits() % 2 {
+            0 => Moment::Publications(1 + rng.bits() % 2000),
+            _ => Moment::After(Duration::from_micros(rng.bits() % 200_000)),
+        };
+        lose_one(config, (rng.bits() % 2) as usize, moment);
     }
 }
 
@@ -246,16 +279,12 @@ fn a_process_killed_while_it_is_waited_for_is_noticed_within_100_ms() {
     // Stopped, it answers no call; killed, it never will.
     Command::new("kill").args(["-STOP", &process.to_string()]).status().unwrap();
     pipeline.until = Time::from_ms(60_000);
-    let (told, when) = channel();
-    let killer = std::thread::spawn(move || {
-        let (_never, nothing) = channel::<()>();
-        assert_eq!(nothing.recv_timeout(Duration::from_millis(300)), Err(RecvTimeoutError::Timeout));
+    let killer = after(Duration::from_millis(300), move || {
         kill(process);
-        told.send(now()).unwrap();
+        now()
     });
     let error = drive_pipeline(pipeline, seed, 1, &mut []).unwrap_err().to_string();
-    let noticed = now() - when.recv().unwrap();
-    killer.join().unwrap();
+    let noticed = now() - killer.join().unwrap();
     assert!(error.contains("ended (signal: 9"), "{error}");
     assert!(noticed < Duration::from_millis(100), "noticed after {noticed:?}");
 }

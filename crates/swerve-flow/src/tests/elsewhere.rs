@@ -67,7 +67,7 @@ impl Operator for Anytime {
             cx.offer(out, 1000 + n);
             if cx.spend(1) == Progress::Stop {
                 // Every other one leaves it to the reaction.
-                if goal % 2 == 0 {
+                if goal.is_multiple_of(2) {
                     out.send(n);
                 }
                 return;
