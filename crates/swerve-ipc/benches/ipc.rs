@@ -2,9 +2,9 @@
 //! loopback TCP socket, a Unix socket.
 //!
 //! Each payload goes to a process of its own, which looks at its two ends and answers with eight bytes. *Asleep*: the
-//! receiver has slept for some milliseconds and is woken by the kernel, as between the frames of a sensor. *Awake*:
+//! receiver has slept for a millisecond and is woken by the kernel, as between the frames of a sensor. *Awake*:
 //! both ends spin. One way is the round trip less half of that of 64 bytes. Shared memory is filled before the clock
-//! starts, and read in place; sockets copy, which is their way.
+//! starts, and read in place; sockets copy, which is their way. Before each, the sender takes the payload's fingerprint.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -14,8 +14,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use iceoryx2::prelude::*;
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print, sleep_ms};
-use swerve_core::{Span, Time};
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
+use swerve_core::{Hasher, Span, Time};
 use swerve_flow::{
     Answered, At, Call, Context, Elsewhere, Every, Graph, Lost, Operator, Port, RunOptions, every,
     run_virtual,
@@ -45,10 +45,12 @@ impl Receiver {
         }
     }
 
-    /// Lets the receiver fall asleep.
+    /// Lets the receiver fall asleep. The sender has something else to do meanwhile, as between two frames.
     fn pause(self) {
-        if self == Self::Asleep {
-            sleep_ms(3);
+        const PAUSE: Duration = Duration::from_millis(1);
+        let began = now();
+        while self == Self::Asleep && began.elapsed() < PAUSE {
+            std::hint::spin_loop();
         }
     }
 }
@@ -104,6 +106,13 @@ impl Operator for Reader {
         let Some(image) = image.get() else { return };
         out.send(ends(image.pixels.bytes()));
     }
+}
+
+/// What the engine does with every payload, and what it makes of the sender's caches.
+fn fingerprint(bytes: &[u8]) {
+    let mut hasher = Hasher::new();
+    hasher.bytes(bytes);
+    std::hint::black_box(hasher.digest());
 }
 
 fn ends(bytes: &[u8]) -> u64 {
@@ -219,6 +228,7 @@ fn raw(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
     let mut took = Vec::new();
     for _ in 0..ROUNDS {
         let sample = there.loan_slice_uninit(bytes)?.write_from_fn(|_| 7);
+        fingerprint(&sample);
         receiver.pause();
         let began = now();
         sample.send()?;
@@ -330,6 +340,7 @@ fn socket_trips(socket: &mut dyn Socket, receiver: Receiver, bytes: usize) -> Ou
     let message = [&(bytes as u64).to_le_bytes()[..], &vec![7; bytes]].concat();
     let mut took = Vec::new();
     for _ in 0..ROUNDS {
+        fingerprint(&message);
         receiver.pause();
         let began = now();
         write_all(socket, &message)?;
@@ -371,8 +382,8 @@ fn measure(rows: &mut Rows, receiver: Receiver) -> Outcome<()> {
         for (transport, (what, _)) in transports.iter().enumerate() {
             let trip = &trips[transport][size];
             let us = one_way(transport, size);
-            let reads =
-                format!("{us:.0} us one way; round trip {:.0}, p99 {:.0} us", trip.median(), trip.at(0.99));
+            let [least, p50, p99] = [0.0, 0.5, 0.99].map(|share| trip.at(share));
+            let reads = format!("{us:.0} us one way; round trip {p50:.0} [{least:.0} .. p99 {p99:.0}] us");
             rows.row(&format!("{name}, {}, {what}", receiver.name()), us, &reads, Goal::None);
         }
         let over_raw = trips[0][size].median() / trips[1][size].median();

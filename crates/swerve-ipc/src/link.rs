@@ -220,6 +220,10 @@ impl Link {
         send(&self.calls, self.seq, Kind::Call, &self.call)
             .map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
         self.worker.ring();
+        if self.spin.is_zero() {
+            // The answer cannot be there yet.
+            self.bell.wait(LOOK_AROUND);
+        }
         let message = self.wait()?;
         let answered = message.payload().len();
         Counts::add(&self.counts.bytes, self.call.len() + answered);
