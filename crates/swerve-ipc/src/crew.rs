@@ -261,7 +261,7 @@ impl Watch {
             }
             let was_ready = {
                 let mut life = self.shared.watched.life();
-                life.gone = Some(why.clone());
+                (life.gone, life.ended) = (Some(why.clone()), why.clone());
                 life.ready == life.starts
             };
             self.button.ring();

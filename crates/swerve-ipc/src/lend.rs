@@ -191,16 +191,12 @@ impl Shelves {
     }
 
     /// Takes in what was sent since the last time, and lets go of the oldest.
-    pub(crate) fn take_in(&self) {
+    pub(crate) fn tidy(&self) {
         for stack in self.memories.values() {
-            let Stack { of, receiver, blocks } = &mut *stack.borrow_mut();
-            // What cannot be received is missed when it is asked for.
-            while let Ok(Some(received)) = receiver.receive() {
-                let place = Place { memory: of.memory, seq: received.user_header().seq };
-                if blocks.len() >= of.kept() {
-                    blocks.pop_front();
-                }
-                blocks.push_back(Arc::new(LentBlock { received: Kept(received), place, _held: None }));
+            let stack = &mut *stack.borrow_mut();
+            while stack.take_in() {}
+            while stack.blocks.len() > stack.of.kept() {
+                stack.blocks.pop_front();
             }
         }
     }
@@ -211,16 +207,33 @@ impl Shelves {
     }
 }
 
+impl Stack {
+    /// Takes in the next block, if one was sent. What cannot be received is missed when it is asked for.
+    fn take_in(&mut self) -> bool {
+        let Ok(Some(received)) = self.receiver.receive() else { return false };
+        let place = Place { memory: self.of.memory, seq: received.user_header().seq };
+        self.blocks.push_back(Arc::new(LentBlock { received: Kept(received), place, _held: None }));
+        true
+    }
+
+    fn find(&mut self, seq: u64) -> Option<Arc<LentBlock>> {
+        while self.blocks.back().is_none_or(|newest| newest.place.seq < seq) {
+            if !self.take_in() {
+                return None;
+            }
+        }
+        let index = self.blocks.binary_search_by_key(&seq, |block| block.place.seq).ok()?;
+        Some(self.blocks[index].clone())
+    }
+}
+
 impl Shelf for Shelves {
     fn find(&self, place: Place) -> Option<Arc<dyn Block>> {
-        let found = self.memories.get(&place.memory).and_then(|stack| {
-            let stack = stack.borrow();
-            let index = stack.blocks.binary_search_by_key(&place.seq, |block| block.place.seq).ok()?;
-            Some(stack.blocks[index].clone() as Arc<dyn Block>)
-        });
+        let stack = self.memories.get(&place.memory);
+        let found = stack.and_then(|stack| stack.borrow_mut().find(place.seq));
         if found.is_none() {
             self.missed.set(true);
         }
-        found
+        found.map(|block| block as Arc<dyn Block>)
     }
 }

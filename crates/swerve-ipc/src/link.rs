@@ -92,6 +92,8 @@ pub(crate) struct Life {
     pub(crate) ready: u64,
     /// Why it is gone, if it is.
     pub(crate) gone: Option<String>,
+    /// How it ended last.
+    pub(crate) ended: String,
 }
 
 impl Watched {
@@ -174,7 +176,10 @@ impl Link {
                 match self.receive()? {
                     Some(message) if is_ready(message.user_header()) => break,
                     Some(_) => {}
-                    None => return Err(self.lost("is not ready yet")),
+                    None => {
+                        let ended = self.watched.life().ended.clone();
+                        return Err(self.lost(&format!("{ended} and is not ready yet")));
+                    }
                 }
             }
             self.watched.life().ready = starts;
@@ -253,7 +258,7 @@ impl Link {
                     return Err(self.lost(why));
                 }
                 if life.starts != self.start {
-                    return Err(self.lost("was started again"));
+                    return Err(self.lost(&life.ended));
                 }
             }
             self.bell.wait(LOOK_AROUND);

@@ -106,7 +106,6 @@ pub fn work(setup: &Setup, mut workshop: Workshop) -> Result<(), IpcError> {
             continue;
         };
         let seq = call.user_header().seq;
-        shelves.take_in();
         answer.clear();
         let answered = reading(shelves.clone(), || workshop.answer(call.payload(), &mut answer));
         match answered {
@@ -115,6 +114,8 @@ pub fn work(setup: &Setup, mut workshop: Workshop) -> Result<(), IpcError> {
             Err(error) => send(&answers, seq, Kind::Refused, error.to_string().as_bytes())?,
         }
         coordinator.ring();
+        drop(call);
+        shelves.tidy();
         if spin > Duration::ZERO {
             spin_until = now() + spin;
         }

@@ -262,7 +262,7 @@ fn a_killed_process_ends_a_virtual_run_with_its_log_whole() {
     let mut rng = Rng::keyed(2, "kills", &[]);
     let watched = watched(&["eye", "ear", "planner"]);
     for _ in 0..kills {
-        let config = if rng.bits() % 4 == 0 { &watched } else { &config };
+        let config = if rng.bits().is_multiple_of(4) { &watched } else { &config };
         let moment = match rng.bits() % 2 {
             0 => Moment::Publications(1 + rng.bits() % 2000),
             _ => Moment::After(Duration::from_micros(rng.bits() % 200_000)),
