@@ -218,7 +218,8 @@ impl Workshop {
         let mut outs = Outs::default();
         let panic = run_step(&mut *bench.body, &bench.name, &mut task, &mut slots, &mut outs);
         let (offers, offered) = offered.lock().map(|o| o.clone()).unwrap_or_default();
-        let Task { meter: Meter { units, cut }, stop_run, .. } = task;
+        let Task { meter: Meter { units, cut }, unusual, .. } = task;
+        let stop_run = unusual.and_then(|unusual| unusual.stop_run);
         let head = AnswerWire {
             panic: panic.as_deref(),
             stop_run: stop_run.as_deref(),
@@ -278,7 +279,9 @@ impl Remote {
             }
         }
         task.meter.units = head.units;
-        task.stop_run = head.stop_run.map(Into::into);
+        if let Some(reason) = head.stop_run {
+            task.unusual.get_or_insert_default().stop_run = Some(reason.into());
+        }
         if let Some(cut) = &mut task.meter.cut {
             (cut.stopped_at, cut.went_on, cut.offers) = (head.stopped_at, head.went_on, head.offers);
             if let Some(shared) = &cut.offered {
@@ -299,7 +302,7 @@ impl Body for Remote {
             Err(Lost(why)) => Some(why),
             Ok(answered) => {
                 if answered == Answered::Afresh {
-                    cx.task.away.get_or_insert_default().afresh = true;
+                    cx.task.unusual.get_or_insert_default().afresh = true;
                 }
                 match self.take_in(cx.task, outs) {
                     // It goes on here as what it was there: the engine ends the run with it.
@@ -311,7 +314,7 @@ impl Body for Remote {
         };
         if let Some(why) = lost {
             *outs = Outs::default();
-            cx.task.away.get_or_insert_default().lost = Some(why);
+            cx.task.unusual.get_or_insert_default().lost = Some(why);
         }
     }
 }

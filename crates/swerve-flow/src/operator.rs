@@ -68,15 +68,15 @@ pub(crate) struct Task {
     pub(crate) seed: u64,
     pub(crate) rng: Option<Rng>,
     pub(crate) meter: Meter,
-    pub(crate) stop_run: Option<Box<str>>,
-    /// What a step elsewhere came to, where that is out of the ordinary.
-    pub(crate) away: Option<Box<Away>>,
+    pub(crate) unusual: Option<Box<Unusual>>,
 }
 
-/// What a step elsewhere came to beside its outputs.
+/// What few steps leave behind.
 #[derive(Default)]
-pub(crate) struct Away {
-    /// It did not come to its end: why.
+pub(crate) struct Unusual {
+    /// The run is to end: why.
+    pub(crate) stop_run: Option<String>,
+    /// A step that was taken elsewhere did not come to its end: why.
     pub(crate) lost: Option<String>,
     /// It was the first one of a process that began afresh.
     pub(crate) afresh: bool,
@@ -86,16 +86,7 @@ impl Task {
     /// A task that nothing cuts.
     #[inline]
     pub(crate) fn new(now: Time, stamp: Time, seed: u64) -> Self {
-        Self {
-            now,
-            stamp,
-            deadline: None,
-            seed,
-            rng: None,
-            meter: Meter::default(),
-            stop_run: None,
-            away: None,
-        }
+        Self { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), unusual: None }
     }
 }
 
@@ -201,7 +192,7 @@ impl Context<'_> {
 
     /// Ends the run after the sweep of the instant at which this step is done.
     pub fn stop_run(&mut self, reason: impl Into<String>) {
-        self.task.stop_run = Some(reason.into().into());
+        self.task.unusual.get_or_insert_default().stop_run = Some(reason.into());
     }
 }
 

@@ -9,7 +9,7 @@ use super::turn::Answer;
 use crate::deadline::Deadline;
 use crate::input::{Slot, Timer};
 use crate::message::{Header, Msg};
-use crate::operator::{Away, Body, Offered, OnDeadline};
+use crate::operator::{Body, Offered, OnDeadline, Unusual};
 use crate::payload::{Decode, Outs};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
@@ -154,8 +154,7 @@ pub(crate) struct Ran {
     /// It went on after that.
     pub(crate) went_on: bool,
     pub(crate) host_ns: u64,
-    pub(crate) stop_run: Option<Box<str>>,
-    pub(crate) away: Option<Box<Away>>,
+    pub(crate) unusual: Option<Box<Unusual>>,
     pub(crate) panic: Option<Box<str>>,
 }
 

@@ -14,7 +14,7 @@ use crate::decision::{Decided, Decision};
 use crate::graph::newest;
 use crate::input::Slot;
 use crate::observer::{Reads, StepStart};
-use crate::operator::{Away, Body, Context, Cut, ErasedMiss, Meter, Offered, Task};
+use crate::operator::{Body, Context, Cut, ErasedMiss, Meter, Offered, Task};
 use crate::payload::Outs;
 use crate::report::RunError;
 use crate::runtime::{Draw, RuntimeModel};
@@ -43,8 +43,7 @@ impl Engine<'_> {
         let meter = Meter { units: 0, cut: self.cut(rank, deadline, decided) };
         let offered = meter.cut.as_ref().and_then(|cut| cut.offered.clone());
         let due = (deadline < Time::MAX).then_some(deadline);
-        let mut task =
-            Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, stop_run: None, away: None };
+        let mut task = Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, unusual: None };
         let (least_end, known) = match draw {
             Draw::Known(span) | Draw::Unrecorded(span) => (now.saturating_add(span), true),
             Draw::Work(base) => (now.saturating_add(base).min(deadline), false),
@@ -247,10 +246,11 @@ impl Engine<'_> {
             self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });
             return;
         }
-        if let Some(away) = ran.away.take()
-            && !self.came_from_away(rank, run.stamp, *away)
-        {
-            return;
+        if let Some(unusual) = &mut ran.unusual {
+            let (afresh, lost) = (core::mem::take(&mut unusual.afresh), unusual.lost.take());
+            if !self.came_from_away(rank, run.stamp, afresh, lost) {
+                return;
+            }
         }
         let Outcome::Here(ran) = &mut run.outcome else { return };
         if let (Some(units), Some(_)) = (ran.stopped_at, self.wall) {
@@ -290,13 +290,13 @@ impl Engine<'_> {
     }
 
     /// Notes what a step elsewhere came to; says whether the run goes on.
-    fn came_from_away(&mut self, rank: usize, stamp: Time, away: Away) -> bool {
+    fn came_from_away(&mut self, rank: usize, stamp: Time, afresh: bool, lost: Option<String>) -> bool {
         let operator = self.nodes[rank].name.to_string();
-        if away.afresh {
+        if afresh {
             let operator = operator.clone();
             self.decide(|| Decision::Afresh { operator, stamp });
         }
-        let Some(why) = away.lost else { return true };
+        let Some(why) = lost else { return true };
         if self.wall.is_some() {
             self.decide(|| Decision::Lost { operator, stamp, why });
             return true;
@@ -351,7 +351,7 @@ pub(super) fn run(
     if let Some(cut) = &task.meter.cut {
         (ran.stopped_at, ran.went_on) = (cut.stopped_at, cut.went_on);
     }
-    (ran.stop_run, ran.away) = (task.stop_run.take(), task.away.take());
+    ran.unusual = task.unusual.take();
 }
 
 /// Calls the operator's step; gives what it panicked with.

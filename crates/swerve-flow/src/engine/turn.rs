@@ -183,8 +183,8 @@ impl Engine<'_> {
         node.tally.ended += 1;
         node.tally.busy += run.end - run.start;
         node.tally.units += ran.units;
-        if let Some(reason) = ran.stop_run.take() {
-            self.stop.get_or_insert(reason.into());
+        if let Some(reason) = ran.unusual.take().and_then(|unusual| unusual.stop_run) {
+            self.stop.get_or_insert(reason);
         }
         let keep = node.deadline.is_some_and(|deadline| deadline.reaction != Reaction::Skip);
         if keep && !ran.is_empty() && node.last.as_ref().is_none_or(|last| last.stamp < run.stamp) {
