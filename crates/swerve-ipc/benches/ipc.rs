@@ -181,8 +181,7 @@ fn worker() -> Outcome<()> {
 type Service = iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, [u8], ()>;
 
 fn service(node: &Node<ipc::Service>, name: &str) -> Outcome<Service> {
-    let builder = node.service_builder(&ServiceName::new(name)?).publish_subscribe::<[u8]>();
-    Ok(builder.payload_alignment(Alignment::new(64).ok_or("a power of two")?).open_or_create()?)
+    Ok(node.service_builder(&ServiceName::new(name)?).publish_subscribe::<[u8]>().open_or_create()?)
 }
 
 fn raw_node() -> Outcome<Node<ipc::Service>> {

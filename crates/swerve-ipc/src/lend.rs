@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use swerve_msg::block::{Block, Memory, Place, Room, Shelf};
 
 use crate::IpcError;
-use crate::service::{Depth, Head, Hub, Kept, Kind, Loan, Receiver, Sender};
+use crate::service::{Depth, Head, Hub, Kept, Kind, Loan, WordReceiver, WordSender};
 
 /// Smaller payloads are no burden in a message.
 const BYTES_MIN: usize = 4096;
@@ -64,8 +64,8 @@ pub(crate) struct Lender {
 
 struct Ends {
     /// Made for the first room, whose size is the largest of the stream.
-    sender: Option<Arc<Sender>>,
-    receiver: Receiver,
+    sender: Option<Arc<WordSender>>,
+    receiver: WordReceiver,
     seq: u64,
 }
 
@@ -76,7 +76,7 @@ impl Lender {
         Ok(Self { of, hub, ends: Arc::new(Mutex::new(ends)), held: Arc::default() })
     }
 
-    fn sender(&self, bytes: usize) -> Option<Arc<Sender>> {
+    fn sender(&self, bytes: usize) -> Option<Arc<WordSender>> {
         let mut ends = self.ends.lock().unwrap_or_else(PoisonError::into_inner);
         if ends.sender.is_none() {
             let (loans, rooms) = (self.of.held(), self.of.held() + self.of.depth().waiting + self.of.kept());
@@ -93,7 +93,7 @@ impl Memory for Lender {
             return None;
         }
         let held = Held::one_of(&self.held, self.of.held())?;
-        let loan = Loan(self.sender(bytes)?.loan_slice(bytes).ok()?);
+        let loan = Loan::of(&*self.sender(bytes)?, bytes)?;
         Some(Box::new(LentRoom { loan, memory: self.of.memory, ends: self.ends.clone(), held }))
     }
 }
@@ -175,7 +175,7 @@ pub(crate) struct Shelves {
 
 struct Stack {
     of: StreamMemory,
-    receiver: Receiver,
+    receiver: WordReceiver,
     blocks: VecDeque<Arc<LentBlock>>,
 }
 

@@ -1,6 +1,7 @@
 //! The one place where services are made. Whoever opens a service first decides how it is (buffers, alignment,
 //! overflow), and everybody else has to want the same: with one function for both ends they always do.
 
+use core::fmt::Debug;
 #[cfg(test)]
 use core::mem::offset_of;
 use core::time::Duration;
@@ -13,8 +14,8 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{
-    Alignment, AllocationStrategy, FileName, LogLevel, Path, SemanticString as _, ServiceName,
-    SignalHandlingMode, ZeroCopySend, ipc_threadsafe, set_log_level,
+    AllocationStrategy, FileName, LogLevel, Path, SemanticString as _, ServiceName, SignalHandlingMode,
+    ZeroCopySend, ipc_threadsafe, set_log_level,
 };
 use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
@@ -31,6 +32,16 @@ pub(crate) type Ipc = ipc_threadsafe::Service;
 pub(crate) type Sender = Publisher<Ipc, [u8], Head>;
 pub(crate) type Receiver = Subscriber<Ipc, [u8], Head>;
 pub(crate) type Received = Sample<Ipc, [u8], Head>;
+/// What fills images and clouds is words, so that it lies at the addresses that its numbers need. (An alignment
+/// asked of a service of bytes is applied by iceoryx2 0.10 to each single byte, in memory set aside.)
+pub(crate) type WordSender = Publisher<Ipc, [u64], Head>;
+pub(crate) type WordReceiver = Subscriber<Ipc, [u64], Head>;
+
+/// What messages consist of.
+pub(crate) trait Element: ZeroCopySend + Debug + 'static {}
+
+impl Element for u8 {}
+impl Element for u64 {}
 
 /// What is before the bytes of every message. The type's name holds a fingerprint of its layout, because
 /// iceoryx2 compares names and sizes, and would let two layouts of one size meet.
@@ -104,8 +115,10 @@ pub(crate) const TALK: Depth = Depth { waiting: 4, held: 4 };
 /// At most so many workers read what one sensor writes.
 const READERS_MAX: usize = 16;
 
-/// As every number that fills images and clouds needs it, and vector instructions like it.
-const ALIGNED: usize = 64;
+/// So many words hold so many bytes.
+fn words(bytes: usize) -> usize {
+    bytes.div_ceil(size_of::<u64>())
+}
 
 impl Hub {
     /// Joins a run.
@@ -125,15 +138,13 @@ impl Hub {
     }
 
     /// The service of this name, made or opened: all its ends come through here.
-    fn service(&self, name: &str, depth: Depth) -> Result<PortFactory<Ipc, [u8], Head>, IpcError> {
+    fn service<T: Element>(&self, name: &str, depth: Depth) -> Result<PortFactory<Ipc, [T], Head>, IpcError> {
         let doing = || format!("opening service {name}");
-        let aligned = Alignment::new(ALIGNED).expect("a power of two");
         let id = ServiceName::new(name).map_err(IpcError::of(doing()))?;
         self.node
             .service_builder(&id)
-            .publish_subscribe::<[u8]>()
+            .publish_subscribe::<[T]>()
             .user_header::<Head>()
-            .payload_alignment(aligned)
             // The newest matters, and a sender never waits for a receiver that may be dead.
             .enable_safe_overflow(true)
             .history_size(0)
@@ -154,7 +165,7 @@ impl Hub {
         loans: usize,
         bytes: usize,
     ) -> Result<Sender, IpcError> {
-        self.service(name, depth)?
+        self.service::<u8>(name, depth)?
             .publisher_builder()
             .max_loaned_samples(loans)
             .initial_max_slice_len(bytes)
@@ -171,12 +182,12 @@ impl Hub {
         depth: Depth,
         [loans, rooms]: [usize; 2],
         bytes: usize,
-    ) -> Result<Sender, IpcError> {
+    ) -> Result<WordSender, IpcError> {
         self.promise((rooms * bytes) as u64)?;
-        self.service(name, depth)?
+        self.service::<u64>(name, depth)?
             .publisher_builder()
             .max_loaned_samples(loans)
-            .initial_max_slice_len(bytes)
+            .initial_max_slice_len(words(bytes))
             .allocation_strategy(AllocationStrategy::Static)
             .override_sample_preallocation(move |most| most.min(rooms))
             .create()
@@ -197,8 +208,12 @@ impl Hub {
     }
 
     /// The reading end of a service.
-    pub(crate) fn receiver(&self, name: &str, depth: Depth) -> Result<Receiver, IpcError> {
-        let made = self.service(name, depth)?.subscriber_builder().buffer_size(depth.waiting).create();
+    pub(crate) fn receiver<T: Element>(
+        &self,
+        name: &str,
+        depth: Depth,
+    ) -> Result<Subscriber<Ipc, [T], Head>, IpcError> {
+        let made = self.service::<T>(name, depth)?.subscriber_builder().buffer_size(depth.waiting).create();
         made.map_err(IpcError::of(format!("a receiver of {name}")))
     }
 
@@ -246,10 +261,10 @@ impl Bell {
 }
 
 /// A message that is being written. Several threads may look at it, one at a time writes.
-pub(crate) struct Loan(pub(crate) SampleMut<Ipc, [u8], Head>);
+pub(crate) struct Loan(SampleMut<Ipc, [u64], Head>);
 
 /// A message that was received and is kept for a while. Several threads read it.
-pub(crate) struct Kept(pub(crate) Received);
+pub(crate) struct Kept(pub(crate) Sample<Ipc, [u64], Head>);
 
 #[expect(
     unsafe_code,
@@ -268,12 +283,17 @@ unsafe impl Sync for Loan {}
 unsafe impl Sync for Kept {}
 
 impl Loan {
+    /// Room for so many bytes and no word more, all zero; none if there is none left.
+    pub(crate) fn of(sender: &WordSender, bytes: usize) -> Option<Self> {
+        sender.loan_slice(words(bytes)).ok().map(Self)
+    }
+
     pub(crate) fn bytes(&self) -> &[u8] {
-        self.0.payload()
+        bytemuck::cast_slice(self.0.payload())
     }
 
     pub(crate) fn bytes_mut(&mut self) -> &mut [u8] {
-        self.0.payload_mut()
+        bytemuck::cast_slice_mut(self.0.payload_mut())
     }
 
     pub(crate) fn send(mut self, head: Head) -> Result<(), IpcError> {
@@ -284,7 +304,7 @@ impl Loan {
 
 impl Kept {
     pub(crate) fn bytes(&self) -> &[u8] {
-        self.0.payload()
+        bytemuck::cast_slice(self.0.payload())
     }
 }
 

@@ -98,11 +98,16 @@ impl Operator for LastTen {
     }
 }
 
-fn graph(memory: Option<Box<dyn Memory>>) -> Graph {
+fn graph(memory: Option<Box<dyn Memory>>, readers: &[String]) -> Graph {
     let mut graph = Graph::new();
     let images = graph.add("camera", Camera { memory }, every(Span::from_ms(10))).out();
-    graph.add("newest", Newest, images).out();
-    graph.add("last_ten", LastTen, (every(Span::from_ms(100)), images)).out();
+    for reader in readers {
+        if reader == "newest" {
+            graph.add("newest", Newest, images).out();
+        } else {
+            graph.add("last_ten", LastTen, (every(Span::from_ms(100)), images)).out();
+        }
+    }
     graph
 }
 
@@ -127,12 +132,13 @@ impl Observer for Log {
     }
 }
 
-fn run(operators: &[&str]) -> (Log, Traffic, String) {
+fn run(operator: &str) -> (Log, Traffic, String) {
+    let operators = vec![operator.to_owned()];
     let mut crew = Crew::new().unwrap();
     let memory = crew.lend("camera", 1).unwrap();
     let employment = Employment {
         process: "reader".into(),
-        operators: operators.iter().map(|name| (*name).to_owned()).collect(),
+        operators: operators.clone(),
         payload: Vec::new(),
         streams: vec!["camera".into()],
         on_loss: OnLoss::Stop,
@@ -145,17 +151,15 @@ fn run(operators: &[&str]) -> (Log, Traffic, String) {
     };
     crew.employ(employment, Arc::new(|_| {})).unwrap();
     crew.wait_ready(Duration::from_secs(20)).unwrap();
-    let mut graph = graph(Some(memory));
-    for operator in operators {
-        let _there = graph.operator(operator).unwrap().elsewhere(crew.door("reader").unwrap());
-    }
+    let mut graph = graph(Some(memory), &operators);
+    let _there = graph.operator(operator).unwrap().elsewhere(crew.door("reader").unwrap());
     let mut log = Log::default();
     run_virtual(graph, &RunOptions::until(Time::from_ms(600)), vec![&mut log]).unwrap();
     (log, crew.traffic(), format!("/dev/shm/{}", crew.prefix()))
 }
 
 fn one_memory_is_read_by_both() {
-    let (log, traffic, prefix) = run(&["newest"]);
+    let (log, traffic, prefix) = run("newest");
     let seen: Vec<Place> = log.seen.iter().flat_map(|seen| seen.places.clone()).collect();
     assert_eq!(log.written.len(), 61);
     assert_eq!(seen, log.written, "the same file, inode and offset at both ends");
@@ -166,8 +170,9 @@ fn one_memory_is_read_by_both() {
 
 fn what_a_worker_has_no_more_is_sent_as_a_copy_and_counted() {
     let mut here = Log::default();
-    run_virtual(graph(None), &RunOptions::until(Time::from_ms(600)), vec![&mut here]).unwrap();
-    let (there, traffic, _) = run(&["last_ten"]);
+    run_virtual(graph(None, &["last_ten".into()]), &RunOptions::until(Time::from_ms(600)), vec![&mut here])
+        .unwrap();
+    let (there, traffic, _) = run("last_ten");
     assert_eq!(there.last_ten, here.last_ten);
     assert!(traffic.copied >= 5 * 10 * 320 * 240 * 3, "{traffic:?}");
 }
@@ -175,7 +180,7 @@ fn what_a_worker_has_no_more_is_sent_as_a_copy_and_counted() {
 fn main() {
     if std::env::args().nth(1).as_deref() == Some("worker") {
         let setup = Setup::read(std::io::stdin().lock()).unwrap();
-        let workshop = graph(None).into_workshop(&setup.operators).unwrap();
+        let workshop = graph(None, &setup.operators).into_workshop(&setup.operators).unwrap();
         return work(&setup, workshop).unwrap();
     }
     one_memory_is_read_by_both();

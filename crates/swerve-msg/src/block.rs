@@ -19,7 +19,7 @@ pub trait Memory: Send + Sync {
 
 /// Memory to be written.
 pub trait Room: Send + Sync {
-    /// What is written so far; at an address that is a multiple of 64.
+    /// What is written so far; at an address that is a multiple of 8. Maybe a little more than was asked for.
     fn bytes(&self) -> &[u8];
     /// What is to be written.
     fn bytes_mut(&mut self) -> &mut [u8];
@@ -32,7 +32,7 @@ pub trait Room: Send + Sync {
 
 /// Memory that nobody writes any more.
 pub trait Block: Send + Sync {
-    /// What is in it; at an address that is a multiple of 64.
+    /// What is in it; at an address that is a multiple of 8.
     fn bytes(&self) -> &[u8];
     /// Which one it is.
     fn place(&self) -> Place;
