@@ -174,9 +174,15 @@ fn two_runs_at_once_leave_each_other_alone() {
     assert_eq!(digests, [here; 2]);
 }
 
+fn signal(process: u32, name: &str) {
+    // One that is gone already gets none.
+    let command = format!("kill -s {name} {process}");
+    Command::new("sh").args(["-c", &command]).stderr(Stdio::null()).status().unwrap();
+}
+
 /// Kills with no chance to clean up.
 fn kill(process: u32) {
-    Command::new("kill").args(["-9", &process.to_string()]).stderr(Stdio::null()).status().unwrap();
+    signal(process, "KILL");
 }
 
 #[expect(clippy::disallowed_methods, reason = "how soon a loss is noticed")]
@@ -277,7 +283,7 @@ fn a_process_killed_while_it_is_waited_for_is_noticed_within_100_ms() {
     let Run { mut pipeline, processes, seed } = start(&config, Time::from_ms(60_000));
     let process = processes.crew().processes()[1].1;
     // Stopped, it answers no call; killed, it never will.
-    Command::new("kill").args(["-STOP", &process.to_string()]).status().unwrap();
+    signal(process, "STOP");
     pipeline.until = Time::from_ms(60_000);
     let killer = after(Duration::from_millis(300), move || {
         kill(process);

@@ -16,7 +16,8 @@ pub struct ProcessConfig {
     pub operators: Vec<String>,
     /// Under wall clock, what happens when it dies: the ego is brought to a stop, or it is started again.
     pub on_loss: OnLoss,
-    /// Its answers are waited for so long without sleeping, microseconds; saves a wake-up, costs a core.
+    /// Its answers, and its calls at its end, are waited for so long without sleeping, microseconds; saves a wake-up,
+    /// costs a core.
     pub spin_us: f64,
 }
 

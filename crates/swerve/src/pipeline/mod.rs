@@ -195,7 +195,8 @@ fn sense_surroundings(
         return Ok(memories);
     }
     let mut memory = |name: &str, output: &str| {
-        let memory = StreamMemory::default();
+        // Those of a point cloud: x, y, z, intensity, ring, time.
+        let memory = StreamMemory::new(if output == "points" { 6 } else { 1 });
         memories.insert(format!("{name}.{output}"), memory.clone());
         memory
     };

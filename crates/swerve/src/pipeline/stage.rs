@@ -77,17 +77,25 @@ pub(super) fn hides_ego([x, y, z]: [f64; 3], shape: &Shape) -> bool {
 }
 
 /// Where the big payloads of one stream lie: in memory of this process, until another one is found to read them.
-#[derive(Clone, Default)]
-pub struct StreamMemory(Arc<OnceLock<Box<dyn Memory>>>);
+#[derive(Clone)]
+pub struct StreamMemory {
+    /// How many arrays each message has.
+    pub arrays: usize,
+    shared: Arc<OnceLock<Box<dyn Memory>>>,
+}
 
 impl StreamMemory {
+    pub(super) fn new(arrays: usize) -> Self {
+        Self { arrays, shared: Arc::default() }
+    }
+
     /// From now on they lie in `memory`. It is decided once.
     pub fn share(&self, memory: Box<dyn Memory>) {
-        let _first_counts = self.0.set(memory);
+        let _first_counts = self.shared.set(memory);
     }
 
     fn shared(&self) -> Option<&dyn Memory> {
-        self.0.get().map(|memory| &**memory)
+        self.shared.get().map(|memory| &**memory)
     }
 }
 
@@ -127,7 +135,7 @@ mod tests {
 
     #[test]
     fn what_is_read_no_longer_is_used_again() {
-        let mut pool = Pool::new(StreamMemory::default());
+        let mut pool = Pool::new(StreamMemory::new(1));
         let (first, second) = (pool.take(|_| vec![1]), pool.take(|_| vec![2]));
         pool.keep(&first);
         pool.keep(&second);

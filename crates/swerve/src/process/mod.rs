@@ -42,9 +42,6 @@ fn told(supervisor: Option<SourceHandle<Supervision>>) -> Told {
     })
 }
 
-/// A point cloud has so many arrays, an image has one.
-const BLOCKS_MAX: usize = 6;
-
 /// Which process reads which streams.
 fn streams_read(config: &Config, pipeline: &Pipeline) -> anyhow::Result<Vec<(String, String)>> {
     let mut read = Vec::new();
@@ -86,7 +83,7 @@ impl Processes {
         let read = streams_read(config, pipeline)?;
         for (stream, memory) in &pipeline.memory {
             if read.iter().any(|(_, read)| read == stream) {
-                memory.share(crew.lend(stream, BLOCKS_MAX)?);
+                memory.share(crew.lend(stream, memory.arrays)?);
             }
         }
         let told = told(pipeline.supervisor.take());
