@@ -231,7 +231,9 @@ fn raw(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
         receiver.pause();
         let began = now();
         sample.send()?;
-        ring.notify()?;
+        if receiver == Receiver::Asleep {
+            ring.notify()?;
+        }
         while back.receive()?.is_none() {
             if receiver == Receiver::Asleep {
                 bell.timed_wait(|_| {}, LONG)?;
@@ -262,7 +264,9 @@ fn raw_peer(name: &str, receiver: Receiver) -> Outcome<()> {
         };
         let answer = ends(sample.payload());
         back.loan_slice_uninit(8)?.write_from_slice(&answer.to_le_bytes()).send()?;
-        ring.notify()?;
+        if receiver == Receiver::Asleep {
+            ring.notify()?;
+        }
     }
 }
 
