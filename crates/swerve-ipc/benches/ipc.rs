@@ -13,6 +13,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use iceoryx2::config::Config;
 use iceoryx2::prelude::*;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_core::{Hasher, Span, Time};
@@ -184,9 +185,25 @@ fn service(node: &Node<ipc::Service>, name: &str) -> Outcome<Service> {
     Ok(node.service_builder(&ServiceName::new(name)?).publish_subscribe::<[u8]>().open_or_create()?)
 }
 
-fn raw_node() -> Outcome<Node<ipc::Service>> {
+/// Of a run of its own, as ours is.
+fn raw_node(name: &str) -> Outcome<Node<ipc::Service>> {
     set_log_level(LogLevel::Fatal);
-    Ok(NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create()?)
+    let mut config = Config::default();
+    config.global.prefix = FileName::new(name.as_bytes())?;
+    config.global.set_root_path(&Path::new(format!("/tmp/{name}").as_bytes())?);
+    let node = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
+    Ok(node.create()?)
+}
+
+/// Removes what a killed peer leaves.
+fn clean_up(name: &str) -> Outcome<()> {
+    for entry in std::fs::read_dir("/dev/shm")? {
+        let entry = entry?;
+        if entry.file_name().to_string_lossy().starts_with(name) {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(std::fs::remove_dir_all(format!("/tmp/{name}"))?)
 }
 
 /// A peer process; its end is the end of its standard input.
@@ -212,7 +229,13 @@ impl Drop for Peer {
 
 fn raw(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
     let name = format!("swerve_bench_{}_{bytes}_{}", std::process::id(), receiver.name());
-    let node = raw_node()?;
+    let trips = raw_trips(&name, receiver, bytes);
+    clean_up(&name)?;
+    trips
+}
+
+fn raw_trips(name: &str, receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+    let node = raw_node(name)?;
     let there = service(&node, &format!("{name}/there"))?
         .publisher_builder()
         .initial_max_slice_len(bytes)
@@ -223,7 +246,7 @@ fn raw(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
     };
     let ring = event(format!("{name}/ring"))?.notifier_builder().create()?;
     let bell = event(format!("{name}/bell"))?.listener_builder().create()?;
-    let _peer = Peer::start(&["raw", &name, receiver.name()])?;
+    let _peer = Peer::start(&["raw", name, receiver.name()])?;
     let mut took = Vec::new();
     for _ in 0..ROUNDS {
         let sample = there.loan_slice_uninit(bytes)?.write_from_fn(|_| 7);
@@ -245,7 +268,7 @@ fn raw(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
 }
 
 fn raw_peer(name: &str, receiver: Receiver) -> Outcome<()> {
-    let node = raw_node()?;
+    let node = raw_node(name)?;
     let there = service(&node, &format!("{name}/there"))?.subscriber_builder().create()?;
     let back =
         service(&node, &format!("{name}/back"))?.publisher_builder().initial_max_slice_len(8).create()?;

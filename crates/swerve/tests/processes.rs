@@ -227,8 +227,9 @@ enum Moment {
     After(Duration),
 }
 
-/// Drives until a worker of the run is killed; checks that this is noticed, told, logged and cleaned up.
-fn lose_one(config: &Config, which: usize, moment: Moment) {
+/// Drives until a worker of the run is killed; checks that this is noticed, told, logged and cleaned up. Says whether
+/// the run was not over before.
+fn lose_one(config: &Config, which: usize, moment: Moment) -> bool {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
     let Run { pipeline, processes, seed } = start(config, Time::from_ms(600_000));
@@ -245,36 +246,46 @@ fn lose_one(config: &Config, which: usize, moment: Moment) {
             now()
         })),
     };
-    let error = drive_pipeline(pipeline, seed, 1, &mut [&mut killer, &mut recorder]).unwrap_err().to_string();
+    let driven = drive_pipeline(pipeline, seed, 1, &mut [&mut killer, &mut recorder]);
     let ended = now();
+    recorder.finish().unwrap();
+    let Err(error) = driven else {
+        other.unwrap().join().unwrap();
+        drop(processes);
+        assert_eq!(left_over(&prefix), [""; 0]);
+        return false;
+    };
+    let error = error.to_string();
     let killed = other.map(|other| other.join().unwrap()).or(killer.killed).unwrap();
     // Between the kill and the next call of that process lie steps of others.
     let noticed = ended - killed;
     assert!(noticed < Duration::from_millis(500), "noticed after {noticed:?}");
     assert!(error.contains(&format!("process `{name}` ended (signal: 9")), "{error}");
-    recorder.finish().unwrap();
     let log = Log::read(&log).unwrap();
     assert!(log.records.len() > 10 || matches!(moment, Moment::Publications(..10)));
     assert_eq!(log.end.unwrap().reason, format!("failed: {error}"));
     drop(processes);
     assert_eq!(left_over(&prefix), [""; 0]);
+    true
 }
 
 #[test]
 fn a_killed_process_ends_a_virtual_run_with_its_log_whole() {
     let config = config("two_processes", &[]);
-    lose_one(&config, 0, Moment::Publications(300));
+    assert!(lose_one(&config, 0, Moment::Publications(300)));
     let kills = std::env::var("SWERVE_KILLS").map_or(1, |n| n.parse().unwrap());
     let mut rng = Rng::keyed(2, "kills", &[]);
     let watched = watched(&["eye", "ear", "planner"]);
+    let mut in_time = 0;
     for _ in 0..kills {
         let config = if rng.bits().is_multiple_of(4) { &watched } else { &config };
         let moment = match rng.bits() % 2 {
             0 => Moment::Publications(1 + rng.bits() % 2000),
-            _ => Moment::After(Duration::from_micros(rng.bits() % 200_000)),
+            _ => Moment::After(Duration::from_micros(rng.bits() % 100_000)),
         };
-        lose_one(config, (rng.bits() % 2) as usize, moment);
+        in_time += u64::from(lose_one(config, (rng.bits() % 2) as usize, moment));
     }
+    assert!(2 * in_time >= kills, "{in_time} of {kills} kills came before the end of the run");
 }
 
 #[test]
