@@ -75,6 +75,7 @@ fn heavy_packages_stay_behind_one_crate() {
         ("clarabel", "swerve-control"),
         ("foxglove", "swerve-foxglove"),
         ("jpeg-encoder", "swerve-foxglove"),
+        ("iceoryx2", "swerve-ipc"),
         ("mcap", "swerve-log"),
         ("ros2-client", "swerve-ros2"),
         ("cdr-encoding", "swerve-ros2"),

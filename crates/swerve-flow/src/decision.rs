@@ -66,6 +66,22 @@ pub enum Decision {
         /// The units that it had counted.
         units: u64,
     },
+    /// A step that was taken elsewhere did not come to its end.
+    Lost {
+        /// Whose step.
+        operator: String,
+        /// For which stamp.
+        stamp: Time,
+        /// What happened.
+        why: String,
+    },
+    /// A step was the first of an operator that began afresh, in the state that it starts a run with.
+    Afresh {
+        /// Whose step.
+        operator: String,
+        /// For which stamp.
+        stamp: Time,
+    },
     /// The run was ended from outside.
     End {
         /// The last instant that was swept.
@@ -87,6 +103,8 @@ pub(crate) struct Decided {
     pub(crate) run_time: Option<Span>,
     pub(crate) stop_at: Option<u64>,
     pub(crate) offers: Option<u64>,
+    pub(crate) lost: bool,
+    pub(crate) afresh: bool,
 }
 
 impl Replay {
@@ -120,6 +138,12 @@ impl FromIterator<Decision> for Replay {
                 Decision::Deadline { operator, stamp, offers, .. } => {
                     (operator, stamp, Decided { offers: Some(offers), ..Decided::default() })
                 }
+                Decision::Lost { operator, stamp, .. } => {
+                    (operator, stamp, Decided { lost: true, ..Decided::default() })
+                }
+                Decision::Afresh { operator, stamp } => {
+                    (operator, stamp, Decided { afresh: true, ..Decided::default() })
+                }
                 Decision::Begin { wall_clock } => {
                     replay.wall_clock = wall_clock;
                     continue;
@@ -135,6 +159,8 @@ impl FromIterator<Decision> for Replay {
             step.run_time = step.run_time.or(decided.run_time);
             step.stop_at = step.stop_at.or(decided.stop_at);
             step.offers = step.offers.or(decided.offers);
+            step.lost |= decided.lost;
+            step.afresh |= decided.afresh;
         }
         replay
     }

@@ -22,6 +22,7 @@ use due::{Due, Ready};
 use node::{Node, StreamState};
 use pool::Pool;
 use resource::ResourceState;
+pub(crate) use start::step as run_step;
 
 /// A graph being run.
 pub(crate) struct Engine<'o> {
@@ -136,7 +137,7 @@ impl Engine<'_> {
             at: self.now,
             seed: self.seed,
             instants: self.instants,
-            operators: self.nodes.iter().map(|node| node.tally.clone()).collect(),
+            operators: self.nodes.iter().map(Node::report).collect(),
             overlapped_steps: self.pool.as_ref().map_or(0, Pool::overlapped),
         };
         self.tell(&Event::End(&report));

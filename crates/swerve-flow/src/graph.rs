@@ -15,10 +15,11 @@ pub(crate) use check::ranks;
 pub use describe::{GraphInfo, InputInfo, InputKind, OperatorInfo};
 
 use crate::deadline::{Deadline, Length};
+use crate::elsewhere::{Elsewhere, Remote, Workbench, Workshop};
 use crate::input::{Connect, Edge, PortSpec, Ports};
 use crate::operator::{Body, OnDeadline, Operator, Typed, on_deadline};
 use crate::output::{Declaration, Outputs};
-use crate::payload::{Decode, OUTPUTS_MAX, Payload};
+use crate::payload::{Decode, FromWire, OUTPUTS_MAX, Payload};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
 use crate::runtime::RuntimeModel;
@@ -100,6 +101,8 @@ pub(crate) struct OperatorSpec {
     /// When steps that are played back held slots of the resource.
     pub(crate) held: Vec<(Time, Time)>,
     pub(crate) body: BodySpec,
+    /// Bodies in their first state, for steps before which the operator began afresh in the run that is repeated.
+    pub(crate) spares: Vec<Box<dyn Body>>,
 }
 
 pub(crate) enum BodySpec {
@@ -112,6 +115,7 @@ pub(crate) struct StreamSpec {
     pub(crate) name: Arc<str>,
     pub(crate) type_name: &'static str,
     pub(crate) decode: Decode,
+    pub(crate) from_wire: FromWire,
     pub(crate) producer: usize,
 }
 
@@ -177,9 +181,9 @@ impl Graph {
         let mut declared = Declaration { first: self.streams.len(), types: Vec::new() };
         let streams = Out::declare(&mut declared);
         let n = declared.types.len();
-        for (i, (type_name, decode)) in declared.types.into_iter().enumerate() {
+        for (i, (type_name, decode, from_wire)) in declared.types.into_iter().enumerate() {
             let name = if n == 1 { name.clone() } else { format!("{name}.{i}").into() };
-            self.streams.push(StreamSpec { name, type_name, decode, producer: index });
+            self.streams.push(StreamSpec { name, type_name, decode, from_wire, producer: index });
         }
         self.operators.push(OperatorSpec {
             name,
@@ -194,6 +198,7 @@ impl Graph {
             delay: Span::ZERO,
             held: Vec::new(),
             body,
+            spares: Vec::new(),
         });
         OperatorRef { graph: self, index, streams }
     }
@@ -264,6 +269,42 @@ impl Graph {
         steps.sort_unstable();
         self.operators[index].held = steps;
         Ok(())
+    }
+
+    /// The operators of these names, to be stepped by hand: what another process does for a graph that has the
+    /// same ones [`elsewhere`](OperatorRef::elsewhere).
+    ///
+    /// # Errors
+    /// When there is no operator of a name, or it is none that has steps.
+    pub fn into_workshop(mut self, names: &[String]) -> Result<Workshop, GraphError> {
+        let mut benches = Vec::new();
+        for name in names {
+            let index = self.index_of(name)?;
+            let body = core::mem::replace(&mut self.operators[index].body, BodySpec::Feed(Vec::new()));
+            let BodySpec::Operator(body, _) = body else {
+                return Err(GraphError::UnknownOperator { operator: name.clone() });
+            };
+            let operator = &self.operators[index];
+            let ports = operator.ports.iter().map(|port| match *port {
+                PortSpec::At(id) => Some(id),
+                PortSpec::Latest { edge, .. } => self.stream_of(edge),
+                PortSpec::Timer(_) => None,
+            });
+            let ports = ports.map(|id| Some(self.streams.get(id?)?.from_wire)).collect();
+            benches.push(Workbench { name: operator.name.clone(), body, ports });
+        }
+        Ok(Workshop { benches })
+    }
+
+    /// Takes the operators of `other`, the same graph built once more, as what operators start from that began
+    /// afresh in the run to be repeated ([`Decision::Afresh`](crate::Decision::Afresh)); one graph for each time.
+    pub fn spare(&mut self, other: Self) {
+        for spec in other.operators {
+            let own = self.operators.iter_mut().find(|own| own.name == spec.name);
+            if let (Some(own), BodySpec::Operator(body, _)) = (own, spec.body) {
+                own.spares.push(body);
+            }
+        }
     }
 
     fn index_of(&self, name: &str) -> Result<usize, GraphError> {
@@ -358,6 +399,19 @@ impl<Out: Outputs> OperatorRef<'_, Out> {
     #[must_use]
     pub fn heavy(self) -> Self {
         self.with(|operator| operator.heavy = true)
+    }
+
+    /// Its steps are taken elsewhere, by another process that has built the same graph; counts as
+    /// [`heavy`](Self::heavy). Its own state here stays as it is.
+    #[must_use]
+    pub fn elsewhere(self, elsewhere: Box<dyn Elsewhere>) -> Self {
+        let streams = &self.graph.operators[self.index].streams;
+        let decoders = streams.iter().map(|id| self.graph.streams[*id].from_wire).collect();
+        self.heavy().with(|operator| {
+            if let BodySpec::Operator(body, _) = &mut operator.body {
+                *body = Box::new(Remote::new(elsewhere, decoders));
+            }
+        })
     }
 
     /// Its messages reach their readers this much after publication.

@@ -69,6 +69,7 @@
 
 mod deadline;
 mod decision;
+mod elsewhere;
 mod engine;
 mod graph;
 mod host;
@@ -90,6 +91,7 @@ mod wall;
 
 pub use deadline::{Anchor, Deadline, Reaction};
 pub use decision::{Decision, Replay};
+pub use elsewhere::{Answered, Call, CallError, Elsewhere, Lost, Workshop};
 pub use graph::{
     Feedback, Graph, GraphError, GraphInfo, InputInfo, InputKind, OperatorInfo, OperatorRef, Resource, Stream,
 };
@@ -106,7 +108,7 @@ pub use payload::Sent;
 pub use payload::{ErasedPayload, Payload};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Policy};
-pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport};
+pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
 pub use virtual_time::{run_replay, run_virtual};
 pub use wall::{SendError, SourceHandle, StopHandle, run_wall};

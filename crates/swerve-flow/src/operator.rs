@@ -8,6 +8,7 @@ use swerve_core::{Rng, Time};
 use crate::input::{Inputs, Slot, Slots};
 use crate::output::{Outputs, Port};
 use crate::payload::{Outs, Payload, Sent};
+use crate::wall::Alarm;
 
 /// One component: a step from inputs to outputs, with state of its own.
 ///
@@ -67,14 +68,25 @@ pub(crate) struct Task {
     pub(crate) seed: u64,
     pub(crate) rng: Option<Rng>,
     pub(crate) meter: Meter,
-    pub(crate) stop_run: Option<Box<str>>,
+    pub(crate) unusual: Option<Box<Unusual>>,
+}
+
+/// What few steps leave behind.
+#[derive(Default)]
+pub(crate) struct Unusual {
+    /// The run is to end: why.
+    pub(crate) stop_run: Option<String>,
+    /// A step that was taken elsewhere did not come to its end: why.
+    pub(crate) lost: Option<String>,
+    /// It was the first one of a process that began afresh.
+    pub(crate) afresh: bool,
 }
 
 impl Task {
     /// A task that nothing cuts.
     #[inline]
     pub(crate) fn new(now: Time, stamp: Time, seed: u64) -> Self {
-        Self { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), stop_run: None }
+        Self { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), unusual: None }
     }
 }
 
@@ -103,14 +115,11 @@ pub(crate) struct Cut {
     /// Where offered values go; none if nobody would read them.
     pub(crate) offered: Option<Offered>,
     /// Says whether the time is out, under wall clock.
-    pub(crate) time_is_out: Option<TimeIsOut>,
+    pub(crate) time_is_out: Option<Alarm>,
 }
 
 /// The last offered values and how many there were, shared with the engine while the step runs.
 pub(crate) type Offered = Arc<Mutex<(u64, Outs)>>;
-
-/// Whether the real clock has passed a step's deadline.
-pub(crate) type TimeIsOut = Box<dyn Fn() -> bool + Send>;
 
 impl Context<'_> {
     /// The present instant: when the step starts.
@@ -153,7 +162,7 @@ impl Context<'_> {
             return Progress::Stop;
         }
         let at_limit = cut.limit.is_some_and(|limit| meter.units >= limit);
-        if at_limit || cut.time_is_out.as_ref().is_some_and(|out| out()) {
+        if at_limit || cut.time_is_out.as_ref().is_some_and(Alarm::is_out) {
             cut.stopped_at = Some(meter.units);
             return Progress::Stop;
         }
@@ -183,7 +192,7 @@ impl Context<'_> {
 
     /// Ends the run after the sweep of the instant at which this step is done.
     pub fn stop_run(&mut self, reason: impl Into<String>) {
-        self.task.stop_run = Some(reason.into().into());
+        self.task.unusual.get_or_insert_default().stop_run = Some(reason.into());
     }
 }
 

@@ -7,7 +7,7 @@ use swerve_core::{Digest, digest_of};
 
 use crate::graph::Stream;
 use crate::message::Message;
-use crate::payload::{Decode, Outs, Payload, Sent, decode};
+use crate::payload::{Decode, FromWire, Outs, Payload, Sent, decode, from_wire};
 
 /// The outputs of an operator: `()`, a [`Port`], or a tuple of up to four ports.
 pub trait Outputs: Sized + Send + 'static {
@@ -29,7 +29,7 @@ pub trait Outputs: Sized + Send + 'static {
 /// The streams that an operator publishes, as they are being declared.
 pub struct Declaration {
     pub(crate) first: usize,
-    pub(crate) types: Vec<(&'static str, Decode)>,
+    pub(crate) types: Vec<(&'static str, Decode, FromWire)>,
 }
 
 /// One output of an operator: carries at most one message per step.
@@ -119,7 +119,7 @@ impl<T: Payload> Outputs for Port<T> {
 
     fn declare(streams: &mut Declaration) -> Stream<T> {
         let stream = Stream::new(streams.first + streams.types.len());
-        streams.types.push((core::any::type_name::<T>(), decode::<T>));
+        streams.types.push((core::any::type_name::<T>(), decode::<T>, from_wire::<T>));
         stream
     }
 

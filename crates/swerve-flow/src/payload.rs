@@ -17,6 +17,8 @@ impl<T: Serialize + DeserializeOwned + Send + Sync + 'static> Payload for T {}
 pub trait ErasedPayload: Any + Send + Sync {
     /// Appends the payload in CBOR (RFC 8949), the form in which logs hold it.
     fn to_cbor(&self, out: &mut Vec<u8>);
+    /// Appends the payload in the form in which it goes to another process (postcard).
+    fn to_wire(&self, out: &mut Vec<u8>);
     /// The payload's fingerprint, as it enters the run's digest.
     fn digest(&self) -> Digest;
     /// The Rust type, for error messages and listings.
@@ -28,6 +30,11 @@ pub trait ErasedPayload: Any + Send + Sync {
 impl<T: Payload> ErasedPayload for T {
     fn to_cbor(&self, out: &mut Vec<u8>) {
         ciborium::into_writer(self, out).expect("message types serialize without fail, and memory takes all");
+    }
+
+    fn to_wire(&self, out: &mut Vec<u8>) {
+        *out = postcard::to_extend(self, core::mem::take(out))
+            .expect("message types serialize without fail, and memory takes all");
     }
 
     fn digest(&self) -> Digest {
@@ -81,4 +88,15 @@ pub(crate) type Decode = fn(&[u8]) -> Result<Sent, String>;
 pub(crate) fn decode<T: Payload>(cbor: &[u8]) -> Result<Sent, String> {
     let value: T = ciborium::from_reader(cbor).map_err(|error| error.to_string())?;
     Ok(Sent::new(Arc::new(value)))
+}
+
+/// How the engine makes a payload of one stream from what came from another process.
+pub(crate) type FromWire = fn(&[u8]) -> Result<Arc<dyn ErasedPayload>, String>;
+
+pub(crate) fn from_wire<T: Payload>(bytes: &[u8]) -> Result<Arc<dyn ErasedPayload>, String> {
+    match postcard::take_from_bytes::<T>(bytes) {
+        Ok((value, [])) => Ok(Arc::new(value)),
+        Ok((_, rest)) => Err(format!("{} bytes too many", rest.len())),
+        Err(error) => Err(error.to_string()),
+    }
 }

@@ -66,6 +66,101 @@ pub struct OperatorReport {
     pub ended: u64,
     /// Units of work that its steps counted.
     pub units: u64,
+    /// How its timers kept time, under wall clock.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ticks: Option<TickReport>,
+}
+
+/// How an operator's timers kept time on the real clock: how much later than due its turn came.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TickReport {
+    /// Ticks taken.
+    pub ticks: u64,
+    /// Ticks whose turn came when the next one was due already.
+    pub missed: u64,
+    /// Half of them were at most this late, nanoseconds (to an eighth of it).
+    pub p50_ns: u64,
+    /// 99 of 100 were at most this late, nanoseconds (to an eighth of it).
+    pub p99_ns: u64,
+    /// The latest, nanoseconds.
+    pub max_ns: u64,
+}
+
+/// How late ticks were: counts in buckets an eighth wide.
+#[derive(Clone, Debug)]
+pub(crate) struct Lateness {
+    counts: Vec<u64>,
+    report: TickReport,
+}
+
+impl Default for Lateness {
+    fn default() -> Self {
+        Self { counts: vec![0; BUCKETS], report: TickReport::default() }
+    }
+}
+
+/// Of every power of two, so many buckets.
+const STEPS: u64 = 8;
+const BUCKETS: usize = 62 * STEPS as usize;
+
+/// Which bucket so many nanoseconds are in.
+fn bucket(ns: u64) -> usize {
+    let power = u64::from(ns.max(STEPS).ilog2()) - 3;
+    (power * STEPS + (ns >> power)) as usize
+}
+
+/// The largest time in a bucket.
+fn largest(bucket: usize) -> u64 {
+    let (power, step) = match bucket as u64 {
+        small if small < 2 * STEPS => (0, small),
+        other => (other / STEPS - 1, other % STEPS + STEPS),
+    };
+    ((step + 1) << power) - 1
+}
+
+impl Lateness {
+    pub(crate) fn tick(&mut self, late_ns: u64, missed: bool) {
+        self.counts[bucket(late_ns).min(BUCKETS - 1)] += 1;
+        self.report.ticks += 1;
+        self.report.missed += u64::from(missed);
+        self.report.max_ns = self.report.max_ns.max(late_ns);
+    }
+
+    pub(crate) fn report(&self) -> TickReport {
+        let TickReport { ticks, max_ns, .. } = self.report;
+        let at = |percent: u64| {
+            let mut left = (ticks * percent).div_ceil(100).max(1);
+            let bucket = self.counts.iter().position(|count| {
+                let here = *count >= left;
+                left -= if here { 0 } else { *count };
+                here
+            });
+            bucket.map_or(0, largest).min(max_ns)
+        };
+        TickReport { p50_ns: at(50), p99_ns: at(99), ..self.report }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lateness_is_known_to_an_eighth() {
+        for ns in (0..100).chain([1000, 1023, 1024, 99_999, 2_000_000, 5_000_000_000]) {
+            let largest = largest(bucket(ns));
+            assert!(ns <= largest && largest <= ns + ns / 8, "{ns}: {largest}");
+        }
+        let mut lateness = Lateness::default();
+        for us in 1..=200 {
+            lateness.tick(us * 1000, us > 198);
+        }
+        let report = lateness.report();
+        assert_eq!((report.ticks, report.missed, report.max_ns), (200, 2, 200_000));
+        assert!((100_000..113_000).contains(&report.p50_ns), "{report:?}");
+        assert!((198_000..=200_000).contains(&report.p99_ns), "{report:?}");
+        assert_eq!(Lateness::default().report(), TickReport::default());
+    }
 }
 
 /// Frames and results dropped, by reason.
@@ -110,6 +205,14 @@ pub enum RunError {
         operator: String,
         /// What it said.
         message: String,
+    },
+    /// A step that was taken elsewhere did not come to its end.
+    #[error("operator `{operator}`: {why}")]
+    Lost {
+        /// Whose step.
+        operator: String,
+        /// What happened.
+        why: String,
     },
     /// A queue was full whose policy forbids it.
     #[error("the queue of operator `{operator}` is full at stamp {stamp}")]

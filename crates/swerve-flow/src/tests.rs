@@ -2,6 +2,7 @@
 
 mod clock;
 mod deadlines;
+mod elsewhere;
 mod loops;
 mod net;
 mod ports;

@@ -13,7 +13,6 @@ use crate::decision::Decision;
 use crate::engine::Engine;
 use crate::graph::Graph;
 use crate::observer::Observer;
-use crate::operator::TimeIsOut;
 use crate::options::RunOptions;
 use crate::payload::{Payload, Sent};
 use crate::report::{EndReason, RunError, RunReport};
@@ -167,13 +166,35 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
-    fn now(self) -> Time {
+    pub(crate) fn now(self) -> Time {
         Time::from_ns(i64::try_from(crate::host::ns_since(self.begin)).unwrap_or(i64::MAX))
     }
 
     /// Whether the real clock has reached a step's deadline.
-    pub(crate) fn time_is_out(self, deadline: Time) -> TimeIsOut {
-        Box::new(move || self.now() >= deadline)
+    pub(crate) fn alarm(self, deadline: Time) -> Alarm {
+        Alarm { pace: self, deadline }
+    }
+}
+
+/// Says whether the real clock has passed a step's deadline.
+pub(crate) struct Alarm {
+    pace: Pace,
+    deadline: Time,
+}
+
+impl Alarm {
+    /// Goes off so long from now.
+    pub(crate) fn after(left: Span) -> Self {
+        Pace { begin: crate::host::now() }.alarm(Time::ZERO + left)
+    }
+
+    pub(crate) fn is_out(&self) -> bool {
+        self.pace.now() >= self.deadline
+    }
+
+    /// How long it is until then; zero once it has passed.
+    pub(crate) fn left(&self) -> Span {
+        (self.deadline - self.pace.now()).max(Span::ZERO)
     }
 }
 

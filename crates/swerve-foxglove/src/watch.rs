@@ -274,7 +274,7 @@ impl Foxglove {
                 let calibration = self.topic(&format!("{camera}/calibration"));
                 let annotations = self.topic(&format!("{camera}/annotations"));
                 let colours = self.topic(&format!("{camera}/image"));
-                let (rgb, of) = (rgb.0.clone(), header.clone());
+                let (rgb, of) = (rgb.to_vec(), header.clone());
                 out.push(view(&colours, when, bytes, move || camera::colours(&of, &rgb, form)));
                 let of = header.clone();
                 out.push(view(&calibration, when, 0, move || camera::calibration(&of)));

@@ -96,7 +96,11 @@ impl Recorder {
             | Decision::Deadline { at, .. }
             | Decision::Drop { at, .. }
             | Decision::End { at } => *at,
-            Decision::Begin { .. } | Decision::RunTime { .. } | Decision::Stop { .. } => self.now(),
+            Decision::Begin { .. }
+            | Decision::RunTime { .. }
+            | Decision::Stop { .. }
+            | Decision::Lost { .. }
+            | Decision::Afresh { .. } => self.now(),
         };
         self.decision(at, |out| {
             ciborium::into_writer(decision, out).expect("decisions serialize, and memory takes all");

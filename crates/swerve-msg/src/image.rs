@@ -5,6 +5,7 @@ use swerve_core::Time;
 use swerve_geom::{Camera, Ego, Point, Transform};
 
 use crate::Packed;
+use crate::block::Memory;
 
 /// One image of one camera.
 ///
@@ -177,6 +178,30 @@ impl Image {
         };
         image.reset(width_px, height_px, encoding);
         image
+    }
+
+    /// A black image in such memory.
+    pub fn in_memory(memory: Option<&dyn Memory>, width_px: u32, height_px: u32, encoding: Encoding) -> Self {
+        let n = width_px as usize * height_px as usize * encoding.channels();
+        let pixels = match encoding {
+            Encoding::Rgb8 => Pixels::Rgb8(Packed::in_memory(memory, n)),
+            Encoding::DepthF32M => Pixels::DepthF32M(Packed::in_memory(memory, n)),
+            Encoding::ClassU8 => Pixels::ClassU8(Packed::in_memory(memory, n)),
+            Encoding::InstanceU32 => Pixels::InstanceU32(Packed::in_memory(memory, n)),
+        };
+        Self { stamp: Time::ZERO, width_px, height_px, camera: CameraInfo::default(), pixels }
+    }
+
+    /// Ends writing into memory that others are to read.
+    ///
+    /// # Errors
+    /// As [`Packed::seal`].
+    pub fn seal(&mut self) -> Result<(), String> {
+        match &mut self.pixels {
+            Pixels::Rgb8(numbers) | Pixels::ClassU8(numbers) => numbers.seal(),
+            Pixels::DepthF32M(numbers) => numbers.seal(),
+            Pixels::InstanceU32(numbers) => numbers.seal(),
+        }
     }
 
     /// Makes it black, of this size and encoding, in the memory that it has if the encoding stays.

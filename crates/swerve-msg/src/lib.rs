@@ -6,8 +6,10 @@
 
 mod actuation;
 mod detection;
+pub mod block;
 mod ego;
 mod event;
+mod health;
 mod image;
 mod obstacle;
 mod odometry;
@@ -16,6 +18,7 @@ mod plan;
 mod point_cloud;
 mod radar;
 mod route;
+mod supervision;
 pub mod truth;
 
 pub use actuation::{Command, MotionCommand};
@@ -25,6 +28,7 @@ pub use event::{
     CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent,
     RedLightEvents, RoadLine, Side, Signal,
 };
+pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use obstacle::{
     ActorId, ActorKind, Extent, Obstacle, ObstacleList, PredictedPose, Prediction, PredictionList, Sighting,
@@ -36,3 +40,4 @@ pub use plan::{Plan, PlanPoint, PlanStatus};
 pub use point_cloud::{LidarPoint, PointCloud, PointCloudError};
 pub use radar::{RadarDetection, RadarScan};
 pub use route::Route;
+pub use supervision::{GoneProcess, Supervision};

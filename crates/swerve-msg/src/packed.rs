@@ -1,12 +1,20 @@
 use core::fmt;
 use core::marker::PhantomData;
 use core::ops::{Deref, DerefMut};
+use std::sync::Arc;
 
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::block::{self, Block, Form, Memory, Place, Room};
+
 /// A number that [`Packed`] can hold.
-pub trait Packable: bytemuck::Pod + Default {}
+pub trait Packable: bytemuck::Pod + Default {
+    /// The memory of such numbers.
+    fn bytes(numbers: &[Self]) -> &[u8] {
+        bytemuck::cast_slice(numbers)
+    }
+}
 
 impl Packable for u8 {}
 impl Packable for u16 {}
@@ -18,58 +26,218 @@ const _: () = assert!(cfg!(target_endian = "little"), "logs and digests hold lit
 
 /// Many numbers of one kind, as they fill images and point clouds.
 ///
-/// In memory a vector; serialized **one run of bytes**, little-endian, so that a digest or a log takes in a
-/// megabyte at once instead of number by number. A run whose length is no multiple of a number's is refused
-/// when it is read.
-#[derive(Clone, PartialEq, Default)]
-pub struct Packed<T>(pub Vec<T>);
+/// In memory a vector, or a block that other processes read where it lies ([`Packed::in_memory`]); serialized
+/// **one run of bytes**, little-endian, so that a digest or a log takes in a megabyte at once instead of number by
+/// number. A run whose length is no multiple of a number's is refused when it is read.
+pub struct Packed<T>(Store<T>);
+
+enum Store<T> {
+    Own(Vec<T>),
+    /// The first so many numbers of a block that is being written.
+    Room(Box<dyn Room>, usize),
+    /// The first so many numbers of a block that nobody writes any more.
+    Block(Arc<dyn Block>, usize),
+}
+
+/// The first `n` numbers of a block. Fewer where it is too short, none where its memory is not aligned for them.
+fn numbers<T: Packable>(bytes: &[u8], n: usize) -> &[T] {
+    let whole = bytes.len() / size_of::<T>();
+    let bytes = &bytes[..whole.min(n) * size_of::<T>()];
+    bytemuck::try_cast_slice(bytes).unwrap_or_default()
+}
 
 impl<T: Packable> Packed<T> {
+    /// `n` numbers, all zero, in such memory; in a vector where that has no room.
+    pub fn in_memory(memory: Option<&dyn Memory>, n: usize) -> Self {
+        let room = memory.and_then(|memory| memory.room(n * size_of::<T>()));
+        match room.filter(|room| numbers::<T>(room.bytes(), n).len() == n) {
+            Some(room) => Self(Store::Room(room, n)),
+            None => Self(Store::Own(vec![T::default(); n])),
+        }
+    }
+
+    /// Ends writing into memory that others are to read. Nothing changes where that is this one's own.
+    ///
+    /// # Errors
+    /// When others cannot be given it. The numbers are lost.
+    pub fn seal(&mut self) -> Result<(), String> {
+        self.0 = match core::mem::replace(&mut self.0, Store::Own(Vec::new())) {
+            Store::Room(room, n) => Store::Block(room.seal()?, n),
+            other => other,
+        };
+        Ok(())
+    }
+
+    /// Where others read it, if they do.
+    pub fn place(&self) -> Option<Place> {
+        match &self.0 {
+            Store::Block(block, _) => Some(block.place()),
+            Store::Own(_) | Store::Room(..) => None,
+        }
+    }
+
     /// Makes it `n` numbers long, all zero, in the memory that it has.
     pub fn reset(&mut self, n: usize) {
-        self.0.clear();
-        self.0.resize(n, T::default());
+        match &mut self.0 {
+            Store::Room(room, len) if numbers::<T>(room.bytes(), n).len() == n => {
+                *len = n;
+                room.bytes_mut()[..n * size_of::<T>()].fill(0);
+            }
+            _ => {
+                let own = self.own();
+                own.clear();
+                own.resize(n, T::default());
+            }
+        }
+    }
+
+    /// Adds a number.
+    pub fn push(&mut self, number: T) {
+        self.own().push(number);
+    }
+
+    /// Takes the last number away.
+    pub fn pop(&mut self) -> Option<T> {
+        let last = self.last().copied();
+        self.truncate(self.len().saturating_sub(1));
+        last
+    }
+
+    /// Takes all numbers away and keeps the memory.
+    pub fn clear(&mut self) {
+        self.truncate(0);
+    }
+
+    /// Keeps the first `n` numbers, in the memory that it has.
+    pub fn truncate(&mut self, n: usize) {
+        match &mut self.0 {
+            Store::Own(numbers) => numbers.truncate(n),
+            Store::Room(_, len) | Store::Block(_, len) => *len = n.min(*len),
+        }
+    }
+
+    /// The numbers as a vector of this one's own, copied where they are in memory of others.
+    fn own(&mut self) -> &mut Vec<T> {
+        if !matches!(self.0, Store::Own(_)) {
+            self.0 = Store::Own(self.to_vec());
+        }
+        match &mut self.0 {
+            Store::Own(numbers) => numbers,
+            Store::Room(..) | Store::Block(..) => unreachable!("it was just made its own"),
+        }
     }
 }
 
-impl<T> Deref for Packed<T> {
-    type Target = Vec<T>;
+impl<T: Packable> Deref for Packed<T> {
+    type Target = [T];
 
-    fn deref(&self) -> &Vec<T> {
-        &self.0
+    fn deref(&self) -> &[T] {
+        match &self.0 {
+            Store::Own(numbers) => numbers,
+            Store::Room(room, n) => numbers(room.bytes(), *n),
+            Store::Block(block, n) => numbers(block.bytes(), *n),
+        }
     }
 }
 
-impl<T> DerefMut for Packed<T> {
-    fn deref_mut(&mut self) -> &mut Vec<T> {
-        &mut self.0
+/// Whoever writes what others read already gets a copy.
+impl<T: Packable> DerefMut for Packed<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        match self.0 {
+            Store::Room(ref mut room, n) => {
+                bytemuck::cast_slice_mut(&mut room.bytes_mut()[..n * size_of::<T>()])
+            }
+            _ => self.own(),
+        }
+    }
+}
+
+impl<T> Default for Packed<T> {
+    fn default() -> Self {
+        Self(Store::Own(Vec::new()))
     }
 }
 
 impl<T> From<Vec<T>> for Packed<T> {
     fn from(numbers: Vec<T>) -> Self {
-        Self(numbers)
+        Self(Store::Own(numbers))
+    }
+}
+
+/// A copy in memory of its own.
+impl<T: Packable> Clone for Packed<T> {
+    fn clone(&self) -> Self {
+        Self(Store::Own(self.to_vec()))
+    }
+}
+
+impl<T: Packable + PartialEq> PartialEq for Packed<T> {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
     }
 }
 
 /// Says how many there are, and the first few.
-impl<T: fmt::Debug> fmt::Debug for Packed<T> {
+impl<T: Packable + fmt::Debug> fmt::Debug for Packed<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const SHOWN: usize = 8;
-        write!(f, "{} x {:?}", self.0.len(), &self.0[..self.0.len().min(SHOWN)])?;
-        if self.0.len() > SHOWN { f.write_str("...") } else { Ok(()) }
+        write!(f, "{} x {:?}", self.len(), &self[..self.len().min(SHOWN)])?;
+        if self.len() > SHOWN { f.write_str("...") } else { Ok(()) }
     }
 }
 
 impl<T: Packable> Serialize for Packed<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_bytes(bytemuck::cast_slice(&self.0))
+        let bytes: &[u8] = bytemuck::cast_slice(self);
+        match block::form(bytes.len(), self.place()) {
+            Form::Plain => serializer.serialize_bytes(bytes),
+            Form::Away { place: None } => Away::Here(Run(bytes)).serialize(serializer),
+            Form::Away { place: Some(place) } => {
+                Away::<Run<'_>>::There(place, self.len()).serialize(serializer)
+            }
+        }
     }
 }
 
 impl<'de, T: Packable> Deserialize<'de> for Packed<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_byte_buf(Bytes(PhantomData))
+        if !block::is_reading() {
+            return deserializer.deserialize_byte_buf(Bytes(PhantomData));
+        }
+        match Away::<Plain<T>>::deserialize(deserializer)? {
+            Away::Here(Plain(numbers)) => Ok(numbers),
+            Away::There(place, n) => {
+                let block = block::find(place);
+                let block = block.ok_or_else(|| D::Error::custom(format_args!("{place:?} is not there")))?;
+                if numbers::<T>(block.bytes(), n).len() == n {
+                    return Ok(Self(Store::Block(block, n)));
+                }
+                Err(D::Error::custom(format_args!("{place:?} has no room for {n} numbers")))
+            }
+        }
+    }
+}
+
+/// A run of numbers as it goes to another process.
+#[derive(Serialize, Deserialize)]
+enum Away<R> {
+    Here(R),
+    There(Place, usize),
+}
+
+struct Run<'a>(&'a [u8]);
+
+impl Serialize for Run<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(self.0)
+    }
+}
+
+struct Plain<T>(Packed<T>);
+
+impl<'de, T: Packable> Deserialize<'de> for Plain<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_byte_buf(Bytes(PhantomData)).map(Self)
     }
 }
 
@@ -89,7 +257,7 @@ impl<'de, T: Packable> Visitor<'de> for Bytes<T> {
         }
         let mut numbers = vec![T::default(); bytes.len() / size_of::<T>()];
         bytemuck::cast_slice_mut(&mut numbers).copy_from_slice(bytes);
-        Ok(Packed(numbers))
+        Ok(numbers.into())
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<Packed<T>, A::Error> {
@@ -100,12 +268,16 @@ impl<'de, T: Packable> Visitor<'de> for Bytes<T> {
         self.visit_bytes(&bytes)
     }
 }
-
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+    use std::rc::Rc;
+    use std::sync::Mutex;
+
     use swerve_core::digest_of;
 
     use super::*;
+    use crate::block::{Shelf, Written, reading, writing};
 
     fn cbor<T: Packable>(numbers: &Packed<T>) -> Vec<u8> {
         let mut out = Vec::new();
@@ -115,25 +287,25 @@ mod tests {
 
     #[test]
     fn numbers_are_one_run_of_little_endian_bytes() {
-        let numbers = Packed(vec![1.0_f32, -2.5, f32::INFINITY]);
+        let numbers = Packed::from(vec![1.0_f32, -2.5, f32::INFINITY]);
         let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         // A byte string of twelve (RFC 8949, 3.1: major type 2).
         assert_eq!(cbor(&numbers), [&[0x4c_u8][..], &bytes].concat());
-        assert_eq!(cbor(&Packed(vec![0x0102_u16])), [0x42, 0x02, 0x01]);
-        assert_eq!(digest_of(&numbers), digest_of(&Packed(bytes)), "the digest is that of the bytes");
+        assert_eq!(cbor(&Packed::from(vec![0x0102_u16])), [0x42, 0x02, 0x01]);
+        assert_eq!(digest_of(&numbers), digest_of(&Packed::from(bytes)), "the digest is that of the bytes");
     }
 
     #[test]
     fn what_is_written_is_read_back_whatever_its_length() {
         for n in [0, 1, 1000, 100_000] {
-            let numbers = Packed((0..n).map(|i| i as f32 * 0.5).collect());
+            let numbers = Packed::from((0..n).map(|i| i as f32 * 0.5).collect::<Vec<_>>());
             assert_eq!(ciborium::from_reader::<Packed<f32>, _>(&cbor(&numbers)[..]).unwrap(), numbers);
-            let ids = Packed((0..n).map(|i: u32| i.wrapping_mul(77_777)).collect());
+            let ids = Packed::from((0..n).map(|i: u32| i.wrapping_mul(77_777)).collect::<Vec<_>>());
             assert_eq!(ciborium::from_reader::<Packed<u32>, _>(&cbor(&ids)[..]).unwrap(), ids);
         }
-        let text = serde_json::to_string(&Packed(vec![1.5_f32])).unwrap();
+        let text = serde_json::to_string(&Packed::from(vec![1.5_f32])).unwrap();
         assert_eq!(text, "[0,0,192,63]");
-        assert_eq!(serde_json::from_str::<Packed<f32>>(&text).unwrap(), Packed(vec![1.5]));
+        assert_eq!(serde_json::from_str::<Packed<f32>>(&text).unwrap(), Packed::from(vec![1.5]));
     }
 
     #[test]
@@ -147,10 +319,109 @@ mod tests {
 
     #[test]
     fn a_reset_keeps_the_memory() {
-        let mut numbers = Packed(vec![7_u16; 100]);
+        let mut numbers = Packed::from(vec![7_u16; 100]);
         let before = numbers.as_ptr();
         numbers.reset(60);
         assert_eq!((numbers.len(), numbers[59], numbers.as_ptr()), (60, 0, before));
-        assert_eq!(format!("{:?}", Packed(vec![1_u8; 9])), "9 x [1, 1, 1, 1, 1, 1, 1, 1]...");
+        assert_eq!(format!("{:?}", Packed::from(vec![1_u8; 9])), "9 x [1, 1, 1, 1, 1, 1, 1, 1]...");
+    }
+
+    /// Memory as another process might have it: aligned, and known by its place.
+    #[derive(Clone, Default)]
+    struct Shared(Arc<Mutex<BTreeMap<u64, Arc<Piece>>>>);
+
+    struct Piece {
+        lines: Vec<u64>,
+        bytes: usize,
+        place: Place,
+        of: Shared,
+    }
+
+    impl Memory for Shared {
+        fn room(&self, bytes: usize) -> Option<Box<dyn Room>> {
+            let place = Place { memory: 7, seq: self.0.lock().unwrap().len() as u64 + 1 };
+            let lines = vec![0; bytes.div_ceil(8)];
+            Some(Box::new(Piece { lines, bytes, place, of: self.clone() }))
+        }
+    }
+
+    impl Room for Piece {
+        fn bytes(&self) -> &[u8] {
+            &bytemuck::cast_slice(&self.lines)[..self.bytes]
+        }
+
+        fn bytes_mut(&mut self) -> &mut [u8] {
+            &mut bytemuck::cast_slice_mut(&mut self.lines)[..self.bytes]
+        }
+
+        fn seal(self: Box<Self>) -> Result<Arc<dyn Block>, String> {
+            let (shared, seq) = (self.of.clone(), self.place.seq);
+            let piece: Arc<Self> = Arc::from(self);
+            shared.0.lock().unwrap().insert(seq, piece.clone());
+            Ok(piece)
+        }
+    }
+
+    impl Block for Piece {
+        fn bytes(&self) -> &[u8] {
+            Room::bytes(self)
+        }
+
+        fn place(&self) -> Place {
+            self.place
+        }
+    }
+
+    impl Shelf for Shared {
+        fn find(&self, place: Place) -> Option<Arc<dyn Block>> {
+            Some(self.0.lock().unwrap().get(&place.seq)?.clone())
+        }
+    }
+
+    /// How it comes out at a process that has such a shelf; CBOR serves as well as any form.
+    fn sent(numbers: &Packed<f32>, places: bool, shelf: &Shared) -> (Result<Packed<f32>, String>, Written) {
+        let (bytes, written) = writing(places, 1000, || cbor(numbers));
+        let read = || ciborium::from_reader(&bytes[..]).map_err(|error| error.to_string());
+        (reading(Rc::new(shelf.clone()), read), written)
+    }
+
+    #[test]
+    fn what_lies_in_shared_memory_goes_as_its_place_and_is_the_same_memory_there() {
+        let shared = Shared::default();
+        let mut numbers = Packed::<f32>::in_memory(Some(&shared), 1000);
+        numbers[999] = 0.5;
+        numbers[3] = -1.0;
+        numbers.truncate(900);
+        assert_eq!(numbers.place(), None, "nobody reads what is being written");
+        numbers.seal().unwrap();
+        assert_eq!(numbers.place(), Some(Place { memory: 7, seq: 1 }));
+        let (there, written) = sent(&numbers, true, &shared);
+        let there = there.unwrap();
+        assert_eq!((written.in_place, written.copied), (1, 0));
+        assert_eq!((there.as_ptr(), there.len()), (numbers.as_ptr(), 900));
+        let own = Packed::from(numbers.to_vec());
+        assert_eq!((digest_of(&there), cbor(&there)), (digest_of(&own), cbor(&own)), "logs see the numbers");
+
+        let (there, written) = sent(&numbers, false, &Shared::default());
+        assert_eq!((written.in_place, written.copied), (0, 3600));
+        assert_eq!(there.unwrap(), own, "sent as what they are, where the place is of no use");
+        let (there, written) = sent(&own, true, &shared);
+        assert_eq!((there.unwrap(), written.copied), (own.clone(), 3600), "own memory has no place");
+        let (there, _) = sent(&numbers, true, &Shared::default());
+        assert!(there.unwrap_err().contains("is not there"));
+    }
+
+    #[test]
+    fn whoever_writes_what_others_read_gets_a_copy() {
+        let shared = Shared::default();
+        let mut numbers = Packed::<f32>::in_memory(Some(&shared), 100);
+        numbers.seal().unwrap();
+        let mut other = sent(&numbers, true, &shared).0.unwrap();
+        other[5] = 1.0;
+        assert_eq!((numbers[5], other[5], other.place()), (0.0, 1.0, None));
+        numbers.push(2.0);
+        numbers.reset(3);
+        assert_eq!((&numbers[..], numbers.clone().pop()), (&[0.0; 3][..], Some(0.0)));
+        assert_eq!(&Packed::<f32>::in_memory(None, 2)[..], [0.0; 2]);
     }
 }

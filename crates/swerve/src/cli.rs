@@ -4,7 +4,9 @@ use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
-use crate::{calibrate, check, dataset, doctor, graph, plan, replay, run, scenarios, study, timing};
+use crate::{
+    calibrate, check, dataset, doctor, graph, plan, process, replay, run, scenarios, study, timing,
+};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -38,6 +40,9 @@ enum Command {
     Doctor(doctor::DoctorArgs),
     /// List the scenarios of a folder
     Scenarios(scenarios::ScenariosArgs),
+    /// Take steps for a run in another process, which starts this one
+    #[command(hide = true)]
+    Worker,
 }
 
 /// Reads a command line, the program's name first; the error is what the terminal would show.
@@ -72,5 +77,6 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Dataset(args) => dataset::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::Scenarios(args) => scenarios::run(args),
+        Command::Worker => process::run_worker(),
     }
 }

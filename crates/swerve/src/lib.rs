@@ -12,6 +12,7 @@ pub mod graph;
 pub mod output;
 pub mod pipeline;
 pub mod plan;
+pub mod process;
 pub mod progress;
 pub mod replay;
 pub mod run;

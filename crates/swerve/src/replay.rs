@@ -8,14 +8,14 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
-use swerve_flow::{Decision, Event, Observer, Publication, Replay, RunOptions, run_replay};
+use swerve_flow::{Decision, Event, Observer, Publication, RunOptions, run_replay};
 use swerve_log::{LeavesOut, Log, Record, left_out};
 use swerve_scenario::Scenario;
 
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
 use crate::config::{Config, OPERATORS};
-use crate::pipeline::Pipeline;
+use crate::pipeline::{Pipeline, SUPERVISOR};
 use crate::run::{left_out_of_logs, problems_error};
 
 /// `swerve replay`.
@@ -84,27 +84,32 @@ pub fn replay(
     let scenario =
         Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
-    for operator in &OPERATORS[..cut] {
+    for operator in OPERATORS[..cut].iter().chain([&SUPERVISOR]) {
         if pipeline.graph.operator(operator).is_ok() {
             pipeline.graph.playback(operator, log.playback(operator))?;
             pipeline.graph.playback_steps(operator, log.held(operator))?;
         }
     }
+    let decided = decisions(log, sets.is_empty())?;
+    // Where an operator began afresh, it does so again from what a pipeline starts with.
+    for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Afresh { .. })).count() {
+        pipeline.graph.spare(Pipeline::build(&config, &scenario)?.graph);
+    }
     // Cameras, radars and lidars are computed again whatever the cut: they are functions of the world's states,
     // which the log has.
-    let compared: Vec<&str> = OPERATORS[cut..].iter().copied().chain(config.sensors()).collect();
+    let compared: Vec<&str> =
+        OPERATORS[cut..].iter().copied().chain(config.sensors()).chain(config.monitors()).collect();
     let mut comparison = Comparison::against(log, &compared);
     comparison.leaves_out = left_out_of_logs(config.log.images);
     let last = log.end.as_ref().map(|end| end.at);
     let options = RunOptions { seed: log.start.seed, threads, until: last };
-    let report =
-        run_replay(pipeline.graph, &options, decisions(log, sets.is_empty())?, vec![&mut comparison])?;
+    let report = run_replay(pipeline.graph, &options, decided.into_iter().collect(), vec![&mut comparison])?;
     comparison.digest = report.digest;
     Ok(comparison)
 }
 
 /// What was decided in the logged run. Under other settings only its end is: the rest follows from them.
-fn decisions(log: &Log, all: bool) -> anyhow::Result<Replay> {
+fn decisions(log: &Log, all: bool) -> anyhow::Result<Vec<Decision>> {
     let decisions: Result<Vec<Decision>, _> = log.decisions().map(|record| record.decode()).collect();
     Ok(decisions?.into_iter().filter(|d| all || matches!(d, Decision::End { .. })).collect())
 }

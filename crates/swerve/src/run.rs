@@ -7,27 +7,32 @@ use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, Metrics, Outline};
-use swerve_flow::{Event, Observer, RunOptions, RunReport, RuntimeModel, run_virtual};
+use swerve_flow::{
+    Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, TickReport, run_virtual, run_wall,
+};
 use swerve_foxglove::Foxglove;
+use swerve_ipc::Traffic;
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{Image, Imu, ObstacleList, Plan, PointCloud, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
+use crate::config::clock::Clock;
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
-use crate::config::{Config, Images};
+use crate::config::{Config, Images, OPERATORS};
 use crate::files::write_whole;
 use crate::frames::Frames;
 use crate::output::align;
 use crate::pipeline::{Pipeline, Rendered};
+use crate::process::Processes;
 use crate::progress::Progress;
 use crate::story::{Story, draw};
 use crate::views::views_of;
 
 /// What is driven, by what.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 pub struct RunInput {
     /// Scenario file (TOML)
     pub scenario: PathBuf,
@@ -62,6 +67,9 @@ pub struct RunArgs {
     /// Take run times from an earlier log instead of the configuration
     #[arg(long, value_name = "LOG")]
     runtimes: Option<PathBuf>,
+    /// What moves the run, in place of the configuration's clock.source
+    #[arg(long)]
+    clock: Option<Clock>,
 }
 
 /// What a run came to.
@@ -141,11 +149,15 @@ pub fn drive_pipeline(
 ) -> anyhow::Result<Outcome> {
     let mut measured = Measured::of(&pipeline)?;
     let rendered = pipeline.rendered();
+    let run = match pipeline.clock {
+        Clock::Virtual => run_virtual,
+        Clock::Wall => run_wall,
+    };
     let options = RunOptions::until(pipeline.until).seed(seed).threads(threads);
     let report = {
         let mut all: Vec<&mut dyn Observer> = vec![&mut measured];
         all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
-        run_virtual(pipeline.graph, &options, all)?
+        run(pipeline.graph, &options, all)?
     };
     Ok(Outcome {
         metrics: measured.evaluation.metrics(),
@@ -195,6 +207,10 @@ impl Observer for Measured {
     fn event(&mut self, event: &Event<'_>) {
         match event {
             Event::Publication(publication) => {
+                // What a fault makes of a message is no second one.
+                if !OPERATORS.contains(&publication.operator) {
+                    return;
+                }
                 let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
                 let evaluation = &mut self.evaluation;
                 if let Some(world) = payload.downcast_ref::<WorldState>() {
@@ -248,7 +264,9 @@ impl Observer for Shown {
 
 /// Runs `swerve run`.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
-    let (config, scenario) = load(&args.input)?;
+    let mut input = args.input.clone();
+    input.set.extend(args.clock.map(|clock| format!("clock.source={}", clock.name())));
+    let (config, scenario) = load(&input)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
     if let Some(log) = &args.runtimes {
@@ -266,7 +284,14 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut frames = frames(args, &config, &pipeline)?;
     let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recorder, &mut trace, &mut story];
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
-    let driven = drive_pipeline(pipeline, config.seed, args.threads, &mut observers);
+    let processes = start_processes(&config, &args.input.scenario, &mut pipeline)?;
+    if pipeline.clock == Clock::Wall {
+        stop_on_interrupt(pipeline.graph.stop_handle());
+    }
+    let threads = threads(args.threads, &config);
+    let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
+    let traffic = processes.as_ref().map(Processes::traffic);
+    drop(processes);
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
     recorder.finish()?;
@@ -279,12 +304,41 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if let Some(frames) = &mut frames {
         frames.finish()?;
     }
-    let summary = Summary::of(&config, &scenario, &outcome);
+    let summary = Summary { traffic, ..Summary::of(&config, &scenario, &outcome) };
     story.conclude(&outcome.metrics);
     write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     write_whole(&out.join("metrics.json"), json.as_bytes())?;
     crate::output::print(&if args.json { json } else { summary.text(&out) })
+}
+
+/// Starts the processes of the configuration, if it has any.
+fn start_processes(
+    config: &Config,
+    scenario: &Path,
+    pipeline: &mut Pipeline,
+) -> anyhow::Result<Option<Processes>> {
+    if config.process.is_empty() {
+        return Ok(None);
+    }
+    let text =
+        std::fs::read_to_string(scenario).with_context(|| format!("reading {}", scenario.display()))?;
+    let program = std::env::current_exe().context("finding this program")?;
+    Ok(Some(Processes::start(&program, config, &text, pipeline)?))
+}
+
+/// Against the real clock each process needs a thread that waits for it, beside those that were asked for.
+fn threads(asked: usize, config: &Config) -> usize {
+    match config.clock.source {
+        Clock::Virtual => asked,
+        Clock::Wall => asked + config.process.len(),
+    }
+}
+
+/// Ends a wall-clock run in good order when it is interrupted.
+fn stop_on_interrupt(stop: StopHandle) {
+    // There is a handler already where a program has run before in this process: that one stays.
+    let _first = ctrlc::set_handler(move || stop.stop());
 }
 
 /// Gives every operator the run times that it had in an earlier run.
@@ -363,6 +417,14 @@ fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned())
 }
 
+/// How an operator's timers kept time on the real clock.
+#[derive(Serialize, Clone, Debug)]
+struct Timer {
+    operator: String,
+    #[serde(flatten)]
+    ticks: TickReport,
+}
+
 /// What a run came to, as `metrics.json` and `--json` say it.
 #[derive(Serialize, Debug)]
 pub struct Summary {
@@ -382,6 +444,12 @@ pub struct Summary {
     not_as_expected: Vec<String>,
     /// Run times drawn for want of a record, under recorded run times.
     unrecorded: u64,
+    /// How timers kept time on the real clock, by operator.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    timers: Vec<Timer>,
+    /// What went between the run's processes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    traffic: Option<Traffic>,
     #[serde(flatten)]
     metrics: Metrics,
 }
@@ -403,8 +471,34 @@ impl Summary {
             as_expected: broken.as_ref().map(Vec::is_empty),
             not_as_expected: broken.unwrap_or_default(),
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
+            timers: timers(&outcome.report),
+            traffic: None,
             metrics: outcome.metrics.clone(),
         }
+    }
+
+    /// How time was kept, and what went between processes, where there is something to tell.
+    fn clock_text(&self) -> String {
+        let mut text = String::new();
+        if !self.timers.is_empty() {
+            let head = ["timer", "ticks", "missed", "late p50 ms", "p99 ms", "max ms"];
+            let head = head.map(str::to_owned).to_vec();
+            let lines = self.timers.iter().map(|Timer { operator, ticks }| {
+                let ms = |ns: u64| format!("{:.2}", ns as f64 * 1e-6);
+                let counts = [ticks.ticks.to_string(), ticks.missed.to_string()];
+                let late = [ticks.p50_ns, ticks.p99_ns, ticks.max_ns].map(ms);
+                std::iter::once(operator.clone()).chain(counts).chain(late).collect()
+            });
+            text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        }
+        if let Some(Traffic { calls, bytes, copied, in_place }) = self.traffic {
+            text += &format!(
+                "{calls} steps in other processes: {:.1} MB in messages, {in_place} big arrays read in place, \
+                 {copied} bytes of them copied\n",
+                bytes as f64 * 1e-6
+            );
+        }
+        text
     }
 
     /// For the terminal.
@@ -454,6 +548,7 @@ impl Summary {
             ]
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        text += &self.clock_text();
         if self.unrecorded > 0 {
             let _ = writeln!(
                 text,
@@ -500,4 +595,10 @@ impl Outcome {
 
 fn verdict(verdict: swerve_eval::Verdict) -> Option<swerve_scenario::Verdict> {
     swerve_scenario::Verdict::ALL.into_iter().find(|v| v.name() == verdict.name())
+}
+
+/// How the timers of a run kept time, where that is known.
+fn timers(report: &RunReport) -> Vec<Timer> {
+    let of = report.operators.iter();
+    of.filter_map(|o| Some(Timer { operator: o.name.clone(), ticks: o.ticks? })).collect()
 }

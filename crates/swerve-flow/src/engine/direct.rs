@@ -8,7 +8,7 @@ use super::start::step;
 use super::turn::Answer;
 use crate::input::Slot;
 use crate::message::Msg;
-use crate::operator::Task;
+use crate::operator::{Meter, Task};
 use crate::report::RunError;
 use crate::runtime::RuntimeModel;
 
@@ -66,9 +66,11 @@ impl Engine<'_> {
         let panic = step(&mut **body, &node.name, &mut task, slot, &mut self.outs);
         node.tally.steps += 1;
         node.tally.ended += 1;
-        node.tally.units += task.meter.units;
-        if let Some(reason) = task.stop_run.take() {
-            self.stop.get_or_insert(reason.into());
+        // Taken apart, it is dropped here and not by a function that asks for all that most tasks have not.
+        let Task { meter: Meter { units, .. }, unusual, .. } = task;
+        node.tally.units += units;
+        if let Some(reason) = unusual.and_then(|unusual| unusual.stop_run) {
+            self.stop.get_or_insert(reason);
         }
         if let Some(message) = panic {
             self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });

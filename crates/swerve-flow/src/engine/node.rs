@@ -9,11 +9,11 @@ use super::turn::Answer;
 use crate::deadline::Deadline;
 use crate::input::{Slot, Timer};
 use crate::message::{Header, Msg};
-use crate::operator::{Body, Offered, OnDeadline};
+use crate::operator::{Body, Offered, OnDeadline, Unusual};
 use crate::payload::{Decode, Outs};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
-use crate::report::OperatorReport;
+use crate::report::{Lateness, OperatorReport};
 use crate::runtime::{Draw, RuntimeModel};
 
 /// One operator during a run; its index is its rank.
@@ -22,6 +22,8 @@ pub(crate) struct Node {
     /// Absent in a feed, and while a worker has it.
     pub(crate) body: Option<Box<dyn Body>>,
     pub(crate) on_deadline: Option<OnDeadline>,
+    /// Bodies for steps before which it began afresh in the run that is repeated.
+    pub(crate) spares: VecDeque<Box<dyn Body>>,
     /// What a feed publishes next, in order of its instants.
     pub(crate) feed: Option<VecDeque<PlaybackRecord>>,
     /// When the steps that a feed plays back hold slots of the resource, in order of their starts.
@@ -62,6 +64,8 @@ pub(crate) struct Node {
     /// It had a turn in this sweep whose (e) and (f) are still to come.
     pub(crate) unsettled: bool,
     pub(crate) tally: OperatorReport,
+    /// How its timers keep time, under wall clock.
+    pub(crate) lateness: Option<Box<Lateness>>,
 }
 
 /// A synchronised port that reads a stream.
@@ -150,7 +154,7 @@ pub(crate) struct Ran {
     /// It went on after that.
     pub(crate) went_on: bool,
     pub(crate) host_ns: u64,
-    pub(crate) stop_run: Option<Box<str>>,
+    pub(crate) unusual: Option<Box<Unusual>>,
     pub(crate) panic: Option<Box<str>>,
 }
 
@@ -244,6 +248,12 @@ impl StreamState {
 }
 
 impl Node {
+    /// What it did.
+    pub(crate) fn report(&self) -> OperatorReport {
+        let ticks = self.lateness.as_ref().map(|lateness| lateness.report());
+        OperatorReport { ticks, ..self.tally.clone() }
+    }
+
     /// The watermark that a publication of this moment carries; `Time::MIN` when there is none.
     pub(crate) fn watermark(&self) -> Time {
         let mut oldest = self.open.front().map_or(Time::MAX, |open| open.stamp);

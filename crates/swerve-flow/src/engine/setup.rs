@@ -86,6 +86,11 @@ impl<'o> Engine<'o> {
             stop: None,
             failure: None,
         };
+        if engine.wall.is_some() {
+            for node in engine.nodes.iter_mut().filter(|node| !node.timers.is_empty()) {
+                node.lateness = Some(Box::default());
+            }
+        }
         (0..engine.nodes.len()).for_each(|rank| engine.rearm(rank));
         Ok(engine)
     }
@@ -173,6 +178,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         name: spec.name,
         body,
         on_deadline,
+        spares: spec.spares.into(),
         feed,
         held: spec.held.into(),
         at,
@@ -200,6 +206,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         last: None,
         since: None,
         unsettled: false,
+        lateness: None,
     };
     node.direct = node.may_be_direct();
     node

@@ -43,7 +43,7 @@ impl Engine<'_> {
         let meter = Meter { units: 0, cut: self.cut(rank, deadline, decided) };
         let offered = meter.cut.as_ref().and_then(|cut| cut.offered.clone());
         let due = (deadline < Time::MAX).then_some(deadline);
-        let mut task = Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, stop_run: None };
+        let mut task = Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, unusual: None };
         let (least_end, known) = match draw {
             Draw::Known(span) | Draw::Unrecorded(span) => (now.saturating_add(span), true),
             Draw::Work(base) => (now.saturating_add(base).min(deadline), false),
@@ -73,11 +73,17 @@ impl Engine<'_> {
             offered,
             outcome: Outcome::Here(Ran::default()),
         };
-        if away {
+        if decided.is_some_and(|decided| decided.afresh)
+            && let Some(spare) = self.nodes[rank].spares.pop_front()
+        {
+            self.nodes[rank].body = Some(spare);
+        }
+        if decided.is_some_and(|decided| decided.lost) {
+            // It came to nothing in the run that is repeated.
+        } else if away {
             run.outcome = self.send_away(rank, task);
             return self.nodes[rank].running.push_back(run);
-        }
-        if let Outcome::Here(ran) = &mut run.outcome {
+        } else if let Outcome::Here(ran) = &mut run.outcome {
             self.run_here(rank, &mut task, ran);
         }
         self.settle_ran(rank, &mut run);
@@ -177,7 +183,7 @@ impl Engine<'_> {
             (Some(decided), ..) => {
                 Cut { limit: decided.stop_at, offers_max: decided.offers, ..Cut::default() }
             }
-            (None, Some(wall), _) => Cut { time_is_out: Some(wall.time_is_out(deadline)), ..Cut::default() },
+            (None, Some(wall), _) => Cut { time_is_out: Some(wall.alarm(deadline)), ..Cut::default() },
             (None, None, model @ RuntimeModel::Work { .. }) => {
                 Cut { limit: Some(model.units_within(deadline - self.now)), ..Cut::default() }
             }
@@ -240,8 +246,15 @@ impl Engine<'_> {
             self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });
             return;
         }
+        if let Some(unusual) = &mut ran.unusual {
+            let (afresh, lost) = (core::mem::take(&mut unusual.afresh), unusual.lost.take());
+            if !self.came_from_away(rank, run.stamp, afresh, lost) {
+                return;
+            }
+        }
+        let Outcome::Here(ran) = &mut run.outcome else { return };
         if let (Some(units), Some(_)) = (ran.stopped_at, self.wall) {
-            let (operator, stamp) = (node.name.clone(), run.stamp);
+            let (operator, stamp) = (self.nodes[rank].name.clone(), run.stamp);
             self.decide(|| Decision::Stop { operator: operator.to_string(), stamp, units });
         }
         let node = &self.nodes[rank];
@@ -274,6 +287,22 @@ impl Engine<'_> {
                 self.tell(&Event::Decision(&Decision::RunTime { operator, stamp, run_time }));
             }
         }
+    }
+
+    /// Notes what a step elsewhere came to; says whether the run goes on.
+    fn came_from_away(&mut self, rank: usize, stamp: Time, afresh: bool, lost: Option<String>) -> bool {
+        let operator = self.nodes[rank].name.to_string();
+        if afresh {
+            let operator = operator.clone();
+            self.decide(|| Decision::Afresh { operator, stamp });
+        }
+        let Some(why) = lost else { return true };
+        if self.wall.is_some() {
+            self.decide(|| Decision::Lost { operator, stamp, why });
+            return true;
+        }
+        self.failure = Some(RunError::Lost { operator, why });
+        false
     }
 
     fn tell_start(&mut self, rank: usize, stamp: Time, deadline: Time, reads: &[Option<Time>]) {
@@ -322,12 +351,12 @@ pub(super) fn run(
     if let Some(cut) = &task.meter.cut {
         (ran.stopped_at, ran.went_on) = (cut.stopped_at, cut.went_on);
     }
-    ran.stop_run = task.stop_run.take();
+    ran.unusual = task.unusual.take();
 }
 
 /// Calls the operator's step; gives what it panicked with.
 #[inline]
-pub(super) fn step(
+pub(crate) fn step(
     body: &mut dyn Body,
     name: &str,
     task: &mut Task,

@@ -77,9 +77,18 @@ impl Engine<'_> {
             let port = &mut self.nodes[rank].timers[timer];
             if port.next <= now && !port.ticking {
                 port.ticking = true;
-                let stamp = port.next;
+                let (stamp, period) = (port.next, port.timer.period);
+                self.note_lateness(rank, stamp, period);
                 self.open(rank, stamp);
             }
+        }
+    }
+
+    /// Notes how late a tick is on the real clock.
+    fn note_lateness(&mut self, rank: usize, due: Time, period: Span) {
+        if let (Some(pace), Some(lateness)) = (&self.wall, &mut self.nodes[rank].lateness) {
+            let late = (pace.now() - due).max(Span::ZERO);
+            lateness.tick(late.ns().unsigned_abs(), late >= period);
         }
     }
 
@@ -174,8 +183,8 @@ impl Engine<'_> {
         node.tally.ended += 1;
         node.tally.busy += run.end - run.start;
         node.tally.units += ran.units;
-        if let Some(reason) = ran.stop_run.take() {
-            self.stop.get_or_insert(reason.into());
+        if let Some(reason) = ran.unusual.take().and_then(|unusual| unusual.stop_run) {
+            self.stop.get_or_insert(reason);
         }
         let keep = node.deadline.is_some_and(|deadline| deadline.reaction != Reaction::Skip);
         if keep && !ran.is_empty() && node.last.as_ref().is_none_or(|last| last.stamp < run.stamp) {

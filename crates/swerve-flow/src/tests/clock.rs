@@ -7,6 +7,33 @@ use swerve_core::Time;
 use super::net::*;
 use crate::*;
 
+#[test]
+fn s8_wall_clock_reports_how_timers_kept_time() {
+    struct Slow;
+    impl Operator for Slow {
+        type In = Every;
+        type Out = ();
+        fn step(&mut self, cx: &mut Context<'_>, _: &Every, _: &mut ()) {
+            // The third tick holds everything up for as long as five take.
+            let until = Time::from_ms(70);
+            if cx.stamp() == Time::from_ms(20) {
+                let begin = crate::host::now();
+                while Time::from_ns(crate::host::ns_since(begin) as i64) < until {}
+            }
+        }
+    }
+    let mut graph = Graph::new();
+    graph.add("slow", Slow, every(ms(10))).out();
+    let report = run_wall(graph, &RunOptions::until(Time::from_ms(150)), vec![]).unwrap();
+    let ticks = report.operator("slow").unwrap().ticks.unwrap();
+    assert_eq!(ticks.ticks, 16, "late ones are taken all the same");
+    assert!(ticks.missed >= 5 && ticks.max_ns >= 60_000_000, "{ticks:?}");
+    let mut graph = Graph::new();
+    graph.add("slow", Slow, every(ms(10))).out();
+    let report = run_virtual(graph, &RunOptions::until(Time::from_ms(10)), vec![]).unwrap();
+    assert_eq!(report.operator("slow").unwrap().ticks, None);
+}
+
 /// What an observer needs to repeat a run.
 #[derive(Default)]
 struct Recorder {

@@ -9,7 +9,12 @@ pub mod execution;
 pub mod faults;
 pub mod injection;
 pub mod perception;
+pub mod clock;
+pub mod execution;
+pub mod faults;
+pub mod monitor;
 mod planner;
+pub mod process;
 pub mod sensors;
 pub mod text;
 pub mod words;
@@ -26,9 +31,12 @@ use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdo
 use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
+use clock::ClockConfig;
 use execution::{Deadline, Runtime};
 use injection::FaultConfig;
 use perception::PerceptionConfig;
+use monitor::MonitorConfig;
+use process::ProcessConfig;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
 
@@ -38,6 +46,8 @@ use text::{Document, Problem};
 pub struct Config {
     /// Seed of everything random.
     pub seed: u64,
+    /// What moves the run.
+    pub clock: ClockConfig,
     /// The ego vehicle.
     pub ego: EgoConfig,
     /// The simulator.
@@ -54,6 +64,8 @@ pub struct Config {
     pub lidar: BTreeMap<String, LidarConfig>,
     /// What stands between the sensors and the predictor.
     pub perception: PerceptionConfig,
+    /// Watchers of single cameras and lidars, by name.
+    pub monitor: BTreeMap<String, MonitorConfig>,
     /// The predictor.
     pub prediction: PredictionConfig,
     /// The motion planner.
@@ -69,12 +81,15 @@ pub struct Config {
     /// Faults on streams, by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub fault: BTreeMap<String, FaultConfig>,
+    /// Processes that take the steps of operators, by name.
+    pub process: BTreeMap<String, ProcessConfig>,
 }
 
 impl Default for Config {
     fn default() -> Self {
         Self {
             seed: 1,
+            clock: ClockConfig::default(),
             ego: EgoConfig::default(),
             sim: SimConfig::default(),
             sensing: SensingConfig::default(),
@@ -83,6 +98,7 @@ impl Default for Config {
             radar: BTreeMap::new(),
             lidar: BTreeMap::new(),
             perception: PerceptionConfig::default(),
+            monitor: BTreeMap::new(),
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
@@ -90,6 +106,7 @@ impl Default for Config {
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
+            process: BTreeMap::new(),
         }
     }
 }
@@ -540,16 +557,18 @@ impl Config {
         self.check_faults(&mut faults);
         self.check_perception(&mut faults);
         self.check_log(&mut faults);
+        self.check_monitors(&mut faults);
+        self.check_processes(&mut faults);
         if faults.is_empty() {
             return Ok(self);
         }
         Err(faults.into_iter().map(|(key, message)| problem(&key, message)).collect())
     }
 
-    /// The names of all operators that this configuration can set: those of the pipeline, and its cameras,
-    /// radars and lidars.
+    /// The names of all operators that this configuration can set: those of the pipeline, its cameras, radars and
+    /// lidars, and their watchers.
     pub fn operators(&self) -> impl Iterator<Item = &str> {
-        OPERATORS.into_iter().chain(self.sensors())
+        OPERATORS.into_iter().chain(self.sensors()).chain(self.monitors())
     }
 
     fn check_operators(&self, faults: &mut Vec<(String, String)>) {

@@ -275,7 +275,8 @@ impl Config {
 
     /// Whether a sensor runs.
     pub fn runs(&self, sensor: &str) -> bool {
-        self.log.sensors.iter().any(|name| name == sensor)
+        let watched = || self.monitor.values().any(|monitor| monitor.sensor == sensor);
+        self.log.sensors.iter().any(|name| name == sensor) || watched()
     }
 
     /// When readers have what a camera, radar or lidar saw, and the time between two steps of its operator.

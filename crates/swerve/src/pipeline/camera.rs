@@ -3,11 +3,12 @@ use std::sync::Arc;
 use swerve_core::Rng;
 use swerve_flow::{Context, Every, Latest, Operator, Port};
 use swerve_geom::{Ego, Transform};
+use swerve_msg::block::Memory;
 use swerve_msg::truth::WorldState;
 use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Pixels};
 use swerve_render::{Camera, FrameMut, Outputs, View};
 
-use super::stage::{Pool, SharedStage, hides_ego, with};
+use super::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
 use crate::config::Config;
 use crate::config::camera::CameraConfig;
 use crate::street::{EGO_INSTANCE, motion_of};
@@ -33,6 +34,7 @@ impl CameraOperator {
         (name, camera): (&str, &CameraConfig),
         config: &Config,
         stage: SharedStage,
+        memory: [StreamMemory; 4],
     ) -> anyhow::Result<Self> {
         let (seed, config, shape) = (config.seed, camera, &config.sim.vehicle.shape);
         let camera = config.camera(Rng::keyed(seed, name, &[]).bits())?;
@@ -42,7 +44,7 @@ impl CameraOperator {
         let is_parallel = camera.is_orthographic();
         let intrinsics = Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion, is_parallel };
         let info = CameraInfo { intrinsics, ego_from_camera };
-        let pools = ENCODINGS.map(|_| Pool::new());
+        let pools = memory.map(Pool::new);
         let hides_ego = hides_ego(config.at_m, shape);
         Ok(Self { stage, camera, ego_from_camera, info, outputs: config.wanted(), hides_ego, pools })
     }
@@ -58,7 +60,9 @@ impl Operator for CameraOperator {
         let wanted = [self.outputs.rgb, self.outputs.depth, self.outputs.semantic, self.outputs.instance];
         let mut images: [Option<Arc<Image>>; 4] = Default::default();
         for (k, image) in images.iter_mut().enumerate().filter(|(k, _)| wanted[*k]) {
-            let mut taken = self.pools[k].take(|| Image::new(width_px, height_px, ENCODINGS[k]));
+            let make =
+                |memory: Option<&dyn Memory>| Image::in_memory(memory, width_px, height_px, ENCODINGS[k]);
+            let mut taken = self.pools[k].take(make);
             let free = Arc::get_mut(&mut taken).expect("a pool gives what nobody else holds");
             (free.stamp, free.camera) = (cx.stamp(), self.info);
             *image = Some(taken);
@@ -95,7 +99,10 @@ impl Operator for CameraOperator {
         let [rgb, depth, semantic, instance] = images;
         let ports = [(rgb, &mut out.0), (depth, &mut out.1), (semantic, &mut out.2), (instance, &mut out.3)];
         for ((image, port), pool) in ports.into_iter().zip(&mut self.pools) {
-            if let Some(image) = image {
+            if let Some(mut image) = image {
+                if let Some(Err(error)) = Arc::get_mut(&mut image).map(Image::seal) {
+                    return cx.stop_run(format!("camera {}: {error}", cx.name()));
+                }
                 pool.keep(&image);
                 port.forward(image);
             }

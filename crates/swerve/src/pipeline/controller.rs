@@ -1,15 +1,18 @@
 use swerve_control::{Controller, Following, Input, Law, Params, Pedals};
+use swerve_core::{Span, Time};
 use swerve_flow::{Context, Every, Latest, Operator, Port};
-use swerve_msg::{Command, EgoState, Plan, Route};
+use swerve_msg::{Command, EgoState, Plan, Route, Supervision};
 use swerve_planning::posed::Preset;
 use swerve_vehicle::{VehicleParams, pedals_for_accel};
 
 use crate::config::{Config, ControllerName};
 
-/// Follows the newest plan; the route before there is one.
+/// Follows the newest plan; the route before there is one. Stops where a process is lost.
 pub(super) struct ControllerOperator {
     controller: Controller,
     route: Route,
+    /// Where the ego comes to a stop, while it has to.
+    stop_along: Option<Plan>,
 }
 
 impl ControllerOperator {
@@ -26,7 +29,7 @@ impl ControllerOperator {
         };
         let params =
             Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
-        Self { controller: controller(&config.sim.vehicle, params), route: route.clone() }
+        Self { controller: controller(&config.sim.vehicle, params), route: route.clone(), stop_along: None }
     }
 }
 
@@ -41,14 +44,30 @@ pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
 }
 
 impl Operator for ControllerOperator {
-    type In = (Every, Latest<EgoState>, Latest<Plan>);
+    type In = (Every, Latest<EgoState>, Latest<Plan>, Vec<Latest<Supervision>>);
     type Out = Port<Command>;
 
-    fn step(&mut self, cx: &mut Context<'_>, (_, ego, plan): &Self::In, out: &mut Self::Out) {
+    fn step(&mut self, cx: &mut Context<'_>, (_, ego, plan, processes): &Self::In, out: &mut Self::Out) {
         // What no car can do is no measurement and no plan: better none.
         let Some(ego) = ego.get().filter(|ego| ego.is_plausible()) else { return };
-        let plan = plan.get().map(|p| &**p).filter(|plan| plan.is_plausible());
+        let plan = plan.get().map(|plan| &**plan).filter(|plan| plan.is_plausible());
+        let gone = |processes: &Latest<Supervision>| processes.get().is_some_and(|all| !all.gone.is_empty());
+        if processes.iter().any(gone) {
+            // Plans that still come are not looked at: what they are made from may be out of date.
+            self.stop_along.get_or_insert_with(|| over(plan, cx.now()));
+        } else {
+            self.stop_along = None;
+        }
+        let plan = self.stop_along.as_ref().or(plan);
         let input = Input { now: cx.now(), ego, plan, route: &self.route };
         out.loan().send(self.controller.step(&input).command);
     }
+}
+
+/// The same path as a plan whose time is over: what the controller makes a comfortable stop along.
+fn over(plan: Option<&Plan>, now: Time) -> Plan {
+    let mut plan = plan.cloned().unwrap_or_default();
+    let since = plan.end() - now + Span::from_ns(1);
+    plan.points.iter_mut().for_each(|point| point.at = point.at - since);
+    plan
 }

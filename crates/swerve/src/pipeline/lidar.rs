@@ -4,13 +4,14 @@ use anyhow::Context as _;
 use swerve_core::{Rng, Span, Time};
 use swerve_flow::{At, Context, Operator, Port};
 use swerve_geom::{Ego, Lidar, Map, Transform};
-use swerve_msg::PointCloud;
+use swerve_msg::block::Memory;
 use swerve_msg::truth::{PointInstances, WorldState};
+use swerve_msg::{Packed, PointCloud};
 use swerve_render::gpu::{AdapterKind, Gpu};
 use swerve_render::lidar::{CloudMut, Firing, LidarEngine, Sweeper, TruthMut};
 
 use super::phase;
-use super::stage::{Pool, SharedStage, hides_ego, with};
+use super::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
 use crate::config::Config;
 use crate::config::sensors::LidarConfig;
 use crate::street::EGO_INSTANCE;
@@ -29,7 +30,7 @@ pub(super) struct LidarOperator {
     turn: u64,
     /// The step before: when, and where the sensor was.
     last: Option<(Time, Transform<Map, Lidar>)>,
-    sweep: Sweep,
+    sweep: Option<Sweep>,
     clouds: Pool<PointCloud>,
     truths: Pool<PointInstances>,
 }
@@ -43,11 +44,15 @@ struct Sweep {
     len: usize,
 }
 
+/// A turn as it is published.
+type Ended = (Arc<PointCloud>, Arc<PointInstances>);
+
 impl LidarOperator {
     pub(super) fn new(
         (name, lidar): (&str, &LidarConfig),
         config: &Config,
         stage: SharedStage,
+        [points, truth]: [StreamMemory; 2],
     ) -> anyhow::Result<Self> {
         let shape = &config.sim.vehicle.shape;
         let seed = Rng::keyed(config.seed, name, &[]).bits();
@@ -62,8 +67,7 @@ impl LidarOperator {
         };
         let ego_from_lidar = lidar.ego_from_lidar(shape);
         let hidden_instance = hides_ego(lidar.at_m(shape), shape).then_some(EGO_INSTANCE);
-        let (mut clouds, mut truths) = (Pool::new(), Pool::new());
-        let sweep = Sweep::new(sweeper.points_max(), &mut clouds, &mut truths);
+        let (clouds, truths) = (Pool::new(points), Pool::new(truth));
         let begins = Time::ZERO + phase(config, name, Span::from_ns(sweeper.period_ns()));
         let last = None;
         Ok(Self {
@@ -74,7 +78,7 @@ impl LidarOperator {
             begins,
             turn: 0,
             last,
-            sweep,
+            sweep: None,
             clouds,
             truths,
         })
@@ -90,7 +94,10 @@ impl LidarOperator {
             end,
             hidden_instance: self.hidden_instance,
         };
-        let (sweeper, sweep) = (&mut self.sweeper, &mut self.sweep);
+        let points_max = self.sweeper.points_max();
+        let (clouds, truths) = (&mut self.clouds, &mut self.truths);
+        let sweep = self.sweep.get_or_insert_with(|| Sweep::new(points_max, clouds, truths));
+        let sweeper = &mut self.sweeper;
         with(&self.stage, |stage| {
             let tree = stage.tree_of(world).map_err(|error| error.to_string())?;
             sweeper.fire(tree, &firing, &mut sweep.room()).map_err(|error| error.to_string())?;
@@ -117,15 +124,19 @@ impl Operator for LidarOperator {
             if world.stamp < ends {
                 break;
             }
-            let (cloud, truth) = self.sweep.end(self.begins, world.stamp);
+            let Some(sweep) = &mut self.sweep else { return };
+            let (cloud, truth) = match sweep.end(self.begins, world.stamp) {
+                Ok(ended) => ended,
+                Err(error) => return cx.stop_run(format!("lidar {}: {error}", cx.name())),
+            };
             self.clouds.keep(&cloud);
             self.truths.keep(&truth);
             out.0.forward(cloud);
             out.1.forward(truth);
             self.turn += 1;
             self.begins = ends;
-            self.sweep.begin(self.sweeper.points_max(), &mut self.clouds, &mut self.truths);
-            self.sweeper.begin_turn(self.turn, &mut self.sweep.room());
+            sweep.begin(self.sweeper.points_max(), &mut self.clouds, &mut self.truths);
+            self.sweeper.begin_turn(self.turn, &mut sweep.room());
         }
         self.last = Some((world.stamp, map_from_lidar));
     }
@@ -133,7 +144,7 @@ impl Operator for LidarOperator {
 
 impl Sweep {
     fn new(points_max: usize, clouds: &mut Pool<PointCloud>, truths: &mut Pool<PointInstances>) -> Self {
-        let (cloud, truth) = (clouds.take(PointCloud::default), truths.take(PointInstances::default));
+        let (cloud, truth) = Self::memory(points_max, clouds, truths);
         let mut sweep = Self { cloud, truth, class: vec![0; points_max], len: 0 };
         sweep.reset(points_max);
         sweep
@@ -141,9 +152,20 @@ impl Sweep {
 
     /// Takes memory that no reader holds, with room for a turn.
     fn begin(&mut self, points_max: usize, clouds: &mut Pool<PointCloud>, truths: &mut Pool<PointInstances>) {
-        self.cloud = clouds.take(PointCloud::default);
-        self.truth = truths.take(PointInstances::default);
+        (self.cloud, self.truth) = Self::memory(points_max, clouds, truths);
         self.reset(points_max);
+    }
+
+    fn memory(
+        points_max: usize,
+        clouds: &mut Pool<PointCloud>,
+        truths: &mut Pool<PointInstances>,
+    ) -> (Arc<PointCloud>, Arc<PointInstances>) {
+        let truth = |memory: Option<&dyn Memory>| PointInstances {
+            instance: Packed::in_memory(memory, points_max),
+            ..PointInstances::default()
+        };
+        (clouds.take(|memory| PointCloud::in_memory(memory, points_max)), truths.take(truth))
     }
 
     fn reset(&mut self, points_max: usize) {
@@ -180,7 +202,7 @@ impl Sweep {
     }
 
     /// The turn as it is published: its points alone, their times counted from the stamp.
-    fn end(&mut self, begins: Time, stamp: Time) -> (Arc<PointCloud>, Arc<PointInstances>) {
+    fn end(&mut self, begins: Time, stamp: Time) -> Result<Ended, String> {
         let (len, shift_s) = (self.len, (begins - stamp).as_secs());
         let (cloud, truth) = self.parts();
         (cloud.stamp, truth.stamp) = (stamp, stamp);
@@ -194,6 +216,8 @@ impl Sweep {
         for offset_s in cloud.time_offset_s.iter_mut() {
             *offset_s = (f64::from(*offset_s) + shift_s) as f32;
         }
-        (self.cloud.clone(), self.truth.clone())
+        cloud.seal()?;
+        truth.instance.seal()?;
+        Ok((self.cloud.clone(), self.truth.clone()))
     }
 }

@@ -5,6 +5,7 @@ mod controller;
 mod events;
 mod faulty;
 mod lidar;
+mod monitor;
 mod perception;
 mod planner;
 mod radar;
@@ -14,11 +15,13 @@ mod stage;
 mod tests;
 mod world;
 
+use std::collections::BTreeMap;
+
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
-use swerve_flow::{Graph, Policy, RuntimeModel, Stream, Timer, every};
+use swerve_flow::{Graph, Policy, RuntimeModel, SourceHandle, Stream, Timer, every};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Command, Route};
+use swerve_msg::{Command, Route, Supervision};
 use swerve_scenario::{Scenario, sensor_phase};
 use swerve_sim::sense::{LaneInvasionSensor, RedLightSensor, WheelOdometer};
 use swerve_sim::{SimParams, Simulator};
@@ -26,13 +29,14 @@ use swerve_vehicle::VehicleParams;
 
 use crate::config::Config;
 use crate::config::camera::Output;
+use crate::config::clock::Clock;
 use crate::config::execution::{Runtime, parse_policy, span_ms};
 
 use faulty::faulty;
 use stage::SharedStage;
 
 pub use controller::controller;
-pub use stage::Rendered;
+pub use stage::{Rendered, StreamMemory};
 
 /// A pipeline ready to run.
 pub struct Pipeline {
@@ -46,6 +50,12 @@ pub struct Pipeline {
     pub vehicle: VehicleParams,
     /// When the scenario is over at the latest.
     pub until: Time,
+    /// Where the images and point clouds of each stream lie.
+    pub memory: BTreeMap<String, StreamMemory>,
+    /// What moves it.
+    pub clock: Clock,
+    /// Who is to be told what becomes of the run's processes, under wall clock.
+    pub supervisor: Option<SourceHandle<Supervision>>,
     /// What cameras and lidars share, where there are any.
     stage: Option<SharedStage>,
 }
@@ -57,11 +67,15 @@ impl Pipeline {
         let vehicle = config.sim.vehicle.clone();
         let route = scenario.road.route();
         let mut graph = Graph::new();
-        let stage = connect(&mut graph, config, &scenario, &route).context("building the pipeline")?;
+        let clock = config.clock.source;
+        let supervised = clock == Clock::Wall && !config.process.is_empty();
+        let (processes, supervisor) = supervised.then(|| graph.source(SUPERVISOR)).unzip();
+        let (memory, stage) =
+            connect(&mut graph, config, &scenario, (&route, processes)).context("building the pipeline")?;
         configure(&mut graph, config)?;
         let until =
             last_step(Span::from_secs(scenario.end.timeout_s), Span::from_secs(config.sim.dt_ms * 1e-3));
-        Ok(Self { graph, scenario, route, vehicle, until, stage })
+        Ok(Self { graph, scenario, route, vehicle, until, memory, clock, supervisor, stage })
     }
 
     /// Tells, once the pipeline has run, what computed its images, if it had any.
@@ -106,8 +120,8 @@ fn connect(
     graph: &mut Graph,
     config: &Config,
     scenario: &Scenario,
-    route: &Route,
-) -> anyhow::Result<Option<SharedStage>> {
+    (route, processes): (&Route, Option<Stream<Supervision>>),
+) -> anyhow::Result<Surroundings> {
     let sensing = &config.sensing;
     let dt = ms(config.sim.dt_ms);
     let timer = |name: &str, period_ms: f64| timer(config, name, period_ms);
@@ -125,7 +139,7 @@ fn connect(
     let imu = graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     faulty(graph, config, "imu", imu)?;
     sense_motion_and_events(graph, config, scenario, world)?;
-    let stage = sense_surroundings(graph, config, scenario, world)?;
+    let surroundings = sense_surroundings(graph, config, scenario, world)?;
     let tracks = perception::tracks(graph, config, sight, pose)?;
     let tracks = faulty(graph, config, "tracker", tracks)?;
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
@@ -134,11 +148,13 @@ fn connect(
     let plan = graph.add("planner", planner, (predictions, pose)).out();
     let plan = faulty(graph, config, "planner", plan)?;
     let controller = controller::ControllerOperator::new(config, route);
-    let commands =
-        graph.add("controller", controller, (every(ms(config.control.period_ms)), pose, plan)).out();
+    let processes: Vec<_> = processes.into_iter().map(swerve_flow::Source::from).collect();
+    let commands = graph
+        .add("controller", controller, (every(ms(config.control.period_ms)), pose, plan, processes))
+        .out();
     let commands = faulty(graph, config, "controller", commands)?;
     graph.connect(command, commands);
-    Ok(stage)
+    Ok(surroundings)
 }
 
 /// Sensors of the ego's own motion, and of what happens to it, that run only where they are asked for.
@@ -175,13 +191,17 @@ fn sense_motion_and_events(
     Ok(())
 }
 
+/// Where the images and point clouds of each stream lie, and what makes them.
+type Surroundings = (BTreeMap<String, StreamMemory>, Option<SharedStage>);
+
 /// Cameras, radars and lidars, each where it is asked for.
 fn sense_surroundings(
     graph: &mut Graph,
     config: &Config,
     scenario: &Scenario,
     world: Stream<WorldState>,
-) -> anyhow::Result<Option<SharedStage>> {
+) -> anyhow::Result<Surroundings> {
+    let mut memories = BTreeMap::new();
     for (name, radar) in config.radar.iter().filter(|(name, _)| config.runs(name)) {
         let wrong = |faults| anyhow::anyhow!("radar.{name}: {faults:?}");
         let operator = radar::RadarOperator {
@@ -195,25 +215,47 @@ fn sense_surroundings(
     let cameras: Vec<_> = config.camera.iter().filter(|(name, _)| config.runs(name)).collect();
     let lidars: Vec<_> = config.lidar.iter().filter(|(name, _)| config.runs(name)).collect();
     if cameras.is_empty() && lidars.is_empty() {
-        return Ok(None);
+        return Ok((memories, None));
     }
+    let mut memory = |name: &str, output: &str| {
+        // Those of a point cloud: x, y, z, intensity, ring, time.
+        let memory = StreamMemory::new(if output == "points" { 6 } else { 1 });
+        memories.insert(format!("{name}.{output}"), memory.clone());
+        memory
+    };
     let stage = stage::Stage::new(config, scenario)?;
     for (name, camera) in cameras {
-        let operator = camera::CameraOperator::new((name, camera), config, stage.clone())?;
+        let memory = Output::ALL.map(|output| memory(name, output.name()));
+        let operator = camera::CameraOperator::new((name, camera), config, stage.clone(), memory)?;
         let node = graph.add(name, operator, (timer(config, name, camera.period_ms), world));
         let names = Output::ALL.map(Output::name);
         let (rgb, depth, semantic, instance) = node.origin().outputs(&names).out();
-        for (output, image) in names.into_iter().zip([rgb, depth, semantic, instance]) {
-            faulty(graph, config, &format!("{name}.{output}"), image)?;
+        let mut seen = [rgb, depth, semantic, instance];
+        for (output, image) in names.into_iter().zip(&mut seen) {
+            *image = faulty(graph, config, &format!("{name}.{output}"), *image)?;
+        }
+        let [rgb, depth, semantic, instance] = seen;
+        for (name, monitor) in config.monitor.iter().filter(|(_, monitor)| monitor.sensor == **name) {
+            let watched = match monitor.output {
+                Output::Rgb => rgb,
+                Output::Depth => depth,
+                Output::Semantic => semantic,
+                Output::Instance => instance,
+            };
+            graph.add(name, monitor::ImageMonitor::default(), (watched,)).out();
         }
     }
     for (name, lidar) in lidars {
-        let operator = lidar::LidarOperator::new((name, lidar), config, stage.clone())?;
-        let node = graph.add(name, operator, (world,));
-        let (points, _) = node.origin().outputs(&["points", "truth"]).out();
-        faulty(graph, config, &format!("{name}.points"), points)?;
+        let outputs = ["points", "truth"];
+        let memory = outputs.map(|output| memory(name, output));
+        let operator = lidar::LidarOperator::new((name, lidar), config, stage.clone(), memory)?;
+        let (points, _) = graph.add(name, operator, (world,)).origin().outputs(&outputs).out();
+        let points = faulty(graph, config, &format!("{name}.points"), points)?;
+        for (name, _) in config.monitor.iter().filter(|(_, monitor)| monitor.sensor == **name) {
+            graph.add(name, monitor::CloudMonitor::default(), (points,)).out();
+        }
     }
-    Ok(Some(stage))
+    Ok((memories, Some(stage)))
 }
 
 /// Run times, policies, deadlines, resources and delays, by operator name.
@@ -244,9 +286,22 @@ fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
         let delay = span_ms(operator.delay_ms + added_ms).map_err(|m| wrong(name, m))?;
         let later = on_its_way.filter(|_| operator.runtime.is_some()).map_or(Span::ZERO, |way| way.after);
         node = node.delay(delay + later);
-        let _configured = if name == "planner" { node.heavy() } else { node };
+        let _configured = if is_heavy(config, name) { node.heavy() } else { node };
     }
     Ok(())
+}
+
+/// The source of what becomes of the run's processes.
+pub const SUPERVISOR: &str = "supervisor";
+
+/// Whether an operator's steps are worth a worker thread. Against the real clock those that look at images are
+/// too, so that nobody waits for them; in virtual time it shows in no result.
+fn is_heavy(config: &Config, name: &str) -> bool {
+    let looks = || config.camera.contains_key(name) || config.lidar.contains_key(name);
+    let watches = || config.monitor.contains_key(name);
+    name == "planner"
+        || config.process_of(name).is_some()
+        || (config.clock.source == Clock::Wall && (looks() || watches()))
 }
 
 /// What a sensor saw, between its stamp and its readers: run time of its operator, which therefore has several

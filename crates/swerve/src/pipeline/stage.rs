@@ -1,6 +1,7 @@
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use swerve_core::Time;
+use swerve_msg::block::Memory;
 use swerve_msg::truth::WorldState;
 use swerve_render::lidar::{LidarEngine, SceneTree, Sweeper, TreeError};
 use swerve_render::{Renderer, Scene};
@@ -123,27 +124,56 @@ pub(super) fn hides_ego([x, y, z]: [f64; 3], shape: &Shape) -> bool {
     along_m.max(across_m).max(z - shape.height_m) < CLOSE_M
 }
 
+/// Where the big payloads of one stream lie: in memory of this process, until another one is found to read them.
+#[derive(Clone)]
+pub struct StreamMemory {
+    /// How many arrays each message has.
+    pub arrays: usize,
+    shared: Arc<OnceLock<Box<dyn Memory>>>,
+}
+
+impl StreamMemory {
+    pub(super) fn new(arrays: usize) -> Self {
+        Self { arrays, shared: Arc::default() }
+    }
+
+    /// From now on they lie in `memory`. It is decided once.
+    pub fn share(&self, memory: Box<dyn Memory>) {
+        let _first_counts = self.shared.set(memory);
+    }
+
+    fn shared(&self) -> Option<&dyn Memory> {
+        self.shared.get().map(|memory| &**memory)
+    }
+}
+
 /// Payloads that were published, to be used again once no reader holds them.
 pub(super) struct Pool<T> {
+    memory: StreamMemory,
     lent: Vec<Arc<T>>,
 }
 
 impl<T> Pool<T> {
-    pub(super) fn new() -> Self {
-        Self { lent: Vec::new() }
+    pub(super) fn new(memory: StreamMemory) -> Self {
+        Self { memory, lent: Vec::new() }
     }
 
-    /// One that nobody else holds; made anew where there is none.
-    pub(super) fn take(&mut self, make: impl FnOnce() -> T) -> Arc<T> {
+    /// One that nobody else holds; made anew where there is none, and in memory that is shared.
+    pub(super) fn take(&mut self, make: impl FnOnce(Option<&dyn Memory>) -> T) -> Arc<T> {
+        if let Some(memory) = self.memory.shared() {
+            return Arc::new(make(Some(memory)));
+        }
         match self.lent.iter_mut().position(|lent| Arc::get_mut(lent).is_some()) {
             Some(index) => self.lent.swap_remove(index),
-            None => Arc::new(make()),
+            None => Arc::new(make(None)),
         }
     }
 
     /// Remembers what is published.
     pub(super) fn keep(&mut self, lent: &Arc<T>) {
-        self.lent.push(lent.clone());
+        if self.memory.shared().is_none() {
+            self.lent.push(lent.clone());
+        }
     }
 }
 
@@ -153,14 +183,14 @@ mod tests {
 
     #[test]
     fn what_is_read_no_longer_is_used_again() {
-        let mut pool = Pool::new();
-        let (first, second) = (pool.take(|| vec![1]), pool.take(|| vec![2]));
+        let mut pool = Pool::new(StreamMemory::new(1));
+        let (first, second) = (pool.take(|_| vec![1]), pool.take(|_| vec![2]));
         pool.keep(&first);
         pool.keep(&second);
         let at = second.as_ptr();
-        assert_eq!(*pool.take(|| vec![3]), [3], "both are held");
+        assert_eq!(*pool.take(|_| vec![3]), [3], "both are held");
         drop(second);
-        let again = pool.take(|| vec![4]);
+        let again = pool.take(|_| vec![4]);
         assert_eq!((&*again, again.as_ptr()), (&vec![2], at));
         assert_eq!(*first, [1]);
     }

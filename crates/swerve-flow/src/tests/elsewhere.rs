@@ -1,0 +1,256 @@
+//! Section 9: steps that are taken elsewhere. Here that is a workshop behind a lock.
+
+use std::sync::{Arc, Mutex};
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+
+use super::net::ms;
+use crate::*;
+
+#[derive(Clone, Serialize, Deserialize)]
+struct Reading {
+    x: f64,
+    words: Vec<String>,
+}
+
+struct Sensor;
+
+impl Operator for Sensor {
+    type In = Every;
+    type Out = (Port<Reading>, Port<u64>);
+
+    fn step(&mut self, cx: &mut Context<'_>, _: &Every, out: &mut Self::Out) {
+        let bits = cx.rng().bits();
+        let x = f64::from_bits(bits >> 12);
+        out.0.send(Reading { x, words: vec![cx.name().to_owned(); (bits % 3) as usize] });
+        if !bits.is_multiple_of(5) {
+            out.1.send(bits);
+        }
+    }
+}
+
+/// Has all kinds of ports, a memory, randomness, two outputs; passes one message on as it is.
+#[derive(Default)]
+struct Mixer {
+    sum: u64,
+}
+
+impl Operator for Mixer {
+    type In = (At<Reading>, Latest<u64>, Window<u64, 3>, Every);
+    type Out = (Port<u64>, Port<Reading>);
+
+    fn step(&mut self, cx: &mut Context<'_>, (reading, bits, window, tick): &Self::In, out: &mut Self::Out) {
+        let age = bits.age(cx.now()).map_or(-1, Span::ns);
+        let newest = bits.get().map_or(0, |bits| **bits);
+        self.sum = self.sum.wrapping_mul(31).wrapping_add(newest ^ age as u64 ^ cx.rng().bits());
+        self.sum = window.get().iter().fold(self.sum, |sum, bits| sum.wrapping_add(**bits));
+        self.sum += u64::from(tick.ticked());
+        cx.spend(self.sum % 7);
+        out.0.send(self.sum);
+        if let Some(reading) = reading.get() {
+            out.1.pass_on(reading);
+        }
+    }
+}
+
+/// Works until it is told to stop, and offers on the way.
+struct Anytime;
+
+impl Operator for Anytime {
+    type In = At<u64>;
+    type Out = Port<u64>;
+
+    fn step(&mut self, cx: &mut Context<'_>, goal: &At<u64>, out: &mut Port<u64>) {
+        let goal = goal.get().map_or(0, |goal| **goal % 20);
+        for n in 0..goal {
+            cx.offer(out, 1000 + n);
+            if cx.spend(1) == Progress::Stop {
+                // Every other one leaves it to the reaction.
+                if goal.is_multiple_of(2) {
+                    out.send(n);
+                }
+                return;
+            }
+        }
+        out.send(goal);
+    }
+
+    fn on_deadline(miss: &Miss<Port<u64>>, out: &mut Port<u64>) {
+        if let Some(value) = miss.offered.clone().or(miss.last.clone()) {
+            out.forward(value);
+        }
+    }
+}
+
+const NAMES: [&str; 3] = ["sensor", "mixer", "anytime"];
+
+fn graph() -> Graph {
+    let mut graph = Graph::new();
+    let (readings, bits) = graph.add("sensor", Sensor, every(ms(10))).origin().out();
+    let inputs = (readings, bits, bits, every(ms(25)).phase(ms(5)));
+    let (sums, _) = graph.add("mixer", Mixer::default(), inputs).runtime(RuntimeModel::Fixed(ms(4))).out();
+    let work = RuntimeModel::Work { base: ms(1), per_unit_ns: 1e6 };
+    let deadline = Deadline::after(ms(12)).reaction(Reaction::OnDeadline);
+    graph.add("anytime", Anytime, sums).runtime(work).policy(Policy::queue(2)).deadline(deadline).out();
+    graph
+}
+
+/// A workshop as a process would have it, which may be lost at a call.
+struct There {
+    make: fn() -> Graph,
+    names: Vec<String>,
+    workshop: Option<Workshop>,
+    calls: u64,
+    /// It is gone in this call and those after it.
+    gone: std::ops::Range<u64>,
+}
+
+impl There {
+    fn new(make: fn() -> Graph, names: &[&str], gone: std::ops::Range<u64>) -> Arc<Mutex<Self>> {
+        let names = names.iter().map(|name| (*name).to_owned()).collect();
+        Arc::new(Mutex::new(Self { make, names, workshop: None, calls: 0, gone }))
+    }
+}
+
+struct Door(Arc<Mutex<There>>);
+
+impl Elsewhere for Door {
+    fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost> {
+        let mut there = self.0.lock().unwrap();
+        there.calls += 1;
+        if there.gone.contains(&there.calls) {
+            there.workshop = None;
+            return Err(Lost("gone".into()));
+        }
+        let (make, names) = (there.make, there.names.clone());
+        let afresh = there.workshop.is_none() && there.calls > 1;
+        let workshop = there.workshop.get_or_insert_with(|| make().into_workshop(&names).unwrap());
+        let mut bytes = Vec::new();
+        call.encode(&mut bytes);
+        workshop.answer(&bytes, answer).unwrap();
+        Ok(if afresh { Answered::Afresh } else { Answered::InTurn })
+    }
+}
+
+fn elsewhere(graph: &mut Graph, there: &Arc<Mutex<There>>) {
+    let names = there.lock().unwrap().names.clone();
+    for name in names {
+        let _there = graph.operator(&name).unwrap().elsewhere(Box::new(Door(there.clone())));
+    }
+}
+
+#[test]
+fn s9_a_run_comes_out_the_same_wherever_its_steps_are_taken() {
+    let options = RunOptions::until(Time::from_ms(2000)).seed(3);
+    let here = run_virtual(graph(), &options, vec![]).unwrap();
+    assert!(here.operator("anytime").unwrap().misses > 20, "deadlines are missed");
+    for split in 1..8_usize {
+        let names: Vec<&str> = (0..3).filter(|i| split >> i & 1 == 1).map(|i| NAMES[i]).collect();
+        for threads in [1, 3] {
+            let mut moved = graph();
+            let there = There::new(graph, &names, 0..0);
+            elsewhere(&mut moved, &there);
+            let report = run_virtual(moved, &options.clone().threads(threads), vec![]).unwrap();
+            assert_eq!(report.digest, here.digest, "{names:?}, {threads} threads");
+            assert_eq!(report.operators, here.operators, "{names:?}, {threads} threads");
+            assert!(there.lock().unwrap().calls >= 200);
+        }
+    }
+}
+
+#[test]
+fn s9_a_virtual_run_ends_where_a_process_is_lost() {
+    let mut moved = graph();
+    elsewhere(&mut moved, &There::new(graph, &["mixer"], 6..u64::MAX));
+    let mut ends = Ends::default();
+    let error = run_virtual(moved, &RunOptions::until(Time::from_ms(2000)), vec![&mut ends]).unwrap_err();
+    assert_eq!(error.to_string(), "operator `mixer`: gone");
+    assert_eq!(ends.0.as_deref(), Some("operator `mixer`: gone"), "observers are told too");
+}
+
+#[derive(Default)]
+struct Ends(Option<String>);
+
+impl Observer for Ends {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::End(RunReport { end: EndReason::Failed(why), .. }) = event {
+            self.0 = Some(why.clone());
+        }
+    }
+}
+
+#[test]
+fn s9_what_is_panicked_there_ends_the_run_here() {
+    struct Bomb;
+    impl Operator for Bomb {
+        type In = Every;
+        type Out = ();
+        fn step(&mut self, cx: &mut Context<'_>, _: &Every, _: &mut ()) {
+            assert!(cx.stamp() < Time::from_ms(30), "boom");
+        }
+    }
+    fn graph() -> Graph {
+        let mut graph = Graph::new();
+        graph.add("bomb", Bomb, every(ms(10))).out();
+        graph
+    }
+    let mut moved = graph();
+    elsewhere(&mut moved, &There::new(graph, &["bomb"], 0..0));
+    let error = run_virtual(moved, &RunOptions::until(Time::from_ms(2000)), vec![]).unwrap_err();
+    assert_eq!(error.to_string(), "operator `bomb` panicked: boom");
+}
+
+#[test]
+fn s9_calls_that_make_no_sense_are_refused() {
+    assert!(graph().into_workshop(&["nobody".into()]).is_err());
+    let mut workshop = graph().into_workshop(&["mixer".into()]).unwrap();
+    let mut answer = Vec::new();
+    for call in [&b""[..], &[0xff; 40], b"\x06nobody\0\0\0\0\0\0", b"\x05mixer\0\0\0\0\0\x09"] {
+        assert!(workshop.answer(call, &mut answer).is_err());
+    }
+    assert!(answer.is_empty());
+}
+
+#[derive(Default)]
+struct Recorder {
+    decisions: Vec<Decision>,
+    sensor: Vec<PlaybackRecord>,
+}
+
+impl Observer for Recorder {
+    fn event(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Publication(p) if p.operator == "sensor" => self.sensor.push(PlaybackRecord::of(p)),
+            Event::Decision(decision) => self.decisions.push((*decision).clone()),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn s9_under_wall_clock_a_loss_is_said_and_replays() {
+    let mut moved = graph();
+    elsewhere(&mut moved, &There::new(graph, &["mixer"], 8..12));
+    let mut recorder = Recorder::default();
+    let options = RunOptions::until(Time::from_ms(300)).seed(5);
+    let driven = run_wall(moved, &options, vec![&mut recorder]).unwrap();
+    let lost = recorder.decisions.iter().filter(|d| matches!(d, Decision::Lost { .. })).count();
+    let afresh = recorder.decisions.iter().filter(|d| matches!(d, Decision::Afresh { .. })).count();
+    assert_eq!((lost, afresh), (4, 1));
+    let replay = |spare: bool| {
+        let mut again = graph();
+        for name in NAMES {
+            // As they were marked in the run: by being elsewhere.
+            let node = again.operator(name).unwrap();
+            let _marked = if name == "mixer" { node.heavy() } else { node };
+        }
+        again.playback("sensor", recorder.sensor.clone()).unwrap();
+        if spare {
+            again.spare(graph());
+        }
+        run_replay(again, &options, recorder.decisions.iter().cloned().collect(), vec![]).unwrap().digest
+    };
+    assert_eq!(replay(true), driven.digest);
+    assert_ne!(replay(false), driven.digest, "its memory was lost with it");
+}

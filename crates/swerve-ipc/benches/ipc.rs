@@ -1,0 +1,459 @@
+//! What it takes to hand a payload to another process and to hear that it came: our transport, iceoryx2 as it is, a
+//! loopback TCP socket, a Unix socket.
+//!
+//! Each payload goes to a process of its own, which looks at its two ends and answers with eight bytes. *Asleep*: the
+//! receiver has slept for a millisecond and is woken by the kernel, as between the frames of a sensor. *Awake*:
+//! both ends spin. One way is the round trip less half of that of 64 bytes. Shared memory is filled before the clock
+//! starts, and read in place; sockets copy, which is their way. Before each, the sender takes the payload's fingerprint.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use iceoryx2::config::Config;
+use iceoryx2::prelude::*;
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
+use swerve_core::{Hasher, Span, Time};
+use swerve_flow::{
+    Answered, At, Call, Context, Elsewhere, Every, Graph, Lost, Operator, Port, RunOptions, every,
+    run_virtual,
+};
+use swerve_ipc::{Crew, Employment, OnLoss, Setup, work};
+use swerve_msg::block::Memory;
+use swerve_msg::{Encoding, Image, Pixels};
+
+const SIZES: [(usize, &str); 4] = [(64, "64 B"), (65_536, "64 KiB"), (1 << 20, "1 MiB"), (6 << 20, "6 MiB")];
+const ROUNDS: usize = 200;
+const LONG: Duration = Duration::from_secs(10);
+
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// Whether the receiver is woken or waits with open eyes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Receiver {
+    Asleep,
+    Awake,
+}
+
+impl Receiver {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Asleep => "asleep",
+            Self::Awake => "awake",
+        }
+    }
+
+    /// Lets the receiver fall asleep. The sender has something else to do meanwhile, as between two frames.
+    fn pause(self) {
+        const PAUSE: Duration = Duration::from_millis(1);
+        let began = now();
+        while self == Self::Asleep && began.elapsed() < PAUSE {
+            std::hint::spin_loop();
+        }
+    }
+}
+
+/// Round trips in microseconds, by size.
+type Trips = Vec<Sample>;
+
+fn us(seconds: f64) -> f64 {
+    seconds * 1e6
+}
+
+/// This program as the other process.
+fn peer(words: &[&str]) -> Command {
+    let mut command = Command::new(std::env::current_exe().unwrap_or_default());
+    command.args(words);
+    command
+}
+
+// Ours.
+
+struct Sensor {
+    bytes: usize,
+    memory: Option<Box<dyn Memory>>,
+    /// How long it took to hand over what was written.
+    sealed: Arc<Mutex<Vec<f64>>>,
+}
+
+impl Operator for Sensor {
+    type In = Every;
+    type Out = Port<Image>;
+
+    fn step(&mut self, _: &mut Context<'_>, _: &Every, out: &mut Port<Image>) {
+        let mut image = Image::in_memory(self.memory.as_deref(), self.bytes as u32, 1, Encoding::ClassU8);
+        if let Pixels::ClassU8(bytes) = &mut image.pixels {
+            bytes.fill(7);
+        }
+        let began = now();
+        if image.seal().is_ok() {
+            let took = began.elapsed().as_secs_f64();
+            self.sealed.lock().unwrap_or_else(PoisonError::into_inner).push(took);
+            out.forward(Arc::new(image));
+        }
+    }
+}
+
+struct Reader;
+
+impl Operator for Reader {
+    type In = At<Image>;
+    type Out = Port<u64>;
+
+    fn step(&mut self, _: &mut Context<'_>, image: &At<Image>, out: &mut Port<u64>) {
+        let Some(image) = image.get() else { return };
+        out.send(ends(image.pixels.bytes()));
+    }
+}
+
+/// What the engine does with every payload, and what it makes of the sender's caches.
+fn fingerprint(bytes: &[u8]) {
+    let mut hasher = Hasher::new();
+    hasher.bytes(bytes);
+    std::hint::black_box(hasher.digest());
+}
+
+fn ends(bytes: &[u8]) -> u64 {
+    u64::from(bytes[0]) + u64::from(bytes[bytes.len() - 1])
+}
+
+fn graph(sensor: Sensor) -> Graph {
+    let mut graph = Graph::new();
+    let images = graph.add("sensor", sensor, every(Span::from_ms(10))).out();
+    graph.add("reader", Reader, images).out();
+    graph
+}
+
+/// Takes the time of each call.
+struct Timed {
+    door: Box<dyn Elsewhere>,
+    receiver: Receiver,
+    took: Arc<Mutex<Vec<f64>>>,
+}
+
+impl Elsewhere for Timed {
+    fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost> {
+        self.receiver.pause();
+        let began = now();
+        let answered = self.door.step(call, answer);
+        self.took.lock().unwrap_or_else(PoisonError::into_inner).push(began.elapsed().as_secs_f64());
+        answered
+    }
+}
+
+fn ours(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+    let mut crew = Crew::new()?;
+    let memory = crew.lend("sensor", 1)?;
+    let employment = Employment {
+        process: "reader".into(),
+        operators: vec!["reader".into()],
+        payload: Vec::new(),
+        streams: vec!["sensor".into()],
+        on_loss: OnLoss::Stop,
+        spin: if receiver == Receiver::Awake { LONG } else { Duration::ZERO },
+        command: Box::new(|| peer(&["worker"])),
+    };
+    crew.employ(employment, Arc::new(|_| {}))?;
+    crew.wait_ready(LONG)?;
+    let (sealed, took) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(Vec::new())));
+    let mut graph = graph(Sensor { bytes, memory: Some(memory), sealed: sealed.clone() });
+    let door = crew.door("reader").ok_or("it was just employed")?;
+    let _there = graph.operator("reader")?.elsewhere(Box::new(Timed { door, receiver, took: took.clone() }));
+    run_virtual(graph, &RunOptions::until(Time::from_ms(10 * ROUNDS as i64 - 1)), vec![])?;
+    if crew.traffic().copied > 0 {
+        return Err("bytes were copied".into());
+    }
+    let (sealed, took) = (sealed.lock().map_err(|e| e.to_string())?, took.lock().map_err(|e| e.to_string())?);
+    Ok(Sample::new(sealed.iter().zip(took.iter()).map(|(sealed, took)| us(sealed + took)).collect()))
+}
+
+fn worker() -> Outcome<()> {
+    let setup = Setup::read(std::io::stdin().lock())?;
+    let sensor = Sensor { bytes: 0, memory: None, sealed: Arc::default() };
+    Ok(work(&setup, graph(sensor).into_workshop(&setup.operators)?)?)
+}
+
+// iceoryx2 as it is.
+
+/// Both ends of one direction.
+type Service = iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, [u8], ()>;
+
+fn service(node: &Node<ipc::Service>, name: &str) -> Outcome<Service> {
+    Ok(node.service_builder(&ServiceName::new(name)?).publish_subscribe::<[u8]>().open_or_create()?)
+}
+
+/// Of a run of its own, as ours is.
+fn raw_node(name: &str) -> Outcome<Node<ipc::Service>> {
+    set_log_level(LogLevel::Fatal);
+    let mut config = Config::default();
+    config.global.prefix = FileName::new(name.as_bytes())?;
+    config.global.set_root_path(&Path::new(format!("/tmp/{name}").as_bytes())?);
+    let node = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
+    Ok(node.create()?)
+}
+
+/// Removes what a killed peer leaves.
+fn clean_up(name: &str) -> Outcome<()> {
+    for entry in std::fs::read_dir("/dev/shm")? {
+        let entry = entry?;
+        if entry.file_name().to_string_lossy().starts_with(name) {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(std::fs::remove_dir_all(format!("/tmp/{name}"))?)
+}
+
+/// A peer process; its end is the end of its standard input.
+struct Peer(Child, Option<ChildStdin>);
+
+impl Peer {
+    fn start(words: &[&str]) -> Outcome<Self> {
+        let mut child = peer(words).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+        // One byte says that it is ready.
+        child.stdout.as_mut().ok_or("asked for")?.read_exact(&mut [0])?;
+        let stdin = child.stdin.take();
+        Ok(Self(child, stdin))
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        drop(self.1.take());
+        let _gone = self.0.kill();
+        let _gone = self.0.wait();
+    }
+}
+
+fn raw(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+    let name = format!("swerve_bench_{}_{bytes}_{}", std::process::id(), receiver.name());
+    let trips = raw_trips(&name, receiver, bytes);
+    clean_up(&name)?;
+    trips
+}
+
+fn raw_trips(name: &str, receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+    let node = raw_node(name)?;
+    let there = service(&node, &format!("{name}/there"))?
+        .publisher_builder()
+        .initial_max_slice_len(bytes)
+        .create()?;
+    let back = service(&node, &format!("{name}/back"))?.subscriber_builder().create()?;
+    let event = |name: String| -> Outcome<_> {
+        Ok(node.service_builder(&ServiceName::new(&name)?).event().open_or_create()?)
+    };
+    let ring = event(format!("{name}/ring"))?.notifier_builder().create()?;
+    let bell = event(format!("{name}/bell"))?.listener_builder().create()?;
+    let _peer = Peer::start(&["raw", name, receiver.name()])?;
+    let mut took = Vec::new();
+    for _ in 0..ROUNDS {
+        let sample = there.loan_slice_uninit(bytes)?.write_from_fn(|_| 7);
+        fingerprint(&sample);
+        receiver.pause();
+        let began = now();
+        sample.send()?;
+        if receiver == Receiver::Asleep {
+            ring.notify()?;
+        }
+        while back.receive()?.is_none() {
+            if receiver == Receiver::Asleep {
+                bell.timed_wait(|_| {}, LONG)?;
+            }
+        }
+        took.push(us(began.elapsed().as_secs_f64()));
+    }
+    Ok(Sample::new(took))
+}
+
+fn raw_peer(name: &str, receiver: Receiver) -> Outcome<()> {
+    let node = raw_node(name)?;
+    let there = service(&node, &format!("{name}/there"))?.subscriber_builder().create()?;
+    let back =
+        service(&node, &format!("{name}/back"))?.publisher_builder().initial_max_slice_len(8).create()?;
+    let event = |name: String| -> Outcome<_> {
+        Ok(node.service_builder(&ServiceName::new(&name)?).event().open_or_create()?)
+    };
+    let bell = event(format!("{name}/ring"))?.listener_builder().create()?;
+    let ring = event(format!("{name}/bell"))?.notifier_builder().create()?;
+    say_ready()?;
+    loop {
+        let Some(sample) = there.receive()? else {
+            if receiver == Receiver::Asleep {
+                bell.timed_wait(|_| {}, LONG)?;
+            }
+            continue;
+        };
+        let answer = ends(sample.payload());
+        back.loan_slice_uninit(8)?.write_from_slice(&answer.to_le_bytes()).send()?;
+        if receiver == Receiver::Asleep {
+            ring.notify()?;
+        }
+    }
+}
+
+fn say_ready() -> Outcome<()> {
+    let mut out = std::io::stdout();
+    out.write_all(b"r")?;
+    Ok(out.flush()?)
+}
+
+// Sockets.
+
+trait Socket: Read + Write {
+    fn spin(&self) -> std::io::Result<()>;
+}
+
+impl Socket for TcpStream {
+    fn spin(&self) -> std::io::Result<()> {
+        self.set_nonblocking(true)
+    }
+}
+
+impl Socket for UnixStream {
+    fn spin(&self) -> std::io::Result<()> {
+        self.set_nonblocking(true)
+    }
+}
+
+fn read_all(socket: &mut dyn Socket, mut into: &mut [u8]) -> Outcome<()> {
+    while !into.is_empty() {
+        match socket.read(into) {
+            Ok(0) => return Err("the other end is closed".into()),
+            Ok(n) => into = &mut into[n..],
+            Err(error) if error.kind() == ErrorKind::WouldBlock => std::hint::spin_loop(),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(())
+}
+
+fn write_all(socket: &mut dyn Socket, mut bytes: &[u8]) -> Outcome<()> {
+    while !bytes.is_empty() {
+        match socket.write(bytes) {
+            Ok(n) => bytes = &bytes[n..],
+            Err(error) if error.kind() == ErrorKind::WouldBlock => std::hint::spin_loop(),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(())
+}
+
+fn tcp(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+    let listener = TcpListener::bind("127.0.0.1:0")?;
+    let port = listener.local_addr()?.port().to_string();
+    let _peer = Peer::start(&["tcp", &port, receiver.name()])?;
+    let (mut socket, _) = listener.accept()?;
+    socket.set_nodelay(true)?;
+    socket_trips(&mut socket, receiver, bytes)
+}
+
+fn unix(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+    let path = std::env::temp_dir().join(format!("swerve_bench_{}.sock", std::process::id()));
+    let _none = std::fs::remove_file(&path);
+    let listener = UnixListener::bind(&path)?;
+    let _peer = Peer::start(&["unix", &path.to_string_lossy(), receiver.name()])?;
+    let (mut socket, _) = listener.accept()?;
+    std::fs::remove_file(&path)?;
+    socket_trips(&mut socket, receiver, bytes)
+}
+
+fn socket_trips(socket: &mut dyn Socket, receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+    if receiver == Receiver::Awake {
+        socket.spin()?;
+    }
+    let message = [&(bytes as u64).to_le_bytes()[..], &vec![7; bytes]].concat();
+    let mut took = Vec::new();
+    for _ in 0..ROUNDS {
+        fingerprint(&message);
+        receiver.pause();
+        let began = now();
+        write_all(socket, &message)?;
+        read_all(socket, &mut [0; 8])?;
+        took.push(us(began.elapsed().as_secs_f64()));
+    }
+    Ok(Sample::new(took))
+}
+
+fn socket_peer(socket: &mut dyn Socket, receiver: Receiver) -> Outcome<()> {
+    if receiver == Receiver::Awake {
+        socket.spin()?;
+    }
+    say_ready()?;
+    let mut payload = Vec::new();
+    loop {
+        let mut length = [0; 8];
+        read_all(socket, &mut length)?;
+        payload.resize(u64::from_le_bytes(length) as usize, 0);
+        read_all(socket, &mut payload)?;
+        write_all(socket, &ends(&payload).to_le_bytes())?;
+    }
+}
+
+fn measure(rows: &mut Rows, receiver: Receiver) -> Outcome<()> {
+    type Measure = fn(Receiver, usize) -> Outcome<Sample>;
+    let transports: [(&str, Measure); 4] =
+        [("ours", ours), ("iceoryx2", raw), ("TCP", tcp), ("Unix socket", unix)];
+    let trips = |measure: Measure| -> Outcome<Trips> {
+        SIZES.iter().map(|(bytes, _)| measure(receiver, *bytes)).collect()
+    };
+    let trips = transports.map(|(_, measure)| trips(measure));
+    let [ours, raw, tcp, unix] = trips;
+    let trips = [ours?, raw?, tcp?, unix?];
+    // Half of what 64 bytes take there and back is the way back of any answer.
+    let one_way =
+        |transport: usize, size: usize| trips[transport][size].median() - 0.5 * trips[transport][0].median();
+    for (size, (_, name)) in SIZES.iter().enumerate() {
+        for (transport, (what, _)) in transports.iter().enumerate() {
+            let trip = &trips[transport][size];
+            let us = one_way(transport, size);
+            let [least, p50, p99] = [0.0, 0.5, 0.99].map(|share| trip.at(share));
+            let reads = format!("{us:.0} us one way; round trip {p50:.0} [{least:.0} .. p99 {p99:.0}] us");
+            rows.row(&format!("{name}, {}, {what}", receiver.name()), us, &reads, Goal::None);
+        }
+        let over_raw = trips[0][size].median() / trips[1][size].median();
+        let what = format!("{name}, {}: ours over iceoryx2, round trip", receiver.name());
+        let goal = if receiver == Receiver::Asleep { Goal::Most(1.3) } else { Goal::None };
+        rows.row(&what, over_raw, &format!("{over_raw:.2}"), goal);
+    }
+    let over_ours = one_way(2, 3) / one_way(0, 3);
+    let what = format!("6 MiB, {}: TCP over ours, one way", receiver.name());
+    let goal = if receiver == Receiver::Asleep { Goal::Least(50.0) } else { Goal::None };
+    rows.row(&what, over_ours, &format!("{over_ours:.0}"), goal);
+    Ok(())
+}
+
+fn receiver_of(name: Option<&String>) -> Receiver {
+    if name.is_some_and(|name| name == Receiver::Awake.name()) { Receiver::Awake } else { Receiver::Asleep }
+}
+
+fn main() -> Outcome<()> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let receiver = receiver_of(words.get(2));
+    // A peer ends when the other end is gone, which it finds out by an error.
+    match (words.first().map(String::as_str), words.get(1)) {
+        (Some("worker"), _) => return worker(),
+        (Some("raw"), Some(name)) => return raw_peer(name, receiver),
+        (Some("tcp"), Some(port)) => {
+            let mut socket = TcpStream::connect(("127.0.0.1", port.parse()?))?;
+            socket.set_nodelay(true)?;
+            let _closed = socket_peer(&mut socket, receiver);
+            return Ok(());
+        }
+        (Some("unix"), Some(path)) => {
+            let _closed = socket_peer(&mut UnixStream::connect(path)?, receiver);
+            return Ok(());
+        }
+        _ => {}
+    }
+    if !is_asked_to_measure() {
+        return Ok(());
+    }
+    let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "ipc");
+    measure(&mut rows, Receiver::Asleep)?;
+    measure(&mut rows, Receiver::Awake)?;
+    print("recorded elsewhere, not measured here: dora 441 us, ERDOS over TCP 4.8 ms for a 6 MiB image");
+    rows.finish();
+    Ok(())
+}

@@ -1,0 +1,306 @@
+//! The workers of a run: started, watched, started again or given up, ended.
+
+use core::time::Duration;
+use std::io::{Read as _, Write as _};
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver as Channel, RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{Builder, JoinHandle};
+
+use serde::{Deserialize, Serialize};
+use swerve_flow::Elsewhere;
+use swerve_msg::block::Memory;
+
+use crate::folder::RunFolder;
+use crate::lend::{Lender, StreamMemory};
+use crate::link::{Counts, Door, Link, Names, Watched, now};
+use crate::service::{Button, Hub};
+use crate::{IpcError, Setup, Traffic};
+
+/// What becomes of a worker that died.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OnLoss {
+    /// It is not started again.
+    #[default]
+    Stop,
+    /// It is started again, with operators in their first state.
+    Restart,
+}
+
+/// A worker to be started.
+pub struct Employment {
+    /// Its name.
+    pub process: String,
+    /// The operators whose steps it takes.
+    pub operators: Vec<String>,
+    /// What it needs to build the graph of which they are.
+    pub payload: Vec<u8>,
+    /// The streams of which it reads big payloads where the sensor writes them.
+    pub streams: Vec<String>,
+    /// What becomes of it when it dies.
+    pub on_loss: OnLoss,
+    /// For so long its answers are waited for, and its calls by itself, without sleeping.
+    pub spin: Duration,
+    /// The command that ends in [`work`](crate::work); gets its [`Setup`] through standard input.
+    pub command: Box<dyn Fn() -> Command + Send>,
+}
+
+/// Something that befell a worker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Happening {
+    /// It is gone.
+    Gone {
+        /// Which.
+        process: String,
+        /// How it ended.
+        why: String,
+    },
+    /// It was started again, and is ready.
+    Restarted {
+        /// Which.
+        process: String,
+    },
+}
+
+/// Who is told.
+pub type Told = Arc<dyn Fn(Happening) + Send + Sync>;
+
+/// The workers of a run, and all that a run has on the machine. Ends and removes them when it is dropped.
+pub struct Crew {
+    workers: Vec<Worker>,
+    memories: Vec<StreamMemory>,
+    counts: Arc<Counts>,
+    hub: Arc<Hub>,
+    folder: RunFolder,
+}
+
+/// A worker as the coordinator has it.
+struct Worker {
+    process: String,
+    link: Arc<Mutex<Link>>,
+    shared: Arc<Shared>,
+    ended: Channel<()>,
+    watch: Option<JoinHandle<()>>,
+}
+
+/// What the thread that watches a worker shares with the crew.
+struct Shared {
+    watched: Arc<Watched>,
+    child: Mutex<Option<Child>>,
+    /// Its end closes with the coordinator, whatever ends that: a worker never outlives it.
+    stdin: Mutex<Option<ChildStdin>>,
+    ending: AtomicBool,
+}
+
+impl Crew {
+    /// Nobody yet. What dead runs left is removed.
+    ///
+    /// # Errors
+    /// When there is no place for the run's files, or no shared memory.
+    pub fn new() -> Result<Self, IpcError> {
+        let folder = RunFolder::create()?;
+        let hub = Arc::new(Hub::join(&folder.address)?);
+        Ok(Self { workers: Vec::new(), memories: Vec::new(), counts: Arc::default(), hub, folder })
+    }
+
+    /// Shared memory for a stream whose messages consist of so many blocks. To be lent before workers start
+    /// that read it.
+    ///
+    /// # Errors
+    /// When there is no shared memory.
+    pub fn lend(&mut self, stream: &str, blocks: usize) -> Result<Box<dyn Memory>, IpcError> {
+        let memory = u32::try_from(self.memories.len()).unwrap_or(u32::MAX);
+        let of = StreamMemory { memory, stream: stream.to_owned(), blocks };
+        let lender = Lender::new(self.hub.clone(), of.clone())?;
+        self.memories.push(of);
+        Ok(Box::new(lender))
+    }
+
+    /// Starts a worker, without waiting until it is ready.
+    ///
+    /// # Errors
+    /// When there is no shared memory, or the process cannot be started.
+    pub fn employ(&mut self, employment: Employment, told: Told) -> Result<(), IpcError> {
+        let process = employment.process.clone();
+        let watched = Arc::new(Watched::default());
+        let link = Link::new(
+            &self.hub,
+            &process,
+            employment.spin,
+            watched.clone(),
+            (self.counts.clone(), told.clone()),
+        )?;
+        let shared = Arc::new(Shared {
+            watched,
+            child: Mutex::new(None),
+            stdin: Mutex::new(None),
+            ending: AtomicBool::new(false),
+        });
+        let button = self.hub.button(&Names::of(&process).coordinator_bell)?;
+        let (tell_end, ended) = sync_channel(1);
+        let reads = |of: &&StreamMemory| employment.streams.contains(&of.stream);
+        let memories = self.memories.iter().filter(reads).cloned().collect();
+        let address = self.folder.address.clone();
+        let mut watch = Watch { employment, memories, address, shared, button, told };
+        let stdout = watch.start().map_err(IpcError::of(format!("starting process `{process}`")))?;
+        let shared = watch.shared.clone();
+        let thread = Builder::new().name(format!("swerve-watch-{process}")).spawn(move || {
+            watch.watch(stdout);
+            // Nobody waits for it where the crew was not ended but dropped half made.
+            let _told = tell_end.send(());
+        });
+        let watch = Some(thread.map_err(IpcError::of("starting a thread"))?);
+        self.workers.push(Worker { process, link: Arc::new(Mutex::new(link)), shared, ended, watch });
+        Ok(())
+    }
+
+    /// Waits until all are ready.
+    ///
+    /// # Errors
+    /// When one of them ended, or takes longer.
+    pub fn wait_ready(&self, within: Duration) -> Result<(), IpcError> {
+        let until = now() + within;
+        self.workers.iter().try_for_each(|worker| lock(&worker.link).wait_ready(until))
+    }
+
+    /// What takes the steps of one operator; none if there is no such process.
+    pub fn door(&self, process: &str) -> Option<Box<dyn Elsewhere>> {
+        let worker = self.workers.iter().find(|worker| worker.process == process)?;
+        let start = worker.shared.watched.life().starts;
+        Some(Box::new(Door { link: worker.link.clone(), start }))
+    }
+
+    /// What went between the processes so far.
+    pub fn traffic(&self) -> Traffic {
+        self.counts.traffic()
+    }
+
+    /// The process numbers of those that run, by name.
+    pub fn processes(&self) -> Vec<(String, u32)> {
+        let number = |worker: &Worker| lock(&worker.shared.child).as_ref().map(Child::id);
+        self.workers.iter().filter_map(|worker| Some((worker.process.clone(), number(worker)?))).collect()
+    }
+
+    /// What the names of this run's files in the shared-memory folder start with.
+    pub fn prefix(&self) -> &str {
+        &self.folder.address.prefix
+    }
+}
+
+impl Drop for Crew {
+    fn drop(&mut self) {
+        const GRACE: Duration = Duration::from_millis(500);
+        for worker in &self.workers {
+            worker.shared.ending.store(true, Ordering::SeqCst);
+            lock(&worker.shared.stdin).take();
+        }
+        for worker in &mut self.workers {
+            if worker.ended.recv_timeout(GRACE) == Err(RecvTimeoutError::Timeout)
+                && let Some(child) = &mut *lock(&worker.shared.child)
+            {
+                // One that is gone needs no killing.
+                let _gone = child.kill();
+            }
+            if let Some(watch) = worker.watch.take() {
+                let _done = watch.join();
+            }
+        }
+    }
+}
+
+/// The thread that watches one worker.
+struct Watch {
+    employment: Employment,
+    memories: Vec<StreamMemory>,
+    address: crate::folder::Address,
+    shared: Arc<Shared>,
+    /// Wakes who waits for an answer.
+    button: Button,
+    told: Told,
+}
+
+impl Watch {
+    /// Starts the worker and hands it its setup.
+    fn start(&mut self) -> std::io::Result<ChildStdout> {
+        let start = self.shared.watched.life().starts + 1;
+        let setup = Setup {
+            address: self.address.clone(),
+            process: self.employment.process.clone(),
+            start,
+            operators: self.employment.operators.clone(),
+            payload: self.employment.payload.clone(),
+            spin_us: u64::try_from(self.employment.spin.as_micros()).unwrap_or(u64::MAX),
+            memories: self.memories.clone(),
+        };
+        let mut command = (self.employment.command)();
+        // A group of its own: what the terminal sends to the coordinator is the coordinator's business.
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+        let stdout = child.stdout.take().expect("it was asked for");
+        let mut stdin = child.stdin.take().expect("it was asked for");
+        // A worker that does not live long enough to read it is found out by its end.
+        let _read = stdin.write_all(&setup.framed()).and_then(|()| stdin.flush());
+        *lock(&self.shared.stdin) = Some(stdin);
+        *lock(&self.shared.child) = Some(child);
+        let mut life = self.shared.watched.life();
+        (life.starts, life.gone) = (start, None);
+        Ok(stdout)
+    }
+
+    fn watch(mut self, mut stdout: ChildStdout) {
+        let mut futile = 0;
+        loop {
+            // A worker says nothing there: its end of the pipe closes when it ends, however that is.
+            let _said = stdout.read_to_end(&mut Vec::new());
+            let child = lock(&self.shared.child).take();
+            let why = ended(child.map(|mut child| child.wait()));
+            if self.is_ending() {
+                return;
+            }
+            let was_ready = {
+                let mut life = self.shared.watched.life();
+                (life.gone, life.ended) = (Some(why.clone()), why.clone());
+                life.ready == life.starts
+            };
+            self.button.ring();
+            let process = self.employment.process.clone();
+            (self.told)(Happening::Gone { process: process.clone(), why });
+            futile = if was_ready { 0 } else { futile + 1 };
+            if self.employment.on_loss == OnLoss::Stop || futile > FUTILE_MAX {
+                return;
+            }
+            match self.start() {
+                Ok(next) => stdout = next,
+                Err(error) => {
+                    let why = format!("cannot be started again: {error}");
+                    self.shared.watched.life().gone = Some(why.clone());
+                    (self.told)(Happening::Gone { process, why });
+                    return;
+                }
+            }
+            if self.is_ending() {
+                lock(&self.shared.stdin).take();
+            }
+        }
+    }
+
+    fn is_ending(&self) -> bool {
+        self.shared.ending.load(Ordering::SeqCst)
+    }
+}
+
+/// So many times in turn a worker may end before it is ready.
+const FUTILE_MAX: u32 = 3;
+
+fn ended(status: Option<std::io::Result<ExitStatus>>) -> String {
+    match status {
+        Some(Ok(status)) => format!("ended ({status})"),
+        _ => "ended".to_owned(),
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

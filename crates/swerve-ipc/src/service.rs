@@ -1,0 +1,337 @@
+//! The one place where services are made. Whoever opens a service first decides how it is (buffers, alignment,
+//! overflow), and everybody else has to want the same: with one function for both ends they always do.
+
+use core::fmt::Debug;
+#[cfg(test)]
+use core::mem::offset_of;
+use core::time::Duration;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use iceoryx2::config::Config;
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::{
+    AllocationStrategy, FileName, LogLevel, Path, SemanticString as _, ServiceName, SignalHandlingMode,
+    ZeroCopySend, ipc_threadsafe, set_log_level,
+};
+use iceoryx2::sample::Sample;
+use iceoryx2::sample_mut::SampleMut;
+use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use rustix::fs::statvfs;
+
+use crate::IpcError;
+use crate::folder::{Address, SHARED_MEMORY};
+
+/// Several threads use the ports of one process.
+pub(crate) type Ipc = ipc_threadsafe::Service;
+pub(crate) type Sender = Publisher<Ipc, [u8], Head>;
+pub(crate) type Receiver = Subscriber<Ipc, [u8], Head>;
+pub(crate) type Received = Sample<Ipc, [u8], Head>;
+/// What fills images and clouds is words, so that it lies at the addresses that its numbers need. (An alignment
+/// asked of a service of bytes is applied by iceoryx2 0.10 to each single byte, in memory set aside.)
+pub(crate) type WordSender = Publisher<Ipc, [u64], Head>;
+pub(crate) type WordReceiver = Subscriber<Ipc, [u64], Head>;
+
+/// What messages consist of.
+pub(crate) trait Element: ZeroCopySend + Debug + 'static {}
+
+impl Element for u8 {}
+impl Element for u64 {}
+
+/// What is before the bytes of every message. The type's name holds a fingerprint of its layout, because
+/// iceoryx2 compares names and sizes, and would let two layouts of one size meet.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
+#[type_name("swerve.Head.6a438280d2cb8e77")]
+pub(crate) struct Head {
+    /// Which message; an answer has that of its call.
+    pub(crate) seq: u64,
+    /// What it is: [`Kind`] as a number.
+    pub(crate) kind: u64,
+}
+
+/// The fingerprint in the name of [`Head`]: FNV-1a over its size and where its fields lie.
+#[cfg(test)]
+const LAYOUT: u64 = {
+    let facts = [size_of::<Head>(), offset_of!(Head, seq), 8, offset_of!(Head, kind), 8];
+    let (mut hash, mut i) = (0xcbf2_9ce4_8422_2325_u64, 0);
+    while i < facts.len() {
+        hash = (hash ^ facts[i] as u64).wrapping_mul(0x0000_0100_0000_01b3);
+        i += 1;
+    }
+    hash
+};
+
+/// What a message is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u64)]
+pub(crate) enum Kind {
+    /// A worker is ready; the number is which start of it.
+    Ready = 1,
+    /// A step to be taken.
+    Call,
+    /// What came of it.
+    Answer,
+    /// A place in shared memory that the call names is not to be had any more.
+    Missing,
+    /// The call makes no sense; the bytes say why.
+    Refused,
+    /// What fills an image or a part of a point cloud; the number is that of its place.
+    Block,
+}
+
+impl Kind {
+    pub(crate) fn of(head: &Head) -> Option<Self> {
+        [Self::Ready, Self::Call, Self::Answer, Self::Missing, Self::Refused, Self::Block]
+            .into_iter()
+            .find(|kind| *kind as u64 == head.kind)
+    }
+}
+
+/// A process's access to the shared memory of a run.
+pub(crate) struct Hub {
+    node: Node<Ipc>,
+    /// Bytes that were set aside for what sensors write, used or not.
+    promised: AtomicU64,
+}
+
+/// How many messages a service holds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Depth {
+    /// That a receiver has not taken yet; the oldest goes when there are more.
+    pub(crate) waiting: usize,
+    /// That a receiver holds at once.
+    pub(crate) held: usize,
+}
+
+/// For calls and answers: one is on its way at a time, and after a kill one more.
+pub(crate) const TALK: Depth = Depth { waiting: 4, held: 4 };
+
+/// At most so many workers read what one sensor writes.
+const READERS_MAX: usize = 16;
+
+/// So many words hold so many bytes.
+fn words(bytes: usize) -> usize {
+    bytes.div_ceil(size_of::<u64>())
+}
+
+impl Hub {
+    /// Joins a run.
+    pub(crate) fn join(address: &Address) -> Result<Self, IpcError> {
+        // What it has to say reaches the user through the errors of its calls.
+        set_log_level(LogLevel::Fatal);
+        let mut config = Config::default();
+        config.global.prefix = FileName::new(address.prefix.as_bytes()).map_err(IpcError::of("a prefix"))?;
+        let root = address.root.as_os_str().as_encoded_bytes();
+        config.global.set_root_path(&Path::new(root).map_err(IpcError::of("a path"))?);
+        let node = NodeBuilder::new()
+            .config(&config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Ipc>()
+            .map_err(IpcError::of("joining the run's shared memory"))?;
+        Ok(Self { node, promised: AtomicU64::new(0) })
+    }
+
+    /// The service of this name, made or opened: all its ends come through here.
+    fn service<T: Element>(&self, name: &str, depth: Depth) -> Result<PortFactory<Ipc, [T], Head>, IpcError> {
+        let doing = || format!("opening service {name}");
+        let id = ServiceName::new(name).map_err(IpcError::of(doing()))?;
+        self.node
+            .service_builder(&id)
+            .publish_subscribe::<[T]>()
+            .user_header::<Head>()
+            // The newest matters, and a sender never waits for a receiver that may be dead.
+            .enable_safe_overflow(true)
+            .history_size(0)
+            .max_publishers(2)
+            .max_subscribers(READERS_MAX)
+            .max_nodes(READERS_MAX + 2)
+            .subscriber_max_buffer_size(depth.waiting)
+            .subscriber_max_borrowed_samples(depth.held)
+            .open_or_create()
+            .map_err(IpcError::of(doing()))
+    }
+
+    /// The writing end of a service: `loans` messages may be under way of being written, of `bytes` at first.
+    pub(crate) fn sender(
+        &self,
+        name: &str,
+        depth: Depth,
+        loans: usize,
+        bytes: usize,
+    ) -> Result<Sender, IpcError> {
+        self.service::<u8>(name, depth)?
+            .publisher_builder()
+            .max_loaned_samples(loans)
+            .initial_max_slice_len(bytes)
+            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .create()
+            .map_err(IpcError::of(format!("a sender of {name}")))
+    }
+
+    /// As [`sender`](Self::sender), for messages of at most `bytes` in memory that never grows: so many of
+    /// them may be being written, and so many there are at all.
+    pub(crate) fn lending_sender(
+        &self,
+        name: &str,
+        depth: Depth,
+        [loans, rooms]: [usize; 2],
+        bytes: usize,
+    ) -> Result<WordSender, IpcError> {
+        self.promise((rooms * bytes) as u64)?;
+        self.service::<u64>(name, depth)?
+            .publisher_builder()
+            .max_loaned_samples(loans)
+            .initial_max_slice_len(words(bytes))
+            .allocation_strategy(AllocationStrategy::Static)
+            .override_sample_preallocation(move |most| most.min(rooms))
+            .create()
+            .map_err(IpcError::of(format!("a sender of {name}")))
+    }
+
+    /// Makes sure that there will be so much shared memory. The system gives it when it is written to, and kills
+    /// who writes to what it cannot give.
+    fn promise(&self, bytes: u64) -> Result<(), IpcError> {
+        let promised = self.promised.fetch_add(bytes, Ordering::SeqCst) + bytes;
+        let free = statvfs(SHARED_MEMORY).map_or(u64::MAX, |system| system.f_bavail * system.f_frsize);
+        if promised <= free {
+            return Ok(());
+        }
+        self.promised.fetch_sub(bytes, Ordering::SeqCst);
+        let error = format!("{free} bytes are free, {promised} would be needed");
+        Err(IpcError::Shared { doing: format!("getting shared memory in {SHARED_MEMORY}"), error })
+    }
+
+    /// The reading end of a service.
+    pub(crate) fn receiver<T: Element>(
+        &self,
+        name: &str,
+        depth: Depth,
+    ) -> Result<Subscriber<Ipc, [T], Head>, IpcError> {
+        let made = self.service::<T>(name, depth)?.subscriber_builder().buffer_size(depth.waiting).create();
+        made.map_err(IpcError::of(format!("a receiver of {name}")))
+    }
+
+    fn event(&self, name: &str) -> Result<EventFactory<Ipc>, IpcError> {
+        let doing = || format!("opening doorbell {name}");
+        let id = ServiceName::new(name).map_err(IpcError::of(doing()))?;
+        let builder = self.node.service_builder(&id).event();
+        let builder = builder.max_notifiers(4).max_listeners(2).max_nodes(8);
+        builder.open_or_create().map_err(IpcError::of(doing()))
+    }
+
+    /// The button of a doorbell.
+    pub(crate) fn button(&self, name: &str) -> Result<Button, IpcError> {
+        let made = self.event(name)?.notifier_builder().create();
+        Ok(Button(made.map_err(IpcError::of(format!("the button of doorbell {name}")))?))
+    }
+
+    /// A doorbell.
+    pub(crate) fn bell(&self, name: &str) -> Result<Bell, IpcError> {
+        let made = self.event(name)?.listener_builder().create();
+        Ok(Bell(made.map_err(IpcError::of(format!("doorbell {name}")))?))
+    }
+}
+
+/// Rings a doorbell.
+#[derive(Debug)]
+pub(crate) struct Button(Notifier<Ipc>);
+
+impl Button {
+    /// Rings. A bell that is gone is that of a dead process, of which others take care.
+    pub(crate) fn ring(&self) {
+        let _unheard = self.0.notify();
+    }
+}
+
+/// Wakes who waits at it.
+pub(crate) struct Bell(Listener<Ipc>);
+
+impl Bell {
+    /// Waits until it rings, but not for long: whoever waits looks around now and then.
+    pub(crate) fn wait(&self, at_most: Duration) {
+        // Should it be interrupted, the waiting one looks around a little early.
+        let _rung = self.0.timed_wait(|_| {}, at_most);
+    }
+}
+
+/// A message that is being written. Several threads may look at it, one at a time writes.
+pub(crate) struct Loan(SampleMut<Ipc, [u64], Head>);
+
+/// A message that was received and is kept for a while. Several threads read it.
+pub(crate) struct Kept(pub(crate) Sample<Ipc, [u64], Head>);
+
+#[expect(
+    unsafe_code,
+    reason = "iceoryx2 says that samples may be sent between threads, not that they may be shared"
+)]
+// SAFETY: all that is done through a shared reference is reading bytes. Nothing else writes them while this lives:
+// a loan is its holder's alone. What both types have beside the pointer to them is behind a lock in
+// `ipc_threadsafe`, which is what makes them `Send`.
+unsafe impl Sync for Loan {}
+
+#[expect(
+    unsafe_code,
+    reason = "iceoryx2 says that samples may be sent between threads, not that they may be shared"
+)]
+// SAFETY: as above; a received message has no writer at all until it is given back, when this is dropped.
+unsafe impl Sync for Kept {}
+
+impl Loan {
+    /// Room for so many bytes and no word more, all zero; none if there is none left.
+    pub(crate) fn of(sender: &WordSender, bytes: usize) -> Option<Self> {
+        sender.loan_slice(words(bytes)).ok().map(Self)
+    }
+
+    pub(crate) fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(self.0.payload())
+    }
+
+    pub(crate) fn bytes_mut(&mut self) -> &mut [u8] {
+        bytemuck::cast_slice_mut(self.0.payload_mut())
+    }
+
+    pub(crate) fn send(mut self, head: Head) -> Result<(), IpcError> {
+        *self.0.user_header_mut() = head;
+        self.0.send().map(drop).map_err(IpcError::of("sending a message"))
+    }
+}
+
+impl Kept {
+    pub(crate) fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(self.0.payload())
+    }
+}
+
+/// Sends a message.
+pub(crate) fn send(to: &Sender, seq: u64, kind: Kind, bytes: &[u8]) -> Result<(), IpcError> {
+    let loan = to.loan_slice_uninit(bytes.len()).map_err(IpcError::of("room for a message"))?;
+    let mut message = loan.write_from_slice(bytes);
+    *message.user_header_mut() = Head { seq, kind: kind as u64 };
+    message.send().map(drop).map_err(IpcError::of("sending a message"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_is_promised_than_there_is() {
+        let folder = crate::folder::RunFolder::create().unwrap();
+        let hub = Hub::join(&folder.address).unwrap();
+        let refused = hub.lending_sender("memory/big", TALK, [2, 1 << 30], 1 << 20).unwrap_err().to_string();
+        assert!(refused.contains("would be needed"), "{refused}");
+        hub.lending_sender("memory/small", TALK, [2, 4], 1 << 16).unwrap();
+    }
+
+    #[test]
+    fn the_name_of_the_header_holds_its_layout() {
+        let written = include_str!("service.rs").split("swerve.Head.").nth(1).unwrap().split('"').next();
+        assert_eq!(written, Some(format!("{LAYOUT:016x}").as_str()));
+    }
+}

@@ -1,0 +1,54 @@
+//! Watchers of single cameras and lidars, `[monitor.NAME]`.
+
+use serde::{Deserialize, Serialize};
+
+use super::camera::Output;
+use super::words::nearest;
+use super::{Config, OPERATORS};
+
+/// A watcher: reads every byte of what a camera or lidar sees, and says whether it is frozen, blank or broken.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MonitorConfig {
+    /// The camera or lidar. It runs because of this.
+    pub sensor: String,
+    /// Which of a camera's outputs.
+    pub output: Output,
+}
+
+impl Default for MonitorConfig {
+    fn default() -> Self {
+        Self { sensor: String::new(), output: Output::Rgb }
+    }
+}
+
+impl Config {
+    /// The names of all watchers.
+    pub fn monitors(&self) -> impl Iterator<Item = &str> {
+        self.monitor.keys().map(String::as_str)
+    }
+
+    pub(super) fn check_monitors(&self, told: &mut Vec<(String, String)>) {
+        for (name, monitor) in &self.monitor {
+            let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+            if !plain || OPERATORS.contains(&name.as_str()) || self.sensors().any(|sensor| sensor == name) {
+                let message = "expected a name of letters, digits and underscores that no operator has";
+                told.push((format!("monitor.{name}"), message.into()));
+            }
+            let known = || self.camera.keys().chain(self.lidar.keys()).map(String::as_str);
+            let MonitorConfig { sensor, output } = monitor;
+            if !known().any(|known| known == sensor) {
+                let near = nearest(sensor, known());
+                let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+                let names: Vec<&str> = known().collect();
+                let message =
+                    format!("unknown camera or lidar `{sensor}`, expected one of {}{near}", names.join(", "));
+                told.push((format!("monitor.{name}.sensor"), message));
+            }
+            if self.camera.get(sensor).is_some_and(|camera| !camera.outputs.contains(output)) {
+                let message = format!("`{sensor}` has no output `{}`", output.name());
+                told.push((format!("monitor.{name}.output"), message));
+            }
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! The processes of a run, from the coordinator's side; and what such a process does.
+//!
+//! Both sides build the same pipeline from the same texts. The coordinator drives it, and has the steps of the
+//! operators that `[process.NAME]` names taken by the process of that name.
+
+use core::time::Duration;
+use std::path::Path;
+use std::process::Command;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use anyhow::Context as _;
+use serde::{Deserialize, Serialize};
+use swerve_flow::SourceHandle;
+use swerve_ipc::{Crew, Employment, Happening, Setup, Told, Traffic, work};
+use swerve_msg::{GoneProcess, Supervision};
+use swerve_scenario::Scenario;
+
+use crate::config::Config;
+use crate::config::text::Document;
+use crate::pipeline::Pipeline;
+use crate::run::problems_error;
+
+/// A process that takes longer to build its pipeline is given up.
+const READY_WITHIN: Duration = Duration::from_secs(60);
+
+/// Passes on what becomes of processes, so that the controller reads it and the log has it.
+fn told(supervisor: Option<SourceHandle<Supervision>>) -> Told {
+    let gone: Mutex<Vec<GoneProcess>> = Mutex::default();
+    Arc::new(move |happening| {
+        let mut gone = gone.lock().unwrap_or_else(PoisonError::into_inner);
+        match happening {
+            Happening::Gone { process, why } => {
+                gone.retain(|one| one.process != process);
+                gone.push(GoneProcess { process, why });
+            }
+            Happening::Restarted { process } => gone.retain(|one| one.process != process),
+        }
+        if let Some(supervisor) = &supervisor {
+            // A run that is over has nobody to be told.
+            let _over = supervisor.send_now(Supervision { gone: gone.clone() });
+        }
+    })
+}
+
+/// Which process reads which streams.
+fn streams_read(config: &Config, pipeline: &Pipeline) -> anyhow::Result<Vec<(String, String)>> {
+    let mut read = Vec::new();
+    for operator in pipeline.graph.describe()?.operators {
+        let Some(process) = config.process_of(&operator.name) else { continue };
+        let streams = operator.inputs.into_iter().filter_map(|input| input.stream);
+        read.extend(streams.map(|stream| (process.to_owned(), stream)));
+    }
+    Ok(read)
+}
+
+/// What a process builds its pipeline from.
+#[derive(Serialize, Deserialize)]
+struct Texts {
+    config: String,
+    scenario: String,
+}
+
+/// The processes of one run. They end with this.
+pub struct Processes {
+    crew: Crew,
+}
+
+impl Processes {
+    /// Starts the processes of a configuration, and has the steps of their operators taken there. `program` is
+    /// this program; `scenario` the text of the pipeline's.
+    ///
+    /// # Errors
+    /// When there is no shared memory, or a process does not come up.
+    pub fn start(
+        program: &Path,
+        config: &Config,
+        scenario: &str,
+        pipeline: &mut Pipeline,
+    ) -> anyhow::Result<Self> {
+        let texts = Texts { config: config.to_text(), scenario: scenario.to_owned() };
+        let payload = serde_json::to_vec(&texts)?;
+        let mut crew = Crew::new()?;
+        let read = streams_read(config, pipeline)?;
+        for (stream, memory) in &pipeline.memory {
+            if read.iter().any(|(_, read)| read == stream) {
+                memory.share(crew.lend(stream, memory.arrays)?);
+            }
+        }
+        let told = told(pipeline.supervisor.take());
+        for (name, process) in &config.process {
+            let program = program.to_owned();
+            let employment = Employment {
+                process: name.clone(),
+                operators: process.operators.clone(),
+                payload: payload.clone(),
+                streams: read.iter().filter(|(by, _)| by == name).map(|(_, stream)| stream.clone()).collect(),
+                on_loss: process.on_loss,
+                spin: process.spin(),
+                command: Box::new(move || {
+                    let mut command = Command::new(&program);
+                    command.arg("worker");
+                    command
+                }),
+            };
+            crew.employ(employment, told.clone())?;
+        }
+        crew.wait_ready(READY_WITHIN)?;
+        for (name, process) in &config.process {
+            for operator in &process.operators {
+                let door = crew.door(name).context("the process was just started")?;
+                let _elsewhere = pipeline.graph.operator(operator)?.elsewhere(door);
+            }
+        }
+        Ok(Self { crew })
+    }
+
+    /// What went between the processes so far.
+    pub fn traffic(&self) -> Traffic {
+        self.crew.traffic()
+    }
+
+    /// The processes and who they are.
+    pub fn crew(&self) -> &Crew {
+        &self.crew
+    }
+}
+
+/// What a process of a run does: it takes the steps that it is called for.
+pub fn run_worker() -> anyhow::Result<()> {
+    let setup = Setup::read(std::io::stdin().lock())
+        .context("reading from standard input what to do: `swerve worker` is started by `swerve run`")?;
+    let texts: Texts = serde_json::from_slice(&setup.payload)?;
+    let document = Document::parse("configuration of the run", texts.config)?;
+    let config = Config::from_document(&document, &[]).map_err(|problems| problems_error(&problems))?;
+    let scenario = Scenario::parse("scenario of the run", &texts.scenario)
+        .map_err(|problems| problems_error(&problems))?;
+    let pipeline = Pipeline::build(&config, &scenario)?;
+    let workshop = pipeline.graph.into_workshop(&setup.operators)?;
+    Ok(work(&setup, workshop)?)
+}

@@ -1,0 +1,406 @@
+//! Runs over several processes of this very program.
+//!
+//! `SWERVE_KILLS=50` kills that many workers at random moments, `SWERVE_SPLITS=20` drives that many random splits.
+#![expect(clippy::unwrap_used, reason = "a failed test says where")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use swerve::config::Config;
+use swerve::config::process::ProcessConfig;
+use swerve::config::text::{Document, parse_assignment};
+use swerve::pipeline::Pipeline;
+use swerve::process::Processes;
+use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start};
+use swerve_core::{Digest, Rng, Time};
+use swerve_flow::{Event, Observer};
+use swerve_ipc::{OnLoss, Traffic};
+use swerve_log::{Log, Recorder};
+use swerve_msg::Supervision;
+
+/// The program whose other end the workers are.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_swerve");
+const SCENARIO: &str = "person_behind_truck";
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn scenario_file() -> PathBuf {
+    root().join("scenarios").join(SCENARIO).with_extension("toml")
+}
+
+fn config(file: &str, sets: &[&str]) -> Config {
+    let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+    let file = root().join("configs").join(file).with_extension("toml");
+    Config::load(Some(&file), &sets).unwrap_or_else(|problems| panic!("{problems:?}"))
+}
+
+/// A small camera and a lidar, each watched.
+const WATCHED: &str = "
+[camera.front]
+width_px = 240
+height_px = 120
+period_ms = 100
+transfer_ms = 10
+[lidar.roof]
+preset = 'vlp_32'
+[monitor.eye]
+sensor = 'front'
+[monitor.ear]
+sensor = 'roof'
+";
+
+fn watched(operators: &[&str]) -> Config {
+    let text = format!("{WATCHED}[process.watch]\noperators = {operators:?}\n");
+    Config::from_document(&Document::parse("watched", text).unwrap(), &[]).unwrap()
+}
+
+/// The same in one process.
+fn together(config: &Config) -> Config {
+    Config { process: Default::default(), ..config.clone() }
+}
+
+/// A run that has not begun: its processes are there.
+struct Run {
+    pipeline: Pipeline,
+    processes: Processes,
+    seed: u64,
+}
+
+fn start(config: &Config, until: Time) -> Run {
+    let mut pipeline = Pipeline::build(config, &read_scenario(&scenario_file()).unwrap()).unwrap();
+    pipeline.until = until;
+    let text = std::fs::read_to_string(scenario_file()).unwrap();
+    let processes = Processes::start(Path::new(PROGRAM), config, &text, &mut pipeline).unwrap();
+    Run { pipeline, processes, seed: config.seed }
+}
+
+fn drive_split(config: &Config, until: Time) -> (Outcome, Traffic) {
+    let Run { pipeline, processes, seed } = start(config, until);
+    let outcome = drive_pipeline(pipeline, seed, 1, &mut []).unwrap();
+    (outcome, processes.traffic())
+}
+
+fn drive_here(config: &Config, until: Time) -> Outcome {
+    let scenario = read_scenario(&scenario_file()).unwrap();
+    let mut pipeline = Pipeline::build(&together(config), &scenario).unwrap();
+    pipeline.until = until;
+    drive_pipeline(pipeline, config.seed, 1, &mut []).unwrap()
+}
+
+/// The files in the shared-memory folder whose names start so.
+fn left_over(prefix: &str) -> Vec<String> {
+    let names = std::fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().file_name());
+    names.filter_map(|name| name.into_string().ok()).filter(|name| name.starts_with(prefix)).collect()
+}
+
+#[test]
+fn two_processes_drive_as_one() {
+    let until = Time::from_ms(6000);
+    let split = config("two_processes", &[]);
+    let here = drive_here(&split, until);
+    let run = start(&split, until);
+    assert!(!left_over(run.processes.crew().prefix()).is_empty());
+    for threads in [1, 2] {
+        let Run { pipeline, processes, seed } = start(&split, until);
+        let outcome = drive_pipeline(pipeline, seed, threads, &mut []).unwrap();
+        assert_eq!(outcome.digest, here.digest);
+        assert_eq!(outcome.report.operators, here.report.operators);
+        assert!(processes.traffic().calls > 200, "{:?}", processes.traffic());
+        let prefix = processes.crew().prefix().to_owned();
+        drop(processes);
+        assert_eq!(left_over(&prefix), [""; 0]);
+    }
+}
+
+#[test]
+fn images_and_clouds_are_read_where_they_were_written() {
+    let until = Time::from_ms(1500);
+    let config = watched(&["eye", "ear", "planner"]);
+    let here = drive_here(&config, until);
+    let (outcome, traffic) = drive_split(&config, until);
+    assert_eq!(outcome.digest, here.digest);
+    assert_eq!(outcome.report.operators, here.report.operators);
+    assert_eq!(traffic.copied, 0, "{traffic:?}");
+    // 14 images of 86 kB; 14 clouds of five arrays of 115 kB and more, and one of half that.
+    assert!(traffic.in_place >= 14 + 14 * 5, "{traffic:?}");
+    assert!(traffic.bytes < 64 * 1024 * traffic.calls, "{traffic:?}");
+}
+
+#[test]
+fn every_split_gives_the_same_digest() {
+    let cases = std::env::var("SWERVE_SPLITS").map_or(2, |n| n.parse().unwrap());
+    let until = Time::from_ms(1000);
+    let operators = ["tracker", "predictor", "planner", "eye", "ear"];
+    let config = watched(&["eye"]);
+    let here = drive_here(&config, until);
+    let mut rng = Rng::keyed(1, "splits", &[]);
+    for _ in 0..cases {
+        let mut split = together(&config);
+        for operator in operators {
+            // Half of the time it stays, else it goes to one of three.
+            let process = (rng.bits() >> 8) % 6;
+            if process < 3 {
+                let process = split.process.entry(format!("p{process}")).or_default();
+                process.operators.push(operator.to_owned());
+            }
+        }
+        let (outcome, traffic) = drive_split(&split, until);
+        assert_eq!(outcome.digest, here.digest, "{:?}", split.process);
+        assert_eq!(traffic.copied, 0, "{:?}", split.process);
+    }
+}
+
+#[test]
+fn two_runs_at_once_leave_each_other_alone() {
+    let until = Time::from_ms(2000);
+    let config = config("two_processes", &[]);
+    let here = drive_here(&config, until).digest;
+    let (one, other) = (start(&config, until), start(&config, until));
+    assert_ne!(one.processes.crew().prefix(), other.processes.crew().prefix());
+    let drive = |Run { pipeline, processes, seed }: Run| {
+        let digest = drive_pipeline(pipeline, seed, 1, &mut []).unwrap().digest;
+        drop(processes);
+        digest
+    };
+    let digests: Vec<Digest> = std::thread::scope(|scope| {
+        let runs = [one, other].map(|run| scope.spawn(|| drive(run)));
+        runs.into_iter().map(|run| run.join().unwrap()).collect()
+    });
+    assert_eq!(digests, [here; 2]);
+}
+
+fn signal(process: u32, name: &str) {
+    // One that is gone already gets none.
+    let command = format!("kill -s {name} {process}");
+    Command::new("sh").args(["-c", &command]).stderr(Stdio::null()).status().unwrap();
+}
+
+/// Kills with no chance to clean up.
+fn kill(process: u32) {
+    signal(process, "KILL");
+}
+
+#[expect(clippy::disallowed_methods, reason = "how soon a loss is noticed")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+/// Kills a worker after so many publications, and tells when that was.
+struct Killer {
+    after: u64,
+    process: u32,
+    killed: Option<Instant>,
+}
+
+impl Observer for Killer {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::Publication(_) = event {
+            self.after = self.after.saturating_sub(1);
+            if self.after == 0 && self.killed.is_none() {
+                kill(self.process);
+                self.killed = Some(now());
+            }
+        }
+    }
+}
+
+/// Does something after so long, on a thread of its own.
+fn after<T: Send + 'static>(wait: Duration, act: impl FnOnce() -> T + Send + 'static) -> JoinHandle<T> {
+    std::thread::spawn(move || {
+        let (_never, nothing) = channel::<()>();
+        assert_eq!(nothing.recv_timeout(wait), Err(RecvTimeoutError::Timeout));
+        act()
+    })
+}
+
+/// When a worker is killed.
+#[derive(Clone, Copy)]
+enum Moment {
+    /// Between two steps: after so many publications.
+    Publications(u64),
+    /// Wherever it is then.
+    After(Duration),
+}
+
+/// Drives until a worker of the run is killed; checks that this is noticed, told, logged and cleaned up. Says whether
+/// the run was not over before.
+fn lose_one(config: &Config, which: usize, moment: Moment) -> bool {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.mcap");
+    let Run { pipeline, processes, seed } = start(config, Time::from_ms(600_000));
+    let prefix = processes.crew().prefix().to_owned();
+    let all = processes.crew().processes();
+    let (name, process) = all[which % all.len()].clone();
+    let publications = if let Moment::Publications(n) = moment { n } else { u64::MAX };
+    let mut killer = Killer { after: publications, process, killed: None };
+    let mut recorder = Recorder::create(&log, &run_start(config, &scenario_file()).unwrap()).unwrap();
+    let other = match moment {
+        Moment::Publications(_) => None,
+        Moment::After(wait) => Some(after(wait, move || {
+            kill(process);
+            now()
+        })),
+    };
+    let driven = drive_pipeline(pipeline, seed, 1, &mut [&mut killer, &mut recorder]);
+    let ended = now();
+    recorder.finish().unwrap();
+    let Err(error) = driven else {
+        other.unwrap().join().unwrap();
+        drop(processes);
+        assert_eq!(left_over(&prefix), [""; 0]);
+        return false;
+    };
+    let error = error.to_string();
+    let killed = other.map(|other| other.join().unwrap()).or(killer.killed).unwrap();
+    // Between the kill and the next call of that process lie steps of others.
+    let noticed = ended - killed;
+    assert!(noticed < Duration::from_millis(500), "noticed after {noticed:?}");
+    assert!(error.contains(&format!("process `{name}` ended (signal: 9")), "{error}");
+    let log = Log::read(&log).unwrap();
+    assert!(log.records.len() > 10 || matches!(moment, Moment::Publications(..10)));
+    assert_eq!(log.end.unwrap().reason, format!("failed: {error}"));
+    drop(processes);
+    assert_eq!(left_over(&prefix), [""; 0]);
+    true
+}
+
+#[test]
+fn a_killed_process_ends_a_virtual_run_with_its_log_whole() {
+    let config = config("two_processes", &[]);
+    assert!(lose_one(&config, 0, Moment::Publications(300)));
+    let kills = std::env::var("SWERVE_KILLS").map_or(1, |n| n.parse().unwrap());
+    let mut rng = Rng::keyed(2, "kills", &[]);
+    let watched = watched(&["eye", "ear", "planner"]);
+    let mut in_time = 0;
+    for _ in 0..kills {
+        let config = if rng.bits().is_multiple_of(4) { &watched } else { &config };
+        let moment = match rng.bits() % 2 {
+            0 => Moment::Publications(1 + rng.bits() % 2000),
+            _ => Moment::After(Duration::from_micros(rng.bits() % 100_000)),
+        };
+        in_time += u64::from(lose_one(config, (rng.bits() % 2) as usize, moment));
+    }
+    assert!(2 * in_time >= kills, "{in_time} of {kills} kills came before the end of the run");
+}
+
+#[test]
+fn a_process_killed_while_it_is_waited_for_is_noticed_within_100_ms() {
+    let config = config("two_processes", &[]);
+    let Run { mut pipeline, processes, seed } = start(&config, Time::from_ms(60_000));
+    let process = processes.crew().processes()[1].1;
+    // Stopped, it answers no call; killed, it never will.
+    signal(process, "STOP");
+    pipeline.until = Time::from_ms(60_000);
+    let killer = after(Duration::from_millis(300), move || {
+        kill(process);
+        now()
+    });
+    let error = drive_pipeline(pipeline, seed, 1, &mut []).unwrap_err().to_string();
+    let noticed = now() - killer.join().unwrap();
+    assert!(error.contains("ended (signal: 9"), "{error}");
+    assert!(noticed < Duration::from_millis(100), "noticed after {noticed:?}");
+}
+
+#[test]
+fn a_killed_coordinator_takes_its_workers_along_and_the_next_run_cleans_up() {
+    let out = tempfile::tempdir().unwrap();
+    let mut coordinator = Command::new(PROGRAM)
+        .args(["run", scenario_file().to_str().unwrap(), "--clock", "wall", "--out"])
+        .arg(out.path())
+        .arg("-c")
+        .arg(root().join("configs/two_processes.toml"))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let prefix = format!("swerve_{}_", coordinator.id());
+    let patience = now() + Duration::from_secs(20);
+    let pause = || {
+        let (_never, nothing) = channel::<()>();
+        let _waited = nothing.recv_timeout(Duration::from_millis(20));
+        assert!(now() < patience, "it takes too long");
+    };
+    while workers_of(coordinator.id()).len() < 2 || !out.path().join("log.partial.mcap").exists() {
+        pause();
+    }
+    let workers = workers_of(coordinator.id());
+    kill(coordinator.id());
+    coordinator.wait().unwrap();
+    while workers.iter().any(|worker| Path::new(&format!("/proc/{worker}")).exists()) {
+        pause();
+    }
+    drop(start(&config("two_processes", &[]), Time::ZERO));
+    assert_eq!(left_over(&prefix), [""; 0]);
+}
+
+/// The processes that this one started.
+fn workers_of(coordinator: u32) -> Vec<u32> {
+    let children = std::fs::read_to_string(format!("/proc/{coordinator}/task/{coordinator}/children"));
+    children.unwrap_or_default().split_whitespace().filter_map(|id| id.parse().ok()).collect()
+}
+
+/// Under wall clock: kills a worker after so many publications, and follows what the log is told of processes.
+struct Watcher {
+    killer: Killer,
+    supervision: Vec<(Time, Supervision)>,
+    brakes: f64,
+}
+
+impl Observer for Watcher {
+    fn event(&mut self, event: &Event<'_>) {
+        self.killer.event(event);
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        if let Some(supervision) = payload.downcast_ref::<Supervision>() {
+            self.supervision.push((publication.visible_at, supervision.clone()));
+        }
+        if let Some(command) = payload.downcast_ref::<swerve_msg::Command>()
+            && self.supervision.last().is_some_and(|(_, last)| !last.gone.is_empty())
+        {
+            self.brakes = self.brakes.max(command.brake);
+        }
+    }
+}
+
+/// Drives against the real clock, with a worker killed; replays the log. Gives what was told of processes.
+fn lose_one_under_wall_clock(on_loss: OnLoss, until: Time) -> Watcher {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.mcap");
+    let mut config = config("two_processes", &["clock.source=wall"]);
+    config.process.values_mut().for_each(|process: &mut ProcessConfig| process.on_loss = on_loss);
+    let Run { pipeline, processes, seed } = start(&config, until);
+    let process = processes.crew().processes()[1].1;
+    let killer = Killer { after: 400, process, killed: None };
+    let mut watcher = Watcher { killer, supervision: Vec::new(), brakes: 0.0 };
+    let mut recorder = Recorder::create(&log, &run_start(&config, &scenario_file()).unwrap()).unwrap();
+    let outcome = drive_pipeline(pipeline, seed, 3, &mut [&mut watcher, &mut recorder]).unwrap();
+    recorder.finish().unwrap();
+    drop(processes);
+    assert!(outcome.report.operator("world").unwrap().ticks.unwrap().ticks > 200);
+    let verified = Command::new(PROGRAM).args(["replay", "--verify"]).arg(&log).output().unwrap();
+    let said =
+        String::from_utf8_lossy(&verified.stdout).into_owned() + &String::from_utf8_lossy(&verified.stderr);
+    assert!(verified.status.success(), "{said}");
+    watcher
+}
+
+#[test]
+fn under_wall_clock_a_loss_brings_the_ego_to_a_stop() {
+    let watcher = lose_one_under_wall_clock(OnLoss::Stop, Time::from_ms(2000));
+    let [(_, told)] = &watcher.supervision[..] else { panic!("{:?}", watcher.supervision) };
+    assert_eq!(told.gone[0].process, "planning");
+    assert!(told.gone[0].why.contains("signal: 9"), "{told:?}");
+    assert!(watcher.brakes > 0.05, "{}", watcher.brakes);
+}
+
+#[test]
+fn under_wall_clock_a_lost_process_is_started_again() {
+    let watcher = lose_one_under_wall_clock(OnLoss::Restart, Time::from_ms(4000));
+    let told: Vec<usize> = watcher.supervision.iter().map(|(_, told)| told.gone.len()).collect();
+    assert_eq!(told, [1, 0], "{:?}", watcher.supervision);
+}
