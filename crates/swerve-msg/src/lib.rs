@@ -5,8 +5,8 @@
 //! Absences: no behaviour beyond small accessors, no engine, no file format.
 
 mod actuation;
-mod detection;
 pub mod block;
+mod detection;
 mod ego;
 mod event;
 mod health;

@@ -75,8 +75,14 @@ pub(crate) mod tests {
 
     /// 640 x 360 pixels, 90 degrees, 1.4 m up, looking ahead.
     pub(crate) fn camera() -> ImageCamera {
-        let intrinsics =
-            Intrinsics { fx_px: 320.0, fy_px: 320.0, cx_px: 320.0, cy_px: 180.0, distortion: [0.0; 5] };
+        let intrinsics = Intrinsics {
+            fx_px: 320.0,
+            fy_px: 320.0,
+            cx_px: 320.0,
+            cy_px: 180.0,
+            distortion: [0.0; 5],
+            is_parallel: false,
+        };
         let quarter = core::f64::consts::FRAC_PI_2;
         let origin = Point::new(1.75, 0.0, 1.4);
         let ego_from_camera = Transform::from_roll_pitch_yaw(origin, -quarter, 0.0, -quarter);

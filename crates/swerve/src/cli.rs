@@ -4,9 +4,7 @@ use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
-use crate::{
-    calibrate, check, dataset, doctor, graph, plan, process, replay, run, scenarios, study, timing,
-};
+use crate::{calibrate, check, dataset, doctor, graph, plan, process, replay, run, scenarios, study, timing};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]

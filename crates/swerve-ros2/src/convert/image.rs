@@ -1,5 +1,5 @@
 use swerve_geom::{Camera, Ego, Transform};
-use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Packed, Pixels};
+use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Pixels};
 
 use super::{ConvertError, Epoch};
 use crate::check::bytes_per_pixel;
@@ -48,8 +48,12 @@ pub fn image_from_ros(image: &sm::Image, epoch: Epoch, camera: CameraInfo) -> Re
     let rows = image.data.chunks_exact(step).take(image.height as usize);
     let pixels = rows.flat_map(|row| row.chunks_exact(size).take(width));
     let pixels = match channels {
-        Some(channels) => Pixels::Rgb8(Packed(pixels.flat_map(|p| channels.map(|c| p[c])).collect())),
-        None => Pixels::DepthF32M(Packed(pixels.map(|p| depth(p, image.is_bigendian != 0)).collect())),
+        Some(channels) => {
+            Pixels::Rgb8(pixels.flat_map(|p| channels.map(|c| p[c])).collect::<Vec<_>>().into())
+        }
+        None => {
+            Pixels::DepthF32M(pixels.map(|p| depth(p, image.is_bigendian != 0)).collect::<Vec<_>>().into())
+        }
     };
     Ok(Image {
         stamp: epoch.time(image.header.stamp),
@@ -71,7 +75,7 @@ pub fn camera_to_ros(
     (width_px, height_px): (u32, u32),
     header: Header,
 ) -> sm::CameraInfo {
-    let Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion } = camera.intrinsics;
+    let Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion, is_parallel: _ } = camera.intrinsics;
     let (cx, cy) = (cx_px - HALF_PX, cy_px - HALF_PX);
     sm::CameraInfo {
         header,
@@ -103,7 +107,13 @@ pub fn camera_from_ros(
         *ours = *theirs;
     }
     let k = &info.k.0;
-    let intrinsics =
-        Intrinsics { fx_px: k[0], fy_px: k[4], cx_px: k[2] + HALF_PX, cy_px: k[5] + HALF_PX, distortion };
+    let intrinsics = Intrinsics {
+        fx_px: k[0],
+        fy_px: k[4],
+        cx_px: k[2] + HALF_PX,
+        cy_px: k[5] + HALF_PX,
+        distortion,
+        is_parallel: false,
+    };
     Ok(CameraInfo { intrinsics, ego_from_camera })
 }

@@ -4,8 +4,8 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Camera, Ego, Point, Pose2, Transform, Vector2};
 use swerve_msg::{
     ActorId, ActorKind, CameraInfo, Command, EgoState, Encoding, Extent, Gnss, Image, Imu, Intrinsics,
-    LidarPoint, MotionCommand, ObstacleList, Packed, Pixels, Plan, PlanPoint, PlanStatus, PointCloud,
-    PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList, WheelOdometry,
+    LidarPoint, MotionCommand, ObstacleList, Pixels, Plan, PlanPoint, PlanStatus, PointCloud, PredictedPose,
+    Prediction, PredictionList, Sighting, Track, TrackList, WheelOdometry,
 };
 
 use super::*;
@@ -191,7 +191,7 @@ fn images_lose_their_padding_and_change_their_order() {
     };
     passes(&bgr);
     let image = image_from_ros(&bgr, EPOCH, CameraInfo::default()).unwrap();
-    assert_eq!(image.pixels, Pixels::Rgb8(Packed(vec![3, 2, 1, 6, 5, 4, 9, 8, 7, 12, 11, 10])));
+    assert_eq!(image.pixels, Pixels::Rgb8(vec![3, 2, 1, 6, 5, 4, 9, 8, 7, 12, 11, 10].into()));
     assert_eq!((image.stamp, image.check()), (Time::from_ms(50), Ok(())));
     let back = image_to_ros(&image, EPOCH, "camera");
     passes(&back);
@@ -206,7 +206,7 @@ fn images_lose_their_padding_and_change_their_order() {
         ..bgr.clone()
     };
     let grey = image_from_ros(&grey, EPOCH, CameraInfo::default()).unwrap();
-    assert_eq!(grey.pixels, Pixels::Rgb8(Packed(vec![7, 7, 7])));
+    assert_eq!(grey.pixels, Pixels::Rgb8(vec![7, 7, 7].into()));
     let other = sm::Image { encoding: "mono16".to_owned(), ..bgr };
     assert_eq!(
         image_from_ros(&other, EPOCH, CameraInfo::default()),
@@ -217,7 +217,7 @@ fn images_lose_their_padding_and_change_their_order() {
 #[test]
 fn depth_keeps_its_metres_in_both_byte_orders() {
     let mut image = Image::new(2, 1, Encoding::DepthF32M);
-    image.pixels = Pixels::DepthF32M(Packed(vec![1.5, f32::INFINITY]));
+    image.pixels = Pixels::DepthF32M(vec![1.5, f32::INFINITY].into());
     let ros = image_to_ros(&image, EPOCH, "camera");
     passes(&ros);
     assert_eq!((ros.encoding.as_str(), ros.step), ("32FC1", 8));
@@ -236,6 +236,7 @@ fn the_first_pixels_centre_is_half_a_pixel_on() {
         cx_px: 320.0,
         cy_px: 240.0,
         distortion: [0.1, -0.2, 0.001, 0.002, 0.03],
+        is_parallel: false,
     };
     let camera = CameraInfo { intrinsics, ..CameraInfo::default() };
     let ros = camera_to_ros(&camera, (640, 480), EPOCH.header(Time::ZERO, "camera"));

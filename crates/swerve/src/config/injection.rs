@@ -132,12 +132,14 @@ impl FaultConfig {
                 None => {}
             }
         }
-        let spans: [(_, fn(Span) -> Harm); 3] =
-            [(self.delay_ms, Harm::Delay), (self.jitter_ms, Harm::Jitter), (self.freeze_ms, Harm::Freeze)];
-        for (ms, harm) in spans {
-            if let Some(ms) = ms {
-                harms.push(harm(span_ms(ms)?));
-            }
+        for (ms, name) in [(self.delay_ms, "delay"), (self.jitter_ms, "jitter"), (self.freeze_ms, "freeze")] {
+            let Some(ms) = ms else { continue };
+            let span = span_ms(ms)?;
+            harms.push(match name {
+                "delay" => Harm::Delay(span),
+                "jitter" => Harm::Jitter(span),
+                _ => Harm::Freeze(span),
+            });
         }
         if let Some(sigma) = self.noise {
             if !(0.0..=1e6).contains(&sigma) {

@@ -4,15 +4,13 @@
 //! angles degrees (their names say so); resolving converts them.
 
 pub mod camera;
+pub mod clock;
 pub mod detectors;
 pub mod execution;
 pub mod faults;
 pub mod injection;
-pub mod perception;
-pub mod clock;
-pub mod execution;
-pub mod faults;
 pub mod monitor;
+pub mod perception;
 mod planner;
 pub mod process;
 pub mod sensors;
@@ -34,8 +32,8 @@ use camera::{CameraConfig, RenderConfig};
 use clock::ClockConfig;
 use execution::{Deadline, Runtime};
 use injection::FaultConfig;
-use perception::PerceptionConfig;
 use monitor::MonitorConfig;
+use perception::PerceptionConfig;
 use process::ProcessConfig;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
