@@ -66,6 +66,9 @@
 //!
 //! A loop is closed by `let commands = graph.feedback::<Command>("commands")`, given to its reader, and
 //! `graph.connect(commands, stream)` later.
+//!
+//! An operator's steps can be taken by another process: [`Elsewhere`] carries them there, a [`Workshop`] of the
+//! same graph takes them, and the run comes out the same.
 
 mod deadline;
 mod decision;
