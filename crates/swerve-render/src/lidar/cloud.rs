@@ -133,40 +133,6 @@ impl CloudMut<'_> {
         }
     }
 
-    /// Gives away the room behind the points for the next ones: of each part, so many.
-    pub(super) fn deal<'b>(&'b mut self, counts: &'b mut [usize]) -> Vec<CloudMut<'b>> {
-        fn some<'b, T>(rest: &mut &'b mut [T], count: usize) -> &'b mut [T] {
-            let (part, behind) = core::mem::take(rest).split_at_mut(count);
-            *rest = behind;
-            part
-        }
-        let from = *self.len;
-        *self.len += counts.iter().sum::<usize>();
-        let (mut x_m, mut y_m, mut z_m) =
-            (&mut self.x_m[from..], &mut self.y_m[from..], &mut self.z_m[from..]);
-        let (mut intensity, mut ring) = (&mut self.intensity[from..], &mut self.ring[from..]);
-        let mut offset_s = &mut self.offset_s[from..];
-        let mut truth =
-            self.truth.as_mut().map(|truth| (&mut truth.instance[from..], &mut truth.class[from..]));
-        let part = |len: &'b mut usize| {
-            let count = core::mem::take(len);
-            CloudMut {
-                len,
-                x_m: some(&mut x_m, count),
-                y_m: some(&mut y_m, count),
-                z_m: some(&mut z_m, count),
-                intensity: some(&mut intensity, count),
-                ring: some(&mut ring, count),
-                offset_s: some(&mut offset_s, count),
-                truth: truth.as_mut().map(|(instance, class)| TruthMut {
-                    instance: some(instance, count),
-                    class: some(class, count),
-                }),
-            }
-        };
-        counts.iter_mut().map(part).collect()
-    }
-
     /// Adds a point; there is room for it.
     pub(super) fn push(&mut self, point: &Point) {
         let at = *self.len;

@@ -3,13 +3,13 @@
 use core::ops::Range;
 use std::sync::Arc;
 
-use super::cloud::{CloudMut, Point};
+use super::cloud::CloudMut;
 use super::returns::Receiver;
 use super::scene_tree::SceneTree;
 use super::scene_tree::flat::{Moment, Resident, Salvo};
 use super::sweep::{Firing, Sweeper};
 use crate::gpu::Gpu;
-use crate::gpu::lidar::{Caster, SEEN, SETTINGS, Words};
+use crate::gpu::lidar::{Caster, Points, SETTINGS};
 
 /// What a sweeper has on a GPU.
 pub(super) struct Compute {
@@ -96,8 +96,8 @@ impl Compute {
         }
         let root = self.salvo.add(tree.moving(), &self.resident);
         self.order.extend(columns.clone());
-        for column in columns.clone() {
-            self.salvo.add_column(&sweeper.aim(tree, firing, column), root, column);
+        for (column, aim) in columns.clone().zip(sweeper.aims(tree, firing, columns.clone())) {
+            self.salvo.add_column(&aim, root, (column, sweeper.azimuth(column)));
         }
         if self.pieces.len() == self.waiting {
             let moment = Moment::default();
@@ -116,9 +116,13 @@ impl Compute {
     pub(super) fn flush(&mut self, sweeper: &Sweeper, out: &mut CloudMut<'_>) -> Result<(), String> {
         let Some(under) = self.under.filter(|_| self.waiting > 0) else { return Ok(()) };
         let Self { caster, resident, salvo, order, .. } = self;
-        caster.cast(resident, salvo, under.words(), |returns| add(sweeper, order, returns, out))?;
-        self.waiting = 0;
-        Ok(())
+        let len = *out.len;
+        let cast = caster.cast(resident, salvo, under.words(), |points| add(sweeper, order, points, out));
+        match &cast {
+            Ok(()) => self.waiting = 0,
+            Err(_) => *out.len = len,
+        }
+        cast
     }
 
     /// Fires the pieces that wait on the CPU and adds their points.
@@ -132,45 +136,31 @@ impl Compute {
     }
 }
 
-/// Columns that one thread takes at a time.
-const SHARE: usize = 128;
-
-/// Adds the points of columns, by column and then by beam.
-fn add(sweeper: &Sweeper, order: &[u32], returns: &[Words], out: &mut CloudMut<'_>) {
-    let rings = sweeper.rings();
-    let add_columns = |columns: &[u32], returns: &[Words], out: &mut CloudMut<'_>| {
-        for (&column, returns) in columns.iter().zip(returns.chunks(rings)) {
-            add_column(sweeper, column, returns, out);
-        }
-    };
-    let Some(pool) = sweeper.pool() else { return add_columns(order, returns, out) };
-    let shares = || order.chunks(SHARE).zip(returns.chunks(SHARE * rings));
-    let mut counts: Vec<usize> = vec![0; order.len().div_ceil(SHARE)];
-    // The place of a share is known when those before it are counted.
-    pool.in_place_scope(|scope| {
-        for (count, (_, returns)) in counts.iter_mut().zip(shares()) {
-            scope.spawn(|_| *count = returns.iter().filter(|words| words[3] & SEEN != 0).count());
-        }
-    });
-    let parts = out.deal(&mut counts);
-    pool.in_place_scope(|scope| {
-        for (mut part, (columns, returns)) in parts.into_iter().zip(shares()) {
-            scope.spawn(move |_| add_columns(columns, returns, &mut part));
-        }
-    });
-}
-
-fn add_column(sweeper: &Sweeper, column: u32, returns: &[Words], out: &mut CloudMut<'_>) {
-    let offset_s = sweeper.offset_s(column);
-    let azimuth = sweeper.azimuth(column);
-    for (ring, &[range, intensity, instance, class]) in returns.iter().enumerate() {
-        if class & SEEN == 0 {
-            continue;
-        }
-        let at_m = sweeper.point(ring, azimuth, f32::from_bits(range));
-        let (intensity, class) = (f32::from_bits(intensity), class as u8);
-        out.push(&Point { at_m, intensity, ring: ring as u16, offset_s, instance, class });
+/// Adds points; `order` has the columns of the salvo.
+fn add(sweeper: &Sweeper, order: &[u32], points: &Points<'_>, out: &mut CloudMut<'_>) {
+    let [x, y, z, intensity, instance, what] = points.arrays();
+    let new = *out.len..*out.len + x.len();
+    for (to, from) in
+        [(&mut out.x_m, x), (&mut out.y_m, y), (&mut out.z_m, z), (&mut out.intensity, intensity)]
+    {
+        to[new.clone()].copy_from_slice(bytemuck::cast_slice(from));
     }
+    for (ring, &what) in out.ring[new.clone()].iter_mut().zip(what) {
+        *ring = what as u16;
+    }
+    if let Some(truth) = &mut out.truth {
+        truth.instance[new.clone()].copy_from_slice(instance);
+        for (class, &what) in truth.class[new.clone()].iter_mut().zip(what) {
+            *class = (what >> 16) as u8;
+        }
+    }
+    let mut rest = &mut out.offset_s[new.clone()];
+    for (&column, &count) in order[points.columns.clone()].iter().zip(points.counts) {
+        let (of_column, behind) = rest.split_at_mut(count as usize);
+        of_column.fill(sweeper.offset_s(column));
+        rest = behind;
+    }
+    *out.len = new.end;
 }
 
 #[cfg(test)]

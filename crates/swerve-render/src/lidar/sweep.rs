@@ -337,16 +337,6 @@ impl Sweeper {
         self.shots = shots;
     }
 
-    /// Threads besides the caller's.
-    pub(super) fn pool(&self) -> Option<&rayon::ThreadPool> {
-        self.pool.as_ref()
-    }
-
-    /// Number of beams.
-    pub(super) fn rings(&self) -> usize {
-        self.beams.len()
-    }
-
     /// When a column is fired, seconds since the first.
     pub(super) fn offset_s(&self, column: u32) -> f32 {
         self.columns[column as usize].offset_s
@@ -365,8 +355,26 @@ impl Sweeper {
 
     /// From where to where a column looks, frame of the trees.
     pub(super) fn aim(&self, tree: &SceneTree, firing: &Firing, column: u32) -> Aim {
-        let Column { azimuth: [sin, cos], at_ns, .. } = self.columns[column as usize];
-        let station = Station::of(firing, at_ns);
+        self.aim_from(tree, &Station::of(firing, self.columns[column as usize].at_ns), column)
+    }
+
+    /// As [`Self::aim`] for many columns.
+    pub(super) fn aims(
+        &self,
+        tree: &SceneTree,
+        firing: &Firing,
+        columns: Range<u32>,
+    ) -> impl Iterator<Item = Aim> {
+        // A sensor at rest has one station for all.
+        let rest = (firing.begin == firing.end).then(|| Station::of(firing, firing.begin_ns));
+        columns.map(move |column| match &rest {
+            Some(station) => self.aim_from(tree, station, column),
+            None => self.aim(tree, firing, column),
+        })
+    }
+
+    fn aim_from(&self, tree: &SceneTree, station: &Station, column: u32) -> Aim {
+        let Column { azimuth: [sin, cos], .. } = self.columns[column as usize];
         let matrix = station
             .rotation
             .map(|[x, y, z]| [(x * cos + y * sin) as f32, (y * cos - x * sin) as f32, z as f32]);
