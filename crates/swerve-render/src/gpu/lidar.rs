@@ -1,9 +1,6 @@
 //! Rays of lidars on a GPU: buffers, the pipelines of `lidar.wgsl`, and the way back of the points.
-//!
-//! A turn goes in parts: while one is cast, the points of the part before are taken over.
 
-use core::ops::Range;
-use std::sync::{Arc, mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
 use super::Gpu;
@@ -19,10 +16,6 @@ const GROUP: u32 = 8;
 const RETURN_BYTES: u64 = 16;
 /// Words of a point.
 const POINT_WORDS: usize = 6;
-/// Parts of a turn at most.
-const PARTS: usize = 2;
-/// A part has no fewer rays, unless it is all: each costs a submission.
-const PART_RAYS: u32 = 1 << 15;
 /// No buffer is smaller: every binding holds at least one element.
 const BUFFER_MIN: u64 = 256;
 /// How often the adapter is asked whether it is done before this thread sleeps: to be woken takes longer than
@@ -31,24 +24,22 @@ const LOOKS: usize = 2000;
 /// An adapter that takes longer is lost.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Words of the shader's `Params` behind the counts, the roots and the part.
+/// Words of the shader's `Params` behind the counts and roots.
 pub(crate) const SETTINGS: usize = 16;
 
-/// Points of a part of a turn, by column and then by beam, array after array.
+/// Points of a salvo, by column and then by beam, array after array.
 pub(crate) struct Points<'a> {
-    /// Columns of the salvo.
-    pub(crate) columns: Range<usize>,
-    /// Points of each.
+    /// Points of each column.
     pub(crate) counts: &'a [u32],
     arrays: &'a [u32],
     len: usize,
 }
 
 impl<'a> Points<'a> {
-    fn new(columns: Range<usize>, words: &'a [u32]) -> Option<Self> {
-        let (counts, arrays) = words.split_at(columns.len());
+    fn new(columns: usize, words: &'a [u32]) -> Option<Self> {
+        let (counts, arrays) = words.split_at(columns);
         let len = counts.iter().map(|&count| count as usize).sum();
-        (len * POINT_WORDS <= arrays.len()).then_some(Self { columns, counts, arrays, len })
+        (len * POINT_WORDS <= arrays.len()).then_some(Self { counts, arrays, len })
     }
 
     /// x, y, z in the sensor's frame and intensity, as bits; instance id; ring with the class above it.
@@ -66,7 +57,9 @@ pub(crate) struct Caster {
     sent: [Store; 3],
     beams: Store,
     beam_count: u32,
-    parts: [Part; PARTS],
+    /// Counts the changes of what all lanes bind.
+    version: u64,
+    spare: Vec<Lane>,
 }
 
 /// Rays against trees, points per column, points.
@@ -76,22 +69,27 @@ struct Pipelines {
     steps: [wgpu::ComputePipeline; 3],
 }
 
-/// What a part of a turn needs for itself.
-struct Part {
+/// What a salvo needs for itself.
+struct Lane {
     settings: wgpu::Buffer,
     found: Store,
     points: Store,
     back: Store,
-    bindings: Option<[wgpu::BindGroup; 3]>,
+    /// With the version that they are of.
+    bindings: Option<(u64, [wgpu::BindGroup; 3])>,
 }
 
-/// A part on its way.
-struct Flight {
-    columns: Range<usize>,
+/// A salvo on its way.
+pub(crate) struct Flight {
+    lane: Lane,
+    columns: usize,
     bytes: u64,
     submission: wgpu::SubmissionIndex,
-    told: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
+    told: Mutex<Told>,
 }
+
+/// Says when a buffer is mapped.
+type Told = mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>;
 
 /// A buffer that grows.
 struct Store {
@@ -140,11 +138,11 @@ impl Store {
     }
 }
 
-impl Part {
+impl Lane {
     fn new(gpu: &Gpu) -> Self {
         let settings = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("settings of a lidar"),
-            size: 4 * (SETTINGS as u64 + 8),
+            size: 4 * (SETTINGS as u64 + 4),
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
@@ -176,36 +174,28 @@ impl Caster {
             sent: ["boxes of instances", "instances", "columns of a lidar"].map(Store::input),
             beams: store,
             beam_count: beams.len() as u32,
-            parts: core::array::from_fn(|_| Part::new(gpu)),
+            version: 0,
+            spare: Vec::new(),
         }
     }
 
-    /// Casts the rays of a salvo, and lends the points, part by part.
+    /// Sends a salvo on its way.
     ///
     /// # Errors
     /// Why the device cannot; it is of no use from then on.
-    pub(crate) fn cast(
+    pub(crate) fn send(
         &mut self,
         resident: &mut Resident,
         salvo: &Salvo,
         settings: [u32; SETTINGS],
-        mut then: impl FnMut(&Points<'_>),
-    ) -> Result<(), String> {
-        self.gpu.trouble().map_or(Ok(()), Err)?;
+    ) -> Result<Flight, String> {
+        // A device that is gone says so here better than where it is used.
+        self.gpu.look()?;
         self.upload(resident, salvo)?;
         self.compile(salvo.stack(resident));
-        let columns = salvo.count();
-        let rays = columns as u32 * self.beam_count;
-        let parts = (rays / PART_RAYS).clamp(1, PARTS as u32) as usize;
-        let share = columns.div_ceil(parts);
-        let flights: Vec<Flight> = (0..parts)
-            .map(|part| {
-                let columns = (part * share).min(columns)..((part + 1) * share).min(columns);
-                self.send(part, columns, (salvo.roots, settings))
-            })
-            .collect::<Result<_, _>>()?;
-        self.gpu.trouble().map_or(Ok(()), Err)?;
-        flights.into_iter().enumerate().try_for_each(|(part, flight)| self.fetch(part, flight, &mut then))
+        let lane = self.spare.pop().unwrap_or_else(|| Lane::new(&self.gpu));
+        let flight = self.submit(lane, salvo, settings)?;
+        self.gpu.trouble().map_or(Ok(flight), Err)
     }
 
     /// Sends what the device lacks.
@@ -224,58 +214,51 @@ impl Caster {
             self.gpu.queue().write_buffer(store.get(), 0, bytemuck::cast_slice(words));
         }
         if is_new {
-            self.parts.iter_mut().for_each(|part| part.bindings = None);
+            self.version += 1;
         }
         Ok(())
     }
 
-    /// Sends the work of a part.
-    fn send(
-        &mut self,
-        part: usize,
-        columns: Range<usize>,
-        (roots, settings): ([u32; 2], [u32; SETTINGS]),
-    ) -> Result<Flight, String> {
-        let bytes = self.make_room(part, &columns)?;
-        let count = columns.len() as u32;
-        let mut words = vec![count, self.beam_count, roots[0], roots[1], columns.start as u32, 0, 0, 0];
-        words.extend(settings);
-        let bindings = self.bindings(part);
-        let Part { settings, points, back, .. } = &self.parts[part];
-        self.gpu.queue().write_buffer(settings, 0, bytemuck::cast_slice(&words));
+    /// Sends the work.
+    fn submit(&mut self, mut lane: Lane, salvo: &Salvo, settings: [u32; SETTINGS]) -> Result<Flight, String> {
+        let columns = salvo.count();
+        let bytes = self.make_room(&mut lane, columns as u64)?;
+        let (count, [ground, far]) = (columns as u32, salvo.roots);
+        let mut words = [0; SETTINGS + 4];
+        words[..4].copy_from_slice(&[count, self.beam_count, ground, far]);
+        words[4..].copy_from_slice(&settings);
+        self.gpu.queue().write_buffer(&lane.settings, 0, bytemuck::cast_slice(&words));
+        let bindings = self.bindings(&mut lane);
         let mut encoder =
             self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let groups = [(self.beam_count.div_ceil(GROUP), count.div_ceil(GROUP)), (count, 1), (count, 1)];
         let steps = &self.pipelines.as_ref().expect("compiled before").steps;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        for ((pipeline, binding), (x, y)) in steps.iter().zip(&bindings).zip(groups) {
+        for ((pipeline, binding), (x, y)) in steps.iter().zip(bindings).zip(groups) {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, binding, &[]);
             pass.dispatch_workgroups(x, y, 1);
         }
         drop(pass);
-        encoder.copy_buffer_to_buffer(points.get(), 0, back.get(), 0, bytes);
+        encoder.copy_buffer_to_buffer(lane.points.get(), 0, lane.back.get(), 0, bytes);
         let submission = self.gpu.queue().submit([encoder.finish()]);
         let (tell, told) = mpsc::channel();
-        back.get().slice(0..bytes).map_async(wgpu::MapMode::Read, move |result| {
+        lane.back.get().slice(0..bytes).map_async(wgpu::MapMode::Read, move |result| {
             // Nobody listens any more once the wait is over.
             let _late = tell.send(result);
         });
-        self.parts[part].bindings = Some(bindings);
-        Ok(Flight { columns, bytes, submission, told })
+        Ok(Flight { lane, columns, bytes, submission, told: Mutex::new(told) })
     }
 
-    /// Room for what a part gives; the bytes of its points.
-    fn make_room(&mut self, part: usize, columns: &Range<usize>) -> Result<u64, String> {
-        let Part { found, points, back, bindings, .. } = &mut self.parts[part];
-        let count = columns.len() as u64;
-        let rays = count * u64::from(self.beam_count);
-        let bytes = 4 * (count + rays * POINT_WORDS as u64);
-        let is_new =
-            found.grow(&self.gpu, RETURN_BYTES * rays)?.is_some() | points.grow(&self.gpu, bytes)?.is_some();
-        back.grow(&self.gpu, bytes)?;
+    /// Room for what so many columns give; the bytes of their points.
+    fn make_room(&self, lane: &mut Lane, columns: u64) -> Result<u64, String> {
+        let rays = columns * u64::from(self.beam_count);
+        let bytes = 4 * (columns + rays * POINT_WORDS as u64);
+        let is_new = lane.found.grow(&self.gpu, RETURN_BYTES * rays)?.is_some()
+            | lane.points.grow(&self.gpu, bytes)?.is_some();
+        lane.back.grow(&self.gpu, bytes)?;
         if is_new {
-            *bindings = None;
+            lane.bindings = None;
         }
         Ok(bytes)
     }
@@ -302,19 +285,22 @@ impl Caster {
             })
         });
         self.pipelines = Some(Pipelines { stack, steps });
-        self.parts.iter_mut().for_each(|part| part.bindings = None);
+        self.version += 1;
     }
 
-    /// What the pipelines read and write for a part.
-    fn bindings(&mut self, part: usize) -> [wgpu::BindGroup; 3] {
-        let Part { settings, found, points, bindings, .. } = &mut self.parts[part];
-        if let Some(bindings) = bindings.take() {
-            return bindings;
-        }
+    /// What the pipelines read and write.
+    fn bindings<'a>(&self, lane: &'a mut Lane) -> &'a [wgpu::BindGroup; 3] {
+        let made = lane.bindings.take().filter(|(version, _)| *version == self.version);
+        let made = made.unwrap_or_else(|| (self.version, self.bind(lane)));
+        &lane.bindings.insert(made).1
+    }
+
+    fn bind(&self, lane: &Lane) -> [wgpu::BindGroup; 3] {
+        let Lane { settings, found, points, .. } = lane;
         let [nodes, blocks, surfaces] = &self.kept;
         let [top_nodes, placed, columns] = &self.sent;
         let stores = [nodes, blocks, surfaces, top_nodes, placed, columns, &self.beams, found, points];
-        let all: Vec<&wgpu::Buffer> = core::iter::once(&*settings).chain(stores.map(Store::get)).collect();
+        let all: Vec<&wgpu::Buffer> = core::iter::once(settings).chain(stores.map(Store::get)).collect();
         let used: [&[u32]; 3] = [&[0, 1, 2, 3, 4, 5, 6, 7, 8], &[0, 8, 9], &[0, 6, 7, 8, 9]];
         let steps = &self.pipelines.as_ref().expect("compiled before").steps;
         core::array::from_fn(|step| {
@@ -333,23 +319,28 @@ impl Caster {
         })
     }
 
-    /// Waits for a part and lends its points.
-    fn fetch(&self, part: usize, flight: Flight, then: &mut impl FnMut(&Points<'_>)) -> Result<(), String> {
-        let Flight { columns, bytes, submission, told } = flight;
+    /// Waits for a salvo and lends its points.
+    ///
+    /// # Errors
+    /// Why the device cannot; it is of no use from then on.
+    pub(crate) fn fetch(&mut self, flight: Flight, then: impl FnOnce(&Points<'_>)) -> Result<(), String> {
+        let Flight { lane, columns, bytes, submission, told } = flight;
+        let told = told.into_inner().unwrap_or_else(PoisonError::into_inner);
         self.landed(&told, submission)?.map_err(|error| error.to_string())?;
-        let back = self.parts[part].back.get();
+        let back = lane.back.get();
         let view = back.slice(0..bytes).get_mapped_range().map_err(|error| error.to_string())?;
         let points = Points::new(columns, bytemuck::cast_slice(&view));
         then(&points.ok_or("the adapter counted more points than rays")?);
         drop(view);
         back.unmap();
+        self.spare.push(lane);
         Ok(())
     }
 
-    /// Waits until a part is back.
+    /// Waits until a salvo is back.
     fn landed(
         &self,
-        told: &mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
+        told: &Told,
         submission: wgpu::SubmissionIndex,
     ) -> Result<Result<(), wgpu::BufferAsyncError>, String> {
         for _ in 0..LOOKS {

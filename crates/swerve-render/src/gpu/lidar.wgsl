@@ -25,8 +25,6 @@ const SEEN: u32 = 256u;
 struct Params {
     // Columns, beams, roots of the tree of all that never moves and of that of the instances which do not move.
     counts: vec4u,
-    // First column of this part of a turn.
-    part: vec4u,
     // Whether an instance is hidden, its id; low and high half of the key of the noise.
     hidden: vec4u,
     // Least and largest range, how far rays go, reach squared over the reflectance it is for.
@@ -376,7 +374,7 @@ fn fire(@builtin(global_invocation_id) id: vec3u) {
     if ring >= params.counts.y || id.y >= params.counts.x {
         return;
     }
-    let column = columns[params.part.x + id.y];
+    let column = columns[id.y];
     let beam = beams[ring].xyz;
     let direction = vec3f(dot(column.x.xyz, beam), dot(column.y.xyz, beam), dot(column.z.xyz, beam));
     let origin = vec3f(column.x.w, column.y.w, column.z.w);
@@ -448,7 +446,7 @@ fn place(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) m
         own += points[before];
     }
     var begin = params.counts.x + sum_of_team(own, member);
-    let turned = bitcast<vec2f>(columns[params.part.x + group.x].root.zw);
+    let turned = bitcast<vec2f>(columns[group.x].root.zw);
     for (var first = 0u; first < beam_count; first += TEAM) {
         let ring = first + member;
         var back = vec4u(0u);

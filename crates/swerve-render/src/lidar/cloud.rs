@@ -133,6 +133,22 @@ impl CloudMut<'_> {
         }
     }
 
+    /// Adds the points of a cloud that has truth; there is room for them.
+    pub(super) fn append(&mut self, cloud: &Cloud) {
+        let new = *self.len..*self.len + cloud.len;
+        self.x_m[new.clone()].copy_from_slice(&cloud.x_m[..cloud.len]);
+        self.y_m[new.clone()].copy_from_slice(&cloud.y_m[..cloud.len]);
+        self.z_m[new.clone()].copy_from_slice(&cloud.z_m[..cloud.len]);
+        self.intensity[new.clone()].copy_from_slice(&cloud.intensity[..cloud.len]);
+        self.ring[new.clone()].copy_from_slice(&cloud.ring[..cloud.len]);
+        self.offset_s[new.clone()].copy_from_slice(&cloud.offset_s[..cloud.len]);
+        if let Some(truth) = &mut self.truth {
+            truth.instance[new.clone()].copy_from_slice(&cloud.instance[..cloud.len]);
+            truth.class[new.clone()].copy_from_slice(&cloud.class[..cloud.len]);
+        }
+        *self.len = new.end;
+    }
+
     /// Adds a point; there is room for it.
     pub(super) fn push(&mut self, point: &Point) {
         let at = *self.len;

@@ -9,7 +9,7 @@ use super::scene_tree::SceneTree;
 use super::scene_tree::flat::{Moment, Resident, Salvo};
 use super::sweep::{Firing, Sweeper};
 use crate::gpu::Gpu;
-use crate::gpu::lidar::{Caster, Points, SETTINGS};
+use crate::gpu::lidar::{Caster, Flight, Points, SETTINGS};
 
 /// What a sweeper has on a GPU.
 pub(super) struct Compute {
@@ -21,6 +21,8 @@ pub(super) struct Compute {
     waiting: usize,
     /// The columns of these.
     order: Vec<u32>,
+    /// The columns of one that went alone.
+    landing: Vec<u32>,
     under: Option<Under>,
 }
 
@@ -58,6 +60,7 @@ impl Compute {
             pieces: Vec::new(),
             waiting: 0,
             order: Vec::new(),
+            landing: Vec::new(),
             under: None,
         }
     }
@@ -94,11 +97,8 @@ impl Compute {
             self.order.clear();
             self.under = Some(under);
         }
-        let root = self.salvo.add(tree.moving(), &self.resident);
+        load(&mut self.salvo, (sweeper, tree), &self.resident, (firing, columns));
         self.order.extend(columns.clone());
-        for (column, aim) in columns.clone().zip(sweeper.aims(tree, firing, columns.clone())) {
-            self.salvo.add_column(&aim, root, (column, sweeper.azimuth(column)));
-        }
         if self.pieces.len() == self.waiting {
             let moment = Moment::default();
             self.pieces.push(Piece { firing: *firing, columns: columns.clone(), moment });
@@ -116,13 +116,47 @@ impl Compute {
     pub(super) fn flush(&mut self, sweeper: &Sweeper, out: &mut CloudMut<'_>) -> Result<(), String> {
         let Some(under) = self.under.filter(|_| self.waiting > 0) else { return Ok(()) };
         let Self { caster, resident, salvo, order, .. } = self;
-        let len = *out.len;
-        let cast = caster.cast(resident, salvo, under.words(), |points| add(sweeper, order, points, out));
-        match &cast {
-            Ok(()) => self.waiting = 0,
-            Err(_) => *out.len = len,
+        let flight = caster.send(resident, salvo, under.words())?;
+        caster.fetch(flight, |points| add(sweeper, order, points, out))?;
+        self.waiting = 0;
+        Ok(())
+    }
+
+    /// Sends a piece alone.
+    ///
+    /// # Errors
+    /// Why the GPU cannot.
+    pub(super) fn launch(
+        &mut self,
+        sweeper: &Sweeper,
+        tree: &SceneTree,
+        under: Under,
+        (firing, columns): (&Firing, &Range<u32>),
+    ) -> Result<Flight, String> {
+        self.drop_pieces();
+        if self.resident.is_outdated(tree) {
+            self.resident.clear();
         }
-        cast
+        self.resident.take_over(tree);
+        self.salvo.begin(tree, &self.resident);
+        load(&mut self.salvo, (sweeper, tree), &self.resident, (firing, columns));
+        self.caster.send(&mut self.resident, &self.salvo, under.words())
+    }
+
+    /// Waits for a piece that went alone and adds its points.
+    ///
+    /// # Errors
+    /// Why the GPU cannot; nothing is added then.
+    pub(super) fn land(
+        &mut self,
+        sweeper: &Sweeper,
+        (flight, columns): (Flight, Range<u32>),
+        out: &mut CloudMut<'_>,
+    ) -> Result<(), String> {
+        let Self { caster, landing, .. } = self;
+        landing.clear();
+        landing.extend(columns);
+        caster.fetch(flight, |points| add(sweeper, landing, points, out))
     }
 
     /// Fires the pieces that wait on the CPU and adds their points.
@@ -133,6 +167,19 @@ impl Compute {
             past.recall(&piece.moment);
             sweeper.fire_here(&past, (&piece.firing, &piece.columns), under.receiver, out);
         }
+    }
+}
+
+/// Adds a piece to a salvo.
+fn load(
+    salvo: &mut Salvo,
+    (sweeper, tree): (&Sweeper, &SceneTree),
+    resident: &Resident,
+    (firing, columns): (&Firing, &Range<u32>),
+) {
+    let root = salvo.add(tree.moving(), resident);
+    for (column, aim) in columns.clone().zip(sweeper.aims(tree, firing, columns.clone())) {
+        salvo.add_column(&aim, root, (column, sweeper.azimuth(column)));
     }
 }
 
@@ -155,7 +202,7 @@ fn add(sweeper: &Sweeper, order: &[u32], points: &Points<'_>, out: &mut CloudMut
         }
     }
     let mut rest = &mut out.offset_s[new.clone()];
-    for (&column, &count) in order[points.columns.clone()].iter().zip(points.counts) {
+    for (&column, &count) in order.iter().zip(points.counts) {
         let (of_column, behind) = rest.split_at_mut(count as usize);
         of_column.fill(sweeper.offset_s(column));
         rest = behind;
