@@ -122,7 +122,7 @@ pub struct Sweeper {
     compute: Option<Box<Compute>>,
     fallback: Option<String>,
     submitted: VecDeque<Submitted>,
-    spare: Vec<Box<Cloud>>,
+    spare: Vec<Cloud>,
 }
 
 /// Columns on their way.
@@ -136,7 +136,7 @@ enum Way {
     /// On a GPU, with what the CPU needs should it be lost.
     There { flight: Box<Flight>, firing: Box<Firing>, moment: Box<Moment>, receiver: Receiver },
     /// Their points are here.
-    Here(Box<Cloud>),
+    Here(Cloud),
 }
 
 /// A column of a turn.
@@ -414,9 +414,9 @@ impl Sweeper {
 
     /// Casts the rays on the CPU and keeps the points.
     fn here(&mut self, tree: &SceneTree, piece: (&Firing, &Range<u32>), receiver: Receiver) -> Way {
-        let mut cloud = self.spare.pop().unwrap_or_else(|| Box::new(Cloud::new(&self.spec, true)));
+        let mut cloud = self.spare.pop().unwrap_or_else(|| Cloud::new(&self.spec, true));
         cloud.len = 0;
-        self.fire_here(tree, piece, receiver, &mut Cloud::as_mut(&mut cloud));
+        self.fire_here(tree, piece, receiver, &mut cloud.as_mut());
         Way::Here(cloud)
     }
 
