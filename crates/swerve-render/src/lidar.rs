@@ -3,6 +3,7 @@
 //! ```text
 //! Scene ─> SceneTree::update (once per step) ──┐
 //! LidarSpec ─> Sweeper::begin_turn ─> Sweeper::fire (once per step) ─> Cloud (and truth)
+//!      or   ─> Sweeper::submit (once per step) ─> Sweeper::collect (a step later) ─> Cloud (and truth)
 //! ```
 //!
 //! A turn is fired in pieces: [`Sweeper::fire`] casts the columns whose instants fall into one step of the world

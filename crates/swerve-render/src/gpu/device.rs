@@ -330,9 +330,20 @@ impl Gpu {
     /// # Errors
     /// [`Gpu::trouble`].
     pub fn wait(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<(), String> {
-        let poll = wgpu::PollType::Wait { submission_index: submission, timeout: None };
+        self.poll(wgpu::PollType::Wait { submission_index: submission, timeout: None })
+    }
+
+    /// Runs the callbacks of buffers that are mapped by now, without waiting.
+    ///
+    /// # Errors
+    /// [`Gpu::trouble`].
+    pub(crate) fn look(&self) -> Result<(), String> {
+        self.poll(wgpu::PollType::Poll)
+    }
+
+    fn poll(&self, how: wgpu::PollType) -> Result<(), String> {
         // A lost device is a panic there.
-        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(poll)));
+        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
         match polled {
             Ok(Ok(_)) => {}
             Ok(Err(wgpu::PollError::WrongSubmissionIndex(..))) => {

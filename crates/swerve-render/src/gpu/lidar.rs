@@ -1,6 +1,6 @@
-//! Rays of lidars on a GPU: buffers, the pipeline of `lidar.wgsl`, and the way back of what it finds.
+//! Rays of lidars on a GPU: buffers, the pipelines of `lidar.wgsl`, and the way back of the points.
 
-use std::sync::{Arc, mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
 use super::Gpu;
@@ -14,31 +14,82 @@ const STACK_MARK: &str = "STACK_SIZE";
 const GROUP: u32 = 8;
 /// Bytes of what a ray gives.
 const RETURN_BYTES: u64 = 16;
+/// Words of a point.
+const POINT_WORDS: usize = 6;
 /// No buffer is smaller: every binding holds at least one element.
 const BUFFER_MIN: u64 = 256;
+/// How often the adapter is asked whether it is done before this thread sleeps: to be woken takes longer than
+/// most turns.
+const LOOKS: usize = 2000;
 /// An adapter that takes longer is lost.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// What a shot gives: range and intensity as bits, instance id, class with [`SEEN`].
-pub(crate) type Words = [u32; 4];
-/// Above the class of a [`Words`]: there is a return.
-pub(crate) const SEEN: u32 = 1 << 8;
 /// Words of the shader's `Params` behind the counts and roots.
 pub(crate) const SETTINGS: usize = 16;
+
+/// Points of a salvo, by column and then by beam, array after array.
+pub(crate) struct Points<'a> {
+    /// Points of each column.
+    pub(crate) counts: &'a [u32],
+    arrays: &'a [u32],
+    len: usize,
+}
+
+impl<'a> Points<'a> {
+    fn new(columns: usize, words: &'a [u32]) -> Option<Self> {
+        let (counts, arrays) = words.split_at(columns);
+        let len = counts.iter().map(|&count| count as usize).sum();
+        (len * POINT_WORDS <= arrays.len()).then_some(Self { counts, arrays, len })
+    }
+
+    /// x, y, z in the sensor's frame and intensity, as bits; instance id; ring with the class above it.
+    pub(crate) fn arrays(&self) -> [&'a [u32]; POINT_WORDS] {
+        let room = self.arrays.len() / POINT_WORDS;
+        core::array::from_fn(|k| &self.arrays[k * room..][..self.len])
+    }
+}
 
 /// Casts the rays of lidars on one device; keeps its buffers.
 pub(crate) struct Caster {
     gpu: Arc<Gpu>,
-    pipeline: Option<(u32, wgpu::ComputePipeline)>,
-    binding: Option<wgpu::BindGroup>,
-    settings: wgpu::Buffer,
+    pipelines: Option<Pipelines>,
     kept: [Store; 3],
     sent: [Store; 3],
     beams: Store,
-    found: Store,
-    back: Store,
     beam_count: u32,
+    /// Counts the changes of what all lanes bind.
+    version: u64,
+    spare: Vec<Lane>,
 }
+
+/// Rays against trees, points per column, points.
+struct Pipelines {
+    /// Entries of the stack.
+    stack: u32,
+    steps: [wgpu::ComputePipeline; 3],
+}
+
+/// What a salvo needs for itself.
+struct Lane {
+    settings: wgpu::Buffer,
+    found: Store,
+    points: Store,
+    back: Store,
+    /// With the version that they are of.
+    bindings: Option<(u64, [wgpu::BindGroup; 3])>,
+}
+
+/// A salvo on its way.
+pub(crate) struct Flight {
+    lane: Lane,
+    columns: usize,
+    bytes: u64,
+    submission: wgpu::SubmissionIndex,
+    told: Mutex<Told>,
+}
+
+/// Says when a buffer is mapped.
+type Told = mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>;
 
 /// A buffer that grows.
 struct Store {
@@ -87,98 +138,68 @@ impl Store {
     }
 }
 
-impl Caster {
-    /// For beams with these directions in a column at azimuth 0.
-    pub(crate) fn new(gpu: &Arc<Gpu>, beams: &[[f32; 3]]) -> Self {
-        let words: Vec<u32> = beams.iter().flat_map(|&[x, y, z]| [x, y, z, 0.0].map(f32::to_bits)).collect();
+impl Lane {
+    fn new(gpu: &Gpu) -> Self {
         let settings = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("settings of a lidar"),
             size: 4 * (SETTINGS as u64 + 4),
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
+        let points = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        let back = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        Self {
+            settings,
+            found: Store::new("returns of a lidar", wgpu::BufferUsages::STORAGE),
+            points: Store::new("points of a lidar", points),
+            back: Store::new("points of a lidar, on their way back", back),
+            bindings: None,
+        }
+    }
+}
+
+impl Caster {
+    /// For beams with these directions in a column at azimuth 0.
+    pub(crate) fn new(gpu: &Arc<Gpu>, beams: &[[f32; 3]]) -> Self {
+        let words: Vec<u32> = beams.iter().flat_map(|&[x, y, z]| [x, y, z, 0.0].map(f32::to_bits)).collect();
         let mut store = Store::input("beams of a lidar");
         // Few enough for any adapter: at most 512.
         if store.grow(gpu, 4 * words.len() as u64).is_ok() {
             gpu.queue().write_buffer(store.get(), 0, bytemuck::cast_slice(&words));
         }
-        let found = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let back = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         Self {
             gpu: Arc::clone(gpu),
-            pipeline: None,
-            binding: None,
-            settings,
+            pipelines: None,
             kept: ["boxes of a scene", "triangles of a scene", "surfaces of a scene"].map(Store::input),
             sent: ["boxes of instances", "instances", "columns of a lidar"].map(Store::input),
             beams: store,
-            found: Store::new("returns of a lidar", found),
-            back: Store::new("returns of a lidar, on their way back", back),
             beam_count: beams.len() as u32,
+            version: 0,
+            spare: Vec::new(),
         }
     }
 
-    /// Casts the rays of a salvo, and lends what they gave, by column and then by beam.
+    /// Sends a salvo on its way.
     ///
     /// # Errors
     /// Why the device cannot; it is of no use from then on.
-    pub(crate) fn cast<T>(
+    pub(crate) fn send(
         &mut self,
         resident: &mut Resident,
         salvo: &Salvo,
         settings: [u32; SETTINGS],
-        then: impl FnOnce(&[Words]) -> T,
-    ) -> Result<T, String> {
-        let device = self.gpu.device().clone();
-        let scopes =
-            [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Validation]
-                .map(|filter| device.push_error_scope(filter));
-        let sent = self.send(resident, salvo, settings);
-        let errors = scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop()));
-        let errors: Vec<String> = errors.map(|error| error.to_string()).collect();
-        let error = errors.into_iter().next();
-        match (self.gpu.trouble(), error) {
-            (Some(why), _) | (None, Some(why)) => Err(why),
-            (None, None) => self.fetch(sent?, then),
-        }
-    }
-
-    /// Sends what the device lacks, and the work; gives the bytes that come back.
-    fn send(
-        &mut self,
-        resident: &mut Resident,
-        salvo: &Salvo,
-        settings: [u32; SETTINGS],
-    ) -> Result<(u64, wgpu::SubmissionIndex), String> {
-        self.gpu.trouble().map_or(Ok(()), Err)?;
-        let columns = salvo.count() as u32;
-        let bytes = RETURN_BYTES * u64::from(columns) * u64::from(self.beam_count);
-        self.upload(resident, salvo, bytes)?;
-        let [ground, far] = salvo.roots;
-        let mut words = vec![columns, self.beam_count, ground, far];
-        words.extend(settings);
-        self.gpu.queue().write_buffer(&self.settings, 0, bytemuck::cast_slice(&words));
+    ) -> Result<Flight, String> {
+        // A device that is gone says so here better than where it is used.
+        self.gpu.look()?;
+        self.upload(resident, salvo)?;
         self.compile(salvo.stack(resident));
-        let (_, pipeline) = self.pipeline.as_ref().expect("compiled just now");
-        let device = self.gpu.device();
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let binding = match &self.binding {
-                Some(binding) => binding.clone(),
-                None => self.bind(pipeline),
-            };
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &binding, &[]);
-            pass.dispatch_workgroups(self.beam_count.div_ceil(GROUP), columns.div_ceil(GROUP), 1);
-            drop(pass);
-            self.binding = Some(binding);
-        }
-        encoder.copy_buffer_to_buffer(self.found.get(), 0, self.back.get(), 0, bytes);
-        Ok((bytes, self.gpu.queue().submit([encoder.finish()])))
+        let lane = self.spare.pop().unwrap_or_else(|| Lane::new(&self.gpu));
+        let flight = self.submit(lane, salvo, settings)?;
+        self.gpu.trouble().map_or(Ok(flight), Err)
     }
 
-    fn upload(&mut self, resident: &mut Resident, salvo: &Salvo, bytes: u64) -> Result<(), String> {
+    /// Sends what the device lacks.
+    fn upload(&mut self, resident: &mut Resident, salvo: &Salvo) -> Result<(), String> {
         if !resident.is_in_bounds() {
             return Err("the scene has more triangles than links can tell apart".to_owned());
         }
@@ -192,76 +213,146 @@ impl Caster {
             is_new |= store.grow(&self.gpu, 4 * words.len() as u64)?.is_some();
             self.gpu.queue().write_buffer(store.get(), 0, bytemuck::cast_slice(words));
         }
-        is_new |= self.found.grow(&self.gpu, bytes)?.is_some();
-        self.back.grow(&self.gpu, bytes)?;
         if is_new {
-            self.binding = None;
+            self.version += 1;
         }
         Ok(())
     }
 
-    /// The pipeline for trees that need so many entries on the stack.
-    fn compile(&mut self, stack: u32) {
-        if self.pipeline.as_ref().is_some_and(|(size, _)| *size >= stack) {
-            return;
+    /// Sends the work.
+    fn submit(&mut self, mut lane: Lane, salvo: &Salvo, settings: [u32; SETTINGS]) -> Result<Flight, String> {
+        let columns = salvo.count();
+        let bytes = self.make_room(&mut lane, columns as u64)?;
+        let (count, [ground, far]) = (columns as u32, salvo.roots);
+        let mut words = [0; SETTINGS + 4];
+        words[..4].copy_from_slice(&[count, self.beam_count, ground, far]);
+        words[4..].copy_from_slice(&settings);
+        self.gpu.queue().write_buffer(&lane.settings, 0, bytemuck::cast_slice(&words));
+        let bindings = self.bindings(&mut lane);
+        let mut encoder =
+            self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let groups = [(self.beam_count.div_ceil(GROUP), count.div_ceil(GROUP)), (count, 1), (count, 1)];
+        let steps = &self.pipelines.as_ref().expect("compiled before").steps;
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        for ((pipeline, binding), (x, y)) in steps.iter().zip(bindings).zip(groups) {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, binding, &[]);
+            pass.dispatch_workgroups(x, y, 1);
         }
-        let size = stack.next_multiple_of(16);
-        let device = self.gpu.device();
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("rays of a lidar"),
-            source: wgpu::ShaderSource::Wgsl(SHADER.replace(STACK_MARK, &size.to_string()).into()),
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("rays of a lidar"),
-            layout: None,
-            module: &module,
-            entry_point: Some("fire"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        self.pipeline = Some((size, pipeline));
-        self.binding = None;
-    }
-
-    fn bind(&self, pipeline: &wgpu::ComputePipeline) -> wgpu::BindGroup {
-        let [nodes, blocks, surfaces] = &self.kept;
-        let [top_nodes, placed, columns] = &self.sent;
-        let stores = [nodes, blocks, surfaces, top_nodes, placed, columns, &self.beams, &self.found];
-        let buffers = core::iter::once(&self.settings).chain(stores.map(Store::get));
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
-            .enumerate()
-            .map(|(k, buffer)| wgpu::BindGroupEntry {
-                binding: k as u32,
-                resource: buffer.as_entire_binding(),
-            })
-            .collect();
-        self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("rays of a lidar"),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        })
-    }
-
-    fn fetch<T>(
-        &self,
-        (bytes, submission): (u64, wgpu::SubmissionIndex),
-        then: impl FnOnce(&[Words]) -> T,
-    ) -> Result<T, String> {
-        let slice = self.back.get().slice(0..bytes);
+        drop(pass);
+        encoder.copy_buffer_to_buffer(lane.points.get(), 0, lane.back.get(), 0, bytes);
+        let submission = self.gpu.queue().submit([encoder.finish()]);
         let (tell, told) = mpsc::channel();
-        slice.map_async(wgpu::MapMode::Read, move |result| {
+        lane.back.get().slice(0..bytes).map_async(wgpu::MapMode::Read, move |result| {
             // Nobody listens any more once the wait is over.
             let _late = tell.send(result);
         });
+        Ok(Flight { lane, columns, bytes, submission, told: Mutex::new(told) })
+    }
+
+    /// Room for what so many columns give; the bytes of their points.
+    fn make_room(&self, lane: &mut Lane, columns: u64) -> Result<u64, String> {
+        let rays = columns * u64::from(self.beam_count);
+        let bytes = 4 * (columns + rays * POINT_WORDS as u64);
+        let is_new = lane.found.grow(&self.gpu, RETURN_BYTES * rays)?.is_some()
+            | lane.points.grow(&self.gpu, bytes)?.is_some();
+        lane.back.grow(&self.gpu, bytes)?;
+        if is_new {
+            lane.bindings = None;
+        }
+        Ok(bytes)
+    }
+
+    /// The pipelines for trees that need so many entries on the stack.
+    fn compile(&mut self, stack: u32) {
+        if self.pipelines.as_ref().is_some_and(|made| made.stack >= stack) {
+            return;
+        }
+        let stack = stack.next_multiple_of(16);
+        let device = self.gpu.device();
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("rays of a lidar"),
+            source: wgpu::ShaderSource::Wgsl(SHADER.replace(STACK_MARK, &stack.to_string()).into()),
+        });
+        let steps = ["fire", "count", "place"].map(|entry| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry),
+                layout: None,
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        });
+        self.pipelines = Some(Pipelines { stack, steps });
+        self.version += 1;
+    }
+
+    /// What the pipelines read and write.
+    fn bindings<'a>(&self, lane: &'a mut Lane) -> &'a [wgpu::BindGroup; 3] {
+        let made = lane.bindings.take().filter(|(version, _)| *version == self.version);
+        let made = made.unwrap_or_else(|| (self.version, self.bind(lane)));
+        &lane.bindings.insert(made).1
+    }
+
+    fn bind(&self, lane: &Lane) -> [wgpu::BindGroup; 3] {
+        let Lane { settings, found, points, .. } = lane;
+        let [nodes, blocks, surfaces] = &self.kept;
+        let [top_nodes, placed, columns] = &self.sent;
+        let stores = [nodes, blocks, surfaces, top_nodes, placed, columns, &self.beams, found, points];
+        let all: Vec<&wgpu::Buffer> = core::iter::once(settings).chain(stores.map(Store::get)).collect();
+        let used: [&[u32]; 3] = [&[0, 1, 2, 3, 4, 5, 6, 7, 8], &[0, 8, 9], &[0, 6, 7, 8, 9]];
+        let steps = &self.pipelines.as_ref().expect("compiled before").steps;
+        core::array::from_fn(|step| {
+            let entries: Vec<wgpu::BindGroupEntry<'_>> = used[step]
+                .iter()
+                .map(|&binding| wgpu::BindGroupEntry {
+                    binding,
+                    resource: all[binding as usize].as_entire_binding(),
+                })
+                .collect();
+            self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("rays of a lidar"),
+                layout: &steps[step].get_bind_group_layout(0),
+                entries: &entries,
+            })
+        })
+    }
+
+    /// Waits for a salvo and lends its points.
+    ///
+    /// # Errors
+    /// Why the device cannot; it is of no use from then on.
+    pub(crate) fn fetch(&mut self, flight: Flight, then: impl FnOnce(&Points<'_>)) -> Result<(), String> {
+        let Flight { lane, columns, bytes, submission, told } = flight;
+        let told = told.into_inner().unwrap_or_else(PoisonError::into_inner);
+        self.landed(&told, submission)?.map_err(|error| error.to_string())?;
+        let back = lane.back.get();
+        let view = back.slice(0..bytes).get_mapped_range().map_err(|error| error.to_string())?;
+        let points = Points::new(columns, bytemuck::cast_slice(&view));
+        then(&points.ok_or("the adapter counted more points than rays")?);
+        drop(view);
+        back.unmap();
+        self.spare.push(lane);
+        Ok(())
+    }
+
+    /// Waits until a salvo is back.
+    fn landed(
+        &self,
+        told: &Told,
+        submission: wgpu::SubmissionIndex,
+    ) -> Result<Result<(), wgpu::BufferAsyncError>, String> {
+        for _ in 0..LOOKS {
+            self.gpu.look()?;
+            if let Ok(answer) = told.try_recv() {
+                return Ok(answer);
+            }
+            std::thread::yield_now();
+        }
         self.gpu.wait(Some(submission))?;
         // Another thread that waits for the same device may have been given the answer to pass on.
-        let answer = told.recv_timeout(PATIENCE).map_err(|error| error.to_string())?;
-        answer.map_err(|error| error.to_string())?;
-        let view = slice.get_mapped_range().map_err(|error| error.to_string())?;
-        let result = then(bytemuck::cast_slice(&view));
-        drop(view);
-        self.back.get().unmap();
-        Ok(result)
+        told.recv_timeout(PATIENCE).map_err(|error| error.to_string())
     }
 }
 

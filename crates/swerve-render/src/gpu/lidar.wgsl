@@ -66,7 +66,8 @@ struct Placed {
     unused: u32,
 }
 
-// Rows of the rotation, the origin in the last place of each; root of the tree of what moves, number of the column.
+// Rows of the rotation, the origin in the last place of each; root of the tree of what moves, number of the column,
+// sine and cosine of its azimuth as bits.
 struct Column {
     x: vec4f,
     y: vec4f,
@@ -84,6 +85,9 @@ struct Column {
 @group(0) @binding(7) var<storage, read> beams: array<vec4f>;
 // Range and intensity as bits, instance id, class with the flag that there is a return.
 @group(0) @binding(8) var<storage, read_write> returns: array<vec4u>;
+// Returns of each column; then, with room for all rays each and without gaps: x, y, z, intensity, instance id, and
+// ring with the class above it.
+@group(0) @binding(9) var<storage, read_write> points: array<u32>;
 
 struct Ray {
     origin: vec3f,
@@ -381,4 +385,87 @@ fn fire(@builtin(global_invocation_id) id: vec3u) {
         back = returned(met, direction, column.root.y * params.counts.y + ring);
     }
     returns[id.y * params.counts.y + ring] = back;
+}
+
+// Invocations that share a column.
+const TEAM: u32 = 64u;
+
+var<workgroup> shares: array<u32, TEAM>;
+
+// The sum of what the team has, given to all.
+fn sum_of_team(own: u32, member: u32) -> u32 {
+    workgroupBarrier();
+    shares[member] = own;
+    for (var half = TEAM / 2u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if member < half {
+            shares[member] += shares[member + half];
+        }
+    }
+    return workgroupUniformLoad(&shares[0]);
+}
+
+// The sum of what the members up to this one have.
+fn sum_until(own: u32, member: u32) -> u32 {
+    workgroupBarrier();
+    shares[member] = own;
+    for (var reach = 1u; reach < TEAM; reach *= 2u) {
+        workgroupBarrier();
+        var more = 0u;
+        if member >= reach {
+            more = shares[member - reach];
+        }
+        workgroupBarrier();
+        shares[member] += more;
+    }
+    workgroupBarrier();
+    return shares[member];
+}
+
+// Counts the returns of each column.
+@compute @workgroup_size(64)
+fn count(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) member: u32) {
+    let beam_count = params.counts.y;
+    var own = 0u;
+    for (var ring = member; ring < beam_count; ring += TEAM) {
+        own += (returns[group.x * beam_count + ring].w & SEEN) / SEEN;
+    }
+    let all = sum_of_team(own, member);
+    if member == 0u {
+        points[group.x] = all;
+    }
+}
+
+// Makes points of returns, by column and then by beam, without gaps.
+@compute @workgroup_size(64)
+fn place(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) member: u32) {
+    let beam_count = params.counts.y;
+    let rays = params.counts.x * beam_count;
+    var own = 0u;
+    for (var before = member; before < group.x; before += TEAM) {
+        own += points[before];
+    }
+    var begin = params.counts.x + sum_of_team(own, member);
+    let turned = bitcast<vec2f>(columns[group.x].root.zw);
+    for (var first = 0u; first < beam_count; first += TEAM) {
+        let ring = first + member;
+        var back = vec4u(0u);
+        if ring < beam_count {
+            back = returns[group.x * beam_count + ring];
+        }
+        let is_seen = (back.w & SEEN) / SEEN;
+        let until = sum_until(is_seen, member);
+        if is_seen != 0u {
+            let range = bitcast<f32>(back.x);
+            let beam = beams[ring].xyz;
+            let at = begin + until - 1u;
+            points[at] = bitcast<u32>((beam.x * turned.y - beam.y * turned.x) * range);
+            points[at + rays] = bitcast<u32>((beam.x * turned.x + beam.y * turned.y) * range);
+            points[at + 2u * rays] = bitcast<u32>(beam.z * range);
+            points[at + 3u * rays] = back.y;
+            points[at + 4u * rays] = back.z;
+            points[at + 5u * rays] = ring | (back.w & 255u) << 16u;
+        }
+        begin += workgroupUniformLoad(&shares[TEAM - 1u]);
+    }
 }

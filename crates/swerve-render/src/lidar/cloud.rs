@@ -133,38 +133,20 @@ impl CloudMut<'_> {
         }
     }
 
-    /// Gives away the room behind the points for the next ones: of each part, so many.
-    pub(super) fn deal<'b>(&'b mut self, counts: &'b mut [usize]) -> Vec<CloudMut<'b>> {
-        fn some<'b, T>(rest: &mut &'b mut [T], count: usize) -> &'b mut [T] {
-            let (part, behind) = core::mem::take(rest).split_at_mut(count);
-            *rest = behind;
-            part
+    /// Adds the points of a cloud that has truth; there is room for them.
+    pub(super) fn append(&mut self, cloud: &Cloud) {
+        let new = *self.len..*self.len + cloud.len;
+        self.x_m[new.clone()].copy_from_slice(&cloud.x_m[..cloud.len]);
+        self.y_m[new.clone()].copy_from_slice(&cloud.y_m[..cloud.len]);
+        self.z_m[new.clone()].copy_from_slice(&cloud.z_m[..cloud.len]);
+        self.intensity[new.clone()].copy_from_slice(&cloud.intensity[..cloud.len]);
+        self.ring[new.clone()].copy_from_slice(&cloud.ring[..cloud.len]);
+        self.offset_s[new.clone()].copy_from_slice(&cloud.offset_s[..cloud.len]);
+        if let Some(truth) = &mut self.truth {
+            truth.instance[new.clone()].copy_from_slice(&cloud.instance[..cloud.len]);
+            truth.class[new.clone()].copy_from_slice(&cloud.class[..cloud.len]);
         }
-        let from = *self.len;
-        *self.len += counts.iter().sum::<usize>();
-        let (mut x_m, mut y_m, mut z_m) =
-            (&mut self.x_m[from..], &mut self.y_m[from..], &mut self.z_m[from..]);
-        let (mut intensity, mut ring) = (&mut self.intensity[from..], &mut self.ring[from..]);
-        let mut offset_s = &mut self.offset_s[from..];
-        let mut truth =
-            self.truth.as_mut().map(|truth| (&mut truth.instance[from..], &mut truth.class[from..]));
-        let part = |len: &'b mut usize| {
-            let count = core::mem::take(len);
-            CloudMut {
-                len,
-                x_m: some(&mut x_m, count),
-                y_m: some(&mut y_m, count),
-                z_m: some(&mut z_m, count),
-                intensity: some(&mut intensity, count),
-                ring: some(&mut ring, count),
-                offset_s: some(&mut offset_s, count),
-                truth: truth.as_mut().map(|(instance, class)| TruthMut {
-                    instance: some(instance, count),
-                    class: some(class, count),
-                }),
-            }
-        };
-        counts.iter_mut().map(part).collect()
+        *self.len = new.end;
     }
 
     /// Adds a point; there is room for it.

@@ -3,13 +3,13 @@
 use core::ops::Range;
 use std::sync::Arc;
 
-use super::cloud::{CloudMut, Point};
+use super::cloud::CloudMut;
 use super::returns::Receiver;
 use super::scene_tree::SceneTree;
 use super::scene_tree::flat::{Moment, Resident, Salvo};
 use super::sweep::{Firing, Sweeper};
 use crate::gpu::Gpu;
-use crate::gpu::lidar::{Caster, SEEN, SETTINGS, Words};
+use crate::gpu::lidar::{Caster, Flight, Points, SETTINGS};
 
 /// What a sweeper has on a GPU.
 pub(super) struct Compute {
@@ -21,6 +21,8 @@ pub(super) struct Compute {
     waiting: usize,
     /// The columns of these.
     order: Vec<u32>,
+    /// The columns of one that went alone.
+    landing: Vec<u32>,
     under: Option<Under>,
 }
 
@@ -58,6 +60,7 @@ impl Compute {
             pieces: Vec::new(),
             waiting: 0,
             order: Vec::new(),
+            landing: Vec::new(),
             under: None,
         }
     }
@@ -94,11 +97,8 @@ impl Compute {
             self.order.clear();
             self.under = Some(under);
         }
-        let root = self.salvo.add(tree.moving(), &self.resident);
+        load(&mut self.salvo, (sweeper, tree), &self.resident, (firing, columns));
         self.order.extend(columns.clone());
-        for column in columns.clone() {
-            self.salvo.add_column(&sweeper.aim(tree, firing, column), root, column);
-        }
         if self.pieces.len() == self.waiting {
             let moment = Moment::default();
             self.pieces.push(Piece { firing: *firing, columns: columns.clone(), moment });
@@ -116,9 +116,47 @@ impl Compute {
     pub(super) fn flush(&mut self, sweeper: &Sweeper, out: &mut CloudMut<'_>) -> Result<(), String> {
         let Some(under) = self.under.filter(|_| self.waiting > 0) else { return Ok(()) };
         let Self { caster, resident, salvo, order, .. } = self;
-        caster.cast(resident, salvo, under.words(), |returns| add(sweeper, order, returns, out))?;
+        let flight = caster.send(resident, salvo, under.words())?;
+        caster.fetch(flight, |points| add(sweeper, order, points, out))?;
         self.waiting = 0;
         Ok(())
+    }
+
+    /// Sends a piece alone.
+    ///
+    /// # Errors
+    /// Why the GPU cannot.
+    pub(super) fn launch(
+        &mut self,
+        sweeper: &Sweeper,
+        tree: &SceneTree,
+        under: Under,
+        (firing, columns): (&Firing, &Range<u32>),
+    ) -> Result<Flight, String> {
+        self.drop_pieces();
+        if self.resident.is_outdated(tree) {
+            self.resident.clear();
+        }
+        self.resident.take_over(tree);
+        self.salvo.begin(tree, &self.resident);
+        load(&mut self.salvo, (sweeper, tree), &self.resident, (firing, columns));
+        self.caster.send(&mut self.resident, &self.salvo, under.words())
+    }
+
+    /// Waits for a piece that went alone and adds its points.
+    ///
+    /// # Errors
+    /// Why the GPU cannot; nothing is added then.
+    pub(super) fn land(
+        &mut self,
+        sweeper: &Sweeper,
+        (flight, columns): (Flight, Range<u32>),
+        out: &mut CloudMut<'_>,
+    ) -> Result<(), String> {
+        let Self { caster, landing, .. } = self;
+        landing.clear();
+        landing.extend(columns);
+        caster.fetch(flight, |points| add(sweeper, landing, points, out))
     }
 
     /// Fires the pieces that wait on the CPU and adds their points.
@@ -132,45 +170,44 @@ impl Compute {
     }
 }
 
-/// Columns that one thread takes at a time.
-const SHARE: usize = 128;
-
-/// Adds the points of columns, by column and then by beam.
-fn add(sweeper: &Sweeper, order: &[u32], returns: &[Words], out: &mut CloudMut<'_>) {
-    let rings = sweeper.rings();
-    let add_columns = |columns: &[u32], returns: &[Words], out: &mut CloudMut<'_>| {
-        for (&column, returns) in columns.iter().zip(returns.chunks(rings)) {
-            add_column(sweeper, column, returns, out);
-        }
-    };
-    let Some(pool) = sweeper.pool() else { return add_columns(order, returns, out) };
-    let shares = || order.chunks(SHARE).zip(returns.chunks(SHARE * rings));
-    let mut counts: Vec<usize> = vec![0; order.len().div_ceil(SHARE)];
-    // The place of a share is known when those before it are counted.
-    pool.in_place_scope(|scope| {
-        for (count, (_, returns)) in counts.iter_mut().zip(shares()) {
-            scope.spawn(|_| *count = returns.iter().filter(|words| words[3] & SEEN != 0).count());
-        }
-    });
-    let parts = out.deal(&mut counts);
-    pool.in_place_scope(|scope| {
-        for (mut part, (columns, returns)) in parts.into_iter().zip(shares()) {
-            scope.spawn(move |_| add_columns(columns, returns, &mut part));
-        }
-    });
+/// Adds a piece to a salvo.
+fn load(
+    salvo: &mut Salvo,
+    (sweeper, tree): (&Sweeper, &SceneTree),
+    resident: &Resident,
+    (firing, columns): (&Firing, &Range<u32>),
+) {
+    let root = salvo.add(tree.moving(), resident);
+    for (column, aim) in columns.clone().zip(sweeper.aims(tree, firing, columns.clone())) {
+        salvo.add_column(&aim, root, (column, sweeper.azimuth(column)));
+    }
 }
 
-fn add_column(sweeper: &Sweeper, column: u32, returns: &[Words], out: &mut CloudMut<'_>) {
-    let offset_s = sweeper.offset_s(column);
-    let azimuth = sweeper.azimuth(column);
-    for (ring, &[range, intensity, instance, class]) in returns.iter().enumerate() {
-        if class & SEEN == 0 {
-            continue;
-        }
-        let at_m = sweeper.point(ring, azimuth, f32::from_bits(range));
-        let (intensity, class) = (f32::from_bits(intensity), class as u8);
-        out.push(&Point { at_m, intensity, ring: ring as u16, offset_s, instance, class });
+/// Adds points; `order` has the columns of the salvo.
+fn add(sweeper: &Sweeper, order: &[u32], points: &Points<'_>, out: &mut CloudMut<'_>) {
+    let [x, y, z, intensity, instance, what] = points.arrays();
+    let new = *out.len..*out.len + x.len();
+    for (to, from) in
+        [(&mut out.x_m, x), (&mut out.y_m, y), (&mut out.z_m, z), (&mut out.intensity, intensity)]
+    {
+        to[new.clone()].copy_from_slice(bytemuck::cast_slice(from));
     }
+    for (ring, &what) in out.ring[new.clone()].iter_mut().zip(what) {
+        *ring = what as u16;
+    }
+    if let Some(truth) = &mut out.truth {
+        truth.instance[new.clone()].copy_from_slice(instance);
+        for (class, &what) in truth.class[new.clone()].iter_mut().zip(what) {
+            *class = (what >> 16) as u8;
+        }
+    }
+    let mut rest = &mut out.offset_s[new.clone()];
+    for (&column, &count) in order.iter().zip(points.counts) {
+        let (of_column, behind) = rest.split_at_mut(count as usize);
+        of_column.fill(sweeper.offset_s(column));
+        rest = behind;
+    }
+    *out.len = new.end;
 }
 
 #[cfg(test)]

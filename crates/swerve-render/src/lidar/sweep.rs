@@ -1,6 +1,7 @@
 //! A lidar that turns: fires the columns of one step of the world at a time.
 
 use core::ops::Range;
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
@@ -8,12 +9,14 @@ use swerve_geom::{Lidar, Map, Transform, math};
 use wide::f32x8;
 
 use super::bvh::LANES;
-use super::cloud::{CloudMut, CloudSizeError, Point};
+use super::cloud::{Cloud, CloudMut, CloudSizeError, Point};
 use super::compute::{Compute, Under};
 use super::returns::Receiver;
+use super::scene_tree::flat::Moment;
 use super::scene_tree::{RayMemory, SceneTree};
 use super::spec::{LidarError, LidarSpec};
 use crate::gpu::Gpu;
+use crate::gpu::lidar::Flight;
 
 /// One piece of a turn: a step of the world, and where the sensor is at its begin and end.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -96,12 +99,13 @@ impl LidarEngine {
 /// A lidar that turns.
 ///
 /// **Engines.** [`Sweeper::new`] casts the rays on the CPU, which is the reference: the same bytes everywhere.
-/// [`Sweeper::on_gpu`] sends whole turns to a GPU: the same trees, the same noise for the same shot, each column in
+/// [`Sweeper::on_gpu`] sends them to a GPU, whole turns at a time: the same trees, the same noise for the same shot, each column in
 /// the world of its own step; points differ by rounding alone, and now and then a ray goes by the other side of
 /// an edge. When it pays: a turn costs the GPU some tenths of a millisecond, most of them for the way there and
 /// back, whatever its size; one core casts millions of rays per second. So a small lidar at 10 Hz is best left
 /// where the bytes are portable; with 64 beams and more, with several lidars on a car, or where data sets are made
-/// as fast as can be, the GPU takes the rays off the cores. On an adapter that is software (llvmpipe) it never
+/// as fast as can be, the GPU takes the rays off the cores: fastest with [`Sweeper::submit`] and
+/// [`Sweeper::collect`], where the way there and back is hidden. On an adapter that is software (llvmpipe) it never
 /// pays: it is for tests.
 ///
 /// When the GPU fails, the turn that is under way is fired by the CPU, nothing of it is missing, and the CPU goes
@@ -117,6 +121,22 @@ pub struct Sweeper {
     turn: u64,
     compute: Option<Box<Compute>>,
     fallback: Option<String>,
+    submitted: VecDeque<Submitted>,
+    spare: Vec<Cloud>,
+}
+
+/// Columns on their way.
+struct Submitted {
+    columns: Range<u32>,
+    way: Way,
+}
+
+/// Where they are.
+enum Way {
+    /// On a GPU, with what the CPU needs should it be lost.
+    There { flight: Box<Flight>, firing: Box<Firing>, moment: Box<Moment>, receiver: Receiver },
+    /// Their points are here.
+    Here(Cloud),
 }
 
 /// A column of a turn.
@@ -168,8 +188,19 @@ impl Sweeper {
         });
         let (beams, columns) = (beams.collect(), columns.collect());
         let pool = if threads > 1 { Some(start(threads - 1)?) } else { None };
-        let (shots, turn, compute, fallback) = (Vec::new(), 0, None, None);
-        Ok(Self { spec, period_ns, beams, columns, pool, shots, turn, compute, fallback })
+        Ok(Self {
+            spec,
+            period_ns,
+            beams,
+            columns,
+            pool,
+            shots: Vec::new(),
+            turn: 0,
+            compute: None,
+            fallback: None,
+            submitted: VecDeque::new(),
+            spare: Vec::new(),
+        })
     }
 
     /// As [`Self::new`], with the rays on a GPU. `threads` are for the CPU, should the GPU be lost.
@@ -296,6 +327,99 @@ impl Sweeper {
         }
     }
 
+    /// Sends the columns of one step on their way; [`Self::collect`] gives their points. So a GPU casts the rays of
+    /// one call while the points of an earlier one are taken over; two on their way at a time are enough for that.
+    ///
+    /// The points are those of [`Self::begin_turn`] with this turn and [`Self::fire`]. Pieces of a turn of the latter
+    /// that are not complete are forgotten. On the CPU the rays are cast at once.
+    ///
+    /// # Errors
+    /// As [`Self::fire`]; nothing is on its way then.
+    pub fn submit(&mut self, turn: u64, tree: &SceneTree, firing: &Firing) -> Result<Fired, FireError> {
+        check(firing)?;
+        let columns = self.columns_between(firing.begin_ns, firing.end_ns);
+        let is_complete = !columns.is_empty() && columns.end == self.spec.columns;
+        let receiver = Receiver::new(&self.spec, tree.weather(), turn);
+        let flight = if columns.is_empty() { None } else { self.launch(tree, (firing, &columns), receiver) };
+        let way = match flight {
+            None => self.here(tree, (firing, &columns), receiver),
+            Some(flight) => {
+                let mut moment = Box::<Moment>::default();
+                tree.moment(&mut moment);
+                Way::There { flight, firing: Box::new(*firing), moment, receiver }
+            }
+        };
+        self.submitted.push_back(Submitted { columns: columns.clone(), way });
+        Ok(Fired { columns, is_complete })
+    }
+
+    /// Waits for the columns that were submitted first, and adds their points; `None` if none are on their way.
+    ///
+    /// `tree` is for the CPU, should the GPU be lost: what never moves has to be as it was when they were submitted;
+    /// what moves is remembered.
+    ///
+    /// # Errors
+    /// Arrays without room: nothing is added then, and the columns are still on their way.
+    pub fn collect(
+        &mut self,
+        tree: &SceneTree,
+        out: &mut CloudMut<'_>,
+    ) -> Result<Option<Range<u32>>, FireError> {
+        let Some(first) = self.submitted.front() else { return Ok(None) };
+        out.check(first.columns.len() * self.beams.len())?;
+        let Some(Submitted { columns, way }) = self.submitted.pop_front() else { return Ok(None) };
+        let (flight, firing, moment, receiver) = match way {
+            Way::Here(cloud) => {
+                out.append(&cloud);
+                self.spare.push(cloud);
+                return Ok(Some(columns));
+            }
+            Way::There { flight, firing, moment, receiver } => (flight, firing, moment, receiver),
+        };
+        if let Some(mut compute) = self.compute.take() {
+            match compute.land(self, (*flight, columns.clone()), out) {
+                Ok(()) => {
+                    self.compute = Some(compute);
+                    return Ok(Some(columns));
+                }
+                Err(why) => self.fallback = Some(why),
+            }
+        }
+        let mut past = tree.clone();
+        past.recall(&moment);
+        self.fire_here(&past, (&firing, &columns), receiver, out);
+        Ok(Some(columns))
+    }
+
+    /// Sends columns to the GPU; `None` if there is none, or none any more.
+    fn launch(
+        &mut self,
+        tree: &SceneTree,
+        (firing, columns): (&Firing, &Range<u32>),
+        receiver: Receiver,
+    ) -> Option<Box<Flight>> {
+        let mut compute = self.compute.take()?;
+        let under = Under { receiver, hidden: firing.hidden_instance };
+        match compute.launch(self, tree, under, (firing, columns)) {
+            Ok(flight) => {
+                self.compute = Some(compute);
+                Some(Box::new(flight))
+            }
+            Err(why) => {
+                self.fallback = Some(why);
+                None
+            }
+        }
+    }
+
+    /// Casts the rays on the CPU and keeps the points.
+    fn here(&mut self, tree: &SceneTree, piece: (&Firing, &Range<u32>), receiver: Receiver) -> Way {
+        let mut cloud = self.spare.pop().unwrap_or_else(|| Cloud::new(&self.spec, true));
+        cloud.len = 0;
+        self.fire_here(tree, piece, receiver, &mut cloud.as_mut());
+        Way::Here(cloud)
+    }
+
     /// Fires columns on the CPU and adds their points.
     pub(super) fn fire_here(
         &mut self,
@@ -337,16 +461,6 @@ impl Sweeper {
         self.shots = shots;
     }
 
-    /// Threads besides the caller's.
-    pub(super) fn pool(&self) -> Option<&rayon::ThreadPool> {
-        self.pool.as_ref()
-    }
-
-    /// Number of beams.
-    pub(super) fn rings(&self) -> usize {
-        self.beams.len()
-    }
-
     /// When a column is fired, seconds since the first.
     pub(super) fn offset_s(&self, column: u32) -> f32 {
         self.columns[column as usize].offset_s
@@ -365,8 +479,26 @@ impl Sweeper {
 
     /// From where to where a column looks, frame of the trees.
     pub(super) fn aim(&self, tree: &SceneTree, firing: &Firing, column: u32) -> Aim {
-        let Column { azimuth: [sin, cos], at_ns, .. } = self.columns[column as usize];
-        let station = Station::of(firing, at_ns);
+        self.aim_from(tree, &Station::of(firing, self.columns[column as usize].at_ns), column)
+    }
+
+    /// As [`Self::aim`] for many columns.
+    pub(super) fn aims(
+        &self,
+        tree: &SceneTree,
+        firing: &Firing,
+        columns: Range<u32>,
+    ) -> impl Iterator<Item = Aim> {
+        // A sensor at rest has one station for all.
+        let rest = (firing.begin == firing.end).then(|| Station::of(firing, firing.begin_ns));
+        columns.map(move |column| match &rest {
+            Some(station) => self.aim_from(tree, station, column),
+            None => self.aim(tree, firing, column),
+        })
+    }
+
+    fn aim_from(&self, tree: &SceneTree, station: &Station, column: u32) -> Aim {
+        let Column { azimuth: [sin, cos], .. } = self.columns[column as usize];
         let matrix = station
             .rotation
             .map(|[x, y, z]| [(x * cos + y * sin) as f32, (y * cos - x * sin) as f32, z as f32]);

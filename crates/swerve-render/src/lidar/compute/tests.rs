@@ -247,6 +247,80 @@ fn a_lost_gpu_costs_no_point() {
     }
 }
 
+/// The turn of [`turn`] with each piece collected when the next is on its way; `change` is done before each.
+fn turn_ahead(sweeper: &mut Sweeper, scene: &mut Scene, steps: i64, mut change: impl FnMut(i64)) -> Cloud {
+    let mut tree = SceneTree::default();
+    let mut cloud = Cloud::new(sweeper.spec(), true);
+    let step_ns = sweeper.period_ns() / steps;
+    let mut collected = 0;
+    for step in 0..steps {
+        for instance in &mut scene.dynamics {
+            let at = instance.map_from_body.origin().coords;
+            let moved = Point::new(at.x + 0.4, at.y - 0.1, at.z);
+            instance.map_from_body = Transform::new(moved, instance.map_from_body.rotation());
+        }
+        change(step);
+        tree.update(scene).unwrap();
+        let (begin_ns, end_ns) = (step * step_ns, (step + 1) * step_ns);
+        let (begin, end) = (pose(begin_ns as f64 * 1e-9), pose(end_ns as f64 * 1e-9));
+        let firing = Firing { begin_ns, begin, end_ns, end, hidden_instance: None };
+        let fired = sweeper.submit(3, &tree, &firing).unwrap();
+        assert_eq!(fired.is_complete, step + 1 == steps);
+        if step > 0 {
+            let columns = sweeper.collect(&tree, &mut cloud.as_mut()).unwrap().unwrap();
+            assert_eq!(columns.start, collected);
+            collected = columns.end;
+        }
+    }
+    assert_eq!(sweeper.collect(&tree, &mut cloud.as_mut()).unwrap(), Some(collected..sweeper.spec().columns));
+    assert_eq!(sweeper.collect(&tree, &mut cloud.as_mut()).unwrap(), None);
+    cloud
+}
+
+#[test]
+fn what_is_collected_later_is_what_a_turn_gives() {
+    let scene = town(WeatherPreset::ClearNoon, 1, 40.0);
+    let mut here = Sweeper::new(spec(64), 2).unwrap();
+    let one = turn(&mut here, &mut scene.clone(), &mut SceneTree::default(), 4, |_, _| {});
+    for _ in 0..2 {
+        assert!(turn_ahead(&mut here, &mut scene.clone(), 4, |_| {}) == one);
+    }
+    let Some(gpu) = device(false) else { return };
+    let mut there = Sweeper::on_gpu(spec(64), 1, &gpu).unwrap();
+    let one = turn(&mut there, &mut scene.clone(), &mut SceneTree::default(), 4, |_, _| {});
+    for steps in [4, 4] {
+        assert!(turn_ahead(&mut there, &mut scene.clone(), steps, |_| {}) == one);
+    }
+    assert_eq!((there.engine(), there.fallback()), (LidarEngine::Gpu, None));
+    // No room: nothing is lost by asking again with more.
+    let tree = SceneTree::new(&scene).unwrap();
+    there.submit(0, &tree, &Firing::turn_at_rest(&there, pose(0.0))).unwrap();
+    let mut small = Cloud::new(&spec(32), true);
+    assert!(there.collect(&tree, &mut small.as_mut()).is_err());
+    let mut cloud = Cloud::new(there.spec(), false);
+    assert_eq!(there.collect(&tree, &mut cloud.as_mut()).unwrap(), Some(0..64));
+    assert!(cloud.len > 1000 && small.len == 0);
+}
+
+#[test]
+fn a_gpu_lost_with_columns_on_their_way_costs_no_point() {
+    let scene = town(WeatherPreset::ClearNoon, 1, 40.0);
+    let Some(gpu) = device(true) else { return };
+    let mut here = Sweeper::new(spec(64), 1).unwrap();
+    let mut there = Sweeper::on_gpu(spec(64), 1, &gpu).unwrap();
+    // Gone before anything comes back: of all that was on its way or comes later the CPU makes points.
+    let lose = |step: i64| {
+        if step == 1 {
+            gpu.device().destroy();
+        }
+    };
+    let other = turn_ahead(&mut there, &mut scene.clone(), 4, lose);
+    assert_eq!(there.engine(), LidarEngine::Cpu);
+    assert!(there.fallback().is_some());
+    let one = turn_ahead(&mut here, &mut scene.clone(), 4, |_| {});
+    assert!(other == one, "{} and {} points", other.len, one.len);
+}
+
 #[test]
 fn a_turn_begun_anew_forgets_the_pieces_of_the_last() {
     let Some(gpu) = device(false) else { return };

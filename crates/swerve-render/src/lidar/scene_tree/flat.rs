@@ -11,7 +11,8 @@ use crate::lidar::soup::BLOCK_WORDS;
 const SURFACE_WORDS: usize = 4;
 /// Words of an instance: its axes and the place of its origin, each with one word of what it is.
 const PLACED_WORDS: usize = 16;
-/// Words of a column: rows of its rotation with the origin, the tree of what moves, its number.
+/// Words of a column: rows of its rotation with the origin, the tree of what moves, its number, sine and cosine of
+/// its azimuth.
 const COLUMN_WORDS: usize = 16;
 /// Above the class of a surface: sends light back to its source.
 const RETRO: u32 = 1 << 8;
@@ -180,13 +181,22 @@ impl Salvo {
         crowd.bvh.flatten(&mut self.nodes, first_node, first_placed, link::TOP)
     }
 
-    /// Adds a column: where it is and looks, the tree of its step, its number in the turn.
-    pub(in crate::lidar) fn add_column(&mut self, aim: &crate::lidar::sweep::Aim, moving: u32, number: u32) {
-        for (row, origin) in aim.matrix.into_iter().zip(aim.origin) {
-            self.columns.extend(row.map(f32::to_bits));
-            self.columns.push(origin.to_bits());
+    /// Adds a column: where it is and looks, the tree of its step, its number in the turn, sine and cosine of its
+    /// azimuth.
+    pub(in crate::lidar) fn add_column(
+        &mut self,
+        aim: &crate::lidar::sweep::Aim,
+        moving: u32,
+        (number, azimuth): (u32, [f32; 2]),
+    ) {
+        let mut words = [0; COLUMN_WORDS];
+        for (axis, (row, origin)) in aim.matrix.iter().zip(aim.origin).enumerate() {
+            let [x, y, z] = row.map(f32::to_bits);
+            words[4 * axis..4 * axis + 4].copy_from_slice(&[x, y, z, origin.to_bits()]);
         }
-        self.columns.extend([moving, number, 0, 0]);
+        let [sin, cos] = azimuth.map(f32::to_bits);
+        words[12..].copy_from_slice(&[moving, number, sin, cos]);
+        self.columns.extend_from_slice(&words);
     }
 
     /// Number of columns.
