@@ -45,7 +45,8 @@ pub(crate) struct GpuRenderer {
     rounds: Grown,
     images: Grown,
     kept: Grown,
-    target: Target,
+    /// Of the sizes that are in use, the one of the latest submission last.
+    targets: Vec<Target>,
     bound: Option<[wgpu::BindGroup; 2]>,
     read_backs: ReadBacks,
     records: Records,
@@ -140,6 +141,9 @@ struct Lenses {
     uploaded: usize,
     on_device: Grown,
 }
+
+/// Sizes of what is drawn to that are kept.
+const TARGETS_KEPT: usize = 4;
 
 /// Points above which those of earlier cameras are forgotten.
 const LENS_POINTS: usize = 1 << 24;
@@ -267,7 +271,7 @@ impl GpuRenderer {
             rounds: Grown::new(&gpu, "rounds", Usage::UNIFORM | Usage::COPY_DST),
             images: Grown::new(&gpu, "images", Usage::STORAGE | Usage::COPY_SRC),
             kept: Grown::new(&gpu, "kept", Usage::STORAGE),
-            target: Target::new(&gpu, [1; 3]),
+            targets: vec![Target::new(&gpu, [1; 3])],
             bound: None,
             read_backs: ReadBacks::default(),
             records: Records::default(),
@@ -661,17 +665,36 @@ impl GpuRenderer {
         queue.write_buffer(self.rounds.buffer(), 0, bytemuck::cast_slice(&rounds));
         replaced |= self.images.fit(gpu, 4 * words)?;
         replaced |= self.kept.fit(gpu, 4 * kept)?;
-        let had = self.target.size;
-        if (0..3).any(|k| size[k] > had[k]) {
-            // Not the largest of each that there ever was: few images may be large, and many small.
-            let fits = |k: usize| size[k] <= had[k];
-            self.target = Target::new(gpu, if fits(0) && fits(1) { [had[0], had[1], size[2]] } else { size });
-            replaced = true;
-        }
+        replaced |= self.take_target(size);
         if replaced || self.bound.is_none() {
             self.bound = Some(self.bind());
         }
         Ok(())
+    }
+
+    /// Puts what is drawn to last; whether it is another one now. Of just this size: some adapters take longer to
+    /// clear what is too large than to draw.
+    fn take_target(&mut self, size: [u32; 3]) -> bool {
+        let fits = |target: &Target| target.size[..2] == size[..2] && target.size[2] >= size[2];
+        if fits(self.target()) {
+            return false;
+        }
+        let target = match self.targets.iter().position(fits) {
+            Some(index) => self.targets.remove(index),
+            None => {
+                self.targets.retain(|target| target.size[..2] != size[..2]);
+                Target::new(&self.gpu, size)
+            }
+        };
+        if self.targets.len() == TARGETS_KEPT {
+            self.targets.remove(0);
+        }
+        self.targets.push(target);
+        true
+    }
+
+    fn target(&self) -> &Target {
+        self.targets.last().expect("there is one from the start")
     }
 
     /// Bytes from one round's numbers to those of the next.
@@ -709,7 +732,7 @@ impl GpuRenderer {
             whole(2, self.lenses.on_device.buffer()),
             whole(3, self.images.buffer()),
             whole(4, self.kept.buffer()),
-            (5, wgpu::BindingResource::TextureView(&self.target.visible)),
+            (5, wgpu::BindingResource::TextureView(&self.target().visible)),
         ];
         [group(&self.pipelines.triangles, shapes), group(&self.pipelines.pixels, pixels)]
     }
@@ -756,7 +779,7 @@ impl GpuRenderer {
 
     fn draw_round(&self, encoder: &mut wgpu::CommandEncoder, round: &Drawn) {
         for (placed, sides) in &round.looks {
-            let [visible, depth] = &self.target.layers[placed.layer as usize];
+            let [visible, depth] = &self.target().layers[placed.layer as usize];
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("triangles"),
                 color_attachments: &[Some(cleared(visible))],
