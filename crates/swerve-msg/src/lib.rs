@@ -1,7 +1,7 @@
 //! The plain messages on the edges between operators.
 //!
 //! Units are SI, angles radians; planar poses are in the map frame unless the field says otherwise. What the
-//! simulator alone can know is in [`truth`]; only evaluation and operators named `truth_*` read it.
+//! simulator alone can know is in [`truth`]; only evaluation, pictures and emulated detectors read it.
 //! Absences: no behaviour beyond small accessors, no engine, no file format.
 
 mod actuation;

@@ -3,12 +3,15 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use swerve_core::Time;
 use swerve_msg::block::Memory;
 use swerve_msg::truth::WorldState;
+use swerve_render::gpu;
 use swerve_render::lidar::{LidarEngine, SceneTree, Sweeper, TreeError};
 use swerve_render::{Renderer, Scene};
 use swerve_scenario::Scenario;
 use swerve_vehicle::Shape;
 
 use crate::config::Config;
+use crate::config::camera::RenderBackend;
+use crate::config::clock::Clock;
 use crate::street::Street;
 
 /// What all cameras and lidars of a run share: the world as it looks, and what images and rays need of it.
@@ -30,7 +33,10 @@ pub(super) type SharedStage = Arc<Mutex<Stage>>;
 
 impl Stage {
     pub(super) fn new(config: &Config, scenario: &Scenario) -> anyhow::Result<SharedStage> {
-        let render = &config.render;
+        let mut render = config.render;
+        if config.clock.source == Clock::Wall && render.backend == RenderBackend::Auto {
+            (render.backend, _) = render.backend.on_this_machine(&gpu::probe());
+        }
         let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
         let (renderer, tree) = (render.renderer()?, SceneTree::default());
         Ok(Arc::new(Mutex::new(Self {
