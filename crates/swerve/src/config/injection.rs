@@ -132,15 +132,10 @@ impl FaultConfig {
                 None => {}
             }
         }
-        for (ms, name) in [(self.delay_ms, "delay"), (self.jitter_ms, "jitter"), (self.freeze_ms, "freeze")] {
-            let Some(ms) = ms else { continue };
-            let span = span_ms(ms)?;
-            harms.push(match name {
-                "delay" => Harm::Delay(span),
-                "jitter" => Harm::Jitter(span),
-                _ => Harm::Freeze(span),
-            });
-        }
+        let delay = self.delay_ms.map(span_ms).transpose()?.map(Harm::Delay);
+        let jitter = self.jitter_ms.map(span_ms).transpose()?.map(Harm::Jitter);
+        let freeze = self.freeze_ms.map(span_ms).transpose()?.map(Harm::Freeze);
+        harms.extend([delay, jitter, freeze].into_iter().flatten());
         if let Some(sigma) = self.noise {
             if !(0.0..=1e6).contains(&sigma) {
                 return Err(format!("expected a noise of 0 to 1000000, found {}", number(sigma)));
