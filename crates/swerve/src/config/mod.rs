@@ -13,6 +13,7 @@ pub mod monitor;
 pub mod perception;
 mod planner;
 pub mod process;
+mod ros2;
 pub mod sensors;
 pub mod text;
 pub mod words;
@@ -81,6 +82,9 @@ pub struct Config {
     pub fault: BTreeMap<String, FaultConfig>,
     /// Processes that take the steps of operators, by name.
     pub process: BTreeMap<String, ProcessConfig>,
+    /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    pub ros2: toml::Table,
 }
 
 impl Default for Config {
@@ -105,6 +109,7 @@ impl Default for Config {
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
             process: BTreeMap::new(),
+            ros2: toml::Table::new(),
         }
     }
 }
@@ -557,6 +562,7 @@ impl Config {
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);
+        self.check_ros2(&mut faults);
         if faults.is_empty() {
             return Ok(self);
         }
