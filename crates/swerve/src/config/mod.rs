@@ -8,6 +8,7 @@ pub mod clock;
 pub mod detectors;
 pub mod execution;
 pub mod faults;
+pub mod gate;
 pub mod injection;
 pub mod monitor;
 pub mod perception;
@@ -32,6 +33,7 @@ use swerve_vehicle::VehicleParams;
 use camera::{CameraConfig, RenderConfig};
 use clock::ClockConfig;
 use execution::{Deadline, Runtime};
+use gate::GateConfig;
 use injection::FaultConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
@@ -71,6 +73,8 @@ pub struct Config {
     pub planning: PlanningConfig,
     /// The controller.
     pub control: ControlConfig,
+    /// The safety gate between the controller and the vehicle.
+    pub gate: GateConfig,
     /// What is recorded.
     pub log: LogConfig,
     /// How single operators run, by name.
@@ -104,6 +108,7 @@ impl Default for Config {
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
+            gate: GateConfig::default(),
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
@@ -453,7 +458,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 14] = [
+pub const OPERATORS: [&str; 18] = [
     "world",
     "obstacles",
     "pose",
@@ -468,6 +473,10 @@ pub const OPERATORS: [&str; 14] = [
     "predictor",
     "planner",
     "controller",
+    "report",
+    "switch",
+    "gate",
+    "pedals",
 ];
 
 impl Config {
@@ -555,6 +564,7 @@ impl Config {
         if let Err(message) = self.planning.planner() {
             faults.push(("planning.params".into(), message));
         }
+        self.check_gate(&mut faults);
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
         self.check_faults(&mut faults);

@@ -4,6 +4,7 @@ mod camera;
 mod controller;
 mod events;
 mod faulty;
+pub(crate) mod gate;
 mod lidar;
 mod monitor;
 mod perception;
@@ -133,8 +134,8 @@ fn connect(
     let sight = perception::sight(graph, config, timer("obstacles", sensing.period_ms), world)?;
     let seed = config.seed;
     let pose_sensor = sensors::Pose { params: sensing.pose, seed };
-    let pose = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
-    let pose = faulty(graph, config, "pose", pose)?;
+    let measured = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
+    let pose = faulty(graph, config, "pose", measured)?;
     let imu = sensors::Inertial { params: sensing.imu, seed };
     let imu = graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     faulty(graph, config, "imu", imu)?;
@@ -147,12 +148,17 @@ fn connect(
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
     let plan = graph.add("planner", planner, (predictions, pose)).out();
     let plan = faulty(graph, config, "planner", plan)?;
-    let controller = controller::ControllerOperator::new(config, route);
+    let driver = controller::Driver::new(config, route);
     let processes: Vec<_> = processes.into_iter().map(swerve_flow::Source::from).collect();
-    let commands = graph
-        .add("controller", controller, (every(ms(config.control.period_ms)), pose, plan, processes))
-        .out();
-    let commands = faulty(graph, config, "controller", commands)?;
+    let inputs = (every(ms(config.control.period_ms)), pose, plan, processes);
+    let commands = if config.gate.enabled {
+        let wishes = graph.add("controller", controller::MotionController(driver), inputs).out();
+        let wishes = faulty(graph, config, "controller", wishes)?;
+        gate::before_world(graph, config, wishes, measured)?
+    } else {
+        let pedals = graph.add("controller", controller::PedalController(driver), inputs).out();
+        faulty(graph, config, "controller", pedals)?
+    };
     graph.connect(command, commands);
     Ok(surroundings)
 }
