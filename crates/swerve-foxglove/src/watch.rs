@@ -12,8 +12,8 @@ use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector2};
 use swerve_log::{View, Views};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
-    Command, EgoState, Encoding, Gnss, Image, ObstacleList, Pixels, Plan, PlanStatus, PointCloud, PredictionList,
-    RadarScan, Route, TrackList,
+    Command, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, ObstacleList, Pixels, Plan, PlanStatus,
+    PointCloud, PredictionList, RadarScan, Route, TrackList,
 };
 use swerve_vehicle::Shape;
 
@@ -79,6 +79,7 @@ pub struct Foxglove {
     seen: VecDeque<Arc<ObstacleList>>,
     plan: Option<Plan>,
     status: Option<PlanStatus>,
+    gate: Option<GateMode>,
     command: Command,
     /// Commands that no step of the world has taken yet: visible when, from which sensor frame.
     waiting: VecDeque<(Time, Option<Time>)>,
@@ -115,6 +116,7 @@ impl Foxglove {
             seen: VecDeque::new(),
             plan: None,
             status: None,
+            gate: None,
             command: Command::default(),
             waiting: VecDeque::new(),
             response_ms: f64::NAN,
@@ -143,6 +145,10 @@ impl Foxglove {
         } else if let Some(command) = payload.downcast_ref::<Command>() {
             self.command = *command;
             self.waiting.push_back((p.visible_at, p.origin));
+        } else if let Some(GateOutput { mode, .. }) = payload.downcast_ref::<GateOutput>() {
+            if self.gate.replace(*mode) != Some(*mode) {
+                self.line(words::gate(stamp, *mode), p.visible_at, out);
+            }
         } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
             self.seen.push_back(Arc::new(list.clone()));
             while self.seen.front().is_some_and(|old| stamp - old.stamp > MEMORY) {
