@@ -28,6 +28,7 @@ use crate::output::align;
 use crate::pipeline::{Pipeline, Rendered};
 use crate::process::Processes;
 use crate::progress::Progress;
+use crate::ros2::{Ros2Car, Ros2Topic};
 use crate::story::{Story, draw};
 use crate::views::views_of;
 
@@ -70,6 +71,9 @@ pub struct RunArgs {
     /// What moves the run, in place of the configuration's clock.source
     #[arg(long)]
     clock: Option<Clock>,
+    /// Against the real clock, with the car on ROS 2's topics as [ros2] names them
+    #[arg(long)]
+    ros2: bool,
 }
 
 /// What a run came to.
@@ -265,7 +269,12 @@ impl Observer for Shown {
 /// Runs `swerve run`.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut input = args.input.clone();
-    input.set.extend(args.clock.map(|clock| format!("clock.source={}", clock.name())));
+    anyhow::ensure!(
+        !args.ros2 || args.clock != Some(Clock::Virtual),
+        "--ros2 and --clock virtual: who reads a topic lives by the real clock"
+    );
+    let clock = if args.ros2 { Some(Clock::Wall) } else { args.clock };
+    input.set.extend(clock.map(|clock| format!("clock.source={}", clock.name())));
     let (config, scenario) = load(&input)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
@@ -284,6 +293,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut frames = frames(args, &config, &pipeline)?;
     let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recorder, &mut trace, &mut story];
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
+    let mut car = args.ros2.then(|| Ros2Car::start(&config, &pipeline)).transpose()?;
+    observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = start_processes(&config, &args.input.scenario, &mut pipeline)?;
     if pipeline.clock == Clock::Wall {
         stop_on_interrupt(pipeline.graph.stop_handle());
@@ -292,6 +303,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
     let traffic = processes.as_ref().map(Processes::traffic);
     drop(processes);
+    let ros2 = car.map(Ros2Car::finish).unwrap_or_default();
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
     recorder.finish()?;
@@ -304,7 +316,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if let Some(frames) = &mut frames {
         frames.finish()?;
     }
-    let summary = Summary { traffic, ..Summary::of(&config, &scenario, &outcome) };
+    let summary = Summary { traffic, ros2, ..Summary::of(&config, &scenario, &outcome) };
     story.conclude(&outcome.metrics);
     write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
@@ -450,6 +462,9 @@ pub struct Summary {
     /// What went between the run's processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     traffic: Option<Traffic>,
+    /// What became of ROS 2's topics.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    ros2: Vec<Ros2Topic>,
     #[serde(flatten)]
     metrics: Metrics,
 }
@@ -473,6 +488,7 @@ impl Summary {
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
             timers: timers(&outcome.report),
             traffic: None,
+            ros2: Vec::new(),
             metrics: outcome.metrics.clone(),
         }
     }
@@ -549,6 +565,9 @@ impl Summary {
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
         text += &self.clock_text();
+        if !self.ros2.is_empty() {
+            text += &crate::ros2::text(&self.ros2);
+        }
         if self.unrecorded > 0 {
             let _ = writeln!(
                 text,
