@@ -25,13 +25,17 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::math;
-use swerve_msg::MotionCommand;
+use swerve_msg::{GateMode, GateOutput, MotionCommand, Refusal, Refusals, StopCause, VehicleReport};
+use swerve_vehicle::VehicleParams;
 
 /// Longest step that rates are applied over: a gate that was not called for long does not leap.
 const STEP_MAX: Span = Span::from_ms(100);
 
 /// Slower than this is standing, m/s.
 const STANDSTILL_MPS: f64 = 0.1;
+
+/// A car that is faster than its command wants it by more than this is not accelerated, m/s.
+const TOO_FAST_MPS: f64 = 2.0;
 
 /// Limits and times of a [`SafetyGate`].
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -91,6 +95,34 @@ impl Default for GateParams {
     }
 }
 
+impl GateParams {
+    /// Those of a car whose own numbers are known.
+    ///
+    /// A gate is no second planner: its limits stand where the car itself ends, so that what a sound stack asks for
+    /// in an emergency passes, and only what no sound stack asks for is cut. Angle, its rate and the brakes are the
+    /// actuators' own (full brakes as fast as they build up); a tyre holds about 1 g to the side; comfort is not
+    /// the gate's. A stop without a stack is blind, so it is a firm one: 3 m/s² (UN R157 allows a minimal risk
+    /// manoeuvre 4); an emergency stop is the most that a plan may ask for.
+    pub fn of(vehicle: &VehicleParams) -> Self {
+        let brakes_mps2 =
+            vehicle.brakes.torque_max_nm / (vehicle.wheel.radius_m * vehicle.effective_mass_kg());
+        let limits = &vehicle.limits;
+        let build_up_s = vehicle.brakes.build_up_s.max(0.02);
+        Self {
+            steering_max_rad: limits.steering_max_rad,
+            steering_rate_max_radps: limits.steering_rate_max_radps,
+            lateral_accel_max_mps2: swerve_vehicle::GRAVITY_MPS2,
+            wheelbase_m: vehicle.shape.wheelbase_m,
+            accel_max_mps2: limits.accel_max_mps2,
+            decel_max_mps2: brakes_mps2.min(20.0),
+            jerk_max_mps3: (brakes_mps2 / build_up_s).min(1000.0),
+            stop_decel_mps2: 3.0,
+            emergency_decel_mps2: limits.brake_max_mps2,
+            ..Self::default()
+        }
+    }
+}
+
 /// A parameter that makes no gate.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 #[error("`{name}` is {value}, which is not from {min} to {max}")]
@@ -135,19 +167,6 @@ impl GateParams {
     }
 }
 
-/// What the vehicle says of itself.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct VehicleReport {
-    /// Instant that it describes.
-    pub stamp: Time,
-    /// Speed along the heading, m/s; negative in reverse.
-    pub speed_mps: f64,
-    /// Angle of the front road wheels, radians; positive to the left.
-    pub steering_rad: f64,
-    /// Whether the driver steers, brakes or accelerates, or the vehicle is in manual mode.
-    pub driver_active: bool,
-}
-
 /// What the gate is given at one instant: always the newest of each, new or not.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct GateInput {
@@ -161,79 +180,6 @@ pub struct GateInput {
     pub enable: bool,
     /// Whether the car is to be stopped at once.
     pub emergency: bool,
-}
-
-/// What the gate does.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum GateMode {
-    /// The driver drives, nothing is commanded.
-    #[default]
-    Manual,
-    /// The stack drives.
-    Driving,
-    /// The car is brought to a standstill.
-    Stopping(StopCause),
-    /// The car stands and is held.
-    Holding(StopCause),
-}
-
-/// Why the car is stopped.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StopCause {
-    /// No sound command for too long.
-    CommandTimeout,
-    /// No sound report of the vehicle for too long.
-    ReportTimeout,
-    /// The person let go of the switch.
-    Released,
-    /// The emergency stop.
-    Emergency,
-}
-
-/// Why a command was refused.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Refusal {
-    /// A number of it is none.
-    NotFinite,
-    /// It is older than the one before it.
-    OutOfOrder,
-    /// It is too old.
-    Stale,
-    /// It is from the future.
-    Ahead,
-}
-
-/// How often commands were refused, by reason.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct Refusals {
-    /// A number of it is none.
-    pub not_finite: u64,
-    /// It is older than the one before it.
-    pub out_of_order: u64,
-    /// It is too old.
-    pub stale: u64,
-    /// It is from the future.
-    pub ahead: u64,
-}
-
-/// What goes to the vehicle.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct GateOutput {
-    /// What the gate does.
-    pub mode: GateMode,
-    /// Whether the vehicle is to follow the command; without it the driver drives.
-    pub engaged: bool,
-    /// Finite, within limits and rates.
-    pub command: MotionCommand,
-    /// Grows by one with each call, and wraps after 65535.
-    pub heartbeat: u16,
-    /// Why the command given was refused, if it was.
-    pub refused: Option<Refusal>,
-    /// Whether the command had to be changed to be within limits or rates.
-    pub limited: bool,
 }
 
 /// The state machine: see the module's page.
@@ -295,7 +241,15 @@ impl SafetyGate {
         self.heartbeat = self.heartbeat.wrapping_add(1);
         let (command, limited) = self.output(now, dt_s);
         let engaged = self.mode != GateMode::Manual;
-        GateOutput { mode: self.mode, engaged, command, heartbeat: self.heartbeat, refused, limited }
+        GateOutput {
+            mode: self.mode,
+            engaged,
+            command,
+            heartbeat: self.heartbeat,
+            refused,
+            refusals: self.refusals,
+            limited,
+        }
     }
 
     fn take_command(&mut self, given: Option<MotionCommand>, now: Time) -> Option<Refusal> {
@@ -320,7 +274,8 @@ impl SafetyGate {
         if !numbers.iter().all(|number| number.is_finite()) {
             return Some(Refusal::NotFinite);
         }
-        if self.command.is_some_and(|before| command.stamp <= before.stamp) {
+        // Two of one stamp are in order: several come of one state where the control is faster than its measurements.
+        if self.command.is_some_and(|before| command.stamp < before.stamp) {
             return Some(Refusal::OutOfOrder);
         }
         if command.stamp > now.saturating_add(Span::from_secs(self.params.ahead_max_s)) {
@@ -414,7 +369,9 @@ impl SafetyGate {
 
         let wanted_mps = wish.speed_mps.clamp(-p.reverse_max_mps, p.speed_max_mps);
         // Faster than allowed, it does not get faster still, whatever is asked for.
-        let too_fast = speed_mps > p.speed_max_mps || speed_mps < -p.reverse_max_mps - STANDSTILL_MPS;
+        // Nor where the command itself wants it slower: an old command under new stamps is held by that.
+        let too_fast = speed_mps > p.speed_max_mps.min(wanted_mps.max(0.0) + TOO_FAST_MPS)
+            || speed_mps < -p.reverse_max_mps - STANDSTILL_MPS;
         let accel_max = if too_fast { 0.0 } else { p.accel_max_mps2 };
         let (least, most) = if back > 0.0 { (-decel_max, accel_max) } else { (-accel_max, decel_max) };
         let mut accel_mps2 = wish.accel_mps2.clamp(least, most);

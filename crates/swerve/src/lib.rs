@@ -9,6 +9,7 @@ pub mod doctor;
 pub mod files;
 pub mod frames;
 pub mod graph;
+pub mod live;
 pub mod output;
 pub mod pipeline;
 pub mod plan;

@@ -8,7 +8,9 @@ pub mod clock;
 pub mod detectors;
 pub mod execution;
 pub mod faults;
+pub mod gate;
 pub mod injection;
+pub mod live;
 pub mod monitor;
 pub mod perception;
 mod planner;
@@ -32,7 +34,9 @@ use swerve_vehicle::VehicleParams;
 use camera::{CameraConfig, RenderConfig};
 use clock::ClockConfig;
 use execution::{Deadline, Runtime};
+use gate::GateConfig;
 use injection::FaultConfig;
+use live::LiveConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
 use process::ProcessConfig;
@@ -71,6 +75,8 @@ pub struct Config {
     pub planning: PlanningConfig,
     /// The controller.
     pub control: ControlConfig,
+    /// The safety gate between the controller and the vehicle.
+    pub gate: GateConfig,
     /// What is recorded.
     pub log: LogConfig,
     /// How single operators run, by name.
@@ -85,6 +91,9 @@ pub struct Config {
     /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     pub ros2: toml::Table,
+    /// A vehicle that `swerve live` drives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub live: Option<LiveConfig>,
 }
 
 impl Default for Config {
@@ -104,12 +113,14 @@ impl Default for Config {
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
+            gate: GateConfig::default(),
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
             process: BTreeMap::new(),
             ros2: toml::Table::new(),
+            live: None,
         }
     }
 }
@@ -453,7 +464,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 14] = [
+pub const OPERATORS: [&str; 18] = [
     "world",
     "obstacles",
     "pose",
@@ -468,6 +479,10 @@ pub const OPERATORS: [&str; 14] = [
     "predictor",
     "planner",
     "controller",
+    "report",
+    "switch",
+    "gate",
+    "pedals",
 ];
 
 impl Config {
@@ -555,6 +570,7 @@ impl Config {
         if let Err(message) = self.planning.planner() {
             faults.push(("planning.params".into(), message));
         }
+        self.check_gate(&mut faults);
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
         self.check_faults(&mut faults);
@@ -563,6 +579,7 @@ impl Config {
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);
         self.check_ros2(&mut faults);
+        self.check_live(&mut faults);
         if faults.is_empty() {
             return Ok(self);
         }

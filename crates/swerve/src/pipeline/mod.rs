@@ -4,7 +4,9 @@ mod camera;
 mod controller;
 mod events;
 mod faulty;
+pub(crate) mod gate;
 mod lidar;
+mod live;
 mod monitor;
 mod perception;
 mod planner;
@@ -36,6 +38,7 @@ use faulty::faulty;
 use stage::SharedStage;
 
 pub use controller::controller;
+pub(crate) use live::{Monitored, drive, live_gate, monitors};
 pub use stage::{Rendered, StreamMemory};
 
 /// A pipeline ready to run.
@@ -133,8 +136,8 @@ fn connect(
     let sight = perception::sight(graph, config, timer("obstacles", sensing.period_ms), world)?;
     let seed = config.seed;
     let pose_sensor = sensors::Pose { params: sensing.pose, seed };
-    let pose = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
-    let pose = faulty(graph, config, "pose", pose)?;
+    let measured = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
+    let pose = faulty(graph, config, "pose", measured)?;
     let imu = sensors::Inertial { params: sensing.imu, seed };
     let imu = graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     faulty(graph, config, "imu", imu)?;
@@ -147,12 +150,17 @@ fn connect(
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
     let plan = graph.add("planner", planner, (predictions, pose)).out();
     let plan = faulty(graph, config, "planner", plan)?;
-    let controller = controller::ControllerOperator::new(config, route);
+    let driver = controller::Driver::new(config, route);
     let processes: Vec<_> = processes.into_iter().map(swerve_flow::Source::from).collect();
-    let commands = graph
-        .add("controller", controller, (every(ms(config.control.period_ms)), pose, plan, processes))
-        .out();
-    let commands = faulty(graph, config, "controller", commands)?;
+    let inputs = (every(ms(config.control.period_ms)), pose, plan, processes);
+    let commands = if config.gate.enabled {
+        let wishes = graph.add("controller", controller::MotionController(driver), inputs).out();
+        let wishes = faulty(graph, config, "controller", wishes)?;
+        gate::before_world(graph, config, wishes, measured)?
+    } else {
+        let pedals = graph.add("controller", controller::PedalController(driver), inputs).out();
+        faulty(graph, config, "controller", pedals)?
+    };
     graph.connect(command, commands);
     Ok(surroundings)
 }
@@ -259,7 +267,7 @@ fn sense_surroundings(
 }
 
 /// Run times, policies, deadlines, resources and delays, by operator name.
-fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
+pub(crate) fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
     let wrong = |name: &str, message: String| anyhow::anyhow!("operator.{name}: {message}");
     let resources: Vec<_> =
         config.resource.iter().map(|(name, r)| (name.as_str(), graph.resource(name, r.slots))).collect();
@@ -326,6 +334,8 @@ fn runtime(config: &Config, name: &str) -> Result<RuntimeModel, String> {
         return runtime.model();
     }
     match name {
+        // On a vehicle the planner takes as long as it takes.
+        "planner" if config.live.is_some() && config.clock.source == Clock::Wall => Ok(RuntimeModel::Zero),
         "planner" => config.planning.cost_of_chosen().map_or(Ok(RuntimeModel::Zero), Runtime::model),
         "detector" => span_ms(config.detector_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed),
         _ => Ok(RuntimeModel::Zero),
