@@ -10,6 +10,7 @@
 //! The graph depends on no transport: a bridge feeds it through [`graph::Inputs`], a recorded drive through
 //! [`intake::Arrived::record`] and [`swerve_flow::Graph::playback`].
 
+pub mod engage;
 pub mod graph;
 pub mod intake;
 pub mod time;

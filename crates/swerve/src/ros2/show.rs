@@ -6,8 +6,8 @@ use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer, Publication};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{
-    Command, EgoState, Gnss, Image, Imu, Obstacle, ObstacleList, Pixels, Plan, PointCloud, PredictionList,
-    Track, TrackList, WheelOdometry,
+    Command, EgoState, GateOutput, Gnss, Image, Imu, Obstacle, ObstacleList, Pixels, Plan, PointCloud,
+    PredictionList, Track, TrackList, WheelOdometry,
 };
 use swerve_ros2::bridge::EndpointId;
 use swerve_ros2::convert::{
@@ -24,6 +24,7 @@ use swerve_ros2::{AnyMessage, Kind};
 use swerve_sim::sense::rolling_speeds_radps;
 use swerve_vehicle::VehicleParams;
 
+use super::drive::{Moment, Shared, lock};
 use super::mounts::{Mount, Mounts, frame_of};
 use super::{Outbox, STACK};
 use crate::config::Config;
@@ -43,7 +44,10 @@ pub(super) fn is_fed(config: &Config, mapping: &Mapping, mounts: &Mounts, topic:
     match mapping.topic(topic).map(|topic| topic.role) {
         Some(Role::Camera | Role::CameraCompressed | Role::CameraInfo | Role::Lidar) => mounts.feed(topic),
         Some(Role::Gnss) => config.runs("gnss"),
-        Some(role) => role.side() == Side::Vehicle || STACK.contains(&role.name()),
+        Some(role) => {
+            role.side() == Side::Vehicle
+                || (STACK.contains(&role.name()) && (role == Role::Markers || !config.is_driven_over_ros2()))
+        }
         None => false,
     }
 }
@@ -67,6 +71,7 @@ enum Shown {
     Odometry,
     Plan,
     Command,
+    Gate,
     /// Colour images, on these topics.
     Camera(Vec<Topic>),
     /// Point clouds, on these topics.
@@ -105,6 +110,8 @@ pub(super) struct Show {
     /// Whether the vehicle's reports are made from its wheel odometry.
     has_odometry: bool,
     told_engaged: Option<bool>,
+    /// What who reads commands has to know of the car.
+    driven: Option<Shared>,
     clock: Pace,
     reports: Pace,
     objects: Pace,
@@ -142,6 +149,8 @@ impl Show {
             ("odometry", Shown::Odometry),
             ("planner", Shown::Plan),
             ("controller", Shown::Command),
+            ("pedals", Shown::Command),
+            ("gate", Shown::Gate),
         ] {
             shown.insert(shown_by(operator, operator), what);
         }
@@ -167,10 +176,17 @@ impl Show {
             has_begun: false,
             has_odometry: config.runs("odometry"),
             told_engaged: None,
+            driven: None,
             clock: Pace::default(),
             reports: Pace::default(),
             objects: Pace::default(),
         }
+    }
+
+    /// Another stack drives: tells it of the car from here on.
+    pub(super) fn is_driven(&mut self) -> Shared {
+        self.state.is_engaged = false;
+        Arc::clone(self.driven.insert(Shared::default()))
     }
 
     /// No more comes; how many messages were dropped, by endpoint.
@@ -204,13 +220,25 @@ impl Show {
             Shown::Odometry => payload.downcast_ref().map(|wheels| self.report(*wheels)),
             Shown::Plan => payload.downcast_ref().map(|plan| self.plan(plan)),
             Shown::Command => payload.downcast_ref().map(|command: &Command| self.state.pedals = *command),
+            Shown::Gate => payload.downcast_ref().map(|gate| self.gate(gate)),
             Shown::Camera(topics) => payload.downcast_ref().map(|image| self.image(image, topics)),
             Shown::Lidar(topics) => payload.downcast_ref().map(|cloud| self.cloud(cloud, topics)),
         };
     }
 
+    fn gate(&mut self, gate: &GateOutput) {
+        self.state.is_engaged = gate.engaged;
+        if let Some(driven) = &self.driven {
+            lock(driven).mode = gate.mode;
+        }
+    }
+
     fn world(&mut self, world: &WorldState) {
         let now = world.stamp;
+        if let Some(driven) = &self.driven {
+            let mut moment = lock(driven);
+            *moment = Moment { now, speed_mps: world.ego.state.speed_mps, ..*moment };
+        }
         if !self.has_begun {
             self.has_begun = true;
             let edges = self.mounts.edges(&self.mapping.base_frame, now, EPOCH);
