@@ -16,6 +16,7 @@ pub mod plan;
 pub mod process;
 pub mod progress;
 pub mod replay;
+pub mod ros2;
 pub mod run;
 pub mod scenarios;
 pub mod story;

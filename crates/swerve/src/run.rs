@@ -28,6 +28,7 @@ use crate::output::align;
 use crate::pipeline::{Pipeline, Rendered};
 use crate::process::Processes;
 use crate::progress::Progress;
+use crate::ros2::{Ros2Car, Ros2Report};
 use crate::story::{Story, draw};
 use crate::views::views_of;
 
@@ -70,6 +71,18 @@ pub struct RunArgs {
     /// What moves the run, in place of the configuration's clock.source
     #[arg(long)]
     clock: Option<Clock>,
+    /// Against the real clock, with the car on ROS 2's topics as [ros2] names them: to be shown, or to be driven
+    #[arg(long, value_name = "ROLE", num_args = 0..=1, require_equals = true, default_missing_value = "show")]
+    ros2: Option<Ros2Role>,
+}
+
+/// What the car is to others on ROS 2's topics.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
+enum Ros2Role {
+    /// Our own stack drives, others watch
+    Show,
+    /// Another stack drives, through the safety gate
+    Drive,
 }
 
 /// What a run came to.
@@ -271,7 +284,15 @@ impl Observer for Shown {
 /// Runs `swerve run`.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut input = args.input.clone();
-    input.set.extend(args.clock.map(|clock| format!("clock.source={}", clock.name())));
+    anyhow::ensure!(
+        args.ros2.is_none() || args.clock != Some(Clock::Virtual),
+        "--ros2 and --clock virtual: who reads a topic lives by the real clock"
+    );
+    let clock = if args.ros2.is_some() { Some(Clock::Wall) } else { args.clock };
+    input.set.extend(clock.map(|clock| format!("clock.source={}", clock.name())));
+    if args.ros2 == Some(Ros2Role::Drive) {
+        input.set.extend(["gate.enabled=true".into(), "ego.driver=ros2".into()]);
+    }
     let (config, scenario) = load(&input)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
@@ -290,6 +311,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut frames = frames(args, &config, &pipeline)?;
     let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recorder, &mut trace, &mut story];
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
+    let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
+    let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
+    observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = start_processes(&config, &args.input.scenario, &mut pipeline)?;
     if pipeline.clock == Clock::Wall {
         stop_on_interrupt(pipeline.graph.stop_handle());
@@ -298,6 +322,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
     let traffic = processes.as_ref().map(Processes::traffic);
     drop(processes);
+    let ros2 = car.map(Ros2Car::finish);
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
     recorder.finish()?;
@@ -310,7 +335,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if let Some(frames) = &mut frames {
         frames.finish()?;
     }
-    let summary = Summary { traffic, ..Summary::of(&config, &scenario, &outcome) };
+    let summary = Summary { traffic, ros2, ..Summary::of(&config, &scenario, &outcome) };
     story.conclude(&outcome.metrics);
     write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
@@ -456,6 +481,9 @@ pub struct Summary {
     /// What went between the run's processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     traffic: Option<Traffic>,
+    /// What became of ROS 2's topics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ros2: Option<Ros2Report>,
     #[serde(flatten)]
     metrics: Metrics,
 }
@@ -479,6 +507,7 @@ impl Summary {
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
             timers: timers(&outcome.report),
             traffic: None,
+            ros2: None,
             metrics: outcome.metrics.clone(),
         }
     }
@@ -558,6 +587,9 @@ impl Summary {
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
         text += &self.clock_text();
+        if let Some(ros2) = &self.ros2 {
+            text += &ros2.text();
+        }
         if self.unrecorded > 0 {
             let _ = writeln!(
                 text,

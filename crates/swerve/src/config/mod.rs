@@ -15,7 +15,7 @@ pub mod monitor;
 pub mod perception;
 mod planner;
 pub mod process;
-mod ros2;
+pub mod ros2;
 pub mod sensors;
 pub mod text;
 pub mod words;
@@ -40,6 +40,7 @@ pub use live::LiveConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
 use process::ProcessConfig;
+use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
 
@@ -131,6 +132,8 @@ impl Default for Config {
 pub struct EgoConfig {
     /// Target and start speed, m/s; the scenario's when absent.
     pub speed_mps: Option<f64>,
+    /// Who drives it.
+    pub driver: EgoDriver,
 }
 
 /// The simulator.
@@ -634,8 +637,12 @@ impl Config {
         }
     }
 
-    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that.
+    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that; `ros2` where
+    /// another stack drives.
     pub fn pipeline_name(&self) -> String {
+        if self.is_driven_over_ros2() {
+            return "ros2".into();
+        }
         Self::name_of(self.planning.planner, self.planning.preset)
     }
 
