@@ -9,6 +9,7 @@ pub mod detectors;
 pub mod execution;
 pub mod faults;
 pub mod injection;
+pub mod model;
 pub mod monitor;
 pub mod perception;
 mod planner;
@@ -32,6 +33,7 @@ use camera::{CameraConfig, RenderConfig};
 use clock::ClockConfig;
 use execution::{Deadline, Runtime};
 use injection::FaultConfig;
+use model::ExecutionConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
 use process::ProcessConfig;
@@ -70,6 +72,8 @@ pub struct Config {
     pub planning: PlanningConfig,
     /// The controller.
     pub control: ControlConfig,
+    /// When detector and planner run, and how long they may take.
+    pub execution: ExecutionConfig,
     /// What is recorded.
     pub log: LogConfig,
     /// How single operators run, by name.
@@ -100,6 +104,7 @@ impl Default for Config {
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
+            execution: ExecutionConfig::default(),
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
@@ -308,6 +313,11 @@ pub struct PlanningConfig {
     pub expected_ms: Option<f64>,
     /// Parameters of the chosen planner that differ from its preset's and discretisation's.
     pub params: toml::Table,
+    /// A ladder of discretisations (`fot@d3`): the planner takes the finest that fits the time left until its deadline,
+    /// and as long as that takes.
+    pub ladder: Option<String>,
+    /// The ladder's highest rung that is taken, by its run time, ms; the finest of all when absent.
+    pub rung_ms: Option<f64>,
     /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it. A file that names one
     /// entry replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
     pub cost: Cost,
@@ -325,6 +335,8 @@ impl Default for PlanningConfig {
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
+            ladder: None,
+            rung_ms: None,
             cost: BUILT_IN_COST.clone(),
             added_latency_ms: 0.0,
         }
@@ -334,7 +346,12 @@ impl Default for PlanningConfig {
 impl PlanningConfig {
     /// The planner that this names, with its parameters; what is wrong with them, if they make none.
     pub fn planner(&self) -> Result<Box<dyn Planner>, String> {
-        planner::planner(self)
+        self.planner_with(&self.params)
+    }
+
+    /// The same with other parameters.
+    pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+        planner::planner(self, params)
     }
 
     /// Run time of the chosen planner and discretisation.
@@ -448,7 +465,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 14] = [
+pub const OPERATORS: [&str; 15] = [
     "world",
     "obstacles",
     "pose",
@@ -461,6 +478,7 @@ pub const OPERATORS: [&str; 14] = [
     "detector",
     "tracker",
     "predictor",
+    "deadlines",
     "planner",
     "controller",
 ];
@@ -554,6 +572,7 @@ impl Config {
         self.check_sensors(&mut faults);
         self.check_faults(&mut faults);
         self.check_perception(&mut faults);
+        self.check_execution(&mut faults);
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);

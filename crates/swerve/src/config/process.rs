@@ -40,6 +40,7 @@ impl Config {
         match operator {
             "world" => Some("it is the world"),
             "controller" => Some("it is the actuation"),
+            "deadlines" => Some("it says how long the others may take"),
             _ if self.sensors().any(|sensor| sensor == operator) => Some("sensors are where the world is"),
             _ if self.movable().any(|movable| movable == operator) => None,
             _ => Some("sensors are where the world is"),
