@@ -14,6 +14,7 @@ pub mod monitor;
 pub mod perception;
 mod planner;
 pub mod process;
+mod ros2;
 pub mod sensors;
 pub mod text;
 pub mod words;
@@ -85,6 +86,9 @@ pub struct Config {
     pub fault: BTreeMap<String, FaultConfig>,
     /// Processes that take the steps of operators, by name.
     pub process: BTreeMap<String, ProcessConfig>,
+    /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    pub ros2: toml::Table,
 }
 
 impl Default for Config {
@@ -110,6 +114,7 @@ impl Default for Config {
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
             process: BTreeMap::new(),
+            ros2: toml::Table::new(),
         }
     }
 }
@@ -567,6 +572,7 @@ impl Config {
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);
+        self.check_ros2(&mut faults);
         if faults.is_empty() {
             return Ok(self);
         }
