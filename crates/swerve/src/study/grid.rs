@@ -22,6 +22,9 @@ pub struct StudyFile {
     pub axis: Vec<Axis>,
     /// The latency budget, where that is asked for instead of a plain grid.
     pub budget: Option<Budget>,
+    /// Whether a drive that only ran out of time counts as a good one in the picture: nobody was hurt.
+    #[serde(default)]
+    pub timeout_is_good: bool,
 }
 
 /// The run that the axes vary.
@@ -135,6 +138,8 @@ pub struct Study {
     pub cells: Vec<Cell>,
     /// The latency budget, where asked for.
     pub budget: Option<Budget>,
+    /// Whether a drive that only ran out of time counts as a good one in the picture.
+    pub timeout_is_good: bool,
 }
 
 /// Configuration keys with their values, in the order in which they are set.
@@ -209,6 +214,7 @@ impl Study {
             steps,
             cells: Vec::new(),
             budget: file.budget,
+            timeout_is_good: file.timeout_is_good,
         })
     }
 
