@@ -52,7 +52,7 @@ use crate::run::{left_out_of_logs, problems_error, read_scenario};
 use crate::views::live_views;
 
 use engage::Engagement;
-use feed::{Feed, Fed, Teller, Wanted};
+use feed::{Fed, Feed, Teller, Wanted};
 use graph::LiveGraph;
 use intake::Intake;
 use sink::{Sink, SinkReport};
@@ -164,13 +164,14 @@ pub fn drive(
     let (orders, received) = mpsc::channel();
     let lamp = Arc::new(Mutex::new(watch::Lamp::default()));
     let stop_max = Span::from_secs(live.stop_timeout_s);
+    let stop = config.gate_params().map_err(|message| anyhow::anyhow!("gate.params: {message}"))?;
     let sink = Sink {
         wire,
         interface: interface(),
         car: intake.car(),
         clock,
         epoch: intake.epoch(),
-        stop: config.gate_params().map_err(|message| anyhow::anyhow!("gate.params: {message}"))?,
+        stop,
         stop_max,
         has_mode_service: !live.control_mode_service.is_empty(),
         gave_up: wanted.gave_up.clone(),
@@ -187,7 +188,7 @@ pub fn drive(
         stop: graph.stop_handle(),
         until: terms.until,
         goal: (route, scenario.ego.end_m),
-        stop_max,
+        stop_max: (stop_max, stop),
         wanted,
         teller: terms.teller,
     };
