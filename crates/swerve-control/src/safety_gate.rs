@@ -45,6 +45,9 @@ pub struct GateParams {
     pub command_timeout_s: f64,
     /// A report of the vehicle older than this is none, seconds.
     pub report_timeout_s: f64,
+    /// The same numbers under new stamps for longer than this, while the car moves, are no command, seconds; 0 for no
+    /// bound. A controller that measures never says the same for long; one that hangs behind a live wire does.
+    pub repeat_max_s: f64,
     /// How far the stamp of a command may be ahead of now, seconds: clocks differ a little.
     pub ahead_max_s: f64,
     /// Largest angle of the front road wheels, radians.
@@ -78,6 +81,7 @@ impl Default for GateParams {
         Self {
             command_timeout_s: 0.5,
             report_timeout_s: 0.5,
+            repeat_max_s: 0.0,
             ahead_max_s: 0.1,
             steering_max_rad: 0.61,
             steering_rate_max_radps: 0.7,
@@ -109,6 +113,7 @@ impl GateParams {
         let limits = &vehicle.limits;
         let build_up_s = vehicle.brakes.build_up_s.max(0.02);
         Self {
+            repeat_max_s: 1.0,
             steering_max_rad: limits.steering_max_rad,
             steering_rate_max_radps: limits.steering_rate_max_radps,
             lateral_accel_max_mps2: swerve_vehicle::GRAVITY_MPS2,
@@ -146,6 +151,7 @@ impl GateParams {
         let checks = [
             ("command_timeout_s", self.command_timeout_s, 0.01, 10.0),
             ("report_timeout_s", self.report_timeout_s, 0.01, 10.0),
+            ("repeat_max_s", self.repeat_max_s, 0.0, 60.0),
             ("ahead_max_s", self.ahead_max_s, 0.0, 10.0),
             ("steering_max_rad", self.steering_max_rad, 0.01, 1.5),
             ("steering_rate_max_radps", self.steering_rate_max_radps, 0.01, 10.0),
@@ -189,6 +195,8 @@ pub struct SafetyGate {
     mode: GateMode,
     /// The newest command that was not refused.
     command: Option<MotionCommand>,
+    /// Stamp of the first command since when they say the same.
+    same_since: Time,
     /// The command given last, to count a refusal once.
     given: Option<MotionCommand>,
     given_refusal: Option<Refusal>,
@@ -212,6 +220,7 @@ impl SafetyGate {
             params,
             mode: GateMode::Manual,
             command: None,
+            same_since: Time::ZERO,
             given: None,
             given_refusal: None,
             report: None,
@@ -259,7 +268,14 @@ impl SafetyGate {
         }
         let refusal = self.judge(&command, now);
         match refusal {
-            None => self.command = Some(command),
+            None => {
+                let says_the_same =
+                    |before: MotionCommand| same(&MotionCommand { stamp: command.stamp, ..before }, &command);
+                if !self.command.is_some_and(says_the_same) {
+                    self.same_since = command.stamp;
+                }
+                self.command = Some(command);
+            }
             Some(Refusal::NotFinite) => self.refusals.not_finite += 1,
             Some(Refusal::OutOfOrder) => self.refusals.out_of_order += 1,
             Some(Refusal::Stale) => self.refusals.stale += 1,
@@ -301,7 +317,8 @@ impl SafetyGate {
         if driver {
             return GateMode::Manual;
         }
-        let command = self.command.is_some_and(|c| is_fresh(c.stamp, now, self.params.command_timeout_s));
+        let command = self.command.is_some_and(|c| is_fresh(c.stamp, now, self.params.command_timeout_s))
+            && !self.hangs(now);
         let report = self.report.is_some_and(|r| is_fresh(r.stamp, now, self.params.report_timeout_s));
         let rising = input.enable && !self.enable_before;
         let may_start = rising && command && report && !input.emergency;
@@ -313,14 +330,22 @@ impl SafetyGate {
             GateMode::Driving if !command => GateMode::Stopping(StopCause::CommandTimeout),
             GateMode::Driving if !input.enable => GateMode::Stopping(StopCause::Released),
             GateMode::Driving => GateMode::Driving,
+            GateMode::Stopping(cause) if report && self.stands() => {
+                GateMode::Holding(if input.emergency { StopCause::Emergency } else { cause })
+            }
             GateMode::Stopping(_) if input.emergency => GateMode::Stopping(StopCause::Emergency),
-            GateMode::Stopping(cause) if report && self.stands() => GateMode::Holding(cause),
             GateMode::Stopping(cause) => GateMode::Stopping(cause),
             GateMode::Holding(_) if may_start => GateMode::Driving,
             // It rolls: brake it again.
             GateMode::Holding(cause) if report && !self.stands() => GateMode::Stopping(cause),
             GateMode::Holding(cause) => GateMode::Holding(cause),
         }
+    }
+
+    /// Whether commands come that say the same for too long.
+    fn hangs(&self, now: Time) -> bool {
+        let most_s = self.params.repeat_max_s;
+        most_s > 0.0 && !self.stands() && !is_fresh(self.same_since, now, most_s)
     }
 
     fn stands(&self) -> bool {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_core::{Digest, Span};
-use swerve_eval::{Evaluation, Metrics, Outline};
+use swerve_eval::{Evaluation, GateMetrics, Metrics, Outline};
 use swerve_flow::{
     Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, TickReport, run_virtual, run_wall,
 };
@@ -14,7 +14,7 @@ use swerve_foxglove::Foxglove;
 use swerve_ipc::Traffic;
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::{PointInstances, WorldState};
-use swerve_msg::{Image, Imu, ObstacleList, Plan, PointCloud, Route};
+use swerve_msg::{GateMode, GateOutput, Image, Imu, ObstacleList, Plan, PointCloud, Refusals, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
@@ -185,6 +185,8 @@ pub fn drive_pipeline(
 struct Measured {
     evaluation: Evaluation,
     operators: Vec<String>,
+    /// What reaches the vehicle is then what the gate lets through.
+    has_gate: bool,
     route: Route,
     shape: Shape,
     road_margin_m: f64,
@@ -204,6 +206,7 @@ impl Measured {
         let params = swerve_eval::Params { ego, dead_time, operators: operators.clone() };
         Ok(Self {
             evaluation: Evaluation::new(params),
+            has_gate: operators.iter().any(|operator| operator == "gate"),
             operators,
             route: pipeline.route.clone(),
             shape,
@@ -234,7 +237,12 @@ impl Observer for Measured {
                     evaluation.seen(list);
                 } else if let (Some(plan), "planner") = (payload.downcast_ref::<Plan>(), operator) {
                     evaluation.plan(plan);
-                } else if operator == "controller" {
+                } else if let Some(gate) = payload.downcast_ref::<GateOutput>() {
+                    evaluation.gate(publication.visible_at, gate);
+                    if gate.mode == GateMode::Driving {
+                        evaluation.command(publication.visible_at, publication.origin);
+                    }
+                } else if operator == "controller" && !self.has_gate {
                     evaluation.command(publication.visible_at, publication.origin);
                 }
             }
@@ -555,6 +563,9 @@ impl Summary {
             let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
             row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
         }
+        if let Some(gate) = &m.gate {
+            gate_rows(gate, &mut row);
+        }
         row("digest", self.digest.clone());
         if let Some(by) = self.images_by.as_ref().filter(|_| !self.digest_is_portable) {
             row("images by", format!("{by}: the digest holds for this adapter and driver alone"));
@@ -595,6 +606,28 @@ impl Summary {
         }
         let _ = writeln!(text, "in {}: story.svg, log.mcap, trace.json, metrics.json", out.display());
         text
+    }
+}
+
+/// What the safety gate did.
+fn gate_rows(gate: &GateMetrics, row: &mut impl FnMut(&str, String)) {
+    let GateMetrics { manual_s, driving_s, stopping_s, holding_s, limited_s, refused, .. } = gate;
+    let mut modes = format!("driving {driving_s:.2} s, limited for {limited_s:.2} s of it");
+    for (mode, seconds) in [("manual", manual_s), ("stopping", stopping_s), ("holding", holding_s)] {
+        if *seconds > 0.0 {
+            modes += &format!(", {mode} {seconds:.2} s");
+        }
+    }
+    row("gate", modes);
+    for stop in &gate.stops {
+        row("gate stops", format!("at {:.2} s: {}", stop.at_s, stop.cause.words()));
+    }
+    if refused.total() > 0 {
+        let Refusals { not_finite, out_of_order, stale, ahead } = refused;
+        row(
+            "gate refused",
+            format!("{not_finite} not finite, {out_of_order} out of order, {stale} too old, {ahead} ahead"),
+        );
     }
 }
 

@@ -127,6 +127,10 @@ impl Config {
         }
         // What is wrong with the table itself is told by its own check.
         let Ok(mapping) = self.ros2_mapping() else { return };
+        if mapping.vehicle == Vehicle::Plain && live.enable == EnableBy::AtStart {
+            let message = "a vehicle of the table `plain` is told nothing: it cannot be driven, only watched";
+            tell("live.enable", message.into());
+        }
         if mapping.vehicle != Vehicle::Plain && mapping.with_role(Role::Odometry).next().is_none() {
             tell("ros2.topics", "a vehicle that is to be driven needs the topic `odometry`".into());
         }

@@ -36,7 +36,7 @@ use clock::ClockConfig;
 use execution::{Deadline, Runtime};
 use gate::GateConfig;
 use injection::FaultConfig;
-use live::LiveConfig;
+pub use live::LiveConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
 use process::ProcessConfig;

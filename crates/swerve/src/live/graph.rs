@@ -18,13 +18,14 @@ use swerve_msg::{
 };
 use swerve_scenario::Scenario;
 
+use super::feed::TopicState;
 use super::intake::{Arrived, Input, names};
 use crate::config::Config;
 use crate::config::live::LiveConfig;
 use crate::pipeline::{self, Monitored};
 
 /// Operators of this graph that a simulated drive does not have.
-pub const LIVE_OPERATORS: [&str; 3] = [names::OBJECTS, names::REPORT, "fresh"];
+pub const LIVE_OPERATORS: [&str; 4] = [names::OBJECTS, names::REPORT, names::TOPICS, "fresh"];
 
 /// A graph to be fed with what a vehicle says.
 pub struct LiveGraph {
@@ -44,6 +45,7 @@ pub struct Inputs {
     gnss: SourceHandle<Gnss>,
     report: SourceHandle<VehicleReport>,
     switch: SourceHandle<Switch>,
+    topics: SourceHandle<Vec<TopicState>>,
     images: BTreeMap<String, SourceHandle<Image>>,
     clouds: BTreeMap<String, SourceHandle<PointCloud>>,
 }
@@ -62,6 +64,7 @@ impl Inputs {
             Input::Gnss(x) => self.gnss.send(stamp, x),
             Input::Report(x) => self.report.send(stamp, x),
             Input::Switch(x) => self.switch.send(stamp, x),
+            Input::Topics(x) => self.topics.send(stamp, x),
             Input::Image(name, x) => self.images.get(&name).map_or(Ok(()), |source| source.send(stamp, x)),
             Input::Cloud(name, x) => self.clouds.get(&name).map_or(Ok(()), |source| source.send(stamp, x)),
         }
@@ -69,7 +72,15 @@ impl Inputs {
 
     /// The names of all sources.
     pub fn sources(&self) -> impl Iterator<Item = &str> {
-        let fixed = [names::POSE, names::OBJECTS, names::IMU, names::GNSS, names::REPORT, names::SWITCH];
+        let fixed = [
+            names::POSE,
+            names::OBJECTS,
+            names::IMU,
+            names::GNSS,
+            names::REPORT,
+            names::SWITCH,
+            names::TOPICS,
+        ];
         fixed
             .into_iter()
             .chain(self.images.keys().map(String::as_str))
@@ -94,6 +105,7 @@ impl LiveGraph {
         let (_, gnss) = graph_of.source::<Gnss>(names::GNSS);
         let (report, report_in) = graph_of.source::<VehicleReport>(names::REPORT);
         let (switch, switch_in) = graph_of.source::<Switch>(names::SWITCH);
+        let (_, topics) = graph_of.source::<Vec<TopicState>>(names::TOPICS);
         let (mut images, mut clouds) = (BTreeMap::new(), BTreeMap::new());
         for name in config.camera.keys() {
             let (stream, handle) = graph_of.source::<Image>(name);
@@ -120,6 +132,7 @@ impl LiveGraph {
             gnss,
             report: report_in,
             switch: switch_in,
+            topics,
             images,
             clouds,
         };

@@ -21,6 +21,7 @@ use swerve_ros2::mapping::{Mapping, Role};
 use swerve_ros2::msg::geometry_msgs as geo;
 use swerve_ros2::msg::std_msgs::Header;
 
+use super::feed::TopicState;
 use super::time::TopicClock;
 use super::vehicle::{Car, VehicleInterface};
 use crate::config::Config;
@@ -50,6 +51,8 @@ pub enum Input {
     Report(VehicleReport),
     /// What a person wants.
     Switch(Switch),
+    /// How the topics are, for the log.
+    Topics(Vec<TopicState>),
 }
 
 /// Names of the graph's sources, but for cameras and lidars, which have their topics' names.
@@ -66,6 +69,8 @@ pub mod names {
     pub const REPORT: &str = "vehicle";
     /// [`super::Input::Switch`].
     pub const SWITCH: &str = "switch";
+    /// [`super::Input::Topics`].
+    pub const TOPICS: &str = "topics";
 }
 
 /// Something for the graph.
@@ -90,6 +95,7 @@ impl Arrived {
             Input::Image(name, _) | Input::Cloud(name, _) => name,
             Input::Report(_) => names::REPORT,
             Input::Switch(_) => names::SWITCH,
+            Input::Topics(_) => names::TOPICS,
         }
     }
 
@@ -105,6 +111,7 @@ impl Arrived {
             Input::Cloud(_, x) => PlaybackRecord::message(at, stamp, x),
             Input::Report(x) => PlaybackRecord::message(at, stamp, x),
             Input::Switch(x) => PlaybackRecord::message(at, stamp, x),
+            Input::Topics(x) => PlaybackRecord::message(at, stamp, x),
         }
     }
 }

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use swerve_control::{Controller, Following, Input, Law, Output, Params, Pedals};
 use swerve_core::{Span, Time};
 use swerve_flow::{Context, Every, Latest, Operator, Port};
@@ -12,6 +14,8 @@ pub(crate) struct Driver {
     controller: Controller,
     vehicle: VehicleParams,
     route: Route,
+    /// The newest plan that a car can follow. Its time runs out where none comes after it.
+    plan: Option<Arc<Plan>>,
     /// Where the ego comes to a stop, while it has to.
     stop_along: Option<Plan>,
 }
@@ -31,14 +35,23 @@ impl Driver {
         let params =
             Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
         let vehicle = config.sim.vehicle.clone();
-        Self { controller: controller(&vehicle, params), vehicle, route: route.clone(), stop_along: None }
+        Self {
+            controller: controller(&vehicle, params),
+            vehicle,
+            route: route.clone(),
+            plan: None,
+            stop_along: None,
+        }
     }
 
     /// One step of control: the state that it is for, and what comes out. Nothing where there is no state.
     fn step(&mut self, now: Time, (_, ego, plan, processes): &Inputs) -> Option<(EgoState, Output)> {
         // What no car can do is no measurement and no plan: better none.
         let ego = ego.get().filter(|ego| ego.is_plausible())?;
-        let plan = plan.get().map(|plan| &**plan).filter(|plan| plan.is_plausible());
+        if let Some(plan) = plan.get().filter(|plan| plan.is_plausible()) {
+            self.plan = Some(plan.shared());
+        }
+        let plan = self.plan.as_deref();
         let gone = |processes: &Latest<Supervision>| processes.get().is_some_and(|all| !all.gone.is_empty());
         if processes.iter().any(gone) {
             // Plans that still come are not looked at: what they are made from may be out of date.

@@ -114,7 +114,7 @@ struct SimulatedPerson {
     enable_at: Time,
     release_at: Time,
     emergency_at: Time,
-    pressed: bool,
+    pressed_at: Option<Time>,
     was_engaged: bool,
 }
 
@@ -125,7 +125,7 @@ impl SimulatedPerson {
             enable_at: at(Some(config.enable_at_ms)),
             release_at: at(config.release_at_ms),
             emergency_at: at(config.emergency_at_ms),
-            pressed: false,
+            pressed_at: None,
             was_engaged: false,
         }
     }
@@ -139,10 +139,17 @@ impl Operator for SimulatedPerson {
         let now = cx.now();
         let lamp = gate.get();
         self.was_engaged |= lamp.is_some_and(|gate| gate.engaged);
+        // What the gate said of an instant before the press says nothing of the press.
+        let waits = |since: Time| lamp.is_none_or(|gate| gate.command.stamp < since);
         // Before the gate has spoken it has not seen the switch released.
         let may_press = lamp.is_some() && now >= self.enable_at;
-        self.pressed = may_press && (self.was_engaged || !self.pressed) && now < self.release_at;
-        out.loan().send(Switch { enable: self.pressed, emergency: now >= self.emergency_at });
+        self.pressed_at = match self.pressed_at {
+            _ if now >= self.release_at => None,
+            Some(since) => (self.was_engaged || waits(since)).then_some(since),
+            None => may_press.then_some(now),
+        };
+        let enable = self.pressed_at.is_some();
+        out.loan().send(Switch { enable, emergency: now >= self.emergency_at });
     }
 }
 
