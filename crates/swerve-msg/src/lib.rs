@@ -6,9 +6,11 @@
 
 mod actuation;
 pub mod block;
+mod deadline;
 mod detection;
 mod ego;
 mod event;
+mod gate;
 mod health;
 mod image;
 mod obstacle;
@@ -22,12 +24,14 @@ mod supervision;
 pub mod truth;
 
 pub use actuation::{Command, MotionCommand};
+pub use deadline::{ResponseBudget, RungTaken};
 pub use detection::{DetectedBox, Detections};
 pub use ego::{EgoState, Gnss, Imu};
 pub use event::{
     CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent,
     RedLightEvents, RoadLine, Side, Signal,
 };
+pub use gate::{GateMode, GateOutput, Refusal, Refusals, StopCause, Switch, VehicleReport};
 pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use obstacle::{

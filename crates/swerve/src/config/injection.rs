@@ -166,13 +166,18 @@ impl FaultConfig {
 }
 
 /// Streams of the pipeline that faults can befall, beside what is seen of obstacles.
-const STREAMS: [&str; 8] =
-    ["pose", "imu", "gnss", "odometry", "tracker", "predictor", "planner", "controller"];
+const STREAMS: [&str; 9] =
+    ["pose", "imu", "gnss", "odometry", "tracker", "predictor", "planner", "controller", "report"];
 
 impl Config {
     /// All streams that faults can befall, with what they carry.
     fn faultable(&self) -> Vec<(String, Carries)> {
-        let own = STREAMS.iter().filter(|name| !["gnss", "odometry"].contains(name) || self.runs(name));
+        let is_there = |name: &str| match name {
+            "gnss" | "odometry" => self.runs(name),
+            "report" => self.gate.enabled,
+            _ => true,
+        };
+        let own = STREAMS.iter().filter(|name| is_there(name));
         // A detector takes the place of the obstacle sensor's list.
         let first = if self.perception.detector == perception::TRUTH { "obstacles" } else { "detector" };
         let mut streams: Vec<_> =

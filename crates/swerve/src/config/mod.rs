@@ -8,11 +8,15 @@ pub mod clock;
 pub mod detectors;
 pub mod execution;
 pub mod faults;
+pub mod gate;
 pub mod injection;
+pub mod live;
+pub mod model;
 pub mod monitor;
 pub mod perception;
 mod planner;
 pub mod process;
+pub mod ros2;
 pub mod sensors;
 pub mod text;
 pub mod words;
@@ -31,10 +35,14 @@ use swerve_vehicle::VehicleParams;
 use camera::{CameraConfig, RenderConfig};
 use clock::ClockConfig;
 use execution::{Deadline, Runtime};
+use gate::GateConfig;
 use injection::FaultConfig;
+pub use live::LiveConfig;
+use model::ExecutionConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
 use process::ProcessConfig;
+use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
 
@@ -70,6 +78,10 @@ pub struct Config {
     pub planning: PlanningConfig,
     /// The controller.
     pub control: ControlConfig,
+    /// The safety gate between the controller and the vehicle.
+    pub gate: GateConfig,
+    /// When detector and planner run, and how long they may take.
+    pub execution: ExecutionConfig,
     /// What is recorded.
     pub log: LogConfig,
     /// How single operators run, by name.
@@ -81,6 +93,12 @@ pub struct Config {
     pub fault: BTreeMap<String, FaultConfig>,
     /// Processes that take the steps of operators, by name.
     pub process: BTreeMap<String, ProcessConfig>,
+    /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    pub ros2: toml::Table,
+    /// A vehicle that `swerve live` drives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub live: Option<LiveConfig>,
 }
 
 impl Default for Config {
@@ -100,11 +118,15 @@ impl Default for Config {
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
+            gate: GateConfig::default(),
+            execution: ExecutionConfig::default(),
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
             process: BTreeMap::new(),
+            ros2: toml::Table::new(),
+            live: None,
         }
     }
 }
@@ -115,6 +137,8 @@ impl Default for Config {
 pub struct EgoConfig {
     /// Target and start speed, m/s; the scenario's when absent.
     pub speed_mps: Option<f64>,
+    /// Who drives it.
+    pub driver: EgoDriver,
 }
 
 /// The simulator.
@@ -308,6 +332,11 @@ pub struct PlanningConfig {
     pub expected_ms: Option<f64>,
     /// Parameters of the chosen planner that differ from its preset's and discretisation's.
     pub params: toml::Table,
+    /// A ladder of discretisations (`fot@d3`): the planner takes the finest that fits the time left until its deadline,
+    /// and as long as that takes.
+    pub ladder: Option<String>,
+    /// The ladder's highest rung that is taken, by its run time, ms; the finest of all when absent.
+    pub rung_ms: Option<f64>,
     /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it. A file that names one
     /// entry replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
     pub cost: Cost,
@@ -325,6 +354,8 @@ impl Default for PlanningConfig {
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
+            ladder: None,
+            rung_ms: None,
             cost: BUILT_IN_COST.clone(),
             added_latency_ms: 0.0,
         }
@@ -334,7 +365,12 @@ impl Default for PlanningConfig {
 impl PlanningConfig {
     /// The planner that this names, with its parameters; what is wrong with them, if they make none.
     pub fn planner(&self) -> Result<Box<dyn Planner>, String> {
-        planner::planner(self)
+        self.planner_with(&self.params)
+    }
+
+    /// The same with other parameters.
+    pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+        planner::planner(self, params)
     }
 
     /// Run time of the chosen planner and discretisation.
@@ -448,7 +484,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 14] = [
+pub const OPERATORS: [&str; 19] = [
     "world",
     "obstacles",
     "pose",
@@ -461,8 +497,13 @@ pub const OPERATORS: [&str; 14] = [
     "detector",
     "tracker",
     "predictor",
+    "deadlines",
     "planner",
     "controller",
+    "report",
+    "switch",
+    "gate",
+    "pedals",
 ];
 
 impl Config {
@@ -550,13 +591,17 @@ impl Config {
         if let Err(message) = self.planning.planner() {
             faults.push(("planning.params".into(), message));
         }
+        self.check_gate(&mut faults);
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
         self.check_faults(&mut faults);
         self.check_perception(&mut faults);
+        self.check_execution(&mut faults);
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);
+        self.check_ros2(&mut faults);
+        self.check_live(&mut faults);
         if faults.is_empty() {
             return Ok(self);
         }
@@ -611,8 +656,12 @@ impl Config {
         }
     }
 
-    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that.
+    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that; `ros2` where
+    /// another stack drives.
     pub fn pipeline_name(&self) -> String {
+        if self.is_driven_over_ros2() {
+            return "ros2".into();
+        }
         Self::name_of(self.planning.planner, self.planning.preset)
     }
 
