@@ -16,6 +16,7 @@ pub mod process;
 pub mod progress;
 pub mod replay;
 pub mod run;
+pub mod rungs;
 pub mod scenarios;
 pub mod story;
 pub mod street;

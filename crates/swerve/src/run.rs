@@ -28,6 +28,7 @@ use crate::output::align;
 use crate::pipeline::{Pipeline, Rendered};
 use crate::process::Processes;
 use crate::progress::Progress;
+use crate::rungs::{Budgets, RungCount, Rungs};
 use crate::story::{Story, draw};
 use crate::views::views_of;
 
@@ -85,6 +86,8 @@ pub struct Outcome {
     pub report: RunReport,
     /// What computed the images, if there were any.
     pub rendered: Option<Rendered>,
+    /// What deadlines made of it.
+    pub rungs: Rungs,
 }
 
 /// Several problems as one error.
@@ -165,6 +168,7 @@ pub fn drive_pipeline(
         road_margin_m: measured.road_margin_m,
         report,
         rendered: rendered(),
+        rungs: measured.rungs,
     })
 }
 
@@ -175,6 +179,7 @@ struct Measured {
     route: Route,
     shape: Shape,
     road_margin_m: f64,
+    rungs: Rungs,
 }
 
 fn outline(shape: &Shape) -> Outline {
@@ -195,6 +200,7 @@ impl Measured {
             route: pipeline.route.clone(),
             shape,
             road_margin_m: f64::INFINITY,
+            rungs: Rungs::default(),
         })
     }
 
@@ -205,6 +211,7 @@ impl Measured {
 
 impl Observer for Measured {
     fn event(&mut self, event: &Event<'_>) {
+        self.rungs.event(event);
         match event {
             Event::Publication(publication) => {
                 // What a fault makes of a message is no second one.
@@ -450,6 +457,14 @@ pub struct Summary {
     /// What went between the run's processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     traffic: Option<Traffic>,
+    /// The time that the deadline policy gave from a frame to its plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    response_budget: Option<Budgets>,
+    /// Which rungs of their ladders detector and planner took.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    rungs: Vec<RungCount>,
+    #[serde(skip)]
+    rungs_text: String,
     #[serde(flatten)]
     metrics: Metrics,
 }
@@ -473,6 +488,9 @@ impl Summary {
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
             timers: timers(&outcome.report),
             traffic: None,
+            response_budget: outcome.rungs.budgets(),
+            rungs: outcome.rungs.counts(),
+            rungs_text: outcome.rungs.text(),
             metrics: outcome.metrics.clone(),
         }
     }
@@ -548,6 +566,7 @@ impl Summary {
             ]
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        text += &self.rungs_text;
         text += &self.clock_text();
         if self.unrecorded > 0 {
             let _ = writeln!(

@@ -12,7 +12,6 @@ use swerve_perception::tracker;
 use swerve_planning::deadline::{Overhead, Params, Situation, nearest_hazard, obstacles_near, respond};
 use swerve_vehicle::VehicleParams;
 
-use super::ms;
 use crate::config::Config;
 use crate::config::model::{Model, Rung};
 
@@ -128,9 +127,11 @@ pub(super) fn set_deadlines(
     match execution.model {
         Model::Periodic | Model::DataDriven => Ok(None),
         Model::StaticDeadlines => {
-            let length = |length_ms: Option<f64>| Deadline::after(ms(length_ms.unwrap_or_default()));
-            set(graph, length(execution.detector_ms));
-            Ok(Some(react(length(execution.planner_ms))))
+            let length = |name: &str| config.length_of(name).map_err(|m| anyhow!("execution.{name}_ms: {m}"));
+            if let Some(detector) = length("detector")? {
+                set(graph, Deadline::after(detector));
+            }
+            Ok(length("planner")?.map(|planner| react(Deadline::after(planner))))
         }
         Model::DynamicDeadlines => {
             let policy = Policy::new(config, route)?;
