@@ -17,7 +17,7 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
     text += if budget {
         "budget_ms,verdict\n"
     } else {
-        "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,digest\n"
+        "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,response_p50_ms,response_p99_ms,misses,digest\n"
     };
     for result in results.iter().flatten() {
         for label in &result.labels {
@@ -29,11 +29,14 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
         }
         let _ = writeln!(
             text,
-            "{},{},{},{},{}",
+            "{},{},{},{},{},{},{},{}",
             result.verdict,
             number(result.min_distance_m),
             number(result.impact_speed_mps),
             number(result.lateral_jerk_max),
+            number(result.response_p50_ms),
+            number(result.response_p99_ms),
+            result.misses,
             result.digest.map_or_else(String::new, |d| d.to_string()),
         );
     }
@@ -44,7 +47,7 @@ fn number(x: Option<f64>) -> String {
     x.map_or_else(String::new, |x| format!("{x:.4}"))
 }
 
-fn field(text: &str) -> String {
+pub(super) fn field(text: &str) -> String {
     if text.contains([',', '"', '\n']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
@@ -226,6 +229,8 @@ mod tests {
                 .collect(),
             budget: None,
             timeout_is_good: false,
+            leave_out: vec![],
+            ranking: None,
         }
     }
 
@@ -237,6 +242,9 @@ mod tests {
             impact_speed_mps: impact,
             lateral_jerk_max: None,
             digest: None,
+            response_p50_ms: None,
+            response_p99_ms: None,
+            misses: 0,
             budget_ms: None,
             error: None,
         })
@@ -266,5 +274,6 @@ mod tests {
         );
         assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
         assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,");
+        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,,,0,");
     }
 }
