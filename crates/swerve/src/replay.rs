@@ -16,7 +16,7 @@ use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
 use crate::config::{Config, OPERATORS};
 use crate::live::graph::LiveGraph;
-use crate::pipeline::{Pipeline, SUPERVISOR};
+use crate::pipeline::Pipeline;
 use crate::run::{left_out_of_logs, problems_error};
 
 /// `swerve replay`.
@@ -88,7 +88,8 @@ pub fn replay(
         return replay_live(log, (&config, &scenario), OPERATORS[cut], (threads, sets.is_empty()));
     }
     let mut pipeline = Pipeline::build(&config, &scenario)?;
-    for operator in OPERATORS[..cut].iter().chain([&SUPERVISOR]) {
+    let sources: Vec<String> = pipeline.graph.sources().map(str::to_owned).collect();
+    for operator in OPERATORS[..cut].iter().copied().chain(sources.iter().map(String::as_str)) {
         if pipeline.graph.operator(operator).is_ok() {
             pipeline.graph.playback(operator, log.playback(operator))?;
             pipeline.graph.playback_steps(operator, log.held(operator))?;

@@ -28,6 +28,8 @@ use crate::output::align;
 use crate::pipeline::{Pipeline, Rendered};
 use crate::process::Processes;
 use crate::progress::Progress;
+use crate::ros2::{Ros2Car, Ros2Report};
+use crate::rungs::{Budgets, RungCount, Rungs};
 use crate::story::{Story, draw};
 use crate::views::views_of;
 
@@ -70,6 +72,18 @@ pub struct RunArgs {
     /// What moves the run, in place of the configuration's clock.source
     #[arg(long)]
     clock: Option<Clock>,
+    /// Against the real clock, with the car on ROS 2's topics as [ros2] names them: to be shown, or to be driven
+    #[arg(long, value_name = "ROLE", num_args = 0..=1, require_equals = true, default_missing_value = "show")]
+    ros2: Option<Ros2Role>,
+}
+
+/// What the car is to others on ROS 2's topics.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
+enum Ros2Role {
+    /// Our own stack drives, others watch
+    Show,
+    /// Another stack drives, through the safety gate
+    Drive,
 }
 
 /// What a run came to.
@@ -85,6 +99,8 @@ pub struct Outcome {
     pub report: RunReport,
     /// What computed the images, if there were any.
     pub rendered: Option<Rendered>,
+    /// What deadlines made of it.
+    pub rungs: Rungs,
 }
 
 /// Several problems as one error.
@@ -165,6 +181,7 @@ pub fn drive_pipeline(
         road_margin_m: measured.road_margin_m,
         report,
         rendered: rendered(),
+        rungs: measured.rungs,
     })
 }
 
@@ -177,6 +194,7 @@ struct Measured {
     route: Route,
     shape: Shape,
     road_margin_m: f64,
+    rungs: Rungs,
 }
 
 fn outline(shape: &Shape) -> Outline {
@@ -198,6 +216,7 @@ impl Measured {
             route: pipeline.route.clone(),
             shape,
             road_margin_m: f64::INFINITY,
+            rungs: Rungs::default(),
         })
     }
 
@@ -208,6 +227,7 @@ impl Measured {
 
 impl Observer for Measured {
     fn event(&mut self, event: &Event<'_>) {
+        self.rungs.event(event);
         match event {
             Event::Publication(publication) => {
                 let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
@@ -271,7 +291,15 @@ impl Observer for Shown {
 /// Runs `swerve run`.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut input = args.input.clone();
-    input.set.extend(args.clock.map(|clock| format!("clock.source={}", clock.name())));
+    anyhow::ensure!(
+        args.ros2.is_none() || args.clock != Some(Clock::Virtual),
+        "--ros2 and --clock virtual: who reads a topic lives by the real clock"
+    );
+    let clock = if args.ros2.is_some() { Some(Clock::Wall) } else { args.clock };
+    input.set.extend(clock.map(|clock| format!("clock.source={}", clock.name())));
+    if args.ros2 == Some(Ros2Role::Drive) {
+        input.set.extend(["gate.enabled=true".into(), "ego.driver=ros2".into()]);
+    }
     let (config, scenario) = load(&input)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
@@ -290,6 +318,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut frames = frames(args, &config, &pipeline)?;
     let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recorder, &mut trace, &mut story];
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
+    let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
+    let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
+    observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = start_processes(&config, &args.input.scenario, &mut pipeline)?;
     if pipeline.clock == Clock::Wall {
         stop_on_interrupt(pipeline.graph.stop_handle());
@@ -298,6 +329,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
     let traffic = processes.as_ref().map(Processes::traffic);
     drop(processes);
+    let ros2 = car.map(Ros2Car::finish);
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
     recorder.finish()?;
@@ -310,7 +342,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if let Some(frames) = &mut frames {
         frames.finish()?;
     }
-    let summary = Summary { traffic, ..Summary::of(&config, &scenario, &outcome) };
+    let summary = Summary { traffic, ros2, ..Summary::of(&config, &scenario, &outcome) };
     story.conclude(&outcome.metrics);
     write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
@@ -456,6 +488,17 @@ pub struct Summary {
     /// What went between the run's processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     traffic: Option<Traffic>,
+    /// What became of ROS 2's topics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ros2: Option<Ros2Report>,
+    /// The time that the deadline policy gave from a frame to its plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    response_budget: Option<Budgets>,
+    /// Which rungs of their ladders detector and planner took.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    rungs: Vec<RungCount>,
+    #[serde(skip)]
+    rungs_text: String,
     #[serde(flatten)]
     metrics: Metrics,
 }
@@ -479,6 +522,10 @@ impl Summary {
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
             timers: timers(&outcome.report),
             traffic: None,
+            ros2: None,
+            response_budget: outcome.rungs.budgets(),
+            rungs: outcome.rungs.counts(),
+            rungs_text: outcome.rungs.text(),
             metrics: outcome.metrics.clone(),
         }
     }
@@ -557,7 +604,11 @@ impl Summary {
             ]
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        text += &self.rungs_text;
         text += &self.clock_text();
+        if let Some(ros2) = &self.ros2 {
+            text += &ros2.text();
+        }
         if self.unrecorded > 0 {
             let _ = writeln!(
                 text,

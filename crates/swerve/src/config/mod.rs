@@ -11,12 +11,14 @@ pub mod faults;
 pub mod gate;
 pub mod injection;
 pub mod live;
+pub mod model;
 pub mod monitor;
 pub mod perception;
 mod planner;
 pub mod process;
-mod ros2;
+pub mod ros2;
 pub mod sensors;
+pub mod source;
 pub mod text;
 pub mod words;
 
@@ -37,10 +39,13 @@ use execution::{Deadline, Runtime};
 use gate::GateConfig;
 use injection::FaultConfig;
 pub use live::LiveConfig;
+use model::ExecutionConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
 use process::ProcessConfig;
+use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
+use source::SourceConfig;
 use text::{Document, Problem};
 
 /// A whole configuration: what runs, how long it takes, what is recorded.
@@ -77,6 +82,8 @@ pub struct Config {
     pub control: ControlConfig,
     /// The safety gate between the controller and the vehicle.
     pub gate: GateConfig,
+    /// When detector and planner run, and how long they may take.
+    pub execution: ExecutionConfig,
     /// What is recorded.
     pub log: LogConfig,
     /// How single operators run, by name.
@@ -91,6 +98,9 @@ pub struct Config {
     /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     pub ros2: toml::Table,
+    /// A recorded drive in the place of a vehicle, for `swerve live`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<SourceConfig>,
     /// A vehicle that `swerve live` drives.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub live: Option<LiveConfig>,
@@ -114,12 +124,14 @@ impl Default for Config {
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
             gate: GateConfig::default(),
+            execution: ExecutionConfig::default(),
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
             process: BTreeMap::new(),
             ros2: toml::Table::new(),
+            source: None,
             live: None,
         }
     }
@@ -131,6 +143,8 @@ impl Default for Config {
 pub struct EgoConfig {
     /// Target and start speed, m/s; the scenario's when absent.
     pub speed_mps: Option<f64>,
+    /// Who drives it.
+    pub driver: EgoDriver,
 }
 
 /// The simulator.
@@ -324,6 +338,11 @@ pub struct PlanningConfig {
     pub expected_ms: Option<f64>,
     /// Parameters of the chosen planner that differ from its preset's and discretisation's.
     pub params: toml::Table,
+    /// A ladder of discretisations (`fot@d3`): the planner takes the finest that fits the time left until its deadline,
+    /// and as long as that takes.
+    pub ladder: Option<String>,
+    /// The ladder's highest rung that is taken, by its run time, ms; the finest of all when absent.
+    pub rung_ms: Option<f64>,
     /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it. A file that names one
     /// entry replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
     pub cost: Cost,
@@ -341,6 +360,8 @@ impl Default for PlanningConfig {
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
+            ladder: None,
+            rung_ms: None,
             cost: BUILT_IN_COST.clone(),
             added_latency_ms: 0.0,
         }
@@ -350,7 +371,12 @@ impl Default for PlanningConfig {
 impl PlanningConfig {
     /// The planner that this names, with its parameters; what is wrong with them, if they make none.
     pub fn planner(&self) -> Result<Box<dyn Planner>, String> {
-        planner::planner(self)
+        self.planner_with(&self.params)
+    }
+
+    /// The same with other parameters.
+    pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+        planner::planner(self, params)
     }
 
     /// Run time of the chosen planner and discretisation.
@@ -464,7 +490,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 18] = [
+pub const OPERATORS: [&str; 19] = [
     "world",
     "obstacles",
     "pose",
@@ -477,6 +503,7 @@ pub const OPERATORS: [&str; 18] = [
     "detector",
     "tracker",
     "predictor",
+    "deadlines",
     "planner",
     "controller",
     "report",
@@ -575,10 +602,12 @@ impl Config {
         self.check_sensors(&mut faults);
         self.check_faults(&mut faults);
         self.check_perception(&mut faults);
+        self.check_execution(&mut faults);
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);
         self.check_ros2(&mut faults);
+        self.check_source(&mut faults);
         self.check_live(&mut faults);
         if faults.is_empty() {
             return Ok(self);
@@ -634,8 +663,12 @@ impl Config {
         }
     }
 
-    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that.
+    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that; `ros2` where
+    /// another stack drives.
     pub fn pipeline_name(&self) -> String {
+        if self.is_driven_over_ros2() {
+            return "ros2".into();
+        }
         Self::name_of(self.planning.planner, self.planning.preset)
     }
 

@@ -1,13 +1,60 @@
 //! Which stream is which ROS 2 topic, `[ros2]`: as written, checked by the bridge's own mapping.
 
 use anyhow::Context as _;
+use serde::{Deserialize, Serialize};
 use swerve_ros2::env::Network;
-use swerve_ros2::mapping::{Mapping, MappingError};
+use swerve_ros2::mapping::{Mapping, MappingError, Vehicle};
 use toml::Table;
 
 use super::Config;
+use super::clock::Clock;
+
+/// Who drives the simulated car.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EgoDriver {
+    /// Our own stack.
+    #[default]
+    Stack,
+    /// Another one, by the command topics of `[ros2]`, through the safety gate. The car stands until it is engaged.
+    Ros2,
+}
 
 impl Config {
+    /// Whether another stack drives, over ROS 2.
+    pub fn is_driven_over_ros2(&self) -> bool {
+        self.ego.driver == EgoDriver::Ros2
+    }
+
+    fn check_driver(&self, told: &mut Vec<(String, String)>) {
+        if !self.is_driven_over_ros2() {
+            return;
+        }
+        let mut tell = |key: &str, message: &str| told.push((key.to_owned(), message.to_owned()));
+        if self.clock.source != Clock::Wall {
+            tell(
+                "clock.source",
+                "ego.driver is \"ros2\": expected \"wall\", another stack lives by the real clock",
+            );
+        }
+        if !self.gate.enabled {
+            tell(
+                "gate.enabled",
+                "ego.driver is \"ros2\": expected true, what comes from outside goes through the gate",
+            );
+        }
+        if !self.process.is_empty() {
+            tell("process", "ego.driver is \"ros2\": nothing runs that could be moved to a process");
+        }
+        // What is wrong with the table itself is told by its own check.
+        if self.ros2_mapping().is_ok_and(|mapping| mapping.vehicle == Vehicle::Plain) {
+            tell(
+                "ros2.vehicle",
+                "ego.driver is \"ros2\": expected a vehicle with commands, \"plain\" has none",
+            );
+        }
+    }
+
     /// The topics of `[ros2]`, on the network that the environment names where the table does not.
     ///
     /// # Errors
@@ -19,6 +66,7 @@ impl Config {
 
     /// What is wrong with the table: each fault is taken out of a copy of it, then the next one shows.
     pub(super) fn check_ros2(&self, told: &mut Vec<(String, String)>) {
+        self.check_driver(told);
         let mut table = self.ros2.clone();
         while let Err(MappingError { key, problem, nearest }) =
             Mapping::from_table(&table, Network::default())
@@ -69,6 +117,15 @@ mod tests {
         // A table of another form than a table is told by its kind.
         assert!(read("ros2 = 3\n").unwrap_err()[0].starts_with("c.toml:1: ros2: expected a table"));
         assert!(read("[ros2]\ntopics = 3\n").unwrap_err()[0].starts_with("c.toml:2: ros2.topics: a table"));
+    }
+
+    #[test]
+    fn another_driver_needs_the_real_clock_and_the_gate() {
+        let told = read("[ego]\ndriver = \"ros2\"\n[ros2]\nvehicle = \"plain\"\n").unwrap_err();
+        let keys: Vec<&str> = told.iter().map(|t| t.split(": ").nth(1).unwrap()).collect();
+        assert_eq!(keys, ["clock.source", "gate.enabled", "ros2.vehicle"], "{told:?}");
+        let right = "[ego]\ndriver = \"ros2\"\n[clock]\nsource = \"wall\"\n[gate]\nenabled = true\n";
+        assert_eq!(read(right).unwrap().pipeline_name(), "ros2");
     }
 
     #[test]

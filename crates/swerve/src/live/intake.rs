@@ -34,7 +34,6 @@ const ACCEL_GAP: Span = Span::from_ms(500);
 
 /// What a topic brought.
 #[derive(Clone, PartialEq, Debug)]
-#[expect(clippy::large_enum_variant, reason = "moved through once, not kept")]
 pub enum Input {
     /// Where the ego is.
     Pose(EgoState),

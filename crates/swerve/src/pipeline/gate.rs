@@ -65,23 +65,30 @@ impl Operator for GateOperator {
 /// Puts a gate between the controller and the simulated car: what reaches the car's wires.
 ///
 /// The car reports from sensors of its own, not from what localization makes of them: `report` is the pose sensor's
-/// speed and steering angle, before the faults that befall `pose`.
+/// speed and steering angle, before the faults that befall `pose`. `switch` is held by somebody outside; where there is
+/// none a simulated person holds one.
 pub(super) fn before_world(
     graph: &mut Graph,
     config: &Config,
     commands: Stream<MotionCommand>,
     pose: Stream<EgoState>,
+    switch: Option<Stream<Switch>>,
 ) -> anyhow::Result<Stream<Command>> {
     let GateConfig { period_ms, .. } = config.gate;
     let period = super::ms(period_ms);
     let report = graph.add("report", Report, (pose,)).out();
     let report = faulty(graph, config, "report", report)?;
-    let lamp: Feedback<GateOutput> = graph.feedback("gate_lamp");
-    let switch = graph.add("switch", SimulatedPerson::new(&config.gate), (every(period), lamp)).out();
+    let mut lamp: Option<Feedback<GateOutput>> = None;
+    let switch = switch.unwrap_or_else(|| {
+        let lamp = *lamp.insert(graph.feedback("gate_lamp"));
+        graph.add("switch", SimulatedPerson::new(&config.gate), (every(period), lamp)).out()
+    });
     let params = config.gate_params().map_err(|message| anyhow::anyhow!("gate.params: {message}"))?;
     let inputs = GateInputs { commands, report, switches: vec![switch.into()] };
     let let_through = gate(graph, params, period, inputs)?;
-    graph.connect(lamp, let_through);
+    if let Some(lamp) = lamp {
+        graph.connect(lamp, let_through);
+    }
     let pedals = PedalsOperator::new(&config.sim.vehicle);
     Ok(graph.add("pedals", pedals, (let_through, report)).out())
 }
