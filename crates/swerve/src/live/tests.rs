@@ -95,8 +95,7 @@ impl LaneState {
             heading_rate: ego.yaw_rate_radps as f32,
         };
         let steering = SteeringReport { stamp, steering_tire_angle: steering_rad as f32 };
-        let mode =
-            if self.engaged { ControlModeReport::AUTONOMOUS } else { ControlModeReport::MANUAL };
+        let mode = if self.engaged { ControlModeReport::AUTONOMOUS } else { ControlModeReport::MANUAL };
         let mut round = vec![
             ("odometry", AnyMessage::Odometry(ego_to_ros(ego, epoch, "map", "base_link"))),
             ("velocity", AnyMessage::VelocityReport(velocity)),
@@ -195,7 +194,8 @@ fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) 
 fn assert_sane(lane: &LaneState) {
     for (at, wish, _) in &lane.commands {
         let MotionCommand { steering_rad, speed_mps, accel_mps2, .. } = *wish;
-        let sane = steering_rad.abs() <= 0.62 && (0.0..=30.0).contains(&speed_mps) && accel_mps2.abs() <= 13.0;
+        let sane =
+            steering_rad.abs() <= 0.62 && (0.0..=30.0).contains(&speed_mps) && accel_mps2.abs() <= 13.0;
         assert!(sane, "{at:?}: {wish:?}");
     }
 }
@@ -297,9 +297,8 @@ fn what_is_not_plausible_is_counted_and_the_commands_stay_sane() {
     });
     assert_sane(&lane);
     assert_eq!((lane.ego.speed_mps, lane.engaged), (0.0, false));
-    let tally = |wanted: &str| {
-        driven.fed.intake.tallies().find(|(name, ..)| *name == wanted).unwrap().2.clone()
-    };
+    let tally =
+        |wanted: &str| driven.fed.intake.tallies().find(|(name, ..)| *name == wanted).unwrap().2.clone();
     let (velocity, odometry) = (tally("velocity").refused, tally("odometry").refused);
     assert!(velocity.implausible > 100 && velocity.behind > 100 && velocity.ahead > 100, "{velocity:?}");
     assert!(odometry.implausible > 100 && odometry.not_usable > 100, "{odometry:?}");

@@ -31,8 +31,7 @@ fn config(live: &str) -> Config {
 }
 
 fn gate(accel_mps2: f64) -> GateOutput {
-    let command =
-        MotionCommand { stamp: Time::ZERO, steering_rad: 0.1, speed_mps: 5.0, accel_mps2 };
+    let command = MotionCommand { stamp: Time::ZERO, steering_rad: 0.1, speed_mps: 5.0, accel_mps2 };
     GateOutput { mode: GateMode::Driving, engaged: true, command, heartbeat: 300, ..GateOutput::default() }
 }
 
@@ -54,12 +53,12 @@ fn a_dataspeed_car_is_asked_for_a_speed_within_limits() {
         other => panic!("{other:?}"),
     };
     let first = ulc(&mut *car, 1.5);
-    assert_eq!((first.cmd, first.limit_accel, first.enable, first.clear), (5.0, 1.5, true, true));
-    // Braking is asked for whatever the speed of the wish.
+    assert_eq!((first.cmd, first.limit_accel, first.enable, first.clear), (4.75, 1.5, true, true));
     let braking = ulc(&mut *car, -3.0);
     assert_eq!((braking.cmd, braking.limit_decel, braking.clear), (2.5, 3.0, false));
     assert_eq!(ulc(&mut *car, -20.0).cmd, 0.0);
-    let AnyMessage::DataspeedSteeringCmd(steering) = &said(&mut *car, &gate(0.0))[&Role::SteeringCommand] else {
+    let AnyMessage::DataspeedSteeringCmd(steering) = &said(&mut *car, &gate(0.0))[&Role::SteeringCommand]
+    else {
         panic!("no steering")
     };
     assert!((f64::from(steering.cmd) - 0.1_f64.to_degrees() * 14.8).abs() < 1e-3);
@@ -94,7 +93,9 @@ fn pedals_are_never_pressed_together() {
 fn raptors_counters_are_the_gates_heartbeat() {
     let mut car = interface(Vehicle::Raptor, &config(""));
     let said = said(&mut *car, &gate(0.0));
-    let AnyMessage::RaptorSteeringCmd(steering) = &said[&Role::SteeringCommand] else { panic!("no steering") };
+    let AnyMessage::RaptorSteeringCmd(steering) = &said[&Role::SteeringCommand] else {
+        panic!("no steering")
+    };
     assert_eq!((steering.rolling_counter, steering.enable), (44, true));
     let AnyMessage::RaptorGearCmd(gear) = &said[&Role::GearCommand] else { panic!("no gear") };
     assert_eq!(gear.cmd.gear, 4);
@@ -110,7 +111,9 @@ fn autoware_warns_where_nobody_asked_for_the_stop() {
         (GateMode::Holding(StopCause::Emergency), 2),
     ] {
         let said = said(&mut *car, &GateOutput { mode, ..gate(0.0) });
-        let AnyMessage::HazardLightsCommand(hazard) = said[&Role::HazardLightsCommand] else { panic!("none") };
+        let AnyMessage::HazardLightsCommand(hazard) = said[&Role::HazardLightsCommand] else {
+            panic!("none")
+        };
         assert_eq!(hazard.command, warns, "{mode:?}");
         assert!(matches!(said[&Role::Command], AnyMessage::Control(_)));
     }
