@@ -12,15 +12,24 @@
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{self, Receiver};
 use std::sync::{Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::time::Duration;
 
 use serde_json::Value;
 use swerve_geom::Point2;
+use swerve_ros2::AnyMessage;
+use swerve_ros2::bridge::{Bridge, Options};
+use swerve_ros2::env::Network;
+use swerve_ros2::mapping::{Mapping, Side, Vehicle};
+use swerve_ros2::msg::autoware_vehicle_msgs::Engage;
 use swerve_scenario::Scenario;
 
 /// One drive at a time: they keep time.
 static ALONE: Mutex<()> = Mutex::new(());
+
+/// After this nothing comes any more.
+const PATIENCE: Duration = Duration::from_secs(30);
 
 fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
@@ -54,7 +63,8 @@ fn domain(drive: u32) -> u32 {
 /// An emulated car, which tells each second how it is.
 struct Car {
     child: Child,
-    told: Option<JoinHandle<Vec<Value>>>,
+    tells: Receiver<Value>,
+    told: Vec<Value>,
 }
 
 impl Car {
@@ -74,17 +84,29 @@ impl Car {
             .unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         assert_eq!(lines.next().unwrap().unwrap(), "ready");
-        let told = std::thread::spawn(move || {
-            lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok()).collect()
+        let (tell, tells) = mpsc::channel();
+        std::thread::spawn(move || {
+            let states = lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok());
+            // It fails where nobody listens any more.
+            states.map_while(|state: Value| tell.send(state).ok()).count()
         });
-        Self { child, told: Some(told) }
+        Self { child, tells, told: Vec::new() }
+    }
+
+    /// Waits until it is as wanted.
+    fn wait(&mut self, wanted: impl Fn(&Value) -> bool) {
+        while !self.told.last().is_some_and(&wanted) {
+            self.told.push(self.tells.recv_timeout(PATIENCE).unwrap());
+        }
     }
 
     /// Ends it: its states, one a second, the last one at its end.
     fn end(mut self) -> Vec<Value> {
         drop(self.child.stdin.take());
         self.child.wait().unwrap();
-        self.told.take().unwrap().join().unwrap()
+        let mut told = std::mem::take(&mut self.told);
+        told.extend(self.tells.iter());
+        told
     }
 }
 
@@ -124,20 +146,25 @@ impl Driven {
     }
 }
 
+/// `swerve live` with a shipped configuration, and where it puts its files.
+fn swerve_live(drive: u32, interface: &str) -> (Command, PathBuf) {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live_{drive}"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_swerve"));
+    command
+        .arg("live")
+        .arg(root().join("configs/live").join(interface).with_extension("toml"))
+        .arg("--out")
+        .arg(&out)
+        .envs([("ROS_DOMAIN_ID", domain(drive).to_string()), ("ROS_LOCALHOST_ONLY", "1".into())]);
+    (command, out)
+}
+
 /// `swerve live` with a shipped configuration for so long; what it says and what the car says.
 fn live(drive: u32, interface: &str, seconds: f64, car: Option<&[&str]>) -> Driven {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-    let domain = domain(drive);
-    let car = car.map(|more| Car::start(domain, interface, more));
-    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live_{drive}"));
-    let output = Command::new(env!("CARGO_BIN_EXE_swerve"))
-        .arg("live")
-        .arg(root().join("configs/live").join(interface).with_extension("toml"))
-        .args(["--enable", "at-start", "--seconds", &seconds.to_string(), "--out"])
-        .arg(&out)
-        .envs([("ROS_DOMAIN_ID", domain.to_string()), ("ROS_LOCALHOST_ONLY", "1".into())])
-        .output()
-        .unwrap();
+    let car = car.map(|more| Car::start(domain(drive), interface, more));
+    let (mut command, out) = swerve_live(drive, interface);
+    let output = command.args(["--enable", "at-start", "--seconds", &seconds.to_string()]).output().unwrap();
     let car = car.map(Car::end).unwrap_or_default();
     let notes = String::from_utf8_lossy(&output.stderr).into_owned();
     println!("{interface}, {seconds} s:\n{notes}{}", String::from_utf8_lossy(&output.stdout));
@@ -227,4 +254,44 @@ fn without_a_car_it_says_what_it_waits_for() {
                    velocity (/vehicle/status/velocity_status)";
     assert!(driven.notes.contains(missing), "{}", driven.notes);
     assert_eq!(driven.modes(), ["\"manual\""]);
+}
+
+/// A person engages on the vehicle's own topic; Ctrl-C is a controlled stop, and the car is released.
+#[test]
+fn a_person_engages_and_ctrl_c_stops() {
+    if !has_car() {
+        return;
+    }
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let drive = 7;
+    let mut car = Car::start(domain(drive), "autoware", &[]);
+    let (mut command, _) = swerve_live(drive, "autoware");
+    let mut stack = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let network = Network { domain: domain(drive) as u16, localhost_only: true };
+    let options = Options::from_mapping(&Mapping::of(Vehicle::Autoware, network), Side::Stack);
+    let endpoints = options.endpoints.into_iter().filter(|e| e.name == "enable").collect();
+    let person = Bridge::start(&Options { endpoints, node: "person".into(), ..options }).unwrap();
+    let button = person.endpoint("enable").unwrap();
+    assert!(person.wait_matched(button, 2, PATIENCE), "the car and the stack listen");
+    // A person who sees that nothing happens presses again.
+    while !car.told.last().is_some_and(|state| state["speed"].as_f64() > Some(2.0)) {
+        let engage = Engage { engage: true, ..Engage::default() };
+        let engaged = car.told.last().is_some_and(|state| state["engaged"] == true);
+        if !engaged || car.told.last().unwrap()["speed"] == 0.0 {
+            person.publish(button, AnyMessage::Engage(engage)).unwrap();
+        }
+        let next = car.told.len() + 2;
+        car.wait(|state| state["t"].as_f64() >= Some(next as f64 - 1.0));
+        assert!(next < 60, "{:?}", car.told.last());
+    }
+    let interrupt = Command::new("kill").args(["-INT", &stack.id().to_string()]).status().unwrap();
+    assert!(interrupt.success());
+    let mut notes = String::new();
+    std::io::Read::read_to_string(&mut stack.stderr.take().unwrap(), &mut notes).unwrap();
+    assert!(stack.wait().unwrap().success(), "{notes}");
+    let states = car.end();
+    let last = states.last().unwrap();
+    println!("{notes}{last}");
+    assert_eq!((last["speed"].as_f64(), &last["timeouts"]), (Some(0.0), &Value::from(0)));
+    assert!(notes.contains("holding: the switch was released"), "{notes}");
 }

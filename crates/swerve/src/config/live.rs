@@ -147,3 +147,65 @@ impl Config {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::text::Document;
+
+    fn told(text: &str) -> Vec<String> {
+        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
+        problems.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn what_makes_no_drive_is_told_with_its_line() {
+        let sound = "[live]\nroute = \"r.toml\"\n[control]\ncontroller = \"mpc\"\n";
+        assert_eq!(told(sound), [""; 0]);
+        let cases = [
+            (
+                "[live]\n[control]\ncontroller = \"mpc\"\n",
+                "c.toml:1: live.route: is missing: expected the scenario",
+            ),
+            ("[live]\nroute = \"r.toml\"\n", "c.toml: control.controller: expected \"stanley\","),
+            ("[live]\nrout = \"r.toml\"\n", "c.toml:2: live.rout: unknown key; did you mean \"route\"?"),
+            (
+                "[live]\nroute = \"r\"\nsteering_ratio = 0\n",
+                "c.toml:3: live.steering_ratio: expected 1 to 50",
+            ),
+            ("[live]\nroute = \"r\"\nenable = \"now\"\n", "c.toml:3: live.enable: expected one of \"topic\""),
+            (
+                "[live]\nroute = \"r\"\n[process.a]\noperators = []\n",
+                "c.toml:3: process: `swerve live` runs in one",
+            ),
+            ("[live]\nroute = \"r\"\n[camera.left]\n", "c.toml:3: camera.left: no topic of `[ros2.topics]`"),
+            (
+                "[live]\nroute = \"r\"\nenable = \"at_start\"\n[ros2]\nvehicle = \"plain\"\n",
+                "c.toml:3: live.enable: a vehicle of the table `plain` is told nothing",
+            ),
+            (
+                "[live]\nroute = \"r\"\n[ros2.topics.odometry]\nenabled = false\n",
+                "c.toml:3: ros2.topics: a vehicle that is to be driven needs the topic `odometry`",
+            ),
+        ];
+        for (text, expected) in cases {
+            let found = told(text);
+            assert!(found.iter().any(|told| told.starts_with(expected)), "{expected}\n{found:#?}");
+        }
+    }
+
+    #[test]
+    fn the_shipped_vehicles_name_a_route_that_is_there() {
+        let folder = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
+        let files = crate::files::toml_files(folder).unwrap();
+        assert!(files.len() >= 4);
+        for file in files {
+            let drive =
+                crate::live::Drive::load(&file, &[]).unwrap_or_else(|e| panic!("{}: {e:#}", file.display()));
+            assert!(drive.scenario.road.length_m() > drive.scenario.ego.end_m);
+            let vehicle = drive.mapping.vehicle.name();
+            assert_eq!(file.file_stem().unwrap(), vehicle);
+        }
+    }
+}

@@ -196,6 +196,7 @@ fn drive_graph(
         stop,
         stop_max,
         has_mode_service: !live.control_mode_service.is_empty(),
+        says_enable: live.enable == EnableBy::AtStart,
         gave_up: wanted.gave_up.clone(),
     };
     let outlet = Outlet::new(orders.clone(), lamp.clone(), route.clone());

@@ -81,6 +81,8 @@ pub struct Sink<'a> {
     pub stop_max: Span,
     /// Whether the vehicle has a service for its control mode.
     pub has_mode_service: bool,
+    /// Whether we ask the vehicle ourselves; else a person has done that on its own topic.
+    pub says_enable: bool,
     /// Set where the gate slept for too long to be given the car back: the switch is to be released.
     pub gave_up: Arc<AtomicBool>,
 }
@@ -208,9 +210,11 @@ impl Sink<'_> {
     }
 
     fn ask(&mut self, on: bool, state: &mut State) {
-        let mut telling = self.telling();
-        self.interface.enable(on, &mut telling);
-        self.send(telling, state);
+        if self.says_enable || !on {
+            let mut telling = self.telling();
+            self.interface.enable(on, &mut telling);
+            self.send(telling, state);
+        }
         if self.has_mode_service {
             let mode = if on { ControlModeReport::AUTONOMOUS } else { ControlModeReport::MANUAL };
             // Nobody is driven while this is asked; what the vehicle answers shows in its reports.

@@ -6,14 +6,18 @@ use std::sync::atomic::AtomicU64;
 use std::sync::{Condvar, MutexGuard};
 
 use swerve_flow::{Context, Every, Operator, every};
-use swerve_geom::math;
-use swerve_msg::{EgoState, GateMode, MotionCommand, StopCause};
-use swerve_ros2::AnyMessage;
+use swerve_geom::{Vector2, math};
+use swerve_msg::{
+    ActorId, ActorKind, EgoState, Extent, GateMode, MotionCommand, Plan, PredictionList, SensorHealth,
+    StopCause, Track, TrackList,
+};
 use swerve_ros2::bridge::TopicStatistics;
-use swerve_ros2::convert::{Epoch, control_from_ros, ego_to_ros};
+use swerve_ros2::convert::{Epoch, control_from_ros, ego_to_ros, objects_to_ros};
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::autoware_vehicle_msgs::{ControlModeReport, SteeringReport, VelocityReport};
 use swerve_ros2::msg::std_msgs::Bool;
+use swerve_ros2::samples::sample;
+use swerve_ros2::{AnyMessage, Kind};
 
 use super::intake::lock;
 use super::wire::{Sent, Taken};
@@ -346,4 +350,127 @@ fn a_clock_that_is_set_is_followed_and_the_car_stays_on_its_lane() {
     }
     // Four rounds without a message are 80 ms: nobody has to stop for that.
     assert!(driven.figures.driving_s > 3.0, "{:?}", driven.figures);
+}
+
+/// What a recorded drive with the configuration of this name comes to, in virtual time.
+fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Seen {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
+    let drive = Drive::load(&folder.join(name).with_extension("toml"), &[]).unwrap();
+    let interface = vehicle::interface(drive.mapping.vehicle, &drive.config);
+    let mut intake = Intake::new(&drive.mapping, interface, &drive.config, EPOCH_NS);
+    let mut arrived = Vec::new();
+    for (ms, name, message) in messages {
+        intake.take(name, message, Time::from_ms(*ms), &mut arrived);
+    }
+    for (name, _, tally, _) in intake.tallies() {
+        assert_eq!(tally.refused.total(), 0, "{name}: {:?}", tally.last_refusal);
+    }
+    let LiveGraph { mut graph, inputs, .. } = LiveGraph::build(&drive.config, &drive.scenario).unwrap();
+    for source in inputs.sources() {
+        let own = arrived.iter().filter(|arrived| arrived.source() == source);
+        graph.playback(source, own.cloned().map(intake::Arrived::record).collect()).unwrap();
+    }
+    let mut seen = Seen::default();
+    swerve_flow::run_virtual(graph, &RunOptions::until(until), vec![&mut seen]).unwrap();
+    seen
+}
+
+#[derive(Default)]
+struct Seen {
+    health: Vec<(String, SensorHealth)>,
+    wishes: Vec<MotionCommand>,
+    plans: Vec<Plan>,
+}
+
+impl Observer for Seen {
+    fn event(&mut self, event: &swerve_flow::Event<'_>) {
+        let swerve_flow::Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        if let Some(health) = payload.downcast_ref::<SensorHealth>() {
+            self.health.push((publication.operator.to_owned(), *health));
+        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
+            self.plans.push(plan.clone());
+        } else if publication.operator == "fresh" {
+            self.wishes.extend(payload.downcast_ref::<MotionCommand>());
+        }
+    }
+}
+
+const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
+
+/// The ego at 8 m/s along x, every 20 ms.
+fn poses(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {
+    let pose = |ms: i64| {
+        let mut ego = EgoState { stamp: Time::from_ms(ms), speed_mps: 8.0, ..EgoState::default() };
+        ego.pose.x_m = 8.0e-3 * ms as f64;
+        let odometry = ego_to_ros(&ego, Epoch { ns: EPOCH_NS }, "map", "base_link");
+        (ms, "odometry", AnyMessage::Odometry(odometry))
+    };
+    (0..until_ms / 20).map(|i| pose(20 * i)).collect()
+}
+
+#[test]
+fn images_and_clouds_are_watched() {
+    let stamp = |ms: i64| Epoch { ns: EPOCH_NS }.stamp(Time::from_ms(ms));
+    let mut messages = poses(1000);
+    for ms in [100, 200, 300] {
+        let AnyMessage::Image(mut image) = sample(Kind::Image) else { panic!("an image") };
+        image.header.stamp = stamp(ms);
+        // The third is the second again.
+        image.data[0] = (ms / 200) as u8;
+        messages.push((ms, "camera", AnyMessage::Image(image)));
+        let mut cloud = swerve_ros2::samples::large_cloud(500);
+        cloud.header.stamp = stamp(ms);
+        messages.push((ms, "lidar", AnyMessage::PointCloud2(cloud)));
+    }
+    messages.sort_by_key(|(ms, ..)| *ms);
+    let seen = recorded("plain", &messages, Time::from_ms(1000));
+    let of = |name: &str| -> Vec<SensorHealth> {
+        seen.health.iter().filter(|(monitor, _)| monitor == name).map(|(_, health)| *health).collect()
+    };
+    let (camera, lidar) = (of("camera_watch"), of("lidar_watch"));
+    assert_eq!(camera.iter().map(|health| health.frozen).collect::<Vec<_>>(), [false, false, true]);
+    assert_eq!(lidar.iter().map(|health| health.frozen).collect::<Vec<_>>(), [false, true, true]);
+    assert!(camera.iter().all(|health| health.invalid == 0 && health.numbers == 18), "{camera:?}");
+    assert!(lidar.iter().all(|health| health.invalid == 0 && health.numbers == 500), "{lidar:?}");
+}
+
+#[test]
+fn objects_are_driven_by_and_their_silence_is_no_empty_road() {
+    // Something that stands in the lane 30 m ahead, from 200 ms on, until 1,500 ms.
+    let pose = swerve_geom::Pose2::new(30.0, 0.0, 0.0);
+    let track = Track {
+        id: ActorId(7),
+        kind: ActorKind::Static,
+        pose,
+        extent: Extent { length_m: 2.0, width_m: 3.5, height_m: 2.0 },
+        velocity_mps: Vector2::new(0.0, 0.0),
+        history: Vec::new(),
+    };
+    let objects = |ms: i64| {
+        let tracks = TrackList { stamp: Time::from_ms(ms), tracks: vec![track.clone()] };
+        let none = PredictionList::default();
+        (
+            ms,
+            "objects",
+            AnyMessage::PredictedObjects(objects_to_ros(&tracks, &none, Epoch { ns: EPOCH_NS }, "map")),
+        )
+    };
+    let until = Time::from_ms(3500);
+    let free = recorded("autoware", &poses(3500), until);
+    let mut messages = poses(3500);
+    messages.extend((2..15).map(|i| objects(100 * i)));
+    messages.sort_by_key(|(ms, ..)| *ms);
+    let blocked = recorded("autoware", &messages, until);
+    let slowest = |seen: &Seen| {
+        let before = |wish: &&MotionCommand| wish.stamp < Time::from_ms(1500);
+        seen.wishes.iter().filter(before).map(|wish| wish.accel_mps2).fold(f64::INFINITY, f64::min)
+    };
+    assert!(slowest(&free) > -0.5 && slowest(&blocked) < -1.0, "{} {}", slowest(&free), slowest(&blocked));
+    // 500 ms after the last objects no plan is made any more, and 500 ms after the last plan nothing is asked for.
+    let last_plan = |seen: &Seen| seen.plans.last().unwrap().stamp;
+    assert!((1900..=2000).contains(&(last_plan(&blocked).ns() / 1_000_000)), "{:?}", last_plan(&blocked));
+    assert!(last_plan(&free) > Time::from_ms(3400));
+    let last_wish = |seen: &Seen| seen.wishes.last().unwrap().stamp;
+    assert!(last_wish(&blocked) < Time::from_ms(2550) && last_wish(&free) > Time::from_ms(3400));
 }

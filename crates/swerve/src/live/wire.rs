@@ -7,7 +7,7 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use swerve_core::{Span, Time};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{
-    Bridge, BridgeError, Direction, EndpointId, Options, ServiceSide, Stopped, TopicStatistics,
+    Bridge, BridgeError, Direction, Endpoint, EndpointId, Options, ServiceSide, Stopped, TopicStatistics,
 };
 use swerve_ros2::mapping::{Mapping, Role, Side};
 
@@ -113,8 +113,9 @@ impl BridgeWire {
         let options = options(mapping, live);
         let bridge = Bridge::start(&options)?;
         let sent = options.endpoints.iter().enumerate().filter(|(_, e)| e.direction == Direction::Send);
-        let role = |(i, e): (usize, &swerve_ros2::bridge::Endpoint)| {
-            mapping.topic(&e.name).map(|topic| (topic.role, EndpointId(i)))
+        let role = |(i, e): (usize, &Endpoint)| {
+            let name = e.name.strip_suffix(OWN).unwrap_or(&e.name);
+            mapping.topic(name).map(|topic| (topic.role, EndpointId(i)))
         };
         Ok(Self { sends: sent.filter_map(role).collect(), bridge })
     }
@@ -125,15 +126,22 @@ impl BridgeWire {
     }
 }
 
-/// The stack's side of a mapping. What a person says on the switch's topics is heard, not said.
+/// What is added to the name of a topic on which a person is heard, for what we say there ourselves.
+const OWN: &str = " (own)";
+
+/// The stack's side of a mapping. Where a person has the switch, its topics are heard as well.
 pub(super) fn options(mapping: &Mapping, live: &LiveConfig) -> Options {
     let mut options = Options::from_mapping(mapping, Side::Stack);
     if live.enable == EnableBy::Topic {
-        for endpoint in &mut options.endpoints {
-            if mapping.topic(&endpoint.name).is_some_and(|t| matches!(t.role, Role::Enable | Role::Disable)) {
-                endpoint.direction = Direction::Receive;
-            }
+        let is_switch = |e: &&mut Endpoint| {
+            mapping.topic(&e.name).is_some_and(|t| matches!(t.role, Role::Enable | Role::Disable))
+        };
+        let mut own = Vec::new();
+        for endpoint in options.endpoints.iter_mut().filter(is_switch) {
+            own.push(Endpoint { name: endpoint.name.clone() + OWN, ..endpoint.clone() });
+            endpoint.direction = Direction::Receive;
         }
+        options.endpoints.extend(own);
     }
     let service = &live.control_mode_service;
     options.control_mode_service = (!service.is_empty()).then(|| (ServiceSide::Client, service.clone()));
@@ -165,5 +173,29 @@ impl Wire for BridgeWire {
 
     fn statistics(&self) -> Vec<TopicStatistics> {
         self.bridge.statistics()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_ros2::env::Network;
+    use swerve_ros2::mapping::Vehicle;
+
+    use super::*;
+
+    #[test]
+    fn a_person_is_heard_where_the_stack_only_lets_go() {
+        let mapping = Mapping::of(Vehicle::Dataspeed, Network::default());
+        let ways = |enable| {
+            let live = LiveConfig { enable, ..LiveConfig::default() };
+            let options = options(&mapping, &live);
+            let on = |topic: &str| -> Vec<Direction> {
+                options.endpoints.iter().filter(|e| e.topic == topic).map(|e| e.direction).collect()
+            };
+            [on("/vehicle/enable"), on("/vehicle/disable"), on("/vehicle/steering/cmd")]
+        };
+        use Direction::{Receive, Send};
+        assert_eq!(ways(EnableBy::Topic), [vec![Receive, Send], vec![Receive, Send], vec![Send]]);
+        assert_eq!(ways(EnableBy::AtStart), [vec![Send], vec![Send], vec![Send]]);
     }
 }
