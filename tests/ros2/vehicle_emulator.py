@@ -18,6 +18,7 @@ import threading
 import time
 
 from cyclonedds.domain import DomainParticipant
+from cyclonedds.internal import InvalidSample
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
@@ -41,6 +42,11 @@ DEFAULT = Qos(
 LATCHED = Qos(
     Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.Durability.TransientLocal, Policy.History.KeepLast(1)
 )
+
+
+def taken(reader):
+    """Messages that wait, without the samples that only tell of a writer's end."""
+    return [sample for sample in reader.take(N=10) if not isinstance(sample, InvalidSample)]
 
 
 class Car:
@@ -118,9 +124,9 @@ class Autoware(Side):
         self.pose = self.writer("/localization/kinematic_state", "nav_msgs/Odometry", DEFAULT)
 
     def read(self, car, now):
-        for switch in self.engage.take(N=10):
+        for switch in taken(self.engage):
             self.engaged = switch.engage and not self.driver
-        for control in self.control.take(N=10):
+        for control in taken(self.control):
             lateral, longitudinal = control.lateral, control.longitudinal
             numbers = [lateral.steering_tire_angle, longitudinal.velocity, longitudinal.acceleration]
             if self.accept(now, numbers):
@@ -162,22 +168,24 @@ class Dataspeed(Side):
         self.told = None
 
     def read(self, car, now):
-        if self.enable.take(N=10):
+        if taken(self.enable):
             self.engaged = not self.driver
-        if self.disable.take(N=10):
+        if taken(self.disable):
             self.engaged = False
-        for cmd in self.steering_cmd.take(N=10):
+        for cmd in taken(self.steering_cmd):
             if cmd.cmd_type == 2 and self.accept(now, [cmd.cmd]) and cmd.enable:
                 car.wanted_steering = math.radians(cmd.cmd) / STEERING_RATIO
-        for cmd in self.throttle_cmd.take(N=10):
+        for cmd in taken(self.throttle_cmd):
             if cmd.cmd_type == 14 and self.accept(now, [cmd.cmd]) and cmd.enable and cmd.cmd > 0.0:
                 car.wanted_accel = ACCEL_MAX_MPS2 * cmd.cmd / 100
-        for cmd in self.brake_cmd.take(N=10):
+        for cmd in taken(self.brake_cmd):
             if cmd.cmd_type == 14 and self.accept(now, [cmd.cmd]) and cmd.enable and cmd.cmd > 0.0:
                 car.wanted_accel = -BRAKE_MAX_MPS2 * cmd.cmd / 100
-        for cmd in self.ulc_cmd.take(N=10):
+        for cmd in taken(self.ulc_cmd):
             if cmd.cmd_type == 1 and self.accept(now, [cmd.cmd, cmd.limit_accel, cmd.limit_decel]) and cmd.enable:
                 car.wanted_accel = max(-cmd.limit_decel, min(cmd.limit_accel, 2.0 * (cmd.cmd - car.speed)))
+                if cmd.cmd == 0.0 and car.speed < 0.2:
+                    car.wanted_accel = -cmd.limit_decel  # it holds a car that is to stand
 
     def write(self, car, stamp):
         ds = "ds_dbw_msgs"

@@ -136,6 +136,13 @@ impl Driven {
         self.car.iter().map(beside).fold(0.0, f64::max)
     }
 
+    /// How late the gate's ticks were at the most, ms.
+    fn late_ms(&self) -> f64 {
+        let timers = self.metrics["timers"].as_array().unwrap();
+        let gate = timers.iter().find(|timer| timer["operator"] == "gate").unwrap();
+        gate["max_ns"].as_f64().unwrap() * 1e-6
+    }
+
     fn last(&self, key: &str) -> f64 {
         self.car.last().unwrap()[key].as_f64().unwrap()
     }
@@ -179,7 +186,14 @@ fn drives_along_its_lane(drive: u32, interface: &str) {
         return;
     }
     let seconds = seconds();
-    let driven = live(drive, interface, seconds, Some(&[]));
+    let mut driven = live(drive, interface, seconds, Some(&[]));
+    // On a host that had no time for it the car was stopped, as it has to be: that is another test's subject.
+    for _ in 0..2 {
+        if driven.late_ms() > 100.0 {
+            println!("the host stood still for {:.0} ms: again", driven.late_ms());
+            driven = live(drive, interface, seconds, Some(&[]));
+        }
+    }
     assert!(driven.succeeded, "{}", driven.notes);
     // From a standstill to 8 m/s and along bends; half of what is beside it on its lane is 0.5 m.
     let beside_m = driven.beside_m();

@@ -1,4 +1,4 @@
-use swerve_msg::{Command, GateOutput};
+use swerve_msg::{Command, GateMode, GateOutput};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::convert::{
     Dataspeed, SteeringGear, dataspeed_speed_from_ros, dataspeed_steering_from_ros, driver_active,
@@ -63,7 +63,10 @@ impl VehicleInterface for DataspeedInterface {
         let mut wish = gate.command;
         match self.longitudinal {
             Longitudinal::Speed => {
-                wish.speed_mps = (telling.speed_mps + PREVIEW_S * wish.accel_mps2).max(0.0);
+                // A stop asks for a speed of zero: what the vehicle said of its speed may be out of date.
+                if gate.mode == GateMode::Driving {
+                    wish.speed_mps = (telling.speed_mps + PREVIEW_S * wish.accel_mps2).max(0.0);
+                }
                 let limits = (wish.accel_mps2.max(LIMIT_MIN_MPS2), (-wish.accel_mps2).max(LIMIT_MIN_MPS2));
                 let speed = car.speed(&wish, limits, enable, clear);
                 telling.say(Role::SpeedCommand, AnyMessage::DataspeedUlcCmd(speed));

@@ -63,6 +63,13 @@ fn a_dataspeed_car_is_asked_for_a_speed_within_limits() {
     let braking = ulc(&mut *car, -3.0);
     assert_eq!((braking.cmd, braking.limit_decel, braking.clear), (2.5, 3.0, false));
     assert_eq!(ulc(&mut *car, -20.0).cmd, 0.0);
+    // A stop is one whatever speed was reported last.
+    let mut stopping = gate(-1.5);
+    (stopping.mode, stopping.command.speed_mps) = (GateMode::Stopping(StopCause::ReportTimeout), 0.0);
+    let AnyMessage::DataspeedUlcCmd(stop) = &said(&mut *car, &stopping)[&Role::SpeedCommand] else {
+        panic!("none")
+    };
+    assert_eq!((stop.cmd, stop.limit_decel), (0.0, 1.5));
     let AnyMessage::DataspeedSteeringCmd(steering) = &said(&mut *car, &gate(0.0))[&Role::SteeringCommand]
     else {
         panic!("no steering")
