@@ -173,7 +173,7 @@ impl Recording {
             recording.strays += bag.strays();
         }
         let told = || recording.cut_off.join("; ");
-        let intake = intake.with_context(|| format!("there is no message in it {}", told()))?;
+        let intake = intake.with_context(|| format!("there is no message in it; {}", told()))?;
         for (name, _, tally, clock) in intake.tallies() {
             if let Some(topic) = recording.topics.values_mut().find(|t| t.name.as_deref() == Some(name)) {
                 (topic.used, topic.refused) = (tally.used, tally.refused);
