@@ -6,6 +6,7 @@
 
 mod actuation;
 pub mod block;
+mod deadline;
 mod detection;
 mod ego;
 mod event;
@@ -23,6 +24,7 @@ mod supervision;
 pub mod truth;
 
 pub use actuation::{Command, MotionCommand};
+pub use deadline::{ResponseBudget, RungTaken};
 pub use detection::{DetectedBox, Detections};
 pub use ego::{EgoState, Gnss, Imu};
 pub use event::{

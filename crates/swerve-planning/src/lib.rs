@@ -6,6 +6,7 @@
 
 pub mod aeb;
 pub mod collision;
+pub mod deadline;
 pub mod fot;
 pub mod hybrid_astar;
 pub mod params;

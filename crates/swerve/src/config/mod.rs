@@ -11,6 +11,7 @@ pub mod faults;
 pub mod gate;
 pub mod injection;
 pub mod live;
+pub mod model;
 pub mod monitor;
 pub mod perception;
 mod planner;
@@ -38,6 +39,7 @@ use execution::{Deadline, Runtime};
 use gate::GateConfig;
 use injection::FaultConfig;
 pub use live::LiveConfig;
+use model::ExecutionConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
 use process::ProcessConfig;
@@ -80,6 +82,8 @@ pub struct Config {
     pub control: ControlConfig,
     /// The safety gate between the controller and the vehicle.
     pub gate: GateConfig,
+    /// When detector and planner run, and how long they may take.
+    pub execution: ExecutionConfig,
     /// What is recorded.
     pub log: LogConfig,
     /// How single operators run, by name.
@@ -120,6 +124,7 @@ impl Default for Config {
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
             gate: GateConfig::default(),
+            execution: ExecutionConfig::default(),
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
@@ -333,6 +338,11 @@ pub struct PlanningConfig {
     pub expected_ms: Option<f64>,
     /// Parameters of the chosen planner that differ from its preset's and discretisation's.
     pub params: toml::Table,
+    /// A ladder of discretisations (`fot@d3`): the planner takes the finest that fits the time left until its deadline,
+    /// and as long as that takes.
+    pub ladder: Option<String>,
+    /// The ladder's highest rung that is taken, by its run time, ms; the finest of all when absent.
+    pub rung_ms: Option<f64>,
     /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it. A file that names one
     /// entry replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
     pub cost: Cost,
@@ -350,6 +360,8 @@ impl Default for PlanningConfig {
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
+            ladder: None,
+            rung_ms: None,
             cost: BUILT_IN_COST.clone(),
             added_latency_ms: 0.0,
         }
@@ -359,7 +371,12 @@ impl Default for PlanningConfig {
 impl PlanningConfig {
     /// The planner that this names, with its parameters; what is wrong with them, if they make none.
     pub fn planner(&self) -> Result<Box<dyn Planner>, String> {
-        planner::planner(self)
+        self.planner_with(&self.params)
+    }
+
+    /// The same with other parameters.
+    pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+        planner::planner(self, params)
     }
 
     /// Run time of the chosen planner and discretisation.
@@ -473,7 +490,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 18] = [
+pub const OPERATORS: [&str; 19] = [
     "world",
     "obstacles",
     "pose",
@@ -486,6 +503,7 @@ pub const OPERATORS: [&str; 18] = [
     "detector",
     "tracker",
     "predictor",
+    "deadlines",
     "planner",
     "controller",
     "report",
@@ -584,6 +602,7 @@ impl Config {
         self.check_sensors(&mut faults);
         self.check_faults(&mut faults);
         self.check_perception(&mut faults);
+        self.check_execution(&mut faults);
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);

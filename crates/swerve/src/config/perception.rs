@@ -28,6 +28,9 @@ pub struct PerceptionConfig {
     /// Camera whose place, field of view and image the emulated detector has; 640 x 360 pixels and 90 degrees behind
     /// the windscreen when absent. Detectors by lidar have none unless it is named: they see what the obstacle sensor sees.
     pub camera: Option<String>,
+    /// Whether the detector gives way to a faster one of its ladder (the same suffix) where it would not be done by its
+    /// deadline. `params` then go for all of them; the tracker's noise is that of the one named.
+    pub ladder: bool,
     /// Parameters of the emulation that differ from the named detector's.
     pub params: toml::Table,
     /// Parameters of the tracker that differ from its defaults; its measurement noise is that of the detector.
@@ -70,6 +73,7 @@ impl Default for PerceptionConfig {
         Self {
             detector: TRUTH.into(),
             camera: None,
+            ladder: false,
             params: toml::Table::new(),
             tracker: toml::Table::new(),
             calibration: None,
@@ -202,7 +206,7 @@ fn hint<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
 }
 
 /// Parameters with what the configuration says otherwise; tables within them are taken key by key.
-fn overridden<T: Serialize + DeserializeOwned>(defaults: &T, changes: &toml::Table) -> Result<T, String> {
+pub(super) fn overridden<T: Serialize + DeserializeOwned>(defaults: &T, changes: &toml::Table) -> Result<T, String> {
     let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
     for (key, value) in changes {
         match (table.get_mut(key), value) {

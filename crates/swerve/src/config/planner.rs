@@ -13,7 +13,7 @@ use super::faults::faults;
 use super::{Fineness, PlannerName, PlanningConfig};
 
 /// The planner that a configuration names, with its parameters.
-pub(super) fn planner(planning: &PlanningConfig) -> Result<Box<dyn Planner>, String> {
+pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
     let (preset, fineness) = (planning.preset, planning.config);
     Ok(match planning.planner {
         PlannerName::Fot => {
@@ -22,7 +22,7 @@ pub(super) fn planner(planning: &PlanningConfig) -> Result<Box<dyn Planner>, Str
                 Fineness::Slow => fot::Params::slow(preset),
             };
             let defaults = fot::Params { collision: planning.collision, ..defaults };
-            Box::new(Fot::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
+            Box::new(Fot::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
         }
         PlannerName::HybridAstar => {
             let defaults = match fineness {
@@ -30,7 +30,7 @@ pub(super) fn planner(planning: &PlanningConfig) -> Result<Box<dyn Planner>, Str
                 Fineness::Slow => hybrid_astar::Params::slow(preset),
             };
             let defaults = hybrid_astar::Params { collision: planning.collision, ..defaults };
-            Box::new(HybridAstar::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
+            Box::new(HybridAstar::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
         }
         PlannerName::RrtStar => {
             let defaults = match fineness {
@@ -38,15 +38,15 @@ pub(super) fn planner(planning: &PlanningConfig) -> Result<Box<dyn Planner>, Str
                 Fineness::Slow => rrt_star::Params::slow(preset),
             };
             let defaults = rrt_star::Params { collision: planning.collision, ..defaults };
-            Box::new(RrtStar::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
+            Box::new(RrtStar::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
         }
         PlannerName::Waypoint => {
-            let params = overridden(&waypoint::Params::of(planning.preset), &planning.params)?;
+            let params = overridden(&waypoint::Params::of(planning.preset), params)?;
             Box::new(Waypoint::new(params).map_err(|e| e.to_string())?)
         }
         PlannerName::Aeb => {
             let defaults = aeb::Params { collision: planning.collision, ..aeb::Params::default() };
-            Box::new(Aeb::new(overridden(&defaults, &planning.params)?).map_err(|e| e.to_string())?)
+            Box::new(Aeb::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
         }
     })
 }

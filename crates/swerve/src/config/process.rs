@@ -43,6 +43,7 @@ impl Config {
             "controller" => Some("it is the actuation"),
             "gate" => Some("it is the safety gate"),
             _ if GATE_OPERATORS.contains(&operator) => Some("it is the vehicle's side of the safety gate"),
+            "deadlines" => Some("it says how long the others may take"),
             _ if self.sensors().any(|sensor| sensor == operator) => Some("sensors are where the world is"),
             _ if self.movable().any(|movable| movable == operator) => None,
             _ => Some("sensors are where the world is"),

@@ -2,6 +2,7 @@
 
 mod camera;
 mod controller;
+mod deadline;
 mod events;
 mod faulty;
 pub(crate) mod gate;
@@ -191,7 +192,8 @@ fn own_stack(
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
     let predictions = faulty(graph, config, "predictor", predictions)?;
     let planner = planner::PlannerOperator::new(config, scenario, route)?;
-    let plan = graph.add("planner", planner, (predictions, pose)).out();
+    let deadline = deadline::set_deadlines(graph, config, (predictions, pose, route))?;
+    let plan = planner::planner(graph, config, planner, (predictions, pose, deadline))?;
     let plan = faulty(graph, config, "planner", plan)?;
     let driver = controller::Driver::new(config, route);
     let processes: Vec<_> = processes.into_iter().map(swerve_flow::Source::from).collect();
@@ -377,6 +379,8 @@ fn runtime(config: &Config, name: &str) -> Result<RuntimeModel, String> {
     match name {
         // On a vehicle the planner takes as long as it takes.
         "planner" if config.live.is_some() && config.clock.source == Clock::Wall => Ok(RuntimeModel::Zero),
+        "planner" if config.planning.ladder.is_some() => Ok(deadline::on_ladder()),
+        "detector" if config.perception.ladder => Ok(deadline::on_ladder()),
         "planner" => config.planning.cost_of_chosen().map_or(Ok(RuntimeModel::Zero), Runtime::model),
         "detector" => span_ms(config.detector_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed),
         _ => Ok(RuntimeModel::Zero),

@@ -3,14 +3,16 @@ use swerve_flow::{At, Context, Graph, Operator, Port, Stream, Timer, Window};
 use swerve_geom::{Pose2, math};
 use swerve_msg::truth::{Surroundings, WorldState};
 use swerve_msg::{Detections, EgoState, ObstacleList, PredictionList, TrackList};
-use swerve_perception::detector::Detector;
+use swerve_perception::detector::{Detector, Params};
 use swerve_perception::tracker::Tracker as Sort;
 use swerve_planning::posed::Preset;
 use swerve_prediction::{History, HistoryParams, linear};
 
+use super::deadline::{LadderDetector, PeriodicDetector, own_timer};
 use super::faulty::faulty;
 use super::sensors::{DetectorSight, Obstacles};
 use crate::config::Config;
+use crate::config::model::Rung;
 use crate::config::perception::{Emulated, image_camera};
 
 /// What an emulated detector is given, and what it is.
@@ -59,11 +61,36 @@ pub(super) fn tracks(
     let wrong = |(key, message): (&str, String)| anyhow!("perception.{key}: {message}");
     let params = config.perception.tracker(&emulated.params, config.prediction.past_steps).map_err(wrong)?;
     let camera = config.detector_camera(emulated.sensing).and_then(|camera| image_camera(&camera));
-    let detector = DetectorOperator(Detector::new(emulated.params, camera, config.seed, "detector")?);
-    let boxes = graph.add("detector", detector, (surroundings,)).out();
+    let boxes = detector(graph, config, surroundings, |params| {
+        Ok(Detector::new(params, camera.clone(), config.seed, "detector")?)
+    })?;
     let boxes = faulty(graph, config, "detector", boxes)?;
     let tracker = SortTracker(Sort::new(params)?);
     Ok(graph.add("tracker", tracker, (boxes, pose)).out())
+}
+
+/// Adds the detector, as the model of execution has it.
+fn detector(
+    graph: &mut Graph,
+    config: &Config,
+    seen: Stream<Surroundings>,
+    emulate: impl Fn(Params) -> anyhow::Result<Detector>,
+) -> anyhow::Result<Stream<Detections>> {
+    const OUTPUTS: [&str; 2] = ["boxes", "rung"];
+    let wrong = |(key, message): (&str, String)| anyhow!("perception.{key}: {message}");
+    let params = config.perception.emulated().map_err(wrong)?.map(|emulated| emulated.params).unwrap_or_default();
+    let mut rungs = config.detector_rungs().map_err(wrong)?;
+    if let Some(timer) = own_timer(config, "detector")? {
+        let rung = rungs.pop().map(|Rung { name, run_time, .. }| Rung { name, run_time, what: () });
+        let periodic = PeriodicDetector { detector: emulate(params)?, rung, last: None };
+        return Ok(graph.add("detector", periodic, (timer, seen)).outputs(&OUTPUTS).out().0);
+    }
+    if rungs.is_empty() {
+        return Ok(graph.add("detector", DetectorOperator(emulate(params)?), (seen,)).out());
+    }
+    let emulate = |Rung { name, run_time, what }| Ok(Rung { name, run_time, what: emulate(what)? });
+    let rungs = rungs.into_iter().map(emulate).collect::<anyhow::Result<_>>()?;
+    Ok(graph.add("detector", LadderDetector(rungs), (seen,)).outputs(&OUTPUTS).out().0)
 }
 
 /// A detector of a given accuracy, emulated.

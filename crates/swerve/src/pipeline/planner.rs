@@ -1,14 +1,16 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use swerve_core::Span;
-use swerve_flow::{At, Context, Operator, Port, Progress, Window};
-use swerve_msg::{EgoState, Plan, Prediction, PredictionList, Route};
+use swerve_core::{Span, Time};
+use swerve_flow::{At, Context, Deadline, Every, Graph, Latest, Operator, Port, Progress, Stream, Window};
+use swerve_msg::{EgoState, Plan, Prediction, PredictionList, Route, RungTaken};
 use swerve_planning::world::predicted_start;
-use swerve_planning::{Budget, Goes, Planner, Request};
+use swerve_planning::{Budget, Goes, Planner, Request, Unlimited};
 use swerve_scenario::Scenario;
 use swerve_vehicle::{Limits, Shape};
 
+use super::deadline::{own_timer, take};
+use crate::config::model::Rung;
 use crate::config::{Config, StartState};
 
 /// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
@@ -48,20 +50,18 @@ impl PlannerOperator {
     }
 }
 
-impl Operator for PlannerOperator {
-    type In = (At<PredictionList>, Window<EgoState, POSES>);
-    type Out = Port<Plan>;
-
-    fn step(&mut self, cx: &mut Context<'_>, (predictions, poses): &Self::In, out: &mut Self::Out) {
-        let (Some(predictions), poses) = (predictions.get(), poses.get()) else { return };
-        // Measured at the frame's stamp: what came later is not what the predictions go with.
-        let mut poses = poses.iter().filter(|p| p.is_plausible());
-        let Some(first) = poses.next() else { return };
-        let at_stamp = poses.rev().find(|p| p.header().stamp <= cx.stamp());
-        let measured = at_stamp.unwrap_or(first);
-        let start = match self.expected {
-            None => **measured,
-            Some(expected) => predicted_start(measured, self.previous.as_deref(), expected),
+impl PlannerOperator {
+    /// A plan from predictions and the pose that goes with them, `ahead` of which the ego will take it up.
+    fn plan(
+        &mut self,
+        cx: &mut Context<'_>,
+        predictions: &PredictionList,
+        (measured, ahead): (&EgoState, Option<Span>),
+        chosen: Option<&mut dyn Planner>,
+    ) -> Arc<Plan> {
+        let start = match ahead {
+            None => *measured,
+            Some(ahead) => predicted_start(measured, self.previous.as_deref(), ahead),
         };
         let stamp = predictions.stamp;
         let predictions = match predictions.predictions.iter().all(Prediction::is_plausible) {
@@ -82,10 +82,117 @@ impl Operator for PlannerOperator {
             previous: self.previous.as_deref(),
             seed: cx.rng().bits(),
         };
-        let plan = Arc::new(self.planner.plan(&request, &mut Metered(cx)));
+        let plan = match chosen {
+            // What it takes was spent when it was chosen.
+            Some(planner) => planner.plan(&request, &mut Unlimited::default()),
+            None => self.planner.plan(&request, &mut Metered(cx)),
+        };
+        let plan = Arc::new(plan);
         self.previous = Some(plan.clone());
-        out.forward(plan);
+        plan
     }
+}
+
+/// Measured at the frame's stamp: what came later is not what the predictions go with.
+fn measured_at(stamp: Time, poses: &Window<EgoState, POSES>) -> Option<&EgoState> {
+    let mut poses = poses.get().iter().filter(|p| p.is_plausible());
+    let first = poses.next()?;
+    let at_stamp = poses.rev().find(|p| p.header().stamp <= stamp);
+    Some(at_stamp.unwrap_or(first))
+}
+
+impl Operator for PlannerOperator {
+    type In = (At<PredictionList>, Window<EgoState, POSES>);
+    type Out = Port<Plan>;
+
+    fn step(&mut self, cx: &mut Context<'_>, (predictions, poses): &Self::In, out: &mut Self::Out) {
+        let (Some(predictions), Some(measured)) = (predictions.get(), measured_at(cx.stamp(), poses)) else {
+            return;
+        };
+        let expected = self.expected;
+        out.forward(self.plan(cx, predictions, (measured, expected), None));
+    }
+}
+
+/// A planner in several discretisations: the one that fits is taken.
+struct LadderPlanner {
+    operator: PlannerOperator,
+    rungs: Vec<Rung<Box<dyn Planner>>>,
+}
+
+impl Operator for LadderPlanner {
+    type In = (At<PredictionList>, Window<EgoState, POSES>);
+    type Out = (Port<Plan>, Port<RungTaken>);
+
+    fn step(&mut self, cx: &mut Context<'_>, (predictions, poses): &Self::In, out: &mut Self::Out) {
+        let (Some(predictions), Some(measured)) = (predictions.get(), measured_at(cx.stamp(), poses)) else {
+            return;
+        };
+        let (planner, taken) = take(&mut self.rungs, cx);
+        // What passed since the frame is known, and so is what the rung takes.
+        let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + taken.run_time);
+        out.0.forward(self.operator.plan(cx, predictions, (measured, ahead), Some(&mut **planner)));
+        out.1.send(taken);
+    }
+}
+
+/// A planner that runs on a timer, on the newest predictions and the newest pose.
+struct PeriodicPlanner {
+    operator: PlannerOperator,
+    /// What it takes, where a ladder says that.
+    rung: Option<Rung<Box<dyn Planner>>>,
+    /// What it takes else.
+    usual: Span,
+}
+
+impl Operator for PeriodicPlanner {
+    type In = (Every, Latest<PredictionList>, Latest<EgoState>);
+    type Out = (Port<Plan>, Port<RungTaken>);
+
+    fn step(&mut self, cx: &mut Context<'_>, (_, predictions, ego): &Self::In, out: &mut Self::Out) {
+        let Some(predictions) = predictions.get() else { return };
+        let Some(measured) = ego.get().filter(|ego| ego.is_plausible()) else { return };
+        let taken = self.rung.as_mut().map(|rung| take(core::slice::from_mut(rung), cx));
+        let (planner, taken) = taken.map_or((None, None), |(planner, taken)| (Some(planner), Some(taken)));
+        let lasts = taken.as_ref().map_or(self.usual, |taken| taken.run_time);
+        let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + lasts);
+        let planner = planner.map(|planner| &mut **planner as &mut dyn Planner);
+        out.0.forward(self.operator.plan(cx, predictions, (measured, ahead), planner));
+        if let Some(taken) = taken {
+            out.1.send(taken);
+        }
+    }
+}
+
+/// Adds the planner, as the model of execution has it.
+pub(super) fn planner(
+    graph: &mut Graph,
+    config: &Config,
+    operator: PlannerOperator,
+    (predictions, pose, deadline): (Stream<PredictionList>, Stream<EgoState>, Option<Deadline>),
+) -> anyhow::Result<Stream<Plan>> {
+    const OUTPUTS: [&str; 2] = ["plan", "rung"];
+    let wrong = |(key, message): (&str, String)| anyhow::anyhow!("planning.{key}: {message}");
+    let make = |Rung { name, run_time, what }| {
+        let what = config.planning.planner_with(&what).map_err(|message| wrong(("params", message)))?;
+        Ok(Rung { name, run_time, what })
+    };
+    let rungs = config.planner_rungs().map_err(wrong)?;
+    let mut rungs = rungs.into_iter().map(make).collect::<anyhow::Result<Vec<_>>>()?;
+    let plan = if let Some(timer) = own_timer(config, "planner")? {
+        let usual = Span::from_secs(config.planning.expected_ms() * 1e-3);
+        let periodic = PeriodicPlanner { operator, rung: rungs.pop(), usual };
+        graph.add("planner", periodic, (timer, predictions, pose)).outputs(&OUTPUTS).out().0
+    } else if rungs.is_empty() {
+        graph.add("planner", operator, (predictions, pose)).out()
+    } else {
+        let on_ladder = LadderPlanner { operator, rungs };
+        graph.add("planner", on_ladder, (predictions, pose)).outputs(&OUTPUTS).out().0
+    };
+    if let Some(deadline) = deadline {
+        let _configured = graph.operator("planner")?.deadline(deadline);
+    }
+    Ok(plan)
 }
 
 /// The engine's meter, as a planner knows it.

@@ -1,0 +1,339 @@
+//! When detector and planner run, and how long they may take: `[execution]`, and the ladders that they choose from.
+
+use std::sync::LazyLock;
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Span;
+use swerve_flow::Reaction;
+use swerve_perception::detector;
+use swerve_planning::deadline::Params;
+
+use super::detectors::{Published, find, fits, published};
+use super::execution::{Runtime, span_ms};
+use super::perception::{CUSTOM, TRUTH, overridden};
+use super::words::{nearest, number};
+use super::{Config, PlannerName};
+
+/// The four models of execution that D3 (Gog et al., EuroSys 2022) compares.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Model {
+    /// Detector and planner run on timers of their own and read the newest input there is.
+    Periodic,
+    /// They run when their input is there, and take as long as they take.
+    #[default]
+    DataDriven,
+    /// As data-driven, within deadlines that never change.
+    StaticDeadlines,
+    /// As data-driven, within deadlines that a policy sets from frame to frame.
+    DynamicDeadlines,
+}
+
+/// How detector and planner are executed.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExecutionConfig {
+    /// The model.
+    pub model: Model,
+    /// The detector's period (`periodic`) or deadline (`static_deadlines`), ms; what its highest rung or its fixed run time
+    /// takes when absent.
+    pub detector_ms: Option<f64>,
+    /// The planner's, ms.
+    pub planner_ms: Option<f64>,
+    /// What answers a frame whose deadline passed.
+    pub reaction: Reaction,
+    /// Parameters of the policy that differ from its defaults (`swerve_planning::deadline`).
+    pub params: toml::Table,
+}
+
+/// A detector or planner that an operator may take for a frame.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Rung<T> {
+    /// Its name.
+    pub name: String,
+    /// What it takes.
+    pub run_time: Span,
+    /// What it is.
+    pub what: T,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Ladder {
+    name: String,
+    planner: PlannerName,
+    #[serde(rename = "source")]
+    _source: String,
+    rung: Vec<PlannerRung>,
+}
+
+#[derive(Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlannerRung {
+    name: String,
+    ms: f64,
+    params: toml::Table,
+}
+
+fn ladders() -> &'static [Ladder] {
+    static ALL: LazyLock<Vec<Ladder>> = LazyLock::new(|| {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct File {
+            ladder: Vec<Ladder>,
+        }
+        let file: File = toml::from_str(include_str!("ladders.toml")).expect("a test reads the built-in ladders");
+        file.ladder
+    });
+    &ALL
+}
+
+impl Config {
+    /// The rungs that the emulated detector may take, the fastest first; none where it always is the same.
+    pub fn detector_rungs(&self) -> Result<Vec<Rung<detector::Params>>, (&'static str, String)> {
+        let name = self.perception.detector.as_str();
+        if !self.perception.ladder {
+            return Ok(Vec::new());
+        }
+        let (Some(top), Some((_, suffix))) = (find(name), name.split_once('@')) else {
+            let message = match name {
+                TRUTH | CUSTOM => format!("`{name}` is on no ladder; name a published detector"),
+                _ => return Ok(Vec::new()),
+            };
+            return Err(("ladder", message));
+        };
+        let on_it = |d: &&Published| {
+            let same = d.name.split_once('@').is_some_and(|(_, other)| other == suffix);
+            same && d.ms <= top.ms && d.sensing == top.sensing
+        };
+        let mut rungs = Vec::new();
+        for rung in published().iter().filter(on_it) {
+            let difficulty = fits().get(&rung.name).map_or(1.0, |fit| fit.difficulty);
+            let family = detector::Params::of_difficulty(rung.sensing, difficulty);
+            let what: detector::Params =
+                overridden(&family, &self.perception.params).map_err(|message| ("params", message))?;
+            what.validate().map_err(|error| ("params", error.to_string()))?;
+            let run_time = span_ms(rung.ms).map_err(|message| ("ladder", message))?;
+            rungs.push(Rung { name: rung.name.clone(), run_time, what });
+        }
+        rungs.sort_by_key(|rung| rung.run_time);
+        Ok(rungs)
+    }
+
+    /// The rungs that the planner may take, the fastest first, each with the parameters that make it; none where it
+    /// always is the same.
+    pub fn planner_rungs(&self) -> Result<Vec<Rung<toml::Table>>, (&'static str, String)> {
+        let planning = &self.planning;
+        let Some(name) = &planning.ladder else {
+            return match planning.rung_ms {
+                Some(_) => Err(("rung_ms", "needs a `ladder`".into())),
+                None => Ok(Vec::new()),
+            };
+        };
+        let names = || ladders().iter().map(|ladder| ladder.name.as_str());
+        let Some(ladder) = ladders().iter().find(|ladder| ladder.name == *name) else {
+            let near = nearest(name, names()).map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+            let all = names().collect::<Vec<_>>().join(", ");
+            return Err(("ladder", format!("unknown ladder `{name}`, expected one of {all}{near}")));
+        };
+        if ladder.planner != planning.planner {
+            let (is, not) = (ladder.planner.as_str(), planning.planner.as_str());
+            return Err(("ladder", format!("`{name}` is one of `{is}`, not of `{not}`")));
+        }
+        let top_ms = planning.rung_ms.unwrap_or(f64::INFINITY);
+        if planning.rung_ms.is_some() && !ladder.rung.iter().any(|rung| rung.ms == top_ms) {
+            let all: Vec<String> = ladder.rung.iter().map(|rung| number(rung.ms)).collect();
+            let found = number(top_ms);
+            return Err(("rung_ms", format!("expected one of {}, found {found}", all.join(", "))));
+        }
+        let mut rungs = Vec::new();
+        for rung in ladder.rung.iter().filter(|rung| rung.ms <= top_ms) {
+            let mut what = planning.params.clone();
+            what.extend(rung.params.clone());
+            let run_time = span_ms(rung.ms).map_err(|message| ("ladder", message))?;
+            rungs.push(Rung { name: rung.name.clone(), run_time, what });
+        }
+        rungs.sort_by_key(|rung| rung.run_time);
+        Ok(rungs)
+    }
+
+    /// Whether an emulated detector runs.
+    fn has_detector(&self) -> bool {
+        self.perception.detector != TRUTH
+    }
+
+    /// The parameters of the deadline policy.
+    pub fn deadline_params(&self) -> Result<Params, String> {
+        let params: Params = overridden(&Params::default(), &self.execution.params)?;
+        params.validate().map_err(|error| error.to_string())?;
+        Ok(params)
+    }
+
+    /// The period of an operator under the periodic model; none where it runs on its input.
+    pub fn period_of(&self, operator: &str) -> Result<Option<Span>, String> {
+        if self.execution.model == Model::Periodic { self.length_of(operator) } else { Ok(None) }
+    }
+
+    /// Its period or fixed deadline: as said, else what its highest rung or its fixed run time takes. None for operators
+    /// that the models do not rule.
+    pub fn length_of(&self, operator: &str) -> Result<Option<Span>, String> {
+        let (given, top) = match operator {
+            "detector" if self.has_detector() => {
+                let rungs = self.detector_rungs().map_err(|(_, message)| message)?;
+                let top = rungs.last().map(|rung| rung.run_time.as_ms());
+                (self.execution.detector_ms, top.or(self.detector_ms()))
+            }
+            "planner" => {
+                let rungs = self.planner_rungs().map_err(|(_, message)| message)?;
+                (self.execution.planner_ms, rungs.last().map(|rung| rung.run_time.as_ms()))
+            }
+            _ => return Ok(None),
+        };
+        let own = self.operator.get(operator).and_then(|o| o.runtime.as_ref());
+        let fixed = own.and_then(|runtime| runtime.fixed_ms);
+        let ms = given.or(fixed).or(top).ok_or("expected milliseconds, where no fixed run time says them")?;
+        if !(1.0..=10_000.0).contains(&ms) {
+            return Err(format!("expected 1 to 10000, found {}", number(ms)));
+        }
+        span_ms(ms).map(Some)
+    }
+
+    /// What is wrong with `[execution]` and the ladders.
+    pub(super) fn check_execution(&self, told: &mut Vec<(String, String)>) {
+        if let Err((key, message)) = self.detector_rungs() {
+            told.push((format!("perception.{key}"), message));
+        }
+        match self.planner_rungs() {
+            Err((key, message)) => told.push((format!("planning.{key}"), message)),
+            Ok(rungs) => {
+                let wrong = rungs.iter().find_map(|rung| self.planning.planner_with(&rung.what).err());
+                told.extend(wrong.map(|message| ("planning.params".into(), message)));
+            }
+        }
+        if let Err(message) = self.deadline_params() {
+            told.push(("execution.params".into(), message));
+        }
+        let execution = &self.execution;
+        if execution.reaction == Reaction::OnDeadline {
+            let message = "expected \"skip\" or \"reuse_last\": detector and planner have no answer of another kind";
+            told.push(("execution.reaction".into(), message.into()));
+        }
+        let lengths = [("detector", execution.detector_ms), ("planner", execution.planner_ms)];
+        for (operator, ms) in lengths {
+            let key = format!("execution.{operator}_ms");
+            let used = matches!(execution.model, Model::Periodic | Model::StaticDeadlines);
+            let runs = operator == "planner" || self.has_detector();
+            let wrong = match ms {
+                Some(_) if !used => Some("only `periodic` and `static_deadlines` have use for it".into()),
+                Some(_) if !runs => Some("there is no detector".into()),
+                _ if used => self.length_of(operator).err(),
+                _ => None,
+            };
+            told.extend(wrong.map(|message| (key, message)));
+            self.check_own_settings(operator, told);
+        }
+    }
+
+    /// What `[operator.NAME]` says of an operator that the model or a ladder rules.
+    fn check_own_settings(&self, operator: &str, told: &mut Vec<(String, String)>) {
+        let Some(own) = self.operator.get(operator) else { return };
+        let deadlines = matches!(self.execution.model, Model::StaticDeadlines | Model::DynamicDeadlines);
+        if own.deadline.is_some() && deadlines {
+            let message = "`execution.model` sets the deadline of this operator".to_owned();
+            told.push((format!("operator.{operator}.deadline"), message));
+        }
+        let ladder = match operator {
+            "detector" => self.perception.ladder,
+            _ => self.planning.ladder.is_some(),
+        };
+        if own.runtime.as_ref().is_some_and(|runtime: &Runtime| runtime.model().is_ok()) && ladder {
+            let message = "the rungs of its ladder say what this operator takes".to_owned();
+            told.push((format!("operator.{operator}.runtime"), message));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::text::{Document, parse_assignment};
+    use super::*;
+
+    fn config(sets: &[&str]) -> Result<Config, String> {
+        let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+        let document = Document::parse("c.toml", String::new()).unwrap();
+        Config::from_document(&document, &sets)
+            .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
+    }
+
+    const D3: [&str; 3] =
+        ["perception.detector=efficientdet-d5@d3", "perception.ladder=true", "planning.ladder=fot@d3"];
+
+    fn on_ladders(sets: &[&str]) -> Result<Config, String> {
+        config(&[&D3, sets].concat())
+    }
+
+    #[test]
+    fn a_ladder_goes_up_to_the_rung_that_is_named() {
+        let ms = |rungs: Vec<Span>| rungs.iter().map(|span| span.as_ms()).collect::<Vec<_>>();
+        let config = on_ladders(&["planning.rung_ms=148"]).unwrap();
+        let detectors = config.detector_rungs().unwrap();
+        assert_eq!(ms(detectors.iter().map(|r| r.run_time).collect()), [20.0, 50.0, 80.0, 150.0]);
+        assert!(detectors.windows(2).all(|w| w[0].what.half_distance_m < w[1].what.half_distance_m));
+        let planners = config.planner_rungs().unwrap();
+        assert_eq!(ms(planners.iter().map(|r| r.run_time).collect()), [30.0, 40.0, 67.0, 148.0]);
+        for rung in on_ladders(&[]).unwrap().planner_rungs().unwrap() {
+            assert!(config.planning.planner_with(&rung.what).is_ok(), "{}", rung.name);
+        }
+        assert!(Config::default().detector_rungs().unwrap().is_empty());
+        assert!(Config::default().planner_rungs().unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_period_is_the_run_time_unless_it_is_said() {
+        let of = |sets: &[&str]| {
+            let config = on_ladders(&[sets, &["execution.model=periodic"]].concat()).unwrap();
+            ["detector", "planner", "tracker"].map(|name| config.period_of(name).unwrap().map(|p| p.as_ms()))
+        };
+        assert_eq!(of(&["planning.rung_ms=67"]), [Some(150.0), Some(67.0), None]);
+        assert_eq!(of(&["execution.detector_ms=200"]), [Some(200.0), Some(309.0), None]);
+        assert_eq!(on_ladders(&[]).unwrap().period_of("planner"), Ok(None));
+        let fixed = on_ladders(&["execution.model=static_deadlines", "execution.planner_ms=100"]).unwrap();
+        let lengths = ["detector", "planner"].map(|name| fixed.length_of(name).unwrap().map(|p| p.as_ms()));
+        assert_eq!(lengths, [Some(150.0), Some(100.0)]);
+    }
+
+    #[test]
+    fn nonsense_is_refused_with_its_key() {
+        let refused = |sets: &[&str], expected: &str| {
+            let said = on_ladders(sets).expect_err("wrong on purpose");
+            assert!(said.contains(expected), "{said}");
+        };
+        refused(&["perception.detector=truth"], "perception.ladder: `truth` is on no ladder");
+        refused(&["planning.ladder=fot@d4"], "unknown ladder `fot@d4`, expected one of fot@d3");
+        refused(&["planning.planner=aeb"], "planning.ladder: `fot@d3` is one of `fot`, not of `aeb`");
+        refused(&["planning.rung_ms=50"], "planning.rung_ms: expected one of 30, 40, 67, 148, 208, 309, found 50");
+        refused(
+            &["execution.model=static_deadlines", "execution.detector_ms=nan"],
+            "execution.detector_ms: expected 1 to 10000, found NaN",
+        );
+        refused(
+            &["execution.model=periodic", "perception.ladder=false", "perception.detector=truth", "execution.detector_ms=5"],
+            "execution.detector_ms: there is no detector",
+        );
+        refused(&["execution.planner_ms=30"], "only `periodic` and `static_deadlines` have use for it");
+        refused(&["execution.model=periodic", "execution.planner_ms=0"], "expected 1 to 10000, found 0");
+        refused(&["execution.reaction=on_deadline"], "expected \"skip\" or \"reuse_last\"");
+        refused(&["execution.model=dynamic_deadline"], "dynamic_deadlines");
+        refused(&["execution.params.brake_mps2=-1"], "execution.params: brake_mps2 = -1 is out of range");
+        refused(&["execution.params.brake=1"], "execution.params: `brake`: unknown key");
+        refused(
+            &["execution.model=dynamic_deadlines", "operator.planner.deadline={ ms = 5 }"],
+            "operator.planner.deadline: `execution.model` sets the deadline",
+        );
+        refused(&["operator.detector.runtime={ fixed_ms = 5 }"], "operator.detector.runtime: the rungs of its ladder");
+        let said = config(&["planning.rung_ms=30"]).unwrap_err();
+        assert!(said.contains("planning.rung_ms: needs a `ladder`"), "{said}");
+        let said = config(&["execution.model=periodic"]).unwrap_err();
+        assert!(said.contains("execution.planner_ms: expected milliseconds, where no fixed run time"), "{said}");
+    }
+}
