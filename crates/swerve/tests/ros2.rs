@@ -305,7 +305,11 @@ fn our_stack_drives_the_simulated_car_from_another_process() {
     let (driven_m, beside_m) = (&stack["drive"]["driven_m"], &stack["drive"]["beside_max_m"]);
     assert!(driven_m.as_f64().unwrap() > 25.0 && beside_m.as_f64().unwrap() < 0.5, "{}", stack["drive"]);
     assert!(car["gate"]["driving_s"].as_f64().unwrap() > 5.0, "{}", car["gate"]);
-    assert!(car["drive"]["speed_end_mps"].as_f64().unwrap().abs() < 0.05, "it did not stop: {}", car["drive"]);
+    assert!(
+        car["drive"]["speed_end_mps"].as_f64().unwrap().abs() < 0.05,
+        "it did not stop: {}",
+        car["drive"]
+    );
     ok(&swerve(&folder, &["replay", "out/log.mcap", "--verify"]));
 }
 
@@ -342,7 +346,8 @@ fn steps(metrics: &Value, name: &str) -> u64 {
 /// Whether Python can write logs; says so, or fails in CI.
 fn python_with_mcap() -> Option<String> {
     let python = python()?;
-    let ran = Command::new(&python).args(["-c", "import mcap, lz4, zstandard"]).stderr(Stdio::null()).status();
+    let ran =
+        Command::new(&python).args(["-c", "import mcap, lz4, zstandard"]).stderr(Stdio::null()).status();
     if ran.is_ok_and(|status| status.success()) {
         return Some(python);
     }
@@ -382,12 +387,18 @@ fn a_recorded_drive_is_computed_the_same_each_time() {
     std::fs::write(folder.path().join("none.mcap"), "no recording").unwrap();
     let output = swerve(&folder, &["live", "recorded.toml", "--set", "source.rosbag=none.mcap"]);
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && told.contains("source.rosbag: none.mcap: there is no message"), "{told}");
+    assert!(
+        !output.status.success() && told.contains("source.rosbag: none.mcap: there is no message"),
+        "{told}"
+    );
 }
 
 fn check_recorded(metrics: &Value) {
     let [pose, velocity] = ["/localization/kinematic_state", "/vehicle/status/velocity_status"];
-    assert_eq!((&topic(metrics, pose)["messages"], &topic(metrics, pose)["used"]), (&500.into(), &500.into()));
+    assert_eq!(
+        (&topic(metrics, pose)["messages"], &topic(metrics, pose)["used"]),
+        (&500.into(), &500.into())
+    );
     // The recorder's clock is 1.5 s ahead, and the fastest messages took no time.
     let offset = topic(metrics, pose)["clock_offset_ms"].as_f64().unwrap();
     assert!((offset - 1500.0).abs() < 1e-6, "{offset}");
