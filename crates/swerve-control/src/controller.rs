@@ -147,6 +147,10 @@ impl Default for AlongParams {
 pub struct Output {
     /// What the vehicle is asked to do.
     pub command: Command,
+    /// The speed that it goes for, m/s.
+    pub speed_mps: f64,
+    /// The acceleration that it asks for, m/s²; none where the law works the pedals itself.
+    pub accel_mps2: Option<f64>,
     /// What the command follows.
     pub status: Status,
     /// With [`Law::Mpc`]: how the command came about.
@@ -233,21 +237,23 @@ impl Controller {
         if !is_finite(input.ego) {
             let brake = self.params.stop.blind_brake;
             let command = Command { steering_rad: self.steering_rad, throttle: 0.0, brake };
-            return Output { command, status: Status::Blind, mpc: None };
+            let accel_mps2 = None;
+            return Output { command, speed_mps: 0.0, accel_mps2, status: Status::Blind, mpc: None };
         }
         let status = self.load(input);
         let here = self.here(input, status);
         let mut report = None;
-        let (steering_rad, pedals) = match (&self.mpc, self.params.law) {
+        let (steering_rad, drive) = match (&self.mpc, self.params.law) {
             (_, Law::Pid) => self.step_pid(input, &here, dt_s),
             (Some(_), Law::Mpc) => self.step_mpc(input, &here, status, &mut report),
             _ => self.step_tracker(input, &here, dt_s),
         };
         let max = self.limits.steering_max_rad;
         self.steering_rad = steering_rad.clamp(-max, max);
-        let command =
-            Command { steering_rad: self.steering_rad, throttle: pedals.throttle, brake: pedals.brake };
-        Output { command, status, mpc: report }
+        let Pedals { throttle, brake } = drive.pedals;
+        let command = Command { steering_rad: self.steering_rad, throttle, brake };
+        let Drive { speed_mps, accel_mps2, .. } = drive;
+        Output { command, speed_mps, accel_mps2, status, mpc: report }
     }
 
     /// Decides what to follow and loads it as the reference.
@@ -320,17 +326,18 @@ impl Controller {
         lookahead.max(self.params.waypoint.waypoint_min_m) + 5.0
     }
 
-    fn step_pid(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Pedals) {
+    fn step_pid(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Drive) {
         let ego = input.ego;
         let min_m = self.params.waypoint.waypoint_min_m;
         let waypoint =
             self.reference.waypoint(ego.pose.point(), here.from_m, min_m).copied().unwrap_or_default();
         let target_mps = if self.stopping.is_some() { here.target.speed_mps } else { waypoint.speed_mps };
         let steering = lateral::waypoint_angle(ego.pose, waypoint.pose.point(), &self.params.waypoint);
-        (steering, self.pid.step(target_mps, ego.speed_mps, dt_s))
+        let pedals = self.pid.step(target_mps, ego.speed_mps, dt_s);
+        (steering, Drive { pedals, speed_mps: target_mps, accel_mps2: None })
     }
 
-    fn step_tracker(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Pedals) {
+    fn step_tracker(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Drive) {
         let ego = input.ego;
         let beside = self.at(here.s_m);
         let slip = self.params.slip;
@@ -352,7 +359,8 @@ impl Controller {
             lateral::stanley(course, ego.speed_mps, ego.yaw_rate_radps, on_path, wheelbase, params)
         };
         let steering = steering + slip.understeer_s2pm * speed * speed * ahead.curvature_1pm;
-        (steering, self.speed.step(here.target, ego.speed_mps, dt_s, self.drive.as_ref()))
+        let accel_mps2 = self.speed.accel(here.target, ego.speed_mps, dt_s);
+        (steering, self.drive_at(here.target.speed_mps, accel_mps2, ego))
     }
 
     /// The ego with the direction in which its rear axle goes on the path for a heading: the nose points
@@ -369,7 +377,7 @@ impl Controller {
         here: &Here,
         status: Status,
         report: &mut Option<mpc::Report>,
-    ) -> (f64, Pedals) {
+    ) -> (f64, Drive) {
         let ego = input.ego;
         let mut predictive = self.mpc.take().expect("built with the law and put back below");
         self.lay_knots(input, here, status, &mut predictive.knots);
@@ -385,7 +393,14 @@ impl Controller {
         *report = Some(step.report);
         let rests = wanted < 0.05 && ego.speed_mps.abs() < 0.3;
         let accel = if rests { -self.params.speed.hold_mps2 } else { step.accel_mps2 };
-        (step.steering_rad, self.drive.pedals(accel, ego.speed_mps))
+        // What the horizon begins with may be slow yet: the speed at its end is where it goes.
+        (step.steering_rad, self.drive_at(wanted, accel, ego))
+    }
+
+    /// What gives an acceleration, on the way to a speed.
+    fn drive_at(&self, speed_mps: f64, accel_mps2: f64, ego: &EgoState) -> Drive {
+        let pedals = self.drive.pedals(accel_mps2, ego.speed_mps);
+        Drive { pedals, speed_mps, accel_mps2: Some(accel_mps2) }
     }
 
     /// Lays one knot per step of the horizon along the path, as fast as the ego can take up the wanted speeds.
@@ -471,6 +486,13 @@ impl Controller {
     fn at(&self, s_m: f64) -> PlanPoint {
         self.reference.at(s_m).expect("every way to load the reference leaves a point in it")
     }
+}
+
+/// What a law makes of the speed.
+struct Drive {
+    pedals: Pedals,
+    speed_mps: f64,
+    accel_mps2: Option<f64>,
 }
 
 /// What the ego should do at one instant of the horizon.

@@ -25,13 +25,17 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::math;
-use swerve_msg::MotionCommand;
+use swerve_msg::{GateMode, GateOutput, MotionCommand, Refusal, Refusals, StopCause, VehicleReport};
+use swerve_vehicle::VehicleParams;
 
 /// Longest step that rates are applied over: a gate that was not called for long does not leap.
 const STEP_MAX: Span = Span::from_ms(100);
 
 /// Slower than this is standing, m/s.
 const STANDSTILL_MPS: f64 = 0.1;
+
+/// A car that is faster than its command wants it by more than this is not accelerated, m/s.
+const TOO_FAST_MPS: f64 = 2.0;
 
 /// Limits and times of a [`SafetyGate`].
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -41,6 +45,9 @@ pub struct GateParams {
     pub command_timeout_s: f64,
     /// A report of the vehicle older than this is none, seconds.
     pub report_timeout_s: f64,
+    /// The same numbers under new stamps for longer than this, while the car moves, are no command, seconds; 0 for no
+    /// bound. A controller that measures never says the same for long; one that hangs behind a live wire does.
+    pub repeat_max_s: f64,
     /// How far the stamp of a command may be ahead of now, seconds: clocks differ a little.
     pub ahead_max_s: f64,
     /// Largest angle of the front road wheels, radians.
@@ -74,6 +81,7 @@ impl Default for GateParams {
         Self {
             command_timeout_s: 0.5,
             report_timeout_s: 0.5,
+            repeat_max_s: 0.0,
             ahead_max_s: 0.1,
             steering_max_rad: 0.61,
             steering_rate_max_radps: 0.7,
@@ -87,6 +95,35 @@ impl Default for GateParams {
             stop_decel_mps2: 1.5,
             emergency_decel_mps2: 5.0,
             hold_decel_mps2: 1.5,
+        }
+    }
+}
+
+impl GateParams {
+    /// Those of a car whose own numbers are known.
+    ///
+    /// A gate is no second planner: its limits stand where the car itself ends, so that what a sound stack asks for
+    /// in an emergency passes, and only what no sound stack asks for is cut. Angle, its rate and the brakes are the
+    /// actuators' own (full brakes as fast as they build up); a tyre holds about 1 g to the side; comfort is not
+    /// the gate's. A stop without a stack is blind, so it is a firm one: 3 m/s² (UN R157 allows a minimal risk
+    /// manoeuvre 4); an emergency stop is the most that a plan may ask for.
+    pub fn of(vehicle: &VehicleParams) -> Self {
+        let brakes_mps2 =
+            vehicle.brakes.torque_max_nm / (vehicle.wheel.radius_m * vehicle.effective_mass_kg());
+        let limits = &vehicle.limits;
+        let build_up_s = vehicle.brakes.build_up_s.max(0.02);
+        Self {
+            repeat_max_s: 1.0,
+            steering_max_rad: limits.steering_max_rad,
+            steering_rate_max_radps: limits.steering_rate_max_radps,
+            lateral_accel_max_mps2: swerve_vehicle::GRAVITY_MPS2,
+            wheelbase_m: vehicle.shape.wheelbase_m,
+            accel_max_mps2: limits.accel_max_mps2,
+            decel_max_mps2: brakes_mps2.min(20.0),
+            jerk_max_mps3: (brakes_mps2 / build_up_s).min(1000.0),
+            stop_decel_mps2: 3.0,
+            emergency_decel_mps2: limits.brake_max_mps2,
+            ..Self::default()
         }
     }
 }
@@ -114,6 +151,7 @@ impl GateParams {
         let checks = [
             ("command_timeout_s", self.command_timeout_s, 0.01, 10.0),
             ("report_timeout_s", self.report_timeout_s, 0.01, 10.0),
+            ("repeat_max_s", self.repeat_max_s, 0.0, 60.0),
             ("ahead_max_s", self.ahead_max_s, 0.0, 10.0),
             ("steering_max_rad", self.steering_max_rad, 0.01, 1.5),
             ("steering_rate_max_radps", self.steering_rate_max_radps, 0.01, 10.0),
@@ -135,19 +173,6 @@ impl GateParams {
     }
 }
 
-/// What the vehicle says of itself.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct VehicleReport {
-    /// Instant that it describes.
-    pub stamp: Time,
-    /// Speed along the heading, m/s; negative in reverse.
-    pub speed_mps: f64,
-    /// Angle of the front road wheels, radians; positive to the left.
-    pub steering_rad: f64,
-    /// Whether the driver steers, brakes or accelerates, or the vehicle is in manual mode.
-    pub driver_active: bool,
-}
-
 /// What the gate is given at one instant: always the newest of each, new or not.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct GateInput {
@@ -163,79 +188,6 @@ pub struct GateInput {
     pub emergency: bool,
 }
 
-/// What the gate does.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum GateMode {
-    /// The driver drives, nothing is commanded.
-    #[default]
-    Manual,
-    /// The stack drives.
-    Driving,
-    /// The car is brought to a standstill.
-    Stopping(StopCause),
-    /// The car stands and is held.
-    Holding(StopCause),
-}
-
-/// Why the car is stopped.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StopCause {
-    /// No sound command for too long.
-    CommandTimeout,
-    /// No sound report of the vehicle for too long.
-    ReportTimeout,
-    /// The person let go of the switch.
-    Released,
-    /// The emergency stop.
-    Emergency,
-}
-
-/// Why a command was refused.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Refusal {
-    /// A number of it is none.
-    NotFinite,
-    /// It is older than the one before it.
-    OutOfOrder,
-    /// It is too old.
-    Stale,
-    /// It is from the future.
-    Ahead,
-}
-
-/// How often commands were refused, by reason.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct Refusals {
-    /// A number of it is none.
-    pub not_finite: u64,
-    /// It is older than the one before it.
-    pub out_of_order: u64,
-    /// It is too old.
-    pub stale: u64,
-    /// It is from the future.
-    pub ahead: u64,
-}
-
-/// What goes to the vehicle.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct GateOutput {
-    /// What the gate does.
-    pub mode: GateMode,
-    /// Whether the vehicle is to follow the command; without it the driver drives.
-    pub engaged: bool,
-    /// Finite, within limits and rates.
-    pub command: MotionCommand,
-    /// Grows by one with each call, and wraps after 65535.
-    pub heartbeat: u16,
-    /// Why the command given was refused, if it was.
-    pub refused: Option<Refusal>,
-    /// Whether the command had to be changed to be within limits or rates.
-    pub limited: bool,
-}
-
 /// The state machine: see the module's page.
 #[derive(Clone, Debug)]
 pub struct SafetyGate {
@@ -243,6 +195,8 @@ pub struct SafetyGate {
     mode: GateMode,
     /// The newest command that was not refused.
     command: Option<MotionCommand>,
+    /// Stamp of the first command since when they say the same.
+    same_since: Time,
     /// The command given last, to count a refusal once.
     given: Option<MotionCommand>,
     given_refusal: Option<Refusal>,
@@ -266,6 +220,7 @@ impl SafetyGate {
             params,
             mode: GateMode::Manual,
             command: None,
+            same_since: Time::ZERO,
             given: None,
             given_refusal: None,
             report: None,
@@ -295,7 +250,15 @@ impl SafetyGate {
         self.heartbeat = self.heartbeat.wrapping_add(1);
         let (command, limited) = self.output(now, dt_s);
         let engaged = self.mode != GateMode::Manual;
-        GateOutput { mode: self.mode, engaged, command, heartbeat: self.heartbeat, refused, limited }
+        GateOutput {
+            mode: self.mode,
+            engaged,
+            command,
+            heartbeat: self.heartbeat,
+            refused,
+            refusals: self.refusals,
+            limited,
+        }
     }
 
     fn take_command(&mut self, given: Option<MotionCommand>, now: Time) -> Option<Refusal> {
@@ -305,7 +268,14 @@ impl SafetyGate {
         }
         let refusal = self.judge(&command, now);
         match refusal {
-            None => self.command = Some(command),
+            None => {
+                let says_the_same =
+                    |before: MotionCommand| same(&MotionCommand { stamp: command.stamp, ..before }, &command);
+                if !self.command.is_some_and(says_the_same) {
+                    self.same_since = command.stamp;
+                }
+                self.command = Some(command);
+            }
             Some(Refusal::NotFinite) => self.refusals.not_finite += 1,
             Some(Refusal::OutOfOrder) => self.refusals.out_of_order += 1,
             Some(Refusal::Stale) => self.refusals.stale += 1,
@@ -320,7 +290,8 @@ impl SafetyGate {
         if !numbers.iter().all(|number| number.is_finite()) {
             return Some(Refusal::NotFinite);
         }
-        if self.command.is_some_and(|before| command.stamp <= before.stamp) {
+        // Two of one stamp are in order: several come of one state where the control is faster than its measurements.
+        if self.command.is_some_and(|before| command.stamp < before.stamp) {
             return Some(Refusal::OutOfOrder);
         }
         if command.stamp > now.saturating_add(Span::from_secs(self.params.ahead_max_s)) {
@@ -346,7 +317,8 @@ impl SafetyGate {
         if driver {
             return GateMode::Manual;
         }
-        let command = self.command.is_some_and(|c| is_fresh(c.stamp, now, self.params.command_timeout_s));
+        let command = self.command.is_some_and(|c| is_fresh(c.stamp, now, self.params.command_timeout_s))
+            && !self.hangs(now);
         let report = self.report.is_some_and(|r| is_fresh(r.stamp, now, self.params.report_timeout_s));
         let rising = input.enable && !self.enable_before;
         let may_start = rising && command && report && !input.emergency;
@@ -358,14 +330,22 @@ impl SafetyGate {
             GateMode::Driving if !command => GateMode::Stopping(StopCause::CommandTimeout),
             GateMode::Driving if !input.enable => GateMode::Stopping(StopCause::Released),
             GateMode::Driving => GateMode::Driving,
+            GateMode::Stopping(cause) if report && self.stands() => {
+                GateMode::Holding(if input.emergency { StopCause::Emergency } else { cause })
+            }
             GateMode::Stopping(_) if input.emergency => GateMode::Stopping(StopCause::Emergency),
-            GateMode::Stopping(cause) if report && self.stands() => GateMode::Holding(cause),
             GateMode::Stopping(cause) => GateMode::Stopping(cause),
             GateMode::Holding(_) if may_start => GateMode::Driving,
             // It rolls: brake it again.
             GateMode::Holding(cause) if report && !self.stands() => GateMode::Stopping(cause),
             GateMode::Holding(cause) => GateMode::Holding(cause),
         }
+    }
+
+    /// Whether commands come that say the same for too long.
+    fn hangs(&self, now: Time) -> bool {
+        let most_s = self.params.repeat_max_s;
+        most_s > 0.0 && !self.stands() && !is_fresh(self.same_since, now, most_s)
     }
 
     fn stands(&self) -> bool {
@@ -414,7 +394,9 @@ impl SafetyGate {
 
         let wanted_mps = wish.speed_mps.clamp(-p.reverse_max_mps, p.speed_max_mps);
         // Faster than allowed, it does not get faster still, whatever is asked for.
-        let too_fast = speed_mps > p.speed_max_mps || speed_mps < -p.reverse_max_mps - STANDSTILL_MPS;
+        // Nor where the command itself wants it slower: an old command under new stamps is held by that.
+        let too_fast = speed_mps > p.speed_max_mps.min(wanted_mps.max(0.0) + TOO_FAST_MPS)
+            || speed_mps < -p.reverse_max_mps - STANDSTILL_MPS;
         let accel_max = if too_fast { 0.0 } else { p.accel_max_mps2 };
         let (least, most) = if back > 0.0 { (-decel_max, accel_max) } else { (-accel_max, decel_max) };
         let mut accel_mps2 = wish.accel_mps2.clamp(least, most);

@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
-use swerve_msg::{ActorId, ActorKind, Imu, ObstacleList, Plan};
+use swerve_msg::{ActorId, ActorKind, GateOutput, Imu, ObstacleList, Plan};
 
 use crate::{
-    Clearances, Drive, DriveMetrics, Impact, LateralJerk, OperatorMetrics, Outcome, Outline, PlanMetrics,
-    ResponseTimes, RunTimes, Summary, Verdict, seconds,
+    Clearances, Drive, DriveMetrics, GateMetrics, GateUse, Impact, LateralJerk, OperatorMetrics, Outcome,
+    Outline, PlanMetrics, ResponseTimes, RunTimes, Summary, Verdict, seconds,
 };
 
 /// What an evaluation has to know beforehand.
@@ -50,6 +50,9 @@ pub struct Metrics {
     pub actors: Vec<ActorMetrics>,
     /// What the planner said.
     pub plans: PlanMetrics,
+    /// What the safety gate did; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gate: Option<GateMetrics>,
     /// Run times per operator.
     pub operators: Vec<OperatorMetrics>,
 }
@@ -97,6 +100,7 @@ pub struct Evaluation {
     plans: PlanMetrics,
     sights: Vec<Sight>,
     response: ResponseTimes,
+    gate: GateUse,
     runtimes: RunTimes,
 }
 
@@ -111,6 +115,7 @@ impl Evaluation {
             plans: PlanMetrics::default(),
             sights: Vec::new(),
             response: ResponseTimes::new(params.dead_time),
+            gate: GateUse::default(),
             runtimes: RunTimes::new(params.operators),
         }
     }
@@ -148,6 +153,11 @@ impl Evaluation {
     /// A command became visible to the world; `origin` is the newest sensor stamp that it derives from.
     pub fn command(&mut self, visible_at: Time, origin: Option<Time>) {
         self.response.command(visible_at, origin);
+    }
+
+    /// The safety gate spoke.
+    pub fn gate(&mut self, at: Time, output: &GateOutput) {
+        self.gate.take(at, output);
     }
 
     /// The run-time table, for what the engine tells of steps, misses and drops.
@@ -191,6 +201,7 @@ impl Evaluation {
             response: self.response.summary(),
             actors: self.actors(),
             plans: self.plans,
+            gate: self.gate.metrics(),
             operators: self.runtimes.table(),
         }
     }

@@ -160,6 +160,11 @@ impl Graph {
         (stream, handle)
     }
 
+    /// The names of the operators that are fed from outside.
+    pub fn sources(&self) -> impl Iterator<Item = &str> {
+        self.sources.iter().map(|source| &*self.operators[*source].name)
+    }
+
     /// Ends a wall-clock run of this graph from another thread.
     pub fn stop_handle(&self) -> StopHandle {
         StopHandle(self.inbox.clone())

@@ -41,7 +41,7 @@ pub(crate) struct Header {
 /// Colours, three bytes for each pixel.
 pub(crate) fn colours(header: &Header, rgb: &[u8], form: ImageForm) -> Option<CompressedImage> {
     let (data, format) = match form {
-        ImageForm::Jpeg(quality) => (jpeg(header, rgb, quality)?, "jpeg"),
+        ImageForm::Jpeg(quality) => (jpeg(rgb, (header.width_px, header.height_px), quality)?, "jpeg"),
         ImageForm::Png => (png(header, rgb)?, "png"),
     };
     Some(CompressedImage {
@@ -52,8 +52,10 @@ pub(crate) fn colours(header: &Header, rgb: &[u8], form: ImageForm) -> Option<Co
     })
 }
 
-fn jpeg(header: &Header, rgb: &[u8], quality: u8) -> Option<Vec<u8>> {
-    let (width, height) = (u16::try_from(header.width_px).ok()?, u16::try_from(header.height_px).ok()?);
+/// Colours, three bytes for each pixel, as JPEG of a quality from 1 to 100; `None` for more pixels than a file of
+/// that kind can have, or other bytes than that.
+pub fn jpeg(rgb: &[u8], (width_px, height_px): (u32, u32), quality: u8) -> Option<Vec<u8>> {
+    let (width, height) = (u16::try_from(width_px).ok()?, u16::try_from(height_px).ok()?);
     let mut data = Vec::with_capacity(rgb.len() / 8);
     Encoder::new(&mut data, quality).encode(rgb, width, height, ColorType::Rgb).ok()?;
     Some(data)

@@ -16,7 +16,7 @@ mod scene;
 mod watch;
 mod words;
 
-pub use camera::ImageForm;
+pub use camera::{ImageForm, jpeg};
 pub use cloud::Sensor;
 pub use figures::Figures;
 pub use watch::{Foxglove, Mount, Setup};

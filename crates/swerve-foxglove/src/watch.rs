@@ -8,12 +8,12 @@ use foxglove::messages::LocationFix;
 use foxglove::messages::location_fix::PositionCovarianceType;
 use swerve_core::{Span, Time};
 use swerve_flow::{Event, Publication};
-use swerve_geom::{Ego, Map, Pose2, Transform, Vector2};
+use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector2};
 use swerve_log::{View, Views};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
-    Command, Encoding, Gnss, Image, ObstacleList, Pixels, Plan, PlanStatus, PointCloud, PredictionList,
-    RadarScan, Route, TrackList,
+    Command, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, ObstacleList, Pixels, Plan, PlanStatus,
+    PointCloud, PredictionList, RadarScan, Route, TrackList,
 };
 use swerve_vehicle::Shape;
 
@@ -48,6 +48,8 @@ pub struct Setup {
     pub images: Option<ImageForm>,
     /// Whether depth and classes are shown too, each image with all its numbers.
     pub raw_images: bool,
+    /// Whether the ego is where localization says, for want of a world that knows better.
+    pub ego_from_pose: bool,
 }
 
 /// Where a sensor sits.
@@ -77,6 +79,7 @@ pub struct Foxglove {
     seen: VecDeque<Arc<ObstacleList>>,
     plan: Option<Plan>,
     status: Option<PlanStatus>,
+    gate: Option<GateMode>,
     command: Command,
     /// Commands that no step of the world has taken yet: visible when, from which sensor frame.
     waiting: VecDeque<(Time, Option<Time>)>,
@@ -113,6 +116,7 @@ impl Foxglove {
             seen: VecDeque::new(),
             plan: None,
             status: None,
+            gate: None,
             command: Command::default(),
             waiting: VecDeque::new(),
             response_ms: f64::NAN,
@@ -136,9 +140,15 @@ impl Foxglove {
         let when = When { visible_at: p.visible_at, stamp };
         if let Some(world) = payload.downcast_ref::<WorldState>() {
             self.world(world, when, out);
+        } else if let Some(ego) = payload.downcast_ref::<EgoState>().filter(|_| self.setup.ego_from_pose) {
+            self.localized(ego, when, out);
         } else if let Some(command) = payload.downcast_ref::<Command>() {
             self.command = *command;
             self.waiting.push_back((p.visible_at, p.origin));
+        } else if let Some(GateOutput { mode, .. }) = payload.downcast_ref::<GateOutput>() {
+            if self.gate.replace(*mode) != Some(*mode) {
+                self.line(words::gate(stamp, *mode), p.visible_at, out);
+            }
         } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
             self.seen.push_back(Arc::new(list.clone()));
             while self.seen.front().is_some_and(|old| stamp - old.stamp > MEMORY) {
@@ -189,8 +199,21 @@ impl Foxglove {
         out.push(view(&topic, when, 0, move || Some(show(&of))));
     }
 
-    fn world(&mut self, world: &WorldState, when: When, out: &mut Vec<View>) {
-        let pose = world.ego.map_from_ego;
+    /// The ego where localization says that it is.
+    fn localized(&mut self, ego: &EgoState, when: When, out: &mut Vec<View>) {
+        let place = Point::new(ego.pose.x_m, ego.pose.y_m, 0.0);
+        let pose = Transform::from_roll_pitch_yaw(place, 0.0, 0.0, ego.pose.heading_rad);
+        self.is_at(pose, when, out);
+        if self.poses.is_due(when.stamp, POSE_PERIOD) {
+            let (frames, figures) = (self.topic("ego"), self.topic("figures"));
+            out.push(view(&frames, when, 0, move || Some(scene::map_from_ego(when.stamp, pose))));
+            let row = self.figures_of(ego, when.stamp);
+            out.push(view(&figures, when, 0, move || Some(row)));
+        }
+    }
+
+    /// Remembers where the ego is; before the first place, what does not move is shown.
+    fn is_at(&mut self, pose: Transform<Map, Ego>, when: When, out: &mut Vec<View>) {
         if self.past.is_empty() {
             let (ground, frames) = (self.topic("ground"), self.topic("sensors"));
             let (setup, mounts, stamp) = (self.setup.clone(), self.setup.mounts.clone(), when.stamp);
@@ -201,6 +224,11 @@ impl Foxglove {
         while self.past.front().is_some_and(|(old, _)| when.stamp - *old > MEMORY) {
             self.past.pop_front();
         }
+    }
+
+    fn world(&mut self, world: &WorldState, when: When, out: &mut Vec<View>) {
+        let pose = world.ego.map_from_ego;
+        self.is_at(pose, when, out);
         let taken = self.waiting.partition_point(|(visible_at, _)| *visible_at < when.stamp);
         if let Some((_, Some(origin))) = self.waiting.drain(..taken).next_back() {
             self.response_ms = (when.stamp + self.setup.dead_time - origin).as_ms();
@@ -221,8 +249,7 @@ impl Foxglove {
     }
 
     fn figures(&self, world: &WorldState) -> Figures {
-        let state = &world.ego.state;
-        let outline = self.setup.shape.footprint(state.pose);
+        let outline = self.setup.shape.footprint(world.ego.state.pose);
         let ego = world.ego.velocity_mps.coords;
         let gaps = world.actors.iter().map(|actor| actor.gap_m(&outline));
         let contacts = world.actors.iter().filter_map(|actor| {
@@ -230,21 +257,28 @@ impl Foxglove {
             time_to_contact_s(&outline, &actor.footprint(), Vector2::new(v.x - ego.x, v.y - ego.y))
         });
         let or_nan = |least: f64| if least.is_finite() { least } else { f64::NAN };
-        let plan = self.plan.as_ref();
         Figures {
-            speed_mps: state.speed_mps,
-            planned_speed_mps: plan
-                .and_then(|plan| plan.at(world.stamp))
-                .map_or(f64::NAN, |point| point.speed_mps),
-            accel_mps2: state.accel_mps2,
-            lateral_accel_mps2: state.lateral_accel_mps2,
-            steering_deg: state.steering_rad.to_degrees(),
-            throttle: self.command.throttle,
-            brake: self.command.brake,
             distance_m: or_nan(gaps.fold(f64::INFINITY, f64::min)),
             time_to_collision_s: or_nan(contacts.fold(f64::INFINITY, f64::min)),
+            ..self.figures_of(&world.ego.state, world.stamp)
+        }
+    }
+
+    /// Those that are of the ego alone.
+    fn figures_of(&self, ego: &EgoState, stamp: Time) -> Figures {
+        let plan = self.plan.as_ref();
+        Figures {
+            speed_mps: ego.speed_mps,
+            planned_speed_mps: plan.and_then(|plan| plan.at(stamp)).map_or(f64::NAN, |point| point.speed_mps),
+            accel_mps2: ego.accel_mps2,
+            lateral_accel_mps2: ego.lateral_accel_mps2,
+            steering_deg: ego.steering_rad.to_degrees(),
+            throttle: self.command.throttle,
+            brake: self.command.brake,
+            distance_m: f64::NAN,
+            time_to_collision_s: f64::NAN,
             response_ms: self.response_ms,
-            plan_age_ms: plan.map_or(f64::NAN, |plan| (world.stamp - plan.stamp).as_ms()),
+            plan_age_ms: plan.map_or(f64::NAN, |plan| (stamp - plan.stamp).as_ms()),
         }
     }
 

@@ -4,8 +4,8 @@ use foxglove::messages::Log;
 use foxglove::messages::log::Level;
 use swerve_core::Time;
 use swerve_flow::{DropReason, Dropped, Reaction};
-use swerve_msg::PlanStatus;
 use swerve_msg::truth::{EndReason, InfractionKind, WorldState};
+use swerve_msg::{GateMode, PlanStatus};
 
 use crate::form::timestamp;
 
@@ -72,6 +72,17 @@ pub(crate) fn plan(stamp: Time, status: PlanStatus) -> Line {
     };
     let level = if status.is_fallback() { Level::Warning } else { Level::Info };
     Line::new(stamp, level, "planner", words)
+}
+
+/// The safety gate is in another mode.
+pub(crate) fn gate(stamp: Time, mode: GateMode) -> Line {
+    let (level, words) = match mode {
+        GateMode::Manual => (Level::Info, "the driver drives".to_owned()),
+        GateMode::Driving => (Level::Info, "the stack drives".to_owned()),
+        GateMode::Stopping(cause) => (Level::Warning, format!("the car is stopped: {}", cause.words())),
+        GateMode::Holding(cause) => (Level::Info, format!("the car is held: {}", cause.words())),
+    };
+    Line::new(stamp, level, "gate", words)
 }
 
 /// The deadline of the frame of `stamp` passed at `at`.

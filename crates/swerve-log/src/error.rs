@@ -66,6 +66,16 @@ pub enum LogError {
         /// What was expected.
         problem: String,
     },
+    /// Somebody else's recording is truncated or corrupted.
+    #[error("{}: ends or is damaged after {messages} messages, which are readable: {problem}", path.display())]
+    CutOff {
+        /// The file.
+        path: PathBuf,
+        /// What was expected, and what is there instead.
+        problem: String,
+        /// How many messages were read before.
+        messages: u64,
+    },
     /// A message is not of the type asked for.
     #[error("stream `{stream}`, message {seq}: cannot be read as {type_name}: {reason}")]
     Payload {

@@ -2,10 +2,11 @@
 //!
 //! [`Recorder`] writes a run into an MCAP file of CBOR messages on a thread of its own; [`Log`] and [`Reader`]
 //! read it back and need nothing but that file, damaged or not. [`TraceWriter`] writes the same run as a trace
-//! for <https://ui.perfetto.dev>. All times are instants of the run.
+//! for <https://ui.perfetto.dev>. [`Bag`] reads what others recorded, as rosbag2 does. All times are instants of the run.
 //! Absences: no clock, no scenario, no configuration format; payloads stay bytes until a caller names a type.
 
 mod arrows;
+mod bag;
 mod error;
 mod format;
 mod log;
@@ -18,6 +19,7 @@ mod trace;
 mod view;
 mod writer;
 
+pub use bag::{Bag, BagMessage, BagTopic};
 pub use error::LogError;
 pub use log::Log;
 pub use observe::left_out;

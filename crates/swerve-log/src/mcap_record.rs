@@ -33,10 +33,11 @@ pub(crate) fn op_name(opcode: u8) -> &'static str {
     }
 }
 
-/// A channel's number, its schema's, and its metadata.
+/// A channel's number, its schema's, its topic, and its metadata.
 pub(crate) struct Channel {
     pub(crate) id: u16,
     pub(crate) schema: u16,
+    pub(crate) topic: String,
     pub(crate) encoding: String,
     pub(crate) metadata: BTreeMap<String, String>,
 }
@@ -50,14 +51,19 @@ pub(crate) fn schema(body: &[u8]) -> Option<(u16, String)> {
 pub(crate) fn channel(body: &[u8]) -> Option<Channel> {
     let mut cursor = Cursor(body);
     let (id, schema) = (cursor.u16()?, cursor.u16()?);
-    cursor.text()?; // the topic
-    Some(Channel { id, schema, encoding: cursor.text()?, metadata: cursor.map()? })
+    Some(Channel { id, schema, topic: cursor.text()?, encoding: cursor.text()?, metadata: cursor.map()? })
 }
 
 /// A message's channel and data.
 pub(crate) fn message(body: &[u8]) -> Option<(u16, &[u8])> {
     let channel = Cursor(body).u16()?;
     Some((channel, body.get(2 + 4 + 8 + 8..)?)) // after channel, sequence, log time, publish time
+}
+
+/// When a message was recorded.
+pub(crate) fn log_time_ns(body: &[u8]) -> Option<u64> {
+    let bytes = body.get(2 + 4..2 + 4 + 8)?; // after channel and sequence
+    Some(u64::from_le_bytes(bytes.try_into().ok()?))
 }
 
 /// Name and entries of a metadata record.

@@ -187,7 +187,7 @@ const MAGIC_LEN: u64 = 8;
 const HEAD_LEN: usize = 9;
 
 /// An MCAP error in the words of an expectation.
-fn describe(error: &McapError) -> String {
+pub(crate) fn describe(error: &McapError) -> String {
     match error {
         McapError::UnexpectedEof => "expected more bytes, found the end of the file".into(),
         McapError::BadMagic => "expected the magic number of an MCAP file".into(),

@@ -28,7 +28,7 @@ pub use params::{
     AbsParams, AeroParams, BodyParams, BrakeParams, DrivetrainParams, ParamsError, SteeringParams,
     SuspensionParams, TyreParams, VehicleParams, WheelParams,
 };
-pub use pedals::{Pedals, pedals_for_accel};
+pub use pedals::{Pedals, accel_for_pedals, pedals_for_accel};
 pub use shape::{Limits, Shape};
 pub use single_track::{SingleTrack, SingleTrackState};
 pub use tyre::{MagicFormula, SlipForce, combined_slip_force};

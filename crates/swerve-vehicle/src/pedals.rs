@@ -32,6 +32,19 @@ pub fn pedals_for_accel(params: &VehicleParams, speed_mps: f64, accel_mps2: f64)
     }
 }
 
+/// The acceleration that the pedals give at `speed_mps` on level ground: the other way round than
+/// [`pedals_for_accel`].
+pub fn accel_for_pedals(params: &VehicleParams, speed_mps: f64, pedals: Pedals) -> f64 {
+    let radius = params.wheel.radius_m;
+    // A pressed brake wins over the accelerator.
+    let torque = if pedals.brake > 0.0 {
+        -pedals.brake.min(1.0) * params.brakes.torque_max_nm
+    } else {
+        pedals.throttle.clamp(0.0, 1.0) * params.drive_torque_max_nm(speed_mps / radius)
+    };
+    (torque / radius - params.resistance_n(speed_mps)) / params.effective_mass_kg()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -46,6 +59,7 @@ mod tests {
             let force = (drive - brake) / params.wheel.radius_m - params.resistance_n(speed);
             assert!((force / params.effective_mass_kg() - accel).abs() < 1e-9, "{speed} {accel}");
             assert!(pedals.throttle == 0.0 || pedals.brake == 0.0);
+            assert!((accel_for_pedals(&params, speed, pedals) - accel).abs() < 1e-9, "{speed} {accel}");
         }
     }
 

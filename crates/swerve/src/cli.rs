@@ -4,7 +4,9 @@ use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
-use crate::{calibrate, check, dataset, doctor, graph, plan, process, replay, run, scenarios, study, timing};
+use crate::{
+    calibrate, check, dataset, doctor, graph, live, plan, process, replay, run, scenarios, study, timing,
+};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -18,6 +20,8 @@ pub struct Cli {
 enum Command {
     /// Drive a scenario: verdict, figures, pictures, log
     Run(run::RunArgs),
+    /// Drive a vehicle over ROS 2's topics
+    Live(live::LiveArgs),
     /// Vary a run along axes over configuration keys and seeds
     Study(study::StudyArgs),
     /// Compute a log's streams again and compare, or ask what would have been
@@ -65,6 +69,7 @@ pub fn message(error: &anyhow::Error) -> String {
 pub fn main(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => run::run(args),
+        Command::Live(args) => live::run(args),
         Command::Study(args) => study::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Graph(args) => graph::run(args),

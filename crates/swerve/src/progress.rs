@@ -65,6 +65,41 @@ impl Progress {
     }
 }
 
+/// How a drive with a vehicle goes: a line in place, and what happens above it; where standard error is no terminal,
+/// what happens alone.
+pub struct LiveLine {
+    bar: ProgressBar,
+    tells: bool,
+}
+
+impl LiveLine {
+    /// Tells at all?
+    pub fn new(tells: bool) -> Self {
+        let bar = if tells { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        bar.set_style(style("{msg}"));
+        Self { bar, tells }
+    }
+}
+
+impl crate::live::feed::Teller for LiveLine {
+    fn progress(&mut self, line: &str) {
+        self.bar.set_message(line.to_owned());
+        self.bar.tick();
+    }
+
+    fn note(&mut self, at: swerve_core::Time, what: &str) {
+        if self.tells {
+            self.bar.suspend(|| eprintln!("{:6.1} s  {what}", at.as_secs()));
+        }
+    }
+}
+
+impl Drop for LiveLine {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_core::{Digest, Span};
-use swerve_eval::{Evaluation, Metrics, Outline};
+use swerve_eval::{Evaluation, GateMetrics, Metrics, Outline};
 use swerve_flow::{
     Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, TickReport, run_virtual, run_wall,
 };
@@ -14,20 +14,21 @@ use swerve_foxglove::Foxglove;
 use swerve_ipc::Traffic;
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::{PointInstances, WorldState};
-use swerve_msg::{Image, Imu, ObstacleList, Plan, PointCloud, Route};
+use swerve_msg::{GateMode, GateOutput, Image, Imu, ObstacleList, Plan, PointCloud, Refusals, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_vehicle::Shape;
 
 use crate::config::clock::Clock;
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
-use crate::config::{Config, Images, OPERATORS};
+use crate::config::{Config, Images};
 use crate::files::write_whole;
 use crate::frames::Frames;
 use crate::output::align;
 use crate::pipeline::{Pipeline, Rendered};
 use crate::process::Processes;
 use crate::progress::Progress;
+use crate::ros2::{Ros2Car, Ros2Report};
 use crate::rungs::{Budgets, RungCount, Rungs};
 use crate::story::{Story, draw};
 use crate::views::views_of;
@@ -71,6 +72,18 @@ pub struct RunArgs {
     /// What moves the run, in place of the configuration's clock.source
     #[arg(long)]
     clock: Option<Clock>,
+    /// Against the real clock, with the car on ROS 2's topics as [ros2] names them: to be shown, or to be driven
+    #[arg(long, value_name = "ROLE", num_args = 0..=1, require_equals = true, default_missing_value = "show")]
+    ros2: Option<Ros2Role>,
+}
+
+/// What the car is to others on ROS 2's topics.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
+enum Ros2Role {
+    /// Our own stack drives, others watch
+    Show,
+    /// Another stack drives, through the safety gate
+    Drive,
 }
 
 /// What a run came to.
@@ -176,6 +189,8 @@ pub fn drive_pipeline(
 struct Measured {
     evaluation: Evaluation,
     operators: Vec<String>,
+    /// What reaches the vehicle is then what the gate lets through.
+    has_gate: bool,
     route: Route,
     shape: Shape,
     road_margin_m: f64,
@@ -196,6 +211,7 @@ impl Measured {
         let params = swerve_eval::Params { ego, dead_time, operators: operators.clone() };
         Ok(Self {
             evaluation: Evaluation::new(params),
+            has_gate: operators.iter().any(|operator| operator == "gate"),
             operators,
             route: pipeline.route.clone(),
             shape,
@@ -214,23 +230,26 @@ impl Observer for Measured {
         self.rungs.event(event);
         match event {
             Event::Publication(publication) => {
-                // What a fault makes of a message is no second one.
-                if !OPERATORS.contains(&publication.operator) {
-                    return;
-                }
                 let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
                 let evaluation = &mut self.evaluation;
+                // By operator too: what a fault makes of a message is no second one.
+                let operator = publication.operator;
                 if let Some(world) = payload.downcast_ref::<WorldState>() {
                     evaluation.world(world);
                     let footprint = self.shape.footprint(world.ego.state.pose);
                     self.road_margin_m = self.road_margin_m.min(self.route.margin_m(&footprint));
-                } else if let Some(imu) = payload.downcast_ref::<Imu>() {
+                } else if let (Some(imu), "imu") = (payload.downcast_ref::<Imu>(), operator) {
                     evaluation.imu(imu);
-                } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
+                } else if let (Some(list), "obstacles") = (payload.downcast_ref::<ObstacleList>(), operator) {
                     evaluation.seen(list);
-                } else if let Some(plan) = payload.downcast_ref::<Plan>() {
+                } else if let (Some(plan), "planner") = (payload.downcast_ref::<Plan>(), operator) {
                     evaluation.plan(plan);
-                } else if publication.operator == "controller" {
+                } else if let Some(gate) = payload.downcast_ref::<GateOutput>() {
+                    evaluation.gate(publication.visible_at, gate);
+                    if gate.mode == GateMode::Driving {
+                        evaluation.command(publication.visible_at, publication.origin);
+                    }
+                } else if operator == "controller" && !self.has_gate {
                     evaluation.command(publication.visible_at, publication.origin);
                 }
             }
@@ -272,7 +291,15 @@ impl Observer for Shown {
 /// Runs `swerve run`.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut input = args.input.clone();
-    input.set.extend(args.clock.map(|clock| format!("clock.source={}", clock.name())));
+    anyhow::ensure!(
+        args.ros2.is_none() || args.clock != Some(Clock::Virtual),
+        "--ros2 and --clock virtual: who reads a topic lives by the real clock"
+    );
+    let clock = if args.ros2.is_some() { Some(Clock::Wall) } else { args.clock };
+    input.set.extend(clock.map(|clock| format!("clock.source={}", clock.name())));
+    if args.ros2 == Some(Ros2Role::Drive) {
+        input.set.extend(["gate.enabled=true".into(), "ego.driver=ros2".into()]);
+    }
     let (config, scenario) = load(&input)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
@@ -291,6 +318,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut frames = frames(args, &config, &pipeline)?;
     let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recorder, &mut trace, &mut story];
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
+    let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
+    let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
+    observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = start_processes(&config, &args.input.scenario, &mut pipeline)?;
     if pipeline.clock == Clock::Wall {
         stop_on_interrupt(pipeline.graph.stop_handle());
@@ -299,6 +329,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
     let traffic = processes.as_ref().map(Processes::traffic);
     drop(processes);
+    let ros2 = car.map(Ros2Car::finish);
     shown.progress.finish();
     // What was recorded until a failure is kept, readable.
     recorder.finish()?;
@@ -311,7 +342,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if let Some(frames) = &mut frames {
         frames.finish()?;
     }
-    let summary = Summary { traffic, ..Summary::of(&config, &scenario, &outcome) };
+    let summary = Summary { traffic, ros2, ..Summary::of(&config, &scenario, &outcome) };
     story.conclude(&outcome.metrics);
     write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
     let json = serde_json::to_string_pretty(&summary)? + "\n";
@@ -457,6 +488,9 @@ pub struct Summary {
     /// What went between the run's processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     traffic: Option<Traffic>,
+    /// What became of ROS 2's topics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ros2: Option<Ros2Report>,
     /// The time that the deadline policy gave from a frame to its plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     response_budget: Option<Budgets>,
@@ -488,6 +522,7 @@ impl Summary {
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
             timers: timers(&outcome.report),
             traffic: None,
+            ros2: None,
             response_budget: outcome.rungs.budgets(),
             rungs: outcome.rungs.counts(),
             rungs_text: outcome.rungs.text(),
@@ -546,6 +581,9 @@ impl Summary {
             let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
             row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
         }
+        if let Some(gate) = &m.gate {
+            gate_rows(gate, &mut row);
+        }
         row("digest", self.digest.clone());
         if let Some(by) = self.images_by.as_ref().filter(|_| !self.digest_is_portable) {
             row("images by", format!("{by}: the digest holds for this adapter and driver alone"));
@@ -568,6 +606,9 @@ impl Summary {
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
         text += &self.rungs_text;
         text += &self.clock_text();
+        if let Some(ros2) = &self.ros2 {
+            text += &ros2.text();
+        }
         if self.unrecorded > 0 {
             let _ = writeln!(
                 text,
@@ -584,6 +625,28 @@ impl Summary {
         }
         let _ = writeln!(text, "in {}: story.svg, log.mcap, trace.json, metrics.json", out.display());
         text
+    }
+}
+
+/// What the safety gate did.
+fn gate_rows(gate: &GateMetrics, row: &mut impl FnMut(&str, String)) {
+    let GateMetrics { manual_s, driving_s, stopping_s, holding_s, limited_s, refused, .. } = gate;
+    let mut modes = format!("driving {driving_s:.2} s, limited for {limited_s:.2} s of it");
+    for (mode, seconds) in [("manual", manual_s), ("stopping", stopping_s), ("holding", holding_s)] {
+        if *seconds > 0.0 {
+            modes += &format!(", {mode} {seconds:.2} s");
+        }
+    }
+    row("gate", modes);
+    for stop in &gate.stops {
+        row("gate stops", format!("at {:.2} s: {}", stop.at_s, stop.cause.words()));
+    }
+    if refused.total() > 0 {
+        let Refusals { not_finite, out_of_order, stale, ahead } = refused;
+        row(
+            "gate refused",
+            format!("{not_finite} not finite, {out_of_order} out of order, {stale} too old, {ahead} ahead"),
+        );
     }
 }
 

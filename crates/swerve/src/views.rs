@@ -3,32 +3,43 @@
 use swerve_core::Span;
 use swerve_foxglove::{ImageForm, Mount, Sensor, Setup};
 use swerve_geom::{Ego, Point, Transform};
+use swerve_scenario::Scenario;
 
 use crate::config::{Config, Images};
 use crate::pipeline::Pipeline;
 
 /// Road, car and sensors of a run.
 pub(crate) fn views_of(config: &Config, pipeline: &Pipeline) -> Setup {
-    let log = &config.log;
+    Setup { mounts: mounts(config, |name| config.runs(name)), ..setup(config, &pipeline.scenario) }
+}
+
+/// Road, car and sensors of a drive with a vehicle: all sensors that have a place run.
+pub(crate) fn live_views(config: &Config, scenario: &Scenario) -> Setup {
+    Setup { ego_from_pose: true, mounts: mounts(config, |_| true), ..setup(config, scenario) }
+}
+
+fn setup(config: &Config, scenario: &Scenario) -> Setup {
+    let (log, vehicle) = (&config.log, &config.sim.vehicle);
     Setup {
-        route: pipeline.route.clone(),
-        lines_m: pipeline.scenario.road.lines().into_iter().map(|(_, d_m)| d_m).collect(),
-        shape: pipeline.vehicle.shape,
-        dead_time: Span::from_secs(pipeline.vehicle.dead_time_s),
-        mounts: mounts(config),
+        route: scenario.road.route(),
+        lines_m: scenario.road.lines().into_iter().map(|(_, d_m)| d_m).collect(),
+        shape: vehicle.shape,
+        dead_time: Span::from_secs(vehicle.dead_time_s),
+        mounts: Vec::new(),
         images: match log.images {
             Images::None => None,
             Images::Jpeg => Some(ImageForm::Jpeg(log.jpeg_quality)),
             Images::Lossless => Some(ImageForm::Png),
         },
         raw_images: log.images == Images::Lossless,
+        ego_from_pose: false,
     }
 }
 
 /// Where the sensors that run sit.
-fn mounts(config: &Config) -> Vec<Mount> {
+fn mounts(config: &Config, runs: impl Fn(&str) -> bool) -> Vec<Mount> {
     let shape = &config.sim.vehicle.shape;
-    let runs = |name: &&String| config.runs(name);
+    let runs = |name: &&String| runs(name);
     let cameras = config.camera.keys().filter(runs).map(|name| {
         let camera = &config.camera[name];
         Mount::new(name, camera.ego_from_camera())

@@ -125,6 +125,55 @@ fn silence_of_the_stack_is_a_controlled_stop_after_half_a_second() {
 }
 
 #[test]
+fn a_command_that_is_said_again_and_again_is_silence_where_that_is_asked_for() {
+    let mut bench = Bench::driving();
+    assert_eq!(bench.run(500).mode, GateMode::Driving, "no bound by default");
+
+    let mut bench = Bench::driving();
+    bench.gate.params.repeat_max_s = 1.0;
+    // Numbers that change by the last bit are a live controller's.
+    for _ in 0..200 {
+        let accel = bench.command().accel_mps2;
+        bench.command().accel_mps2 = accel.next_up();
+        assert_eq!(bench.tick().mode, GateMode::Driving);
+    }
+    let hangs_since = bench.now_ms;
+    while bench.tick().mode == GateMode::Driving {}
+    let after_ms = bench.now_ms - hangs_since;
+    assert!((1000..=1040).contains(&after_ms), "{after_ms} ms");
+    assert_eq!(bench.run(1).mode, GateMode::Stopping(StopCause::CommandTimeout));
+    // A car that stands is asked for the same as long as it stands.
+    let mut bench = Bench::driving();
+    bench.gate.params.repeat_max_s = 1.0;
+    for _ in 0..200 {
+        bench.report().speed_mps = 0.0;
+        assert_eq!(bench.tick().mode, GateMode::Driving);
+    }
+}
+
+#[test]
+fn a_car_faster_than_its_command_wants_is_not_made_faster() {
+    let mut bench = Bench::driving();
+    bench.command().speed_mps = 10.0;
+    bench.command().accel_mps2 = 2.0;
+    bench.report().speed_mps = 11.9;
+    assert!(bench.run(1).command.accel_mps2 > 0.0);
+    bench.report().speed_mps = 12.1;
+    assert_eq!(bench.run(1).command.accel_mps2, 0.0);
+    bench.command().accel_mps2 = -2.0;
+    assert_eq!(bench.run(10).command.accel_mps2, -2.0);
+}
+
+#[test]
+fn several_commands_of_one_state_are_in_order() {
+    let mut bench = Bench::driving();
+    bench.stack = false;
+    bench.command().steering_rad = 0.11;
+    let output = bench.run(10);
+    assert_eq!((output.refused, output.command.steering_rad), (None, 0.11));
+}
+
+#[test]
 fn silence_of_the_vehicle_is_a_stop() {
     let mut bench = Bench::driving();
     bench.vehicle = false;
@@ -155,6 +204,9 @@ fn the_driver_wins_at_once_and_for_good() {
 
 #[test]
 fn an_emergency_brakes_at_once_and_is_not_taken_back() {
+    let mut bench = Bench::driving();
+    bench.input.emergency = true;
+    assert_eq!(bench.run(400).mode, GateMode::Holding(StopCause::Emergency), "held as long as it is pressed");
     let mut bench = Bench::driving();
     bench.input.emergency = true;
     let first = bench.tick();

@@ -32,6 +32,7 @@ pub enum Role {
     TurnIndicators,
     HazardLights,
     Enabled,
+    Emergency,
     Miscellaneous,
     Clock,
     Tf,
@@ -76,7 +77,7 @@ const fn is(
 
 use Side::{Stack, Vehicle};
 
-const ROLES: [Description; 36] = [
+const ROLES: [Description; 37] = [
     // Pictures, raw and as files, and how the camera sees.
     is(Role::Camera, "camera", Vehicle, &[Kind::Image], Qos::SENSOR, 200.0),
     is(Role::CameraCompressed, "camera_compressed", Vehicle, &[Kind::CompressedImage], Qos::SENSOR, 200.0),
@@ -146,6 +147,7 @@ const ROLES: [Description; 36] = [
     is(Role::TurnIndicators, "turn_indicators", Vehicle, &[Kind::TurnIndicatorsReport], Qos::VEHICLE, 500.0),
     is(Role::HazardLights, "hazard_lights", Vehicle, &[Kind::HazardLightsReport], Qos::VEHICLE, 500.0),
     is(Role::Enabled, "enabled", Vehicle, &[Kind::Bool], Qos::LATCHED, 100.0),
+    is(Role::Emergency, "emergency", Vehicle, &[Kind::Bool], Qos::DEFAULT, 500.0),
     is(Role::Miscellaneous, "miscellaneous", Vehicle, &[Kind::RaptorMiscReport], Qos::DEFAULT, 500.0),
     // Simulated time and frames.
     is(Role::Clock, "clock", Vehicle, &[Kind::Clock], Qos::SENSOR, 5000.0),
@@ -221,8 +223,8 @@ const ROLES: [Description; 36] = [
 
 impl Role {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 36] = {
-        let mut all = [Self::Camera; 36];
+    pub const ALL: [Self; 37] = {
+        let mut all = [Self::Camera; 37];
         let mut i = 0;
         while i < all.len() {
             all[i] = ROLES[i].role;

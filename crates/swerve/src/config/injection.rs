@@ -132,15 +132,10 @@ impl FaultConfig {
                 None => {}
             }
         }
-        for (ms, name) in [(self.delay_ms, "delay"), (self.jitter_ms, "jitter"), (self.freeze_ms, "freeze")] {
-            let Some(ms) = ms else { continue };
-            let span = span_ms(ms)?;
-            harms.push(match name {
-                "delay" => Harm::Delay(span),
-                "jitter" => Harm::Jitter(span),
-                _ => Harm::Freeze(span),
-            });
-        }
+        let delay = self.delay_ms.map(span_ms).transpose()?.map(Harm::Delay);
+        let jitter = self.jitter_ms.map(span_ms).transpose()?.map(Harm::Jitter);
+        let freeze = self.freeze_ms.map(span_ms).transpose()?.map(Harm::Freeze);
+        harms.extend([delay, jitter, freeze].into_iter().flatten());
         if let Some(sigma) = self.noise {
             if !(0.0..=1e6).contains(&sigma) {
                 return Err(format!("expected a noise of 0 to 1000000, found {}", number(sigma)));
@@ -171,13 +166,18 @@ impl FaultConfig {
 }
 
 /// Streams of the pipeline that faults can befall, beside what is seen of obstacles.
-const STREAMS: [&str; 8] =
-    ["pose", "imu", "gnss", "odometry", "tracker", "predictor", "planner", "controller"];
+const STREAMS: [&str; 9] =
+    ["pose", "imu", "gnss", "odometry", "tracker", "predictor", "planner", "controller", "report"];
 
 impl Config {
     /// All streams that faults can befall, with what they carry.
     fn faultable(&self) -> Vec<(String, Carries)> {
-        let own = STREAMS.iter().filter(|name| !["gnss", "odometry"].contains(name) || self.runs(name));
+        let is_there = |name: &str| match name {
+            "gnss" | "odometry" => self.runs(name),
+            "report" => self.gate.enabled,
+            _ => true,
+        };
+        let own = STREAMS.iter().filter(|name| is_there(name));
         // A detector takes the place of the obstacle sensor's list.
         let first = if self.perception.detector == perception::TRUTH { "obstacles" } else { "detector" };
         let mut streams: Vec<_> =

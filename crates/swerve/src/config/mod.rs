@@ -8,13 +8,17 @@ pub mod clock;
 pub mod detectors;
 pub mod execution;
 pub mod faults;
+pub mod gate;
 pub mod injection;
+pub mod live;
 pub mod model;
 pub mod monitor;
 pub mod perception;
 mod planner;
 pub mod process;
+pub mod ros2;
 pub mod sensors;
+pub mod source;
 pub mod text;
 pub mod words;
 
@@ -32,12 +36,16 @@ use swerve_vehicle::VehicleParams;
 use camera::{CameraConfig, RenderConfig};
 use clock::ClockConfig;
 use execution::{Deadline, Runtime};
+use gate::GateConfig;
 use injection::FaultConfig;
+pub use live::LiveConfig;
 use model::ExecutionConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
 use process::ProcessConfig;
+use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
+use source::SourceConfig;
 use text::{Document, Problem};
 
 /// A whole configuration: what runs, how long it takes, what is recorded.
@@ -72,6 +80,8 @@ pub struct Config {
     pub planning: PlanningConfig,
     /// The controller.
     pub control: ControlConfig,
+    /// The safety gate between the controller and the vehicle.
+    pub gate: GateConfig,
     /// When detector and planner run, and how long they may take.
     pub execution: ExecutionConfig,
     /// What is recorded.
@@ -85,6 +95,15 @@ pub struct Config {
     pub fault: BTreeMap<String, FaultConfig>,
     /// Processes that take the steps of operators, by name.
     pub process: BTreeMap<String, ProcessConfig>,
+    /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    pub ros2: toml::Table,
+    /// A recorded drive in the place of a vehicle, for `swerve live`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<SourceConfig>,
+    /// A vehicle that `swerve live` drives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub live: Option<LiveConfig>,
 }
 
 impl Default for Config {
@@ -104,12 +123,16 @@ impl Default for Config {
             prediction: PredictionConfig::default(),
             planning: PlanningConfig::default(),
             control: ControlConfig::default(),
+            gate: GateConfig::default(),
             execution: ExecutionConfig::default(),
             log: LogConfig::default(),
             operator: BTreeMap::new(),
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
             process: BTreeMap::new(),
+            ros2: toml::Table::new(),
+            source: None,
+            live: None,
         }
     }
 }
@@ -120,6 +143,8 @@ impl Default for Config {
 pub struct EgoConfig {
     /// Target and start speed, m/s; the scenario's when absent.
     pub speed_mps: Option<f64>,
+    /// Who drives it.
+    pub driver: EgoDriver,
 }
 
 /// The simulator.
@@ -465,7 +490,7 @@ pub struct ResourceConfig {
 }
 
 /// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 15] = [
+pub const OPERATORS: [&str; 19] = [
     "world",
     "obstacles",
     "pose",
@@ -481,6 +506,10 @@ pub const OPERATORS: [&str; 15] = [
     "deadlines",
     "planner",
     "controller",
+    "report",
+    "switch",
+    "gate",
+    "pedals",
 ];
 
 impl Config {
@@ -568,6 +597,7 @@ impl Config {
         if let Err(message) = self.planning.planner() {
             faults.push(("planning.params".into(), message));
         }
+        self.check_gate(&mut faults);
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
         self.check_faults(&mut faults);
@@ -576,6 +606,9 @@ impl Config {
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);
+        self.check_ros2(&mut faults);
+        self.check_source(&mut faults);
+        self.check_live(&mut faults);
         if faults.is_empty() {
             return Ok(self);
         }
@@ -630,8 +663,12 @@ impl Config {
         }
     }
 
-    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that.
+    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that; `ros2` where
+    /// another stack drives.
     pub fn pipeline_name(&self) -> String {
+        if self.is_driven_over_ros2() {
+            return "ros2".into();
+        }
         Self::name_of(self.planning.planner, self.planning.preset)
     }
 

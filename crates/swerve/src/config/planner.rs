@@ -51,8 +51,11 @@ pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result
     })
 }
 
-/// A planner's parameters with what the configuration says otherwise.
-fn overridden<T: Serialize + DeserializeOwned>(defaults: &T, changes: &toml::Table) -> Result<T, String> {
+/// Parameters with what the configuration says otherwise.
+pub(super) fn overridden<T: Serialize + DeserializeOwned>(
+    defaults: &T,
+    changes: &toml::Table,
+) -> Result<T, String> {
     let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
     table.extend(changes.clone());
     table.clone().try_into().map_err(|error: toml::de::Error| {

@@ -5,6 +5,7 @@ use core::time::Duration;
 use serde::{Deserialize, Serialize};
 use swerve_ipc::OnLoss;
 
+use super::gate::GATE_OPERATORS;
 use super::words::{nearest, number};
 use super::{Config, OPERATORS};
 
@@ -40,6 +41,8 @@ impl Config {
         match operator {
             "world" => Some("it is the world"),
             "controller" => Some("it is the actuation"),
+            "gate" => Some("it is the safety gate"),
+            _ if GATE_OPERATORS.contains(&operator) => Some("it is the vehicle's side of the safety gate"),
             "deadlines" => Some("it says how long the others may take"),
             _ if self.sensors().any(|sensor| sensor == operator) => Some("sensors are where the world is"),
             _ if self.movable().any(|movable| movable == operator) => None,

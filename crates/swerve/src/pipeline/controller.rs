@@ -1,22 +1,27 @@
-use swerve_control::{Controller, Following, Input, Law, Params, Pedals};
+use std::sync::Arc;
+
+use swerve_control::{Controller, Following, Input, Law, Output, Params, Pedals};
 use swerve_core::{Span, Time};
 use swerve_flow::{Context, Every, Latest, Operator, Port};
-use swerve_msg::{Command, EgoState, Plan, Route, Supervision};
+use swerve_msg::{Command, EgoState, MotionCommand, Plan, Route, Supervision};
 use swerve_planning::posed::Preset;
-use swerve_vehicle::{VehicleParams, pedals_for_accel};
+use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
 
 use crate::config::{Config, ControllerName};
 
 /// Follows the newest plan; the route before there is one. Stops where a process is lost.
-pub(super) struct ControllerOperator {
+pub(crate) struct Driver {
     controller: Controller,
+    vehicle: VehicleParams,
     route: Route,
+    /// The newest plan that a car can follow. Its time runs out where none comes after it.
+    plan: Option<Arc<Plan>>,
     /// Where the ego comes to a stop, while it has to.
     stop_along: Option<Plan>,
 }
 
-impl ControllerOperator {
-    pub(super) fn new(config: &Config, route: &Route) -> Self {
+impl Driver {
+    pub(crate) fn new(config: &Config, route: &Route) -> Self {
         let preset = match config.planning.preset {
             Preset::Paper => Following::Projection,
             Preset::Best => Following::Time,
@@ -29,9 +34,40 @@ impl ControllerOperator {
         };
         let params =
             Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
-        Self { controller: controller(&config.sim.vehicle, params), route: route.clone(), stop_along: None }
+        let vehicle = config.sim.vehicle.clone();
+        Self {
+            controller: controller(&vehicle, params),
+            vehicle,
+            route: route.clone(),
+            plan: None,
+            stop_along: None,
+        }
+    }
+
+    /// One step of control: the state that it is for, and what comes out. Nothing where there is no state.
+    fn step(&mut self, now: Time, (_, ego, plan, processes): &Inputs) -> Option<(EgoState, Output)> {
+        // What no car can do is no measurement and no plan: better none.
+        let ego = ego.get().filter(|ego| ego.is_plausible())?;
+        if let Some(plan) = plan.get().filter(|plan| plan.is_plausible()) {
+            self.plan = Some(plan.shared());
+        }
+        let plan = self.plan.as_deref();
+        let gone = |processes: &Latest<Supervision>| processes.get().is_some_and(|all| !all.gone.is_empty());
+        if processes.iter().any(gone) {
+            // Plans that still come are not looked at: what they are made from may be out of date.
+            self.stop_along.get_or_insert_with(|| over(plan, now));
+        } else {
+            self.stop_along = None;
+        }
+        let plan = self.stop_along.as_ref().or(plan);
+        let input = Input { now, ego, plan, route: &self.route };
+        let output = self.controller.step(&input);
+        Some((**ego, output))
     }
 }
+
+/// A tick, localization, plans, and who of the run's processes is gone.
+type Inputs = (Every, Latest<EgoState>, Latest<Plan>, Vec<Latest<Supervision>>);
 
 /// A controller that knows the pedals of `vehicle`.
 pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
@@ -43,24 +79,39 @@ pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
     Controller::new(params, vehicle.shape, vehicle.limits, Box::new(pedals))
 }
 
-impl Operator for ControllerOperator {
-    type In = (Every, Latest<EgoState>, Latest<Plan>, Vec<Latest<Supervision>>);
+/// Asks for pedals: what a vehicle without a gate takes.
+pub(super) struct PedalController(pub(super) Driver);
+
+impl Operator for PedalController {
+    type In = Inputs;
     type Out = Port<Command>;
 
-    fn step(&mut self, cx: &mut Context<'_>, (_, ego, plan, processes): &Self::In, out: &mut Self::Out) {
-        // What no car can do is no measurement and no plan: better none.
-        let Some(ego) = ego.get().filter(|ego| ego.is_plausible()) else { return };
-        let plan = plan.get().map(|plan| &**plan).filter(|plan| plan.is_plausible());
-        let gone = |processes: &Latest<Supervision>| processes.get().is_some_and(|all| !all.gone.is_empty());
-        if processes.iter().any(gone) {
-            // Plans that still come are not looked at: what they are made from may be out of date.
-            self.stop_along.get_or_insert_with(|| over(plan, cx.now()));
-        } else {
-            self.stop_along = None;
+    fn step(&mut self, cx: &mut Context<'_>, inputs: &Self::In, out: &mut Self::Out) {
+        if let Some((_, output)) = self.0.step(cx.now(), inputs) {
+            out.loan().send(output.command);
         }
-        let plan = self.stop_along.as_ref().or(plan);
-        let input = Input { now: cx.now(), ego, plan, route: &self.route };
-        out.loan().send(self.controller.step(&input).command);
+    }
+}
+
+/// Asks for motion: what a safety gate takes. The stamp is that of the state which the controller knew: a controller
+/// that goes on without new states falls silent for the gate.
+pub(crate) struct MotionController(pub(crate) Driver);
+
+impl Operator for MotionController {
+    type In = Inputs;
+    type Out = Port<MotionCommand>;
+
+    fn step(&mut self, cx: &mut Context<'_>, inputs: &Self::In, out: &mut Self::Out) {
+        let Some((ego, output)) = self.0.step(cx.now(), inputs) else { return };
+        let Command { steering_rad, throttle, brake } = output.command;
+        // Of a law that works the pedals: what they would come to.
+        let by_pedals = || {
+            let pedals = swerve_vehicle::Pedals { throttle, brake };
+            accel_for_pedals(&self.0.vehicle, ego.speed_mps, pedals)
+        };
+        let accel_mps2 = output.accel_mps2.unwrap_or_else(by_pedals);
+        let speed_mps = output.speed_mps;
+        out.loan().send(MotionCommand { stamp: ego.stamp, steering_rad, speed_mps, accel_mps2 });
     }
 }
 

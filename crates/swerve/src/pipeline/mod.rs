@@ -5,7 +5,9 @@ mod controller;
 mod deadline;
 mod events;
 mod faulty;
+pub(crate) mod gate;
 mod lidar;
+mod live;
 mod monitor;
 mod perception;
 mod planner;
@@ -22,7 +24,7 @@ use anyhow::Context as _;
 use swerve_core::{Span, Time};
 use swerve_flow::{Graph, Policy, RuntimeModel, SourceHandle, Stream, Timer, every};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Command, Route, Supervision};
+use swerve_msg::{Command, EgoState, MotionCommand, Route, Supervision, Switch};
 use swerve_scenario::{Scenario, sensor_phase};
 use swerve_sim::sense::{LaneInvasionSensor, RedLightSensor, WheelOdometer};
 use swerve_sim::{SimParams, Simulator};
@@ -37,6 +39,7 @@ use faulty::faulty;
 use stage::SharedStage;
 
 pub use controller::controller;
+pub(crate) use live::{Monitored, drive, live_gate, monitors};
 pub use stage::{Rendered, StreamMemory};
 
 /// A pipeline ready to run.
@@ -57,9 +60,22 @@ pub struct Pipeline {
     pub clock: Clock,
     /// Who is to be told what becomes of the run's processes, under wall clock.
     pub supervisor: Option<SourceHandle<Supervision>>,
+    /// How another stack drives, where one does.
+    pub driver: Option<DriverInputs>,
     /// What cameras and lidars share, where there are any.
     stage: Option<SharedStage>,
 }
+
+/// What a stack outside says.
+pub struct DriverInputs {
+    /// What it asks of the vehicle.
+    pub commands: SourceHandle<MotionCommand>,
+    /// Whether it is to drive.
+    pub switch: SourceHandle<Switch>,
+}
+
+/// The same, on streams.
+type Driver = (Stream<MotionCommand>, Stream<Switch>);
 
 impl Pipeline {
     /// Puts the pipeline of `config` around the world of `scenario`.
@@ -71,12 +87,14 @@ impl Pipeline {
         let clock = config.clock.source;
         let supervised = clock == Clock::Wall && !config.process.is_empty();
         let (processes, supervisor) = supervised.then(|| graph.source(SUPERVISOR)).unzip();
+        let (driver, inputs) = config.is_driven_over_ros2().then(|| driver(&mut graph)).unzip();
+        let outside = (processes, driver);
         let (memory, stage) =
-            connect(&mut graph, config, &scenario, (&route, processes)).context("building the pipeline")?;
+            connect(&mut graph, config, &scenario, &route, outside).context("building the pipeline")?;
         configure(&mut graph, config)?;
         let until =
             last_step(Span::from_secs(scenario.end.timeout_s), Span::from_secs(config.sim.dt_ms * 1e-3));
-        Ok(Self { graph, scenario, route, vehicle, until, memory, clock, supervisor, stage })
+        Ok(Self { graph, scenario, route, vehicle, until, memory, clock, supervisor, driver: inputs, stage })
     }
 
     /// Tells, once the pipeline has run, what computed its images, if it had any.
@@ -84,6 +102,13 @@ impl Pipeline {
         let stage = self.stage.clone();
         move || stage.map(|stage| stage::rendered(&stage))
     }
+}
+
+/// Adds what another stack drives through.
+fn driver(graph: &mut Graph) -> (Driver, DriverInputs) {
+    let (commands, commands_in) = graph.source("commands");
+    let (switch, switch_in) = graph.source("switch");
+    ((commands, switch), DriverInputs { commands: commands_in, switch: switch_in })
 }
 
 /// The first step of the world at which the scenario's time is over.
@@ -97,6 +122,10 @@ pub(crate) fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
     let mut scenario = scenario.clone();
     if let Some(speed) = config.ego.speed_mps {
         scenario.ego.target_speed_mps = speed;
+    }
+    if config.is_driven_over_ros2() {
+        // Who drives is not there yet.
+        scenario.ego.start_speed_mps = Some(0.0);
     }
     if config.sim.draws { scenario.drawn(config.seed) } else { scenario }
 }
@@ -121,7 +150,8 @@ fn connect(
     graph: &mut Graph,
     config: &Config,
     scenario: &Scenario,
-    (route, processes): (&Route, Option<Stream<Supervision>>),
+    route: &Route,
+    (processes, driver): (Option<Stream<Supervision>>, Option<Driver>),
 ) -> anyhow::Result<Surroundings> {
     let sensing = &config.sensing;
     let dt = ms(config.sim.dt_ms);
@@ -134,13 +164,29 @@ fn connect(
     let sight = perception::sight(graph, config, timer("obstacles", sensing.period_ms), world)?;
     let seed = config.seed;
     let pose_sensor = sensors::Pose { params: sensing.pose, seed };
-    let pose = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
-    let pose = faulty(graph, config, "pose", pose)?;
+    let measured = graph.add("pose", pose_sensor, (timer("pose", sensing.pose_period_ms), world)).out();
+    let pose = faulty(graph, config, "pose", measured)?;
     let imu = sensors::Inertial { params: sensing.imu, seed };
     let imu = graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     faulty(graph, config, "imu", imu)?;
     sense_motion_and_events(graph, config, scenario, world)?;
     let surroundings = sense_surroundings(graph, config, scenario, world)?;
+    let commands = match driver {
+        Some((wishes, switch)) => gate::before_world(graph, config, wishes, measured, Some(switch))?,
+        None => own_stack(graph, config, (scenario, route), processes, (sight, pose, measured))?,
+    };
+    graph.connect(command, commands);
+    Ok(surroundings)
+}
+
+/// From what is seen to what the car is told.
+fn own_stack(
+    graph: &mut Graph,
+    config: &Config,
+    (scenario, route): (&Scenario, &Route),
+    processes: Option<Stream<Supervision>>,
+    (sight, pose, measured): (perception::Sight, Stream<EgoState>, Stream<EgoState>),
+) -> anyhow::Result<Stream<Command>> {
     let tracks = perception::tracks(graph, config, sight, pose)?;
     let tracks = faulty(graph, config, "tracker", tracks)?;
     let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
@@ -149,14 +195,17 @@ fn connect(
     let deadline = deadline::set_deadlines(graph, config, (predictions, pose, route))?;
     let plan = planner::planner(graph, config, planner, (predictions, pose, deadline))?;
     let plan = faulty(graph, config, "planner", plan)?;
-    let controller = controller::ControllerOperator::new(config, route);
+    let driver = controller::Driver::new(config, route);
     let processes: Vec<_> = processes.into_iter().map(swerve_flow::Source::from).collect();
-    let commands = graph
-        .add("controller", controller, (every(ms(config.control.period_ms)), pose, plan, processes))
-        .out();
-    let commands = faulty(graph, config, "controller", commands)?;
-    graph.connect(command, commands);
-    Ok(surroundings)
+    let inputs = (every(ms(config.control.period_ms)), pose, plan, processes);
+    if config.gate.enabled {
+        let wishes = graph.add("controller", controller::MotionController(driver), inputs).out();
+        let wishes = faulty(graph, config, "controller", wishes)?;
+        gate::before_world(graph, config, wishes, measured, None)
+    } else {
+        let pedals = graph.add("controller", controller::PedalController(driver), inputs).out();
+        faulty(graph, config, "controller", pedals)
+    }
 }
 
 /// Sensors of the ego's own motion, and of what happens to it, that run only where they are asked for.
@@ -261,7 +310,7 @@ fn sense_surroundings(
 }
 
 /// Run times, policies, deadlines, resources and delays, by operator name.
-fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
+pub(crate) fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
     let wrong = |name: &str, message: String| anyhow::anyhow!("operator.{name}: {message}");
     let resources: Vec<_> =
         config.resource.iter().map(|(name, r)| (name.as_str(), graph.resource(name, r.slots))).collect();
@@ -328,6 +377,8 @@ fn runtime(config: &Config, name: &str) -> Result<RuntimeModel, String> {
         return runtime.model();
     }
     match name {
+        // On a vehicle the planner takes as long as it takes.
+        "planner" if config.live.is_some() && config.clock.source == Clock::Wall => Ok(RuntimeModel::Zero),
         "planner" if config.planning.ladder.is_some() => Ok(deadline::on_ladder()),
         "detector" if config.perception.ladder => Ok(deadline::on_ladder()),
         "planner" => config.planning.cost_of_chosen().map_or(Ok(RuntimeModel::Zero), Runtime::model),

@@ -23,6 +23,9 @@ pub struct StudyFile {
     pub axis: Vec<Axis>,
     /// The latency budget, where that is asked for instead of a plain grid.
     pub budget: Option<Budget>,
+    /// Whether a drive that only ran out of time counts as a good one in the picture: nobody was hurt.
+    #[serde(default)]
+    pub timeout_is_good: bool,
     /// Combinations that are not driven: those that have, of every axis named, one of the steps named.
     #[serde(default)]
     pub leave_out: Vec<LeaveOut>,
@@ -144,6 +147,8 @@ pub struct Study {
     pub cells: Vec<Cell>,
     /// The latency budget, where asked for.
     pub budget: Option<Budget>,
+    /// Whether a drive that only ran out of time counts as a good one in the picture.
+    pub timeout_is_good: bool,
     /// Combinations that are not driven.
     pub leave_out: Vec<LeaveOut>,
     /// Which setting is best, where asked for.
@@ -226,6 +231,7 @@ impl Study {
             steps,
             cells: Vec::new(),
             budget: file.budget,
+            timeout_is_good: file.timeout_is_good,
             leave_out: file.leave_out,
             ranking: file.ranking,
         })

@@ -4,8 +4,8 @@ use swerve_core::{Rng, Time};
 use swerve_flow::Payload;
 use swerve_geom::{Pose2, Vector2};
 use swerve_msg::{
-    Command, Detections, EgoState, Gnss, Image, Imu, ObstacleList, Packed, Pixels, Plan, PointCloud,
-    PredictionList, RadarScan, TrackList, WheelOdometry,
+    Command, Detections, EgoState, Gnss, Image, Imu, MotionCommand, ObstacleList, Packed, Pixels, Plan,
+    PointCloud, PredictionList, RadarScan, TrackList, VehicleReport, WheelOdometry,
 };
 
 use crate::config::injection::Corruption;
@@ -111,6 +111,12 @@ victims! {
                 [(&mut d.range_m, 1.0), (&mut d.range_rate_mps, 1.0), (&mut d.azimuth_rad, DEGREE)]
             })
             .collect()
+    };
+    MotionCommand: |m, stamp| m.stamp = stamp, |m| {
+        vec![(&mut m.steering_rad, DEGREE), (&mut m.speed_mps, 1.0), (&mut m.accel_mps2, 1.0)]
+    };
+    VehicleReport: |m, stamp| m.stamp = stamp, |m| {
+        vec![(&mut m.speed_mps, 1.0), (&mut m.steering_rad, DEGREE)]
     };
     Command: |_, _| {}, |m| {
         vec![(&mut m.steering_rad, DEGREE), (&mut m.throttle, HUNDREDTH), (&mut m.brake, HUNDREDTH)]

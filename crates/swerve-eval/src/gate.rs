@@ -1,0 +1,120 @@
+//! What the safety gate did in a drive.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_msg::{GateMode, GateOutput, Refusals, StopCause};
+
+use crate::seconds;
+
+/// How long the gate was in which mode, and what it kept from the vehicle.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct GateMetrics {
+    /// The driver drove, seconds.
+    pub manual_s: f64,
+    /// The stack drove, seconds.
+    pub driving_s: f64,
+    /// The car was brought to a standstill, seconds.
+    pub stopping_s: f64,
+    /// The car was held, seconds.
+    pub holding_s: f64,
+    /// Time in which the command let through was not the one given, for limits or rates, while the stack drove; seconds.
+    pub limited_s: f64,
+    /// The mode at the end.
+    pub end: GateMode,
+    /// When it began to stop the car, and why; an emergency on top of another cause is one more.
+    pub stops: Vec<GateStop>,
+    /// Commands that it refused, by reason.
+    pub refused: Refusals,
+}
+
+/// A stop that the gate began.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct GateStop {
+    /// Instant, seconds.
+    pub at_s: f64,
+    /// Why.
+    pub cause: StopCause,
+}
+
+/// Takes in what a gate says, tick by tick.
+#[derive(Clone, Debug, Default)]
+pub struct GateUse {
+    last: Option<(Time, GateOutput)>,
+    /// Manual, driving, stopping, holding; and limited.
+    spans: [Span; 5],
+    stops: Vec<(Time, StopCause)>,
+}
+
+impl GateUse {
+    /// What the gate said at an instant. It holds until the next.
+    pub fn take(&mut self, at: Time, output: &GateOutput) {
+        let before = self.last.map(|(_, before)| before.mode);
+        if let Some((since, before)) = &self.last {
+            let passed = at - *since;
+            let mode = match before.mode {
+                GateMode::Manual => 0,
+                GateMode::Driving => 1,
+                GateMode::Stopping(_) => 2,
+                GateMode::Holding(_) => 3,
+            };
+            self.spans[mode] += passed;
+            if before.limited && before.mode == GateMode::Driving {
+                self.spans[4] += passed;
+            }
+        }
+        if let GateMode::Stopping(cause) = output.mode
+            && before != Some(output.mode)
+        {
+            self.stops.push((at, cause));
+        }
+        self.last = Some((at, *output));
+    }
+
+    /// The result; none where there was no gate.
+    pub fn metrics(&self) -> Option<GateMetrics> {
+        let (_, last) = self.last.as_ref()?;
+        let [manual_s, driving_s, stopping_s, holding_s, limited_s] = self.spans.map(|span| span.as_secs());
+        let stops = self.stops.iter().map(|&(at, cause)| GateStop { at_s: seconds(at), cause });
+        Some(GateMetrics {
+            manual_s,
+            driving_s,
+            stopping_s,
+            holding_s,
+            limited_s,
+            end: last.mode,
+            stops: stops.collect(),
+            refused: last.refusals,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modes_are_counted_until_the_next_word() {
+        let mut gate = GateUse::default();
+        assert_eq!(gate.metrics(), None);
+        let modes = [
+            GateMode::Manual,
+            GateMode::Driving,
+            GateMode::Driving,
+            GateMode::Stopping(StopCause::Released),
+            GateMode::Stopping(StopCause::Emergency),
+            GateMode::Holding(StopCause::Emergency),
+        ];
+        for (k, mode) in modes.into_iter().enumerate() {
+            let limited = k != 1;
+            let refusals = Refusals { stale: k as u64, ..Refusals::default() };
+            let output = GateOutput { mode, limited, refusals, ..GateOutput::default() };
+            gate.take(Time::from_ms(100 * k as i64), &output);
+        }
+        let metrics = gate.metrics().unwrap();
+        let spans = [metrics.manual_s, metrics.driving_s, metrics.stopping_s, metrics.holding_s];
+        assert_eq!((spans, metrics.limited_s), ([0.1, 0.2, 0.2, 0.0], 0.1));
+        let stops: Vec<_> = metrics.stops.iter().map(|stop| (stop.at_s, stop.cause)).collect();
+        assert_eq!(stops, [(0.3, StopCause::Released), (0.4, StopCause::Emergency)]);
+        assert_eq!((metrics.end, metrics.refused.total()), (GateMode::Holding(StopCause::Emergency), 5));
+    }
+}

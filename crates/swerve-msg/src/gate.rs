@@ -1,0 +1,120 @@
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+
+use crate::MotionCommand;
+
+/// What the vehicle says of itself.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct VehicleReport {
+    /// Instant that it describes.
+    pub stamp: Time,
+    /// Speed along the heading, m/s; negative in reverse.
+    pub speed_mps: f64,
+    /// Angle of the front road wheels, radians; positive to the left.
+    pub steering_rad: f64,
+    /// Whether the driver steers, brakes or accelerates, or the vehicle is in manual mode.
+    pub driver_active: bool,
+}
+
+/// The switch that a person holds.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Switch {
+    /// Whether the stack is to drive: its rising edge enables.
+    pub enable: bool,
+    /// Whether the car is to be stopped at once.
+    pub emergency: bool,
+}
+
+/// What the safety gate does.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GateMode {
+    /// The driver drives, nothing is commanded.
+    #[default]
+    Manual,
+    /// The stack drives.
+    Driving,
+    /// The car is brought to a standstill.
+    Stopping(StopCause),
+    /// The car stands and is held.
+    Holding(StopCause),
+}
+
+/// Why the car is stopped.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopCause {
+    /// No sound command for too long.
+    CommandTimeout,
+    /// No sound report of the vehicle for too long.
+    ReportTimeout,
+    /// The person let go of the switch.
+    Released,
+    /// The emergency stop.
+    Emergency,
+}
+
+impl StopCause {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::CommandTimeout => "no sound command",
+            Self::ReportTimeout => "no sound report of the vehicle",
+            Self::Released => "the switch was released",
+            Self::Emergency => "emergency stop",
+        }
+    }
+}
+
+/// Why a command was refused.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Refusal {
+    /// A number of it is none.
+    NotFinite,
+    /// It is older than the one before it.
+    OutOfOrder,
+    /// It is too old.
+    Stale,
+    /// It is from the future.
+    Ahead,
+}
+
+/// How often commands were refused, by reason.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Refusals {
+    /// A number of it is none.
+    pub not_finite: u64,
+    /// It is older than the one before it.
+    pub out_of_order: u64,
+    /// It is too old.
+    pub stale: u64,
+    /// It is from the future.
+    pub ahead: u64,
+}
+
+impl Refusals {
+    /// How many in all.
+    pub fn total(&self) -> u64 {
+        self.not_finite + self.out_of_order + self.stale + self.ahead
+    }
+}
+
+/// What the safety gate lets through to the vehicle.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct GateOutput {
+    /// What the gate does.
+    pub mode: GateMode,
+    /// Whether the vehicle is to follow the command; without it the driver drives.
+    pub engaged: bool,
+    /// Finite, within limits and rates.
+    pub command: MotionCommand,
+    /// Grows by one with each call, and wraps after 65535.
+    pub heartbeat: u16,
+    /// Why the command given was refused, if it was.
+    pub refused: Option<Refusal>,
+    /// How often commands were refused so far.
+    pub refusals: Refusals,
+    /// Whether the command had to be changed to be within limits or rates.
+    pub limited: bool,
+}

@@ -1,0 +1,121 @@
+//! The safety gate, `[gate]`.
+
+use serde::{Deserialize, Serialize};
+use swerve_control::safety_gate::GateParams;
+
+use super::planner::overridden;
+use super::{Config, words};
+
+/// The safety gate between the controller and the vehicle.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GateConfig {
+    /// Whether there is one.
+    pub enabled: bool,
+    /// Period, ms.
+    pub period_ms: f64,
+    /// When the simulated person presses the switch, ms; the simulated driver holds wheel and speed until then.
+    pub enable_at_ms: f64,
+    /// When that person lets go of the switch, ms; never when absent.
+    pub release_at_ms: Option<f64>,
+    /// When that person stops the car at once, ms; never when absent.
+    pub emergency_at_ms: Option<f64>,
+    /// Limits and times that differ from those of the vehicle.
+    pub params: toml::Table,
+}
+
+impl Default for GateConfig {
+    fn default() -> Self {
+        Self {
+            enabled: false,
+            period_ms: 10.0,
+            enable_at_ms: 0.0,
+            release_at_ms: None,
+            emergency_at_ms: None,
+            params: toml::Table::new(),
+        }
+    }
+}
+
+/// The operators that there are where a gate is.
+pub const GATE_OPERATORS: [&str; 4] = ["report", "switch", "gate", "pedals"];
+
+impl Config {
+    /// Limits and times of the gate: those of the vehicle, with what the configuration says otherwise.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn gate_params(&self) -> Result<GateParams, String> {
+        let params: GateParams = overridden(&GateParams::of(&self.sim.vehicle), &self.gate.params)?;
+        params.validate().map_err(|error| error.to_string())?;
+        Ok(params)
+    }
+
+    pub(super) fn check_gate(&self, told: &mut Vec<(String, String)>) {
+        let gate = &self.gate;
+        let mut range = |key: &str, value: Option<f64>, low: f64, high: f64| {
+            if let Some(value) = value.filter(|value| !(low..=high).contains(value)) {
+                let found = words::number(value);
+                told.push((format!("gate.{key}"), format!("expected {low} to {high}, found {found}")));
+            }
+        };
+        range("period_ms", Some(gate.period_ms), 1.0, 100.0);
+        range("enable_at_ms", Some(gate.enable_at_ms), 0.0, 1e9);
+        range("release_at_ms", gate.release_at_ms, gate.enable_at_ms, 1e9);
+        range("emergency_at_ms", gate.emergency_at_ms, 0.0, 1e9);
+        // A vehicle with faults of its own has been told.
+        if self.sim.vehicle.validate().is_ok()
+            && let Err(message) = self.gate_params()
+        {
+            told.push(("gate.params".into(), message));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::text::Document;
+
+    fn told(text: &str) -> Vec<String> {
+        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
+        problems.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn limits_come_from_the_vehicle_and_single_ones_from_the_file() {
+        let text =
+            "[gate]\nparams = { stop_decel_mps2 = 2.5 }\n[sim.vehicle.limits]\nsteering_max_rad = 0.4\n";
+        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let params = Config::from_document(&document, &[]).unwrap().gate_params().unwrap();
+        assert_eq!((params.stop_decel_mps2, params.steering_max_rad), (2.5, 0.4));
+        let of_car = Config::default().gate_params().unwrap();
+        assert!(of_car.decel_max_mps2 > 9.81, "full brakes pass: {}", of_car.decel_max_mps2);
+    }
+
+    #[test]
+    fn what_makes_no_gate_is_told_with_its_line() {
+        let cases = [
+            ("period_ms = 0", "c.toml:2: gate.period_ms: expected 1 to 100, found 0"),
+            ("enable_at_ms = 500\nrelease_at_ms = 400", "c.toml:3: gate.release_at_ms: expected 500 to"),
+            ("params = { stop_decel_mps2 = -1 }", "c.toml:2: gate.params: `stop_decel_mps2` is -1"),
+            ("params = { stop_decel = 1 }", "c.toml:2: gate.params: `stop_decel`: unknown key; did you mean"),
+            ("enable = true", "c.toml:2: gate.enable: unknown key; did you mean \"enabled\"?"),
+        ];
+        for (line, expected) in cases {
+            let found = told(&format!("[gate]\n{line}\n"));
+            assert!(found.iter().any(|told| told.starts_with(expected)), "{line}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn the_gate_and_what_is_around_it_stay_in_the_coordinator() {
+        for operator in GATE_OPERATORS {
+            let found = told(&format!("[gate]\nenabled = true\n[process.a]\noperators = [\"{operator}\"]\n"));
+            assert!(found[0].contains(&format!("`{operator}` stays in the coordinator")), "{found:?}");
+        }
+        let found = told("[gate]\nenabled = true\n[process.a]\noperators = [\"gate\"]\n");
+        assert!(found[0].contains("it is the safety gate"), "{found:?}");
+    }
+}

@@ -1,0 +1,149 @@
+//! How `swerve live` drives a vehicle, `[live]`.
+
+use serde::{Deserialize, Serialize};
+use swerve_ros2::convert::SteeringGear;
+use swerve_ros2::mapping::{Role, Vehicle};
+
+use super::words::number;
+use super::{Config, ControllerName};
+
+/// A vehicle on the other side of ROS 2's topics.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LiveConfig {
+    /// The scenario whose road is followed at the speed of its ego up to its `end_m`, as a path from the folder of the
+    /// configuration. Its actors are not looked at.
+    pub route: String,
+    /// Who says that the stack is to drive.
+    pub enable: EnableBy,
+    /// How long the vehicle may take to listen once it was asked to, seconds.
+    pub enable_timeout_s: f64,
+    /// Autoware's service for the control mode, by its name in ROS; it is not called when this is empty.
+    pub control_mode_service: String,
+    /// What a vehicle with Dataspeed's interface is told.
+    pub longitudinal: Longitudinal,
+    /// Turns of the steering wheel for a turn of the road wheels, where the interface speaks of the former.
+    pub steering_ratio: f64,
+    /// How far the steering wheel turns to a side, degrees.
+    pub steering_wheel_max_deg: f64,
+    /// Objects older than this are not driven by, seconds: once there were any, the car is stopped without.
+    pub objects_timeout_s: f64,
+    /// A plan older than this is not driven, seconds.
+    pub plan_timeout_s: f64,
+    /// How long the stop at the end may take, seconds; then the vehicle is left to its own time-out.
+    pub stop_timeout_s: f64,
+    /// Beyond this a stamp is from the future, ms after what the clock of its sensor says.
+    pub stamp_ahead_max_ms: f64,
+    /// Beyond this a stamp is from long ago, ms.
+    pub stamp_behind_max_ms: f64,
+}
+
+/// Who says that the stack is to drive.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum EnableBy {
+    /// A person, on the topic of the mapping's `enable`.
+    #[default]
+    Topic,
+    /// The start of the program does, as soon as all topics are there: for tests and simulators.
+    AtStart,
+}
+
+/// How acceleration is asked for where there is a choice.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Longitudinal {
+    /// By speed and limits of acceleration, which the vehicle's own controller keeps.
+    #[default]
+    Speed,
+    /// By pedals.
+    Pedals,
+}
+
+impl Default for LiveConfig {
+    fn default() -> Self {
+        let gear = SteeringGear::default();
+        Self {
+            route: String::new(),
+            enable: EnableBy::default(),
+            enable_timeout_s: 5.0,
+            control_mode_service: String::new(),
+            longitudinal: Longitudinal::default(),
+            steering_ratio: gear.ratio,
+            steering_wheel_max_deg: gear.wheel_max_deg,
+            objects_timeout_s: 0.5,
+            plan_timeout_s: 0.5,
+            stop_timeout_s: 20.0,
+            stamp_ahead_max_ms: 50.0,
+            stamp_behind_max_ms: 1000.0,
+        }
+    }
+}
+
+impl LiveConfig {
+    /// Between the road wheels and the steering wheel.
+    pub fn gear(&self) -> SteeringGear {
+        SteeringGear {
+            ratio: self.steering_ratio,
+            wheel_max_deg: self.steering_wheel_max_deg,
+            ..SteeringGear::default()
+        }
+    }
+}
+
+impl Config {
+    pub(super) fn check_live(&self, told: &mut Vec<(String, String)>) {
+        let Some(live) = &self.live else { return };
+        let mut range = |key: &str, value: f64, low: f64, high: f64| {
+            if !(low..=high).contains(&value) {
+                told.push((
+                    format!("live.{key}"),
+                    format!("expected {low} to {high}, found {}", number(value)),
+                ));
+            }
+        };
+        range("enable_timeout_s", live.enable_timeout_s, 0.1, 60.0);
+        range("steering_ratio", live.steering_ratio, 1.0, 50.0);
+        range("steering_wheel_max_deg", live.steering_wheel_max_deg, 10.0, 2000.0);
+        range("objects_timeout_s", live.objects_timeout_s, 0.05, 10.0);
+        range("plan_timeout_s", live.plan_timeout_s, 0.05, 10.0);
+        range("stop_timeout_s", live.stop_timeout_s, 1.0, 120.0);
+        range("stamp_ahead_max_ms", live.stamp_ahead_max_ms, 1.0, 10_000.0);
+        range("stamp_behind_max_ms", live.stamp_behind_max_ms, 1.0, 60_000.0);
+        let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
+        if live.route.is_empty() {
+            tell("live.route", "is missing: expected the scenario file whose road is to be followed".into());
+        }
+        if self.control.controller == ControllerName::Pid {
+            let message = "expected \"stanley\", \"pure_pursuit\" or \"mpc\": \"pid\" knows pedals only, and what goes \
+                           to a vehicle is an acceleration";
+            tell("control.controller", message.into());
+        }
+        if !self.process.is_empty() {
+            tell("process", "`swerve live` runs in one process".into());
+        }
+        if !self.fault.is_empty() {
+            tell("fault", "no faults are made on a vehicle".into());
+        }
+        // What is wrong with the table itself is told by its own check.
+        let Ok(mapping) = self.ros2_mapping() else { return };
+        if mapping.vehicle == Vehicle::Plain && live.enable == EnableBy::AtStart {
+            let message = "a vehicle of the table `plain` is told nothing: it cannot be driven, only watched";
+            tell("live.enable", message.into());
+        }
+        if mapping.vehicle != Vehicle::Plain && mapping.with_role(Role::Odometry).next().is_none() {
+            tell("ros2.topics", "a vehicle that is to be driven needs the topic `odometry`".into());
+        }
+        for (table, name, role) in self
+            .camera
+            .keys()
+            .map(|name| ("camera", name, Role::Camera))
+            .chain(self.lidar.keys().map(|name| ("lidar", name, Role::Lidar)))
+        {
+            if mapping.topic(name).is_none_or(|topic| topic.role != role) {
+                let message = format!("no topic of `[ros2.topics]` with the role `{table}` has this name");
+                tell(&format!("{table}.{name}"), message);
+            }
+        }
+    }
+}

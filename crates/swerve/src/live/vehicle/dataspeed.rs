@@ -1,0 +1,90 @@
+use swerve_msg::{Command, GateOutput};
+use swerve_ros2::AnyMessage;
+use swerve_ros2::convert::{
+    Dataspeed, SteeringGear, dataspeed_speed_from_ros, dataspeed_steering_from_ros, driver_active,
+};
+use swerve_ros2::mapping::Role;
+use swerve_ros2::msg::std_msgs::Empty;
+use swerve_vehicle::{VehicleParams, pedals_for_accel};
+
+use super::{Facts, Telling, VehicleInterface};
+use crate::config::Config;
+use crate::config::live::Longitudinal;
+
+/// Least of the accelerations that the vehicle's own controller may use, m/s²: it needs some to keep a speed.
+const LIMIT_MIN_MPS2: f64 = 1.0;
+/// The speed that is asked for is at least as far off as what the acceleration comes to in this time, seconds: the
+/// controller answers to a difference in speed, and a plan that begins with the present speed has none at first.
+const PREVIEW_S: f64 = 0.5;
+
+/// Dataspeed's drive-by-wire: angle of the steering wheel, and a speed or the pedals.
+pub(super) struct DataspeedInterface {
+    gear: SteeringGear,
+    longitudinal: Longitudinal,
+    vehicle: VehicleParams,
+    engaged_before: bool,
+}
+
+impl DataspeedInterface {
+    pub(super) fn new(config: &Config) -> Self {
+        let live = config.live.clone().unwrap_or_default();
+        let (gear, vehicle) = (live.gear(), config.sim.vehicle.clone());
+        Self { gear, longitudinal: live.longitudinal, vehicle, engaged_before: false }
+    }
+}
+
+impl VehicleInterface for DataspeedInterface {
+    fn needs(&self) -> &'static [Role] {
+        // Each of the two tells of overrides at the other actuators as well.
+        &[Role::Velocity, Role::Steering, Role::Brake]
+    }
+
+    fn facts(&self, message: &AnyMessage) -> Facts {
+        let mut facts = Facts { driver: driver_active(message), ..Facts::default() };
+        match message {
+            AnyMessage::DataspeedVehicleVelocity(report) => {
+                facts.speed_mps = dataspeed_speed_from_ros(report).ok();
+            }
+            AnyMessage::DataspeedSteeringReport(report) => {
+                facts.steering_rad = dataspeed_steering_from_ros(report, &self.gear).ok();
+                facts.listens = Some(report.enabled);
+            }
+            _ => {}
+        }
+        facts
+    }
+
+    fn command(&mut self, gate: &GateOutput, telling: &mut Telling) {
+        let car = Dataspeed { gear: self.gear, epoch: telling.epoch };
+        let (enable, clear) = (gate.engaged, gate.engaged && !self.engaged_before);
+        self.engaged_before = gate.engaged;
+        let steering = car.steering(telling.now, gate.command.steering_rad, enable, clear);
+        telling.say(Role::SteeringCommand, AnyMessage::DataspeedSteeringCmd(steering));
+        let mut wish = gate.command;
+        match self.longitudinal {
+            Longitudinal::Speed => {
+                let soon = telling.speed_mps + PREVIEW_S * wish.accel_mps2;
+                wish.speed_mps = if wish.accel_mps2 < 0.0 {
+                    wish.speed_mps.min(soon).max(0.0)
+                } else {
+                    wish.speed_mps.max(soon)
+                };
+                let limits = (wish.accel_mps2.max(LIMIT_MIN_MPS2), (-wish.accel_mps2).max(LIMIT_MIN_MPS2));
+                let speed = car.speed(&wish, limits, enable, clear);
+                telling.say(Role::SpeedCommand, AnyMessage::DataspeedUlcCmd(speed));
+            }
+            Longitudinal::Pedals => {
+                let pedals = pedals_for_accel(&self.vehicle, telling.speed_mps, wish.accel_mps2);
+                let command = Command { steering_rad: 0.0, throttle: pedals.throttle, brake: pedals.brake };
+                let (throttle, brake) = car.pedals(telling.now, &command, enable, clear);
+                telling.say(Role::ThrottleCommand, AnyMessage::DataspeedThrottleCmd(throttle));
+                telling.say(Role::BrakeCommand, AnyMessage::DataspeedBrakeCmd(brake));
+            }
+        }
+    }
+
+    fn enable(&mut self, on: bool, telling: &mut Telling) {
+        let role = if on { Role::Enable } else { Role::Disable };
+        telling.say(role, AnyMessage::Empty(Empty::default()));
+    }
+}

@@ -1,0 +1,138 @@
+//! What an observer sees of a drive: the gate's words on their way to the sink, and the figures.
+
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex};
+
+use serde::Serialize;
+use swerve_core::{Span, Time};
+use swerve_flow::{Event, Observer};
+use swerve_msg::{EgoState, GateMode, GateOutput, Plan, PlanStatus, Refusals, Route};
+
+use super::intake::{lock, names};
+use super::sink::Order;
+
+/// What is known of the drive at the moment, for the other threads.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lamp {
+    /// What the gate does.
+    pub mode: GateMode,
+    /// The ego's speed, m/s.
+    pub speed_mps: f64,
+    /// The newest plan's status.
+    pub plan: Option<PlanStatus>,
+}
+
+/// A change of the gate's mode.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+pub struct ModeChange {
+    /// When, seconds of the run.
+    pub at_s: f64,
+    /// What it does from then on.
+    pub mode: GateMode,
+}
+
+/// Figures of a drive.
+#[derive(Clone, PartialEq, Debug, Default, Serialize)]
+pub struct DriveFigures {
+    /// How long the stack drove, s.
+    pub driving_s: f64,
+    /// How far it drove, m.
+    pub driven_m: f64,
+    /// The highest speed meanwhile, m/s.
+    pub speed_max_mps: f64,
+    /// Half of the time the ego's origin was at most this far beside the route, m.
+    pub beside_p50_m: f64,
+    /// 99 of 100 of the time.
+    pub beside_p99_m: f64,
+    /// At the most.
+    pub beside_max_m: f64,
+    /// All modes of the gate, in order.
+    pub modes: Vec<ModeChange>,
+    /// Commands that the gate refused.
+    pub refused: Refusals,
+    /// Commands that the gate had to change to be within limits or rates.
+    pub limited: u64,
+    /// Outputs of the gate.
+    pub outputs: u64,
+}
+
+/// Takes the gate's outputs to the sink, and counts.
+pub struct Outlet {
+    orders: Sender<Order>,
+    lamp: Arc<Mutex<Lamp>>,
+    route: Route,
+    mode: Option<GateMode>,
+    figures: DriveFigures,
+    beside_m: Vec<f32>,
+    before: Option<EgoState>,
+}
+
+/// Poses that are kept for the percentiles: five hours at 50 Hz.
+const POSES_MAX: usize = 1_000_000;
+
+impl Outlet {
+    /// Into `orders`, with `lamp` for the other threads.
+    pub fn new(orders: Sender<Order>, lamp: Arc<Mutex<Lamp>>, route: Route) -> Self {
+        let figures = DriveFigures::default();
+        Self { orders, lamp, route, mode: None, figures, beside_m: Vec::new(), before: None }
+    }
+
+    /// The figures so far. The orders end here: the sink stops what still drives.
+    pub fn conclude(mut self) -> DriveFigures {
+        self.beside_m.sort_by(f32::total_cmp);
+        let at = |share: f64| {
+            let n = self.beside_m.len();
+            self.beside_m.get(((n.max(1) - 1) as f64 * share) as usize).map_or(0.0, |m| f64::from(*m))
+        };
+        self.figures.beside_p50_m = at(0.5);
+        self.figures.beside_p99_m = at(0.99);
+        self.figures.beside_max_m = at(1.0);
+        self.figures
+    }
+
+    fn gate(&mut self, output: &GateOutput, at: Time) {
+        // It fails where the sink is gone, which only happens after the orders' end.
+        let _ = self.orders.send(Order::Gate(*output));
+        if self.mode.replace(output.mode) != Some(output.mode) {
+            self.figures.modes.push(ModeChange { at_s: at.as_secs(), mode: output.mode });
+            lock(&self.lamp).mode = output.mode;
+        }
+        self.figures.refused = output.refusals;
+        self.figures.limited += u64::from(output.limited);
+        self.figures.outputs += 1;
+    }
+
+    fn pose(&mut self, ego: &EgoState) {
+        lock(&self.lamp).speed_mps = ego.speed_mps;
+        let before = self.before.replace(*ego);
+        if self.mode != Some(GateMode::Driving) {
+            return;
+        }
+        let figures = &mut self.figures;
+        if let Some(before) = before {
+            let dt = (ego.stamp - before.stamp).min(Span::from_ms(1000));
+            figures.driving_s += dt.as_secs();
+            figures.driven_m += before.pose.point().distance(ego.pose.point());
+        }
+        figures.speed_max_mps = figures.speed_max_mps.max(ego.speed_mps);
+        if self.beside_m.len() < POSES_MAX {
+            self.beside_m.push(self.route.line.project(ego.pose.point()).d_m.abs() as f32);
+        }
+    }
+}
+
+impl Observer for Outlet {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        if let Some(output) = payload.downcast_ref::<GateOutput>() {
+            self.gate(output, publication.visible_at);
+        } else if let Some(ego) =
+            payload.downcast_ref::<EgoState>().filter(|_| publication.operator == names::POSE)
+        {
+            self.pose(ego);
+        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
+            lock(&self.lamp).plan = Some(plan.status);
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! What another stack says on the command topics, on its way to the safety gate.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use swerve_core::{Span, Time};
+use swerve_msg::{GateMode, MotionCommand, Switch};
+use swerve_ros2::AnyMessage;
+use swerve_ros2::bridge::Bridge;
+use swerve_ros2::clock::{ClockOffset, ClockParams};
+use swerve_ros2::convert::{Epoch, SteeringGear, control_from_ros};
+use swerve_ros2::mapping::{Mapping, Role};
+use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
+use swerve_ros2::msg::builtin_interfaces as builtin;
+use swerve_ros2::msg::ds_dbw_msgs::{BrakeCmd, SteeringCmd, ThrottleCmd, UlcCmd};
+use swerve_vehicle::{Pedals, VehicleParams, accel_for_pedals};
+
+use crate::config::live::EnableBy;
+use crate::live::engage::{Engagement, Situation};
+use crate::live::intake::Wish;
+use crate::live::time::TopicClock;
+use crate::pipeline::DriverInputs;
+
+/// How often the switch is looked at.
+const TICK: Duration = Duration::from_millis(20);
+/// Steering and pedals come in messages of their own: together they are a command only within this time.
+const TOGETHER: Span = Span::from_ms(200);
+/// How long a wish to drive waits for commands that can be driven.
+const ENABLE_WITHIN: Span = Span::from_ms(5000);
+/// Speed into acceleration where only the speed is told, 1/s.
+const SPEED_GAIN_PER_S: f64 = 2.0;
+
+/// What the run says of the car, for who reads commands.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Moment {
+    pub(super) now: Time,
+    pub(super) speed_mps: f64,
+    pub(super) mode: GateMode,
+}
+
+/// Shared between the engine's thread and the reader's.
+pub(super) type Shared = Arc<Mutex<Moment>>;
+
+/// A panic while it was held would be a bug in plain bookkeeping: what is there is whole.
+pub(super) fn lock(shared: &Mutex<Moment>) -> MutexGuard<'_, Moment> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What was heard of the other stack.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Heard {
+    /// Commands that went to the gate.
+    pub(super) commands: u64,
+    /// Commands that did not, for want of a plausible stamp.
+    pub(super) implausible: u64,
+    /// How its clock stands to the run's time.
+    pub(super) clock: Option<ClockOffset>,
+}
+
+/// Reads commands and wishes until it is stopped.
+pub(super) struct Listener {
+    inputs: DriverInputs,
+    shared: Shared,
+    clock: TopicClock,
+    engagement: Engagement,
+    wishes: Vec<Wish>,
+    switch: Option<Switch>,
+    wire: Wire,
+    last: Option<Time>,
+    heard: Heard,
+}
+
+impl Listener {
+    pub(super) fn new(inputs: DriverInputs, vehicle: &VehicleParams, shared: Shared) -> Self {
+        Self {
+            inputs,
+            shared,
+            clock: TopicClock::new(ClockParams::default()),
+            engagement: Engagement::new(EnableBy::Topic, ENABLE_WITHIN),
+            wishes: Vec::new(),
+            switch: None,
+            wire: Wire::new(vehicle),
+            last: None,
+            heard: Heard::default(),
+        }
+    }
+
+    pub(super) fn run(mut self, bridge: &Bridge, mapping: &Mapping, stop: &AtomicBool) -> Heard {
+        while !stop.load(Ordering::Relaxed) {
+            bridge.wait(TICK);
+            while let Some((id, received)) = bridge.take_any() {
+                let role = mapping.topic(&bridge.endpoints()[id.0].name).map(|topic| topic.role);
+                if let Some(role) = role {
+                    self.take(role, &received.message);
+                }
+            }
+            let wishes = &mut self.wishes;
+            // Only Autoware's vehicles have the service.
+            let _none = bridge.serve_control_mode(|mode| {
+                let drive = mode == ControlModeReport::AUTONOMOUS;
+                wishes.push(Wish::Drive(drive));
+                drive || mode == ControlModeReport::MANUAL
+            });
+            self.advance_switch();
+        }
+        self.heard.clock = self.clock.offset();
+        self.heard
+    }
+
+    fn advance_switch(&mut self) {
+        let Moment { now, mode, .. } = *lock(&self.shared);
+        let ready = self.last.is_some_and(|last| now - last < TOGETHER);
+        let at = Situation { now, ready, listens: None, driver: false, mode };
+        let deed = self.engagement.step(&std::mem::take(&mut self.wishes), &at);
+        if self.switch.replace(deed.switch) != Some(deed.switch) {
+            // A run that is over has nobody to be told.
+            let _over = self.inputs.switch.send_now(deed.switch);
+        }
+    }
+
+    fn take(&mut self, role: Role, message: &AnyMessage) {
+        let Moment { now, speed_mps, .. } = *lock(&self.shared);
+        match (role, message) {
+            (Role::Enable, AnyMessage::Engage(engage)) => self.wishes.push(Wish::Drive(engage.engage)),
+            (Role::Enable, AnyMessage::RaptorGlobalEnableCmd(all)) => {
+                self.wishes.push(Wish::Drive(all.global_enable));
+            }
+            (Role::Enable, AnyMessage::Empty(_)) => self.wishes.push(Wish::Drive(true)),
+            (Role::Disable, AnyMessage::Empty(_)) => self.wishes.push(Wish::Drive(false)),
+            (_, AnyMessage::Control(control)) => {
+                let mut wish = control_from_ros(control, Epoch::default());
+                if !control.longitudinal.is_defined_acceleration {
+                    wish.accel_mps2 = SPEED_GAIN_PER_S * (wish.speed_mps - speed_mps);
+                }
+                self.send(now, Some(control.stamp), wish);
+            }
+            (_, message) => {
+                if let Some((stamp, wish)) = self.wire.take(message, now, speed_mps) {
+                    self.send(now, stamp, wish);
+                }
+            }
+        }
+    }
+
+    /// Hands a command to the gate, with its stamp as an instant of the run.
+    fn send(&mut self, now: Time, stamp: Option<builtin::Time>, wish: MotionCommand) {
+        let stamp = match stamp.map(|stamp| self.clock.time(stamp.ns(), now, 0)) {
+            None => self.clock.unstamped(now),
+            Some(Ok(stamp)) => stamp,
+            Some(Err(_)) => {
+                self.heard.implausible += 1;
+                return;
+            }
+        };
+        self.heard.commands += 1;
+        self.last = Some(now);
+        // A run that is over has nobody to be told.
+        let _over = self.inputs.commands.send(stamp, MotionCommand { stamp, ..wish });
+    }
+}
+
+/// Commands of vehicles driven by wire: steering, and a speed or pedals, each in messages of their own.
+struct Wire {
+    vehicle: VehicleParams,
+    gear: SteeringGear,
+    /// The newest of each, and when it came.
+    accel_mps2: Option<(Time, f64)>,
+    throttle: Option<(Time, f64)>,
+    brake: Option<(Time, f64)>,
+    speed_mps: f64,
+}
+
+impl Wire {
+    fn new(vehicle: &VehicleParams) -> Self {
+        Self {
+            vehicle: vehicle.clone(),
+            gear: SteeringGear::default(),
+            accel_mps2: None,
+            throttle: None,
+            brake: None,
+            speed_mps: 0.0,
+        }
+    }
+
+    /// A command, where `message` is one for the steering wheel and something was said of speed lately. What is not
+    /// enabled says nothing.
+    fn take(
+        &mut self,
+        message: &AnyMessage,
+        now: Time,
+        speed_mps: f64,
+    ) -> Option<(Option<builtin::Time>, MotionCommand)> {
+        let percent = |x: f32| Some((now, 0.01 * f64::from(x)));
+        let (stamp, wheel_deg) = match message {
+            AnyMessage::DataspeedSteeringCmd(cmd) if cmd.enable && cmd.cmd_type == SteeringCmd::CMD_ANGLE => {
+                (Some(cmd.header.stamp), cmd.cmd)
+            }
+            AnyMessage::RaptorSteeringCmd(cmd) if cmd.enable => (None, cmd.angle_cmd),
+            AnyMessage::DataspeedUlcCmd(cmd) if cmd.enable && cmd.cmd_type == UlcCmd::CMD_VELOCITY => {
+                self.speed_mps = f64::from(cmd.cmd);
+                let wanted = SPEED_GAIN_PER_S * (self.speed_mps - speed_mps);
+                let (slower, faster) = (f64::from(cmd.limit_decel).abs(), f64::from(cmd.limit_accel).abs());
+                self.accel_mps2 = Some((now, wanted.clamp(-slower, faster)));
+                return None;
+            }
+            AnyMessage::DataspeedThrottleCmd(cmd)
+                if cmd.enable && cmd.cmd_type == ThrottleCmd::CMD_PERCENT =>
+            {
+                self.throttle = percent(cmd.cmd);
+                return None;
+            }
+            AnyMessage::DataspeedBrakeCmd(cmd) if cmd.enable && cmd.cmd_type == BrakeCmd::CMD_PERCENT => {
+                self.brake = percent(cmd.cmd);
+                return None;
+            }
+            AnyMessage::RaptorAcceleratorPedalCmd(cmd) if cmd.enable => {
+                self.throttle = percent(cmd.pedal_cmd);
+                return None;
+            }
+            AnyMessage::RaptorBrakeCmd(cmd) if cmd.enable => {
+                self.brake = percent(cmd.pedal_cmd);
+                return None;
+            }
+            _ => return None,
+        };
+        let lately = |told: Option<(Time, f64)>| told.filter(|(at, _)| now - *at < TOGETHER).map(|(_, x)| x);
+        let pedals = || {
+            // One of the two may be left out, but not both.
+            let (throttle, brake) = (lately(self.throttle), lately(self.brake));
+            throttle.or(brake)?;
+            let pedals = Pedals { throttle: throttle.unwrap_or(0.0), brake: brake.unwrap_or(0.0) };
+            Some(accel_for_pedals(&self.vehicle, speed_mps, pedals))
+        };
+        let accel_mps2 = lately(self.accel_mps2).or_else(pedals)?;
+        let steering_rad = self.gear.steering_rad(f64::from(wheel_deg));
+        let wish = MotionCommand { stamp: now, steering_rad, speed_mps: self.speed_mps, accel_mps2 };
+        Some((stamp, wish))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_msg::Command;
+    use swerve_ros2::convert::{Dataspeed, Raptor};
+    use swerve_vehicle::pedals_for_accel;
+
+    use super::*;
+
+    fn at(ms: i64) -> Time {
+        Time::from_ms(ms)
+    }
+
+    #[test]
+    fn steering_and_speed_by_wire_are_one_command_while_both_are_young() {
+        let mut wire = Wire::new(&VehicleParams::default());
+        let car = Dataspeed::default();
+        let steering = AnyMessage::DataspeedSteeringCmd(car.steering(at(10), 0.1, true, false));
+        assert!(wire.take(&steering, at(10), 5.0).is_none(), "nothing was said of speed");
+        let faster = MotionCommand { speed_mps: 9.0, ..MotionCommand::default() };
+        let speed = AnyMessage::DataspeedUlcCmd(car.speed(&faster, (1.5, 3.0), true, false));
+        assert!(wire.take(&speed, at(20), 5.0).is_none());
+        let (_, wish) = wire.take(&steering, at(30), 5.0).unwrap();
+        assert!((wish.steering_rad - 0.1).abs() < 1e-6 && wish.accel_mps2 == 1.5, "{wish:?}");
+        assert!(wire.take(&steering, at(20 + TOGETHER.ns() / 1_000_000), 5.0).is_none(), "the speed is old");
+        let off = AnyMessage::DataspeedSteeringCmd(car.steering(at(30), 0.1, false, false));
+        assert!(wire.take(&off, at(30), 5.0).is_none(), "not enabled");
+    }
+
+    #[test]
+    fn pedals_by_wire_are_the_acceleration_that_they_give() {
+        let vehicle = VehicleParams::default();
+        for accel_mps2 in [1.0, -3.0] {
+            let mut wire = Wire::new(&vehicle);
+            let pedals = pedals_for_accel(&vehicle, 8.0, accel_mps2);
+            let command = Command { steering_rad: 0.0, throttle: pedals.throttle, brake: pedals.brake };
+            let car = Raptor::default();
+            let (throttle, brake) = car.pedals(&command, true, 1);
+            assert!(wire.take(&AnyMessage::RaptorAcceleratorPedalCmd(throttle), at(0), 8.0).is_none());
+            assert!(wire.take(&AnyMessage::RaptorBrakeCmd(brake), at(0), 8.0).is_none());
+            let steering = AnyMessage::RaptorSteeringCmd(car.steering(-0.2, true, 1));
+            let (_, wish) = wire.take(&steering, at(5), 8.0).unwrap();
+            assert!((wish.accel_mps2 - accel_mps2).abs() < 1e-3 && (wish.steering_rad + 0.2).abs() < 1e-6);
+        }
+    }
+}
