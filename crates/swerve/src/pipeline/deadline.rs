@@ -406,7 +406,7 @@ mod tests {
             let mut seen = Seen::default();
             let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
             let longest = seen.steps_of("planner").map(|(_, lasts)| lasts).max().unwrap();
-            (longest, outcome.metrics.plans.clone(), outcome.metrics.operators)
+            (longest, outcome.metrics.plans, outcome.metrics.operators)
         };
         let (free, ..) = run("execution.model=data_driven");
         let (cut, plans, operators) = run("execution.model=static_deadlines");
