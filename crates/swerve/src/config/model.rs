@@ -335,8 +335,8 @@ mod tests {
         refused(&["execution.model=periodic", "execution.planner_ms=0"], "expected 1 to 10000, found 0");
         refused(&["execution.reaction=on_deadline"], "expected \"skip\" or \"reuse_last\"");
         refused(&["execution.model=dynamic_deadline"], "dynamic_deadlines");
-        refused(&["execution.params.brake_mps2=-1"], "execution.params: brake_mps2 = -1 is out of range");
-        refused(&["execution.params.brake=1"], "execution.params: `brake`: unknown key");
+        refused(&["execution.params.brake_mps2=-1"], "brake_mps2 = -1 is out of range: must be above zero");
+        refused(&["execution.params.brake=1"], "`brake`: unknown key");
         refused(
             &["execution.model=dynamic_deadlines", "operator.planner.deadline={ ms = 5 }"],
             "operator.planner.deadline: `execution.model` sets the deadline",

@@ -62,7 +62,7 @@ pub(super) fn tracks(
     let params = config.perception.tracker(&emulated.params, config.prediction.past_steps).map_err(wrong)?;
     let camera = config.detector_camera(emulated.sensing).and_then(|camera| image_camera(&camera));
     let boxes = detector(graph, config, surroundings, |params| {
-        Ok(Detector::new(params, camera.clone(), config.seed, "detector")?)
+        Ok(Detector::new(params, camera, config.seed, "detector")?)
     })?;
     let boxes = faulty(graph, config, "detector", boxes)?;
     let tracker = SortTracker(Sort::new(params)?);
