@@ -197,11 +197,13 @@ fn drives_along_its_lane(drive: u32, interface: &str) {
     assert!(driven.succeeded, "{}", driven.notes);
     // From a standstill to 8 m/s and along bends; a car of 1.9 m has 1.05 m to each side on its lane. While it is
     // stopped the wheels are held, so that it leaves the middle of a bend.
-    let (beside_m, driving_m) = (driven.beside_m(), driven.metrics["drive"]["beside_max_m"].as_f64().unwrap());
+    let (beside_m, driving_m) =
+        (driven.beside_m(), driven.metrics["drive"]["beside_max_m"].as_f64().unwrap());
     assert!(driving_m < 0.3 && beside_m < 1.0, "{driving_m} m beside the lane, {beside_m} m with the stop");
     let driven_m = driven.metrics["drive"]["driven_m"].as_f64().unwrap();
     assert!(driven_m > 4.0 * (seconds - 4.0), "{driven_m} m in {seconds} s");
-    assert!(driven.metrics["drive"]["speed_max_mps"].as_f64().unwrap() < 9.0);
+    // What the car lags behind its plan is made up with 2 m/s more at the most.
+    assert!(driven.metrics["drive"]["speed_max_mps"].as_f64().unwrap() < 10.1);
     assert_eq!(driven.last("speed"), 0.0);
     assert_eq!(driven.car.last().unwrap()["engaged"], Value::Bool(false), "it was released");
     let modes = ["\"manual\"", "\"driving\"", "{\"stopping\":\"released\"}", "{\"holding\":\"released\"}"];

@@ -212,7 +212,7 @@ mod tests {
             let mut deed = Deed::default();
             let mut wishes = wishes;
             for _ in 0..ms / 20 {
-                self.at.now = self.at.now + Span::from_ms(20);
+                self.at.now += Span::from_ms(20);
                 deed = self.engagement.step(wishes, &self.at);
                 wishes = &[];
                 self.at.mode = match (deed.switch.enable, self.at.driver) {
@@ -294,7 +294,7 @@ mod tests {
         let mut before = false;
         let mut wish = &[Wish::Drive(true)][..];
         for _ in 0..100 {
-            bench.at.now = bench.at.now + Span::from_ms(20);
+            bench.at.now += Span::from_ms(20);
             let on = bench.engagement.step(wish, &bench.at).switch.enable;
             wish = &[];
             edges += i32::from(on && !before);

@@ -65,7 +65,7 @@ impl Lane {
         let now = self.clock.now();
         let mut state = self.lock();
         while state.moved.saturating_add(ROUND) <= now {
-            state.moved = state.moved + ROUND;
+            state.moved += ROUND;
             state.step(self.clock.epoch_ns(), self.spoil);
         }
     }
@@ -234,9 +234,9 @@ fn a_panic_in_the_stack_is_a_stop_and_not_the_last_command() {
     // The car was commanded to stop all the way: its own time-out had nothing to do.
     let gaps = lane.commands.windows(2).map(|pair| pair[1].0 - pair[0].0);
     assert!(gaps.max().unwrap() < Span::from_ms(200));
-    let braking = lane.commands.iter().filter(|(_, wish, speed)| wish.speed_mps == 0.0 && *speed > 0.5);
+    let mut braking = lane.commands.iter().filter(|(_, wish, speed)| wish.speed_mps == 0.0 && *speed > 0.5);
     assert!(braking.clone().count() > 20);
-    assert!(braking.last().unwrap().1.accel_mps2 <= -1.4);
+    assert!(braking.next_back().unwrap().1.accel_mps2 <= -1.4);
 }
 
 #[test]
