@@ -3,7 +3,8 @@
 use anyhow::anyhow;
 use swerve_core::{Span, Time};
 use swerve_flow::{
-    Anchor, At, Context, Deadline, Every, Feedback, Graph, Latest, Operator, Port, RuntimeModel, Stream, Timer,
+    Anchor, At, Context, Deadline, Every, Feedback, Graph, Latest, Operator, Port, RuntimeModel, Stream,
+    Timer,
 };
 use swerve_msg::truth::Surroundings;
 use swerve_msg::{Detections, EgoState, PredictionList, ResponseBudget, Route, RungTaken};

@@ -78,7 +78,8 @@ fn detector(
 ) -> anyhow::Result<Stream<Detections>> {
     const OUTPUTS: [&str; 2] = ["boxes", "rung"];
     let wrong = |(key, message): (&str, String)| anyhow!("perception.{key}: {message}");
-    let params = config.perception.emulated().map_err(wrong)?.map(|emulated| emulated.params).unwrap_or_default();
+    let params =
+        config.perception.emulated().map_err(wrong)?.map(|emulated| emulated.params).unwrap_or_default();
     let mut rungs = config.detector_rungs().map_err(wrong)?;
     if let Some(timer) = own_timer(config, "detector")? {
         let rung = rungs.pop().map(|Rung { name, run_time, .. }| Rung { name, run_time, what: () });
