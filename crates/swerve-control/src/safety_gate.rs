@@ -48,6 +48,9 @@ pub struct GateParams {
     /// The same numbers under new stamps for longer than this, while the car moves, are no command, seconds; 0 for no
     /// bound. A controller that measures never says the same for long; one that hangs behind a live wire does.
     pub repeat_max_s: f64,
+    /// A command is refused whose newest sensor frame is older than this, seconds; 0 for no bound. What follows a plan
+    /// of long ago is new itself, and blind.
+    pub origin_timeout_s: f64,
     /// How far the stamp of a command may be ahead of now, seconds: clocks differ a little.
     pub ahead_max_s: f64,
     /// Largest angle of the front road wheels, radians.
@@ -82,6 +85,7 @@ impl Default for GateParams {
             command_timeout_s: 0.5,
             report_timeout_s: 0.5,
             repeat_max_s: 0.0,
+            origin_timeout_s: 0.0,
             ahead_max_s: 0.1,
             steering_max_rad: 0.61,
             steering_rate_max_radps: 0.7,
@@ -114,6 +118,7 @@ impl GateParams {
         let build_up_s = vehicle.brakes.build_up_s.max(0.02);
         Self {
             repeat_max_s: 1.0,
+            origin_timeout_s: 1.0,
             steering_max_rad: limits.steering_max_rad,
             steering_rate_max_radps: limits.steering_rate_max_radps,
             lateral_accel_max_mps2: swerve_vehicle::GRAVITY_MPS2,
@@ -152,6 +157,7 @@ impl GateParams {
             ("command_timeout_s", self.command_timeout_s, 0.01, 10.0),
             ("report_timeout_s", self.report_timeout_s, 0.01, 10.0),
             ("repeat_max_s", self.repeat_max_s, 0.0, 60.0),
+            ("origin_timeout_s", self.origin_timeout_s, 0.0, 60.0),
             ("ahead_max_s", self.ahead_max_s, 0.0, 10.0),
             ("steering_max_rad", self.steering_max_rad, 0.01, 1.5),
             ("steering_rate_max_radps", self.steering_rate_max_radps, 0.01, 10.0),
@@ -180,6 +186,8 @@ pub struct GateInput {
     pub now: Time,
     /// The newest command of the stack.
     pub command: Option<MotionCommand>,
+    /// The newest sensor frame that this command derives from, where that is known.
+    pub origin: Option<Time>,
     /// The newest report of the vehicle.
     pub report: Option<VehicleReport>,
     /// Whether a person wants the stack to drive: its rising edge enables.
@@ -243,7 +251,7 @@ impl SafetyGate {
         let now = self.now.map_or(input.now, |before| before.max(input.now));
         let dt_s = self.now.map_or(Span::ZERO, |before| (now - before).min(STEP_MAX)).as_secs();
         self.now = Some(now);
-        let refused = self.take_command(input.command, now);
+        let refused = self.take_command(input, now);
         self.take_report(input.report, now);
         self.mode = self.next_mode(input, now);
         self.enable_before = input.enable;
@@ -261,12 +269,12 @@ impl SafetyGate {
         }
     }
 
-    fn take_command(&mut self, given: Option<MotionCommand>, now: Time) -> Option<Refusal> {
-        let command = given?;
+    fn take_command(&mut self, input: &GateInput, now: Time) -> Option<Refusal> {
+        let command = input.command?;
         if self.given.is_some_and(|before| same(&before, &command)) {
             return self.given_refusal;
         }
-        let refusal = self.judge(&command, now);
+        let refusal = self.judge(&command, input.origin, now);
         match refusal {
             None => {
                 let says_the_same =
@@ -285,7 +293,7 @@ impl SafetyGate {
         refusal
     }
 
-    fn judge(&self, command: &MotionCommand, now: Time) -> Option<Refusal> {
+    fn judge(&self, command: &MotionCommand, origin: Option<Time>, now: Time) -> Option<Refusal> {
         let numbers = [command.steering_rad, command.speed_mps, command.accel_mps2];
         if !numbers.iter().all(|number| number.is_finite()) {
             return Some(Refusal::NotFinite);
@@ -297,7 +305,10 @@ impl SafetyGate {
         if command.stamp > now.saturating_add(Span::from_secs(self.params.ahead_max_s)) {
             return Some(Refusal::Ahead);
         }
-        (!is_fresh(command.stamp, now, self.params.command_timeout_s)).then_some(Refusal::Stale)
+        let bound_s = self.params.origin_timeout_s;
+        let is_blind = bound_s > 0.0 && origin.is_some_and(|frame| !is_fresh(frame, now, bound_s));
+        let is_old = !is_fresh(command.stamp, now, self.params.command_timeout_s);
+        (is_blind || is_old).then_some(Refusal::Stale)
     }
 
     /// A report that is not finite, from the future or older than the one before it is none; but that the driver is

@@ -26,10 +26,11 @@ use swerve_geom::{Ego, Point2, Pose2, math};
 use swerve_msg::truth::Surroundings;
 use swerve_msg::{DetectedBox, Detections, Extent, Obstacle};
 
+use crate::ParamsError;
 use crate::image_box::ImageCamera;
 
 pub use drift::Drift;
-pub use params::{Params, ParamsError, Sensing};
+pub use params::{Params, Sensing};
 
 /// Height of the thing that `half_distance_m` is said of, metres: a person.
 const USUAL_HEIGHT_M: f64 = 1.7;

@@ -10,6 +10,8 @@ pub mod assignment;
 pub mod detector;
 pub mod image_box;
 pub mod tracker;
+mod validate;
 
 pub use detector::Detector;
 pub use tracker::Tracker;
+pub use validate::ParamsError;

@@ -17,10 +17,11 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Ego, Map, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, Track, TrackList};
 
+use crate::ParamsError;
 use crate::assignment::assign;
 use kalman::Filter;
 
-pub use params::{Motion, Params, ParamsError};
+pub use params::{Motion, Params};
 
 /// Follows boxes over time.
 #[derive(Clone, PartialEq, Debug)]

@@ -152,6 +152,20 @@ fn a_command_that_is_said_again_and_again_is_silence_where_that_is_asked_for() {
 }
 
 #[test]
+fn commands_of_a_stack_that_sees_nothing_new_are_refused_where_that_is_asked_for() {
+    let mut bench = Bench::driving();
+    bench.gate.params.origin_timeout_s = 1.0;
+    // A stack may not say what it derives from; a frame of a second ago is young enough.
+    assert_eq!(bench.run(100).mode, GateMode::Driving);
+    bench.input.origin = Some(Time::from_ms(bench.now_ms));
+    assert_eq!(bench.run(50).mode, GateMode::Driving);
+    assert_eq!(bench.gate.refusals(), Refusals::default());
+    let refused = bench.run(1);
+    assert_eq!((refused.refused, refused.mode), (Some(Refusal::Stale), GateMode::Driving));
+    assert_eq!(bench.run(27).mode, GateMode::Stopping(StopCause::CommandTimeout));
+}
+
+#[test]
 fn a_car_faster_than_its_command_wants_is_not_made_faster() {
     let mut bench = Bench::driving();
     bench.command().speed_mps = 10.0;
@@ -382,7 +396,7 @@ proptest! {
                 VehicleReport { stamp: at(stamp), speed_mps, steering_rad, driver_active }
             });
             sound.extend(command.filter(|c| c.steering_rad.is_finite() && c.speed_mps.is_finite() && c.accel_mps2.is_finite()).map(|c| c.stamp));
-            let output = gate.step(&GateInput { now, command, report, enable, emergency });
+            let output = gate.step(&GateInput { now, command, origin: None, report, enable, emergency });
             let c = output.command;
             prop_assert!(c.steering_rad.is_finite() && c.speed_mps.is_finite() && c.accel_mps2.is_finite(), "{output:?}");
             prop_assert!(c.steering_rad.abs() <= p.steering_max_rad);

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use swerve_geom::math;
 
 use super::drift::Drift;
+use crate::validate::{ParamsError, within};
 
 /// What a detector looks with; sets how far off the places are.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -60,20 +61,6 @@ impl Default for Params {
     fn default() -> Self {
         Self::of_difficulty(Sensing::Camera, 1.0)
     }
-}
-
-/// A parameter outside its range.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-#[error("`{key}` is {value}, expected {low} to {high}")]
-pub struct ParamsError {
-    /// Its name.
-    pub key: &'static str,
-    /// What was given.
-    pub value: f64,
-    /// Least allowed.
-    pub low: f64,
-    /// Most allowed.
-    pub high: f64,
 }
 
 impl Params {
@@ -135,10 +122,6 @@ impl Params {
             ("misplaced.steady", self.misplaced.steady, [0.0, 1.0]),
             ("misplaced.period_s", self.misplaced.period_s, [1e-3, 1e3]),
         ];
-        let outside = |&(_, value, [low, high]): &(_, f64, [f64; 2])| !(low..=high).contains(&value);
-        match all.into_iter().find(outside) {
-            Some((key, value, [low, high])) => Err(ParamsError { key, value, low, high }),
-            None => Ok(()),
-        }
+        within(&all)
     }
 }

@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use swerve_msg::ActorKind;
 
+use crate::validate::{ParamsError, within};
+
 /// How things of a kind move.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -68,20 +70,6 @@ impl Default for Params {
     }
 }
 
-/// A parameter outside its range.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-#[error("`{key}` is {value}, expected {low} to {high}")]
-pub struct ParamsError {
-    /// Its name.
-    pub key: &'static str,
-    /// What was given.
-    pub value: f64,
-    /// Least allowed.
-    pub low: f64,
-    /// Most allowed.
-    pub high: f64,
-}
-
 impl Params {
     /// How things of a kind move.
     pub fn motion(&self, kind: ActorKind) -> Motion {
@@ -116,10 +104,6 @@ impl Params {
             ("fixed.speed_mps", self.fixed.speed_mps, [1e-3, 100.0]),
             ("fixed.accel_density", self.fixed.accel_density, [1e-6, 1e3]),
         ];
-        let outside = |&(_, value, [low, high]): &(_, f64, [f64; 2])| !(low..=high).contains(&value);
-        match all.into_iter().find(outside) {
-            Some((key, value, [low, high])) => Err(ParamsError { key, value, low, high }),
-            None => Ok(()),
-        }
+        within(&all)
     }
 }

@@ -55,6 +55,7 @@ impl Operator for GateOperator {
         out.loan().send(self.gate.step(&GateInput {
             now: cx.now(),
             command: command.get().map(|command| **command),
+            origin: command.get().and_then(|command| command.header().origin),
             report: report.get().map(|report| **report),
             enable: !switches.is_empty() && switches.iter().all(switch(|s| s.enable)),
             emergency: switches.iter().any(switch(|s| s.emergency)),

@@ -156,6 +156,17 @@ fn without_poses_commands_are_too_old_however_many_come() {
 }
 
 #[test]
+fn a_stack_that_sees_nothing_new_is_stopped_before_its_plan_ends() {
+    // The last plan goes on for 5 s; commands along it are new and in order.
+    for stream in ["obstacles", "tracker", "planner"] {
+        let (seen, outcome) = drive(&[&fault(stream, "drop = true")]);
+        let stops = seen.begins(GateMode::Stopping(StopCause::CommandTimeout));
+        assert!(stops > Time::from_ms(3300) && stops < Time::from_ms(3600), "{stream}: {stops:?}");
+        assert!(outcome.metrics.impact.is_none() && seen.end().0.abs() < 0.01, "{stream}");
+    }
+}
+
+#[test]
 fn a_hanging_controller_is_found_by_saying_the_same() {
     // Under new stamps nothing else tells it from a live one.
     let hangs = fault("controller", "freeze_ms = 60000");
