@@ -174,10 +174,13 @@ fn targets(args: &DetectorArgs) -> anyhow::Result<Vec<Target>> {
     Ok(vec![Target::of(find(name).ok_or_else(unknown)?)])
 }
 
+/// Those in a folder in which there is somebody to be found.
 fn scenarios(folder: &Path) -> anyhow::Result<Vec<Scenario>> {
     let files = crate::files::toml_files(folder)?;
-    ensure!(!files.is_empty(), "{}: no scenarios", folder.display());
-    files.iter().map(|file| read_scenario(file)).collect()
+    let all: Vec<Scenario> = files.iter().map(|file| read_scenario(file)).collect::<Result<_, _>>()?;
+    let peopled: Vec<Scenario> = all.into_iter().filter(|scenario| !scenario.actors.is_empty()).collect();
+    ensure!(!peopled.is_empty(), "{}: no scenarios with actors", folder.display());
+    Ok(peopled)
 }
 
 /// What there was to see, with the camera if there is one.
