@@ -46,6 +46,7 @@ pub enum EnableBy {
     #[default]
     Topic,
     /// The start of the program does, as soon as all topics are there: for tests and simulators.
+    #[value(name = "at_start", alias = "at-start")]
     AtStart,
 }
 
