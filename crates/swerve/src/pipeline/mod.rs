@@ -186,7 +186,7 @@ fn connect(
     let imu = graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     faulty(graph, config, "imu", imu)?;
     sense_motion_and_events(graph, config, scenario, world)?;
-    let surroundings = sense_surroundings(graph, config, scenario, world)?;
+    let surroundings = sense_surroundings(graph, config, world)?;
     let commands = match driver {
         Some((wishes, switch)) => gate::before_world(graph, config, wishes, measured, Some(switch))?,
         None => own_stack(graph, config, (scenario, route), processes, (sight, pose, measured))?,
@@ -265,7 +265,6 @@ type Surroundings = (BTreeMap<String, StreamMemory>, Option<SharedStage>);
 fn sense_surroundings(
     graph: &mut Graph,
     config: &Config,
-    scenario: &Scenario,
     world: Stream<WorldState>,
 ) -> anyhow::Result<Surroundings> {
     let mut memories = BTreeMap::new();
