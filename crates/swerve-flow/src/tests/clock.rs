@@ -411,7 +411,7 @@ impl Operator for Count {
 
     fn step(&mut self, _: &mut Context<'_>, (_, newest): &Self::In, out: &mut Port<u64>) {
         self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        out.send(newest.get().copied().unwrap_or(0));
+        out.send(newest.get().map_or(0, |newest| **newest));
     }
 }
 
@@ -423,7 +423,7 @@ fn a_source_far_faster_than_its_readers_is_bounded_and_counted() {
         type In = At<u64>;
         type Out = Port<u64>;
         fn step(&mut self, _: &mut Context<'_>, input: &At<u64>, out: &mut Port<u64>) {
-            out.send(input.get().copied().unwrap_or(0));
+            out.send(input.get().map_or(0, |input| **input));
         }
     }
     let mut graph = Graph::new();
