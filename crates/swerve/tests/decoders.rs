@@ -277,13 +277,13 @@ proptest! {
 
     #[test]
     fn changed_scenarios_never_panic(which in any::<Index>(), numbers in numbers(), changes in some_changes()) {
-        let text = changed_text(which.get(&SCENARIOS), &numbers, &changes);
+        let text = changed_text(which.get::<String>(&SCENARIOS), &numbers, &changes);
         let _either_way = Scenario::parse("changed.toml", &text).is_ok();
     }
 
     #[test]
     fn changed_configurations_never_panic(which in any::<Index>(), numbers in numbers(), changes in some_changes()) {
-        let text = changed_text(which.get(&CONFIGS), &numbers, &changes);
+        let text = changed_text(which.get::<String>(&CONFIGS), &numbers, &changes);
         if let Ok(document) = Document::parse("changed.toml", text) {
             let _either_way = Config::from_document(&document, &[]).is_ok();
         }
@@ -294,7 +294,7 @@ proptest! {
         // Beside the shipped ones, because a study names its scenarios and configurations from where it is.
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("changed.toml");
-        std::fs::write(&path, changed_text(which.get(&STUDIES), &numbers, &changes)).unwrap();
+        std::fs::write(&path, changed_text(which.get::<String>(&STUDIES), &numbers, &changes)).unwrap();
         let _either_way = Study::read(&path, &[]).is_ok();
     }
 
