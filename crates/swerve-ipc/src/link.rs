@@ -15,7 +15,7 @@ use swerve_msg::block::writing;
 
 use crate::bell::{Bell, Ear, HEAD, Heard, Patience};
 use crate::lend::Live;
-use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK, send};
+use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 use crate::{Happening, IpcError, Told};
 
 /// How long the coordinator sleeps before it looks around by itself. It is woken for whatever happens.
@@ -150,7 +150,7 @@ impl Link {
         let names = Names::of(process);
         Ok(Self {
             process: process.to_owned(),
-            calls: hub.sender(&names.calls, TALK, 2, CALL_BYTES)?,
+            calls: hub.sender(&names.calls, TALK, CALL_BYTES)?,
             answers: hub.receiver(&names.answers, TALK)?,
             ear: None,
             spin,
@@ -247,8 +247,8 @@ impl Link {
             self.ear.as_ref().ok_or_else(|| Lost("there is no bell to a worker that is ready".into()))?;
         let head = Head { seq: self.seq, kind: Kind::Call as u64 };
         if !(self.spin.is_zero() && ear.bell.bring(head, &mut self.call)) {
-            send(&self.calls, self.seq, Kind::Call, &self.call[HEAD..])
-                .map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
+            let sent = self.calls.send(self.seq, Kind::Call, &self.call[HEAD..]);
+            sent.map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
             ear.bell.ring();
         }
         let kind = self.wait(answer)?;

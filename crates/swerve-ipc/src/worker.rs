@@ -17,7 +17,7 @@ use crate::bell::{Bell, Ear, HEAD, Heard, Patience};
 use crate::folder::Address;
 use crate::lend::{Shelves, StreamMemory};
 use crate::link::{Names, now};
-use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK, send};
+use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 
 /// What a worker is told at its start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -71,7 +71,7 @@ pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
     let names = Names::of(&setup.process);
     let bell = Arc::new(Bell::inherited().map_err(IpcError::of("the doorbell"))?);
     let calls = hub.receiver(&names.calls, TALK)?;
-    let answers = hub.sender(&names.answers, TALK, 2, ANSWER_BYTES)?;
+    let answers = hub.sender(&names.answers, TALK, ANSWER_BYTES)?;
     let shelves = Rc::new(Shelves::new(&hub, &setup.memories)?);
     let orphaned = Arc::new(AtomicBool::new(false));
     let (_here, is_left) = sync_channel::<()>(1);
@@ -154,7 +154,7 @@ impl Desk {
         };
         let reply = Head { seq: head.seq, kind: kind as u64 };
         if !(self.spin.is_zero() && self.bell.bring(reply, &mut self.answer)) {
-            send(&self.answers, head.seq, kind, &self.answer[HEAD..])?;
+            self.answers.send(head.seq, kind, &self.answer[HEAD..])?;
             self.bell.ring();
         }
         self.shelves.tidy(oldest);

@@ -79,7 +79,23 @@ type Driver = (Stream<MotionCommand>, Stream<Switch>);
 
 impl Pipeline {
     /// Puts the pipeline of `config` around the world of `scenario`.
+    ///
+    /// # Errors
+    /// When what the configuration asks for is not to be had.
     pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+        let pipeline = Self::build_without_stage(config, scenario)?;
+        if let Some(stage) = &pipeline.stage {
+            let raised = stage::with(stage, |stage| stage.raise(config, &pipeline.scenario));
+            raised.context("building the pipeline")?;
+        }
+        Ok(pipeline)
+    }
+
+    /// The same for who steps no camera and no lidar.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_without_stage(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
         let scenario = drawn(config, scenario);
         let vehicle = config.sim.vehicle.clone();
         let route = scenario.road.route();
@@ -170,7 +186,7 @@ fn connect(
     let imu = graph.add("imu", imu, (timer("imu", sensing.imu_period_ms), world)).out();
     faulty(graph, config, "imu", imu)?;
     sense_motion_and_events(graph, config, scenario, world)?;
-    let surroundings = sense_surroundings(graph, config, scenario, world)?;
+    let surroundings = sense_surroundings(graph, config, world)?;
     let commands = match driver {
         Some((wishes, switch)) => gate::before_world(graph, config, wishes, measured, Some(switch))?,
         None => own_stack(graph, config, (scenario, route), processes, (sight, pose, measured))?,
@@ -249,7 +265,6 @@ type Surroundings = (BTreeMap<String, StreamMemory>, Option<SharedStage>);
 fn sense_surroundings(
     graph: &mut Graph,
     config: &Config,
-    scenario: &Scenario,
     world: Stream<WorldState>,
 ) -> anyhow::Result<Surroundings> {
     let mut memories = BTreeMap::new();
@@ -274,7 +289,7 @@ fn sense_surroundings(
         memories.insert(format!("{name}.{output}"), memory.clone());
         memory
     };
-    let stage = stage::Stage::new(config, scenario)?;
+    let stage = stage::Stage::empty();
     for (name, camera) in cameras {
         let memory = Output::ALL.map(|output| memory(name, output.name()));
         let operator = camera::CameraOperator::new((name, camera), config, stage.clone(), memory)?;
