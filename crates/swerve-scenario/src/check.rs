@@ -10,7 +10,7 @@ use crate::{Scenario, Subject, Trigger};
 /// Problems of a scenario whose values are each in range, as (key, message).
 pub(crate) fn problems(scenario: &Scenario) -> Vec<(String, String)> {
     let mut found = Vec::new();
-    if scenario.road.length_m() <= 0.0 {
+    if !scenario.road.is_line() {
         return found; // reported where the road is read
     }
     lights(scenario, &mut found);

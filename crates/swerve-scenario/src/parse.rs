@@ -90,7 +90,7 @@ fn road(top: &Table<'_, '_>) -> Road {
     road.lights = lights(&table, road.right_m);
     if !table.has("segments") {
         table.report("segments", "is missing: expected an array of { length_m, curvature_1pm }");
-    } else if road.length_m() == 0.0 {
+    } else if !road.is_line() {
         table
             .report("segments", "the route has no length: expected at least one piece with length_m above 0");
     }

@@ -89,6 +89,15 @@ impl Road {
     /// # Panics
     /// When the road has no length, which a checked scenario excludes.
     pub fn line(&self) -> Polyline {
+        Polyline::new(&self.points()).expect("a checked road has a length")
+    }
+
+    /// Whether its pieces make a line: they have a length, and do not all end where they began.
+    pub(crate) fn is_line(&self) -> bool {
+        Polyline::new(&self.points()).is_ok()
+    }
+
+    fn points(&self) -> Vec<Point2> {
         let straight = self.segments.iter().all(|s| s.curvature_1pm == 0.0);
         let mut points = vec![Point2::new(0.0, 0.0)];
         if straight {
@@ -103,7 +112,7 @@ impl Road {
                 heading += segment.curvature_1pm * segment.length_m;
             }
         }
-        Polyline::new(&points).expect("a checked road has a length")
+        points
     }
 
     /// Its lines and where they are, metres to the left of the lane's centre, from right to left: the edges of
