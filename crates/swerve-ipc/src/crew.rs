@@ -100,7 +100,19 @@ impl Crew {
     /// # Errors
     /// When there is no place for the run's files, or no shared memory.
     pub fn new() -> Result<Self, IpcError> {
-        let folder = RunFolder::create()?;
+        Self::in_folder(RunFolder::create()?)
+    }
+
+    /// As [`new`](Self::new), in shared memory of this name, which others may join: letters, digits and underscores,
+    /// a letter first.
+    ///
+    /// # Errors
+    /// As there, and when another run has this name.
+    pub fn named(name: &str) -> Result<Self, IpcError> {
+        Self::in_folder(RunFolder::named(name)?)
+    }
+
+    fn in_folder(folder: RunFolder) -> Result<Self, IpcError> {
         let hub = Arc::new(Hub::join(&folder.address)?);
         Ok(Self { workers: Vec::new(), memories: Vec::new(), counts: Arc::default(), hub, folder })
     }

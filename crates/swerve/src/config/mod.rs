@@ -41,7 +41,7 @@ pub use live::LiveConfig;
 use model::ExecutionConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
-use process::ProcessConfig;
+use process::{ProcessConfig, SharedMemoryConfig};
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use text::{Document, Problem};
@@ -93,6 +93,8 @@ pub struct Config {
     pub fault: BTreeMap<String, FaultConfig>,
     /// Processes that take the steps of operators, by name.
     pub process: BTreeMap<String, ProcessConfig>,
+    /// What they share.
+    pub shared_memory: SharedMemoryConfig,
     /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     pub ros2: toml::Table,
@@ -125,6 +127,7 @@ impl Default for Config {
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
             process: BTreeMap::new(),
+            shared_memory: SharedMemoryConfig::default(),
             ros2: toml::Table::new(),
             live: None,
         }
