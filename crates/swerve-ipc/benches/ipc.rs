@@ -5,6 +5,10 @@
 //! receiver has slept for a millisecond and is woken by the kernel, as between the frames of a sensor. *Awake*:
 //! both ends spin. One way is the round trip less half of that of 64 bytes. Shared memory is filled before the clock
 //! starts, and read in place; sockets copy, which is their way. Before each, the sender takes the payload's fingerprint.
+//!
+//! The transports take turns in rounds; each starts its processes anew, and warms up until it has been through all the
+//! memory that it uses. A ratio is that of the medians of one round. `--bench ipc -- asleep 12` measures only that, in
+//! twelve rounds.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -26,7 +30,9 @@ use swerve_msg::block::Memory;
 use swerve_msg::{Encoding, Image, Pixels};
 
 const SIZES: [(usize, &str); 4] = [(64, "64 B"), (65_536, "64 KiB"), (1 << 20, "1 MiB"), (6 << 20, "6 MiB")];
-const ROUNDS: usize = 200;
+/// Round trips of one transport in one round, and how many before them do not count.
+const TRIPS: usize = 120;
+const WARM_UP: usize = 40;
 const LONG: Duration = Duration::from_secs(10);
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -56,8 +62,8 @@ impl Receiver {
     }
 }
 
-/// Round trips in microseconds, by size.
-type Trips = Vec<Sample>;
+/// Round trips in microseconds, in order.
+type Trips = Vec<f64>;
 
 fn us(seconds: f64) -> f64 {
     seconds * 1e6
@@ -144,7 +150,7 @@ impl Elsewhere for Timed {
     }
 }
 
-fn ours(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+fn ours(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
     let mut crew = Crew::new()?;
     let memory = crew.lend("sensor", 1)?;
     let employment = Employment {
@@ -162,12 +168,12 @@ fn ours(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
     let mut graph = graph(Sensor { bytes, memory: Some(memory), sealed: sealed.clone() });
     let door = crew.door("reader").ok_or("it was just employed")?;
     let _there = graph.operator("reader")?.elsewhere(Box::new(Timed { door, receiver, took: took.clone() }));
-    run_virtual(graph, &RunOptions::until(Time::from_ms(10 * ROUNDS as i64 - 1)), vec![])?;
+    run_virtual(graph, &RunOptions::until(Time::from_ms(10 * (WARM_UP + TRIPS) as i64 - 1)), vec![])?;
     if crew.traffic().copied > 0 {
         return Err("bytes were copied".into());
     }
     let (sealed, took) = (sealed.lock().map_err(|e| e.to_string())?, took.lock().map_err(|e| e.to_string())?);
-    Ok(Sample::new(sealed.iter().zip(took.iter()).map(|(sealed, took)| us(sealed + took)).collect()))
+    Ok(sealed.iter().zip(took.iter()).map(|(sealed, took)| us(sealed + took)).collect())
 }
 
 fn worker() -> Outcome<()> {
@@ -227,14 +233,15 @@ impl Drop for Peer {
     }
 }
 
-fn raw(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
-    let name = format!("swerve_bench_{}_{bytes}_{}", std::process::id(), receiver.name());
+fn raw(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
+    // Sockets lie below a folder of this name, whose paths have to be short.
+    let name = format!("swerve_b{}", std::process::id());
     let trips = raw_trips(&name, receiver, bytes);
     clean_up(&name)?;
     trips
 }
 
-fn raw_trips(name: &str, receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+fn raw_trips(name: &str, receiver: Receiver, bytes: usize) -> Outcome<Trips> {
     let node = raw_node(name)?;
     let there = service(&node, &format!("{name}/there"))?
         .publisher_builder()
@@ -248,7 +255,7 @@ fn raw_trips(name: &str, receiver: Receiver, bytes: usize) -> Outcome<Sample> {
     let bell = event(format!("{name}/bell"))?.listener_builder().create()?;
     let _peer = Peer::start(&["raw", name, receiver.name()])?;
     let mut took = Vec::new();
-    for _ in 0..ROUNDS {
+    for _ in 0..WARM_UP + TRIPS {
         let sample = there.loan_slice_uninit(bytes)?.write_from_fn(|_| 7);
         fingerprint(&sample);
         receiver.pause();
@@ -264,7 +271,7 @@ fn raw_trips(name: &str, receiver: Receiver, bytes: usize) -> Outcome<Sample> {
         }
         took.push(us(began.elapsed().as_secs_f64()));
     }
-    Ok(Sample::new(took))
+    Ok(took)
 }
 
 fn raw_peer(name: &str, receiver: Receiver) -> Outcome<()> {
@@ -278,6 +285,8 @@ fn raw_peer(name: &str, receiver: Receiver) -> Outcome<()> {
     let bell = event(format!("{name}/ring"))?.listener_builder().create()?;
     let ring = event(format!("{name}/bell"))?.notifier_builder().create()?;
     say_ready()?;
+    // As a reader of the newest frame, it has the last one until the next is there: two are written in turn.
+    let mut newest = None;
     loop {
         let Some(sample) = there.receive()? else {
             if receiver == Receiver::Asleep {
@@ -290,6 +299,7 @@ fn raw_peer(name: &str, receiver: Receiver) -> Outcome<()> {
         if receiver == Receiver::Asleep {
             ring.notify()?;
         }
+        drop(newest.replace(sample));
     }
 }
 
@@ -340,7 +350,7 @@ fn write_all(socket: &mut dyn Socket, mut bytes: &[u8]) -> Outcome<()> {
     Ok(())
 }
 
-fn tcp(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+fn tcp(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let port = listener.local_addr()?.port().to_string();
     let _peer = Peer::start(&["tcp", &port, receiver.name()])?;
@@ -349,7 +359,7 @@ fn tcp(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
     socket_trips(&mut socket, receiver, bytes)
 }
 
-fn unix(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+fn unix(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
     let path = std::env::temp_dir().join(format!("swerve_bench_{}.sock", std::process::id()));
     let _none = std::fs::remove_file(&path);
     let listener = UnixListener::bind(&path)?;
@@ -359,13 +369,13 @@ fn unix(receiver: Receiver, bytes: usize) -> Outcome<Sample> {
     socket_trips(&mut socket, receiver, bytes)
 }
 
-fn socket_trips(socket: &mut dyn Socket, receiver: Receiver, bytes: usize) -> Outcome<Sample> {
+fn socket_trips(socket: &mut dyn Socket, receiver: Receiver, bytes: usize) -> Outcome<Trips> {
     if receiver == Receiver::Awake {
         socket.spin()?;
     }
     let message = [&(bytes as u64).to_le_bytes()[..], &vec![7; bytes]].concat();
     let mut took = Vec::new();
-    for _ in 0..ROUNDS {
+    for _ in 0..WARM_UP + TRIPS {
         fingerprint(&message);
         receiver.pause();
         let began = now();
@@ -373,7 +383,7 @@ fn socket_trips(socket: &mut dyn Socket, receiver: Receiver, bytes: usize) -> Ou
         read_all(socket, &mut [0; 8])?;
         took.push(us(began.elapsed().as_secs_f64()));
     }
-    Ok(Sample::new(took))
+    Ok(took)
 }
 
 fn socket_peer(socket: &mut dyn Socket, receiver: Receiver) -> Outcome<()> {
@@ -391,36 +401,57 @@ fn socket_peer(socket: &mut dyn Socket, receiver: Receiver) -> Outcome<()> {
     }
 }
 
-fn measure(rows: &mut Rows, receiver: Receiver) -> Outcome<()> {
-    type Measure = fn(Receiver, usize) -> Outcome<Sample>;
-    let transports: [(&str, Measure); 4] =
-        [("ours", ours), ("iceoryx2", raw), ("TCP", tcp), ("Unix socket", unix)];
-    let trips = |measure: Measure| -> Outcome<Trips> {
-        SIZES.iter().map(|(bytes, _)| measure(receiver, *bytes)).collect()
-    };
-    let trips = transports.map(|(_, measure)| trips(measure));
-    let [ours, raw, tcp, unix] = trips;
-    let trips = [ours?, raw?, tcp?, unix?];
+/// One transport at one size: all its trips, and the medians of the rounds.
+#[derive(Default)]
+struct Measured {
+    trips: Trips,
+    medians: Vec<f64>,
+}
+
+type Measure = fn(Receiver, usize) -> Outcome<Trips>;
+const TRANSPORTS: [(&str, Measure); 4] =
+    [("ours", ours), ("iceoryx2", raw), ("TCP", tcp), ("Unix socket", unix)];
+
+/// By size, then by transport.
+fn rounds(receiver: Receiver, rounds: usize) -> Outcome<Vec<[Measured; 4]>> {
+    let mut measured: Vec<[Measured; 4]> = SIZES.map(|_| Default::default()).into();
+    for _ in 0..rounds {
+        for ((bytes, _), measured) in SIZES.iter().zip(&mut measured) {
+            for ((_, measure), measured) in TRANSPORTS.iter().zip(measured) {
+                let trips = measure(receiver, *bytes)?.split_off(WARM_UP);
+                measured.medians.push(Sample::new(trips.clone()).median());
+                measured.trips.extend(trips);
+            }
+        }
+    }
+    Ok(measured)
+}
+
+fn measure(rows: &mut Rows, receiver: Receiver, n: usize) -> Outcome<()> {
+    let measured = rounds(receiver, n)?;
+    let trips: Vec<[Sample; 4]> =
+        measured.iter().map(|of| core::array::from_fn(|i| Sample::new(of[i].trips.clone()))).collect();
     // Half of what 64 bytes take there and back is the way back of any answer.
     let one_way =
-        |transport: usize, size: usize| trips[transport][size].median() - 0.5 * trips[transport][0].median();
+        |size: usize, transport: usize| trips[size][transport].median() - 0.5 * trips[0][transport].median();
+    let goal = |goal: Goal| if receiver == Receiver::Asleep { goal } else { Goal::None };
     for (size, (_, name)) in SIZES.iter().enumerate() {
-        for (transport, (what, _)) in transports.iter().enumerate() {
-            let trip = &trips[transport][size];
-            let us = one_way(transport, size);
-            let [least, p50, p99] = [0.0, 0.5, 0.99].map(|share| trip.at(share));
-            let reads = format!("{us:.0} us one way; round trip {p50:.0} [{least:.0} .. p99 {p99:.0}] us");
+        for (transport, (what, _)) in TRANSPORTS.iter().enumerate() {
+            let trips = &trips[size][transport];
+            let us = one_way(size, transport);
+            let [least, p50, p99] = [0.0, 0.5, 0.99].map(|share| trips.at(share));
+            let reads = format!("{us:.1} us one way; round trip {p50:.1} [{least:.1} .. p99 {p99:.0}] us");
             rows.row(&format!("{name}, {}, {what}", receiver.name()), us, &reads, Goal::None);
         }
-        let over_raw = trips[0][size].median() / trips[1][size].median();
+        let [ours, raw, ..] = &measured[size];
+        let ratios = ours.medians.iter().zip(&raw.medians).map(|(ours, raw)| ours / raw);
+        let over_raw = Sample::new(ratios.collect());
         let what = format!("{name}, {}: ours over iceoryx2, round trip", receiver.name());
-        let goal = if receiver == Receiver::Asleep { Goal::Most(1.3) } else { Goal::None };
-        rows.row(&what, over_raw, &format!("{over_raw:.2}"), goal);
+        rows.row(&what, over_raw.median(), &over_raw.text(2, ""), goal(Goal::Most(1.3)));
     }
-    let over_ours = one_way(2, 3) / one_way(0, 3);
+    let over_ours = one_way(3, 2) / one_way(3, 0);
     let what = format!("6 MiB, {}: TCP over ours, one way", receiver.name());
-    let goal = if receiver == Receiver::Asleep { Goal::Least(50.0) } else { Goal::None };
-    rows.row(&what, over_ours, &format!("{over_ours:.0}"), goal);
+    rows.row(&what, over_ours, &format!("{over_ours:.0}"), goal(Goal::Least(50.0)));
     Ok(())
 }
 
@@ -451,8 +482,14 @@ fn main() -> Outcome<()> {
         return Ok(());
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "ipc");
-    measure(&mut rows, Receiver::Asleep)?;
-    measure(&mut rows, Receiver::Awake)?;
+    let n = words.iter().find_map(|word| word.parse().ok()).unwrap_or(7);
+    let both = [Receiver::Asleep, Receiver::Awake];
+    let named = both.iter().filter(|one| words.iter().any(|word| word == one.name())).count();
+    for receiver in both {
+        if named == 0 || words.iter().any(|word| word == receiver.name()) {
+            measure(&mut rows, receiver, n)?;
+        }
+    }
     print("recorded elsewhere, not measured here: dora 441 us, ERDOS over TCP 4.8 ms for a 6 MiB image");
     rows.finish();
     Ok(())

@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 use std::io::{Read as _, Write as _};
-use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::os::fd::OwnedFd;
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver as Channel, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,10 +13,11 @@ use serde::{Deserialize, Serialize};
 use swerve_flow::Elsewhere;
 use swerve_msg::block::Memory;
 
+use crate::bell::Bell;
 use crate::folder::RunFolder;
-use crate::lend::{Lender, StreamMemory};
-use crate::link::{Counts, Door, Link, Names, Watched, now};
-use crate::service::{Button, Hub};
+use crate::lend::{Lender, Live, StreamMemory};
+use crate::link::{Counts, Door, LOOK_AROUND, Link, Watched, now};
+use crate::service::Hub;
 use crate::{IpcError, Setup, Traffic};
 
 /// What becomes of a worker that died.
@@ -70,7 +72,7 @@ pub type Told = Arc<dyn Fn(Happening) + Send + Sync>;
 /// The workers of a run, and all that a run has on the machine. Ends and removes them when it is dropped.
 pub struct Crew {
     workers: Vec<Worker>,
-    memories: Vec<StreamMemory>,
+    memories: Vec<(StreamMemory, Arc<Live>)>,
     counts: Arc<Counts>,
     hub: Arc<Hub>,
     folder: RunFolder,
@@ -89,9 +91,16 @@ struct Worker {
 struct Shared {
     watched: Arc<Watched>,
     child: Mutex<Option<Child>>,
-    /// Its end closes with the coordinator, whatever ends that: a worker never outlives it.
-    stdin: Mutex<Option<ChildStdin>>,
     ending: AtomicBool,
+}
+
+impl Shared {
+    /// Tells the worker that its run is over.
+    fn hang_up(&self) {
+        if let Some(bell) = &self.watched.life().bell {
+            bell.hang_up();
+        }
+    }
 }
 
 impl Crew {
@@ -125,8 +134,9 @@ impl Crew {
     pub fn lend(&mut self, stream: &str, blocks: usize) -> Result<Box<dyn Memory>, IpcError> {
         let memory = u32::try_from(self.memories.len()).unwrap_or(u32::MAX);
         let of = StreamMemory { memory, stream: stream.to_owned(), blocks };
-        let lender = Lender::new(self.hub.clone(), of.clone())?;
-        self.memories.push(of);
+        let live = Arc::<Live>::default();
+        let lender = Lender::new(self.hub.clone(), of.clone(), live.clone())?;
+        self.memories.push((of, live));
         Ok(Box::new(lender))
     }
 
@@ -137,25 +147,15 @@ impl Crew {
     pub fn employ(&mut self, employment: Employment, told: Told) -> Result<(), IpcError> {
         let process = employment.process.clone();
         let watched = Arc::new(Watched::default());
-        let link = Link::new(
-            &self.hub,
-            &process,
-            employment.spin,
-            watched.clone(),
-            (self.counts.clone(), told.clone()),
-        )?;
-        let shared = Arc::new(Shared {
-            watched,
-            child: Mutex::new(None),
-            stdin: Mutex::new(None),
-            ending: AtomicBool::new(false),
-        });
-        let button = self.hub.button(&Names::of(&process).coordinator_bell)?;
+        let reads = |(of, _): &&(StreamMemory, _)| employment.streams.contains(&of.stream);
+        let (memories, lives) = self.memories.iter().filter(reads).cloned().unzip();
+        let life = (lives, watched.clone());
+        let reports = (self.counts.clone(), told.clone());
+        let link = Link::new(&self.hub, &process, employment.spin, life, reports)?;
+        let shared = Arc::new(Shared { watched, child: Mutex::new(None), ending: AtomicBool::new(false) });
         let (tell_end, ended) = sync_channel(1);
-        let reads = |of: &&StreamMemory| employment.streams.contains(&of.stream);
-        let memories = self.memories.iter().filter(reads).cloned().collect();
         let address = self.folder.address.clone();
-        let mut watch = Watch { employment, memories, address, shared, button, told };
+        let mut watch = Watch { employment, memories, address, shared, told };
         let stdout = watch.start().map_err(IpcError::of(format!("starting process `{process}`")))?;
         let shared = watch.shared.clone();
         let thread = Builder::new().name(format!("swerve-watch-{process}")).spawn(move || {
@@ -206,7 +206,7 @@ impl Drop for Crew {
         const GRACE: Duration = Duration::from_millis(500);
         for worker in &self.workers {
             worker.shared.ending.store(true, Ordering::SeqCst);
-            lock(&worker.shared.stdin).take();
+            worker.shared.hang_up();
         }
         for worker in &mut self.workers {
             if worker.ended.recv_timeout(GRACE) == Err(RecvTimeoutError::Timeout)
@@ -228,8 +228,6 @@ struct Watch {
     memories: Vec<StreamMemory>,
     address: crate::folder::Address,
     shared: Arc<Shared>,
-    /// Wakes who waits for an answer.
-    button: Button,
     told: Told,
 }
 
@@ -249,15 +247,17 @@ impl Watch {
         let mut command = (self.employment.command)();
         // A group of its own: what the terminal sends to the coordinator is the coordinator's business.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+        // Our end closes with the coordinator, whatever ends that: a worker never outlives it.
+        let (bell, there) = Bell::pair(LOOK_AROUND)?;
+        let mut child = command.stdin(OwnedFd::from(there)).stdout(Stdio::piped()).spawn()?;
+        // The command keeps the other end for another child.
+        drop(command);
         let stdout = child.stdout.take().expect("it was asked for");
-        let mut stdin = child.stdin.take().expect("it was asked for");
         // A worker that does not live long enough to read it is found out by its end.
-        let _read = stdin.write_all(&setup.framed()).and_then(|()| stdin.flush());
-        *lock(&self.shared.stdin) = Some(stdin);
+        let _read = bell.socket()?.write_all(&setup.framed());
         *lock(&self.shared.child) = Some(child);
         let mut life = self.shared.watched.life();
-        (life.starts, life.gone) = (start, None);
+        (life.starts, life.gone, life.bell) = (start, None, Some(Arc::new(bell)));
         Ok(stdout)
     }
 
@@ -276,7 +276,7 @@ impl Watch {
                 (life.gone, life.ended) = (Some(why.clone()), why.clone());
                 life.ready == life.starts
             };
-            self.button.ring();
+            self.shared.watched.tell_end();
             let process = self.employment.process.clone();
             (self.told)(Happening::Gone { process: process.clone(), why });
             futile = if was_ready { 0 } else { futile + 1 };
@@ -293,7 +293,7 @@ impl Watch {
                 }
             }
             if self.is_ending() {
-                lock(&self.shared.stdin).take();
+                self.shared.hang_up();
             }
         }
     }

@@ -5,9 +5,8 @@
 //! coordinator's readers, the digest and the log read is what the workers read.
 
 use std::cell::{Cell, RefCell};
-use std::collections::{BTreeMap, VecDeque};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use swerve_msg::block::{Block, Memory, Place, Room, Shelf};
@@ -46,7 +45,7 @@ impl StreamMemory {
         FRAMES_HELD * self.blocks
     }
 
-    /// The newest blocks, which a worker keeps for calls to come.
+    /// The newest blocks, of which a worker keeps for calls to come what the coordinator still has.
     fn kept(&self) -> usize {
         const FRAMES_KEPT: usize = 4;
         FRAMES_KEPT * self.blocks
@@ -58,8 +57,7 @@ pub(crate) struct Lender {
     of: StreamMemory,
     hub: Arc<Hub>,
     ends: Arc<Mutex<Ends>>,
-    /// Rooms and blocks that the coordinator has.
-    held: Arc<AtomicUsize>,
+    live: Arc<Live>,
 }
 
 struct Ends {
@@ -70,10 +68,10 @@ struct Ends {
 }
 
 impl Lender {
-    pub(crate) fn new(hub: Arc<Hub>, of: StreamMemory) -> Result<Self, IpcError> {
+    pub(crate) fn new(hub: Arc<Hub>, of: StreamMemory, live: Arc<Live>) -> Result<Self, IpcError> {
         let receiver = hub.receiver(&of.service(), of.depth())?;
         let ends = Ends { sender: None, receiver, seq: 0 };
-        Ok(Self { of, hub, ends: Arc::new(Mutex::new(ends)), held: Arc::default() })
+        Ok(Self { of, hub, ends: Arc::new(Mutex::new(ends)), live })
     }
 
     fn sender(&self, bytes: usize) -> Option<Arc<WordSender>> {
@@ -92,26 +90,65 @@ impl Memory for Lender {
         if bytes < BYTES_MIN {
             return None;
         }
-        let held = Held::one_of(&self.held, self.of.held())?;
+        let held = Held::one_of(&self.live, self.of.held())?;
         let loan = Loan::of(&*self.sender(bytes)?, bytes)?;
         Some(Box::new(LentRoom { loan, memory: self.of.memory, ends: self.ends.clone(), held }))
     }
 }
 
+/// The rooms and blocks of one memory that the coordinator has.
+#[derive(Default)]
+pub(crate) struct Live(Mutex<Alive>);
+
+#[derive(Default)]
+struct Alive {
+    held: usize,
+    /// Of the blocks among them.
+    seqs: Vec<u64>,
+}
+
+impl Live {
+    fn alive(&self) -> MutexGuard<'_, Alive> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// No call will name an older block than this one.
+    pub(crate) fn oldest(&self) -> u64 {
+        self.alive().seqs.iter().copied().min().unwrap_or(u64::MAX)
+    }
+}
+
 /// One of as many as may be held.
-struct Held(Arc<AtomicUsize>);
+struct Held {
+    live: Arc<Live>,
+    /// Once it is a block.
+    seq: Option<u64>,
+}
 
 impl Held {
-    fn one_of(count: &Arc<AtomicUsize>, most: usize) -> Option<Self> {
-        let more = |held: usize| (held < most).then_some(held + 1);
-        count.fetch_update(Ordering::SeqCst, Ordering::SeqCst, more).ok()?;
-        Some(Self(count.clone()))
+    fn one_of(live: &Arc<Live>, most: usize) -> Option<Self> {
+        let mut alive = live.alive();
+        if alive.held >= most {
+            return None;
+        }
+        alive.held += 1;
+        Some(Self { live: live.clone(), seq: None })
+    }
+
+    fn sealed(mut self, seq: u64) -> Self {
+        self.live.alive().seqs.push(seq);
+        self.seq = Some(seq);
+        self
     }
 }
 
 impl Drop for Held {
     fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::SeqCst);
+        let mut alive = self.live.alive();
+        alive.held -= 1;
+        if let Some(at) = self.seq.and_then(|seq| alive.seqs.iter().position(|alive| *alive == seq)) {
+            alive.seqs.swap_remove(at);
+        }
     }
 }
 
@@ -143,7 +180,8 @@ impl Room for LentRoom {
                 return Err("shared memory: what was sent did not come".into());
             };
             if received.user_header().seq == place.seq {
-                return Ok(Arc::new(LentBlock { received: Kept(received), place, _held: Some(held) }));
+                let held = Some(held.sealed(place.seq));
+                return Ok(Arc::new(LentBlock { received: Kept(received), place, _held: held }));
             }
         }
     }
@@ -166,9 +204,10 @@ impl Block for LentBlock {
     }
 }
 
-/// A worker's end: what it was sent of all memories that it reads, the newest of each.
+/// A worker's end: what it was sent of all memories that it reads and may still be asked for.
 pub(crate) struct Shelves {
-    memories: BTreeMap<u32, RefCell<Stack>>,
+    /// By their numbers.
+    memories: Vec<RefCell<Stack>>,
     /// A block was asked for that is not there.
     missed: Cell<bool>,
 }
@@ -184,18 +223,28 @@ impl Shelves {
         let stack = |of: &StreamMemory| {
             let receiver = hub.receiver(&of.service(), of.depth())?;
             let stack = Stack { of: of.clone(), receiver, blocks: VecDeque::new() };
-            Ok((of.memory, RefCell::new(stack)))
+            Ok(RefCell::new(stack))
         };
         let memories = memories.iter().map(stack).collect::<Result<_, _>>()?;
         Ok(Self { memories, missed: Cell::new(false) })
     }
 
-    /// Takes in what was sent since the last time, and lets go of the oldest.
-    pub(crate) fn tidy(&self) {
-        for stack in self.memories.values() {
+    /// Splits a call into what it says of the oldest blocks that calls may name, and the call itself.
+    pub(crate) fn split<'a>(&self, call: &'a [u8]) -> Option<(&'a [[u8; 8]], &'a [u8])> {
+        let (oldest, call) = call.split_at_checked(8 * self.memories.len())?;
+        Some((oldest.as_chunks().0, call))
+    }
+
+    /// Takes in what was sent since the last time, and lets go of what no call will name any more.
+    pub(crate) fn tidy(&self, oldest: &[[u8; 8]]) {
+        for (stack, oldest) in self.memories.iter().zip(oldest) {
             let stack = &mut *stack.borrow_mut();
+            let oldest = u64::from_le_bytes(*oldest);
             while stack.take_in() {}
-            while stack.blocks.len() > stack.of.kept() {
+            let most = stack.of.kept();
+            while stack.blocks.len() > most
+                || stack.blocks.front().is_some_and(|block| block.place.seq < oldest)
+            {
                 stack.blocks.pop_front();
             }
         }
@@ -229,7 +278,8 @@ impl Stack {
 
 impl Shelf for Shelves {
     fn find(&self, place: Place) -> Option<Arc<dyn Block>> {
-        let stack = self.memories.get(&place.memory);
+        let mut stacks = self.memories.iter();
+        let stack = stacks.find(|stack| stack.borrow().of.memory == place.memory);
         let found = stack.and_then(|stack| stack.borrow_mut().find(place.seq));
         if found.is_none() {
             self.missed.set(true);

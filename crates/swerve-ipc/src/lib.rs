@@ -10,6 +10,7 @@
 //! |---|---|
 //! | `folder.rs` | a name of its own for all that a run leaves on the machine; removal of what dead runs left |
 //! | `service.rs` | the one place where services are made, so that both ends always agree |
+//! | `bell.rs` | wakes the process at the other end |
 //! | `link.rs` | a call and its answer |
 //! | `lend.rs` | memory that sensors write and workers read in place |
 //! | `crew.rs` | the workers of a run: started, watched, started again or given up |
@@ -17,6 +18,7 @@
 //!
 //! No other crate sees iceoryx2.
 
+mod bell;
 mod crew;
 mod error;
 mod folder;

@@ -1,40 +1,36 @@
 //! A call to a worker and its answer.
+//!
+//! Before a call itself stand eight bytes for each memory that the worker reads: the number of the oldest block that
+//! calls may name. What is short goes with the bell that wakes who waits for it; what is longer, and all where the
+//! ends wait with open eyes, is in a loaned slice.
 
 use core::time::Duration;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use serde::Serialize;
 use swerve_flow::{Answered, Call, Elsewhere, Lost};
 use swerve_msg::block::writing;
 
-use crate::service::{Bell, Button, Head, Hub, Kind, Received, Receiver, Sender, TALK, send};
+use crate::bell::{Bell, Ear, HEAD, Heard, Patience};
+use crate::lend::Live;
+use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK, send};
 use crate::{Happening, IpcError, Told};
 
-/// How long the waiting one sleeps before it looks around by itself. It is woken for whatever happens; this is
-/// for a bell that did not ring.
-const LOOK_AROUND: Duration = Duration::from_millis(20);
+/// How long the coordinator sleeps before it looks around by itself. It is woken for whatever happens.
+pub(crate) const LOOK_AROUND: Duration = Duration::from_millis(20);
 
 /// The services between the coordinator and one worker.
 pub(crate) struct Names {
     pub(crate) calls: String,
     pub(crate) answers: String,
-    /// Wakes the worker.
-    pub(crate) worker_bell: String,
-    /// Wakes the coordinator.
-    pub(crate) coordinator_bell: String,
 }
 
 impl Names {
     pub(crate) fn of(process: &str) -> Self {
         let name = |what: &str| format!("{what}/{process}");
-        Self {
-            calls: name("calls"),
-            answers: name("answers"),
-            worker_bell: name("worker"),
-            coordinator_bell: name("coordinator"),
-        }
+        Self { calls: name("calls"), answers: name("answers") }
     }
 }
 
@@ -82,7 +78,10 @@ impl Counts {
 
 /// What is known of a worker's life; the thread that watches it tells.
 #[derive(Default)]
-pub(crate) struct Watched(Mutex<Life>);
+pub(crate) struct Watched {
+    life: Mutex<Life>,
+    ended: Condvar,
+}
 
 #[derive(Default)]
 pub(crate) struct Life {
@@ -94,11 +93,26 @@ pub(crate) struct Life {
     pub(crate) gone: Option<String>,
     /// How it ended last.
     pub(crate) ended: String,
+    /// The bell between it and the coordinator.
+    pub(crate) bell: Option<Arc<Bell>>,
 }
 
 impl Watched {
     pub(crate) fn life(&self) -> MutexGuard<'_, Life> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.life.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// That it ended is known now.
+    pub(crate) fn tell_end(&self) {
+        self.ended.notify_all();
+    }
+
+    /// Waits a while for what is known of the end of a start that is over.
+    fn wait_end(&self, start: u64) {
+        let life = self.life();
+        if life.gone.is_none() && life.starts == start {
+            let _soon = self.ended.wait_timeout(life, LOOK_AROUND);
+        }
     }
 }
 
@@ -107,15 +121,19 @@ pub(crate) struct Link {
     process: String,
     calls: Sender,
     answers: Receiver,
-    worker: Button,
-    bell: Bell,
+    /// That of the worker's last start.
+    ear: Option<Ear>,
     /// For so long an answer is waited for without sleeping.
     spin: Duration,
+    /// The memories that the worker reads.
+    lives: Vec<Arc<Live>>,
     watched: Arc<Watched>,
     counts: Arc<Counts>,
     told: Told,
     /// The start of the worker that the last call went to.
     start: u64,
+    /// The last start that said that it is ready.
+    ready: u64,
     seq: u64,
     call: Vec<u8>,
 }
@@ -125,7 +143,7 @@ impl Link {
         hub: &Hub,
         process: &str,
         spin: Duration,
-        watched: Arc<Watched>,
+        (lives, watched): (Vec<Arc<Live>>, Arc<Watched>),
         (counts, told): (Arc<Counts>, Told),
     ) -> Result<Self, IpcError> {
         const CALL_BYTES: usize = 16 * 1024;
@@ -134,13 +152,14 @@ impl Link {
             process: process.to_owned(),
             calls: hub.sender(&names.calls, TALK, 2, CALL_BYTES)?,
             answers: hub.receiver(&names.answers, TALK)?,
-            worker: hub.button(&names.worker_bell)?,
-            bell: hub.bell(&names.coordinator_bell)?,
+            ear: None,
             spin,
+            lives,
             watched,
             counts,
             told,
             start: 0,
+            ready: 0,
             seq: 0,
             call: Vec::new(),
         })
@@ -156,9 +175,19 @@ impl Link {
             if now() >= until {
                 return Err(error(&self.process, "was not ready in time".into()));
             }
-            self.bell.wait(LOOK_AROUND);
+            self.hear_ready(Patience::AWhile);
         }
         Ok(())
+    }
+
+    /// Listens for the worker to say that it is ready.
+    fn hear_ready(&mut self, patience: Patience) {
+        match self.ear.as_mut().map_or(Heard::Alone, |ear| ear.listen(patience)) {
+            Heard::Note(Head { seq, kind }, _) if kind == Kind::Ready as u64 => self.ready = seq,
+            Heard::Garbled => self.hang_up(),
+            Heard::Alone if patience == Patience::AWhile => self.watched.wait_end(self.start),
+            Heard::Ring | Heard::Note(..) | Heard::Nothing | Heard::Alone => {}
+        }
     }
 
     /// Makes sure that there is a worker that takes calls; says which start of it that is.
@@ -168,31 +197,23 @@ impl Link {
             if let Some(why) = &life.gone {
                 return Err(self.lost(why));
             }
+            if life.starts != self.start {
+                (self.start, self.ear) = (life.starts, life.bell.clone().map(Ear::at));
+            }
             (life.starts, life.ready)
         };
         if ready < starts {
-            let is_ready = |head: &Head| Kind::of(head) == Some(Kind::Ready) && head.seq == starts;
-            loop {
-                match self.receive()? {
-                    Some(message) if is_ready(message.user_header()) => break,
-                    Some(_) => {}
-                    None => {
-                        let ended = self.watched.life().ended.clone();
-                        return Err(self.lost(&format!("{ended} and is not ready yet")));
-                    }
-                }
+            self.hear_ready(Patience::None);
+            if self.ready != starts {
+                let ended = self.watched.life().ended.clone();
+                return Err(self.lost(&format!("{ended} and is not ready yet")));
             }
             self.watched.life().ready = starts;
             if starts > 1 {
                 (self.told)(Happening::Restarted { process: self.process.clone() });
             }
         }
-        self.start = starts;
         Ok(starts)
-    }
-
-    fn receive(&self) -> Result<Option<Received>, Lost> {
-        self.answers.receive().map_err(|error| self.lost(&format!("cannot be heard: {error:?}")))
     }
 
     fn lost(&self, why: &str) -> Lost {
@@ -204,66 +225,111 @@ impl Link {
         let start = self.connect()?;
         self.seq += 1;
         Counts::add(&self.counts.calls, 1);
-        let mut message = self.send_and_wait(call, true)?;
-        if Kind::of(message.user_header()) == Some(Kind::Missing) {
-            message = self.send_and_wait(call, false)?;
+        let mut kind = self.send_and_wait(call, true, answer)?;
+        if kind == Kind::Missing {
+            kind = self.send_and_wait(call, false, answer)?;
         }
-        match Kind::of(message.user_header()) {
-            Some(Kind::Answer) => answer.extend_from_slice(message.payload()),
-            _ => {
-                let why = String::from_utf8_lossy(message.payload());
-                return Err(self.lost(&format!("refuses the call: {why}")));
-            }
+        if kind != Kind::Answer {
+            return Err(self.lost(&format!("refuses the call: {}", String::from_utf8_lossy(answer))));
         }
         Ok(start)
     }
 
     /// Sends a call, with what fills images and clouds as its places or as it is, and waits for the answer.
-    fn send_and_wait(&mut self, call: &Call<'_>, places: bool) -> Result<Received, Lost> {
+    fn send_and_wait(&mut self, call: &Call<'_>, places: bool, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
         self.call.clear();
-        let ((), written) = writing(places, Traffic::BIG, || call.encode(&mut self.call));
-        send(&self.calls, self.seq, Kind::Call, &self.call)
-            .map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
-        self.worker.ring();
-        if self.spin.is_zero() {
-            // The answer cannot be there yet.
-            self.bell.wait(LOOK_AROUND);
+        self.call.extend_from_slice(&[0; HEAD]);
+        for live in &self.lives {
+            self.call.extend_from_slice(&live.oldest().to_le_bytes());
         }
-        let message = self.wait()?;
-        let answered = message.payload().len();
-        Counts::add(&self.counts.bytes, self.call.len() + answered);
+        let ((), written) = writing(places, Traffic::BIG, || call.encode(&mut self.call));
+        let ear =
+            self.ear.as_ref().ok_or_else(|| Lost("there is no bell to a worker that is ready".into()))?;
+        let head = Head { seq: self.seq, kind: Kind::Call as u64 };
+        if !(self.spin.is_zero() && ear.bell.bring(head, &mut self.call)) {
+            send(&self.calls, self.seq, Kind::Call, &self.call[HEAD..])
+                .map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
+            ear.bell.ring();
+        }
+        let kind = self.wait(answer)?;
+        Counts::add(&self.counts.bytes, self.call.len() - HEAD + answer.len());
         Counts::add(&self.counts.in_place, written.in_place);
-        Counts::add(&self.counts.copied, written.copied + if answered > Traffic::BIG { answered } else { 0 });
-        Ok(message)
+        let answered = if answer.len() > Traffic::BIG { answer.len() } else { 0 };
+        Counts::add(&self.counts.copied, written.copied + answered);
+        Ok(kind)
     }
 
     /// Waits for the answer to the last call.
-    fn wait(&self) -> Result<Received, Lost> {
+    fn wait(&mut self, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
         let spin_until = (self.spin > Duration::ZERO).then(|| now() + self.spin);
         loop {
-            while let Some(message) = self.receive()? {
-                if message.user_header().seq == self.seq
-                    && Kind::of(message.user_header()) != Some(Kind::Ready)
-                {
-                    return Ok(message);
-                }
-            }
             if spin_until.is_some_and(|until| now() < until) {
+                if let Some(kind) = self.receive(answer)? {
+                    return Ok(kind);
+                }
                 core::hint::spin_loop();
                 continue;
             }
-            {
-                let life = self.watched.life();
-                if let Some(why) = &life.gone {
-                    return Err(self.lost(why));
+            let heard = self.ear.as_mut().map_or(Heard::Alone, |ear| ear.listen(Patience::AWhile));
+            match heard {
+                Heard::Note(head, said) => {
+                    if let Some(kind) = answers(&head, self.seq) {
+                        answer.clear();
+                        answer.extend_from_slice(said);
+                        return Ok(kind);
+                    }
                 }
-                if life.starts != self.start {
-                    return Err(self.lost(&life.ended));
+                Heard::Ring | Heard::Nothing => {
+                    if let Some(kind) = self.receive(answer)? {
+                        return Ok(kind);
+                    }
+                    self.check_life()?;
                 }
+                Heard::Alone => {
+                    self.watched.wait_end(self.start);
+                    self.check_life()?;
+                }
+                // Its end is noticed as that of any other.
+                Heard::Garbled => self.hang_up(),
             }
-            self.bell.wait(LOOK_AROUND);
         }
     }
+
+    /// The answer to the last call from a loaned slice, if it is there.
+    fn receive(&self, answer: &mut Vec<u8>) -> Result<Option<Kind>, Lost> {
+        let heard = |error| self.lost(&format!("cannot be heard: {error:?}"));
+        while let Some(message) = self.answers.receive().map_err(heard)? {
+            if let Some(kind) = answers(message.user_header(), self.seq) {
+                answer.clear();
+                answer.extend_from_slice(message.payload());
+                return Ok(Some(kind));
+            }
+        }
+        Ok(None)
+    }
+
+    /// That the worker which was called last still lives.
+    fn check_life(&self) -> Result<(), Lost> {
+        let life = self.watched.life();
+        if let Some(why) = &life.gone {
+            return Err(self.lost(why));
+        }
+        if life.starts != self.start {
+            return Err(self.lost(&life.ended));
+        }
+        Ok(())
+    }
+
+    fn hang_up(&self) {
+        if let Some(ear) = &self.ear {
+            ear.bell.hang_up();
+        }
+    }
+}
+
+/// What kind of answer to a call this is.
+fn answers(head: &Head, seq: u64) -> Option<Kind> {
+    Kind::of(head).filter(|kind| head.seq == seq && *kind != Kind::Ready)
 }
 
 /// The steps of one operator, taken by a worker.

@@ -4,13 +4,10 @@
 use core::fmt::Debug;
 #[cfg(test)]
 use core::mem::offset_of;
-use core::time::Duration;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
-use iceoryx2::port::listener::Listener;
-use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{
@@ -19,7 +16,6 @@ use iceoryx2::prelude::{
 };
 use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
-use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use rustix::fs::statvfs;
@@ -31,7 +27,6 @@ use crate::folder::{Address, SHARED_MEMORY};
 pub(crate) type Ipc = ipc_threadsafe::Service;
 pub(crate) type Sender = Publisher<Ipc, [u8], Head>;
 pub(crate) type Receiver = Subscriber<Ipc, [u8], Head>;
-pub(crate) type Received = Sample<Ipc, [u8], Head>;
 /// What fills images and clouds is words, so that it lies at the addresses that its numbers need. (An alignment
 /// asked of a service of bytes is applied by iceoryx2 0.10 to each single byte, in memory set aside.)
 pub(crate) type WordSender = Publisher<Ipc, [u64], Head>;
@@ -215,48 +210,6 @@ impl Hub {
     ) -> Result<Subscriber<Ipc, [T], Head>, IpcError> {
         let made = self.service::<T>(name, depth)?.subscriber_builder().buffer_size(depth.waiting).create();
         made.map_err(IpcError::of(format!("a receiver of {name}")))
-    }
-
-    fn event(&self, name: &str) -> Result<EventFactory<Ipc>, IpcError> {
-        let doing = || format!("opening doorbell {name}");
-        let id = ServiceName::new(name).map_err(IpcError::of(doing()))?;
-        let builder = self.node.service_builder(&id).event();
-        let builder = builder.max_notifiers(4).max_listeners(2).max_nodes(8);
-        builder.open_or_create().map_err(IpcError::of(doing()))
-    }
-
-    /// The button of a doorbell.
-    pub(crate) fn button(&self, name: &str) -> Result<Button, IpcError> {
-        let made = self.event(name)?.notifier_builder().create();
-        Ok(Button(made.map_err(IpcError::of(format!("the button of doorbell {name}")))?))
-    }
-
-    /// A doorbell.
-    pub(crate) fn bell(&self, name: &str) -> Result<Bell, IpcError> {
-        let made = self.event(name)?.listener_builder().create();
-        Ok(Bell(made.map_err(IpcError::of(format!("doorbell {name}")))?))
-    }
-}
-
-/// Rings a doorbell.
-#[derive(Debug)]
-pub(crate) struct Button(Notifier<Ipc>);
-
-impl Button {
-    /// Rings. A bell that is gone is that of a dead process, of which others take care.
-    pub(crate) fn ring(&self) {
-        let _unheard = self.0.notify();
-    }
-}
-
-/// Wakes who waits at it.
-pub(crate) struct Bell(Listener<Ipc>);
-
-impl Bell {
-    /// Waits until it rings, but not for long: whoever waits looks around now and then.
-    pub(crate) fn wait(&self, at_most: Duration) {
-        // Should it be interrupted, the waiting one looks around a little early.
-        let _rung = self.0.timed_wait(|_| {}, at_most);
     }
 }
 

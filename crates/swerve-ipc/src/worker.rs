@@ -13,10 +13,11 @@ use swerve_flow::Workshop;
 use swerve_msg::block::reading;
 
 use crate::IpcError;
+use crate::bell::{Bell, Ear, HEAD, Heard, Patience};
 use crate::folder::Address;
 use crate::lend::{Shelves, StreamMemory};
 use crate::link::{Names, now};
-use crate::service::{Hub, Kind, TALK, send};
+use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK, send};
 
 /// What a worker is told at its start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -64,26 +65,22 @@ impl Setup {
 ///
 /// # Errors
 /// When the run's shared memory is not there, or cannot be used.
-pub fn work(setup: &Setup, mut workshop: Workshop) -> Result<(), IpcError> {
+pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
     const ANSWER_BYTES: usize = 16 * 1024;
-    /// The bell rings for whatever happens; this is for one that did not.
-    const LOOK_AROUND: Duration = Duration::from_millis(50);
     let hub = Hub::join(&setup.address)?;
     let names = Names::of(&setup.process);
-    let bell = hub.bell(&names.worker_bell)?;
+    let bell = Arc::new(Bell::inherited().map_err(IpcError::of("the doorbell"))?);
     let calls = hub.receiver(&names.calls, TALK)?;
     let answers = hub.sender(&names.answers, TALK, 2, ANSWER_BYTES)?;
     let shelves = Rc::new(Shelves::new(&hub, &setup.memories)?);
-    let coordinator = hub.button(&names.coordinator_bell)?;
     let orphaned = Arc::new(AtomicBool::new(false));
     let (_here, is_left) = sync_channel::<()>(1);
-    let (own, alone) = (hub.button(&names.worker_bell)?, orphaned.clone());
+    let (end, alone) = (bell.clone(), orphaned.clone());
     let watch = move || {
         const GRACE: Duration = Duration::from_secs(1);
-        // Whatever ends the coordinator closes its end of the pipe.
-        let _end = io::stdin().read_to_end(&mut Vec::new());
+        // Whatever ends the coordinator closes its end.
+        end.wait_alone();
         alone.store(true, Ordering::SeqCst);
-        own.ring();
         // Held up until the loop below is left; a step that takes longer is of no use to anybody.
         if is_left.recv_timeout(GRACE).is_err_and(|error| error == std::sync::mpsc::RecvTimeoutError::Timeout)
         {
@@ -91,34 +88,76 @@ pub fn work(setup: &Setup, mut workshop: Workshop) -> Result<(), IpcError> {
         }
     };
     Builder::new().name("swerve-orphan".into()).spawn(watch).map_err(IpcError::of("starting a thread"))?;
-    send(&answers, setup.start, Kind::Ready, &[])?;
-    coordinator.ring();
-    let mut answer = Vec::new();
     let spin = Duration::from_micros(setup.spin_us);
+    bell.bring(Head { seq: setup.start, kind: Kind::Ready as u64 }, &mut [0; HEAD]);
+    let mut desk = Desk { workshop, shelves, answers, bell: bell.clone(), spin, answer: Vec::new() };
+    let mut ear = Ear::at(bell);
     let mut spin_until = now() + spin;
     while !orphaned.load(Ordering::SeqCst) {
-        let Some(call) = calls.receive().map_err(IpcError::of("receiving a call"))? else {
-            if spin > Duration::ZERO && now() < spin_until {
-                core::hint::spin_loop();
+        if spin > Duration::ZERO && now() < spin_until {
+            if desk.take_slice(&calls)? {
+                spin_until = now() + spin;
             } else {
-                bell.wait(LOOK_AROUND);
+                core::hint::spin_loop();
             }
             continue;
-        };
-        let seq = call.user_header().seq;
-        answer.clear();
-        let answered = reading(shelves.clone(), || workshop.answer(call.payload(), &mut answer));
-        match answered {
-            Ok(()) => send(&answers, seq, Kind::Answer, &answer)?,
-            Err(_) if shelves.has_missed() => send(&answers, seq, Kind::Missing, &[])?,
-            Err(error) => send(&answers, seq, Kind::Refused, error.to_string().as_bytes())?,
         }
-        coordinator.ring();
-        drop(call);
-        shelves.tidy();
-        if spin > Duration::ZERO {
-            spin_until = now() + spin;
+        match ear.listen(Patience::AWhile) {
+            Heard::Note(head, call) => desk.take(head, call)?,
+            Heard::Ring | Heard::Nothing => {
+                if desk.take_slice(&calls)? {
+                    spin_until = now() + spin;
+                }
+            }
+            Heard::Garbled | Heard::Alone => break,
         }
     }
     Ok(())
+}
+
+/// Where calls are answered.
+struct Desk {
+    workshop: Workshop,
+    shelves: Rc<Shelves>,
+    answers: Sender,
+    bell: Arc<Bell>,
+    spin: Duration,
+    /// The last answer, behind room for its head.
+    answer: Vec<u8>,
+}
+
+impl Desk {
+    /// Takes the next call that came in a slice, if there is one.
+    fn take_slice(&mut self, calls: &Receiver) -> Result<bool, IpcError> {
+        let Some(call) = calls.receive().map_err(IpcError::of("receiving a call"))? else { return Ok(false) };
+        self.take(*call.user_header(), call.payload())?;
+        Ok(true)
+    }
+
+    /// Takes the step that a call is for, and answers.
+    fn take(&mut self, head: Head, call: &[u8]) -> Result<(), IpcError> {
+        self.answer.clear();
+        self.answer.extend_from_slice(&[0; HEAD]);
+        let (oldest, body) = self.shelves.split(call).unwrap_or_default();
+        let answered = reading(self.shelves.clone(), || self.workshop.answer(body, &mut self.answer));
+        let kind = match answered {
+            Ok(()) => Kind::Answer,
+            Err(error) => {
+                self.answer.truncate(HEAD);
+                if self.shelves.has_missed() {
+                    Kind::Missing
+                } else {
+                    self.answer.extend_from_slice(error.to_string().as_bytes());
+                    Kind::Refused
+                }
+            }
+        };
+        let reply = Head { seq: head.seq, kind: kind as u64 };
+        if !(self.spin.is_zero() && self.bell.bring(reply, &mut self.answer)) {
+            send(&self.answers, head.seq, kind, &self.answer[HEAD..])?;
+            self.bell.ring();
+        }
+        self.shelves.tidy(oldest);
+        Ok(())
+    }
 }

@@ -189,7 +189,9 @@ pub fn nearest_hazard(params: &Params, situation: &Situation<'_>, overhead: Over
     }
     let ego = Ego::of(params, situation);
     let spare_s = |h: &Hazard| h.left_s - if h.hidden { overhead.hidden_s } else { overhead.seen_s };
-    let hazards = situation.predictions.iter().filter_map(|p| hazard(params, situation, &ego, p));
+    // A thing may be in the way and hide another: both count.
+    let both = |p| [in_the_way(params, situation, &ego, p), behind(params, situation, &ego, p)];
+    let hazards = situation.predictions.iter().flat_map(both).flatten();
     hazards.min_by(|a, b| spare_s(a).total_cmp(&spare_s(b)))
 }
 
@@ -260,30 +262,41 @@ fn stretch(route: &Route, prediction: &Prediction, pose: Pose2) -> Stretch {
     Stretch { s_m, d_m }
 }
 
-fn hazard(
+/// How far a thing is beside the strip that the ego sweeps, metres; negative on it.
+fn beside_m(ego: &Ego, at: &Stretch) -> f64 {
+    (at.d_m[0] - ego.d_m).max(ego.d_m - at.d_m[1]) - ego.half_m
+}
+
+/// A thing that is predicted to be on the strip, ahead.
+fn in_the_way(
     params: &Params,
     situation: &Situation<'_>,
     ego: &Ego,
     prediction: &Prediction,
 ) -> Option<Hazard> {
-    let first = prediction.path.first()?;
-    let here = stretch(situation.route, prediction, first.pose);
-    let beside_m = |at: &Stretch| (at.d_m[0] - ego.d_m).max(ego.d_m - at.d_m[1]) - ego.half_m;
-    let in_the_way = prediction.path.iter().find_map(|place| {
+    let (when, at) = prediction.path.iter().find_map(|place| {
         let at = stretch(situation.route, prediction, place.pose);
-        (at.s_m[1] > ego.front_m && beside_m(&at) < 0.0).then_some((place.at, at))
-    });
-    if let Some((when, at)) = in_the_way {
-        let along_mps = along_mps(situation.route, prediction);
-        // Where it would be now, had it always been on the strip.
-        let gap_m = at.s_m[0] - along_mps * (when - situation.now).as_secs().max(0.0) - ego.front_m;
-        let closing_mps = situation.ego.speed_mps - along_mps;
-        let left_s = left_s(params, gap_m, closing_mps, swerve_m(situation, ego, &at), situation.limits)?;
-        return Some(Hazard { id: prediction.id, hidden: false, left_s });
-    }
+        (at.s_m[1] > ego.front_m && beside_m(ego, &at) < 0.0).then_some((place.at, at))
+    })?;
+    let along_mps = along_mps(situation.route, prediction);
+    // Where it would be now, had it always been on the strip.
+    let gap_m = at.s_m[0] - along_mps * (when - situation.now).as_secs().max(0.0) - ego.front_m;
+    let closing_mps = situation.ego.speed_mps - along_mps;
+    let left_s = left_s(params, gap_m, closing_mps, swerve_m(situation, ego, &at), situation.limits)?;
+    Some(Hazard { id: prediction.id, hidden: false, left_s })
+}
+
+/// What may be hidden behind a thing near the strip.
+fn behind(
+    params: &Params,
+    situation: &Situation<'_>,
+    ego: &Ego,
+    prediction: &Prediction,
+) -> Option<Hazard> {
+    let here = stretch(situation.route, prediction, prediction.path.first()?.pose);
     let extent = &prediction.extent;
     let large = extent.height_m >= HIDES_M && extent.length_m.max(extent.width_m) >= HIDES_M;
-    let hides = large && !prediction.kind.is_person() && beside_m(&here) <= params.reach_m;
+    let hides = large && !prediction.kind.is_person() && beside_m(ego, &here) <= params.reach_m;
     let gap_m = here.s_m[1] - ego.front_m;
     if !hides || gap_m <= 0.0 {
         return None;
@@ -419,6 +432,9 @@ mod tests {
         assert_eq!(hazard_at(12.0, &[thing(ActorKind::Truck, (40.0, 7.0), (0.0, 0.0))]), None);
         assert_eq!(hazard_at(12.0, &[thing(ActorKind::Truck, (0.0, 4.0), (0.0, 0.0))]), None);
         assert_eq!(hazard_at(12.0, &[thing(ActorKind::Pedestrian, (40.0, 4.0), (0.0, 0.0))]), None);
+        // Also if it is taken for one that drifts into the way, far ahead.
+        let drifts = hazard_at(12.0, &[thing(ActorKind::Truck, (40.0, 4.0), (0.5, -0.3))]).unwrap();
+        assert_eq!(drifts, hazard);
         // One who walks onto the strip is in the way.
         let walks = hazard_at(12.0, &[thing(ActorKind::Pedestrian, (40.0, 4.0), (0.0, -1.5))]).unwrap();
         assert!(!walks.hidden);

@@ -4,7 +4,9 @@ use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
-use crate::{calibrate, check, dataset, doctor, graph, live, plan, process, replay, run, scenarios, study, timing};
+use crate::{
+    calibrate, check, dataset, doctor, graph, live, plan, process, replay, run, scenarios, study, timing,
+};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]

@@ -18,6 +18,7 @@ pub mod progress;
 pub mod replay;
 pub mod ros2;
 pub mod run;
+pub mod rungs;
 pub mod scenarios;
 pub mod story;
 pub mod street;

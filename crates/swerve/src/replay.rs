@@ -15,6 +15,7 @@ use swerve_scenario::Scenario;
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
 use crate::config::{Config, OPERATORS};
+use crate::live::graph::LiveGraph;
 use crate::pipeline::Pipeline;
 use crate::run::{left_out_of_logs, problems_error};
 
@@ -83,6 +84,9 @@ pub fn replay(
     let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
     let scenario =
         Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
+    if config.live.is_some() {
+        return replay_live(log, (&config, &scenario), OPERATORS[cut], (threads, sets.is_empty()));
+    }
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     let sources: Vec<String> = pipeline.graph.sources().map(str::to_owned).collect();
     for operator in OPERATORS[..cut].iter().copied().chain(sources.iter().map(String::as_str)) {
@@ -105,6 +109,56 @@ pub fn replay(
     let last = log.end.as_ref().map(|end| end.at);
     let options = RunOptions { seed: log.start.seed, threads, until: last };
     let report = run_replay(pipeline.graph, &options, decided.into_iter().collect(), vec![&mut comparison])?;
+    comparison.digest = report.digest;
+    Ok(comparison)
+}
+
+/// The operators of a drive with a vehicle that can be computed again, in the order of the graph.
+const LIVE_CHAIN: [&str; 7] = ["obstacles", "tracker", "predictor", "planner", "controller", "fresh", "gate"];
+
+/// As [`replay`], for a drive with a vehicle: what came from it takes the place of the sources.
+fn replay_live(
+    log: &Log,
+    (config, scenario): (&Config, &Scenario),
+    from: &str,
+    (threads, all): (usize, bool),
+) -> anyhow::Result<Comparison> {
+    let place = LIVE_CHAIN.iter().position(|operator| *operator == from);
+    let place = place.with_context(|| {
+        format!("--from {from}: a drive with a vehicle has {} to compute again", LIVE_CHAIN.join(", "))
+    })?;
+    // What makes frames of what was reported is computed with what follows it.
+    let place = if from == "tracker" { 0 } else { place };
+    let LiveGraph { mut graph, inputs, .. } = LiveGraph::build(config, scenario)?;
+    let leaves_out = left_out_of_logs(config.log.images);
+    let is_left_out = |source: &str| {
+        leaves_out.is_some() && (config.camera.contains_key(source) || config.lidar.contains_key(source))
+    };
+    let mut lacks = false;
+    for source in inputs.sources() {
+        // Of these the log has fingerprints alone.
+        let gone = is_left_out(source);
+        graph.playback(source, if gone { Vec::new() } else { log.playback(source) })?;
+        lacks |= gone && log.all_publications().any(|p| p.stream.operator == source);
+    }
+    let blind = config.monitor.iter().filter(|(_, monitor)| is_left_out(&monitor.sensor));
+    let played: Vec<&str> =
+        LIVE_CHAIN[..place].iter().copied().chain(blind.map(|(name, _)| name.as_str())).collect();
+    for operator in &played {
+        graph.playback(operator, log.playback(operator))?;
+        graph.playback_steps(operator, log.held(operator))?;
+    }
+    let monitors = config.monitors().filter(|name| !played.contains(name));
+    let compared: Vec<&str> = LIVE_CHAIN[place..].iter().copied().chain(monitors).collect();
+    let mut comparison = Comparison::against(log, &compared);
+    if lacks {
+        // Without the images and clouds the digest over all streams cannot come out.
+        comparison.logged_digest = None;
+    }
+    let last = log.end.as_ref().map(|end| end.at);
+    let options = RunOptions { seed: log.start.seed, threads, until: last };
+    let decided = decisions(log, all)?.into_iter().collect();
+    let report = run_replay(graph, &options, decided, vec![&mut comparison])?;
     comparison.digest = report.digest;
     Ok(comparison)
 }

@@ -29,6 +29,7 @@ use crate::pipeline::{Pipeline, Rendered};
 use crate::process::Processes;
 use crate::progress::Progress;
 use crate::ros2::{Ros2Car, Ros2Report};
+use crate::rungs::{Budgets, RungCount, Rungs};
 use crate::story::{Story, draw};
 use crate::views::views_of;
 
@@ -98,6 +99,8 @@ pub struct Outcome {
     pub report: RunReport,
     /// What computed the images, if there were any.
     pub rendered: Option<Rendered>,
+    /// What deadlines made of it.
+    pub rungs: Rungs,
 }
 
 /// Several problems as one error.
@@ -178,6 +181,7 @@ pub fn drive_pipeline(
         road_margin_m: measured.road_margin_m,
         report,
         rendered: rendered(),
+        rungs: measured.rungs,
     })
 }
 
@@ -190,6 +194,7 @@ struct Measured {
     route: Route,
     shape: Shape,
     road_margin_m: f64,
+    rungs: Rungs,
 }
 
 fn outline(shape: &Shape) -> Outline {
@@ -211,6 +216,7 @@ impl Measured {
             route: pipeline.route.clone(),
             shape,
             road_margin_m: f64::INFINITY,
+            rungs: Rungs::default(),
         })
     }
 
@@ -221,6 +227,7 @@ impl Measured {
 
 impl Observer for Measured {
     fn event(&mut self, event: &Event<'_>) {
+        self.rungs.event(event);
         match event {
             Event::Publication(publication) => {
                 let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
@@ -484,6 +491,14 @@ pub struct Summary {
     /// What became of ROS 2's topics.
     #[serde(skip_serializing_if = "Option::is_none")]
     ros2: Option<Ros2Report>,
+    /// The time that the deadline policy gave from a frame to its plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    response_budget: Option<Budgets>,
+    /// Which rungs of their ladders detector and planner took.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    rungs: Vec<RungCount>,
+    #[serde(skip)]
+    rungs_text: String,
     #[serde(flatten)]
     metrics: Metrics,
 }
@@ -508,6 +523,9 @@ impl Summary {
             timers: timers(&outcome.report),
             traffic: None,
             ros2: None,
+            response_budget: outcome.rungs.budgets(),
+            rungs: outcome.rungs.counts(),
+            rungs_text: outcome.rungs.text(),
             metrics: outcome.metrics.clone(),
         }
     }
@@ -586,6 +604,7 @@ impl Summary {
             ]
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        text += &self.rungs_text;
         text += &self.clock_text();
         if let Some(ros2) = &self.ros2 {
             text += &ros2.text();

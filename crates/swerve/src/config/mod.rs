@@ -18,6 +18,7 @@ mod planner;
 pub mod process;
 pub mod ros2;
 pub mod sensors;
+pub mod source;
 pub mod text;
 pub mod words;
 
@@ -44,6 +45,7 @@ use perception::PerceptionConfig;
 use process::{ProcessConfig, SharedMemoryConfig};
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
+use source::SourceConfig;
 use text::{Document, Problem};
 
 /// A whole configuration: what runs, how long it takes, what is recorded.
@@ -98,6 +100,9 @@ pub struct Config {
     /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     pub ros2: toml::Table,
+    /// A recorded drive in the place of a vehicle, for `swerve live`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<SourceConfig>,
     /// A vehicle that `swerve live` drives.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub live: Option<LiveConfig>,
@@ -129,6 +134,7 @@ impl Default for Config {
             process: BTreeMap::new(),
             shared_memory: SharedMemoryConfig::default(),
             ros2: toml::Table::new(),
+            source: None,
             live: None,
         }
     }
@@ -604,6 +610,7 @@ impl Config {
         self.check_monitors(&mut faults);
         self.check_processes(&mut faults);
         self.check_ros2(&mut faults);
+        self.check_source(&mut faults);
         self.check_live(&mut faults);
         if faults.is_empty() {
             return Ok(self);

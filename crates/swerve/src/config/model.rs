@@ -35,7 +35,8 @@ pub enum Model {
 pub struct ExecutionConfig {
     /// The model.
     pub model: Model,
-    /// The detector's period (`periodic`; its run time when absent) or deadline (`static_deadlines`), ms.
+    /// The detector's period (`periodic`) or deadline (`static_deadlines`), ms; what its highest rung or its fixed run time
+    /// takes when absent.
     pub detector_ms: Option<f64>,
     /// The planner's, ms.
     pub planner_ms: Option<f64>,
@@ -170,13 +171,17 @@ impl Config {
 
     /// The period of an operator under the periodic model; none where it runs on its input.
     pub fn period_of(&self, operator: &str) -> Result<Option<Span>, String> {
-        if self.execution.model != Model::Periodic {
-            return Ok(None);
-        }
+        if self.execution.model == Model::Periodic { self.length_of(operator) } else { Ok(None) }
+    }
+
+    /// Its period or fixed deadline: as said, else what its highest rung or its fixed run time takes. None for operators
+    /// that the models do not rule.
+    pub fn length_of(&self, operator: &str) -> Result<Option<Span>, String> {
         let (given, top) = match operator {
             "detector" if self.has_detector() => {
                 let rungs = self.detector_rungs().map_err(|(_, message)| message)?;
-                (self.execution.detector_ms, rungs.last().map(|rung| rung.run_time.as_ms()).or(self.detector_ms()))
+                let top = rungs.last().map(|rung| rung.run_time.as_ms());
+                (self.execution.detector_ms, top.or(self.detector_ms()))
             }
             "planner" => {
                 let rungs = self.planner_rungs().map_err(|(_, message)| message)?;
@@ -184,10 +189,11 @@ impl Config {
             }
             _ => return Ok(None),
         };
-        let said = self.operator.get(operator).and_then(|o| o.runtime.as_ref()).and_then(|runtime| runtime.fixed_ms);
-        let ms = given.or(said).or(top).ok_or("expected a period, where no fixed run time says one")?;
+        let own = self.operator.get(operator).and_then(|o| o.runtime.as_ref());
+        let fixed = own.and_then(|runtime| runtime.fixed_ms);
+        let ms = given.or(fixed).or(top).ok_or("expected milliseconds, where no fixed run time says them")?;
         if !(1.0..=10_000.0).contains(&ms) {
-            return Err(format!("expected a period of 1 to 10000 ms, found {}", number(ms)));
+            return Err(format!("expected 1 to 10000, found {}", number(ms)));
         }
         span_ms(ms).map(Some)
     }
@@ -220,13 +226,8 @@ impl Config {
             let wrong = match ms {
                 Some(_) if !used => Some("only `periodic` and `static_deadlines` have use for it".into()),
                 Some(_) if !runs => Some("there is no detector".into()),
-                Some(ms) if !(1.0..=10_000.0).contains(&ms) => {
-                    Some(format!("expected 1 to 10000, found {}", number(ms)))
-                }
-                None if execution.model == Model::StaticDeadlines && runs => {
-                    Some("expected the deadline, in ms".into())
-                }
-                _ => self.period_of(operator).err(),
+                _ if used => self.length_of(operator).err(),
+                _ => None,
             };
             told.extend(wrong.map(|message| (key, message)));
             self.check_own_settings(operator, told);
@@ -296,6 +297,9 @@ mod tests {
         assert_eq!(of(&["planning.rung_ms=67"]), [Some(150.0), Some(67.0), None]);
         assert_eq!(of(&["execution.detector_ms=200"]), [Some(200.0), Some(309.0), None]);
         assert_eq!(on_ladders(&[]).unwrap().period_of("planner"), Ok(None));
+        let fixed = on_ladders(&["execution.model=static_deadlines", "execution.planner_ms=100"]).unwrap();
+        let lengths = ["detector", "planner"].map(|name| fixed.length_of(name).unwrap().map(|p| p.as_ms()));
+        assert_eq!(lengths, [Some(150.0), Some(100.0)]);
     }
 
     #[test]
@@ -308,7 +312,14 @@ mod tests {
         refused(&["planning.ladder=fot@d4"], "unknown ladder `fot@d4`, expected one of fot@d3");
         refused(&["planning.planner=aeb"], "planning.ladder: `fot@d3` is one of `fot`, not of `aeb`");
         refused(&["planning.rung_ms=50"], "planning.rung_ms: expected one of 30, 40, 67, 148, 208, 309, found 50");
-        refused(&["execution.model=static_deadlines"], "execution.detector_ms: expected the deadline, in ms");
+        refused(
+            &["execution.model=static_deadlines", "execution.detector_ms=nan"],
+            "execution.detector_ms: expected 1 to 10000, found NaN",
+        );
+        refused(
+            &["execution.model=periodic", "perception.ladder=false", "perception.detector=truth", "execution.detector_ms=5"],
+            "execution.detector_ms: there is no detector",
+        );
         refused(&["execution.planner_ms=30"], "only `periodic` and `static_deadlines` have use for it");
         refused(&["execution.model=periodic", "execution.planner_ms=0"], "expected 1 to 10000, found 0");
         refused(&["execution.reaction=on_deadline"], "expected \"skip\" or \"reuse_last\"");
@@ -323,6 +334,6 @@ mod tests {
         let said = config(&["planning.rung_ms=30"]).unwrap_err();
         assert!(said.contains("planning.rung_ms: needs a `ladder`"), "{said}");
         let said = config(&["execution.model=periodic"]).unwrap_err();
-        assert!(said.contains("execution.planner_ms: expected a period, where no fixed run time says one"), "{said}");
+        assert!(said.contains("execution.planner_ms: expected milliseconds, where no fixed run time"), "{said}");
     }
 }

@@ -6,6 +6,7 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
+use swerve_control::safety_gate::GateParams;
 use swerve_core::{Span, Time};
 use swerve_flow::{SendError, StopHandle};
 use swerve_geom::FrenetPoint;
@@ -15,7 +16,7 @@ use swerve_ros2::mapping::Role;
 use super::engage::{Engagement, Situation};
 use super::graph::Inputs;
 use super::intake::{Arrived, Input, Intake, Wish, lock};
-use super::sink::Order;
+use super::sink::{Order, stop_takes};
 use super::watch::Lamp;
 use super::wire::{HostClock, Wire};
 
@@ -88,8 +89,8 @@ pub struct Feed<'a> {
     pub until: Option<Time>,
     /// Where it is to end.
     pub goal: (Route, f64),
-    /// How long the stop at the end may take.
-    pub stop_max: Span,
+    /// How long the stop at the end may take, and how it is driven.
+    pub stop_max: (Span, GateParams),
     /// What others want.
     pub wanted: &'a Wanted,
     /// Who tells the person.
@@ -112,6 +113,7 @@ pub struct Fed {
 struct End {
     why: &'static str,
     since: Time,
+    speed_mps: f64,
     stands_since: Option<Time>,
     stopped: bool,
 }
@@ -170,7 +172,7 @@ impl Feed<'_> {
             {
                 let FrenetPoint { s_m, .. } = self.goal.0.line.project(ego.pose.point());
                 if s_m >= self.goal.1 {
-                    memory.end = Some(End::new("the goal is reached", self.clock.now()));
+                    memory.end = Some(End::new("the goal is reached", self.clock.now(), &self.lamp));
                 }
             }
             memory.not_taken += u64::from(self.inputs.send(arrived) == Err(SendError::Full));
@@ -240,7 +242,7 @@ impl Feed<'_> {
             } else {
                 self.until.filter(|until| now >= *until).map(|_| "the time is over")
             };
-            memory.end = why.map(|why| End::new(why, now));
+            memory.end = why.map(|why| End::new(why, now, &self.lamp));
         }
         let Some(end) = &mut memory.end else { return };
         self.engagement.end();
@@ -248,7 +250,9 @@ impl Feed<'_> {
         let rests = matches!(memory.mode, GateMode::Manual | GateMode::Holding(_));
         end.stands_since = if rests { end.stands_since.or(Some(now)) } else { None };
         let rested = end.stands_since.is_some_and(|since| now - since >= HELD);
-        if !end.stopped && (rested || interrupts > 1 || now - end.since >= self.stop_max) {
+        let (stop_max, params) = &self.stop_max;
+        let limit = stop_takes(end.speed_mps, params).min(*stop_max);
+        if !end.stopped && (rested || interrupts > 1 || now - end.since >= limit) {
             end.stopped = true;
             self.stop.stop();
         }
@@ -260,16 +264,17 @@ impl Feed<'_> {
             return;
         }
         memory.told = Some(now);
-        let state = |(name, _, tally, clock): (&str, Role, &super::intake::TopicTally, &super::time::TopicClock)| {
-            let known = clock.offset();
-            TopicState {
-                topic: name.to_owned(),
-                received: tally.received,
-                used: tally.used,
-                offset: known.map(|known| known.offset),
-                spread: known.map(|known| known.spread),
-            }
-        };
+        let state =
+            |(name, _, tally, clock): (&str, Role, &super::intake::TopicTally, &super::time::TopicClock)| {
+                let known = clock.offset();
+                TopicState {
+                    topic: name.to_owned(),
+                    received: tally.received,
+                    used: tally.used,
+                    offset: known.map(|known| known.offset),
+                    spread: known.map(|known| known.spread),
+                }
+            };
         let states: Vec<TopicState> =
             self.intake.tallies().filter(|(_, _, tally, _)| tally.received > 0).map(state).collect();
         let since = Time::from_ns(now.ns().saturating_sub(SILENT.ns()));
@@ -296,8 +301,9 @@ impl Feed<'_> {
 }
 
 impl End {
-    fn new(why: &'static str, since: Time) -> Self {
-        Self { why, since, stands_since: None, stopped: false }
+    fn new(why: &'static str, since: Time, lamp: &Mutex<Lamp>) -> Self {
+        let speed_mps = lock(lamp).speed_mps;
+        Self { why, since, speed_mps, stands_since: None, stopped: false }
     }
 }
 

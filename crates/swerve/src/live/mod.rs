@@ -9,6 +9,7 @@
 //! | [`wire`] | how messages come and go: the bridge, or what stands in for it |
 //! | [`feed`] | the thread from the wire to the graph; the switch, by [`engage`] |
 //! | [`sink`] | the thread from the gate to the wire; stops the car where the gate has fallen silent |
+//! | [`recorded`] | the same from a recorded drive, in virtual time |
 //! | [`watch`], [`summary`] | what is seen of the drive, and told at its end |
 //!
 //! ```text
@@ -23,6 +24,7 @@ pub mod engage;
 pub mod feed;
 pub mod graph;
 pub mod intake;
+pub mod recorded;
 pub mod sink;
 pub mod summary;
 pub mod time;
@@ -44,6 +46,7 @@ use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
 use swerve_scenario::Scenario;
 
+use crate::config::clock::Clock;
 use crate::config::live::EnableBy;
 use crate::config::text::{Problem, parse_assignment};
 use crate::config::{Config, LiveConfig};
@@ -52,7 +55,7 @@ use crate::run::{left_out_of_logs, problems_error, read_scenario};
 use crate::views::live_views;
 
 use engage::Engagement;
-use feed::{Feed, Fed, Teller, Wanted};
+use feed::{Fed, Feed, Teller, Wanted};
 use graph::LiveGraph;
 use intake::Intake;
 use sink::{Sink, SinkReport};
@@ -111,7 +114,11 @@ impl Drive {
         // A vehicle moves in real time.
         let wall = ("clock.source".to_owned(), toml::Value::from("wall"));
         let sets: Vec<_> = std::iter::once(wall).chain(sets.iter().cloned()).collect();
-        let config = Config::load(Some(file), &sets).map_err(|problems| problems_error(&problems))?;
+        let mut config = Config::load(Some(file), &sets).map_err(|problems| problems_error(&problems))?;
+        if config.source.is_some() {
+            // What was recorded does not wait for anybody.
+            config.clock.source = Clock::Virtual;
+        }
         let live = config.live.clone().with_context(|| {
             format!("{}: there is no `[live]`: expected at least its key `route`", file.display())
         })?;
@@ -164,13 +171,14 @@ pub fn drive(
     let (orders, received) = mpsc::channel();
     let lamp = Arc::new(Mutex::new(watch::Lamp::default()));
     let stop_max = Span::from_secs(live.stop_timeout_s);
+    let stop = config.gate_params().map_err(|message| anyhow::anyhow!("gate.params: {message}"))?;
     let sink = Sink {
         wire,
         interface: interface(),
         car: intake.car(),
         clock,
         epoch: intake.epoch(),
-        stop: config.gate_params().map_err(|message| anyhow::anyhow!("gate.params: {message}"))?,
+        stop,
         stop_max,
         has_mode_service: !live.control_mode_service.is_empty(),
         gave_up: wanted.gave_up.clone(),
@@ -187,7 +195,7 @@ pub fn drive(
         stop: graph.stop_handle(),
         until: terms.until,
         goal: (route, scenario.ego.end_m),
-        stop_max,
+        stop_max: (stop_max, stop),
         wanted,
         teller: terms.teller,
     };
@@ -253,6 +261,9 @@ pub fn run(args: &LiveArgs) -> anyhow::Result<()> {
     set_up(&mut recorder, &drive);
     let mut trace = TraceWriter::create(&trace_part, &["gate"])?;
 
+    if let Some(source) = &drive.config.source {
+        return recorded::run(args, &drive, source, (recorder, trace, &out));
+    }
     let wanted = Arc::new(Wanted::default());
     let interrupted = wanted.clone();
     // There is a handler already where a program has run before in this process: that one stays.
@@ -290,10 +301,7 @@ fn conclude(
     recorder.finish()?;
     trace.finish()?;
     let driven = driven?;
-    for name in ["log.partial.mcap", "trace.partial.json"] {
-        let whole = name.replace(".partial", "");
-        std::fs::rename(out.join(name), out.join(&whole)).with_context(|| format!("writing {whole}"))?;
-    }
+    name_whole(out)?;
     let summary = Summary::of(drive, &driven, topics);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     crate::files::write_whole(&out.join("metrics.json"), json.as_bytes())?;
@@ -304,6 +312,15 @@ fn conclude(
         "not all topics that are needed were there: {}",
         summary.missing()
     );
+    Ok(())
+}
+
+/// Gives the files their names, now that they are whole.
+fn name_whole(out: &Path) -> anyhow::Result<()> {
+    for name in ["log.partial.mcap", "trace.partial.json"] {
+        let whole = name.replace(".partial", "");
+        std::fs::rename(out.join(name), out.join(&whole)).with_context(|| format!("writing {whole}"))?;
+    }
     Ok(())
 }
 

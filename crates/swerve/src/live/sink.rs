@@ -32,6 +32,11 @@ const HOLD: Span = Span::from_ms(500);
 /// How long the vehicle's service may take to answer.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
 
+/// What a controlled stop from this speed takes at most: half as long again as it should, and a reserve.
+pub(super) fn stop_takes(speed_mps: f64, stop: &GateParams) -> Span {
+    Span::from_secs((1.5 * speed_mps.abs() / stop.stop_decel_mps2).min(600.0) + 3.0)
+}
+
 /// What the sink is to do.
 #[derive(Clone, Copy, Debug)]
 pub enum Order {
@@ -167,18 +172,24 @@ impl Sink<'_> {
     /// Brings the car to a standstill, if it is driven, and gives it back.
     fn conclude(&mut self, state: &mut State) {
         let begin = self.clock.now();
+        let speed_mps = lock(&self.car).speed_mps.unwrap_or(f64::INFINITY);
+        let limit = stop_takes(speed_mps, &self.stop).min(self.stop_max);
         let mut stands_since = None;
         while state.last.engaged {
             let now = self.clock.now();
             let stands = lock(&self.car).speed_mps.is_some_and(|speed| speed.abs() < STANDSTILL_MPS);
             stands_since = if stands { stands_since.or(Some(now)) } else { None };
             let held = stands_since.is_some_and(|since: Time| now - since >= HOLD);
-            if held || now - begin >= self.stop_max {
+            if held || now - begin >= limit {
                 state.report.stood_at_end = Some(held);
                 break;
             }
             self.brake(state, now);
             std::thread::park_timeout(PERIOD);
+        }
+        if state.report.stood_at_end == Some(false) {
+            // Released, it would roll on. Without commands the vehicle's own time-out brakes it.
+            return;
         }
         // Released, three times: a message may get lost.
         for _ in 0..3 {

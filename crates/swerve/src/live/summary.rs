@@ -177,7 +177,10 @@ impl Summary {
                 overwritten: wire.map_or(0, |s| s.overwritten),
                 over_rate: wire.map_or(0, |s| s.over_rate),
                 refused: RefusedBy::of(wire.map_or_else(Refused::default, |s| s.refused), tally),
-                last_refusal: tally.last_refusal.clone().or_else(|| wire.and_then(|s| s.last_refusal.clone())),
+                last_refusal: tally
+                    .last_refusal
+                    .clone()
+                    .or_else(|| wire.and_then(|s| s.last_refusal.clone())),
                 clock: Clock::of(clock),
             }
         };
@@ -232,7 +235,8 @@ impl Summary {
         let mut row = |name: &str, value: String| {
             let _ = writeln!(text, "  {name:<18}{value}");
         };
-        let DriveFigures { driving_s, driven_m, speed_max_mps, modes, refused, limited, outputs, .. } = &self.drive;
+        let DriveFigures { driving_s, driven_m, speed_max_mps, modes, refused, limited, outputs, .. } =
+            &self.drive;
         row("driven", format!("{driven_m:.1} m in {driving_s:.1} s, at most {speed_max_mps:.1} m/s"));
         let (p50, p99, max) = (self.drive.beside_p50_m, self.drive.beside_p99_m, self.drive.beside_max_m);
         row("beside the route", format!("p50 {p50:.3}  p99 {p99:.3}  max {max:.3} m"));
@@ -262,7 +266,16 @@ impl Summary {
 
     fn topics_text(&self, text: &mut String) {
         let heads = [
-            "topic", "received", "used", "Hz", "p50 ms", "p99 ms", "lost", "over rate", "offset ms", "spread ms",
+            "topic",
+            "received",
+            "used",
+            "Hz",
+            "p50 ms",
+            "p99 ms",
+            "lost",
+            "over rate",
+            "offset ms",
+            "spread ms",
         ];
         let ms = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| format!("{x:.2}"));
         let heard = self.topics.iter().filter(|topic| topic.received > 0).map(|topic| {
@@ -294,7 +307,8 @@ impl Summary {
     }
 
     fn times_text(&self, text: &mut String) {
-        let heads = ["timer", "ticks", "missed", "late p50 ms", "p99 ms", "max ms"].map(str::to_owned).to_vec();
+        let heads =
+            ["timer", "ticks", "missed", "late p50 ms", "p99 ms", "max ms"].map(str::to_owned).to_vec();
         let lines = self.timers.iter().map(|Timer { operator, ticks }| {
             let ms = |ns: u64| format!("{:.2}", ns as f64 * 1e-6);
             let counts = [ticks.ticks.to_string(), ticks.missed.to_string()];

@@ -127,7 +127,8 @@ impl Observer for Outlet {
         let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
         if let Some(output) = payload.downcast_ref::<GateOutput>() {
             self.gate(output, publication.visible_at);
-        } else if let Some(ego) = payload.downcast_ref::<EgoState>().filter(|_| publication.operator == names::POSE)
+        } else if let Some(ego) =
+            payload.downcast_ref::<EgoState>().filter(|_| publication.operator == names::POSE)
         {
             self.pose(ego);
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {

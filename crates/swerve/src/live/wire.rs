@@ -126,7 +126,7 @@ impl BridgeWire {
 }
 
 /// The stack's side of a mapping. What a person says on the switch's topics is heard, not said.
-fn options(mapping: &Mapping, live: &LiveConfig) -> Options {
+pub(super) fn options(mapping: &Mapping, live: &LiveConfig) -> Options {
     let mut options = Options::from_mapping(mapping, Side::Stack);
     if live.enable == EnableBy::Topic {
         for endpoint in &mut options.endpoints {

@@ -3,7 +3,7 @@
 use anyhow::anyhow;
 use swerve_core::{Span, Time};
 use swerve_flow::{
-    At, Context, Deadline, Every, Feedback, Graph, Latest, Operator, Port, RuntimeModel, Stream, Timer,
+    Anchor, At, Context, Deadline, Every, Feedback, Graph, Latest, Operator, Port, RuntimeModel, Stream, Timer,
 };
 use swerve_msg::truth::Surroundings;
 use swerve_msg::{Detections, EgoState, PredictionList, ResponseBudget, Route, RungTaken};
@@ -12,7 +12,6 @@ use swerve_perception::tracker;
 use swerve_planning::deadline::{Overhead, Params, Situation, nearest_hazard, obstacles_near, respond};
 use swerve_vehicle::VehicleParams;
 
-use super::ms;
 use crate::config::Config;
 use crate::config::model::{Model, Rung};
 
@@ -113,6 +112,10 @@ impl Operator for Policy {
 
 /// Adds the deadline policy where the model has one, and gives detector and planner their deadlines. The policy reads
 /// what lies behind the detector, so that its word is for frames to come; the planner hears it at once.
+///
+/// Static deadlines count from a frame's arrival. Dynamic ones count from the start of its step: they become short
+/// while a long step still runs, and the frame that waits for it is the one that matters; it is late then, but an answer
+/// that is late is better than none.
 pub(super) fn set_deadlines(
     graph: &mut Graph,
     config: &Config,
@@ -128,9 +131,11 @@ pub(super) fn set_deadlines(
     match execution.model {
         Model::Periodic | Model::DataDriven => Ok(None),
         Model::StaticDeadlines => {
-            let length = |length_ms: Option<f64>| Deadline::after(ms(length_ms.unwrap_or_default()));
-            set(graph, length(execution.detector_ms));
-            Ok(Some(react(length(execution.planner_ms))))
+            let length = |name: &str| config.length_of(name).map_err(|m| anyhow!("execution.{name}_ms: {m}"));
+            if let Some(detector) = length("detector")? {
+                set(graph, Deadline::after(detector));
+            }
+            Ok(length("planner")?.map(|planner| react(Deadline::after(planner))))
         }
         Model::DynamicDeadlines => {
             let policy = Policy::new(config, route)?;
@@ -139,8 +144,10 @@ pub(super) fn set_deadlines(
             let (_, detector, planner) = node.outputs(&["budget", "detector", "planner"]).out();
             let behind: Feedback<Span> = graph.feedback("detector deadline");
             graph.connect(behind, detector);
-            set(graph, Deadline::from_policy(behind, Span::from_secs(before.detector_s)));
-            Ok(Some(react(Deadline::from_policy(planner, Span::from_secs(before.planner_s)))))
+            let (before_detector, before_planner) =
+                (Span::from_secs(before.detector_s), Span::from_secs(before.planner_s));
+            set(graph, Deadline::from_policy(behind, before_detector).anchor(Anchor::Start));
+            Ok(Some(react(Deadline::from_policy(planner, before_planner).anchor(Anchor::Start))))
         }
     }
 }

@@ -44,6 +44,8 @@ pub(super) fn is_fed(config: &Config, mapping: &Mapping, mounts: &Mounts, topic:
     match mapping.topic(topic).map(|topic| topic.role) {
         Some(Role::Camera | Role::CameraCompressed | Role::CameraInfo | Role::Lidar) => mounts.feed(topic),
         Some(Role::Gnss) => config.runs("gnss"),
+        // Nobody presses it in a simulated car.
+        Some(Role::Emergency) => false,
         Some(role) => {
             role.side() == Side::Vehicle
                 || (STACK.contains(&role.name()) && (role == Role::Markers || !config.is_driven_over_ros2()))
@@ -398,7 +400,7 @@ impl Show {
 
 /// Whether a topic of this role is the vehicle's report of itself.
 fn is_report(role: Role) -> bool {
-    (Role::Velocity..=Role::Miscellaneous).contains(&role)
+    (Role::Velocity..=Role::Miscellaneous).contains(&role) && role != Role::Emergency
 }
 
 impl Observer for Show {

@@ -26,6 +26,15 @@ pub struct CellResult {
     pub lateral_jerk_max: Option<f64>,
     /// Digest of the run.
     pub digest: Option<Digest>,
+    /// Median response time, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response_p50_ms: Option<f64>,
+    /// 99th percentile of the response time, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response_p99_ms: Option<f64>,
+    /// Deadlines missed, by all operators.
+    #[serde(default)]
+    pub misses: u64,
     /// Largest added latency that still avoids, ms; only in latency-budget studies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_ms: Option<f64>,
@@ -44,6 +53,9 @@ impl CellResult {
             impact_speed_mps: None,
             lateral_jerk_max: None,
             digest: None,
+            response_p50_ms: None,
+            response_p99_ms: None,
+            misses: 0,
             budget_ms: None,
             error: None,
         }

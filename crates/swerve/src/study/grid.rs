@@ -5,6 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::ranking::Ranking;
 use crate::config::faults::is_within;
 use crate::config::text::{Document, Problem};
 use crate::config::words::number;
@@ -22,7 +23,18 @@ pub struct StudyFile {
     pub axis: Vec<Axis>,
     /// The latency budget, where that is asked for instead of a plain grid.
     pub budget: Option<Budget>,
+    /// Whether a drive that only ran out of time counts as a good one in the picture: nobody was hurt.
+    #[serde(default)]
+    pub timeout_is_good: bool,
+    /// Combinations that are not driven: those that have, of every axis named, one of the steps named.
+    #[serde(default)]
+    pub leave_out: Vec<LeaveOut>,
+    /// Which setting is best, where that is asked for.
+    pub ranking: Option<Ranking>,
 }
+
+/// Steps by axis.
+pub type LeaveOut = BTreeMap<String, Vec<String>>;
 
 /// The run that the axes vary.
 #[derive(Clone, PartialEq, Debug, Deserialize)]
@@ -135,6 +147,12 @@ pub struct Study {
     pub cells: Vec<Cell>,
     /// The latency budget, where asked for.
     pub budget: Option<Budget>,
+    /// Whether a drive that only ran out of time counts as a good one in the picture.
+    pub timeout_is_good: bool,
+    /// Combinations that are not driven.
+    pub leave_out: Vec<LeaveOut>,
+    /// Which setting is best, where asked for.
+    pub ranking: Option<Ranking>,
 }
 
 /// Configuration keys with their values, in the order in which they are set.
@@ -191,6 +209,10 @@ impl Study {
         if let Some(budget) = &file.budget {
             budget.check(document, &axes, &mut problems);
         }
+        if let Some(ranking) = &file.ranking {
+            ranking.check(document, &axes, &mut problems);
+        }
+        check_left_out(document, &file.leave_out, (&axes, &steps), &mut problems);
         if !problems.is_empty() {
             return Err(problems);
         }
@@ -209,6 +231,9 @@ impl Study {
             steps,
             cells: Vec::new(),
             budget: file.budget,
+            timeout_is_good: file.timeout_is_good,
+            leave_out: file.leave_out,
+            ranking: file.ranking,
         })
     }
 
@@ -219,6 +244,7 @@ impl Study {
         for steps in &self.steps {
             cells = cells.iter().flat_map(|cell| steps.iter().map(move |step| cell.and(step))).collect();
         }
+        cells.retain(|cell| !left_out(&self.leave_out, &self.axes, &cell.labels));
         for (index, cell) in cells.iter_mut().enumerate() {
             cell.index = index;
         }
@@ -277,6 +303,44 @@ fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Opt
         key: key.clone(),
         message: format!("the axis `{axis}` of the study varies it"),
     })
+}
+
+/// Whether a combination, one label an axis, is one of those that are not driven.
+fn left_out(all: &[LeaveOut], axes: &[String], labels: &[String]) -> bool {
+    let has = |(axis, steps): (&String, &Vec<String>)| {
+        axes.iter().zip(labels).any(|(name, label)| name == axis && steps.contains(label))
+    };
+    all.iter().any(|out| out.iter().all(has))
+}
+
+fn check_left_out(
+    document: &Document,
+    all: &[LeaveOut],
+    (axes, steps): (&[String], &[Vec<Step>]),
+    problems: &mut Vec<Problem>,
+) {
+    let mut all_of_every_axis = false;
+    for (i, out) in all.iter().enumerate() {
+        let mut wrong = |message| problems.push(document.problem(&format!("leave_out[{i}]"), message));
+        for (name, labels) in out {
+            let Some(axis) = axes.iter().position(|axis| axis == name) else {
+                wrong(format!("no axis of the name `{name}`"));
+                continue;
+            };
+            let known = |label: &&String| steps[axis].iter().any(|step| step.label == **label);
+            for label in labels.iter().filter(|label| !known(label)) {
+                wrong(format!("`{name}` has no step `{label}`"));
+            }
+        }
+        let whole = |(name, labels): (&String, &Vec<String>)| {
+            let axis = axes.iter().position(|axis| axis == name);
+            axis.is_some_and(|axis| steps[axis].iter().all(|step| labels.contains(&step.label)))
+        };
+        all_of_every_axis |= out.iter().all(whole);
+    }
+    if all_of_every_axis {
+        problems.push(document.problem("leave_out", "nothing is left"));
+    }
 }
 
 fn quoted(word: &str) -> String {

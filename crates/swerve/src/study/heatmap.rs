@@ -1,4 +1,4 @@
-//! The study as a picture: one square a combination, coloured by the share of runs that avoided.
+//! The study as a picture: one square a combination, coloured by the share of good runs.
 
 use std::fmt::Write as _;
 
@@ -52,7 +52,7 @@ pub fn draw(grid: &Grid, title: &str) -> String {
             draw_square(&mut svg, square, left + SQUARE_W * c as f64, y, budget_max(grid));
         }
     }
-    legend(&mut svg, left, height - 34.0, budget_max(grid));
+    legend(&mut svg, (left, height - 34.0), budget_max(grid), grid.good);
     svg += "</svg>\n";
     svg
 }
@@ -121,7 +121,7 @@ fn colour(level: f64) -> String {
     format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
 }
 
-fn legend(svg: &mut String, x: f64, y: f64, budget_max: Option<f64>) {
+fn legend(svg: &mut String, (x, y): (f64, f64), budget_max: Option<f64>, good: &str) {
     for i in 0..=10 {
         let _ = writeln!(
             svg,
@@ -132,7 +132,7 @@ fn legend(svg: &mut String, x: f64, y: f64, budget_max: Option<f64>) {
     }
     let text = match budget_max {
         Some(max) => format!("largest added latency that still avoids, 0 to {max:.0} ms"),
-        None => "share of runs that avoided, 0 to 1".to_owned(),
+        None => format!("share of runs that {good}, 0 to 1"),
     };
     let _ = writeln!(
         svg,

@@ -13,8 +13,9 @@ use crate::config::text::{Document, Problem};
 use crate::progress::Progress;
 
 /// Keys whose values are checked together; `*` is any one name. What [`Config`] checks across keys has to be here.
-const JOINT: [&[&str]; 4] = [
+const JOINT: [&[&str]; 5] = [
     &["planning.planner", "planning.config", "planning.preset", "planning.collision", "planning.params"],
+    &["execution", "perception", "planning", "operator.*.deadline", "operator.*.runtime"],
     &["sim.vehicle"],
     &["resource", "operator.*.uses"],
     &["fault", "log.sensors", "camera", "radar", "lidar", "perception"],

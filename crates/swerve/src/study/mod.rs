@@ -10,6 +10,7 @@ mod limit;
 pub mod cells;
 pub mod grid;
 pub mod heatmap;
+pub mod ranking;
 pub mod table;
 
 use std::collections::BTreeMap;
@@ -237,6 +238,9 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
         impact_speed_mps: Some(metrics.impact_speed_mps),
         lateral_jerk_max: metrics.lateral_jerk.raw_max_mps3,
         digest: Some(outcome.digest),
+        response_p50_ms: metrics.response.as_ref().map(|response| response.p50_ms),
+        response_p99_ms: metrics.response.as_ref().map(|response| response.p99_ms),
+        misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
         budget_ms: None,
         error: None,
     }
@@ -250,8 +254,14 @@ fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::
     let commands: String = study.cells.iter().map(|cell| study.command(cell) + "\n").collect();
     write_whole(&out.join("commands.txt"), commands.as_bytes())?;
     let done = results.iter().flatten().count();
+    let mut ranked = String::new();
+    if let Some(ranking) = &study.ranking {
+        let settings = ranking::settings(study, ranking, results);
+        write_whole(&out.join("ranking.csv"), ranking::csv(ranking, &settings).as_bytes())?;
+        ranked = ranking::text(ranking, &settings) + "\n";
+    }
     crate::output::print(&format!(
-        "{}\n{done} of {} cells in {}: cells.csv, heatmap.svg, commands.txt (one line repeats each cell)\n",
+        "{}\n{ranked}{done} of {} cells in {}: cells.csv, heatmap.svg, commands.txt (one line repeats each cell)\n",
         grid.text(),
         study.cells.len(),
         out.display()

@@ -17,7 +17,7 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
     text += if budget {
         "budget_ms,verdict\n"
     } else {
-        "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,digest\n"
+        "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,response_p50_ms,response_p99_ms,misses,digest\n"
     };
     for result in results.iter().flatten() {
         for label in &result.labels {
@@ -29,11 +29,14 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
         }
         let _ = writeln!(
             text,
-            "{},{},{},{},{}",
+            "{},{},{},{},{},{},{},{}",
             result.verdict,
             number(result.min_distance_m),
             number(result.impact_speed_mps),
             number(result.lateral_jerk_max),
+            number(result.response_p50_ms),
+            number(result.response_p99_ms),
+            result.misses,
             result.digest.map_or_else(String::new, |d| d.to_string()),
         );
     }
@@ -44,7 +47,7 @@ fn number(x: Option<f64>) -> String {
     x.map_or_else(String::new, |x| format!("{x:.4}"))
 }
 
-fn field(text: &str) -> String {
+pub(super) fn field(text: &str) -> String {
     if text.contains([',', '"', '\n']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
@@ -64,6 +67,8 @@ pub struct Grid {
     pub columns: Vec<String>,
     /// Row by row.
     pub squares: Vec<Square>,
+    /// What is a good drive, for the legend.
+    pub good: &'static str,
 }
 
 /// One square of the grid: all seeds of one combination.
@@ -73,6 +78,8 @@ pub struct Square {
     pub runs: usize,
     /// Of these, avoided.
     pub avoided: usize,
+    /// Of these, good: avoided, or out of time where that counts.
+    pub good: usize,
     /// Of these, what neither avoided nor hit, by verdict: `left_road`, `timeout`, `failed`.
     pub others: BTreeMap<String, usize>,
     /// Impact speeds of the others, m/s, sorted.
@@ -96,6 +103,7 @@ impl Grid {
             rows: unique(study.cells.iter().map(|c| row_of(&c.labels))),
             columns: unique(study.cells.iter().map(|c| column_of(&c.labels))),
             squares: Vec::new(),
+            good: if study.timeout_is_good { "avoided or ran out of time" } else { "avoided" },
         };
         grid.squares = vec![Square::default(); grid.rows.len() * grid.columns.len()];
         for result in results.iter().flatten() {
@@ -103,7 +111,7 @@ impl Grid {
             let column = grid.columns.iter().position(|c| *c == column_of(&result.labels));
             if let (Some(row), Some(column)) = (row, column) {
                 let at = row * grid.columns.len() + column;
-                grid.squares[at].add(result);
+                grid.squares[at].add(result, study.timeout_is_good);
             }
         }
         for square in &mut grid.squares {
@@ -134,9 +142,10 @@ impl Grid {
 }
 
 impl Square {
-    fn add(&mut self, result: &CellResult) {
+    fn add(&mut self, result: &CellResult, timeout_is_good: bool) {
         self.runs += 1;
         self.avoided += usize::from(result.avoided());
+        self.good += usize::from(result.avoided() || (timeout_is_good && result.verdict == "timeout"));
         if !matches!(result.verdict.as_str(), "avoided" | "collision") {
             *self.others.entry(result.verdict.clone()).or_default() += 1;
         }
@@ -144,9 +153,9 @@ impl Square {
         self.budget_ms.extend(result.budget_ms);
     }
 
-    /// Share of runs that avoided, 0 to 1; `None` before any finished.
+    /// Share of good runs, 0 to 1; `None` before any finished.
     pub fn share(&self) -> Option<f64> {
-        (self.runs > 0).then(|| self.avoided as f64 / self.runs as f64)
+        (self.runs > 0).then(|| self.good as f64 / self.runs as f64)
     }
 
     /// Median impact speed of the runs that hit, m/s.
@@ -219,6 +228,9 @@ mod tests {
                 .map(|(index, labels)| Cell { index, labels, scenario: None, sets: vec![] })
                 .collect(),
             budget: None,
+            timeout_is_good: false,
+            leave_out: vec![],
+            ranking: None,
         }
     }
 
@@ -230,6 +242,9 @@ mod tests {
             impact_speed_mps: impact,
             lateral_jerk_max: None,
             digest: None,
+            response_p50_ms: None,
+            response_p99_ms: None,
+            misses: 0,
             budget_ms: None,
             error: None,
         })
@@ -250,6 +265,15 @@ mod tests {
         assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["planner", "16", "18"]);
         assert_eq!(lines[2], "fot      1/2 hit 12.0 m/s  1/1");
         assert_eq!(grid.squares[0].share(), Some(0.5));
+        let stood =
+            [result(&study.cells[0], "timeout", None), result(&study.cells[1], "collision", Some(9.0))];
+        let of = |study: &Study| Grid::of(study, &stood).squares[0].clone();
+        assert_eq!(
+            (of(&study).share(), of(&study).text().as_str()),
+            (Some(0.0), "0/2 hit 9.0 m/s 1 timeout")
+        );
+        assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
         assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,");
+        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,,,0,");
     }
 }

@@ -1,0 +1,27 @@
+//! Where a drive comes from that is not driven now, `[source]`.
+
+use serde::{Deserialize, Serialize};
+
+use super::Config;
+
+/// A recorded drive in the place of a vehicle.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourceConfig {
+    /// A rosbag2 log in MCAP form, or the folder of one, as a path from the folder of the configuration.
+    pub rosbag: String,
+}
+
+impl Config {
+    pub(super) fn check_source(&self, told: &mut Vec<(String, String)>) {
+        let Some(source) = &self.source else { return };
+        if source.rosbag.is_empty() {
+            told.push(("source.rosbag".into(), "expected the file or the folder of a rosbag2 log".into()));
+        }
+        if self.live.is_none() {
+            let message =
+                "a recorded drive stands in for a vehicle of `swerve live`: expected `[live]` as well";
+            told.push(("source".into(), message.into()));
+        }
+    }
+}

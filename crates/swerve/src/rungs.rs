@@ -1,0 +1,90 @@
+//! What deadlines made of a run: which rungs were taken, how much time there was.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use swerve_core::Span;
+use swerve_flow::{Event, Observer};
+use swerve_msg::{ResponseBudget, RungTaken};
+
+/// How often a rung of a ladder was taken.
+#[derive(Serialize, Clone, PartialEq, Debug)]
+pub struct RungCount {
+    /// The operator on the ladder.
+    pub operator: String,
+    /// The rung.
+    pub rung: String,
+    /// What it takes, ms.
+    pub ms: f64,
+    /// Frames that were answered from it in time.
+    pub steps: u64,
+}
+
+/// The time that a deadline policy gave from a frame to its plan.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+pub struct Budgets {
+    /// Least, ms.
+    pub least_ms: f64,
+    /// Mean over the frames, ms.
+    pub mean_ms: f64,
+    /// Most, ms.
+    pub most_ms: f64,
+}
+
+/// Both, counted while a run goes on.
+#[derive(Default, Clone, Debug)]
+pub struct Rungs {
+    taken: BTreeMap<(String, Span, String), u64>,
+    budgets_ms: Vec<f64>,
+}
+
+impl Rungs {
+    /// By operator, the fastest rung first.
+    pub fn counts(&self) -> Vec<RungCount> {
+        let count = |((operator, run_time, rung), steps): (&(String, Span, String), &u64)| RungCount {
+            operator: operator.clone(),
+            rung: rung.clone(),
+            ms: run_time.as_ms(),
+            steps: *steps,
+        };
+        self.taken.iter().map(count).collect()
+    }
+
+    /// None where no policy said anything.
+    pub fn budgets(&self) -> Option<Budgets> {
+        let all = &self.budgets_ms;
+        let least_ms = all.iter().copied().reduce(f64::min)?;
+        let most_ms = all.iter().copied().reduce(f64::max)?;
+        Some(Budgets { least_ms, mean_ms: all.iter().sum::<f64>() / all.len() as f64, most_ms })
+    }
+
+    /// For the terminal; empty where there is nothing to tell.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        if let Some(Budgets { least_ms, mean_ms, most_ms }) = self.budgets() {
+            text += &format!("response budget {least_ms:.0} to {most_ms:.0} ms, mean {mean_ms:.0} ms\n");
+        }
+        let counts = self.counts();
+        for operator in ["detector", "planner"] {
+            let of = counts.iter().filter(|count| count.operator == operator);
+            let said: Vec<String> = of.map(|count| format!("{} {}x", count.rung, count.steps)).collect();
+            if !said.is_empty() {
+                text += &format!("{operator} took {}\n", said.join(", "));
+            }
+        }
+        text
+    }
+}
+
+impl Observer for Rungs {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        if let Some(RungTaken { rung, run_time, .. }) = payload.downcast_ref::<RungTaken>() {
+            let key = (publication.operator.to_owned(), *run_time, rung.clone());
+            *self.taken.entry(key).or_default() += 1;
+        } else if let Some(budget) = payload.downcast_ref::<ResponseBudget>() {
+            self.budgets_ms.push(budget.response.as_ms());
+        }
+    }
+}
