@@ -18,7 +18,7 @@ use crate::lend::Live;
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK, send};
 use crate::{Happening, IpcError, Told};
 
-/// How long the coordinator sleeps before it looks around by itself. It is woken for whatever happens.
+/// How long who waits for the other end sleeps before it looks around by itself. It is woken for whatever happens.
 pub(crate) const LOOK_AROUND: Duration = Duration::from_millis(20);
 
 /// The services between the coordinator and one worker.

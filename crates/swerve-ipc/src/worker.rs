@@ -16,7 +16,7 @@ use crate::IpcError;
 use crate::bell::{Bell, Ear, HEAD, Heard, Patience};
 use crate::folder::Address;
 use crate::lend::{Shelves, StreamMemory};
-use crate::link::{Names, now};
+use crate::link::{LOOK_AROUND, Names, now};
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK, send};
 
 /// What a worker is told at its start.
@@ -69,7 +69,7 @@ pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
     const ANSWER_BYTES: usize = 16 * 1024;
     let hub = Hub::join(&setup.address)?;
     let names = Names::of(&setup.process);
-    let bell = Arc::new(Bell::inherited().map_err(IpcError::of("the doorbell"))?);
+    let bell = Arc::new(Bell::inherited(LOOK_AROUND).map_err(IpcError::of("the doorbell"))?);
     let calls = hub.receiver(&names.calls, TALK)?;
     let answers = hub.sender(&names.answers, TALK, 2, ANSWER_BYTES)?;
     let shelves = Rc::new(Shelves::new(&hub, &setup.memories)?);
