@@ -24,6 +24,10 @@ RELIABLE = Policy.Reliability.Reliable(10**8)
 NEWEST = Qos(RELIABLE, Policy.Durability.Volatile, Policy.History.KeepLast(1))
 
 
+def sound(reader):
+    return [sample for sample in reader.take(N=10) if sample.sample_info.valid_data]
+
+
 def main():
     domain, seconds, lane, wanted = int(sys.argv[1]), *map(float, sys.argv[2:5])
     participant = DomainParticipant(domain)
@@ -45,10 +49,10 @@ def main():
     began, mode, way = None, None, []
     told = {"autonomous": 0, "manual": 0}
     while not closed.is_set():
-        for report in modes.take(N=10):
+        for report in sound(modes):
             mode = report.mode
             told["autonomous" if mode == 1 else "manual"] += 1
-        for message in odometry.take(N=10):
+        for message in sound(odometry):
             now = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             x, y = message.pose.pose.position.x, message.pose.pose.position.y
             q = message.pose.pose.orientation

@@ -114,7 +114,12 @@ impl Params {
         }
         let day_s = 86_400.0;
         let most = |key, least: f64, most: f64| {
-            require(key, most, (least..=day_s).contains(&most), "must not be below the least, nor above a day")
+            require(
+                key,
+                most,
+                (least..=day_s).contains(&most),
+                "must not be below the least, nor above a day",
+            )
         };
         most("detector_max_s", self.detector_min_s, self.detector_max_s)?;
         most("planner_max_s", self.planner_min_s, self.planner_max_s)?;
@@ -287,12 +292,7 @@ fn in_the_way(
 }
 
 /// What may be hidden behind a thing near the strip.
-fn behind(
-    params: &Params,
-    situation: &Situation<'_>,
-    ego: &Ego,
-    prediction: &Prediction,
-) -> Option<Hazard> {
+fn behind(params: &Params, situation: &Situation<'_>, ego: &Ego, prediction: &Prediction) -> Option<Hazard> {
     let here = stretch(situation.route, prediction, prediction.path.first()?.pose);
     let extent = &prediction.extent;
     let large = extent.height_m >= HIDES_M && extent.length_m.max(extent.width_m) >= HIDES_M;

@@ -131,6 +131,10 @@ impl ClockEstimator {
             self.learn(stamp_ns, difference, received_ns);
             return verdict;
         }
+        if verdict == StampVerdict::Backwards && self.stamps >= u64::from(self.params.learning) {
+            // It fits the offset, so that it is no sign of another one, however often it comes.
+            return verdict;
+        }
         self.odd.push(difference);
         if !self.agree() {
             return verdict;
@@ -287,6 +291,17 @@ mod tests {
             let known = clock.offset().unwrap();
             assert_eq!((known.offset.ns(), known.jumps), (-step + 2 * MS, 1));
         }
+    }
+
+    #[test]
+    fn repeats_of_what_was_overtaken_are_no_clock_that_was_set() {
+        let mut clock = ClockEstimator::new(ClockParams::default());
+        feed(&mut clock, 100 * S, 50, 0);
+        let now = 102 * S + 460 * MS;
+        for i in 0..20 {
+            assert_eq!(clock.judge(now - 60 * MS, now + i * MS), StampVerdict::Backwards);
+        }
+        assert_eq!(clock.offset().unwrap().jumps, 0);
     }
 
     #[test]

@@ -66,10 +66,26 @@ fn problems(path: &Path) -> Vec<String> {
         told(crate::timing::read_file(path).err().unwrap_or_default())
     } else {
         match Config::from_document(&document, &[]) {
-            Ok(config) => told(no_adapter(&document, &config)),
+            Ok(config) => {
+                let mut all = told(no_adapter(&document, &config));
+                all.extend(route_problems(path, &document, &config));
+                all
+            }
             Err(problems) => told(problems),
         }
     }
+}
+
+/// What is wrong with the route that a vehicle is to be driven along.
+fn route_problems(path: &Path, document: &Document, config: &Config) -> Vec<String> {
+    let Some(live) = &config.live else { return Vec::new() };
+    let route = crate::live::route_file(path, live);
+    if !route.is_file() {
+        let message = format!("there is no file {}: expected a scenario", route.display());
+        return vec![document.problem("live.route", message).to_string()];
+    }
+    let told = crate::run::read_scenario(&route).err().map(|error| error.to_string()).unwrap_or_default();
+    told.lines().map(str::to_owned).collect()
 }
 
 /// What asks for an adapter that is not there.

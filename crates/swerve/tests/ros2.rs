@@ -282,3 +282,155 @@ fn another_stack_drives_the_simulated_car_and_it_stops_without() {
     println!("{replayed}");
     assert!(replayed.contains(", as logged"), "{replayed}");
 }
+
+/// Our own stack in another process, over the network, in the place of the other one.
+#[test]
+fn our_stack_drives_the_simulated_car_from_another_process() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let scenario = SCENARIO.replace("timeout_s = 9.0", "timeout_s = 16.0");
+    let (folder, domain) = folder("[ros2]\nlocalhost_only = true\n", &scenario, 2);
+    let live = format!("{LIVE}enable = 'at_start'\n[ros2]\nlocalhost_only = true\ndomain = {domain}\n");
+    std::fs::write(folder.path().join("live.toml"), live).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_swerve"));
+    command.args(["live", "live.toml", "--seconds", "10", "--out", "live"]).current_dir(folder.path());
+    let mut stack = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let told = ok(&swerve(&folder, &[&RUN[..], &["--ros2=drive"]].concat()));
+    let ended = stack.wait().unwrap();
+    let mut said = String::new();
+    stack.stdout.take().unwrap().read_to_string(&mut said).unwrap();
+    stack.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    println!("{told}\n{said}");
+    assert!(ended.success(), "{said}");
+    let [car, stack] = ["out", "live"].map(|out| metrics(&folder, out));
+    let (driven_m, beside_m) = (&stack["drive"]["driven_m"], &stack["drive"]["beside_max_m"]);
+    assert!(driven_m.as_f64().unwrap() > 25.0 && beside_m.as_f64().unwrap() < 0.5, "{}", stack["drive"]);
+    assert!(car["gate"]["driving_s"].as_f64().unwrap() > 5.0, "{}", car["gate"]);
+    assert!(
+        car["drive"]["speed_end_mps"].as_f64().unwrap().abs() < 0.05,
+        "it did not stop: {}",
+        car["drive"]
+    );
+    ok(&swerve(&folder, &["replay", "out/log.mcap", "--verify"]));
+}
+
+/// A stack for a vehicle; `[live]` is open at its end.
+const LIVE: &str = "
+[control]
+controller = 'stanley'
+[live]
+route = 'scenario.toml'
+";
+
+fn metrics(folder: &TempDir, out: &str) -> Value {
+    serde_json::from_slice(&std::fs::read(folder.path().join(out).join("metrics.json")).unwrap()).unwrap()
+}
+
+/// Drives by a recording; what it came to.
+fn drive_recorded(folder: &TempDir, bag: &str, out: &str, threads: &str) -> Value {
+    let text = format!("{LIVE}[source]\nrosbag = '{bag}'\n");
+    std::fs::write(folder.path().join("recorded.toml"), text).unwrap();
+    let told = ok(&swerve(folder, &["live", "recorded.toml", "--out", out, "--threads", threads]));
+    println!("{told}");
+    metrics(folder, out)
+}
+
+fn topic<'a>(metrics: &'a Value, name: &str) -> &'a Value {
+    metrics["topics"].as_array().unwrap().iter().find(|topic| topic["topic"] == name).unwrap()
+}
+
+fn steps(metrics: &Value, name: &str) -> u64 {
+    let operators = metrics["operators"].as_array().unwrap();
+    operators.iter().find(|operator| operator["operator"] == name).unwrap()["steps"].as_u64().unwrap()
+}
+
+/// Whether Python can write logs; says so, or fails in CI.
+fn python_with_mcap() -> Option<String> {
+    let python = python()?;
+    let ran =
+        Command::new(&python).args(["-c", "import mcap, lz4, zstandard"]).stderr(Stdio::null()).status();
+    if ran.is_ok_and(|status| status.success()) {
+        return Some(python);
+    }
+    assert!(std::env::var_os("SWERVE_CI").is_none(), "SWERVE_CI is set, and mcap is not installed");
+    println!("skipped: Python's package mcap with lz4 and zstandard is not installed");
+    None
+}
+
+#[test]
+fn a_recorded_drive_is_computed_the_same_each_time() {
+    let Some(python) = python_with_mcap() else { return };
+    let (folder, _) = folder("[ros2]\n", SCENARIO, 3);
+    let mut digests = Vec::new();
+    for compression in ["none", "lz4", "zstd"] {
+        let bag = format!("{compression}.mcap");
+        let mut write = Command::new(&python);
+        write.arg(sources().join("bag.py")).args(["drive", &bag, compression, "10"]);
+        ok(&write.current_dir(folder.path()).output().unwrap());
+        for threads in ["1", "3"] {
+            let metrics = drive_recorded(&folder, &bag, compression, threads);
+            digests.push(metrics["digest"].as_str().unwrap().to_owned());
+            check_recorded(&metrics);
+        }
+    }
+    assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
+    let replayed = ok(&swerve(&folder, &["replay", "zstd/log.mcap", "--verify"]));
+    assert!(replayed.contains(", as logged"), "{replayed}");
+    // As the folder that `ros2 bag record` makes, and cut off as by a crash.
+    let bag = std::fs::read(folder.path().join("zstd.mcap")).unwrap();
+    std::fs::create_dir(folder.path().join("bag")).unwrap();
+    std::fs::write(folder.path().join("bag/metadata.yaml"), "rosbag2_bagfile_information:\n").unwrap();
+    std::fs::write(folder.path().join("bag/bag_0.mcap"), &bag[..bag.len() / 2]).unwrap();
+    let metrics = drive_recorded(&folder, "bag", "cut", "1");
+    assert!(metrics["cut_off"][0].as_str().unwrap().contains("ends or is damaged after"), "{metrics}");
+    assert!((2.0..9.0).contains(&metrics["seconds"].as_f64().unwrap()), "{metrics}");
+    // No recording at all.
+    std::fs::write(folder.path().join("none.mcap"), "no recording").unwrap();
+    let output = swerve(&folder, &["live", "recorded.toml", "--set", "source.rosbag=none.mcap"]);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        !output.status.success() && told.contains("source.rosbag: none.mcap: there is no message"),
+        "{told}"
+    );
+}
+
+fn check_recorded(metrics: &Value) {
+    let [pose, velocity] = ["/localization/kinematic_state", "/vehicle/status/velocity_status"];
+    assert_eq!(
+        (&topic(metrics, pose)["messages"], &topic(metrics, pose)["used"]),
+        (&500.into(), &500.into())
+    );
+    // The recorder's clock is 1.5 s ahead, and the fastest messages took no time.
+    let offset = topic(metrics, pose)["clock_offset_ms"].as_f64().unwrap();
+    assert!((offset - 1500.0).abs() < 1e-6, "{offset}");
+    let velocity = topic(metrics, velocity);
+    assert_eq!((&velocity["used"], &velocity["behind"]), (&500.into(), &10.into()), "{velocity}");
+    assert_eq!(topic(metrics, "/vehicle/status/steering_status")["malformed"], 10);
+    assert_eq!(topic(metrics, "/sensing/imu/imu_raw")["wrong_type"], 10);
+    let weather = topic(metrics, "/weather");
+    assert_eq!((&weather["messages"], &weather["name"]), (&10.into(), &Value::Null));
+    assert!((180..=200).contains(&steps(metrics, "planner")), "{}", metrics["operators"]);
+    assert_eq!(steps(metrics, "tracker"), 200, "{}", metrics["operators"]);
+    assert!(metrics["drive"]["driving_s"].as_f64().unwrap() > 9.0, "{}", metrics["drive"]);
+}
+
+/// What the simulator says is recorded by another maker's reader, and driven by again.
+#[test]
+fn what_a_simulated_car_says_can_be_recorded_and_driven_by() {
+    let Some(python) = python_with_mcap() else { return };
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let (folder, domain) = folder(CONFIG, SCENARIO, 4);
+    let lines: Vec<String> = TOPICS.iter().map(|(topic, kind, _)| format!("{topic} {kind}")).collect();
+    let file = folder.path().join("drive.mcap").display().to_string();
+    let words = ["record".to_owned(), file, "zstd".into(), domain.to_string()];
+    let peer = Peer::start(&python, "bag.py", &words, &lines.join("\n"));
+    ok(&swerve(&folder, &[&RUN[..], &["--ros2"]].concat()));
+    assert!(peer.end().as_u64().unwrap() > 1000);
+    let [one, again] = ["1", "2"].map(|threads| drive_recorded(&folder, "drive.mcap", "again", threads));
+    assert_eq!(one["digest"], again["digest"]);
+    for name in ["/localization/kinematic_state", "/vehicle/status/velocity_status"] {
+        let topic = topic(&one, name);
+        let (messages, used) = (topic["messages"].as_f64().unwrap(), topic["used"].as_f64().unwrap());
+        assert!(messages > 200.0 && used > 0.9 * messages, "{topic}");
+    }
+    assert!(steps(&one, "planner") > 50 && one["drive"]["driving_s"].as_f64().unwrap() > 3.0, "{one:#}");
+}

@@ -82,7 +82,8 @@ fn ladders() -> &'static [Ladder] {
         struct File {
             ladder: Vec<Ladder>,
         }
-        let file: File = toml::from_str(include_str!("ladders.toml")).expect("a test reads the built-in ladders");
+        let file: File =
+            toml::from_str(include_str!("ladders.toml")).expect("a test reads the built-in ladders");
         file.ladder
     });
     &ALL
@@ -132,7 +133,8 @@ impl Config {
         };
         let names = || ladders().iter().map(|ladder| ladder.name.as_str());
         let Some(ladder) = ladders().iter().find(|ladder| ladder.name == *name) else {
-            let near = nearest(name, names()).map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+            let near =
+                nearest(name, names()).map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
             let all = names().collect::<Vec<_>>().join(", ");
             return Err(("ladder", format!("unknown ladder `{name}`, expected one of {all}{near}")));
         };
@@ -215,7 +217,8 @@ impl Config {
         }
         let execution = &self.execution;
         if execution.reaction == Reaction::OnDeadline {
-            let message = "expected \"skip\" or \"reuse_last\": detector and planner have no answer of another kind";
+            let message =
+                "expected \"skip\" or \"reuse_last\": detector and planner have no answer of another kind";
             told.push(("execution.reaction".into(), message.into()));
         }
         let lengths = [("detector", execution.detector_ms), ("planner", execution.planner_ms)];
@@ -311,29 +314,43 @@ mod tests {
         refused(&["perception.detector=truth"], "perception.ladder: `truth` is on no ladder");
         refused(&["planning.ladder=fot@d4"], "unknown ladder `fot@d4`, expected one of fot@d3");
         refused(&["planning.planner=aeb"], "planning.ladder: `fot@d3` is one of `fot`, not of `aeb`");
-        refused(&["planning.rung_ms=50"], "planning.rung_ms: expected one of 30, 40, 67, 148, 208, 309, found 50");
+        refused(
+            &["planning.rung_ms=50"],
+            "planning.rung_ms: expected one of 30, 40, 67, 148, 208, 309, found 50",
+        );
         refused(
             &["execution.model=static_deadlines", "execution.detector_ms=nan"],
             "execution.detector_ms: expected 1 to 10000, found NaN",
         );
         refused(
-            &["execution.model=periodic", "perception.ladder=false", "perception.detector=truth", "execution.detector_ms=5"],
+            &[
+                "execution.model=periodic",
+                "perception.ladder=false",
+                "perception.detector=truth",
+                "execution.detector_ms=5",
+            ],
             "execution.detector_ms: there is no detector",
         );
         refused(&["execution.planner_ms=30"], "only `periodic` and `static_deadlines` have use for it");
         refused(&["execution.model=periodic", "execution.planner_ms=0"], "expected 1 to 10000, found 0");
         refused(&["execution.reaction=on_deadline"], "expected \"skip\" or \"reuse_last\"");
         refused(&["execution.model=dynamic_deadline"], "dynamic_deadlines");
-        refused(&["execution.params.brake_mps2=-1"], "execution.params: brake_mps2 = -1 is out of range");
-        refused(&["execution.params.brake=1"], "execution.params: `brake`: unknown key");
+        refused(&["execution.params.brake_mps2=-1"], "brake_mps2 = -1 is out of range: must be above zero");
+        refused(&["execution.params.brake=1"], "`brake`: unknown key");
         refused(
             &["execution.model=dynamic_deadlines", "operator.planner.deadline={ ms = 5 }"],
             "operator.planner.deadline: `execution.model` sets the deadline",
         );
-        refused(&["operator.detector.runtime={ fixed_ms = 5 }"], "operator.detector.runtime: the rungs of its ladder");
+        refused(
+            &["operator.detector.runtime={ fixed_ms = 5 }"],
+            "operator.detector.runtime: the rungs of its ladder",
+        );
         let said = config(&["planning.rung_ms=30"]).unwrap_err();
         assert!(said.contains("planning.rung_ms: needs a `ladder`"), "{said}");
         let said = config(&["execution.model=periodic"]).unwrap_err();
-        assert!(said.contains("execution.planner_ms: expected milliseconds, where no fixed run time"), "{said}");
+        assert!(
+            said.contains("execution.planner_ms: expected milliseconds, where no fixed run time"),
+            "{said}"
+        );
     }
 }

@@ -206,7 +206,10 @@ fn hint<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
 }
 
 /// Parameters with what the configuration says otherwise; tables within them are taken key by key.
-pub(super) fn overridden<T: Serialize + DeserializeOwned>(defaults: &T, changes: &toml::Table) -> Result<T, String> {
+pub(super) fn overridden<T: Serialize + DeserializeOwned>(
+    defaults: &T,
+    changes: &toml::Table,
+) -> Result<T, String> {
     let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
     for (key, value) in changes {
         match (table.get_mut(key), value) {

@@ -134,6 +134,17 @@ pub struct Refusals {
 }
 
 impl Refusals {
+    /// Adds others to these.
+    pub fn add(&mut self, others: &Self) {
+        let Self { implausible, backwards, ahead, behind, unset, not_usable } = *others;
+        self.implausible += implausible;
+        self.backwards += backwards;
+        self.ahead += ahead;
+        self.behind += behind;
+        self.unset += unset;
+        self.not_usable += not_usable;
+    }
+
     /// All together.
     pub fn total(&self) -> u64 {
         let Self { implausible, backwards, ahead, behind, unset, not_usable } = *self;

@@ -32,6 +32,9 @@ pub mod vehicle;
 pub mod watch;
 pub mod wire;
 
+#[cfg(test)]
+mod tests;
+
 use core::time::Duration;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -164,8 +167,20 @@ pub fn drive(
     observers: &mut [&mut dyn Observer],
     clock: HostClock,
 ) -> anyhow::Result<Driven> {
+    let graph = LiveGraph::build(&drive.config, &drive.scenario)?;
+    drive_graph(drive, graph, wire, (terms, wanted), observers, clock)
+}
+
+/// As [`drive`](self::drive), with a graph that is already built.
+fn drive_graph(
+    drive: &Drive,
+    LiveGraph { graph, inputs, route }: LiveGraph,
+    wire: &dyn Wire,
+    (terms, wanted): (Terms, &Wanted),
+    observers: &mut [&mut dyn Observer],
+    clock: HostClock,
+) -> anyhow::Result<Driven> {
     let Drive { config, live, mapping, scenario, .. } = drive;
-    let LiveGraph { graph, inputs, route } = LiveGraph::build(config, scenario)?;
     let interface = || vehicle::interface(mapping.vehicle, config);
     let intake = Intake::new(mapping, interface(), config, clock.epoch_ns());
     let (orders, received) = mpsc::channel();

@@ -133,22 +133,29 @@ pub struct Recording {
     end: Time,
 }
 
+/// The topics that are heard, by their names in ROS: what each is called in the mapping, and its type.
+fn wanted(drive: &Drive) -> BTreeMap<String, (String, Kind)> {
+    let Drive { live, mapping, .. } = drive;
+    let mut wanted = BTreeMap::new();
+    for endpoint in wire::options(mapping, live).endpoints {
+        // A person's switch that was recorded presses nothing: the simulated one does.
+        let role = mapping.topic(&endpoint.name).map(|topic| topic.role);
+        let switch = matches!(role, Some(Role::Enable | Role::Disable | Role::Emergency));
+        if endpoint.direction == Direction::Receive && !switch {
+            wanted.insert(endpoint.topic, (endpoint.name, endpoint.kind));
+        }
+    }
+    wanted
+}
+
 impl Recording {
     /// Takes in the files of a recording, in order.
     ///
     /// # Errors
     /// The first file cannot be read, or holds no message.
     pub fn read(files: &[PathBuf], drive: &Drive) -> anyhow::Result<Self> {
-        let Drive { config, live, mapping, .. } = drive;
-        let mut wanted: BTreeMap<String, (String, Kind)> = BTreeMap::new();
-        for endpoint in wire::options(mapping, live).endpoints {
-            // A person's switch that was recorded presses nothing: the simulated one does.
-            let role = mapping.topic(&endpoint.name).map(|topic| topic.role);
-            let switch = matches!(role, Some(Role::Enable | Role::Disable | Role::Emergency));
-            if endpoint.direction == Direction::Receive && !switch {
-                wanted.insert(endpoint.topic, (endpoint.name, endpoint.kind));
-            }
-        }
+        let Drive { config, mapping, .. } = drive;
+        let wanted = wanted(drive);
         let mut recording = Self::default();
         let mut intake = None;
         for file in files {
@@ -173,18 +180,24 @@ impl Recording {
             recording.strays += bag.strays();
         }
         let told = || recording.cut_off.join("; ");
-        let intake = intake.with_context(|| format!("there is no message in it {}", told()))?;
+        let intake = intake.with_context(|| format!("there is no message in it; {}", told()))?;
+        recording.conclude(&intake);
+        Ok(recording)
+    }
+
+    /// Counts what the intake made of the messages, and has the switch pressed.
+    fn conclude(&mut self, intake: &Intake) {
         for (name, _, tally, clock) in intake.tallies() {
-            if let Some(topic) = recording.topics.values_mut().find(|t| t.name.as_deref() == Some(name)) {
-                (topic.used, topic.refused) = (tally.used, tally.refused);
+            if let Some(topic) = self.topics.values_mut().find(|t| t.name.as_deref() == Some(name)) {
+                topic.used = tally.used;
+                topic.refused.add(&tally.refused);
                 topic.last_refusal = tally.last_refusal.clone().or(topic.last_refusal.take());
                 let known = clock.offset();
                 topic.clock_offset_ms = known.map(|known| known.offset.as_ms());
                 topic.clock_spread_ms = known.map(|known| known.spread.as_ms());
             }
         }
-        recording.press();
-        Ok(recording)
+        self.press();
     }
 
     fn take(
@@ -407,5 +420,103 @@ impl Summary {
         let _ = writeln!(text, "digest {}", self.digest);
         let _ = writeln!(text, "in {}: log.mcap, trace.json, metrics.json", out.display());
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_core::Rng;
+    use swerve_ros2::AnyMessage;
+    use swerve_ros2::samples::sample;
+
+    use super::*;
+    use crate::config::Config;
+    use crate::config::text::Document;
+
+    const S: u64 = 1_000_000_000;
+
+    #[test]
+    fn time_never_runs_backwards_and_goes_on_after_a_jump() {
+        let mut clock = Clock::default();
+        let mut at = |ns: u64| clock.time(ns).map(|time| time.as_secs());
+        assert_eq!(at(100 * S), Some(0.0));
+        assert_eq!(at(102 * S), Some(2.0));
+        assert_eq!(at(101 * S + S / 2), Some(2.0), "out of turn");
+        assert_eq!((at(90 * S), at(u64::MAX), at(0)), (None, None, None));
+        assert_eq!(at(103 * S), Some(3.0));
+        // An hour later, and it stays so.
+        let later: Vec<_> = (0..25).map(|i| at(3700 * S + i * S)).collect();
+        assert!(later[..19].iter().all(Option::is_none), "{later:?}");
+        assert_eq!((later[19], later[24]), (Some(3.0), Some(8.0)));
+        assert_eq!((clock.earlier, clock.jumps), (1, 1));
+    }
+
+    fn drive() -> Drive {
+        let text = "[live]\nroute = \"lane.toml\"\n[control]\ncontroller = \"stanley\"\n[camera.camera]\n[lidar.lidar]\n";
+        let config = Config::from_document(&Document::parse("c.toml", text.into()).unwrap(), &[]).unwrap();
+        let mapping = config.ros2_mapping().unwrap();
+        let live = config.live.clone().unwrap();
+        let route = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/lane.toml"));
+        let scenario = crate::run::read_scenario(&route).unwrap();
+        Drive { config, live, mapping, scenario, route }
+    }
+
+    /// Messages of all topics, sound and with bytes changed or cut off, at times that are true or not: what is used
+    /// has increasing stamps, the rest is counted, and the graph runs on it.
+    #[test]
+    fn whatever_a_log_holds_is_used_or_counted() {
+        let drive = drive();
+        let wanted = wanted(&drive);
+        let mut rng = Rng::keyed(7, "bag", &[]);
+        let epoch = 1_700_000_000 * S;
+        let mut intake = Intake::new(
+            &drive.mapping,
+            interface(drive.mapping.vehicle, &drive.config),
+            &drive.config,
+            epoch as i64,
+        );
+        let mut recording = Recording::default();
+        let kinds: Vec<(&String, &(String, Kind))> = wanted.iter().collect();
+        for i in 0..4000_u64 {
+            let (topic, (_, kind)) = kinds[(rng.bits() % kinds.len() as u64) as usize];
+            let mut message = sample(*kind);
+            let stamp = swerve_ros2::msg::builtin_interfaces::Time::from_ns((epoch + i * S / 100) as i64);
+            match &mut message {
+                AnyMessage::Odometry(m) => {
+                    (m.header.stamp, m.header.frame_id, m.child_frame_id) =
+                        (stamp, "map".into(), "base_link".into());
+                }
+                AnyMessage::VelocityReport(m) => m.header.stamp = stamp,
+                AnyMessage::SteeringReport(m) => m.stamp = stamp,
+                AnyMessage::ControlModeReport(m) => m.stamp = stamp,
+                AnyMessage::PointCloud2(m) => m.header.stamp = stamp,
+                _ => {}
+            }
+            let mut data = cdr::encode(&message);
+            for _ in 0..rng.bits() % 3 {
+                let at = (rng.bits() % data.len() as u64) as usize;
+                data[at] ^= rng.bits() as u8;
+            }
+            if rng.bits().is_multiple_of(8) {
+                data.truncate((rng.bits() % data.len() as u64) as usize);
+            }
+            let received_ns = if rng.bits().is_multiple_of(50) { rng.bits() } else { epoch + i * S / 100 };
+            let topic = BagTopic { name: topic.clone(), type_name: kind.type_name(), encoding: "cdr".into() };
+            recording.take(&topic, &BagMessage { topic: 0, received_ns, data }, &wanted, &mut intake);
+        }
+        recording.conclude(&intake);
+        for topic in recording.topics.values() {
+            let refused = topic.refused.total() + topic.wrong_type + topic.malformed + topic.impossible_time;
+            assert_eq!(topic.used + refused, topic.messages, "{topic:?}");
+        }
+        let all: u64 = recording.topics.values().map(|topic| topic.messages).sum();
+        let used: u64 = recording.topics.values().map(|topic| topic.used).sum();
+        assert!(all == 4000 && used > 500, "{used} of {all}");
+        assert!(recording.records["pose"].len() > 50 && recording.records["lidar"].len() > 10);
+        let LiveGraph { mut graph, inputs, .. } = LiveGraph::build(&drive.config, &drive.scenario).unwrap();
+        for name in inputs.sources() {
+            graph.playback(name, recording.records.remove(name).unwrap_or_default()).unwrap();
+        }
+        run_virtual(graph, &RunOptions::until(recording.end), Vec::new()).unwrap();
     }
 }

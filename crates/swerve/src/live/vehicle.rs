@@ -8,6 +8,9 @@ mod dataspeed;
 mod plain;
 mod raptor;
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::BTreeMap;
 
 use swerve_core::Time;

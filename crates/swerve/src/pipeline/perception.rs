@@ -62,7 +62,7 @@ pub(super) fn tracks(
     let params = config.perception.tracker(&emulated.params, config.prediction.past_steps).map_err(wrong)?;
     let camera = config.detector_camera(emulated.sensing).and_then(|camera| image_camera(&camera));
     let boxes = detector(graph, config, surroundings, |params| {
-        Ok(Detector::new(params, camera.clone(), config.seed, "detector")?)
+        Ok(Detector::new(params, camera, config.seed, "detector")?)
     })?;
     let boxes = faulty(graph, config, "detector", boxes)?;
     let tracker = SortTracker(Sort::new(params)?);
@@ -78,7 +78,8 @@ fn detector(
 ) -> anyhow::Result<Stream<Detections>> {
     const OUTPUTS: [&str; 2] = ["boxes", "rung"];
     let wrong = |(key, message): (&str, String)| anyhow!("perception.{key}: {message}");
-    let params = config.perception.emulated().map_err(wrong)?.map(|emulated| emulated.params).unwrap_or_default();
+    let params =
+        config.perception.emulated().map_err(wrong)?.map(|emulated| emulated.params).unwrap_or_default();
     let mut rungs = config.detector_rungs().map_err(wrong)?;
     if let Some(timer) = own_timer(config, "detector")? {
         let rung = rungs.pop().map(|Rung { name, run_time, .. }| Rung { name, run_time, what: () });

@@ -24,6 +24,8 @@ use crate::pipeline::DriverInputs;
 
 /// How often the switch is looked at.
 const TICK: Duration = Duration::from_millis(20);
+/// Messages taken in before the switch is looked at again: a flood does not keep it waiting.
+const AT_ONCE: usize = 256;
 /// Steering and pedals come in messages of their own: together they are a command only within this time.
 const TOGETHER: Span = Span::from_ms(200);
 /// How long a wish to drive waits for commands that can be driven.
@@ -65,6 +67,8 @@ pub(super) struct Listener {
     clock: TopicClock,
     engagement: Engagement,
     wishes: Vec<Wish>,
+    /// Since when a wish to drive waits for commands.
+    waits_since: Option<Time>,
     switch: Option<Switch>,
     wire: Wire,
     last: Option<Time>,
@@ -79,6 +83,7 @@ impl Listener {
             clock: TopicClock::new(ClockParams::default()),
             engagement: Engagement::new(EnableBy::Topic, ENABLE_WITHIN),
             wishes: Vec::new(),
+            waits_since: None,
             switch: None,
             wire: Wire::new(vehicle),
             last: None,
@@ -89,7 +94,7 @@ impl Listener {
     pub(super) fn run(mut self, bridge: &Bridge, mapping: &Mapping, stop: &AtomicBool) -> Heard {
         while !stop.load(Ordering::Relaxed) {
             bridge.wait(TICK);
-            while let Some((id, received)) = bridge.take_any() {
+            for (id, received) in std::iter::from_fn(|| bridge.take_any()).take(AT_ONCE) {
                 let role = mapping.topic(&bridge.endpoints()[id.0].name).map(|topic| topic.role);
                 if let Some(role) = role {
                     self.take(role, &received.message);
@@ -111,8 +116,18 @@ impl Listener {
     fn advance_switch(&mut self) {
         let Moment { now, mode, .. } = *lock(&self.shared);
         let ready = self.last.is_some_and(|last| now - last < TOGETHER);
+        let mut wishes = std::mem::take(&mut self.wishes);
+        // A wish to drive and the first commands come in any order.
+        if wishes.contains(&Wish::Drive(false)) {
+            self.waits_since = None;
+        } else if !ready && wishes.contains(&Wish::Drive(true)) {
+            self.waits_since = Some(now);
+            wishes.retain(|wish| *wish != Wish::Drive(true));
+        } else if ready && self.waits_since.take().is_some_and(|since| now - since < ENABLE_WITHIN) {
+            wishes.push(Wish::Drive(true));
+        }
         let at = Situation { now, ready, listens: None, driver: false, mode };
-        let deed = self.engagement.step(&std::mem::take(&mut self.wishes), &at);
+        let deed = self.engagement.step(&wishes, &at);
         if self.switch.replace(deed.switch) != Some(deed.switch) {
             // A run that is over has nobody to be told.
             let _over = self.inputs.switch.send_now(deed.switch);

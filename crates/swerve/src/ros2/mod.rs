@@ -2,9 +2,9 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | [`show`] | sensors, reports and plans go out: an observer of the run, which changes nothing in it |
-//! | [`drive`] | commands of another stack come in, where that drives: a source of the run |
-//! | [`mounts`] | which sensor is on which topics, and where it sits |
+//! | `show` | sensors, reports and plans go out: an observer of the run, which changes nothing in it |
+//! | `drive` | commands of another stack come in, where that drives: a source of the run |
+//! | `mounts` | which sensor is on which topics, and where it sits |
 //!
 //! Messages are made and sent on two threads of their own, one for images and point clouds, one for all else. Each
 //! has a queue with a bound; what does not fit is dropped and counted.

@@ -169,7 +169,9 @@ pub fn text(ranking: &Ranking, settings: &[Setting]) -> String {
     let mut head: Vec<String> = ranking.settings.clone();
     head.extend(COLUMNS.map(str::to_owned));
     let mut lines = vec![head];
-    lines.extend(shown.iter().map(|setting| setting.labels.iter().cloned().chain(setting.columns()).collect()));
+    lines.extend(
+        shown.iter().map(|setting| setting.labels.iter().cloned().chain(setting.columns()).collect()),
+    );
     let mut text = match &ranking.best_of {
         Some(name) => format!("the best setting of each {name}\n"),
         None => "the best settings\n".to_owned(),
@@ -205,7 +207,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("s.toml");
         std::fs::write(&file, text).unwrap();
-        let said = |problems: Vec<Problem>| problems.iter().map(|p| p.message.clone()).collect::<Vec<_>>().join("\n");
+        let said = |problems: Vec<Problem>| {
+            problems.iter().map(|p| p.message.clone()).collect::<Vec<_>>().join("\n")
+        };
         Study::read(Path::new(&file), &[]).map(Study::expand).map_err(said)
     }
 
@@ -240,19 +244,22 @@ mod tests {
         let text = text(&ranking, &settings);
         assert!(text.ends_with("b: 100 % fewer collisions than a at its best\n"), "{text}");
         assert!(!text.contains("a      2"), "{text}");
-        assert_eq!(
-            csv(&ranking, &settings).lines().nth(2).unwrap(),
-            "a,3,2,1,4.0,0,100,-,2"
-        );
+        assert_eq!(csv(&ranking, &settings).lines().nth(2).unwrap(), "a,3,2,1,4.0,0,100,-,2");
     }
 
     #[test]
     fn what_is_not_there_is_refused() {
         let wrong = |from: &str, to: &str| study(&STUDY.replace(from, to)).unwrap_err();
-        assert_eq!(wrong("[\"model\", \"period\"]", "[\"modell\", \"period\"]"), "no axis of the name `modell`\n`model` is not one of `settings`");
+        assert_eq!(
+            wrong("[\"model\", \"period\"]", "[\"modell\", \"period\"]"),
+            "no axis of the name `modell`\n`model` is not one of `settings`"
+        );
         assert_eq!(wrong("best_of = \"model\"", "best_of = \"seed\""), "`seed` is not one of `settings`");
         assert_eq!(wrong("model = [\"b\"]", "modle = [\"b\"]"), "no axis of the name `modle`");
         assert_eq!(wrong("period = [\"2\", \"3\"]", "period = [\"2\", \"4\"]"), "`period` has no step `4`");
-        assert_eq!(wrong("model = [\"b\"]\nperiod = [\"2\", \"3\"]", "model = [\"a\", \"b\"]"), "nothing is left");
+        assert_eq!(
+            wrong("model = [\"b\"]\nperiod = [\"2\", \"3\"]", "model = [\"a\", \"b\"]"),
+            "nothing is left"
+        );
     }
 }

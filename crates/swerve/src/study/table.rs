@@ -17,7 +17,7 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
     text += if budget {
         "budget_ms,verdict\n"
     } else {
-        "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,response_p50_ms,response_p99_ms,misses,digest\n"
+        "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,digest,response_p50_ms,response_p99_ms,misses\n"
     };
     for result in results.iter().flatten() {
         for label in &result.labels {
@@ -34,10 +34,10 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
             number(result.min_distance_m),
             number(result.impact_speed_mps),
             number(result.lateral_jerk_max),
+            result.digest.map_or_else(String::new, |d| d.to_string()),
             number(result.response_p50_ms),
             number(result.response_p99_ms),
             result.misses,
-            result.digest.map_or_else(String::new, |d| d.to_string()),
         );
     }
     text
@@ -273,7 +273,6 @@ mod tests {
             (Some(0.0), "0/2 hit 9.0 m/s 1 timeout")
         );
         assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
-        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,");
-        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,,,0,");
+        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,,,,0");
     }
 }

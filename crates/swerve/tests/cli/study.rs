@@ -46,7 +46,18 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
     let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(
         rows[0],
-        ["period_ms", "range", "verdict", "min_distance_m", "impact_speed_mps", "lateral_jerk_max", "digest"]
+        [
+            "period_ms",
+            "range",
+            "verdict",
+            "min_distance_m",
+            "impact_speed_mps",
+            "lateral_jerk_max",
+            "digest",
+            "response_p50_ms",
+            "response_p99_ms",
+            "misses"
+        ]
     );
     let labels: Vec<_> = rows[1..].iter().map(|row| (row[0], row[1])).collect();
     assert_eq!(labels, [("10", "15.0"), ("10", "60.0"), ("20", "15.0"), ("20", "60.0")]);

@@ -13,8 +13,8 @@ use crate::config::live::Longitudinal;
 
 /// Least of the accelerations that the vehicle's own controller may use, m/s²: it needs some to keep a speed.
 const LIMIT_MIN_MPS2: f64 = 1.0;
-/// The speed that is asked for is at least as far off as what the acceleration comes to in this time, seconds: the
-/// controller answers to a difference in speed, and a plan that begins with the present speed has none at first.
+/// The speed that is asked for is what the acceleration comes to in this time, seconds: the controller answers to a
+/// difference in speed.
 const PREVIEW_S: f64 = 0.5;
 
 /// Dataspeed's drive-by-wire: angle of the steering wheel, and a speed or the pedals.
@@ -63,12 +63,7 @@ impl VehicleInterface for DataspeedInterface {
         let mut wish = gate.command;
         match self.longitudinal {
             Longitudinal::Speed => {
-                let soon = telling.speed_mps + PREVIEW_S * wish.accel_mps2;
-                wish.speed_mps = if wish.accel_mps2 < 0.0 {
-                    wish.speed_mps.min(soon).max(0.0)
-                } else {
-                    wish.speed_mps.max(soon)
-                };
+                wish.speed_mps = (telling.speed_mps + PREVIEW_S * wish.accel_mps2).max(0.0);
                 let limits = (wish.accel_mps2.max(LIMIT_MIN_MPS2), (-wish.accel_mps2).max(LIMIT_MIN_MPS2));
                 let speed = car.speed(&wish, limits, enable, clear);
                 telling.say(Role::SpeedCommand, AnyMessage::DataspeedUlcCmd(speed));

@@ -1,0 +1,230 @@
+//! `swerve live` drives a car that another implementation of DDS stands for (`tests/ros2/vehicle_emulator.py`).
+//!
+//! It needs the Python package `cyclonedds` (`SWERVE_PYTHON` is its interpreter); without it the tests say that they
+//! are skipped, and fail where `SWERVE_CI` is set. `SWERVE_LIVE_SECONDS=60` makes the drives that long.
+
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "all of this is a test, and prints what it measured"
+)]
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use serde_json::Value;
+use swerve_geom::Point2;
+use swerve_scenario::Scenario;
+
+/// One drive at a time: they keep time.
+static ALONE: Mutex<()> = Mutex::new(());
+
+fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+}
+
+fn python() -> String {
+    std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".to_owned())
+}
+
+/// Whether there is a car to drive; says so, or fails in CI, where there is none.
+fn has_car() -> bool {
+    let mut import = Command::new(python());
+    let found = import.args(["-c", "import cyclonedds"]).stderr(Stdio::null()).status();
+    let found = found.is_ok_and(|status| status.success());
+    if !found {
+        assert!(std::env::var_os("SWERVE_CI").is_none(), "SWERVE_CI is set, and cyclonedds is not installed");
+        println!("skipped: Python's package cyclonedds is not installed");
+    }
+    found
+}
+
+fn seconds() -> f64 {
+    std::env::var("SWERVE_LIVE_SECONDS").map_or(12.0, |s| s.parse().unwrap())
+}
+
+/// For this process alone, and this drive.
+fn domain(drive: u32) -> u32 {
+    20 + (std::process::id() % 9) * 8 + drive
+}
+
+/// An emulated car, which tells each second how it is.
+struct Car {
+    child: Child,
+    told: Option<JoinHandle<Vec<Value>>>,
+}
+
+impl Car {
+    fn start(domain: u32, interface: &str, more: &[&str]) -> Self {
+        // Cyclone DDS: this host only, without multicast, as a machine without network has it.
+        let cyclone = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
+            <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
+            <Peers><Peer Address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
+        let mut child = Command::new(python())
+            .arg(root().join("tests/ros2/vehicle_emulator.py"))
+            .args([&domain.to_string(), interface])
+            .args(more)
+            .env("CYCLONEDDS_URI", cyclone)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        assert_eq!(lines.next().unwrap().unwrap(), "ready");
+        let told = std::thread::spawn(move || {
+            lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok()).collect()
+        });
+        Self { child, told: Some(told) }
+    }
+
+    /// Ends it: its states, one a second, the last one at its end.
+    fn end(mut self) -> Vec<Value> {
+        drop(self.child.stdin.take());
+        self.child.wait().unwrap();
+        self.told.take().unwrap().join().unwrap()
+    }
+}
+
+impl Drop for Car {
+    fn drop(&mut self) {
+        let _ended_before = self.child.kill();
+    }
+}
+
+/// What a drive came to: what the stack says, and what the car says.
+struct Driven {
+    out: PathBuf,
+    metrics: Value,
+    notes: String,
+    car: Vec<Value>,
+    succeeded: bool,
+}
+
+impl Driven {
+    /// How far beside its lane the car says that it was at the most, m.
+    fn beside_m(&self) -> f64 {
+        let lane = Scenario::read(&root().join("scenarios/lane.toml")).unwrap().road.route();
+        let beside = |state: &Value| {
+            let place = Point2::new(state["x"].as_f64().unwrap(), state["y"].as_f64().unwrap());
+            lane.line.project(place).d_m.abs()
+        };
+        self.car.iter().map(beside).fold(0.0, f64::max)
+    }
+
+    fn last(&self, key: &str) -> f64 {
+        self.car.last().unwrap()[key].as_f64().unwrap()
+    }
+
+    fn modes(&self) -> Vec<String> {
+        let modes = self.metrics["drive"]["modes"].as_array().unwrap();
+        modes.iter().map(|change| change["mode"].to_string()).collect()
+    }
+}
+
+/// `swerve live` with a shipped configuration for so long; what it says and what the car says.
+fn live(drive: u32, interface: &str, seconds: f64, car: Option<&[&str]>) -> Driven {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let domain = domain(drive);
+    let car = car.map(|more| Car::start(domain, interface, more));
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live_{drive}"));
+    let output = Command::new(env!("CARGO_BIN_EXE_swerve"))
+        .arg("live")
+        .arg(root().join("configs/live").join(interface).with_extension("toml"))
+        .args(["--enable", "at-start", "--seconds", &seconds.to_string(), "--out"])
+        .arg(&out)
+        .envs([("ROS_DOMAIN_ID", domain.to_string()), ("ROS_LOCALHOST_ONLY", "1".into())])
+        .output()
+        .unwrap();
+    let car = car.map(Car::end).unwrap_or_default();
+    let notes = String::from_utf8_lossy(&output.stderr).into_owned();
+    println!("{interface}, {seconds} s:\n{notes}{}", String::from_utf8_lossy(&output.stdout));
+    let metrics = std::fs::read_to_string(out.join("metrics.json"));
+    let metrics = metrics.map_or(Value::Null, |text| serde_json::from_str(&text).unwrap());
+    Driven { out, metrics, notes, car, succeeded: output.status.success() }
+}
+
+/// Along its lane, at its speed, stopped at the end; its log comes out again.
+fn drives_along_its_lane(drive: u32, interface: &str) {
+    if !has_car() {
+        return;
+    }
+    let seconds = seconds();
+    let driven = live(drive, interface, seconds, Some(&[]));
+    assert!(driven.succeeded, "{}", driven.notes);
+    // From a standstill to 8 m/s and along bends; half of what is beside it on its lane is 0.5 m.
+    let beside_m = driven.beside_m();
+    assert!(beside_m < 0.5, "{beside_m} m beside the lane");
+    let driven_m = driven.metrics["drive"]["driven_m"].as_f64().unwrap();
+    assert!(driven_m > 4.0 * (seconds - 4.0), "{driven_m} m in {seconds} s");
+    assert!(driven.metrics["drive"]["speed_max_mps"].as_f64().unwrap() < 9.0);
+    assert_eq!((driven.last("speed"), driven.last("timeouts")), (0.0, 0.0));
+    assert_eq!(driven.car.last().unwrap()["engaged"], Value::Bool(false), "it was released");
+    let modes = ["\"manual\"", "\"driving\"", "{\"stopping\":\"released\"}", "{\"holding\":\"released\"}"];
+    assert_eq!(driven.modes(), modes);
+    println!("{interface}: {driven_m:.1} m, at most {beside_m:.3} m beside the lane by the car's own word");
+    let log = driven.out.join("log.mcap");
+    let replay = Command::new(env!("CARGO_BIN_EXE_swerve")).arg("replay").arg(log).arg("--verify").output();
+    let replay = replay.unwrap();
+    let said = String::from_utf8_lossy(&replay.stdout);
+    assert!(replay.status.success(), "{said}{}", String::from_utf8_lossy(&replay.stderr));
+    assert!(said.contains("as logged"), "{said}");
+}
+
+#[test]
+fn a_car_with_autowares_interface_is_driven_along_its_lane() {
+    drives_along_its_lane(0, "autoware");
+}
+
+#[test]
+fn a_car_with_dataspeeds_interface_is_driven_along_its_lane() {
+    drives_along_its_lane(1, "dataspeed");
+}
+
+/// Its topics cease on the way: it is commanded to a standstill all the same.
+#[test]
+fn a_car_whose_topics_cease_is_stopped() {
+    if !has_car() {
+        return;
+    }
+    for (drive, interface) in [(2, "autoware"), (3, "dataspeed")] {
+        let driven = live(drive, interface, 11.0, Some(&["--silent-after", "6"]));
+        let modes = driven.modes();
+        assert!(modes.contains(&"{\"stopping\":\"report_timeout\"}".to_owned()), "{modes:?}");
+        assert_eq!(driven.last("speed"), 0.0, "{interface}");
+        assert!(driven.beside_m() < 0.5);
+        // By commands, which went on: its own time-out began when they ended.
+        let stood = driven.car.iter().find(|s| s["t"].as_f64() > Some(6.0) && s["speed"] == 0.0).unwrap();
+        assert_eq!(stood["timeouts"], 0, "{interface}: {stood}");
+    }
+}
+
+/// The driver takes over: the car is the driver's, and stays that.
+#[test]
+fn a_driver_takes_over() {
+    if !has_car() {
+        return;
+    }
+    for (drive, interface) in [(4, "autoware"), (5, "dataspeed")] {
+        let driven = live(drive, interface, 9.0, Some(&["--driver-at", "6"]));
+        assert!(driven.succeeded, "{}", driven.notes);
+        assert_eq!(driven.modes(), ["\"manual\"", "\"driving\"", "\"manual\""], "{interface}");
+        assert!(driven.notes.contains("the driver took over") || driven.notes.contains("listens no longer"));
+        let after = driven.car.iter().filter(|state| state["t"].as_f64() > Some(7.0));
+        assert!(after.clone().count() > 1 && after.clone().all(|state| state["engaged"] == false));
+    }
+}
+
+/// No car, no ROS: it waits, and says for what.
+#[test]
+fn without_a_car_it_says_what_it_waits_for() {
+    let driven = live(6, "autoware", 1.5, None);
+    assert!(!driven.succeeded);
+    let missing = "error: not all topics that are needed were there: control_mode (/vehicle/status/control_mode), \
+                   odometry (/localization/kinematic_state), steering (/vehicle/status/steering_status), \
+                   velocity (/vehicle/status/velocity_status)";
+    assert!(driven.notes.contains(missing), "{}", driven.notes);
+    assert_eq!(driven.modes(), ["\"manual\""]);
+}
