@@ -8,8 +8,10 @@ use crate::graph::Graph;
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::report::{EndReason, RunError, RunReport};
+use crate::wall::Inbox;
 
-/// Runs a graph in virtual time. The result is a function of the graph and the seed alone.
+/// Runs a graph in virtual time. The result is a function of the graph and the seed alone, unless it is stopped by its
+/// [`StopHandle`](crate::StopHandle).
 ///
 /// # Errors
 /// When the graph has a fault, an operator panics, or a queue overflows that must not; observers were told
@@ -19,7 +21,8 @@ pub fn run_virtual(
     options: &RunOptions,
     observers: Vec<&mut dyn Observer>,
 ) -> Result<RunReport, RunError> {
-    run(Engine::new(graph, options, None, observers, None)?, options.until)
+    let inbox = graph.inbox.clone();
+    run(Engine::new(graph, options, None, observers, None)?, options.until, &inbox)
 }
 
 /// Repeats a wall-clock run in virtual time: run times, stops and offers as its decision records say; its
@@ -34,14 +37,18 @@ pub fn run_replay(
     observers: Vec<&mut dyn Observer>,
 ) -> Result<RunReport, RunError> {
     let until = replay.end().or(options.until);
-    run(Engine::new(graph, options, Some(replay), observers, None)?, until)
+    let inbox = graph.inbox.clone();
+    run(Engine::new(graph, options, Some(replay), observers, None)?, until, &inbox)
 }
 
-fn run(mut engine: Engine<'_>, until: Option<Time>) -> Result<RunReport, RunError> {
+fn run(mut engine: Engine<'_>, until: Option<Time>, inbox: &Inbox) -> Result<RunReport, RunError> {
     let until = until.unwrap_or(Time::MAX);
     engine.wake_all();
     engine.sweep(Time::ZERO);
     while !engine.is_over() {
+        if inbox.is_stopped() {
+            return engine.finish(EndReason::Interrupted);
+        }
         let next = engine.next_due();
         if next == Time::MAX {
             return engine.finish(EndReason::Idle);

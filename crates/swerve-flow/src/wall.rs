@@ -3,6 +3,7 @@
 use core::marker::PhantomData;
 use core::time::Duration;
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -25,6 +26,8 @@ const REPORTS_MAX: usize = 4096;
 pub(crate) struct Inbox {
     state: Mutex<Reports>,
     bell: Condvar,
+    /// Whether the run is to end.
+    stop: AtomicBool,
 }
 
 #[derive(Default)]
@@ -32,7 +35,6 @@ struct Reports {
     arrivals: VecDeque<Arrival>,
     /// A worker is done with a step.
     rung: bool,
-    stop: bool,
     closed: bool,
 }
 
@@ -61,6 +63,11 @@ pub enum SendError {
 }
 
 impl Inbox {
+    /// Whether the run is to end.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
     fn lock(&self) -> MutexGuard<'_, Reports> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -147,14 +154,18 @@ impl<T: Payload> SourceHandle<T> {
     }
 }
 
-/// Ends a wall-clock run from any thread.
+/// Ends a run from any thread, at an instant that depends on when it is asked to.
 #[derive(Clone)]
 pub struct StopHandle(pub(crate) Arc<Inbox>);
 
 impl StopHandle {
     /// Ends the run after the present sweep.
     pub fn stop(&self) {
-        self.0.lock().stop = true;
+        {
+            // Whoever is about to sleep has looked, or looks once this lock is free.
+            let _state = self.0.lock();
+            self.0.stop.store(true, Ordering::Relaxed);
+        }
         self.0.bell.notify_one();
     }
 }
@@ -267,7 +278,7 @@ fn pursue(engine: &mut Engine<'_>, until: Time, pace: Pace, inbox: &Inbox) -> En
 fn wait(inbox: &Inbox, pace: Pace, due: Time) -> Wake {
     let mut state = inbox.lock();
     loop {
-        if state.stop {
+        if inbox.is_stopped() {
             return Wake::Stop;
         }
         let now = pace.now();

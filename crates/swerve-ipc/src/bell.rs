@@ -182,6 +182,9 @@ fn split(bytes: &[u8]) -> Result<Option<(Head, usize)>, Garbled> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
     use super::*;
 
     fn pair() -> [Ear; 2] {
@@ -236,5 +239,60 @@ mod tests {
         }
         here.bell.send(&[255; HEAD]).unwrap();
         assert_eq!(there.listen(Patience::AWhile), Heard::Garbled);
+    }
+
+    /// Many more with `SWERVE_FUZZ=1`.
+    fn cases() -> ProptestConfig {
+        let cases = if std::env::var_os("SWERVE_FUZZ").is_some() { 100_000 } else { 500 };
+        let rng_seed = RngSeed::Fixed(7);
+        ProptestConfig { cases, failure_persistence: None, rng_seed, ..ProptestConfig::default() }
+    }
+
+    proptest! {
+        #![proptest_config(cases())]
+
+        /// Whatever comes through the socket: notes that are no longer than one may be, or that it is none.
+        #[test]
+        fn what_is_no_note_is_found_out(
+            notes in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..50), 1..4),
+            noise in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..4),
+            cut in 0..300_usize,
+        ) {
+            let (here, there) = Bell::pair(Duration::from_millis(5)).unwrap();
+            let mut bytes = Vec::new();
+            for note in &notes {
+                bytes.extend_from_slice(&(note.len() as u32).to_le_bytes());
+                bytes.extend_from_slice(&(Kind::Answer as u32).to_le_bytes());
+                bytes.extend_from_slice(&7_u64.to_le_bytes());
+                bytes.extend_from_slice(note);
+            }
+            for (at, value) in noise {
+                let at = at.index(bytes.len());
+                bytes[at] = value;
+            }
+            bytes.truncate(cut);
+            here.send(&bytes).unwrap();
+            drop(here);
+            let mut ear = Ear::at(Arc::new(Bell(there.into())));
+            loop {
+                match ear.listen(Patience::AWhile) {
+                    Heard::Note(_, said) => prop_assert!(said.len() <= NOTE_MAX - HEAD),
+                    Heard::Ring => {}
+                    Heard::Alone | Heard::Garbled => break,
+                    Heard::Nothing => prop_assert!(false, "the other end is closed"),
+                }
+            }
+        }
+
+        /// What a worker is told at its start.
+        #[test]
+        fn what_is_no_setup_is_refused(
+            bytes in prop::collection::vec(any::<u8>(), 0..200),
+            length in any::<Option<u64>>(),
+        ) {
+            let length = length.unwrap_or(bytes.len() as u64);
+            let framed = [&length.to_le_bytes()[..], &bytes].concat();
+            let _either_way = crate::Setup::read(&framed[..]).is_ok();
+        }
     }
 }

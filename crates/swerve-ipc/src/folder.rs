@@ -157,9 +157,10 @@ mod tests {
         // A run that was killed: its files are there, its lock is free.
         let dead = Address { root: base.join("dead_0"), prefix: prefix("dead_0") };
         fs::create_dir_all(dead.root.join("nodes")).unwrap();
-        fs::write(base.join("dead_0.lock"), "").unwrap();
         let shared = Path::new(SHARED_MEMORY).join(format!("{}x.data", dead.prefix));
         fs::write(&shared, "left").unwrap();
+        // Last: from here on whoever starts may remove them, another test too.
+        fs::write(base.join("dead_0.lock"), "").unwrap();
         let other = RunFolder::create().unwrap();
         assert!(!dead.root.exists() && !shared.exists() && !base.join("dead_0.lock").exists());
         assert!(alive.address.root.exists() && other.address.root.exists());

@@ -4,7 +4,10 @@
 use core::fmt::Debug;
 #[cfg(test)]
 use core::mem::offset_of;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::collections::BTreeSet;
+use std::fs::OpenOptions;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
@@ -18,14 +21,13 @@ use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use rustix::fs::statvfs;
+use rustix::fs::{FallocateFlags, fallocate, statvfs};
 
 use crate::IpcError;
-use crate::folder::{Address, SHARED_MEMORY};
+use crate::folder::{Address, SHARED_MEMORY, shared_files};
 
 /// Several threads use the ports of one process.
 pub(crate) type Ipc = ipc_threadsafe::Service;
-pub(crate) type Sender = Publisher<Ipc, [u8], Head>;
 pub(crate) type Receiver = Subscriber<Ipc, [u8], Head>;
 /// What fills images and clouds is words, so that it lies at the addresses that its numbers need. (An alignment
 /// asked of a service of bytes is applied by iceoryx2 0.10 to each single byte, in memory set aside.)
@@ -91,8 +93,82 @@ impl Kind {
 /// A process's access to the shared memory of a run.
 pub(crate) struct Hub {
     node: Node<Ipc>,
-    /// Bytes that were set aside for what sensors write, used or not.
-    promised: AtomicU64,
+    backing: Backing,
+}
+
+/// Sees to it that there is memory behind what is shared. The system gives it when it is written to, and kills who
+/// writes to what it cannot give (`SIGBUS`); so all is asked for before.
+#[derive(Clone, Debug)]
+struct Backing {
+    /// What the names of the run's files start with.
+    prefix: String,
+}
+
+/// So much more has to be free than is asked for: what iceoryx2 keeps books in.
+const SPARE_BYTES: u64 = 1 << 20;
+
+impl Backing {
+    fn files(&self) -> BTreeSet<PathBuf> {
+        shared_files(&self.prefix).into_iter().collect()
+    }
+
+    /// Makes something for which so many bytes of shared memory are needed, and has the system set them aside.
+    fn behind<T>(&self, bytes: u64, make: impl FnOnce() -> Result<T, IpcError>) -> Result<T, IpcError> {
+        let refused = |error: String| {
+            Err(IpcError::Shared { doing: format!("getting shared memory in {SHARED_MEMORY}"), error })
+        };
+        let free = statvfs(SHARED_MEMORY).map_or(u64::MAX, |system| system.f_bavail * system.f_frsize);
+        let needed = bytes.saturating_add(SPARE_BYTES);
+        if needed > free {
+            return refused(format!("{free} bytes are free, {needed} would be needed"));
+        }
+        let before = self.files();
+        let made = make()?;
+        for file in self.files().difference(&before) {
+            // One that is gone already needs nothing.
+            let Ok(opened) = OpenOptions::new().write(true).open(file) else { continue };
+            let length = opened.metadata().map_or(0, |file| file.len());
+            if length > 0
+                && let Err(error) = fallocate(&opened, FallocateFlags::empty(), 0, length)
+            {
+                return refused(format!("{length} bytes at once: {error}"));
+            }
+        }
+        Ok(made)
+    }
+}
+
+/// The writing end of a service of messages.
+pub(crate) struct Sender {
+    publisher: Publisher<Ipc, [u8], Head>,
+    backing: Backing,
+    /// The longest message for which there is room.
+    room: AtomicUsize,
+}
+
+/// So many messages of one end there may be at once: being written, waiting, and being read by the one at the other
+/// end.
+const MESSAGES_MAX: usize = 12;
+
+impl Sender {
+    /// Sends a message.
+    pub(crate) fn send(&self, seq: u64, kind: Kind, bytes: &[u8]) -> Result<(), IpcError> {
+        let fill = || {
+            let loan = self.publisher.loan_slice_uninit(bytes.len());
+            loan.map_err(IpcError::of("room for a message"))
+        };
+        let loan = if bytes.len() > self.room.load(Ordering::Relaxed) {
+            let room = bytes.len().next_power_of_two();
+            let loan = self.backing.behind((MESSAGES_MAX * room) as u64, fill)?;
+            self.room.store(room, Ordering::Relaxed);
+            loan
+        } else {
+            fill()?
+        };
+        let mut message = loan.write_from_slice(bytes);
+        *message.user_header_mut() = Head { seq, kind: kind as u64 };
+        message.send().map(drop).map_err(IpcError::of("sending a message"))
+    }
 }
 
 /// How many messages a service holds.
@@ -124,12 +200,13 @@ impl Hub {
         config.global.prefix = FileName::new(address.prefix.as_bytes()).map_err(IpcError::of("a prefix"))?;
         let root = address.root.as_os_str().as_encoded_bytes();
         config.global.set_root_path(&Path::new(root).map_err(IpcError::of("a path"))?);
-        let node = NodeBuilder::new()
-            .config(&config)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Ipc>()
-            .map_err(IpcError::of("joining the run's shared memory"))?;
-        Ok(Self { node, promised: AtomicU64::new(0) })
+        let backing = Backing { prefix: address.prefix.clone() };
+        let node = backing.behind(0, || {
+            let node = NodeBuilder::new().config(&config);
+            let node = node.signal_handling_mode(SignalHandlingMode::Disabled);
+            node.create::<Ipc>().map_err(IpcError::of("joining the run's shared memory"))
+        })?;
+        Ok(Self { node, backing })
     }
 
     /// The service of this name, made or opened: all its ends come through here.
@@ -152,21 +229,21 @@ impl Hub {
             .map_err(IpcError::of(doing()))
     }
 
-    /// The writing end of a service: `loans` messages may be under way of being written, of `bytes` at first.
-    pub(crate) fn sender(
-        &self,
-        name: &str,
-        depth: Depth,
-        loans: usize,
-        bytes: usize,
-    ) -> Result<Sender, IpcError> {
-        self.service::<u8>(name, depth)?
-            .publisher_builder()
-            .max_loaned_samples(loans)
-            .initial_max_slice_len(bytes)
-            .allocation_strategy(AllocationStrategy::PowerOfTwo)
-            .create()
-            .map_err(IpcError::of(format!("a sender of {name}")))
+    /// The writing end of a service of messages, of `bytes` at first.
+    pub(crate) fn sender(&self, name: &str, depth: Depth, bytes: usize) -> Result<Sender, IpcError> {
+        const LOANS: usize = 2;
+        let make = || {
+            self.service::<u8>(name, depth)?
+                .publisher_builder()
+                .max_loaned_samples(LOANS)
+                .initial_max_slice_len(bytes)
+                .allocation_strategy(AllocationStrategy::PowerOfTwo)
+                .override_sample_preallocation(|most| most.min(MESSAGES_MAX))
+                .create()
+                .map_err(IpcError::of(format!("a sender of {name}")))
+        };
+        let publisher = self.backing.behind((MESSAGES_MAX * bytes) as u64, make)?;
+        Ok(Sender { publisher, backing: self.backing.clone(), room: AtomicUsize::new(bytes) })
     }
 
     /// As [`sender`](Self::sender), for messages of at most `bytes` in memory that never grows: so many of
@@ -178,28 +255,17 @@ impl Hub {
         [loans, rooms]: [usize; 2],
         bytes: usize,
     ) -> Result<WordSender, IpcError> {
-        self.promise((rooms * bytes) as u64)?;
-        self.service::<u64>(name, depth)?
-            .publisher_builder()
-            .max_loaned_samples(loans)
-            .initial_max_slice_len(words(bytes))
-            .allocation_strategy(AllocationStrategy::Static)
-            .override_sample_preallocation(move |most| most.min(rooms))
-            .create()
-            .map_err(IpcError::of(format!("a sender of {name}")))
-    }
-
-    /// Makes sure that there will be so much shared memory. The system gives it when it is written to, and kills
-    /// who writes to what it cannot give.
-    fn promise(&self, bytes: u64) -> Result<(), IpcError> {
-        let promised = self.promised.fetch_add(bytes, Ordering::SeqCst) + bytes;
-        let free = statvfs(SHARED_MEMORY).map_or(u64::MAX, |system| system.f_bavail * system.f_frsize);
-        if promised <= free {
-            return Ok(());
-        }
-        self.promised.fetch_sub(bytes, Ordering::SeqCst);
-        let error = format!("{free} bytes are free, {promised} would be needed");
-        Err(IpcError::Shared { doing: format!("getting shared memory in {SHARED_MEMORY}"), error })
+        let make = || {
+            self.service::<u64>(name, depth)?
+                .publisher_builder()
+                .max_loaned_samples(loans)
+                .initial_max_slice_len(words(bytes))
+                .allocation_strategy(AllocationStrategy::Static)
+                .override_sample_preallocation(move |most| most.min(rooms))
+                .create()
+                .map_err(IpcError::of(format!("a sender of {name}")))
+        };
+        self.backing.behind((rooms * bytes) as u64, make)
     }
 
     /// The reading end of a service.
@@ -208,8 +274,11 @@ impl Hub {
         name: &str,
         depth: Depth,
     ) -> Result<Subscriber<Ipc, [T], Head>, IpcError> {
-        let made = self.service::<T>(name, depth)?.subscriber_builder().buffer_size(depth.waiting).create();
-        made.map_err(IpcError::of(format!("a receiver of {name}")))
+        self.backing.behind(0, || {
+            let made =
+                self.service::<T>(name, depth)?.subscriber_builder().buffer_size(depth.waiting).create();
+            made.map_err(IpcError::of(format!("a receiver of {name}")))
+        })
     }
 }
 
@@ -261,20 +330,12 @@ impl Kept {
     }
 }
 
-/// Sends a message.
-pub(crate) fn send(to: &Sender, seq: u64, kind: Kind, bytes: &[u8]) -> Result<(), IpcError> {
-    let loan = to.loan_slice_uninit(bytes.len()).map_err(IpcError::of("room for a message"))?;
-    let mut message = loan.write_from_slice(bytes);
-    *message.user_header_mut() = Head { seq, kind: kind as u64 };
-    message.send().map(drop).map_err(IpcError::of("sending a message"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn no_more_is_promised_than_there_is() {
+    fn no_more_is_lent_than_there_is() {
         let folder = crate::folder::RunFolder::create().unwrap();
         let hub = Hub::join(&folder.address).unwrap();
         let refused = hub.lending_sender("memory/big", TALK, [2, 1 << 30], 1 << 20).unwrap_err().to_string();

@@ -112,6 +112,8 @@ pub struct Recorder {
     /// Takes a token for each big view that waits.
     big: Sender<()>,
     thread: Option<JoinHandle<Result<u64, LogError>>>,
+    /// Why nothing more is written.
+    failed: Option<LogError>,
 }
 
 impl Recorder {
@@ -190,6 +192,7 @@ impl Recorder {
             sender: Some(sender),
             big,
             thread: Some(thread),
+            failed: None,
         })
     }
 
@@ -283,10 +286,19 @@ impl Recorder {
         &self.path
     }
 
+    /// Why nothing more is written, from the batch on that could not be.
+    pub fn failure(&self) -> Option<&LogError> {
+        self.failed.as_ref()
+    }
+
     /// Waits until all is written; the number of records, or what failed. Without [`end`](Self::end) before,
     /// the file stays readable but incomplete.
     pub fn finish(mut self) -> Result<u64, LogError> {
-        self.join().unwrap_or(Ok(0))
+        let joined = self.join();
+        match self.failed.take() {
+            Some(failed) => Err(failed),
+            None => joined.unwrap_or(Ok(0)),
+        }
     }
 
     fn name(&mut self, name: &str) -> Name {
@@ -321,16 +333,23 @@ impl Recorder {
             && !batch.items.is_empty()
             && sender.send(batch).is_err()
         {
-            self.sender = None; // the writer failed; `finish` tells why
+            // The writer failed, and has ended.
+            self.sender = None;
+            self.failed = self.thread.take().and_then(|thread| self.written(thread).err());
         }
     }
 
     fn join(&mut self) -> Option<Result<u64, LogError>> {
         self.send();
         self.sender = None;
+        self.thread.take().map(|thread| self.written(thread))
+    }
+
+    /// What the writer thread came to.
+    fn written(&self, thread: JoinHandle<Result<u64, LogError>>) -> Result<u64, LogError> {
         let panicked =
             |_| Err(LogError::Write { path: self.path.clone(), reason: "the writer panicked".into() });
-        self.thread.take().map(|thread| thread.join().unwrap_or_else(panicked))
+        thread.join().unwrap_or_else(panicked)
     }
 }
 

@@ -337,10 +337,16 @@ impl Seek for Small {
 fn a_full_disk_ends_the_recording_with_an_error_and_not_the_run() {
     let small = Small(Cursor::default(), 20_000);
     let mut recorder = Recorder::start(Path::new("out/log.mcap"), small, &start()).unwrap();
+    assert!(recorder.failure().is_none());
     record(&mut recorder, 60_000);
     recorder.end(end());
+    let told = recorder.failure().map(ToString::to_string);
     let error = recorder.finish().unwrap_err().to_string();
-    assert_eq!(error, "out/log.mcap: cannot write: no space left on device");
+    assert_eq!(told.as_ref(), Some(&error), "it is known before the end");
+    assert!(
+        error.starts_with("out/log.mcap: cannot write: no space left on device; what it holds stays"),
+        "{error}"
+    );
     let none = Recorder::create(Path::new("/nonexistent/log.mcap"), &start());
     assert!(matches!(none, Err(LogError::Create { .. })));
 }

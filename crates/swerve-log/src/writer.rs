@@ -72,8 +72,18 @@ impl<W: Write + Seek> LogWriter<W> {
         let Batch { items, bytes, .. } = batch;
         items.into_iter().try_for_each(|item| self.item(item, &bytes)).map_err(|error| {
             self.abandon();
-            write_error(&self.path, &error)
+            self.cut_off(&error)
         })
+    }
+
+    /// What an error leaves.
+    fn cut_off(&self, error: &McapError) -> LogError {
+        let (path, flushed) = (self.path.clone(), self.flushed_at.as_secs());
+        let reason = format!(
+            "{}; what it holds stays readable, up to {flushed:.1} s of run time at least; the rest is lost",
+            reason(error)
+        );
+        LogError::Write { path, reason }
     }
 
     /// Completes the file when the run has ended, else leaves it incomplete; the number of records.
@@ -84,7 +94,7 @@ impl<W: Write + Seek> LogWriter<W> {
             let Some(mcap) = self.mcap.take() else { return Ok(()) };
             Ok(mcap.into_inner().flush()?)
         });
-        written.map(|()| self.records).map_err(|error| write_error(&self.path, &error))
+        written.map(|()| self.records).map_err(|error| self.cut_off(&error))
     }
 
     fn item(&mut self, item: Item, bytes: &[u8]) -> Result<(), McapError> {
@@ -207,10 +217,13 @@ fn add_schema<W: Write + Seek>(mcap: &mut mcap::Writer<W>, name: &str, kind: Kin
 }
 
 fn write_error(path: &Path, error: &McapError) -> LogError {
-    // MCAP words every system error the same; the system's own words tell more.
-    let reason = match error {
+    LogError::Write { path: path.into(), reason: reason(error) }
+}
+
+fn reason(error: &McapError) -> String {
+    match error {
+        // MCAP words every system error the same; the system's own words tell more.
         McapError::Io(source) => source.to_string(),
         other => other.to_string(),
-    };
-    LogError::Write { path: path.into(), reason }
+    }
 }

@@ -15,6 +15,8 @@ pub mod pipeline;
 pub mod plan;
 pub mod process;
 pub mod progress;
+pub mod realtime;
+pub mod recording;
 pub mod replay;
 pub mod ros2;
 pub mod run;

@@ -8,7 +8,8 @@ use serde::Serialize;
 use swerve_core::{Digest, Span};
 use swerve_eval::{Evaluation, GateMetrics, Metrics, Outline};
 use swerve_flow::{
-    Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, TickReport, run_virtual, run_wall,
+    EndReason, Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, TickReport, run_virtual,
+    run_wall,
 };
 use swerve_foxglove::Foxglove;
 use swerve_ipc::Traffic;
@@ -28,6 +29,8 @@ use crate::output::align;
 use crate::pipeline::{Pipeline, Rendered};
 use crate::process::Processes;
 use crate::progress::Progress;
+use crate::realtime::{Obtained, Realtime};
+use crate::recording::Recording;
 use crate::ros2::{Ros2Car, Ros2Report};
 use crate::rungs::{Budgets, RungCount, Rungs};
 use crate::story::{Story, draw};
@@ -311,43 +314,82 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
     // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
+    let mut realtime = Realtime::begin(&config.clock);
     let mut recorder = Recorder::create(&log_part, &run_start(&config, &args.input.scenario)?)?;
     set_up(&mut recorder, &config, &pipeline);
+    let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
     let mut trace = TraceWriter::create(&trace_part, &["controller"])?;
     let mut story = story(&config, &scenario, &pipeline);
     let mut frames = frames(args, &config, &pipeline)?;
-    let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recorder, &mut trace, &mut story];
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recording, &mut trace, &mut story];
+    observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
     let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
     let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
     observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = start_processes(&config, &args.input.scenario, &mut pipeline)?;
-    if pipeline.clock == Clock::Wall {
-        stop_on_interrupt(pipeline.graph.stop_handle());
-    }
+    stop_on_interrupt(pipeline.graph.stop_handle());
     let threads = threads(args.threads, &config);
     let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
     let traffic = processes.as_ref().map(Processes::traffic);
     drop(processes);
     let ros2 = car.map(Ros2Car::finish);
     shown.progress.finish();
+    let ends = Ends { clock: config.clock.source, out: &out };
+    let realtime = realtime.map(|realtime| realtime.obtained());
     // What was recorded until a failure is kept, readable.
-    recorder.finish()?;
-    trace.finish()?;
-    let outcome =
-        driven.with_context(|| format!("what was recorded until then is in {}", log_part.display()))?;
-    for (part, whole) in [(log_part, "log.mcap"), (trace_part, "trace.json")] {
-        std::fs::rename(part, out.join(whole)).with_context(|| format!("writing {whole}"))?;
+    let recorded = recording.finish().and(trace.finish()).map_err(anyhow::Error::from);
+    let driven = driven.with_context(|| format!("what was recorded until then is in {}", log_part.display()));
+    let outcome = ends.in_order(driven, &recorded, &log_part)?;
+    if recorded.is_ok() {
+        for (part, whole) in [(log_part, "log.mcap"), (trace_part, "trace.json")] {
+            std::fs::rename(part, out.join(whole)).with_context(|| format!("writing {whole}"))?;
+        }
     }
-    if let Some(frames) = &mut frames {
-        frames.finish()?;
-    }
-    let summary = Summary { traffic, ros2, ..Summary::of(&config, &scenario, &outcome) };
+    let summary = Summary { traffic, ros2, realtime, ..Summary::of(&config, &scenario, &outcome) };
     story.conclude(&outcome.metrics);
-    write_whole(&out.join("story.svg"), draw(&story).as_bytes())?;
+    let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
+    let left = ends.leave(&summary, &story).and(drawn.map(drop));
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    write_whole(&out.join("metrics.json"), json.as_bytes())?;
-    crate::output::print(&if args.json { json } else { summary.text(&out) })
+    crate::output::print(&if args.json { json } else { summary.text(&out) })?;
+    // The drive itself is over and told by now.
+    recorded.and(left)
+}
+
+/// The end of a run.
+struct Ends<'a> {
+    clock: Clock,
+    out: &'a Path,
+}
+
+impl Ends<'_> {
+    /// What a run came to, if there is something to sum up: in virtual time one that was cut off has no result.
+    fn in_order(
+        &self,
+        driven: anyhow::Result<Outcome>,
+        recorded: &anyhow::Result<()>,
+        log: &Path,
+    ) -> anyhow::Result<Outcome> {
+        let outcome = driven?;
+        if self.clock == Clock::Wall {
+            return Ok(outcome);
+        }
+        if let Err(error) = recorded {
+            anyhow::bail!("{error:#}");
+        }
+        if outcome.report.end == EndReason::Interrupted {
+            let at = outcome.report.at.as_secs();
+            anyhow::bail!("interrupted at {at:.2} s; what was recorded until then is in {}", log.display());
+        }
+        Ok(outcome)
+    }
+
+    /// Writes what is left of a run beside its log.
+    fn leave(&self, summary: &Summary, story: &Story) -> anyhow::Result<()> {
+        write_whole(&self.out.join("story.svg"), draw(story).as_bytes())?;
+        let json = serde_json::to_string_pretty(summary)? + "\n";
+        write_whole(&self.out.join("metrics.json"), json.as_bytes())
+    }
 }
 
 /// Starts the processes of the configuration, if it has any.
@@ -373,7 +415,7 @@ fn threads(asked: usize, config: &Config) -> usize {
     }
 }
 
-/// Ends a wall-clock run in good order when it is interrupted.
+/// Ends a run in good order when it is interrupted.
 fn stop_on_interrupt(stop: StopHandle) {
     // There is a handler already where a program has run before in this process: that one stays.
     let _first = ctrlc::set_handler(move || stop.stop());
@@ -485,6 +527,9 @@ pub struct Summary {
     /// How timers kept time on the real clock, by operator.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     timers: Vec<Timer>,
+    /// What of processors and priority was obtained, where they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    realtime: Option<Obtained>,
     /// What went between the run's processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     traffic: Option<Traffic>,
@@ -521,6 +566,7 @@ impl Summary {
             not_as_expected: broken.unwrap_or_default(),
             unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
             timers: timers(&outcome.report),
+            realtime: None,
             traffic: None,
             ros2: None,
             response_budget: outcome.rungs.budgets(),
@@ -543,6 +589,9 @@ impl Summary {
                 std::iter::once(operator.clone()).chain(counts).chain(late).collect()
             });
             text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        }
+        if let Some(realtime) = &self.realtime {
+            text += &realtime.text();
         }
         if let Some(Traffic { calls, bytes, copied, in_place }) = self.traffic {
             text += &format!(

@@ -392,3 +392,65 @@ fn a_panicking_operator_is_reported_by_name_and_ends_the_run_cleanly() {
         assert!(matches!(log.report().end, EndReason::Failed(_)));
     }
 }
+
+#[test]
+fn a_virtual_run_ends_when_asked() {
+    let mut net = Net::new();
+    net.stage("work", tick(1)).out();
+    net.graph.stop_handle().stop();
+    let report = run_virtual(net.graph, &RunOptions::until(at(30)), vec![]).unwrap();
+    assert_eq!((report.end, report.at), (EndReason::Interrupted, Time::ZERO));
+}
+
+/// Counts what it reads.
+struct Count(std::sync::Arc<std::sync::atomic::AtomicU64>);
+
+impl Operator for Count {
+    type In = (Every, Latest<u64>);
+    type Out = Port<u64>;
+
+    fn step(&mut self, _: &mut Context<'_>, (_, newest): &Self::In, out: &mut Port<u64>) {
+        self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        out.send(newest.get().copied().unwrap_or(0));
+    }
+}
+
+#[test]
+fn a_source_far_faster_than_its_readers_is_bounded_and_counted() {
+    /// Takes every message, for as long as ten of them take to come.
+    struct Slow;
+    impl Operator for Slow {
+        type In = At<u64>;
+        type Out = Port<u64>;
+        fn step(&mut self, _: &mut Context<'_>, input: &At<u64>, out: &mut Port<u64>) {
+            out.send(input.get().copied().unwrap_or(0));
+        }
+    }
+    let mut graph = Graph::new();
+    let (source, handle) = graph.source::<u64>("fast");
+    let ticks = std::sync::Arc::default();
+    graph.add("slow reader", Count(std::sync::Arc::clone(&ticks)), (every(ms(100)), source)).out();
+    let slow = graph.add("heavy", Slow, source).runtime(RuntimeModel::Fixed(ms(100)));
+    slow.policy(Policy::queue(2)).out();
+    let stop = graph.stop_handle();
+    let feeding = thread::spawn(move || {
+        let (_never, nothing) = std::sync::mpsc::channel::<()>();
+        let mut refused = 0_u64;
+        for n in 1..=1000 {
+            refused += u64::from(handle.send(Time::from_ms(n), n as u64).is_err());
+            let _waited = nothing.recv_timeout(core::time::Duration::from_millis(1));
+        }
+        stop.stop();
+        refused
+    });
+    let report = run_wall(graph, &RunOptions::default(), vec![]).unwrap();
+    let refused = feeding.join().unwrap();
+    let heavy = report.operator("heavy").unwrap();
+    let taken = heavy.messages;
+    assert_eq!(refused, 0, "the engine keeps up");
+    let dropped = heavy.drops.queue_full + heavy.drops.skipped;
+    assert!(dropped > 5 * taken, "{taken} steps, {dropped} dropped");
+    // One may be under way, two may wait.
+    assert!((997..=1000).contains(&(taken + dropped)), "{taken} and {dropped}: none is lost without a count");
+    assert!(ticks.load(std::sync::atomic::Ordering::Relaxed) >= 10);
+}

@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, Mutex};
 
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
@@ -253,4 +255,83 @@ fn s9_under_wall_clock_a_loss_is_said_and_replays() {
     };
     assert_eq!(replay(true), driven.digest);
     assert_ne!(replay(false), driven.digest, "its memory was lost with it");
+}
+
+/// What is done to a call or an answer on its way.
+type Harm = Vec<(usize, u8)>;
+
+fn harmed(bytes: &mut Vec<u8>, harm: &[(usize, u8)], keep: usize) {
+    for (at, value) in harm {
+        let len = bytes.len().max(1);
+        if let Some(byte) = bytes.get_mut(at % len) {
+            *byte = *value;
+        }
+    }
+    if keep < 400 {
+        bytes.truncate(keep);
+    }
+}
+
+/// Spoils one call, and one answer.
+struct Spoiled {
+    workshop: Workshop,
+    calls: u64,
+    spoiled: u64,
+    harm: (Harm, usize),
+    answers: bool,
+}
+
+impl Elsewhere for Spoiled {
+    fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost> {
+        self.calls += 1;
+        let mut bytes = Vec::new();
+        call.encode(&mut bytes);
+        let now = self.calls == self.spoiled;
+        if now && !self.answers {
+            harmed(&mut bytes, &self.harm.0, self.harm.1);
+        }
+        self.workshop.answer(&bytes, answer).map_err(|error| Lost(error.to_string()))?;
+        if now && self.answers {
+            harmed(answer, &self.harm.0, self.harm.1);
+        }
+        Ok(Answered::InTurn)
+    }
+}
+
+fn spoiling() -> ProptestConfig {
+    let cases = if std::env::var_os("SWERVE_FUZZ").is_some() { 20_000 } else { 150 };
+    let rng_seed = RngSeed::Fixed(7);
+    ProptestConfig { cases, failure_persistence: None, rng_seed, ..ProptestConfig::default() }
+}
+
+proptest! {
+    #![proptest_config(spoiling())]
+
+    /// A call or an answer that was changed on its way ends the run with an error, or changes its result; nobody panics.
+    #[test]
+    fn s9_spoiled_calls_and_answers_never_panic(
+        harm in prop::collection::vec(any::<(u16, u8)>(), 0..6),
+        keep in 0..800_usize,
+        spoiled in 1..8_u64,
+        answers in any::<bool>(),
+        which in 0..3_usize,
+    ) {
+        let harm = (harm.into_iter().map(|(at, value)| (usize::from(at), value)).collect(), keep);
+        let workshop = graph().into_workshop(&[NAMES[which].to_owned()]).unwrap();
+        let mut moved = graph();
+        let spoiled = Spoiled { workshop, calls: 0, spoiled, harm, answers };
+        let _there = moved.operator(NAMES[which]).unwrap().elsewhere(Box::new(spoiled));
+        let driven = run_virtual(moved, &RunOptions::until(Time::from_ms(100)), vec![]);
+        if let Err(error) = driven {
+            let said = error.to_string();
+            prop_assert!(said.contains(NAMES[which]), "{}", said);
+        }
+    }
+
+    #[test]
+    fn s9_random_calls_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), known in any::<bool>()) {
+        let mut workshop = graph().into_workshop(&["mixer".into()]).unwrap();
+        let call = if known { [b"\x05mixer", &bytes[..]].concat() } else { bytes };
+        let _either_way = workshop.answer(&call, &mut Vec::new()).is_ok();
+    }
 }

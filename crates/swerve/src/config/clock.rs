@@ -2,12 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Config;
+
 /// What moves a run.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClockConfig {
     /// Which clock.
     pub source: Clock,
+    /// Under wall clock, the processors of the run: the first for the engine's thread, the others for all else.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub pin: Vec<usize>,
+    /// Under wall clock, the real-time priority of the engine's thread, 1 to 99.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub priority: Option<u8>,
 }
 
 /// A clock.
@@ -28,6 +36,20 @@ impl Clock {
         match self {
             Self::Virtual => "virtual",
             Self::Wall => "wall",
+        }
+    }
+}
+
+impl Config {
+    pub(super) fn check_clock(&self, told: &mut Vec<(String, String)>) {
+        let ClockConfig { pin, priority, .. } = &self.clock;
+        for (k, cpu) in pin.iter().enumerate() {
+            if pin[..k].contains(cpu) {
+                told.push((format!("clock.pin[{k}]"), format!("processor {cpu} is there twice")));
+            }
+        }
+        if let Some(priority) = priority.filter(|priority| !(1..=99).contains(priority)) {
+            told.push(("clock.priority".into(), format!("expected 1 to 99, found {priority}")));
         }
     }
 }

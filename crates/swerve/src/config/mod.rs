@@ -608,6 +608,7 @@ impl Config {
         self.check_execution(&mut faults);
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
+        self.check_clock(&mut faults);
         self.check_processes(&mut faults);
         self.check_ros2(&mut faults);
         self.check_source(&mut faults);

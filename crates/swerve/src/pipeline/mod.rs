@@ -79,7 +79,23 @@ type Driver = (Stream<MotionCommand>, Stream<Switch>);
 
 impl Pipeline {
     /// Puts the pipeline of `config` around the world of `scenario`.
+    ///
+    /// # Errors
+    /// When what the configuration asks for is not to be had.
     pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+        let pipeline = Self::build_without_stage(config, scenario)?;
+        if let Some(stage) = &pipeline.stage {
+            let raised = stage::with(stage, |stage| stage.raise(config, &pipeline.scenario));
+            raised.context("building the pipeline")?;
+        }
+        Ok(pipeline)
+    }
+
+    /// The same for who steps no camera and no lidar.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_without_stage(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
         let scenario = drawn(config, scenario);
         let vehicle = config.sim.vehicle.clone();
         let route = scenario.road.route();
@@ -274,7 +290,7 @@ fn sense_surroundings(
         memories.insert(format!("{name}.{output}"), memory.clone());
         memory
     };
-    let stage = stage::Stage::new(config, scenario)?;
+    let stage = stage::Stage::empty();
     for (name, camera) in cameras {
         let memory = Output::ALL.map(|output| memory(name, output.name()));
         let operator = camera::CameraOperator::new((name, camera), config, stage.clone(), memory)?;

@@ -17,7 +17,14 @@ use crate::street::Street;
 /// What all cameras and lidars of a run share: the world as it looks, and what images and rays need of it.
 ///
 /// It makes nothing depend on who asks first: images and echoes are functions of the world's state.
+///
+/// Raised where the run is driven; a process that takes steps of others needs none.
 pub(super) struct Stage {
+    set: Option<Set>,
+    lidars: Lidars,
+}
+
+struct Set {
     street: Street,
     renderer: Renderer,
     tree: SceneTree,
@@ -25,44 +32,49 @@ pub(super) struct Stage {
     shown: Option<Time>,
     /// The state that the tree was made of.
     planted: Option<Time>,
-    lidars: Lidars,
 }
 
 /// A stage and who else has it.
 pub(super) type SharedStage = Arc<Mutex<Stage>>;
 
 impl Stage {
-    pub(super) fn new(config: &Config, scenario: &Scenario) -> anyhow::Result<SharedStage> {
+    /// An empty one.
+    pub(super) fn empty() -> SharedStage {
+        Arc::new(Mutex::new(Self { set: None, lidars: Lidars::default() }))
+    }
+
+    /// Sets it up for a run.
+    pub(super) fn raise(&mut self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
         let mut render = config.render;
         if config.clock.source == Clock::Wall && render.backend == RenderBackend::Auto {
             (render.backend, _) = render.backend.on_this_machine(&gpu::probe());
         }
         let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
         let (renderer, tree) = (render.renderer()?, SceneTree::default());
-        Ok(Arc::new(Mutex::new(Self {
-            street,
-            renderer,
-            tree,
-            shown: None,
-            planted: None,
-            lidars: Lidars::default(),
-        })))
+        self.set = Some(Set { street, renderer, tree, shown: None, planted: None });
+        Ok(())
+    }
+
+    fn set(&mut self) -> &mut Set {
+        self.set.as_mut().expect("sensors are stepped where the run is driven, and there the stage is raised")
     }
 
     /// The scene of a state of the world, and who draws it.
     pub(super) fn of(&mut self, world: &WorldState) -> (&Scene, &mut Renderer) {
-        self.show(world);
-        (self.street.scene(), &mut self.renderer)
+        let set = self.set();
+        set.show(world);
+        (set.street.scene(), &mut set.renderer)
     }
 
     /// The scene of a state of the world as rays meet it.
     pub(super) fn tree_of(&mut self, world: &WorldState) -> Result<&SceneTree, TreeError> {
-        self.show(world);
-        if self.planted != Some(world.stamp) {
-            self.tree.update(self.street.scene())?;
-            self.planted = Some(world.stamp);
+        let set = self.set();
+        set.show(world);
+        if set.planted != Some(world.stamp) {
+            set.tree.update(set.street.scene())?;
+            set.planted = Some(world.stamp);
         }
-        Ok(&self.tree)
+        Ok(&set.tree)
     }
 
     /// Remembers what casts the rays of a lidar.
@@ -72,7 +84,9 @@ impl Stage {
             self.lidars.fell_back = sweeper.fallback().map(str::to_owned);
         }
     }
+}
 
+impl Set {
     fn show(&mut self, world: &WorldState) {
         if self.shown != Some(world.stamp) {
             self.street.show(world);
@@ -94,7 +108,8 @@ pub struct Rendered {
 
 pub(super) fn rendered(stage: &Mutex<Stage>) -> Rendered {
     with(stage, |stage| {
-        let Stage { renderer, lidars, .. } = stage;
+        let lidars = core::mem::take(&mut stage.lidars);
+        let renderer = &stage.set().renderer;
         let backend = renderer.backend();
         let adapter = renderer.adapter().map(|adapter| format!(", {adapter}")).unwrap_or_default();
         let lidars_by = if lidars.on_gpu { ", lidars by gpu" } else { "" };

@@ -141,7 +141,8 @@ pub fn run_worker() -> anyhow::Result<()> {
     let config = Config::from_document(&document, &[]).map_err(|problems| problems_error(&problems))?;
     let scenario = Scenario::parse("scenario of the run", &texts.scenario)
         .map_err(|problems| problems_error(&problems))?;
-    let pipeline = Pipeline::build(&config, &scenario)?;
+    // Neither cameras nor lidars are stepped here.
+    let pipeline = Pipeline::build_without_stage(&config, &scenario)?;
     let workshop = pipeline.graph.into_workshop(&setup.operators)?;
     Ok(work(&setup, workshop)?)
 }
