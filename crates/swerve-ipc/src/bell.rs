@@ -35,9 +35,12 @@ impl Bell {
         Ok((Self(here.into()), there))
     }
 
-    /// The end that this process was started with.
-    pub(crate) fn inherited() -> io::Result<Self> {
-        io::stdin().as_fd().try_clone_to_owned().map(Self)
+    /// The end that this process was started with. What is longer than a note can come later than its ring, where
+    /// the processes are on two hosts: whoever waits here looks around too.
+    pub(crate) fn inherited(look_around: Duration) -> io::Result<Self> {
+        let here = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
+        here.set_read_timeout(Some(look_around))?;
+        Ok(Self(here.into()))
     }
 
     pub(crate) fn socket(&self) -> io::Result<UnixStream> {

@@ -1,14 +1,17 @@
 //! The workers of a run: started, watched, started again or given up, ended.
 
 use core::time::Duration;
-use std::io::{Read as _, Write as _};
+use std::io::Write as _;
 use std::os::fd::OwnedFd;
-use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver as Channel, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::io::Errno;
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use serde::{Deserialize, Serialize};
 use swerve_flow::Elsewhere;
 use swerve_msg::block::Memory;
@@ -109,7 +112,19 @@ impl Crew {
     /// # Errors
     /// When there is no place for the run's files, or no shared memory.
     pub fn new() -> Result<Self, IpcError> {
-        let folder = RunFolder::create()?;
+        Self::in_folder(RunFolder::create()?)
+    }
+
+    /// As [`new`](Self::new), in shared memory of this name, which others may join: letters, digits and underscores,
+    /// a letter first.
+    ///
+    /// # Errors
+    /// As there, and when another run has this name.
+    pub fn named(name: &str) -> Result<Self, IpcError> {
+        Self::in_folder(RunFolder::named(name)?)
+    }
+
+    fn in_folder(folder: RunFolder) -> Result<Self, IpcError> {
         let hub = Arc::new(Hub::join(&folder.address)?);
         Ok(Self { workers: Vec::new(), memories: Vec::new(), counts: Arc::default(), hub, folder })
     }
@@ -144,10 +159,10 @@ impl Crew {
         let (tell_end, ended) = sync_channel(1);
         let address = self.folder.address.clone();
         let mut watch = Watch { employment, memories, address, shared, told };
-        let stdout = watch.start().map_err(IpcError::of(format!("starting process `{process}`")))?;
+        let life = watch.start().map_err(IpcError::of(format!("starting process `{process}`")))?;
         let shared = watch.shared.clone();
         let thread = Builder::new().name(format!("swerve-watch-{process}")).spawn(move || {
-            watch.watch(stdout);
+            watch.watch(life);
             // Nobody waits for it where the crew was not ended but dropped half made.
             let _told = tell_end.send(());
         });
@@ -220,8 +235,8 @@ struct Watch {
 }
 
 impl Watch {
-    /// Starts the worker and hands it its setup.
-    fn start(&mut self) -> std::io::Result<ChildStdout> {
+    /// Starts the worker and hands it its setup. What is returned becomes readable when the process ends.
+    fn start(&mut self) -> std::io::Result<OwnedFd> {
         let start = self.shared.watched.life().starts + 1;
         let setup = Setup {
             address: self.address.clone(),
@@ -237,23 +252,25 @@ impl Watch {
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         // Our end closes with the coordinator, whatever ends that: a worker never outlives it.
         let (bell, there) = Bell::pair(LOOK_AROUND)?;
-        let mut child = command.stdin(OwnedFd::from(there)).stdout(Stdio::piped()).spawn()?;
+        // Standard output is the same: a program that hands both on, such as one that reaches another host, passes
+        // through what the worker answers.
+        let child = command.stdin(OwnedFd::from(there.try_clone()?)).stdout(OwnedFd::from(there)).spawn()?;
         // The command keeps the other end for another child.
         drop(command);
-        let stdout = child.stdout.take().expect("it was asked for");
+        let end = pidfd_open(Pid::from_child(&child), PidfdFlags::empty())?;
         // A worker that does not live long enough to read it is found out by its end.
         let _read = bell.socket()?.write_all(&setup.framed());
         *lock(&self.shared.child) = Some(child);
         let mut life = self.shared.watched.life();
         (life.starts, life.gone, life.bell) = (start, None, Some(Arc::new(bell)));
-        Ok(stdout)
+        Ok(end)
     }
 
-    fn watch(mut self, mut stdout: ChildStdout) {
+    fn watch(mut self, mut life: OwnedFd) {
         let mut futile = 0;
         loop {
-            // A worker says nothing there: its end of the pipe closes when it ends, however that is.
-            let _said = stdout.read_to_end(&mut Vec::new());
+            // Until it ends, however that is; meanwhile others may kill it.
+            while poll(&mut [PollFd::new(&life, PollFlags::IN)], None) == Err(Errno::INTR) {}
             let child = lock(&self.shared.child).take();
             let why = ended(child.map(|mut child| child.wait()));
             if self.is_ending() {
@@ -272,7 +289,7 @@ impl Watch {
                 return;
             }
             match self.start() {
-                Ok(next) => stdout = next,
+                Ok(next) => life = next,
                 Err(error) => {
                     let why = format!("cannot be started again: {error}");
                     self.shared.watched.life().gone = Some(why.clone());

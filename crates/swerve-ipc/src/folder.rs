@@ -3,6 +3,9 @@
 //! Shared memory outlives a process that is killed. So every run has a folder under its user's temporary one,
 //! a prefix for its files in the shared-memory folder, and a lock on a file beside the folder for as long as it
 //! lives. Whoever starts next removes what carries the name of a run whose lock is free.
+//!
+//! A run can also be given a name. Then others may join its shared memory, such as a tunnel to another host, and
+//! what is there is not the run's alone: iceoryx2 removes what each dead process left, when the next one joins.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -25,11 +28,12 @@ pub(crate) struct Address {
     pub(crate) prefix: String,
 }
 
-/// The folder of a run, locked for as long as this lives, and removed with it.
+/// The folder of a run, locked for as long as this lives; removed with it, unless it has a name that was given.
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     pub(crate) address: Address,
-    lock_file: PathBuf,
+    /// What is removed last; none where all stays.
+    lock_file: Option<PathBuf>,
     _lock: File,
 }
 
@@ -59,17 +63,32 @@ impl RunFolder {
                     let root = base.join(&name);
                     fs::create_dir_all(&root)?;
                     let address = Address { root, prefix: prefix(&name) };
-                    return Ok(Self { address, lock_file, _lock: lock });
+                    return Ok(Self { address, lock_file: Some(lock_file), _lock: lock });
                 }
             }
         }
+    }
+
+    /// The folder of this name, of letters, digits and underscores; a letter comes first.
+    pub(crate) fn named(name: &str) -> Result<Self, IpcError> {
+        let doing = || format!("making the folder `{name}` for shared memory");
+        let root = base().join(name);
+        fs::create_dir_all(&root).map_err(IpcError::of(doing()))?;
+        let lock = OpenOptions::new().create(true).append(true).open(root.join("lock"));
+        let lock = lock.map_err(IpcError::of(doing()))?;
+        if lock.try_lock().is_err() {
+            let error = "another run has this name".to_owned();
+            return Err(IpcError::Shared { doing: doing(), error });
+        }
+        Ok(Self { address: Address { root, prefix: prefix(name) }, lock_file: None, _lock: lock })
     }
 }
 
 impl Drop for RunFolder {
     fn drop(&mut self) {
+        let Some(lock_file) = &self.lock_file else { return };
         // What cannot be removed now is removed by the next run.
-        let _left = remove_run(&self.address, &self.lock_file);
+        let _left = remove_run(&self.address, lock_file);
     }
 }
 
@@ -149,5 +168,21 @@ mod tests {
         let roots = [alive.address.root.clone(), other.address.root.clone()];
         drop((alive, other));
         assert!(roots.iter().all(|root| !root.exists()));
+    }
+
+    #[test]
+    fn a_name_belongs_to_one_run_at_a_time_and_outlives_it() {
+        let name = format!("test_{}", std::process::id());
+        let first = RunFolder::named(&name).unwrap();
+        assert_eq!(first.address.prefix, format!("swerve_{name}_"));
+        let refused = RunFolder::named(&name).unwrap_err().to_string();
+        assert!(refused.contains("another run has this name"), "{refused}");
+        let root = first.address.root.clone();
+        drop(first);
+        // Another run takes it for no dead one's.
+        drop(RunFolder::create().unwrap());
+        assert!(root.exists());
+        RunFolder::named(&name).unwrap();
+        fs::remove_dir_all(root).unwrap();
     }
 }

@@ -18,8 +18,11 @@ use crate::lend::Live;
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 use crate::{Happening, IpcError, Told};
 
-/// How long the coordinator sleeps before it looks around by itself. It is woken for whatever happens.
+/// How long who waits for the other end sleeps before it looks around by itself. It is woken for whatever happens.
 pub(crate) const LOOK_AROUND: Duration = Duration::from_millis(20);
+
+/// After so long without an answer a call is made again: between two hosts it may have been lost.
+const CALL_AGAIN: Duration = Duration::from_millis(500);
 
 /// The services between the coordinator and one worker.
 pub(crate) struct Names {
@@ -223,7 +226,6 @@ impl Link {
     /// Has one step taken.
     fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<u64, Lost> {
         let start = self.connect()?;
-        self.seq += 1;
         Counts::add(&self.counts.calls, 1);
         let mut kind = self.send_and_wait(call, true, answer)?;
         if kind == Kind::Missing {
@@ -237,20 +239,14 @@ impl Link {
 
     /// Sends a call, with what fills images and clouds as its places or as it is, and waits for the answer.
     fn send_and_wait(&mut self, call: &Call<'_>, places: bool, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
+        self.seq += 1;
         self.call.clear();
         self.call.extend_from_slice(&[0; HEAD]);
         for live in &self.lives {
             self.call.extend_from_slice(&live.oldest().to_le_bytes());
         }
         let ((), written) = writing(places, Traffic::BIG, || call.encode(&mut self.call));
-        let ear =
-            self.ear.as_ref().ok_or_else(|| Lost("there is no bell to a worker that is ready".into()))?;
-        let head = Head { seq: self.seq, kind: Kind::Call as u64 };
-        if !(self.spin.is_zero() && ear.bell.bring(head, &mut self.call)) {
-            let sent = self.calls.send(self.seq, Kind::Call, &self.call[HEAD..]);
-            sent.map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
-            ear.bell.ring();
-        }
+        self.hand_over()?;
         let kind = self.wait(answer)?;
         Counts::add(&self.counts.bytes, self.call.len() - HEAD + answer.len());
         Counts::add(&self.counts.in_place, written.in_place);
@@ -259,9 +255,23 @@ impl Link {
         Ok(kind)
     }
 
+    /// Sends the call.
+    fn hand_over(&mut self) -> Result<(), Lost> {
+        let ear =
+            self.ear.as_ref().ok_or_else(|| Lost("there is no bell to a worker that is ready".into()))?;
+        let head = Head { seq: self.seq, kind: Kind::Call as u64 };
+        if !(self.spin.is_zero() && ear.bell.bring(head, &mut self.call)) {
+            let sent = self.calls.send(self.seq, Kind::Call, &self.call[HEAD..]);
+            sent.map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
+            ear.bell.ring();
+        }
+        Ok(())
+    }
+
     /// Waits for the answer to the last call.
     fn wait(&mut self, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
         let spin_until = (self.spin > Duration::ZERO).then(|| now() + self.spin);
+        let mut again = None;
         loop {
             if spin_until.is_some_and(|until| now() < until) {
                 if let Some(kind) = self.receive(answer)? {
@@ -284,6 +294,10 @@ impl Link {
                         return Ok(kind);
                     }
                     self.check_life()?;
+                    if now() >= *again.get_or_insert_with(|| now() + CALL_AGAIN) {
+                        self.hand_over()?;
+                        again = None;
+                    }
                 }
                 Heard::Alone => {
                     self.watched.wait_end(self.start);

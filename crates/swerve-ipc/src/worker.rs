@@ -16,7 +16,7 @@ use crate::IpcError;
 use crate::bell::{Bell, Ear, HEAD, Heard, Patience};
 use crate::folder::Address;
 use crate::lend::{Shelves, StreamMemory};
-use crate::link::{Names, now};
+use crate::link::{LOOK_AROUND, Names, now};
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 
 /// What a worker is told at its start.
@@ -69,7 +69,7 @@ pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
     const ANSWER_BYTES: usize = 16 * 1024;
     let hub = Hub::join(&setup.address)?;
     let names = Names::of(&setup.process);
-    let bell = Arc::new(Bell::inherited().map_err(IpcError::of("the doorbell"))?);
+    let bell = Arc::new(Bell::inherited(LOOK_AROUND).map_err(IpcError::of("the doorbell"))?);
     let calls = hub.receiver(&names.calls, TALK)?;
     let answers = hub.sender(&names.answers, TALK, ANSWER_BYTES)?;
     let shelves = Rc::new(Shelves::new(&hub, &setup.memories)?);
@@ -90,7 +90,8 @@ pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
     Builder::new().name("swerve-orphan".into()).spawn(watch).map_err(IpcError::of("starting a thread"))?;
     let spin = Duration::from_micros(setup.spin_us);
     bell.bring(Head { seq: setup.start, kind: Kind::Ready as u64 }, &mut [0; HEAD]);
-    let mut desk = Desk { workshop, shelves, answers, bell: bell.clone(), spin, answer: Vec::new() };
+    let mut desk =
+        Desk { workshop, shelves, answers, bell: bell.clone(), spin, answer: Vec::new(), answered: None };
     let mut ear = Ear::at(bell);
     let mut spin_until = now() + spin;
     while !orphaned.load(Ordering::SeqCst) {
@@ -124,6 +125,8 @@ struct Desk {
     spin: Duration,
     /// The last answer, behind room for its head.
     answer: Vec<u8>,
+    /// To which call that is, and what it is.
+    answered: Option<(u64, Kind)>,
 }
 
 impl Desk {
@@ -136,6 +139,12 @@ impl Desk {
 
     /// Takes the step that a call is for, and answers.
     fn take(&mut self, head: Head, call: &[u8]) -> Result<(), IpcError> {
+        // It is called again where the answer was lost on its way, or the step takes long.
+        match self.answered {
+            Some((seq, kind)) if seq == head.seq => return self.reply(seq, kind),
+            Some((seq, _)) if seq > head.seq => return Ok(()),
+            _ => {}
+        }
         self.answer.clear();
         self.answer.extend_from_slice(&[0; HEAD]);
         let (oldest, body) = self.shelves.split(call).unwrap_or_default();
@@ -152,12 +161,17 @@ impl Desk {
                 }
             }
         };
-        let reply = Head { seq: head.seq, kind: kind as u64 };
-        if !(self.spin.is_zero() && self.bell.bring(reply, &mut self.answer)) {
-            self.answers.send(head.seq, kind, &self.answer[HEAD..])?;
+        self.answered = Some((head.seq, kind));
+        self.reply(head.seq, kind)?;
+        self.shelves.tidy(oldest);
+        Ok(())
+    }
+
+    fn reply(&mut self, seq: u64, kind: Kind) -> Result<(), IpcError> {
+        if !(self.spin.is_zero() && self.bell.bring(Head { seq, kind: kind as u64 }, &mut self.answer)) {
+            self.answers.send(seq, kind, &self.answer[HEAD..])?;
             self.bell.ring();
         }
-        self.shelves.tidy(oldest);
         Ok(())
     }
 }

@@ -406,6 +406,38 @@ fn under_wall_clock_a_lost_process_is_started_again() {
     assert_eq!(told, [1, 0], "{:?}", watcher.supervision);
 }
 
+/// iceoryx2's tunnel: the program that `SWERVE_TUNNEL` names, or what is on the path.
+fn tunnel() -> Option<PathBuf> {
+    const NAME: &str = "iox2-link-tunnel-zenoh";
+    let named = std::env::var_os("SWERVE_TUNNEL").map(PathBuf::from);
+    let paths = std::env::var_os("PATH").unwrap_or_default();
+    let mut on_path = std::env::split_paths(&paths).map(|folder| folder.join(NAME));
+    named.or_else(|| on_path.find(|file| file.exists()))
+}
+
+#[test]
+fn a_run_over_two_hosts_is_that_of_one_process() {
+    let Some(tunnel) = tunnel() else {
+        println!("skipped: there is no iceoryx2 tunnel, see docs/howto/two_hosts.md");
+        return;
+    };
+    let may = Command::new("ip").args(["netns", "list"]).output().is_ok_and(|out| out.status.success());
+    if !may {
+        println!("skipped: no `ip`, or no right to make network namespaces");
+        return;
+    }
+    let out = tempfile::tempdir().unwrap();
+    let script = root().join("tests/hosts/two_hosts.sh");
+    let script = Command::new(script).arg(PROGRAM).arg(tunnel).arg(out.path()).arg("--json").output().unwrap();
+    assert!(script.status.success(), "{}", String::from_utf8_lossy(&script.stderr));
+    let told: serde_json::Value = serde_json::from_slice(&script.stdout).unwrap();
+    let config = config("two_hosts", &[]);
+    let until = Pipeline::build(&together(&config), &read_scenario(&scenario_file()).unwrap()).unwrap().until;
+    let here = drive_here(&config, until);
+    assert_eq!(told["digest"], here.digest.to_string());
+    assert!(told["traffic"]["calls"].as_u64().unwrap() > 300, "{told}");
+}
+
 /// The program, in the middle of a run over processes that it was called for.
 struct Called {
     child: Child,

@@ -42,7 +42,7 @@ pub use live::LiveConfig;
 use model::ExecutionConfig;
 use monitor::MonitorConfig;
 use perception::PerceptionConfig;
-use process::ProcessConfig;
+use process::{ProcessConfig, SharedMemoryConfig};
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
@@ -95,6 +95,8 @@ pub struct Config {
     pub fault: BTreeMap<String, FaultConfig>,
     /// Processes that take the steps of operators, by name.
     pub process: BTreeMap<String, ProcessConfig>,
+    /// What they share.
+    pub shared_memory: SharedMemoryConfig,
     /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     pub ros2: toml::Table,
@@ -130,6 +132,7 @@ impl Default for Config {
             resource: BTreeMap::new(),
             fault: BTreeMap::new(),
             process: BTreeMap::new(),
+            shared_memory: SharedMemoryConfig::default(),
             ros2: toml::Table::new(),
             source: None,
             live: None,

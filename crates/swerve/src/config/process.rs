@@ -20,6 +20,18 @@ pub struct ProcessConfig {
     /// Its answers, and its calls at its end, are waited for so long without sleeping, microseconds; saves a wake-up,
     /// costs a core.
     pub spin_us: f64,
+    /// What starts it, in place of this program's own `swerve worker`: a program and its arguments, such as
+    /// `["ssh", "other", "swerve", "worker"]`. It hands on standard input and output.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub start: Vec<String>,
+}
+
+/// The shared memory that the processes of a run share.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SharedMemoryConfig {
+    /// Its name, for those who join it from outside, such as a tunnel to another host; one of its own when absent.
+    pub name: Option<String>,
 }
 
 impl ProcessConfig {
@@ -56,6 +68,14 @@ impl Config {
     }
 
     pub(super) fn check_processes(&self, told: &mut Vec<(String, String)>) {
+        if let Some(name) = &self.shared_memory.name {
+            let plain = name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+            let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
+            if !plain || !begins || name.len() > 32 {
+                let message = "expected at most 32 letters, digits and underscores, a letter first";
+                told.push(("shared_memory.name".into(), message.into()));
+            }
+        }
         let mut taken: Vec<(&str, &str)> = Vec::new();
         for (name, process) in &self.process {
             let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
@@ -66,6 +86,10 @@ impl Config {
             if !(0.0..=1e6).contains(&process.spin_us) {
                 let message = format!("expected 0 to 1000000, found {}", number(process.spin_us));
                 told.push((format!("process.{name}.spin_us"), message));
+            }
+            if process.start.first().is_some_and(String::is_empty) {
+                let message = "expected a program, found nothing";
+                told.push((format!("process.{name}.start[0]"), message.into()));
             }
             if process.operators.is_empty() {
                 let message = "expected at least one operator";
@@ -140,6 +164,9 @@ mod tests {
         assert!(
             problems("[process.a]\noperators = [\"planner\"]\nspin_us = nan\n")[0].contains("0 to 1000000")
         );
+        assert!(problems("[shared_memory]\nname = \"1/2\"\n")[0].contains("a letter first"));
+        let nothing = problems("[process.a]\noperators = [\"planner\"]\nstart = [\"\"]\n");
+        assert!(nothing[0].contains("process.a.start[0]: expected a program"), "{nothing:?}");
         let wrong = problems("[process.a]\noperators = [\"planner\"]\non_loss = \"panic\"\n");
         assert!(wrong[0].contains("\"stop\"") && wrong[0].contains("\"restart\""), "{wrong:?}");
     }

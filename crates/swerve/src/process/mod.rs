@@ -4,7 +4,7 @@
 //! operators that `[process.NAME]` names taken by the process of that name.
 
 use core::time::Duration;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -79,7 +79,10 @@ impl Processes {
     ) -> anyhow::Result<Self> {
         let texts = Texts { config: config.to_text(), scenario: scenario.to_owned() };
         let payload = serde_json::to_vec(&texts)?;
-        let mut crew = Crew::new()?;
+        let mut crew = match &config.shared_memory.name {
+            Some(name) => Crew::named(name)?,
+            None => Crew::new()?,
+        };
         let read = streams_read(config, pipeline)?;
         for (stream, memory) in &pipeline.memory {
             if read.iter().any(|(_, read)| read == stream) {
@@ -88,7 +91,10 @@ impl Processes {
         }
         let told = told(pipeline.supervisor.take());
         for (name, process) in &config.process {
-            let program = program.to_owned();
+            let start = match process.start.split_first() {
+                Some((program, arguments)) => (program.into(), arguments.to_vec()),
+                None => (program.to_owned(), vec!["worker".to_owned()]),
+            };
             let employment = Employment {
                 process: name.clone(),
                 operators: process.operators.clone(),
@@ -97,8 +103,9 @@ impl Processes {
                 on_loss: process.on_loss,
                 spin: process.spin(),
                 command: Box::new(move || {
-                    let mut command = Command::new(&program);
-                    command.arg("worker");
+                    let (program, arguments): &(PathBuf, Vec<String>) = &start;
+                    let mut command = Command::new(program);
+                    command.args(arguments);
                     command
                 }),
             };
