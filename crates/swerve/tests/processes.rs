@@ -428,7 +428,8 @@ fn a_run_over_two_hosts_is_that_of_one_process() {
     }
     let out = tempfile::tempdir().unwrap();
     let script = root().join("tests/hosts/two_hosts.sh");
-    let script = Command::new(script).arg(PROGRAM).arg(tunnel).arg(out.path()).arg("--json").output().unwrap();
+    let script =
+        Command::new(script).arg(PROGRAM).arg(tunnel).arg(out.path()).arg("--json").output().unwrap();
     assert!(script.status.success(), "{}", String::from_utf8_lossy(&script.stderr));
     let told: serde_json::Value = serde_json::from_slice(&script.stdout).unwrap();
     let config = config("two_hosts", &[]);
