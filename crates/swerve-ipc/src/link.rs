@@ -1,8 +1,7 @@
 //! A call to a worker and its answer.
 //!
 //! Before a call itself stand eight bytes for each memory that the worker reads: the number of the oldest block that
-//! calls may name. What is short goes with the bell that wakes who waits for it; what is longer, and all where the
-//! ends wait with open eyes, is in a loaned slice.
+//! calls may name. Calls and answers are in loaned slices of shared memory; a bell wakes who waits for them.
 
 use core::time::Duration;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,7 +12,7 @@ use serde::Serialize;
 use swerve_flow::{Answered, Call, Elsewhere, Lost};
 use swerve_msg::block::writing;
 
-use crate::bell::{Bell, Ear, HEAD, Heard, Patience};
+use crate::bell::{Bell, Ear, Heard, Patience};
 use crate::lend::Live;
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 use crate::{Happening, IpcError, Told};
@@ -186,10 +185,9 @@ impl Link {
     /// Listens for the worker to say that it is ready.
     fn hear_ready(&mut self, patience: Patience) {
         match self.ear.as_mut().map_or(Heard::Alone, |ear| ear.listen(patience)) {
-            Heard::Note(Head { seq, kind }, _) if kind == Kind::Ready as u64 => self.ready = seq,
-            Heard::Garbled => self.hang_up(),
+            Heard::Ready(start) => self.ready = start,
             Heard::Alone if patience == Patience::AWhile => self.watched.wait_end(self.start),
-            Heard::Ring | Heard::Note(..) | Heard::Nothing | Heard::Alone => {}
+            Heard::Ring | Heard::Nothing | Heard::Alone => {}
         }
     }
 
@@ -241,14 +239,13 @@ impl Link {
     fn send_and_wait(&mut self, call: &Call<'_>, places: bool, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
         self.seq += 1;
         self.call.clear();
-        self.call.extend_from_slice(&[0; HEAD]);
         for live in &self.lives {
             self.call.extend_from_slice(&live.oldest().to_le_bytes());
         }
         let ((), written) = writing(places, Traffic::BIG, || call.encode(&mut self.call));
         self.hand_over()?;
         let kind = self.wait(answer)?;
-        Counts::add(&self.counts.bytes, self.call.len() - HEAD + answer.len());
+        Counts::add(&self.counts.bytes, self.call.len() + answer.len());
         Counts::add(&self.counts.in_place, written.in_place);
         let answered = if answer.len() > Traffic::BIG { answer.len() } else { 0 };
         Counts::add(&self.counts.copied, written.copied + answered);
@@ -259,12 +256,9 @@ impl Link {
     fn hand_over(&mut self) -> Result<(), Lost> {
         let ear =
             self.ear.as_ref().ok_or_else(|| Lost("there is no bell to a worker that is ready".into()))?;
-        let head = Head { seq: self.seq, kind: Kind::Call as u64 };
-        if !(self.spin.is_zero() && ear.bell.bring(head, &mut self.call)) {
-            let sent = self.calls.send(self.seq, Kind::Call, &self.call[HEAD..]);
-            sent.map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
-            ear.bell.ring();
-        }
+        let sent = self.calls.send(self.seq, Kind::Call, &self.call);
+        sent.map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
+        ear.bell.ring();
         Ok(())
     }
 
@@ -282,14 +276,7 @@ impl Link {
             }
             let heard = self.ear.as_mut().map_or(Heard::Alone, |ear| ear.listen(Patience::AWhile));
             match heard {
-                Heard::Note(head, said) => {
-                    if let Some(kind) = answers(&head, self.seq) {
-                        answer.clear();
-                        answer.extend_from_slice(said);
-                        return Ok(kind);
-                    }
-                }
-                Heard::Ring | Heard::Nothing => {
+                Heard::Ring | Heard::Ready(_) | Heard::Nothing => {
                     if let Some(kind) = self.receive(answer)? {
                         return Ok(kind);
                     }
@@ -303,8 +290,6 @@ impl Link {
                     self.watched.wait_end(self.start);
                     self.check_life()?;
                 }
-                // Its end is noticed as that of any other.
-                Heard::Garbled => self.hang_up(),
             }
         }
     }
@@ -333,17 +318,11 @@ impl Link {
         }
         Ok(())
     }
-
-    fn hang_up(&self) {
-        if let Some(ear) = &self.ear {
-            ear.bell.hang_up();
-        }
-    }
 }
 
 /// What kind of answer to a call this is.
 fn answers(head: &Head, seq: u64) -> Option<Kind> {
-    Kind::of(head).filter(|kind| head.seq == seq && *kind != Kind::Ready)
+    Kind::of(head).filter(|_| head.seq == seq)
 }
 
 /// The steps of one operator, taken by a worker.

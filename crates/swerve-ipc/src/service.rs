@@ -68,10 +68,8 @@ const LAYOUT: u64 = {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub(crate) enum Kind {
-    /// A worker is ready; the number is which start of it.
-    Ready = 1,
     /// A step to be taken.
-    Call,
+    Call = 1,
     /// What came of it.
     Answer,
     /// A place in shared memory that the call names is not to be had any more.
@@ -84,7 +82,7 @@ pub(crate) enum Kind {
 
 impl Kind {
     pub(crate) fn of(head: &Head) -> Option<Self> {
-        [Self::Ready, Self::Call, Self::Answer, Self::Missing, Self::Refused, Self::Block]
+        [Self::Call, Self::Answer, Self::Missing, Self::Refused, Self::Block]
             .into_iter()
             .find(|kind| *kind as u64 == head.kind)
     }

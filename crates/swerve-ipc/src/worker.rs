@@ -13,7 +13,7 @@ use swerve_flow::Workshop;
 use swerve_msg::block::reading;
 
 use crate::IpcError;
-use crate::bell::{Bell, Ear, HEAD, Heard, Patience};
+use crate::bell::{Bell, Ear, Heard, Patience};
 use crate::folder::Address;
 use crate::lend::{Shelves, StreamMemory};
 use crate::link::{LOOK_AROUND, Names, now};
@@ -89,9 +89,9 @@ pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
     };
     Builder::new().name("swerve-orphan".into()).spawn(watch).map_err(IpcError::of("starting a thread"))?;
     let spin = Duration::from_micros(setup.spin_us);
-    bell.bring(Head { seq: setup.start, kind: Kind::Ready as u64 }, &mut [0; HEAD]);
+    bell.ready(setup.start);
     let mut desk =
-        Desk { workshop, shelves, answers, bell: bell.clone(), spin, answer: Vec::new(), answered: None };
+        Desk { workshop, shelves, answers, bell: bell.clone(), answer: Vec::new(), answered: None };
     let mut ear = Ear::at(bell);
     let mut spin_until = now() + spin;
     while !orphaned.load(Ordering::SeqCst) {
@@ -104,13 +104,12 @@ pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
             continue;
         }
         match ear.listen(Patience::AWhile) {
-            Heard::Note(head, call) => desk.take(head, call)?,
-            Heard::Ring | Heard::Nothing => {
+            Heard::Ring | Heard::Ready(_) | Heard::Nothing => {
                 if desk.take_slice(&calls)? {
                     spin_until = now() + spin;
                 }
             }
-            Heard::Garbled | Heard::Alone => break,
+            Heard::Alone => break,
         }
     }
     Ok(())
@@ -122,8 +121,7 @@ struct Desk {
     shelves: Rc<Shelves>,
     answers: Sender,
     bell: Arc<Bell>,
-    spin: Duration,
-    /// The last answer, behind room for its head.
+    /// The last answer.
     answer: Vec<u8>,
     /// To which call that is, and what it is.
     answered: Option<(u64, Kind)>,
@@ -146,13 +144,12 @@ impl Desk {
             _ => {}
         }
         self.answer.clear();
-        self.answer.extend_from_slice(&[0; HEAD]);
         let (oldest, body) = self.shelves.split(call).unwrap_or_default();
         let answered = reading(self.shelves.clone(), || self.workshop.answer(body, &mut self.answer));
         let kind = match answered {
             Ok(()) => Kind::Answer,
             Err(error) => {
-                self.answer.truncate(HEAD);
+                self.answer.clear();
                 if self.shelves.has_missed() {
                     Kind::Missing
                 } else {
@@ -167,11 +164,9 @@ impl Desk {
         Ok(())
     }
 
-    fn reply(&mut self, seq: u64, kind: Kind) -> Result<(), IpcError> {
-        if !(self.spin.is_zero() && self.bell.bring(Head { seq, kind: kind as u64 }, &mut self.answer)) {
-            self.answers.send(seq, kind, &self.answer[HEAD..])?;
-            self.bell.ring();
-        }
+    fn reply(&self, seq: u64, kind: Kind) -> Result<(), IpcError> {
+        self.answers.send(seq, kind, &self.answer)?;
+        self.bell.ring();
         Ok(())
     }
 }
