@@ -37,7 +37,7 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
             result.digest.map_or_else(String::new, |d| d.to_string()),
             number(result.response_p50_ms),
             number(result.response_p99_ms),
-            result.misses,
+            if result.error.is_none() { result.misses.to_string() } else { String::new() },
         );
     }
     text
