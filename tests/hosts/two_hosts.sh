@@ -55,9 +55,21 @@ cat >"$out/config/iceoryx2.toml" <<END
 [global]
 root-path = "$files/two_hosts"
 prefix = "swerve_two_hosts_"
+[defaults.publish-subscribe]
+max-subscribers = 16
+max-publishers = 2
+max-nodes = 20
+subscriber-max-buffer-size = 64
+subscriber-max-borrowed-samples = 64
+enable-safe-overflow = true
 END
-on a "$tunnel" --reactive --poll 1 >"$out/tunnel_a.log" 2>&1 &
-on b "$tunnel" --reactive --poll 1 >"$out/tunnel_b.log" 2>&1 &
+# By address: multicast takes a while to work on a cable that is new.
+quiet='scouting: { multicast: { enabled: false } }'
+echo "{ listen: { endpoints: ['tcp/10.79.0.1:7447'] }, $quiet }" >"$out/a.json5"
+echo "{ connect: { endpoints: ['tcp/10.79.0.1:7447'] }, $quiet }" >"$out/b.json5"
+for place in a b; do
+  on $place "$tunnel" --zenoh-config $place.json5 --reactive --poll 1 >"$out/tunnel_$place.log" 2>&1 &
+done
 
 far="nsenter --target $(cat "$out/b.pid") --net --mount $swerve worker"
 start=$(printf '"%s", ' $far)

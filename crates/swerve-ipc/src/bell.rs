@@ -187,7 +187,7 @@ mod tests {
         here.bell.ring();
         here.bell.ready(258);
         for heard in [Heard::Ready(3), Heard::Ring, Heard::Ready(258), Heard::Nothing] {
-            assert_eq!(there.listen(Patience::AWhile), heard);
+            assert_eq!(there.listen(Patience::None), heard);
         }
         let word = 258_u64.to_le_bytes();
         here.bell.send(&word[..3]).unwrap();

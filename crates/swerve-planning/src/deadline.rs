@@ -61,7 +61,7 @@ pub struct Params {
     pub margin_m: f64,
     /// The strip that the ego sweeps is wider than the ego by this on either side, metres. Source: ours.
     pub clearance_m: f64,
-    /// What stands no further beside the strip may hide a person who steps out, metres. Source: ours: about what a
+    /// What stands no further beside the strip may hide a person who steps out, metres; 0 for nothing. Source: ours: about what a
     /// person goes in the second that a response and the braking take.
     pub reach_m: f64,
     /// Things no further than this are counted, metres. Source: FOT's `obstacle_range_m`.
@@ -296,7 +296,8 @@ fn behind(params: &Params, situation: &Situation<'_>, ego: &Ego, prediction: &Pr
     let here = stretch(situation.route, prediction, prediction.path.first()?.pose);
     let extent = &prediction.extent;
     let large = extent.height_m >= HIDES_M && extent.length_m.max(extent.width_m) >= HIDES_M;
-    let hides = large && !prediction.kind.is_person() && beside_m(ego, &here) <= params.reach_m;
+    let near = params.reach_m > 0.0 && beside_m(ego, &here) <= params.reach_m;
+    let hides = large && !prediction.kind.is_person() && near;
     let gap_m = here.s_m[1] - ego.front_m;
     if !hides || gap_m <= 0.0 {
         return None;
@@ -378,6 +379,15 @@ mod tests {
     }
 
     fn hazard_at(speed_mps: f64, things: &[Prediction]) -> Option<Hazard> {
+        hazard_by(&Params::default(), speed_mps, things)
+    }
+
+    /// Of what is in the way, without what that may hide.
+    fn seen_at(speed_mps: f64, things: &[Prediction]) -> Option<Hazard> {
+        hazard_by(&Params { reach_m: 0.0, ..Params::default() }, speed_mps, things)
+    }
+
+    fn hazard_by(params: &Params, speed_mps: f64, things: &[Prediction]) -> Option<Hazard> {
         let (route, shape, limits) = (route(), Shape::default(), Limits::default());
         let ego = EgoState { speed_mps, ..EgoState::default() };
         let situation = Situation {
@@ -388,7 +398,7 @@ mod tests {
             limits: &limits,
             predictions: things,
         };
-        nearest_hazard(&Params::default(), &situation, OVERHEAD)
+        nearest_hazard(params, &situation, OVERHEAD)
     }
 
     fn total_s(speed_mps: f64, things: &[Prediction]) -> f64 {
@@ -405,7 +415,7 @@ mod tests {
         // A wall across the whole road.
         let row = [thing(ActorKind::Static, (50.0, 2.0), (0.0, 0.0))];
         let gap_m = 50.0 - 0.25 - front_m();
-        let hazard = hazard_at(12.0, &row).unwrap();
+        let hazard = seen_at(12.0, &row).unwrap();
         assert!(!hazard.hidden);
         assert!((hazard.left_s - ((gap_m - 1.0) / 12.0 - 12.0 / 15.2)).abs() < 1e-9, "{hazard:?}");
     }
@@ -442,10 +452,10 @@ mod tests {
 
     #[test]
     fn what_goes_ahead_as_fast_leaves_all_the_time() {
-        assert_eq!(hazard_at(12.0, &[thing(ActorKind::Static, (30.0, 0.0), (12.0, 0.0))]), None);
-        assert_eq!(hazard_at(0.0, &[thing(ActorKind::Static, (5.0, 0.0), (0.0, 0.0))]), None);
-        let slower = hazard_at(12.0, &[thing(ActorKind::Static, (30.0, 0.0), (6.0, 0.0))]).unwrap();
-        let standing = hazard_at(12.0, &[thing(ActorKind::Static, (30.0, 0.0), (0.0, 0.0))]).unwrap();
+        assert_eq!(seen_at(12.0, &[thing(ActorKind::Static, (30.0, 0.0), (12.0, 0.0))]), None);
+        assert_eq!(seen_at(0.0, &[thing(ActorKind::Static, (5.0, 0.0), (0.0, 0.0))]), None);
+        let slower = seen_at(12.0, &[thing(ActorKind::Static, (30.0, 0.0), (6.0, 0.0))]).unwrap();
+        let standing = seen_at(12.0, &[thing(ActorKind::Static, (30.0, 0.0), (0.0, 0.0))]).unwrap();
         assert!(slower.left_s > standing.left_s);
         assert_eq!(total_s(12.0, &[]), 0.270 + 0.309);
     }
