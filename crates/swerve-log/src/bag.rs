@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -10,7 +10,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 use crate::LogError;
 use crate::format::RECORD_MAX;
 use crate::mcap_record::{self, op, op_name};
-use crate::reader::describe;
+use crate::reader::{describe, open_sized};
 
 /// A topic of a recording.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -55,10 +55,7 @@ impl Bag {
     /// # Errors
     /// When the system does not give it.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let failed = |source| LogError::Read { path: path.into(), source };
-        let mut file = File::open(path).map_err(failed)?;
-        let left =
-            file.seek(SeekFrom::End(0)).and_then(|size| file.rewind().map(|()| size)).map_err(failed)?;
+        let (file, left) = open_sized(path)?;
         let options = LinearReaderOptions::default()
             .with_record_length_limit(RECORD_MAX)
             .with_prevalidate_chunk_crcs(true);

@@ -53,13 +53,18 @@ enum Fault {
     Foreign(String),
 }
 
+/// A file at its beginning, and how long it is.
+pub(crate) fn open_sized(path: &Path) -> Result<(File, u64), LogError> {
+    let failed = |source| LogError::Read { path: path.into(), source };
+    let mut file = File::open(path).map_err(failed)?;
+    let size = file.seek(SeekFrom::End(0)).and_then(|size| file.rewind().map(|()| size)).map_err(failed)?;
+    Ok((file, size))
+}
+
 impl Reader {
     /// Opens a log and reads its run's start.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let failed = |source| LogError::Read { path: path.into(), source };
-        let mut file = File::open(path).map_err(failed)?;
-        let size =
-            file.seek(SeekFrom::End(0)).and_then(|size| file.rewind().map(|()| size)).map_err(failed)?;
+        let (file, size) = open_sized(path)?;
         let options = LinearReaderOptions::default()
             .with_record_length_limit(format::RECORD_MAX)
             .with_prevalidate_chunk_crcs(true)
