@@ -3,7 +3,6 @@
 pub mod calibrate;
 pub mod check;
 pub mod cli;
-pub mod config;
 pub mod dataset;
 pub mod doctor;
 pub mod files;
@@ -11,7 +10,6 @@ pub mod frames;
 pub mod graph;
 pub mod live;
 pub mod output;
-pub mod pipeline;
 pub mod plan;
 pub mod process;
 pub mod progress;
@@ -23,8 +21,11 @@ pub mod run;
 pub mod rungs;
 pub mod scenarios;
 pub mod story;
-pub mod street;
 pub mod study;
+#[cfg(test)]
+mod tests;
 mod threads;
 pub mod timing;
 mod views;
+
+pub use swerve_stack::{config, pipeline, street};

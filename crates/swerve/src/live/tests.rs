@@ -474,3 +474,17 @@ fn objects_are_driven_by_and_their_silence_is_no_empty_road() {
     let last_wish = |seen: &Seen| seen.wishes.last().unwrap().stamp;
     assert!(last_wish(&blocked) < Time::from_ms(2550) && last_wish(&free) > Time::from_ms(3400));
 }
+
+#[test]
+fn the_shipped_vehicles_name_a_route_that_is_there() {
+    let folder = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
+    let files = crate::files::toml_files(folder).unwrap();
+    assert!(files.len() >= 4);
+    for file in files {
+        let drive =
+            Drive::load(&file, &[]).unwrap_or_else(|e| panic!("{}: {e:#}", file.display()));
+        assert!(drive.scenario.road.length_m() > drive.scenario.ego.end_m);
+        let vehicle = drive.mapping.vehicle.name();
+        assert_eq!(file.file_stem().unwrap(), vehicle);
+    }
+}

@@ -11,7 +11,7 @@ use swerve_msg::{
 use crate::config::injection::Corruption;
 
 /// A message that a fault can befall.
-pub(in crate::pipeline) trait Victim: Payload + Clone {
+pub(crate) trait Victim: Payload + Clone {
     /// Makes it say that it describes `stamp`.
     fn restamp(&mut self, stamp: Time);
     /// Changes its numbers.

@@ -537,7 +537,7 @@ impl Config {
     }
 
     /// A document that has no faults of its own, with assignments; the faults are theirs.
-    pub(crate) fn with_sets(
+    pub fn with_sets(
         document: &Document,
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Vec<Problem>> {
@@ -551,7 +551,7 @@ impl Config {
     }
 
     /// As [`with_sets`](Self::with_sets), with no look at the values: the faults are those of their form.
-    pub(crate) fn formed(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+    pub fn formed(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
         let mut table = document.table.clone();
         for (key, value) in sets {
             text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;

@@ -11,14 +11,14 @@ use crate::config::camera::CameraConfig;
 use crate::config::{Config, Source};
 
 /// Simulator state cut by what the sensor can see.
-pub(crate) struct Obstacles {
+pub struct Obstacles {
     mount: SensorMount,
     params: SensorParams,
 }
 
 impl Obstacles {
     /// What the obstacle sensor can see or, where `camera` is given, what that camera can.
-    pub(crate) fn new(config: &Config, camera: Option<&CameraConfig>) -> Self {
+    pub fn new(config: &Config, camera: Option<&CameraConfig>) -> Self {
         let sensing = &config.sensing;
         let (mut mount, mut fov_deg) = (sensing.mount, sensing.fov_deg);
         if let Some(camera) = camera {
@@ -42,7 +42,7 @@ impl Obstacles {
     }
 
     /// What is seen, and from where.
-    pub(crate) fn surroundings(&self, world: &WorldState) -> Surroundings {
+    pub fn surroundings(&self, world: &WorldState) -> Surroundings {
         let ObstacleList { stamp, obstacles } = self.seen(world);
         Surroundings { stamp, ego: world.ego.state.pose, obstacles }
     }

@@ -8,8 +8,10 @@ use swerve_log::{Log, Recorder};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Refusals, StopCause};
 
-use super::*;
-use crate::config::OPERATORS;
+use swerve_core::{Span, Time};
+use swerve_msg::{Command, GateMode, GateOutput};
+
+use crate::config::{Config, OPERATORS};
 use crate::config::text::{Document, parse_assignment};
 use crate::pipeline::Pipeline;
 use crate::replay::replay;

@@ -1,10 +1,15 @@
+//! Faults on streams of a drive.
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use swerve_flow::{Event, Observer};
 use swerve_msg::{EgoState, Image, Pixels};
 
-use super::*;
+use swerve_core::{Span, Time};
+use swerve_msg::FaultInjection;
+
+use crate::config::Config;
 use crate::config::text::Document;
 use crate::pipeline::Pipeline;
 use crate::run::{Outcome, drive_pipeline, read_scenario};

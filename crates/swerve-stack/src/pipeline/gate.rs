@@ -16,20 +16,20 @@ use crate::config::Config;
 use crate::config::gate::GateConfig;
 
 /// What a gate reads: the newest of each, whenever it takes a step.
-pub(crate) struct GateInputs {
+pub struct GateInputs {
     /// What the stack asks for.
-    pub(crate) commands: Stream<MotionCommand>,
+    pub commands: Stream<MotionCommand>,
     /// What the vehicle says of itself.
-    pub(crate) report: Stream<VehicleReport>,
+    pub report: Stream<VehicleReport>,
     /// Who may enable: all of them have to, and each alone may stop. Without one nothing is ever enabled.
-    pub(crate) switches: Vec<Source<Switch>>,
+    pub switches: Vec<Source<Switch>>,
 }
 
 /// Adds the operator `gate`, around a vehicle of any kind: simulated, or at the other end of a wire.
 ///
 /// # Errors
 /// A parameter that makes no gate.
-pub(crate) fn gate(
+pub fn gate(
     graph: &mut Graph,
     params: GateParams,
     period: Span,
@@ -192,6 +192,3 @@ impl Operator for PedalsOperator {
         out.loan().send(Command { steering_rad, throttle: pedals.throttle, brake: pedals.brake });
     }
 }
-
-#[cfg(test)]
-mod tests;

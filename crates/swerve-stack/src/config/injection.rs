@@ -243,7 +243,7 @@ impl Config {
     }
 
     /// The faults that befall a stream, by name, in order.
-    pub(crate) fn faults_of(&self, stream: &str) -> impl Iterator<Item = (&str, &FaultConfig)> {
+    pub fn faults_of(&self, stream: &str) -> impl Iterator<Item = (&str, &FaultConfig)> {
         let named = self.fault.iter().map(|(name, fault)| (name.as_str(), fault));
         named.filter(move |(_, fault)| fault.stream == stream)
     }

@@ -5,17 +5,15 @@ mod controller;
 mod deadline;
 mod events;
 mod faulty;
-pub(crate) mod gate;
+pub mod gate;
 mod lidar;
 mod live;
 mod monitor;
 mod perception;
 mod planner;
 mod radar;
-pub(crate) mod sensors;
+pub mod sensors;
 mod stage;
-#[cfg(test)]
-mod tests;
 mod world;
 
 use std::collections::BTreeMap;
@@ -39,7 +37,7 @@ use faulty::faulty;
 use stage::SharedStage;
 
 pub use controller::controller;
-pub(crate) use live::{Monitored, drive, live_gate, monitors};
+pub use live::{Monitored, drive, live_gate, monitors};
 pub use stage::{Rendered, StreamMemory};
 
 /// A pipeline ready to run.
@@ -114,7 +112,7 @@ impl Pipeline {
     }
 
     /// Tells, once the pipeline has run, what computed its images, if it had any.
-    pub(crate) fn rendered(&self) -> impl FnOnce() -> Option<Rendered> + use<> {
+    pub fn rendered(&self) -> impl FnOnce() -> Option<Rendered> + use<> {
         let stage = self.stage.clone();
         move || stage.map(|stage| stage::rendered(&stage))
     }
@@ -134,7 +132,7 @@ fn last_step(timeout: Span, dt: Span) -> Time {
 }
 
 /// The scenario under the configuration's speed, as its seed varies it.
-pub(crate) fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
+pub fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
     let mut scenario = scenario.clone();
     if let Some(speed) = config.ego.speed_mps {
         scenario.ego.target_speed_mps = speed;
@@ -325,7 +323,7 @@ fn sense_surroundings(
 }
 
 /// Run times, policies, deadlines, resources and delays, by operator name.
-pub(crate) fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
+pub fn configure(graph: &mut Graph, config: &Config) -> anyhow::Result<()> {
     let wrong = |name: &str, message: String| anyhow::anyhow!("operator.{name}: {message}");
     let resources: Vec<_> =
         config.resource.iter().map(|(name, r)| (name.as_str(), graph.resource(name, r.slots))).collect();

@@ -8,9 +8,11 @@ use swerve_log::{Log, Recorder};
 use swerve_msg::truth::{PointInstances, RadarSources, WorldState};
 use swerve_msg::{ActorId, PointCloud};
 
-use super::*;
-use crate::config::OPERATORS;
+use swerve_scenario::Scenario;
+
+use crate::config::{Config, OPERATORS};
 use crate::config::text::{Document, parse_assignment};
+use crate::pipeline::Pipeline;
 use crate::replay::replay;
 use crate::run::{Outcome, drive_pipeline, left_out_of_logs, read_scenario, run_start};
 

@@ -111,6 +111,3 @@ impl<T: Victim> Operator for Faulty<T> {
         });
     }
 }
-
-#[cfg(test)]
-mod tests;

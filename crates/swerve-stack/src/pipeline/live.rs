@@ -12,7 +12,7 @@ use super::{controller, gate, monitor, perception, planner};
 use crate::config::Config;
 
 /// A stream that monitors watch.
-pub(crate) enum Monitored {
+pub enum Monitored {
     /// Of a camera.
     Image(Stream<Image>),
     /// Of a lidar.
@@ -20,7 +20,7 @@ pub(crate) enum Monitored {
 }
 
 /// Adds the monitors of a sensor.
-pub(crate) fn monitors(graph: &mut Graph, config: &Config, sensor: &str, stream: Monitored) {
+pub fn monitors(graph: &mut Graph, config: &Config, sensor: &str, stream: Monitored) {
     for (name, _) in config.monitor.iter().filter(|(_, monitor)| monitor.sensor == sensor) {
         match stream {
             Monitored::Image(images) => {
@@ -34,7 +34,7 @@ pub(crate) fn monitors(graph: &mut Graph, config: &Config, sensor: &str, stream:
 }
 
 /// Adds tracker, predictor, planner and controller, for a vehicle that is told motion.
-pub(crate) fn drive(
+pub fn drive(
     graph: &mut Graph,
     config: &Config,
     scenario: &Scenario,
@@ -53,7 +53,7 @@ pub(crate) fn drive(
 }
 
 /// Adds the gate before a vehicle at the other end of a wire.
-pub(crate) fn live_gate(
+pub fn live_gate(
     graph: &mut Graph,
     config: &Config,
     commands: Stream<MotionCommand>,
