@@ -10,7 +10,7 @@ use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
 use crate::config::{Config, ControllerName};
 
 /// Follows the newest plan; the route before there is one. Stops where a process is lost.
-pub struct Driver {
+pub(crate) struct Driver {
     controller: Controller,
     vehicle: VehicleParams,
     route: Route,
@@ -21,7 +21,7 @@ pub struct Driver {
 }
 
 impl Driver {
-    pub fn new(config: &Config, route: &Route) -> Self {
+    pub(crate) fn new(config: &Config, route: &Route) -> Self {
         let preset = match config.planning.preset {
             Preset::Paper => Following::Projection,
             Preset::Best => Following::Time,
@@ -95,7 +95,7 @@ impl Operator for PedalController {
 
 /// Asks for motion: what a safety gate takes. The stamp is that of the state which the controller knew: a controller
 /// that goes on without new states falls silent for the gate.
-pub struct MotionController(pub(crate) Driver);
+pub(crate) struct MotionController(pub(crate) Driver);
 
 impl Operator for MotionController {
     type In = Inputs;

@@ -5,6 +5,7 @@ mod controller;
 mod deadline;
 mod events;
 mod faulty;
+/// The safety gate.
 pub mod gate;
 mod lidar;
 mod live;
@@ -12,6 +13,7 @@ mod monitor;
 mod perception;
 mod planner;
 mod radar;
+/// Truth cut by what sensors see.
 pub mod sensors;
 mod stage;
 mod world;

@@ -6,7 +6,7 @@ use std::path::Path;
 use swerve_flow::{Event, Observer};
 use swerve_msg::{EgoState, Image, Pixels};
 
-use swerve_core::{Span, Time};
+use swerve_core::Time;
 use swerve_msg::FaultInjection;
 
 use crate::config::Config;
