@@ -1,0 +1,261 @@
+//! Which operators a configuration has, in which order, and what each of them reads.
+//!
+//! The pipeline is text: parts in `base/`, changed by `[operator.NAME]` tables. Streams are found by type, or by name
+//! where the type alone does not decide.
+
+mod base;
+mod links;
+mod settings;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use swerve_flow::{OutputInfo, PayloadType, PortInfo};
+
+use crate::config::{Config, OperatorConfig};
+use crate::kind::{KeyProblems, OperatorKind, Settings};
+use crate::config::words::nearest;
+
+pub(crate) use settings::{COMMON_KEYS, gather_named_sections};
+
+/// The operators of a pipeline, in the order of its graph.
+#[derive(Clone)]
+pub struct Assembly {
+    operators: Vec<Placed>,
+    /// The names that `[operator.NAME]` may have although no operator has them under these settings.
+    known: Vec<String>,
+}
+
+/// One operator of a pipeline.
+#[derive(Clone)]
+pub struct Placed {
+    /// Its name.
+    pub name: String,
+    /// Its kind.
+    pub kind: Arc<dyn OperatorKind>,
+    /// What `[operator.NAME]` says, the pipeline's own text included.
+    pub own: OperatorConfig,
+    /// What it reads, by port.
+    pub inputs: Vec<Input>,
+    /// What it publishes.
+    pub outputs: Vec<Output>,
+    /// The configuration where its own keys change it.
+    config: Option<Arc<Config>>,
+    offered: Arc<[PayloadType]>,
+}
+
+/// An input port and what feeds it; nothing for a timer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Input {
+    /// The port.
+    pub port: PortInfo,
+    /// The streams that it reads.
+    pub from: Vec<Edge>,
+}
+
+/// A stream as a port reads it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Edge {
+    /// Its name.
+    pub stream: String,
+    /// Over a feedback edge.
+    pub feedback: bool,
+    /// Before faults befall it.
+    pub raw: bool,
+}
+
+/// A stream that an operator publishes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Output {
+    /// Its name: that of the operator, or `operator.port` where it has several.
+    pub stream: String,
+    /// The port.
+    pub port: OutputInfo,
+    /// Whether nothing comes of it under these settings.
+    pub silent: bool,
+}
+
+impl Placed {
+    /// What the configuration says of it.
+    pub fn settings<'a>(&'a self, config: &'a Config) -> Settings<'a> {
+        let config = self.config.as_deref().unwrap_or(config);
+        Settings { name: &self.name, config, offered: &self.offered }
+    }
+}
+
+impl Assembly {
+    /// The operators that `config` asks for.
+    ///
+    /// # Errors
+    /// All that is wrong with `[operator.NAME]` tables and with what operators read, by key.
+    pub fn new(config: &Config) -> Result<Self, KeyProblems> {
+        let (assembly, problems) = Self::with_problems(config);
+        if problems.is_empty() { Ok(assembly) } else { Err(problems) }
+    }
+
+    /// The same, as far as it goes, with what is wrong.
+    pub(crate) fn with_problems(config: &Config) -> (Self, KeyProblems) {
+        let mut problems = KeyProblems::new();
+        let entries = base::entries(config);
+        let known = entries.iter().map(|(name, _)| name.clone()).collect();
+        let mut operators = Vec::new();
+        for (name, own) in entries {
+            place(config, (name, own), &mut operators, &mut problems);
+        }
+        let offered: Arc<[PayloadType]> = offered(&operators, config);
+        for placed in &mut operators {
+            placed.offered = offered.clone();
+            let settings = settings_of(placed, config);
+            placed.inputs = ports(&settings, &placed.kind);
+        }
+        links::link(&mut operators, config, &mut problems);
+        (Self { operators, known }, problems)
+    }
+
+    /// The operators, in the order of the graph.
+    pub fn operators(&self) -> &[Placed] {
+        &self.operators
+    }
+
+    /// The operator of this name.
+    pub fn operator(&self, name: &str) -> Option<&Placed> {
+        self.operators.iter().find(|placed| placed.name == name)
+    }
+
+    /// Whether there is an operator of this name.
+    pub fn has(&self, name: &str) -> bool {
+        self.operator(name).is_some()
+    }
+
+    /// All names that `[operator.NAME]` may have, in the order of the graph.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.known.iter().map(String::as_str)
+    }
+
+    /// All streams with the operators that publish them.
+    pub fn streams(&self) -> impl Iterator<Item = (&Placed, &Output)> {
+        self.operators.iter().flat_map(|placed| placed.outputs.iter().map(move |output| (placed, output)))
+    }
+
+    /// The stream that a name stands for: its own, or the first one of an operator.
+    pub fn stream(&self, name: &str) -> Option<(&Placed, &Output)> {
+        let named = self.streams().find(|(_, output)| output.stream == name);
+        named.or_else(|| self.streams().find(|(placed, _)| placed.name == name))
+    }
+
+    /// The pipeline as the text that makes it: every operator with its kind and what it reads.
+    pub fn to_toml(&self) -> String {
+        let mut text = String::new();
+        for placed in &self.operators {
+            text += &format!("[operator.{}]\nkind = \"{}\"\n", placed.name, placed.kind.node().kind);
+            let reads = placed.inputs.iter().filter(|input| !input.from.is_empty());
+            let reads: Vec<String> =
+                reads.map(|input| format!("{} = {}", input.port.name, edges(input))).collect();
+            if !reads.is_empty() {
+                text += &format!("reads = {{ {} }}\n", reads.join(", "));
+            }
+            let own = OperatorConfig { kind: None, reads: BTreeMap::new(), enabled: None, ..placed.own.clone() };
+            text += &toml::to_string(&own).unwrap_or_default();
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// The streams of a port in TOML.
+fn edges(input: &Input) -> String {
+    let one = |edge: &Edge| match (edge.feedback == input.port.feedback, edge.raw == input.port.raw) {
+        (true, true) => format!("\"{}\"", edge.stream),
+        _ => format!(
+            "{{ stream = \"{}\", feedback = {}, before_faults = {} }}",
+            edge.stream, edge.feedback, edge.raw
+        ),
+    };
+    match &input.from[..] {
+        [edge] if !input.port.many => one(edge),
+        edges => format!("[{}]", edges.iter().map(one).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// Adds an operator, if there is one under its settings.
+fn place(
+    config: &Config,
+    (name, own): (String, OperatorConfig),
+    operators: &mut Vec<Placed>,
+    problems: &mut KeyProblems,
+) {
+    if own.enabled == Some(false) {
+        return;
+    }
+    let Some(kind) = &own.kind else {
+        return problems.push((format!("operator.{name}"), unknown_operator(config, &name)));
+    };
+    let Some(kind) = config.registry.kind(kind).cloned() else {
+        let names: Vec<&str> = config.registry.kinds().map(|kind| kind.node().kind).collect();
+        let message = format!("unknown kind `{kind}`{}", one_of(kind, &names));
+        return problems.push((format!("operator.{name}.kind"), message));
+    };
+    let view = settings::view(config, &name, &*kind, &own.keys);
+    let view = view.unwrap_or_else(|wrong| {
+        problems.extend(wrong);
+        None
+    });
+    let mut placed = Placed {
+        name,
+        kind,
+        own,
+        inputs: Vec::new(),
+        outputs: Vec::new(),
+        config: view.map(Arc::new),
+        offered: Arc::new([]),
+    };
+    let settings = settings_of(&placed, config);
+    if !placed.kind.is_there(&settings) {
+        return;
+    }
+    let ports = placed.kind.outputs(&settings);
+    let several = ports.len() > 1;
+    let outputs = ports.into_iter().map(|port| Output {
+        stream: if several { format!("{}.{}", placed.name, port.name) } else { placed.name.clone() },
+        silent: placed.kind.is_silent(&settings, port.name),
+        port,
+    });
+    placed.outputs = outputs.collect();
+    operators.push(placed);
+}
+
+/// As [`Placed::settings`], of one that is still being put together.
+fn settings_of<'a>(placed: &'a Placed, config: &'a Config) -> Settings<'a> {
+    placed.settings(config)
+}
+
+fn ports(settings: &Settings<'_>, kind: &Arc<dyn OperatorKind>) -> Vec<Input> {
+    let port = |port| Input { port, from: Vec::new() };
+    kind.inputs(settings).into_iter().map(port).collect()
+}
+
+fn offered(operators: &[Placed], _config: &Config) -> Arc<[PayloadType]> {
+    let outputs = operators.iter().flat_map(|placed| &placed.outputs);
+    outputs.filter(|output| !output.silent).map(|output| output.port.payload).collect()
+}
+
+fn unknown_operator(config: &Config, name: &str) -> String {
+    let names: Vec<String> = base::entries(config)
+        .into_iter()
+        .filter(|(_, own)| own.kind.is_some())
+        .map(|(name, _)| name)
+        .collect();
+    let near = nearest(name, names.iter().map(String::as_str));
+    let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+    format!("unknown operator, expected one of {}, or a `kind` that makes it a new one{near}", names.join(", "))
+}
+
+/// The end of a message that a name is unknown.
+pub(crate) fn one_of(name: &str, names: &[&str]) -> String {
+    let near = nearest(name, names.iter().copied());
+    let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+    format!(", expected one of {}{near}", names.join(", "))
+}
+
+#[cfg(test)]
+mod tests;

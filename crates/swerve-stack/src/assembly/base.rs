@@ -1,0 +1,89 @@
+//! The pipeline's own text, part by part, with what a configuration changes.
+
+use std::sync::LazyLock;
+
+use toml::de::DeTable;
+
+use crate::config::{Config, OperatorConfig};
+
+/// A part of the pipeline: its operators, in order.
+struct Part(LazyLock<Vec<(String, OperatorConfig)>>);
+
+macro_rules! part {
+    ($file:literal) => {
+        Part(LazyLock::new(|| read(include_str!(concat!("../base/", $file)))))
+    };
+}
+
+static WORLD: Part = part!("world.toml");
+static STACK: Part = part!("stack.toml");
+static CAR: Part = part!("car.toml");
+static OUTSIDE: Part = part!("outside.toml");
+static VEHICLE: Part = part!("vehicle.toml");
+static OBJECTS: Part = part!("objects.toml");
+static GATE: Part = part!("gate.toml");
+
+/// The operators of a text in the order in which they stand there.
+fn read(text: &str) -> Vec<(String, OperatorConfig)> {
+    #[derive(serde::Deserialize)]
+    struct File {
+        operator: std::collections::BTreeMap<String, OperatorConfig>,
+    }
+    let file: File = toml::from_str(text).expect("a test reads every part of the pipeline");
+    let spans = DeTable::parse(text).expect("it was just read");
+    let place = |name: &str| {
+        let tables = spans.get_ref().get("operator").and_then(|tables| tables.get_ref().as_table());
+        tables.and_then(|tables| tables.iter().find(|(key, _)| key.get_ref() == name)).map(|(key, _)| key.span().start)
+    };
+    let mut operators: Vec<(String, OperatorConfig)> = file.operator.into_iter().collect();
+    operators.sort_by_key(|(name, _)| place(name));
+    operators
+}
+
+/// All operators that a configuration may have: the pipeline's own, sensors with tables of their own behind the
+/// other sensors, then those that `[operator.NAME]` adds, by name.
+pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
+    let (before, behind): (&[&Part], &[&Part]) = if config.live.is_some() {
+        (&[&VEHICLE], &[&OBJECTS, &STACK, &GATE])
+    } else if config.is_driven_over_ros2() {
+        (&[&OUTSIDE, &WORLD], &[&CAR])
+    } else {
+        (&[&WORLD], &[&STACK, &CAR])
+    };
+    let of = |parts: &[&Part]| -> Vec<(String, OperatorConfig)> {
+        parts.iter().flat_map(|part| part.0.iter().cloned()).collect()
+    };
+    let mut entries = [of(before), sensors(config), of(behind)].concat();
+    for (name, own) in &mut entries {
+        if let Some(set) = config.operator.get(name) {
+            *own = changed(own, set);
+        }
+    }
+    let new = config.operator.iter().filter(|(name, _)| !entries.iter().any(|(known, _)| known == *name));
+    let new: Vec<_> = new.map(|(name, own)| (name.clone(), own.clone())).collect();
+    entries.extend(new);
+    entries
+}
+
+/// An operator of the pipeline with what a configuration sets; one of another kind reads other streams.
+fn changed(base: &OperatorConfig, set: &OperatorConfig) -> OperatorConfig {
+    let same_kind = set.kind.is_none() || set.kind == base.kind;
+    let mut reads = if same_kind { base.reads.clone() } else { Default::default() };
+    reads.extend(set.reads.clone());
+    OperatorConfig { kind: set.kind.clone().or_else(|| base.kind.clone()), reads, ..set.clone() }
+}
+
+/// Cameras, radars and lidars, each with those that watch it behind it.
+fn sensors(config: &Config) -> Vec<(String, OperatorConfig)> {
+    let of = |kind: &str| OperatorConfig { kind: Some(kind.to_owned()), ..OperatorConfig::default() };
+    let mut entries = Vec::new();
+    let radars = config.radar.keys().map(|name| (name, "radar"));
+    let cameras = config.camera.keys().map(|name| (name, "camera"));
+    let lidars = config.lidar.keys().map(|name| (name, "lidar"));
+    for (name, kind) in radars.chain(cameras).chain(lidars) {
+        entries.push((name.clone(), of(kind)));
+        let watching = config.monitor.iter().filter(|(_, monitor)| monitor.sensor == *name);
+        entries.extend(watching.map(|(name, _)| (name.clone(), of("sensor_monitor"))));
+    }
+    entries
+}

@@ -1,0 +1,103 @@
+//! The configuration as it stands for one operator: what `[operator.NAME]` sets in the tables of its kind.
+
+use toml::{Table, Value};
+
+use crate::config::Config;
+use crate::config::problems::problems;
+use crate::kind::{KeyProblems, OperatorKind};
+use crate::registry::Registry;
+
+/// The keys of `[operator.NAME]` that every operator has.
+pub(crate) const COMMON_KEYS: [&str; 8] =
+    ["kind", "enabled", "reads", "runtime", "policy", "deadline", "uses", "delay_ms"];
+
+/// The configuration for an operator of this kind with these keys of its own; none where they change nothing.
+pub(super) fn view(
+    config: &Config,
+    name: &str,
+    kind: &dyn OperatorKind,
+    keys: &Table,
+) -> Result<Option<Config>, KeyProblems> {
+    let node = kind.node();
+    let own = |(key, message): (String, String)| {
+        let dot = if key.is_empty() { "" } else { "." };
+        (format!("operator.{name}{dot}{key}"), message)
+    };
+    if keys.is_empty() {
+        return Ok(None);
+    }
+    if node.sections.is_empty() {
+        let wrong: KeyProblems = kind.problems(keys).into_iter().map(own).collect();
+        return if wrong.is_empty() { Ok(None) } else { Err(wrong) };
+    }
+    let mut table = Table::try_from(config).expect("a configuration is plain tables and values");
+    // What it says of itself is said by now.
+    table.remove("operator");
+    let mut wrong = KeyProblems::new();
+    for (key, value) in keys {
+        match with_key(&table, node.sections, key, value) {
+            Ok(changed) => table = changed,
+            Err(message) => wrong.push(own((key.clone(), message))),
+        }
+    }
+    if !wrong.is_empty() {
+        return Err(wrong);
+    }
+    let mut changed: Config = table.try_into().expect("every key of it was read");
+    changed.operator = config.operator.clone();
+    changed.registry = config.registry.clone();
+    let before = config.problems_of_values();
+    let is_new = |(key, message): &(String, String)| !before.contains(&(key.clone(), message.clone()));
+    let in_section = |(key, message): (String, String)| {
+        let section = node.sections.iter().find_map(|section| key.strip_prefix(&format!("{section}.")));
+        section.map(|rest| own((rest.to_owned(), message)))
+    };
+    let wrong: KeyProblems =
+        changed.problems_of_values().into_iter().filter(is_new).filter_map(in_section).collect();
+    if wrong.is_empty() { Ok(Some(changed)) } else { Err(wrong) }
+}
+
+/// A configuration's table with a key set in the first of `sections` that knows it.
+fn with_key(table: &Table, sections: &[&str], key: &str, value: &Value) -> Result<Table, String> {
+    let mut told = None;
+    for section in sections {
+        let mut changed = table.clone();
+        if let Some(Value::Table(inner)) = changed.get_mut(*section) {
+            match (inner.get_mut(key), value) {
+                (Some(Value::Table(old)), Value::Table(new)) => old.extend(new.clone()),
+                _ => drop(inner.insert(key.to_owned(), value.clone())),
+            }
+        }
+        let wrong = problems::<Config>(&changed);
+        let Some((_, message)) = wrong.into_iter().next() else { return Ok(changed) };
+        // A section that has the key says best what is wrong with it.
+        if told.is_none() || !message.starts_with("unknown key") {
+            told = Some(message);
+        }
+    }
+    Err(told.unwrap_or_else(|| "unknown key".into()))
+}
+
+/// Moves the keys of an operator whose kind has an entry in a table of its own there: `[operator.front] kind =
+/// "camera"` is `[camera.front]`.
+pub(crate) fn gather_named_sections(table: &mut Table, registry: &Registry) {
+    let Some(Value::Table(operators)) = table.get_mut("operator") else { return };
+    let mut gathered = Vec::new();
+    for (name, operator) in operators.iter_mut() {
+        let Value::Table(own) = operator else { continue };
+        let kind = own.get("kind").and_then(Value::as_str).and_then(|kind| registry.kind(kind));
+        let Some(section) = kind.and_then(|kind| kind.node().named_section) else { continue };
+        let keys: Vec<String> = own.keys().filter(|key| !COMMON_KEYS.contains(&key.as_str())).cloned().collect();
+        let entry: Table = keys.into_iter().filter_map(|key| own.remove_entry(&key)).collect();
+        own.remove("kind");
+        gathered.push((section, name.clone(), entry));
+    }
+    for (section, name, entry) in gathered {
+        let tables = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
+        let Value::Table(tables) = tables else { continue };
+        let known = tables.entry(name).or_insert_with(|| Value::Table(Table::new()));
+        if let Value::Table(known) = known {
+            known.extend(entry);
+        }
+    }
+}

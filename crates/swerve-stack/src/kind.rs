@@ -1,0 +1,354 @@
+//! Kinds of operators: all that the house knows of one stands in one place.
+//!
+//! An operator type that implements [`Kind`] is a kind that configurations can name. One whose ports depend on its
+//! settings implements [`OperatorKind`] itself.
+
+use core::marker::PhantomData;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use swerve_core::{Span, Time};
+use swerve_flow::{NamedInputs, NamedOutputs, Operator, OutputInfo, Payload, PayloadType, PortInfo, Timer};
+use swerve_flow::{RuntimeModel, every};
+use swerve_scenario::sensor_phase;
+
+use crate::config::Config;
+use crate::config::clock::Clock;
+use crate::config::problems::problems;
+use crate::site::Site;
+
+/// What is wrong with settings, by key.
+pub type KeyProblems = Vec<(String, String)>;
+
+/// What the house knows of a kind of operator.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Node {
+    /// Its name in `kind = "..."`.
+    pub kind: &'static str,
+    /// What it does, in one line.
+    pub doc: &'static str,
+    /// The tables of the configuration whose keys `[operator.NAME]` sets for this one operator.
+    pub sections: &'static [&'static str],
+    /// The table whose entry of the operator's name holds its settings: `[camera.front]` for `front`.
+    pub named_section: Option<&'static str>,
+    /// Why its steps are taken where the run is driven; none where another process may take them.
+    pub stays: Option<&'static str>,
+    /// When its steps are worth a thread of their own.
+    pub heavy: Heavy,
+    /// A sensor: its messages derive from their own stamp.
+    pub origin: bool,
+    /// It runs where an operator reads it or `log.sensors` names it.
+    pub on_demand: bool,
+    /// A replay computes it again wherever it is cut: it follows from states of the world, which a log holds.
+    pub follows_from_world: bool,
+}
+
+/// When the steps of an operator are worth a worker thread.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Heavy {
+    /// Never.
+    No,
+    /// Against the real clock, so that nobody waits for them; in virtual time it shows in no result.
+    OnWallClock,
+    /// Always.
+    Yes,
+}
+
+impl Node {
+    /// A kind that another process may run, with keys of its own.
+    pub const fn new(kind: &'static str, doc: &'static str) -> Self {
+        Self {
+            kind,
+            doc,
+            sections: &[],
+            named_section: None,
+            stays: None,
+            heavy: Heavy::No,
+            origin: false,
+            on_demand: false,
+            follows_from_world: false,
+        }
+    }
+
+    /// A sensor of the simulated world, which runs where the world is.
+    pub const fn sensor(kind: &'static str, doc: &'static str) -> Self {
+        Self::new(kind, doc).stays("sensors are where the world is")
+    }
+
+    /// Its settings are these tables of the configuration.
+    #[must_use]
+    pub const fn sections(mut self, sections: &'static [&'static str]) -> Self {
+        self.sections = sections;
+        self
+    }
+
+    /// Its settings are an entry of this table.
+    #[must_use]
+    pub const fn named_section(mut self, section: &'static str) -> Self {
+        self.named_section = Some(section);
+        self
+    }
+
+    /// Its steps are taken where the run is driven.
+    #[must_use]
+    pub const fn stays(mut self, why: &'static str) -> Self {
+        self.stays = Some(why);
+        self
+    }
+
+    /// Its steps are worth a worker thread.
+    #[must_use]
+    pub const fn heavy(mut self, heavy: Heavy) -> Self {
+        self.heavy = heavy;
+        self
+    }
+
+    /// Its messages derive from their own stamp.
+    #[must_use]
+    pub const fn origin(mut self) -> Self {
+        self.origin = true;
+        self
+    }
+
+    /// It runs where it is read.
+    #[must_use]
+    pub const fn on_demand(mut self) -> Self {
+        self.on_demand = true;
+        self
+    }
+
+    /// A replay computes it again wherever it is cut.
+    #[must_use]
+    pub const fn follows_from_world(mut self) -> Self {
+        self.follows_from_world = true;
+        self
+    }
+}
+
+/// One operator of a configuration: its name, and the configuration as it stands for it.
+#[derive(Clone, Copy)]
+pub struct Settings<'a> {
+    /// The operator's name.
+    pub name: &'a str,
+    /// The configuration, with what `[operator.NAME]` sets in the sections of its kind.
+    pub config: &'a Config,
+    /// What the operators of the pipeline publish.
+    pub offered: &'a [PayloadType],
+}
+
+impl Settings<'_> {
+    /// Whether an operator of the pipeline publishes messages of this type.
+    pub fn offers<T: Payload>(&self) -> bool {
+        self.offered.contains(&PayloadType::of::<T>())
+    }
+
+    /// A timer whose first tick is drawn from the seed, where the run draws at all.
+    pub fn drawn_timer(&self, period: Span) -> Timer {
+        every(period).phase(self.phase(period))
+    }
+
+    /// The first tick of such a timer.
+    pub fn phase(&self, period: Span) -> Span {
+        let Config { seed, sim, .. } = self.config;
+        match sim.draws && self.config.live.is_none() {
+            true => sensor_phase(*seed, self.name, period, span_of_ms(sim.dt_ms)),
+            false => Span::ZERO,
+        }
+    }
+
+    /// Whether the run lives by the real clock.
+    pub fn on_wall_clock(&self) -> bool {
+        self.config.clock.source == Clock::Wall
+    }
+}
+
+/// A time that the configuration's check has seen.
+pub fn span_of_ms(ms: f64) -> Span {
+    Span::from_secs(ms * 1e-3)
+}
+
+/// The same as an instant of the run.
+pub fn time_of_ms(ms: f64) -> Time {
+    Time::ZERO + span_of_ms(ms)
+}
+
+/// What lies between the stamp of a sensor's message and its readers: run time of its operator, which therefore has
+/// several frames under way. Where `[operator.NAME]` gives a run time, that comes before it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct OnItsWay {
+    /// From the stamp to the readers.
+    pub after: Span,
+    /// Frames under way at once.
+    pub frames: usize,
+}
+
+/// A kind of operator, as an assembly sees it.
+pub trait OperatorKind: Send + Sync {
+    /// What the house knows of it.
+    fn node(&self) -> Node;
+
+    /// Its own keys with their defaults.
+    fn keys(&self) -> toml::Table {
+        toml::Table::new()
+    }
+
+    /// What is wrong with its own keys.
+    fn problems(&self, keys: &toml::Table) -> KeyProblems {
+        let unknown = |key: &String| (key.clone(), format!("unknown key: a `{}` has none", self.node().kind));
+        keys.keys().map(unknown).collect()
+    }
+
+    /// Whether there is one under these settings.
+    fn is_there(&self, _settings: &Settings<'_>) -> bool {
+        true
+    }
+
+    /// What it publishes, in the order of its ports.
+    fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo>;
+
+    /// Whether an output stays silent under these settings: nobody is connected to it by its type.
+    fn is_silent(&self, _settings: &Settings<'_>, _output: &str) -> bool {
+        false
+    }
+
+    /// What it reads, in the order of its ports.
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo>;
+
+    /// The streams that its settings name, by port.
+    fn reads(&self, _settings: &Settings<'_>) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
+
+    /// How long its steps take where `[operator.NAME]` does not say it.
+    ///
+    /// # Errors
+    /// What is wrong with the settings that say it.
+    fn runtime(&self, _settings: &Settings<'_>) -> Result<RuntimeModel, String> {
+        Ok(RuntimeModel::Zero)
+    }
+
+    /// What lies between a sensor's stamp and its readers.
+    fn on_its_way(&self, _settings: &Settings<'_>) -> Option<OnItsWay> {
+        None
+    }
+
+    /// Delay of its streams beside that of `[operator.NAME]`, ms.
+    fn added_delay_ms(&self, _settings: &Settings<'_>) -> f64 {
+        0.0
+    }
+
+    /// Adds it to the graph.
+    ///
+    /// # Errors
+    /// When what its settings ask for is not to be had.
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()>;
+}
+
+/// An operator that configurations can name.
+///
+/// `[operator.NAME] kind = "..."` makes one; its other keys are read as a [`Table`](Self::Table).
+pub trait Kind: Operator<In: NamedInputs, Out: NamedOutputs> + Sized {
+    /// What the house knows of it.
+    const NODE: Node;
+
+    /// Its keys; unknown ones are refused if it says so (`#[serde(deny_unknown_fields, default)]`).
+    type Table: Serialize + DeserializeOwned + Default;
+
+    /// Makes one.
+    ///
+    /// # Errors
+    /// When what its settings ask for is not to be had.
+    fn new(table: Self::Table, site: &Site<'_>) -> anyhow::Result<Self>;
+
+    /// What is wrong with values of its keys.
+    fn problems(_table: &Self::Table) -> KeyProblems {
+        Vec::new()
+    }
+
+    /// The timer of its [`Every`](swerve_flow::Every) port, where it has one.
+    fn timer(_table: &Self::Table, _settings: &Settings<'_>) -> Option<Timer> {
+        None
+    }
+
+    /// Whether there is one under these settings.
+    fn is_there(_settings: &Settings<'_>) -> bool {
+        true
+    }
+
+    /// How long its steps take where `[operator.NAME]` does not say it.
+    ///
+    /// # Errors
+    /// What is wrong with the settings that say it.
+    fn runtime(_table: &Self::Table, _settings: &Settings<'_>) -> Result<RuntimeModel, String> {
+        Ok(RuntimeModel::Zero)
+    }
+}
+
+/// The keys of a kind that has none of its own.
+#[derive(Default, Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoKeys {}
+
+/// A [`Kind`] in a registry.
+pub(crate) struct Registered<K>(PhantomData<fn() -> K>);
+
+impl<K> Registered<K> {
+    pub(crate) const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<K: Kind> Registered<K> {
+    /// The operator's own keys, which the configuration's check has read already.
+    fn table(settings: &Settings<'_>) -> Result<K::Table, String> {
+        // Keys of a section are in the configuration as it stands for this operator.
+        if !K::NODE.sections.is_empty() || K::NODE.named_section.is_some() {
+            return Ok(K::Table::default());
+        }
+        let own = settings.config.operator.get(settings.name).map(|own| own.keys.clone());
+        own.unwrap_or_default().try_into().map_err(|error: toml::de::Error| error.message().to_owned())
+    }
+}
+
+impl<K: Kind> OperatorKind for Registered<K> {
+    fn node(&self) -> Node {
+        K::NODE
+    }
+
+    fn keys(&self) -> toml::Table {
+        toml::Table::try_from(K::Table::default()).unwrap_or_default()
+    }
+
+    fn problems(&self, keys: &toml::Table) -> KeyProblems {
+        match keys.clone().try_into::<K::Table>() {
+            Ok(table) => K::problems(&table),
+            Err(error) => {
+                let found = problems::<K::Table>(keys);
+                if found.is_empty() { vec![(String::new(), error.message().to_owned())] } else { found }
+            }
+        }
+    }
+
+    fn is_there(&self, settings: &Settings<'_>) -> bool {
+        K::is_there(settings)
+    }
+
+    fn outputs(&self, _settings: &Settings<'_>) -> Vec<OutputInfo> {
+        K::Out::ports()
+    }
+
+    fn inputs(&self, _settings: &Settings<'_>) -> Vec<PortInfo> {
+        K::In::ports()
+    }
+
+    fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
+        K::runtime(&Self::table(settings)?, settings)
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let wrong = |message| anyhow::anyhow!("operator.{}: {message}", site.name());
+        let timer = K::timer(&Self::table(&site.settings()).map_err(wrong)?, &site.settings());
+        let operator = K::new(Self::table(&site.settings()).map_err(wrong)?, site)?;
+        site.add(operator, timer)
+    }
+}

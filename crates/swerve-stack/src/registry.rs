@@ -1,0 +1,81 @@
+//! The kinds of operators, and the messages that faults can befall.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, LazyLock};
+
+use swerve_flow::PayloadType;
+
+use crate::faults::{Corruptible, CorruptibleType};
+use crate::kind::{Kind, OperatorKind, Registered};
+use crate::operators;
+
+/// What configurations can name.
+#[derive(Clone)]
+pub struct Registry {
+    kinds: BTreeMap<&'static str, Arc<dyn OperatorKind>>,
+    corruptible: Vec<CorruptibleType>,
+}
+
+impl Registry {
+    /// Swerve's own.
+    pub fn standard() -> Self {
+        static STANDARD: LazyLock<Registry> = LazyLock::new(|| {
+            operators::all(Registry { kinds: BTreeMap::new(), corruptible: Vec::new() })
+        });
+        STANDARD.clone()
+    }
+
+    /// With an operator of one's own, or in the place of the one that has its name.
+    #[must_use]
+    pub fn with<K: Kind>(self) -> Self {
+        self.with_kind(Registered::<K>::new())
+    }
+
+    /// The same for a kind whose ports depend on its settings.
+    #[must_use]
+    pub fn with_kind(mut self, kind: impl OperatorKind + 'static) -> Self {
+        self.kinds.insert(kind.node().kind, Arc::new(kind));
+        self
+    }
+
+    /// With messages that faults can befall.
+    #[must_use]
+    pub fn with_corruptible<T: Corruptible>(mut self) -> Self {
+        self.corruptible.push(CorruptibleType::new::<T>());
+        self
+    }
+
+    /// The kind of this name.
+    pub fn kind(&self, name: &str) -> Option<&Arc<dyn OperatorKind>> {
+        self.kinds.get(name)
+    }
+
+    /// All kinds, by name.
+    pub fn kinds(&self) -> impl Iterator<Item = &Arc<dyn OperatorKind>> {
+        self.kinds.values()
+    }
+
+    /// What faults can do to messages of this type, if anything.
+    pub(crate) fn corruptible(&self, payload: PayloadType) -> Option<&CorruptibleType> {
+        self.corruptible.iter().find(|one| one.payload == payload)
+    }
+}
+
+impl Default for Registry {
+    fn default() -> Self {
+        Self::standard()
+    }
+}
+
+/// Two configurations are the same whatever could be named beside what they name.
+impl PartialEq for Registry {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl core::fmt::Debug for Registry {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_list().entries(self.kinds.keys()).finish()
+    }
+}
