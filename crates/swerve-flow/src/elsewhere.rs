@@ -15,7 +15,7 @@ use crate::engine::run_step;
 use crate::input::Slot;
 use crate::message::{Header, Msg};
 use crate::operator::{Body, Context, Cut, Meter, Offered, Task};
-use crate::payload::{FromWire, OUTPUTS_MAX, Outs, Sent};
+use crate::payload::{FromWire, Outs, Sent};
 use crate::wall::Alarm;
 
 /// Has the steps of one operator taken by somebody else. One for each operator; a step blocks the thread that
@@ -132,9 +132,9 @@ struct AnswerWire<'a> {
     stopped_at: Option<u64>,
     went_on: bool,
     offers: u64,
-    /// Bits of the ports that published, then of those that offered: their payloads follow in this order.
-    outs: u8,
-    offered: u8,
+    /// How many ports published, and how many offered: port and payload of each follow in this order.
+    outs: usize,
+    offered: usize,
 }
 
 fn put<T: Serialize>(value: &T, out: &mut Vec<u8>) {
@@ -162,10 +162,6 @@ fn take_sent(from_wire: FromWire, bytes: &mut &[u8]) -> Result<Sent, CallError> 
     };
     *bytes = rest;
     Ok(Sent { payload: from_wire(payload).map_err(CallError)?, digest })
-}
-
-fn bits(outs: &Outs) -> u8 {
-    outs.iter().enumerate().fold(0, |bits, (port, out)| bits | (u8::from(out.is_some()) << port))
 }
 
 /// Why a call or an answer makes no sense: no step was taken.
@@ -227,12 +223,13 @@ impl Workshop {
             stopped_at: cut.as_ref().and_then(|cut| cut.stopped_at),
             went_on: cut.as_ref().is_some_and(|cut| cut.went_on),
             offers,
-            outs: bits(&outs),
-            offered: bits(&offered),
+            outs: outs.len(),
+            offered: offered.len(),
         };
         put(&head, answer);
         let mut scratch = Vec::new();
-        for sent in outs.iter().chain(&offered).flatten() {
+        for (port, sent) in outs.iter().chain(offered.iter()) {
+            put(&port, answer);
             put_sent(sent, &mut scratch, answer);
         }
         Ok(())
@@ -271,11 +268,12 @@ impl Remote {
         let mut bytes = &self.answer[..];
         let head: AnswerWire<'_> = take(&mut bytes)?;
         let mut offered = Outs::default();
-        for (bits, into) in [(head.outs, outs), (head.offered, &mut offered)] {
-            for port in (0..OUTPUTS_MAX).filter(|port| bits >> port & 1 == 1) {
+        for (n, into) in [(head.outs, outs), (head.offered, &mut offered)] {
+            for _ in 0..n {
+                let port: usize = take(&mut bytes)?;
                 let from_wire = self.ports.get(port);
                 let from_wire = from_wire.ok_or_else(|| CallError(format!("there is no output {port}")))?;
-                into[port] = Some(take_sent(*from_wire, &mut bytes)?);
+                into.set(port, take_sent(*from_wire, &mut bytes)?);
             }
         }
         task.meter.units = head.units;

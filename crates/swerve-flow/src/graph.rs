@@ -3,6 +3,7 @@
 mod check;
 mod describe;
 mod render;
+mod wire;
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -13,13 +14,14 @@ use swerve_core::{Span, Time};
 pub use check::GraphError;
 pub(crate) use check::ranks;
 pub use describe::{GraphInfo, InputInfo, InputKind, OperatorInfo};
+pub use wire::{AnyFeedback, AnyStream};
 
 use crate::deadline::{Deadline, Length};
 use crate::elsewhere::{Elsewhere, Remote, Workbench, Workshop};
 use crate::input::{Connect, Edge, PortSpec, Ports};
 use crate::operator::{Body, OnDeadline, Operator, Typed, on_deadline};
-use crate::output::{Declaration, Outputs};
-use crate::payload::{Decode, FromWire, OUTPUTS_MAX, Payload};
+use crate::output::{Declaration, Declared, Outputs};
+use crate::payload::{Decode, FromWire, Payload, PayloadType};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
 use crate::runtime::RuntimeModel;
@@ -84,7 +86,7 @@ pub struct Graph {
     pub(crate) inbox: Arc<Inbox>,
     /// The operators that are fed from outside.
     pub(crate) sources: Vec<usize>,
-    pub(crate) faults: Vec<GraphError>,
+    pub(crate) problems: Vec<GraphError>,
 }
 
 pub(crate) struct OperatorSpec {
@@ -113,7 +115,7 @@ pub(crate) enum BodySpec {
 
 pub(crate) struct StreamSpec {
     pub(crate) name: Arc<str>,
-    pub(crate) type_name: &'static str,
+    pub(crate) payload: PayloadType,
     pub(crate) decode: Decode,
     pub(crate) from_wire: FromWire,
     pub(crate) producer: usize,
@@ -121,6 +123,7 @@ pub(crate) struct StreamSpec {
 
 pub(crate) struct FeedbackSpec {
     pub(crate) name: String,
+    pub(crate) payload: PayloadType,
     pub(crate) stream: Option<usize>,
 }
 
@@ -186,9 +189,13 @@ impl Graph {
         let mut declared = Declaration { first: self.streams.len(), types: Vec::new() };
         let streams = Out::declare(&mut declared);
         let n = declared.types.len();
-        for (i, (type_name, decode, from_wire)) in declared.types.into_iter().enumerate() {
-            let name = if n == 1 { name.clone() } else { format!("{name}.{i}").into() };
-            self.streams.push(StreamSpec { name, type_name, decode, from_wire, producer: index });
+        for (i, Declared { port, payload, decode, from_wire }) in declared.types.into_iter().enumerate() {
+            let name = match port {
+                _ if n == 1 => name.clone(),
+                Some(port) => format!("{name}.{port}").into(),
+                None => format!("{name}.{i}").into(),
+            };
+            self.streams.push(StreamSpec { name, payload, decode, from_wire, producer: index });
         }
         self.operators.push(OperatorSpec {
             name,
@@ -210,17 +217,13 @@ impl Graph {
 
     /// A feedback edge, to be given to its reader now and connected to its stream later.
     pub fn feedback<T: Payload>(&mut self, name: impl Into<String>) -> Feedback<T> {
-        self.feedbacks.push(FeedbackSpec { name: name.into(), stream: None });
-        Feedback::new(self.feedbacks.len() - 1)
+        Feedback::new(self.feedback_any(name, PayloadType::of::<T>()).id)
     }
 
-    /// Connects a feedback edge to the stream that it shows.
+    /// Connects a feedback edge to the stream that it shows; the check of the graph says if that was wrong.
     pub fn connect<T: Payload>(&mut self, feedback: Feedback<T>, stream: Stream<T>) {
-        match self.feedbacks.get_mut(feedback.id) {
-            Some(edge) if edge.stream.is_none() => edge.stream = Some(stream.id),
-            Some(edge) => self.faults.push(GraphError::FeedbackTwice { feedback: edge.name.clone() }),
-            None => self.faults.push(GraphError::ForeignHandle { operator: "feedback".into() }),
-        }
+        let connected = self.connect_any(feedback.into(), stream.into());
+        self.problems.extend(connected.err());
     }
 
     /// A resource with this many slots.
@@ -429,7 +432,7 @@ impl<Out: Outputs> OperatorRef<'_, Out> {
     #[must_use]
     pub fn outputs(self, names: &[&str]) -> Self {
         let operator = &self.graph.operators[self.index];
-        debug_assert!(names.len() <= OUTPUTS_MAX);
+        debug_assert!(names.len() <= operator.streams.len());
         for (stream, output) in operator.streams.iter().zip(names) {
             self.graph.streams[*stream].name = format!("{}.{output}", operator.name).into();
         }

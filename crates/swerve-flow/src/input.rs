@@ -9,9 +9,10 @@ use crate::graph::{Feedback, Stream};
 use crate::message::{Header, Message, Msg};
 use crate::payload::Payload;
 
-/// The inputs of an operator: a port, a tuple of up to twelve inputs (which may be tuples again), or a `Vec` of ports.
+/// The inputs of an operator: a port, a tuple of up to twelve inputs (which may be tuples again), an `Option` or
+/// a `Vec` of ports, or a struct of ports with `#[derive(Inputs)]`.
 pub trait Inputs: Sized + Send + 'static {
-    /// What a `Vec` has to remember of the graph: how many ports there are.
+    /// What a `Vec` or an `Option` has to remember of the graph: how many ports there are.
     type Layout: Send + 'static;
 
     /// The inputs of one step, from the slots that [`Connect`] declared, in that order.
@@ -210,6 +211,15 @@ impl<I: Inputs> Inputs for Vec<I> {
     }
 }
 
+/// A port that may stay unconnected.
+impl<I: Inputs> Inputs for Option<I> {
+    type Layout = Option<I::Layout>;
+
+    fn read(layout: &Self::Layout, slots: &mut Slots<'_>) -> Self {
+        layout.as_ref().map(|port| I::read(port, slots))
+    }
+}
+
 impl<T: Payload> Connect<At<T>> for Stream<T> {
     fn connect(self, ports: &mut Ports) {
         ports.specs.push(PortSpec::At(self.id));
@@ -274,6 +284,12 @@ impl Connect<Every> for Timer {
 impl<I: Inputs, C: Connect<I>> Connect<Vec<I>> for Vec<C> {
     fn connect(self, ports: &mut Ports) -> Vec<I::Layout> {
         self.into_iter().map(|port| port.connect(ports)).collect()
+    }
+}
+
+impl<I: Inputs, C: Connect<I>> Connect<Option<I>> for Option<C> {
+    fn connect(self, ports: &mut Ports) -> Option<I::Layout> {
+        self.map(|port| port.connect(ports))
     }
 }
 

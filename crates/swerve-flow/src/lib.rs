@@ -70,6 +70,10 @@
 //! An operator's steps can be taken by another process: [`Elsewhere`] carries them there, a [`Workshop`] of the
 //! same graph takes them, and the run comes out the same.
 
+// What the derives write names this crate from outside.
+#[cfg(test)]
+extern crate self as swerve_flow;
+
 mod deadline;
 mod decision;
 mod elsewhere;
@@ -85,6 +89,7 @@ mod output;
 mod payload;
 mod playback;
 mod policy;
+mod port;
 mod report;
 mod runtime;
 #[cfg(test)]
@@ -96,7 +101,8 @@ pub use deadline::{Anchor, Deadline, Reaction};
 pub use decision::{Decision, Replay};
 pub use elsewhere::{Answered, Call, CallError, Elsewhere, Lost, Workshop};
 pub use graph::{
-    Feedback, Graph, GraphError, GraphInfo, InputInfo, InputKind, OperatorInfo, OperatorRef, Resource, Stream,
+    AnyFeedback, AnyStream, Feedback, Graph, GraphError, GraphInfo, InputInfo, InputKind, OperatorInfo,
+    OperatorRef, Resource, Stream,
 };
 pub use input::{At, Connect, Every, Inputs, Latest, Ports, Slots, Source, Timer, Window, every};
 pub use message::{Header, Message};
@@ -106,12 +112,14 @@ pub use observer::{
 pub use operator::{Context, Miss, Operator, Progress};
 pub use options::RunOptions;
 pub use output::{Declaration, Filled, Loan, Outputs, Port};
+pub use payload::{ErasedPayload, Payload, PayloadType};
 #[doc(hidden)]
-pub use payload::Sent;
-pub use payload::{ErasedPayload, Payload};
+pub use payload::{Outs, Sent};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Policy};
+pub use port::{InputPort, NamedInputs, NamedOutputs, OutputInfo, OutputPort, PortInfo, PortMode, Wire};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
+pub use swerve_flow_derive::{Inputs, Outputs};
 pub use virtual_time::{run_replay, run_virtual};
 pub use wall::{SendError, SourceHandle, StopHandle, run_wall};

@@ -187,7 +187,7 @@ impl Context<'_> {
         cut.offers += 1;
         let mut slot = offered.lock().unwrap_or_else(PoisonError::into_inner);
         slot.0 = cut.offers;
-        slot.1[port.index] = Some(Sent::new(value));
+        slot.1.set(port.index, Sent::new(value));
     }
 
     /// Ends the run after the sweep of the instant at which this step is done.

@@ -7,9 +7,10 @@ use swerve_core::{Digest, digest_of};
 
 use crate::graph::Stream;
 use crate::message::Message;
-use crate::payload::{Decode, FromWire, Outs, Payload, Sent, decode, from_wire};
+use crate::payload::{Decode, FromWire, Outs, Payload, PayloadType, Sent, decode, from_wire};
 
-/// The outputs of an operator: `()`, a [`Port`], or a tuple of up to four ports.
+/// The outputs of an operator: `()`, a [`Port`], a tuple of up to four ports, or a struct of ports with
+/// `#[derive(Outputs)]`.
 pub trait Outputs: Sized + Send + 'static {
     /// The handles by which readers are connected: a [`Stream`] per port.
     type Streams: Copy;
@@ -29,7 +30,24 @@ pub trait Outputs: Sized + Send + 'static {
 /// The streams that an operator publishes, as they are being declared.
 pub struct Declaration {
     pub(crate) first: usize,
-    pub(crate) types: Vec<(&'static str, Decode, FromWire)>,
+    pub(crate) types: Vec<Declared>,
+}
+
+/// One declared stream.
+pub(crate) struct Declared {
+    /// The name of its port, where that has one.
+    pub(crate) port: Option<&'static str>,
+    pub(crate) payload: PayloadType,
+    pub(crate) decode: Decode,
+    pub(crate) from_wire: FromWire,
+}
+
+impl Declaration {
+    pub(crate) fn stream<T: Payload>(&mut self, port: Option<&'static str>) -> Stream<T> {
+        let payload = PayloadType::of::<T>();
+        self.types.push(Declared { port, payload, decode: decode::<T>, from_wire: from_wire::<T> });
+        Stream::new(self.first + self.types.len() - 1)
+    }
 }
 
 /// One output of an operator: carries at most one message per step.
@@ -118,9 +136,7 @@ impl<T: Payload> Outputs for Port<T> {
     type Values = Option<Arc<T>>;
 
     fn declare(streams: &mut Declaration) -> Stream<T> {
-        let stream = Stream::new(streams.first + streams.types.len());
-        streams.types.push((core::any::type_name::<T>(), decode::<T>, from_wire::<T>));
-        stream
+        streams.stream(None)
     }
 
     fn fresh(first: usize) -> Self {
@@ -131,12 +147,11 @@ impl<T: Payload> Outputs for Port<T> {
     fn take(&mut self, sent: &mut Outs) {
         let Some(payload) = self.sent.take() else { return };
         let digest = self.known.unwrap_or_else(|| digest_of(&*payload));
-        // As an assignment it would be put together elsewhere first: the old value is dropped before.
-        drop(sent[self.index].replace(Sent { payload, digest }));
+        sent.set(self.index, Sent { payload, digest });
     }
 
     fn values(outs: Option<&Outs>, first: usize) -> Self::Values {
-        outs.and_then(|outs| outs[first].clone()).map(Sent::typed)
+        outs.and_then(|outs| outs.get(first)).cloned().map(Sent::typed)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What messages carry, with its type erased for the engine and for observers.
 
-use core::any::Any;
+use core::any::{Any, TypeId};
 use core::fmt;
 use std::sync::Arc;
 
@@ -76,11 +76,98 @@ impl Sent {
     }
 }
 
-/// At most this many output ports per operator.
-pub(crate) const OUTPUTS_MAX: usize = 4;
+/// The type of a payload, while the program runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PayloadType {
+    /// What tells it from all others in this process.
+    pub id: TypeId,
+    /// Its name with the paths of its modules.
+    pub full_name: &'static str,
+}
 
-/// One step's outputs, by port.
-pub(crate) type Outs = [Option<Sent>; OUTPUTS_MAX];
+impl PayloadType {
+    /// The type `T`.
+    pub fn of<T: Payload>() -> Self {
+        Self { id: TypeId::of::<T>(), full_name: core::any::type_name::<T>() }
+    }
+
+    /// Its name without the paths of its modules.
+    pub fn name(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl fmt::Display for PayloadType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_word = |c: char| c.is_alphanumeric() || c == '_';
+        for part in self.full_name.split_inclusive(|c| !is_word(c)) {
+            if !part.ends_with(':') {
+                f.write_str(part)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// One step's outputs, by port. Most steps fill one port only, which takes no allocation.
+#[derive(Clone, Debug, Default)]
+pub struct Outs {
+    first: Option<Sent>,
+    /// Of the ports above 0 those that are filled, in their order.
+    others: Vec<(usize, Sent)>,
+}
+
+impl Outs {
+    /// Fills a port, or fills it anew.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, port: usize, sent: Sent) {
+        if port == 0 {
+            // As an assignment it would be put together elsewhere first: the old value is dropped before.
+            drop(self.first.replace(sent));
+        } else {
+            self.set_other(port, sent);
+        }
+    }
+
+    #[inline(never)]
+    fn set_other(&mut self, port: usize, sent: Sent) {
+        match self.others.binary_search_by_key(&port, |(port, _)| *port) {
+            Ok(index) => self.others[index].1 = sent,
+            Err(index) => self.others.insert(index, (port, sent)),
+        }
+    }
+
+    /// What a port is filled with.
+    pub(crate) fn get(&self, port: usize) -> Option<&Sent> {
+        if port == 0 {
+            return self.first.as_ref();
+        }
+        let index = self.others.binary_search_by_key(&port, |(port, _)| *port).ok()?;
+        Some(&self.others[index].1)
+    }
+
+    /// The filled ports, in their order.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, &Sent)> {
+        let others = self.others.iter().map(|(port, sent)| (*port, sent));
+        self.first.iter().map(|sent| (0, sent)).chain(others)
+    }
+
+    /// Empties all ports; gives those that were filled, in their order.
+    #[inline]
+    pub(crate) fn take_all(&mut self) -> impl Iterator<Item = (usize, Sent)> {
+        let others = core::mem::take(&mut self.others);
+        self.first.take().map(|sent| (0, sent)).into_iter().chain(others)
+    }
+
+    #[inline]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.first.is_none() && self.others.is_empty()
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        usize::from(self.first.is_some()) + self.others.len()
+    }
+}
 
 /// How the engine makes a payload of one stream from its logged form.
 pub(crate) type Decode = fn(&[u8]) -> Result<Sent, String>;

@@ -109,9 +109,12 @@ impl PlaybackRecord {
     pub(crate) fn check(&self, stream: &StreamSpec) -> Result<(), (Time, String)> {
         match &self.message {
             Some(PlaybackMessage { payload: PlaybackPayload(Kind::Ready(sent)), stamp, .. })
-                if sent.payload.type_name() != stream.type_name =>
+                if sent.payload.as_any().type_id() != stream.payload.id =>
             {
-                Err((*stamp, format!("expected {}, found {}", stream.type_name, sent.payload.type_name())))
+                Err((
+                    *stamp,
+                    format!("expected {}, found {}", stream.payload.full_name, sent.payload.type_name()),
+                ))
             }
             Some(PlaybackMessage { payload: PlaybackPayload(Kind::Cbor(bytes)), stamp, .. }) => {
                 (stream.decode)(bytes).map(|_| ()).map_err(|reason| (*stamp, reason))

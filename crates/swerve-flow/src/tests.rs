@@ -4,6 +4,7 @@ mod clock;
 mod deadlines;
 mod elsewhere;
 mod loops;
+mod named;
 mod net;
 mod ports;
 mod runtimes;

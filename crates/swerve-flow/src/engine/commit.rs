@@ -16,10 +16,8 @@ impl Engine<'_> {
         let node = &mut self.nodes[rank];
         node.floor = answer.stamp;
         let watermark = node.watermark();
-        for (port, sent) in outs.iter_mut().enumerate() {
-            if let Some(sent) = sent.take() {
-                self.publish_on(rank, port, watermark, answer, sent);
-            }
+        for (port, sent) in outs.take_all() {
+            self.publish_on(rank, port, watermark, answer, sent);
         }
     }
 

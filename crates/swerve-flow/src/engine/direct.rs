@@ -78,7 +78,7 @@ impl Engine<'_> {
         }
         let &[id] = &node.streams[..] else { return None };
         let watermark = node.at[0].watermark.max(stamp);
-        let Some(sent) = self.outs[0].take() else {
+        let Some(sent) = self.outs.take_all().next().map(|(_, sent)| sent) else {
             self.publish_risen(rank, 0, watermark);
             return None;
         };

@@ -170,7 +170,7 @@ impl Run {
 
 impl Ran {
     pub(crate) fn is_empty(&self) -> bool {
-        self.outs.iter().all(Option::is_none)
+        self.outs.is_empty()
     }
 }
 

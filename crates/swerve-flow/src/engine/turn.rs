@@ -324,7 +324,7 @@ impl Engine<'_> {
             (None, Some(last)) => (last.origin, &last.reads[..]),
             (None, None) => (None, &[][..]),
         };
-        if outs.iter().any(Option::is_some) {
+        if !outs.is_empty() {
             self.publish(rank, &Answer { stamp, reused_from: None, origin, reads }, &mut outs);
         }
     }

@@ -39,6 +39,28 @@ pub enum GraphError {
         /// The edge.
         feedback: String,
     },
+    /// A feedback edge was connected to a stream of another type.
+    #[error("feedback edge `{feedback}`: expected a stream of `{expected}`, found {found}")]
+    FeedbackType {
+        /// The edge.
+        feedback: String,
+        /// The type of its messages.
+        expected: String,
+        /// The stream, with its type.
+        found: String,
+    },
+    /// A port was given what it cannot read.
+    #[error("operator `{operator}`, port `{port}`: expected {expected}, found {found}")]
+    Wire {
+        /// The operator.
+        operator: String,
+        /// The port.
+        port: String,
+        /// What the port takes.
+        expected: String,
+        /// What it was given.
+        found: String,
+    },
     /// An operator was given a stream, edge or resource of another graph.
     #[error("operator `{operator}` was given a handle of another graph")]
     ForeignHandle {
@@ -95,8 +117,8 @@ pub enum GraphError {
 
 /// Checks the graph; gives its operators in rank order.
 pub(crate) fn ranks(graph: &Graph) -> Result<Vec<usize>, GraphError> {
-    if let Some(fault) = graph.faults.first() {
-        return Err(fault.clone());
+    if let Some(problem) = graph.problems.first() {
+        return Err(problem.clone());
     }
     check_names(graph)?;
     check_feedback(graph)?;

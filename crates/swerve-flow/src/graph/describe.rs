@@ -92,7 +92,7 @@ fn operator_info(graph: &Graph, rank: usize, operator: &OperatorSpec) -> Operato
         name: operator.name.to_string(),
         rank,
         inputs: operator.ports.iter().map(|port| input_info(graph, port)).collect(),
-        outputs: outputs.map(|stream| (stream.name.to_string(), short(stream.type_name))).collect(),
+        outputs: outputs.map(|stream| (stream.name.to_string(), stream.payload.name())).collect(),
         runtime: operator.runtime.to_string(),
         policy: operator.policy.to_string(),
         deadline: operator.deadline.map(|deadline| {
@@ -129,22 +129,4 @@ fn input_info(graph: &Graph, port: &PortSpec) -> InputInfo {
         stream: stream.map(|stream| stream.name.to_string()),
         from: stream.map(|stream| graph.operators[stream.producer].name.to_string()),
     }
-}
-
-/// A type's name without the paths of its modules.
-fn short(type_name: &str) -> String {
-    let mut out = String::new();
-    let mut word = String::new();
-    for c in type_name.chars() {
-        if c.is_alphanumeric() || c == '_' {
-            word.push(c);
-        } else if c == ':' {
-            word.clear();
-        } else {
-            out.push_str(&word);
-            word.clear();
-            out.push(c);
-        }
-    }
-    out + &word
 }

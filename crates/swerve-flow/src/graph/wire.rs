@@ -1,0 +1,202 @@
+//! Wiring by name: handles without a type, and operators whose ports are connected one by one.
+
+use super::{BodySpec, Feedback, FeedbackSpec, Graph, GraphError, OperatorRef, Stream};
+use crate::input::{Edge, PortSpec, Ports};
+use crate::operator::{Operator, Typed, on_deadline};
+use crate::payload::{Payload, PayloadType};
+use crate::port::{NamedInputs, NamedOutputs, PortInfo, PortMode, Wire};
+
+/// A [`Stream`] whose type is known to the running program only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AnyStream {
+    pub(crate) id: usize,
+    payload: PayloadType,
+}
+
+/// A [`Feedback`] edge whose type is known to the running program only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AnyFeedback {
+    pub(crate) id: usize,
+    payload: PayloadType,
+}
+
+macro_rules! handle {
+    ($any:ident, $typed:ident) => {
+        impl $any {
+            /// The type of its messages.
+            pub fn payload(self) -> PayloadType {
+                self.payload
+            }
+
+            /// The handle with its type, if that is `T`.
+            pub fn typed<T: Payload>(self) -> Option<$typed<T>> {
+                (self.payload == PayloadType::of::<T>()).then(|| $typed::new(self.id))
+            }
+        }
+
+        impl<T: Payload> From<$typed<T>> for $any {
+            fn from(handle: $typed<T>) -> Self {
+                Self { id: handle.id, payload: PayloadType::of::<T>() }
+            }
+        }
+    };
+}
+
+handle!(AnyStream, Stream);
+handle!(AnyFeedback, Feedback);
+
+impl Graph {
+    /// Adds an operator whose ports have names; `wire` says for each input port what feeds it, and may add to
+    /// the graph what that takes.
+    ///
+    /// Its streams are called after the output ports, `operator.port`, or `operator` where there is one only.
+    ///
+    /// # Errors
+    /// What `wire` fails with; [`GraphError::Wire`] where what it gives does not fit the port, and
+    /// [`GraphError::ForeignHandle`] where it is of another graph.
+    pub fn add_wired<O, E>(
+        &mut self,
+        name: impl Into<String>,
+        operator: O,
+        mut wire: impl FnMut(&mut Self, &PortInfo) -> Result<Wire, E>,
+    ) -> Result<OperatorRef<'_, O::Out>, E>
+    where
+        O: Operator<In: NamedInputs, Out: NamedOutputs>,
+        E: From<GraphError>,
+    {
+        let name = name.into();
+        let (mut wires, mut ports) = (Vec::new(), Ports::default());
+        for port in O::In::ports() {
+            let wire = wire(self, &port)?;
+            self.declare(&name, &port, &wire, &mut ports)?;
+            wires.push(wire);
+        }
+        let body = Box::new(Typed::new(operator, O::In::layout(&wires)));
+        Ok(self.push(name, ports.specs, BodySpec::Operator(body, on_deadline::<O>)))
+    }
+
+    /// Declares what feeds one port of `operator`.
+    fn declare(
+        &self,
+        operator: &str,
+        port: &PortInfo,
+        wire: &Wire,
+        ports: &mut Ports,
+    ) -> Result<(), GraphError> {
+        let latest = |edge| match port.mode {
+            PortMode::Window(depth) => PortSpec::Latest { edge, depth, window: true },
+            _ => PortSpec::Latest { edge, depth: 1, window: false },
+        };
+        let spec = match wire {
+            Wire::Stream(stream) => match (self.owns_stream(*stream), port.mode) {
+                (false, _) => return Err(GraphError::ForeignHandle { operator: operator.into() }),
+                (true, PortMode::At) => Some(PortSpec::At(stream.id)),
+                (true, _) => Some(latest(Edge::Stream(stream.id))),
+            },
+            Wire::Feedback(edge) if self.owns_feedback(*edge) => Some(latest(Edge::Feedback(edge.id))),
+            Wire::Feedback(_) => return Err(GraphError::ForeignHandle { operator: operator.into() }),
+            Wire::Timer(timer) => Some(PortSpec::Timer(*timer)),
+            Wire::Many(_) | Wire::None => None,
+        };
+        let fits = match wire {
+            Wire::Stream(stream) => port.payload == Some(stream.payload),
+            Wire::Feedback(edge) => port.payload == Some(edge.payload) && port.mode.reads_feedback(),
+            Wire::Timer(_) => port.mode == PortMode::Every,
+            Wire::Many(_) => port.many,
+            Wire::None => port.many || port.optional,
+        };
+        if !fits {
+            let (operator, name) = (operator.into(), port.name.into());
+            let (expected, found) = (expected(port), self.found(wire));
+            return Err(GraphError::Wire { operator, port: name, expected, found });
+        }
+        ports.specs.extend(spec);
+        if let Wire::Many(wires) = wire {
+            wires.iter().try_for_each(|wire| self.declare(operator, port, wire, ports))?;
+        }
+        Ok(())
+    }
+
+    /// What `wire` is, for an error.
+    fn found(&self, wire: &Wire) -> String {
+        match wire {
+            Wire::Stream(stream) => {
+                format!("stream `{}` of `{}`", self.streams[stream.id].name, stream.payload)
+            }
+            Wire::Feedback(edge) => {
+                format!("feedback edge `{}` of `{}`", self.feedbacks[edge.id].name, edge.payload)
+            }
+            Wire::Timer(_) => "a timer".into(),
+            Wire::Many(_) => "a list".into(),
+            Wire::None => "nothing".into(),
+        }
+    }
+
+    fn owns_stream(&self, stream: AnyStream) -> bool {
+        self.streams.get(stream.id).is_some_and(|own| own.payload == stream.payload)
+    }
+
+    fn owns_feedback(&self, edge: AnyFeedback) -> bool {
+        self.feedbacks.get(edge.id).is_some_and(|own| own.payload == edge.payload)
+    }
+
+    /// The streams with their names, in the order in which their operators were added.
+    pub fn streams(&self) -> impl Iterator<Item = (&str, AnyStream)> {
+        let streams = self.streams.iter().enumerate();
+        streams.map(|(id, spec)| (&*spec.name, AnyStream { id, payload: spec.payload }))
+    }
+
+    /// The stream of this name.
+    pub fn stream(&self, name: &str) -> Option<AnyStream> {
+        self.streams().find(|(own, _)| *own == name).map(|(_, stream)| stream)
+    }
+
+    /// The streams of an operator, in the order of its output ports.
+    ///
+    /// # Errors
+    /// When there is no operator of that name.
+    pub fn streams_of(&self, operator: &str) -> Result<Vec<AnyStream>, GraphError> {
+        let operator = &self.operators[self.index_of(operator)?];
+        let any = |id: &usize| AnyStream { id: *id, payload: self.streams[*id].payload };
+        Ok(operator.streams.iter().map(any).collect())
+    }
+
+    /// As [`feedback`](Self::feedback), for a type that is known to the running program only.
+    pub fn feedback_any(&mut self, name: impl Into<String>, payload: PayloadType) -> AnyFeedback {
+        self.feedbacks.push(FeedbackSpec { name: name.into(), payload, stream: None });
+        AnyFeedback { id: self.feedbacks.len() - 1, payload }
+    }
+
+    /// Connects a feedback edge to the stream that it shows.
+    ///
+    /// # Errors
+    /// When the stream carries another type, the edge is connected already, or one of them is of another graph.
+    pub fn connect_any(&mut self, feedback: AnyFeedback, stream: AnyStream) -> Result<(), GraphError> {
+        if !self.owns_stream(stream) || !self.owns_feedback(feedback) {
+            return Err(GraphError::ForeignHandle { operator: "feedback".into() });
+        }
+        let found = self.found(&Wire::Stream(stream));
+        let edge = &mut self.feedbacks[feedback.id];
+        if edge.payload != stream.payload {
+            let (feedback, expected) = (edge.name.clone(), edge.payload.name());
+            return Err(GraphError::FeedbackType { feedback, expected, found });
+        }
+        if edge.stream.is_some() {
+            return Err(GraphError::FeedbackTwice { feedback: edge.name.clone() });
+        }
+        edge.stream = Some(stream.id);
+        Ok(())
+    }
+}
+
+/// What `port` takes, for an error.
+fn expected(port: &PortInfo) -> String {
+    let one = match &port.payload {
+        None => "a timer".to_owned(),
+        Some(payload) if port.mode.reads_feedback() => {
+            format!("a stream or feedback edge of `{payload}`")
+        }
+        Some(payload) => format!("a stream of `{payload}`"),
+    };
+    if port.many { format!("any number of {one}") } else { one }
+}
