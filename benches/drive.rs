@@ -134,7 +134,8 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
 }
 
 fn study(rows: &mut Rows) -> anyhow::Result<()> {
-    let bench = Bench::open(&root().join("configs/studies/planners.toml"), &[])?;
+    let bench =
+        Bench::open(&swerve::Registry::standard(), &root().join("configs/studies/planners.toml"), &[])?;
     let next = AtomicUsize::new(0);
     let cells = &bench.study.cells;
     let (began, began_cpu_s) = (now(), cpu_s());

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use swerve::config::OPERATORS;
 use swerve::replay::replay;
 use swerve_log::{Log, LogError, Record};
 use swerve_msg::ObstacleList;
@@ -35,17 +34,13 @@ impl Recorded {
     }
 }
 
-fn place(operator: &str) -> usize {
-    OPERATORS.iter().position(|o| *o == operator).unwrap()
-}
-
 #[test]
 fn every_cut_verifies_on_any_number_of_threads() {
     let log = Recorded::of(&scenario_file("person_crossing")).log();
     for operator in ["tracker", "predictor", "planner", "controller"] {
-        assert!(replay(&log, place(operator), &[], 1).unwrap().is_same(), "from {operator}");
+        assert!(replay(&log, operator, &[], 1).unwrap().is_same(), "from {operator}");
     }
-    assert!(replay(&log, place("tracker"), &[], 4).unwrap().is_same(), "4 threads");
+    assert!(replay(&log, "tracker", &[], 4).unwrap().is_same(), "4 threads");
 }
 
 #[test]
@@ -56,7 +51,7 @@ fn the_scenario_file_is_not_needed() {
     let recorded = Recorded::of(&file);
     drop(elsewhere);
     assert!(!file.exists());
-    assert!(replay(&recorded.log(), place("tracker"), &[], 1).unwrap().is_same());
+    assert!(replay(&recorded.log(), "tracker", &[], 1).unwrap().is_same());
 }
 
 /// Flips the lowest bit of the first full-length number of the payload that is a coordinate: still an obstacle
@@ -92,18 +87,18 @@ fn one_flipped_bit_in_a_sensor_message_is_found() {
     }
     assert!(flipped, "no sensor message holds an obstacle");
     for operator in ["tracker", "planner"] {
-        assert!(!replay(&log, place(operator), &[], 1).unwrap().is_same(), "from {operator}");
+        assert!(!replay(&log, operator, &[], 1).unwrap().is_same(), "from {operator}");
     }
 }
 
 #[test]
 fn other_settings_differ_from_the_log_and_the_logged_ones_do_not() {
     let log = Recorded::of(&scenario_file("person_crossing")).log();
-    let with = |set: &str| replay(&log, place("planner"), &sets(&[set]), 1).unwrap().is_same();
+    let with = |set: &str| replay(&log, "planner", &sets(&[set]), 1).unwrap().is_same();
     assert!(!with("planning.planner=waypoint"));
     assert!(!with("operator.planner.runtime={ fixed_ms = 10 }"));
     assert!(with("planning.planner=fot"));
-    let wrong = replay(&log, place("planner"), &sets(&["planning.planner=fott"]), 1);
+    let wrong = replay(&log, "planner", &sets(&["planning.planner=fott"]), 1);
     let message = wrong.err().map(|e| format!("{e:#}")).unwrap();
     assert!(message.contains("did you mean \"fot\"?"), "{message}");
 }

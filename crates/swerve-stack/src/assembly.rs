@@ -12,18 +12,19 @@ use std::sync::Arc;
 
 use swerve_flow::{OutputInfo, PayloadType, PortInfo};
 
-use crate::config::{Config, OperatorConfig};
-use crate::kind::{KeyProblems, OperatorKind, Settings};
 use crate::config::words::nearest;
+use crate::config::{Config, OperatorConfig};
+use crate::kind::{KeyProblems, Node, OperatorKind, Settings};
 
-pub(crate) use settings::{COMMON_KEYS, gather_named_sections};
+pub(crate) use base::{pipeline_names, sensor_operators};
+pub(crate) use settings::gather_named_sections;
 
 /// The operators of a pipeline, in the order of its graph.
 #[derive(Clone)]
 pub struct Assembly {
     operators: Vec<Placed>,
-    /// The names that `[operator.NAME]` may have although no operator has them under these settings.
-    known: Vec<String>,
+    /// All that there may be, under these settings or others, with what is known of their kinds.
+    known: Vec<(String, Option<Node>)>,
 }
 
 /// One operator of a pipeline.
@@ -97,7 +98,8 @@ impl Assembly {
     pub(crate) fn with_problems(config: &Config) -> (Self, KeyProblems) {
         let mut problems = KeyProblems::new();
         let entries = base::entries(config);
-        let known = entries.iter().map(|(name, _)| name.clone()).collect();
+        let node = |own: &OperatorConfig| Some(config.registry.kind(own.kind.as_deref()?)?.node());
+        let known = entries.iter().map(|(name, own)| (name.clone(), node(own))).collect();
         let mut operators = Vec::new();
         for (name, own) in entries {
             place(config, (name, own), &mut operators, &mut problems);
@@ -129,7 +131,12 @@ impl Assembly {
 
     /// All names that `[operator.NAME]` may have, in the order of the graph.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.known.iter().map(String::as_str)
+        self.known.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// What is known of the kind of an operator, whether or not it runs under these settings.
+    pub fn node(&self, name: &str) -> Option<Node> {
+        self.known.iter().find(|(known, _)| known == name).and_then(|(_, node)| *node)
     }
 
     /// All streams with the operators that publish them.
@@ -154,7 +161,8 @@ impl Assembly {
             if !reads.is_empty() {
                 text += &format!("reads = {{ {} }}\n", reads.join(", "));
             }
-            let own = OperatorConfig { kind: None, reads: BTreeMap::new(), enabled: None, ..placed.own.clone() };
+            let own =
+                OperatorConfig { kind: None, reads: BTreeMap::new(), enabled: None, ..placed.own.clone() };
             text += &toml::to_string(&own).unwrap_or_default();
             text.push('\n');
         }
@@ -247,7 +255,10 @@ fn unknown_operator(config: &Config, name: &str) -> String {
         .collect();
     let near = nearest(name, names.iter().map(String::as_str));
     let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
-    format!("unknown operator, expected one of {}, or a `kind` that makes it a new one{near}", names.join(", "))
+    format!(
+        "unknown operator, expected one of {}, or a `kind` that makes it a new one{near}",
+        names.join(", ")
+    )
 }
 
 /// The end of a message that a name is unknown.
@@ -256,6 +267,3 @@ pub(crate) fn one_of(name: &str, names: &[&str]) -> String {
     let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
     format!(", expected one of {}{near}", names.join(", "))
 }
-
-#[cfg(test)]
-mod tests;

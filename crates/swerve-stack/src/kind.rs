@@ -14,7 +14,7 @@ use swerve_scenario::sensor_phase;
 
 use crate::config::Config;
 use crate::config::clock::Clock;
-use crate::config::problems::problems;
+use crate::config::faults::faults as problems;
 use crate::site::Site;
 
 /// What is wrong with settings, by key.
@@ -35,12 +35,27 @@ pub struct Node {
     pub stays: Option<&'static str>,
     /// When its steps are worth a thread of their own.
     pub heavy: Heavy,
-    /// A sensor: its messages derive from their own stamp.
+    /// Where it stands.
+    pub role: Role,
+    /// Its messages derive from their own stamp.
     pub origin: bool,
     /// It runs where an operator reads it or `log.sensors` names it.
     pub on_demand: bool,
-    /// A replay computes it again wherever it is cut: it follows from states of the world, which a log holds.
+    /// A replay computes it again wherever it is cut: it follows from what comes from the world, which a log holds.
     pub follows_from_world: bool,
+}
+
+/// Where an operator stands.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Role {
+    /// It is the simulated world.
+    World,
+    /// It measures the world; `log.sensors` can name it.
+    Sensor,
+    /// It is fed from outside.
+    Input,
+    /// Behind these.
+    Stack,
 }
 
 /// When the steps of an operator are worth a worker thread.
@@ -64,6 +79,7 @@ impl Node {
             named_section: None,
             stays: None,
             heavy: Heavy::No,
+            role: Role::Stack,
             origin: false,
             on_demand: false,
             follows_from_world: false,
@@ -72,7 +88,15 @@ impl Node {
 
     /// A sensor of the simulated world, which runs where the world is.
     pub const fn sensor(kind: &'static str, doc: &'static str) -> Self {
-        Self::new(kind, doc).stays("sensors are where the world is")
+        let node = Self::new(kind, doc).stays("sensors are where the world is");
+        Self { role: Role::Sensor, ..node }
+    }
+
+    /// Where it stands, if not in the stack.
+    #[must_use]
+    pub const fn role(mut self, role: Role) -> Self {
+        self.role = role;
+        self
     }
 
     /// Its settings are these tables of the configuration.

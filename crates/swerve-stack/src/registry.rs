@@ -19,9 +19,8 @@ pub struct Registry {
 impl Registry {
     /// Swerve's own.
     pub fn standard() -> Self {
-        static STANDARD: LazyLock<Registry> = LazyLock::new(|| {
-            operators::all(Registry { kinds: BTreeMap::new(), corruptible: Vec::new() })
-        });
+        static STANDARD: LazyLock<Registry> =
+            LazyLock::new(|| operators::all(Registry { kinds: BTreeMap::new(), corruptible: Vec::new() }));
         STANDARD.clone()
     }
 

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer};
+use swerve_stack::Registry;
 
 use crate::config::execution::Runtime;
 use crate::config::{Config, Fineness, PlannerName};
@@ -47,12 +48,12 @@ fn speed(text: &str) -> Result<f64, String> {
 }
 
 /// Measures every planner and discretisation, one run at a time.
-pub fn run(args: &CalibrateArgs) -> anyhow::Result<()> {
+pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(What::Detector(args)) = &args.what {
-        return detector::run(args);
+        return detector::run(args, registry);
     }
     let input = args.input.as_ref().context("a scenario is required")?;
-    let (base, scenario) = load(input)?;
+    let (base, scenario) = load(registry, input)?;
     if let Some(path) = &args.out {
         crate::files::refuse_unwritable(path)?;
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use swerve_render::gpu::{self, AdapterKind};
 use swerve_render::lidar::LidarEngine;
+use swerve_stack::Registry;
 
 use crate::config::Config;
 use crate::config::text::{Document, Problem};
@@ -19,7 +20,7 @@ pub struct CheckArgs {
 }
 
 /// Checks files and folders.
-pub fn run(args: &CheckArgs) -> anyhow::Result<()> {
+pub fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut files = Vec::new();
     for path in &args.paths {
         if path.is_dir() { files.extend(crate::files::toml_files(path)?) } else { files.push(path.clone()) }
@@ -28,7 +29,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<()> {
     let mut faults = Vec::new();
     for file in &files {
         // A study tells what is wrong with its scenario and its configuration, which may be among the files.
-        let new: Vec<String> = problems(file).into_iter().filter(|p| !faults.contains(p)).collect();
+        let new: Vec<String> = problems(registry, file).into_iter().filter(|p| !faults.contains(p)).collect();
         faults.extend(new);
     }
     let files = counted(files.len(), "file");
@@ -46,7 +47,7 @@ fn counted(n: usize, what: &str) -> String {
 }
 
 /// What kind of file this is shows in its top-level keys.
-fn problems(path: &Path) -> Vec<String> {
+fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     let document = match Document::read(path) {
         Ok(document) => document,
         Err(problem) => return vec![problem.to_string()],
@@ -60,12 +61,12 @@ fn problems(path: &Path) -> Vec<String> {
         let told = crate::run::read_scenario(path).err().map(|error| error.to_string()).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
     } else if has("base") || has("axis") {
-        let told = Bench::check(path).err().map(|error| format!("{error:#}")).unwrap_or_default();
+        let told = Bench::check(registry, path).err().map(|error| format!("{error:#}")).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
         told(crate::timing::read_file(path).err().unwrap_or_default())
     } else {
-        match Config::from_document(&document, &[]) {
+        match Config::from_document_with(registry, &document, &[]) {
             Ok(config) => {
                 let mut all = told(no_adapter(&document, &config));
                 all.extend(route_problems(path, &document, &config));

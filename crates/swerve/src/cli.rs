@@ -3,9 +3,11 @@
 use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
+use swerve_stack::Registry;
 
 use crate::{
-    calibrate, check, dataset, doctor, graph, live, plan, process, replay, run, scenarios, study, timing,
+    calibrate, check, dataset, doctor, graph, live, operators, plan, process, replay, run, scenarios, study,
+    timing,
 };
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
@@ -26,6 +28,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Compute a log's streams again and compare, or ask what would have been
     Replay(replay::ReplayArgs),
+    /// List the kinds of operators that a configuration can name, or show one of them
+    Operators(operators::OperatorsArgs),
     /// Print the dataflow of a configuration
     Graph(graph::GraphArgs),
     /// Run a pipeline of black boxes: response times, drops, misses, utilisation
@@ -66,20 +70,21 @@ pub fn message(error: &anyhow::Error) -> String {
 }
 
 /// Runs the command line.
-pub fn main(cli: &Cli) -> anyhow::Result<()> {
+pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
     match &cli.command {
-        Command::Run(args) => run::run(args),
-        Command::Live(args) => live::run(args),
-        Command::Study(args) => study::run(args),
-        Command::Replay(args) => replay::run(args),
-        Command::Graph(args) => graph::run(args),
+        Command::Run(args) => run::run(args, registry),
+        Command::Live(args) => live::run(args, registry),
+        Command::Study(args) => study::run(args, registry),
+        Command::Replay(args) => replay::run(args, registry),
+        Command::Operators(args) => operators::run(args, registry),
+        Command::Graph(args) => graph::run(args, registry),
         Command::Timing(args) => timing::run(args),
         Command::Plan(args) => plan::run(args),
-        Command::Check(args) => check::run(args),
-        Command::Calibrate(args) => calibrate::run(args),
-        Command::Dataset(args) => dataset::run(args),
+        Command::Check(args) => check::run(args, registry),
+        Command::Calibrate(args) => calibrate::run(args, registry),
+        Command::Dataset(args) => dataset::run(args, registry),
         Command::Doctor(args) => doctor::run(args),
         Command::Scenarios(args) => scenarios::run(args),
-        Command::Worker => process::run_worker(),
+        Command::Worker => process::run_worker(registry),
     }
 }

@@ -9,6 +9,7 @@ pub mod files;
 pub mod frames;
 pub mod graph;
 pub mod live;
+pub mod operators;
 pub mod output;
 pub mod plan;
 pub mod process;
@@ -28,4 +29,17 @@ mod threads;
 pub mod timing;
 mod views;
 
+pub use swerve_stack::Registry;
 pub use swerve_stack::{config, pipeline, street};
+
+/// The command line, with the operators of a registry: what a binary with operators of one's own calls.
+pub fn main(registry: Registry) -> std::process::ExitCode {
+    let cli = <cli::Cli as clap::Parser>::parse();
+    match cli::main(&cli, &registry) {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", cli::message(&error));
+            std::process::ExitCode::FAILURE
+        }
+    }
+}

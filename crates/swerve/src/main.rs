@@ -1,16 +1,7 @@
-//! `swerve`: the command line to the exit code.
+//! `swerve`: the command line with Swerve's own operators.
 
 use std::process::ExitCode;
 
-use clap::Parser as _;
-
 fn main() -> ExitCode {
-    let cli = swerve::cli::Cli::parse();
-    match swerve::cli::main(&cli) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {}", swerve::cli::message(&error));
-            ExitCode::FAILURE
-        }
-    }
+    swerve::main(swerve::Registry::standard())
 }

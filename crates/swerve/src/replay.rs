@@ -8,13 +8,16 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
-use swerve_flow::{Decision, Event, Observer, Publication, RunOptions, run_replay};
+use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
 use swerve_log::{LeavesOut, Log, Record, left_out};
+use swerve_msg::truth::PointInstances;
+use swerve_msg::{Image, PointCloud};
 use swerve_scenario::Scenario;
+use swerve_stack::{Registry, Role};
 
 use crate::config::text::{Document, Problem, parse_assignment};
 use crate::config::words::nearest;
-use crate::config::{Config, OPERATORS};
+use crate::config::{Config, Images};
 use crate::live::graph::LiveGraph;
 use crate::pipeline::Pipeline;
 use crate::run::{left_out_of_logs, problems_error};
@@ -39,11 +42,10 @@ pub struct ReplayArgs {
 }
 
 /// Runs `swerve replay`.
-pub fn run(args: &ReplayArgs) -> anyhow::Result<()> {
+pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let log = Log::read(&args.log)?;
-    let cut = cut(&args.from)?;
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
-    let comparison = replay(&log, cut, &sets?, args.threads)?;
+    let comparison = replay_with(registry, &log, &args.from, &sets?, args.threads)?;
     crate::output::print(&comparison.text(args.set.is_empty()))?;
     if args.verify && !comparison.is_same() {
         bail!("{}: the replay differs from the log", args.log.display());
@@ -51,114 +53,124 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The place of the first operator that is computed again. Stages may be named instead of operators.
-fn cut(name: &str) -> anyhow::Result<usize> {
-    let stages = [
-        ("perception", "detector"),
-        ("prediction", "predictor"),
-        ("planning", "planner"),
-        ("control", "controller"),
-    ];
-    let operator = stages.iter().find(|(stage, _)| *stage == name).map_or(name, |(_, operator)| operator);
-    let open = &OPERATORS[OPERATORS.iter().position(|o| *o == "detector").unwrap_or(0)..];
-    if !open.contains(&operator) {
-        let near = nearest(name, open.iter().copied())
-            .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
-        bail!(
-            "--from {name}: expected one of {}{near}; what is above them is the world and its sensors",
-            open.join(", ")
-        );
-    }
-    Ok(OPERATORS.iter().position(|o| *o == operator).unwrap_or(0))
+/// What is played back of a log, and what is computed again.
+struct Cut {
+    played: Vec<String>,
+    computed: Vec<String>,
+    /// Sources of which the log has fingerprints alone.
+    without_data: Vec<String>,
 }
 
-/// Computes the operators from place `cut` on again and compares.
+impl Cut {
+    /// Before the operator of this name; stages may be named instead of operators.
+    fn new(pipeline: &Pipeline, from: &str, images: Images) -> anyhow::Result<Self> {
+        let stages = [
+            ("perception", "detector"),
+            ("prediction", "predictor"),
+            ("planning", "planner"),
+            ("control", "controller"),
+        ];
+        let name = stages.iter().find(|(stage, _)| *stage == from).map_or(from, |(_, operator)| operator);
+        let assembly = &pipeline.assembly;
+        let in_stack = |name: &&str| assembly.node(name).is_some_and(|node| node.role == Role::Stack);
+        let known: Vec<&str> = assembly.names().filter(in_stack).collect();
+        let Some(at) = known.iter().position(|known| *known == name) else {
+            let near = nearest(from, known.iter().copied())
+                .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+            bail!(
+                "--from {from}: expected one of {}{near}; what is above them is the world and its sensors",
+                known.join(", ")
+            );
+        };
+        // One that does not run under these settings stands for those behind it.
+        let first =
+            known[at..].iter().find_map(|name| assembly.operators().iter().position(|o| o.name == *name));
+        let first = first.unwrap_or(assembly.operators().len());
+        let mut cut = Self { played: Vec::new(), computed: Vec::new(), without_data: Vec::new() };
+        let sources: Vec<&str> = pipeline.graph.sources().collect();
+        for (k, placed) in assembly.operators().iter().enumerate() {
+            let is_source = sources.contains(&placed.name.as_str());
+            if is_source && placed.outputs.iter().any(|output| is_left_out(output.port.payload, images)) {
+                cut.without_data.push(placed.name.clone());
+            }
+            // What looks at data that the log does not hold cannot be computed again.
+            let is_blind = placed
+                .inputs
+                .iter()
+                .flat_map(|input| &input.from)
+                .any(|edge| cut.without_data.iter().any(|source| *source == edge.stream));
+            let is_above = k < first && !placed.kind.node().follows_from_world;
+            let played = is_source || is_blind || is_above;
+            if played { &mut cut.played } else { &mut cut.computed }.push(placed.name.clone());
+        }
+        let others = sources.into_iter().filter(|source| !assembly.has(source)).map(str::to_owned);
+        cut.played.extend(others);
+        Ok(cut)
+    }
+}
+
+/// Whether a log that holds this of images has fingerprints alone of messages of a type.
+fn is_left_out(payload: PayloadType, images: Images) -> bool {
+    let big =
+        [PayloadType::of::<Image>(), PayloadType::of::<PointCloud>(), PayloadType::of::<PointInstances>()];
+    images != Images::Lossless && big.contains(&payload)
+}
+
+/// Computes the operators of a log again from the one named `from` on, and compares. Cameras, radars and lidars of a
+/// simulated world are computed again whatever the cut: they are functions of the world's states, which the log has.
 pub fn replay(
     log: &Log,
-    cut: usize,
+    from: &str,
+    sets: &[(String, toml::Value)],
+    threads: usize,
+) -> anyhow::Result<Comparison> {
+    replay_with(&Registry::standard(), log, from, sets, threads)
+}
+
+/// As [`replay`], with other kinds of operators than Swerve's own.
+pub fn replay_with(
+    registry: &Registry,
+    log: &Log,
+    from: &str,
     sets: &[(String, toml::Value)],
     threads: usize,
 ) -> anyhow::Result<Comparison> {
     let document = Document::parse("configuration of the log", log.start.config.clone())?;
-    let config = Config::from_document(&document, sets).map_err(|problems| problems_error(&problems))?;
+    let config = Config::from_document_with(registry, &document, sets)
+        .map_err(|problems| problems_error(&problems))?;
     let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
     let scenario =
         Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
-    if config.live.is_some() {
-        return replay_live(log, (&config, &scenario), OPERATORS[cut], (threads, sets.is_empty()));
-    }
-    let mut pipeline = Pipeline::build(&config, &scenario)?;
-    let sources: Vec<String> = pipeline.graph.sources().map(str::to_owned).collect();
-    for operator in OPERATORS[..cut].iter().copied().chain(sources.iter().map(String::as_str)) {
-        if pipeline.graph.operator(operator).is_ok() {
-            pipeline.graph.playback(operator, log.playback(operator))?;
-            pipeline.graph.playback_steps(operator, log.held(operator))?;
-        }
+    let build = || match config.live.is_some() {
+        true => Ok(LiveGraph::build(&config, &scenario)?.pipeline),
+        false => Pipeline::build(&config, &scenario),
+    };
+    let mut pipeline = build()?;
+    let cut = Cut::new(&pipeline, from, config.log.images)?;
+    let mut lacks_data = false;
+    for operator in &cut.played {
+        // Of these the log has fingerprints alone.
+        let gone = cut.without_data.contains(operator);
+        let played = if gone { Vec::new() } else { log.playback(operator) };
+        pipeline.graph.playback(operator, played)?;
+        pipeline.graph.playback_steps(operator, log.held(operator))?;
+        lacks_data |= gone && log.all_publications().any(|p| p.stream.operator == *operator);
     }
     let decided = decisions(log, sets.is_empty())?;
     // Where an operator began afresh, it does so again from what a pipeline starts with.
     for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Afresh { .. })).count() {
-        pipeline.graph.spare(Pipeline::build(&config, &scenario)?.graph);
+        pipeline.graph.spare(build()?.graph);
     }
-    // Cameras, radars and lidars are computed again whatever the cut: they are functions of the world's states,
-    // which the log has.
-    let compared: Vec<&str> =
-        OPERATORS[cut..].iter().copied().chain(config.sensors()).chain(config.monitors()).collect();
+    let compared: Vec<&str> = cut.computed.iter().map(String::as_str).collect();
     let mut comparison = Comparison::against(log, &compared);
     comparison.leaves_out = left_out_of_logs(config.log.images);
-    let last = log.end.as_ref().map(|end| end.at);
-    let options = RunOptions { seed: log.start.seed, threads, until: last };
-    let report = run_replay(pipeline.graph, &options, decided.into_iter().collect(), vec![&mut comparison])?;
-    comparison.digest = report.digest;
-    Ok(comparison)
-}
-
-/// The operators of a drive with a vehicle that can be computed again, in the order of the graph.
-const LIVE_CHAIN: [&str; 7] = ["obstacles", "tracker", "predictor", "planner", "controller", "fresh", "gate"];
-
-/// As [`replay`], for a drive with a vehicle: what came from it takes the place of the sources.
-fn replay_live(
-    log: &Log,
-    (config, scenario): (&Config, &Scenario),
-    from: &str,
-    (threads, all): (usize, bool),
-) -> anyhow::Result<Comparison> {
-    let place = LIVE_CHAIN.iter().position(|operator| *operator == from);
-    let place = place.with_context(|| {
-        format!("--from {from}: a drive with a vehicle has {} to compute again", LIVE_CHAIN.join(", "))
-    })?;
-    // What makes frames of what was reported is computed with what follows it.
-    let place = if from == "tracker" { 0 } else { place };
-    let LiveGraph { mut graph, inputs, .. } = LiveGraph::build(config, scenario)?;
-    let leaves_out = left_out_of_logs(config.log.images);
-    let is_left_out = |source: &str| {
-        leaves_out.is_some() && (config.camera.contains_key(source) || config.lidar.contains_key(source))
-    };
-    let mut lacks = false;
-    for source in inputs.sources() {
-        // Of these the log has fingerprints alone.
-        let gone = is_left_out(source);
-        graph.playback(source, if gone { Vec::new() } else { log.playback(source) })?;
-        lacks |= gone && log.all_publications().any(|p| p.stream.operator == source);
-    }
-    let blind = config.monitor.iter().filter(|(_, monitor)| is_left_out(&monitor.sensor));
-    let played: Vec<&str> =
-        LIVE_CHAIN[..place].iter().copied().chain(blind.map(|(name, _)| name.as_str())).collect();
-    for operator in &played {
-        graph.playback(operator, log.playback(operator))?;
-        graph.playback_steps(operator, log.held(operator))?;
-    }
-    let monitors = config.monitors().filter(|name| !played.contains(name));
-    let compared: Vec<&str> = LIVE_CHAIN[place..].iter().copied().chain(monitors).collect();
-    let mut comparison = Comparison::against(log, &compared);
-    if lacks {
+    if lacks_data {
         // Without the images and clouds the digest over all streams cannot come out.
         comparison.logged_digest = None;
     }
     let last = log.end.as_ref().map(|end| end.at);
     let options = RunOptions { seed: log.start.seed, threads, until: last };
-    let decided = decisions(log, all)?.into_iter().collect();
-    let report = run_replay(graph, &options, decided, vec![&mut comparison])?;
+    let report = run_replay(pipeline.graph, &options, decided.into_iter().collect(), vec![&mut comparison])?;
     comparison.digest = report.digest;
     Ok(comparison)
 }

@@ -17,6 +17,7 @@ use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{GateMode, GateOutput, Image, Imu, ObstacleList, Plan, PointCloud, Refusals, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
+use swerve_stack::{Registry, Rendered};
 use swerve_vehicle::Shape;
 
 use crate::config::clock::Clock;
@@ -26,7 +27,7 @@ use crate::config::{Config, Images};
 use crate::files::write_whole;
 use crate::frames::Frames;
 use crate::output::align;
-use crate::pipeline::{Pipeline, Rendered};
+use crate::pipeline::Pipeline;
 use crate::process::Processes;
 use crate::progress::Progress;
 use crate::realtime::{Obtained, Realtime};
@@ -132,14 +133,14 @@ pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
 }
 
 /// Reads and checks what a command line names.
-pub fn load(input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
+pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
     let sets: Result<Vec<_>, Problem> = input.set.iter().map(|s| parse_assignment(s)).collect();
     let mut sets = sets?;
     if let Some(seed) = input.seed {
         sets.push(("seed".into(), toml::Value::Integer(seed)));
     }
-    let config =
-        Config::load(input.config.as_deref(), &sets).map_err(|problems| problems_error(&problems))?;
+    let config = Config::load_with(registry, input.config.as_deref(), &sets)
+        .map_err(|problems| problems_error(&problems))?;
     Ok((config, read_scenario(&input.scenario)?))
 }
 
@@ -292,7 +293,7 @@ impl Observer for Shown {
 }
 
 /// Runs `swerve run`.
-pub fn run(args: &RunArgs) -> anyhow::Result<()> {
+pub fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut input = args.input.clone();
     anyhow::ensure!(
         args.ros2.is_none() || args.clock != Some(Clock::Virtual),
@@ -303,7 +304,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if args.ros2 == Some(Ros2Role::Drive) {
         input.set.extend(["gate.enabled=true".into(), "ego.driver=ros2".into()]);
     }
-    let (config, scenario) = load(&input)?;
+    let (config, scenario) = load(registry, &input)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
     if let Some(log) = &args.runtimes {

@@ -5,6 +5,7 @@ use std::sync::LazyLock;
 use toml::de::DeTable;
 
 use crate::config::{Config, OperatorConfig};
+use crate::kind::Role;
 
 /// A part of the pipeline: its operators, in order.
 struct Part(LazyLock<Vec<(String, OperatorConfig)>>);
@@ -33,7 +34,9 @@ fn read(text: &str) -> Vec<(String, OperatorConfig)> {
     let spans = DeTable::parse(text).expect("it was just read");
     let place = |name: &str| {
         let tables = spans.get_ref().get("operator").and_then(|tables| tables.get_ref().as_table());
-        tables.and_then(|tables| tables.iter().find(|(key, _)| key.get_ref() == name)).map(|(key, _)| key.span().start)
+        tables
+            .and_then(|tables| tables.iter().find(|(key, _)| key.get_ref() == name))
+            .map(|(key, _)| key.span().start)
     };
     let mut operators: Vec<(String, OperatorConfig)> = file.operator.into_iter().collect();
     operators.sort_by_key(|(name, _)| place(name));
@@ -86,4 +89,17 @@ fn sensors(config: &Config) -> Vec<(String, OperatorConfig)> {
         entries.extend(watching.map(|(name, _)| (name.clone(), of("sensor_monitor"))));
     }
     entries
+}
+
+/// The names of the pipeline's own operators, in whatever corner it runs.
+pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
+    let parts: [&'static Part; 7] = [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &CAR, &GATE];
+    parts.into_iter().flat_map(|part| part.0.iter().map(|(name, _)| name.as_str()))
+}
+
+/// The names of all sensors, whether or not they run.
+pub(crate) fn sensor_operators(config: &Config) -> Vec<String> {
+    let of = |own: &OperatorConfig| config.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());
+    let is_sensor = |own: &OperatorConfig| of(own).is_some_and(|node| node.role == Role::Sensor);
+    entries(config).into_iter().filter(|(_, own)| is_sensor(own)).map(|(name, _)| name).collect()
 }

@@ -105,7 +105,9 @@ fn edges(
             _ => Ok(found),
         };
     }
-    let fits = streams.iter().filter(|offer| offer.payload == payload && !offer.silent && offer.operator != operator);
+    let fits = streams
+        .iter()
+        .filter(|offer| offer.payload == payload && !offer.silent && offer.operator != operator);
     let fits: Vec<&Offer> = fits.collect();
     match &fits[..] {
         offers if port.many => Ok(offers.iter().map(|offer| edge(&offer.stream)).collect()),
@@ -122,13 +124,17 @@ fn edges(
 /// The stream of this name, or the first one of the operator of this name.
 fn named_stream<'a>(name: &str, payload: PayloadType, streams: &'a [Offer]) -> Result<&'a Offer, String> {
     let exact = streams.iter().find(|offer| offer.stream == name);
-    let Some(offer) = exact.or_else(|| streams.iter().find(|offer| offer.first && offer.operator == name)) else {
+    let Some(offer) = exact.or_else(|| streams.iter().find(|offer| offer.first && offer.operator == name))
+    else {
         let fitting = streams.iter().filter(|offer| offer.payload == payload);
         let names: Vec<&str> = fitting.map(|offer| offer.stream.as_str()).collect();
         return Err(format!("unknown stream `{name}`{}", one_of(name, &names)));
     };
     if offer.payload != payload {
-        return Err(format!("expected a stream of `{payload}`, found `{}` of `{}`", offer.stream, offer.payload));
+        return Err(format!(
+            "expected a stream of `{payload}`, found `{}` of `{}`",
+            offer.stream, offer.payload
+        ));
     }
     Ok(offer)
 }
@@ -143,6 +149,7 @@ fn leave_out_unread(operators: &mut Vec<Placed>, config: &Config) {
             .collect();
         let is_wanted = |placed: &Placed| {
             !placed.kind.node().on_demand
+                || config.live.is_some()
                 || config.log.sensors.contains(&placed.name)
                 || placed.outputs.iter().any(|output| read.contains(output.stream.as_str()))
         };

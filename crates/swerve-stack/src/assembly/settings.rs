@@ -3,7 +3,7 @@
 use toml::{Table, Value};
 
 use crate::config::Config;
-use crate::config::problems::problems;
+use crate::config::faults::faults as problems;
 use crate::kind::{KeyProblems, OperatorKind};
 use crate::registry::Registry;
 
@@ -87,7 +87,8 @@ pub(crate) fn gather_named_sections(table: &mut Table, registry: &Registry) {
         let Value::Table(own) = operator else { continue };
         let kind = own.get("kind").and_then(Value::as_str).and_then(|kind| registry.kind(kind));
         let Some(section) = kind.and_then(|kind| kind.node().named_section) else { continue };
-        let keys: Vec<String> = own.keys().filter(|key| !COMMON_KEYS.contains(&key.as_str())).cloned().collect();
+        let keys: Vec<String> =
+            own.keys().filter(|key| !COMMON_KEYS.contains(&key.as_str())).cloned().collect();
         let entry: Table = keys.into_iter().filter_map(|key| own.remove_entry(&key)).collect();
         own.remove("kind");
         gathered.push((section, name.clone(), entry));

@@ -37,9 +37,6 @@ impl Default for GateConfig {
     }
 }
 
-/// The operators that there are where a gate is.
-pub const GATE_OPERATORS: [&str; 4] = ["report", "switch", "gate", "pedals"];
-
 impl Config {
     /// Limits and times of the gate: those of the vehicle, with what the configuration says otherwise.
     ///
@@ -111,7 +108,7 @@ mod tests {
 
     #[test]
     fn the_gate_and_what_is_around_it_stay_in_the_coordinator() {
-        for operator in GATE_OPERATORS {
+        for operator in ["report", "switch", "gate", "pedals"] {
             let found = told(&format!("[gate]\nenabled = true\n[process.a]\noperators = [\"{operator}\"]\n"));
             assert!(found[0].contains(&format!("`{operator}` stays in the coordinator")), "{found:?}");
         }

@@ -5,9 +5,10 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
+use super::Config;
 use super::execution::span_ms;
 use super::words::{nearest, number};
-use super::{Config, perception};
+use crate::assembly::Assembly;
 
 /// A fault on a stream: exactly one of what it may do to messages, and when.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -59,7 +60,7 @@ fn always() -> f64 {
 
 /// What a fault does to a message.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Harm {
+pub enum FaultKind {
     /// It is lost.
     Drop,
     /// It comes later.
@@ -83,7 +84,7 @@ pub enum Corruption {
     FlipBits(u32),
 }
 
-impl Harm {
+impl FaultKind {
     /// The name in the log.
     pub fn name(self) -> &'static str {
         match self {
@@ -121,32 +122,32 @@ impl fmt::Display for Carries {
 
 impl FaultConfig {
     /// What it does, or what is wrong.
-    pub fn harm(&self) -> Result<Harm, String> {
-        let mut harms = Vec::new();
-        for (name, given, harm) in
-            [("drop", self.drop, Harm::Drop), ("nan", self.nan, Harm::Corrupt(Corruption::Nan))]
+    pub fn kind(&self) -> Result<FaultKind, String> {
+        let mut kinds = Vec::new();
+        for (name, given, kind) in
+            [("drop", self.drop, FaultKind::Drop), ("nan", self.nan, FaultKind::Corrupt(Corruption::Nan))]
         {
             match given {
-                Some(true) => harms.push(harm),
+                Some(true) => kinds.push(kind),
                 Some(false) => return Err(format!("`{name}` can only be true; leave it out instead")),
                 None => {}
             }
         }
-        let delay = self.delay_ms.map(span_ms).transpose()?.map(Harm::Delay);
-        let jitter = self.jitter_ms.map(span_ms).transpose()?.map(Harm::Jitter);
-        let freeze = self.freeze_ms.map(span_ms).transpose()?.map(Harm::Freeze);
-        harms.extend([delay, jitter, freeze].into_iter().flatten());
+        let delay = self.delay_ms.map(span_ms).transpose()?.map(FaultKind::Delay);
+        let jitter = self.jitter_ms.map(span_ms).transpose()?.map(FaultKind::Jitter);
+        let freeze = self.freeze_ms.map(span_ms).transpose()?.map(FaultKind::Freeze);
+        kinds.extend([delay, jitter, freeze].into_iter().flatten());
         if let Some(sigma) = self.noise {
             if !(0.0..=1e6).contains(&sigma) {
                 return Err(format!("expected a noise of 0 to 1000000, found {}", number(sigma)));
             }
-            harms.push(Harm::Corrupt(Corruption::Noise(sigma)));
+            kinds.push(FaultKind::Corrupt(Corruption::Noise(sigma)));
         }
         if let Some(bits) = self.flip_bits {
-            harms.push(Harm::Corrupt(Corruption::FlipBits(bits)));
+            kinds.push(FaultKind::Corrupt(Corruption::FlipBits(bits)));
         }
-        match harms.len() {
-            1 => Ok(harms.remove(0)),
+        match kinds.len() {
+            1 => Ok(kinds.remove(0)),
             n => Err(format!(
                 "expected exactly one of drop, delay_ms, jitter_ms, freeze_ms, noise, nan, flip_bits; found {n}"
             )),
@@ -165,46 +166,12 @@ impl FaultConfig {
     }
 }
 
-/// Streams of the pipeline that faults can befall, beside what is seen of obstacles.
-const STREAMS: [&str; 9] =
-    ["pose", "imu", "gnss", "odometry", "tracker", "predictor", "planner", "controller", "report"];
-
 impl Config {
-    /// All streams that faults can befall, with what they carry.
-    fn faultable(&self) -> Vec<(String, Carries)> {
-        let is_there = |name: &str| match name {
-            "gnss" | "odometry" => self.runs(name),
-            "report" => self.gate.enabled,
-            _ => true,
-        };
-        let own = STREAMS.iter().filter(|name| is_there(name));
-        // A detector takes the place of the obstacle sensor's list.
-        let first = if self.perception.detector == perception::TRUTH { "obstacles" } else { "detector" };
-        let mut streams: Vec<_> =
-            core::iter::once(&first).chain(own).map(|name| ((*name).to_owned(), Carries::Numbers)).collect();
-        for (name, camera) in self.camera.iter().filter(|(name, _)| self.runs(name)) {
-            let wanted = camera.wanted();
-            let outputs = [
-                ("rgb", wanted.rgb, Carries::Levels),
-                ("depth", wanted.depth, Carries::Floats),
-                ("semantic", wanted.semantic, Carries::Levels),
-                ("instance", wanted.instance, Carries::Levels),
-            ];
-            let given = outputs.into_iter().filter(|(_, wanted, _)| *wanted);
-            streams.extend(given.map(|(output, _, carries)| (format!("{name}.{output}"), carries)));
-        }
-        let radars = self.radar.keys().filter(|name| self.runs(name));
-        streams.extend(radars.map(|name| (format!("{name}.scan"), Carries::Numbers)));
-        let lidars = self.lidar.keys().filter(|name| self.runs(name));
-        streams.extend(lidars.map(|name| (format!("{name}.points"), Carries::Floats)));
-        streams
-    }
-
-    pub(super) fn check_faults(&self, told: &mut Vec<(String, String)>) {
-        let streams = self.faultable();
+    pub(super) fn check_faults(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
+        let streams = self.corruptible_streams(assembly);
         for (name, fault) in &self.fault {
             let key = |last: &str| format!("fault.{name}.{last}");
-            if name.is_empty() || self.operators().any(|operator| operator == name) {
+            if name.is_empty() || assembly.names().any(|operator| operator == name) {
                 told.push((format!("fault.{name}"), "expected a name that no operator has".into()));
             }
             let stream = streams.iter().find(|(stream, _)| *stream == fault.stream);
@@ -219,15 +186,15 @@ impl Config {
                 );
                 told.push((key("stream"), message));
             }
-            let fits = |harm: Harm, carries: Carries| match harm {
-                Harm::Corrupt(Corruption::FlipBits(_)) => carries != Carries::Numbers,
-                Harm::Corrupt(Corruption::Nan) => carries != Carries::Levels,
+            let fits = |kind: FaultKind, carries: Carries| match kind {
+                FaultKind::Corrupt(Corruption::FlipBits(_)) => carries != Carries::Numbers,
+                FaultKind::Corrupt(Corruption::Nan) => carries != Carries::Levels,
                 _ => true,
             };
-            match (fault.harm(), stream) {
+            match (fault.kind(), stream) {
                 (Err(message), _) => told.push((format!("fault.{name}"), message)),
-                (Ok(harm), Some((_, carries))) if !fits(harm, *carries) => told.push((
-                    key(harm.name()),
+                (Ok(kind), Some((_, carries))) if !fits(kind, *carries) => told.push((
+                    key(kind.name()),
                     format!("`{}` carries {carries}: this fault cannot befall it", fault.stream),
                 )),
                 _ => {}
@@ -246,6 +213,19 @@ impl Config {
     pub fn faults_of(&self, stream: &str) -> impl Iterator<Item = (&str, &FaultConfig)> {
         let named = self.fault.iter().map(|(name, fault)| (name.as_str(), fault));
         named.filter(move |(_, fault)| fault.stream == stream)
+    }
+
+    /// All streams that faults can befall, with what they carry; the first one of an operator goes by its name.
+    fn corruptible_streams(&self, assembly: &Assembly) -> Vec<(String, Carries)> {
+        let mut streams = Vec::new();
+        for (placed, output) in assembly.streams().filter(|(_, output)| !output.silent) {
+            let Some(corruptible) = self.registry.corruptible(output.port.payload) else { continue };
+            let is_first = placed.outputs.first().is_some_and(|first| first.stream == output.stream);
+            let by_operator = is_first && placed.kind.node().named_section.is_none();
+            let name = if by_operator { &placed.name } else { &output.stream };
+            streams.push((name.clone(), (corruptible.carries)(output.port.name)));
+        }
+        streams
     }
 }
 

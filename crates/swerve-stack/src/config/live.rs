@@ -120,12 +120,6 @@ impl Config {
                            to a vehicle is an acceleration";
             tell("control.controller", message.into());
         }
-        if !self.process.is_empty() {
-            tell("process", "`swerve live` runs in one process".into());
-        }
-        if !self.fault.is_empty() {
-            tell("fault", "no faults are made on a vehicle".into());
-        }
         // What is wrong with the table itself is told by its own check.
         let Ok(mapping) = self.ros2_mapping() else { return };
         if mapping.vehicle == Vehicle::Plain && live.enable == EnableBy::AtStart {
@@ -176,10 +170,6 @@ mod tests {
                 "c.toml:3: live.steering_ratio: expected 1 to 50",
             ),
             ("[live]\nroute = \"r\"\nenable = \"now\"\n", "c.toml:3: live.enable: expected one of \"topic\""),
-            (
-                "[live]\nroute = \"r\"\n[process.a]\noperators = []\n",
-                "c.toml:3: process: `swerve live` runs in one",
-            ),
             ("[live]\nroute = \"r\"\n[camera.left]\n", "c.toml:3: camera.left: no topic of `[ros2.topics]`"),
             (
                 "[live]\nroute = \"r\"\nenable = \"at_start\"\n[ros2]\nvehicle = \"plain\"\n",

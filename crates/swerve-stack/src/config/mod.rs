@@ -48,6 +48,9 @@ use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
 use text::{Document, Problem};
 
+use crate::assembly::{Assembly, gather_named_sections};
+use crate::registry::Registry;
+
 /// A whole configuration: what runs, how long it takes, what is recorded.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -106,6 +109,9 @@ pub struct Config {
     /// A vehicle that `swerve live` drives.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub live: Option<LiveConfig>,
+    /// The kinds of operators that it can name.
+    #[serde(skip)]
+    pub registry: Registry,
 }
 
 impl Default for Config {
@@ -136,6 +142,7 @@ impl Default for Config {
             ros2: toml::Table::new(),
             source: None,
             live: None,
+            registry: Registry::standard(),
         }
     }
 }
@@ -468,10 +475,19 @@ pub enum Images {
     Lossless,
 }
 
-/// How one operator runs.
+/// One operator: what it is, what it reads, how it runs.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct OperatorConfig {
+    /// Its kind, of those that `swerve operators` lists; that of the pipeline's operator of this name when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+    /// `enabled = false` takes it out of the pipeline.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub enabled: Option<bool>,
+    /// The streams that it reads, by port; found by their type when absent.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub reads: BTreeMap<String, Reads>,
     /// Run time; `zero` when absent (the planner: its cost; an emulated detector: the published one).
     pub runtime: Option<Runtime>,
     /// Busy policy; `skip_to_latest` when absent.
@@ -482,6 +498,46 @@ pub struct OperatorConfig {
     pub uses: Option<String>,
     /// Communication delay of what it publishes, ms.
     pub delay_ms: f64,
+    /// The keys of its kind, or of that kind's tables for this operator alone.
+    #[serde(flatten)]
+    pub keys: toml::Table,
+}
+
+/// What a port reads.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Reads {
+    /// A stream, or the first one of an operator.
+    Stream(String),
+    /// Several, for a port that takes any number.
+    Streams(Vec<String>),
+    /// A stream, and how it is read.
+    Edge(EdgeConfig),
+}
+
+/// A stream, and how it is read.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EdgeConfig {
+    /// The stream, or the operator whose first one it is.
+    pub stream: String,
+    /// Over a feedback edge, which closes a loop; as the port has it when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub feedback: Option<bool>,
+    /// Before faults befall it; as the port has it when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before_faults: Option<bool>,
+}
+
+impl Reads {
+    /// The streams, with what is said of feedback and faults.
+    pub(crate) fn each(&self) -> Vec<(&str, Option<bool>, Option<bool>)> {
+        match self {
+            Self::Stream(stream) => vec![(stream, None, None)],
+            Self::Streams(streams) => streams.iter().map(|stream| (stream.as_str(), None, None)).collect(),
+            Self::Edge(edge) => vec![(&edge.stream, edge.feedback, edge.before_faults)],
+        }
+    }
 }
 
 /// A shared resource.
@@ -492,56 +548,61 @@ pub struct ResourceConfig {
     pub slots: usize,
 }
 
-/// The operators of the driving pipeline, in the order of the graph.
-pub const OPERATORS: [&str; 19] = [
-    "world",
-    "obstacles",
-    "pose",
-    "imu",
-    "gnss",
-    "odometry",
-    "collisions",
-    "lane_invasions",
-    "red_lights",
-    "detector",
-    "tracker",
-    "predictor",
-    "deadlines",
-    "planner",
-    "controller",
-    "report",
-    "switch",
-    "gate",
-    "pedals",
-];
-
 impl Config {
     /// Reads a file (or takes the defaults) and applies assignments in order; everything is checked.
     pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+        Self::load_with(&Registry::standard(), file, sets)
+    }
+
+    /// As [`load`](Self::load), with other kinds of operators than Swerve's own.
+    pub fn load_with(
+        registry: &Registry,
+        file: Option<&Path>,
+        sets: &[(String, toml::Value)],
+    ) -> Result<Self, Vec<Problem>> {
         let document = match file {
             Some(path) => Document::read(path).map_err(|p| vec![p])?,
             None => Document::parse("defaults", String::new()).map_err(|p| vec![p])?,
         };
-        Self::from_document(&document, sets)
+        Self::from_document_with(registry, &document, sets)
     }
 
     /// As [`load`](Self::load), from text that is already at hand.
     pub fn from_document(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
-        let plain: Self = document.to()?;
-        if sets.is_empty() {
-            return plain.checked(|key, message| document.problem(key, message));
-        }
+        Self::from_document_with(&Registry::standard(), document, sets)
+    }
+
+    /// As [`from_document`](Self::from_document), with other kinds of operators than Swerve's own.
+    pub fn from_document_with(
+        registry: &Registry,
+        document: &Document,
+        sets: &[(String, toml::Value)],
+    ) -> Result<Self, Vec<Problem>> {
+        let plain = Self::formed_of_file(registry, document)?;
         // The file's own faults are told with their lines; what is left is a fault of an assignment.
-        plain.checked(|key, message| document.problem(key, message))?;
-        Self::with_sets(document, sets)
+        let plain = plain.checked(|key, message| document.problem(key, message))?;
+        if sets.is_empty() { Ok(plain) } else { Self::with_sets(registry, document, sets) }
+    }
+
+    /// A file as it is written.
+    fn formed_of_file(registry: &Registry, document: &Document) -> Result<Self, Vec<Problem>> {
+        let mut table = document.table.clone();
+        gather_named_sections(&mut table, registry);
+        let mut config: Self = match table == document.table {
+            true => document.to()?,
+            false => document.with_table(table).to()?,
+        };
+        config.registry = registry.clone();
+        Ok(config)
     }
 
     /// A document that has no faults of its own, with assignments; the faults are theirs.
     pub fn with_sets(
+        registry: &Registry,
         document: &Document,
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Vec<Problem>> {
-        Self::formed(document, sets)?.checked(|key, message| {
+        Self::formed(registry, document, sets)?.checked(|key, message| {
             let set = sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key));
             match set {
                 Some((k, _)) => set_problem(k, message),
@@ -551,12 +612,18 @@ impl Config {
     }
 
     /// As [`with_sets`](Self::with_sets), with no look at the values: the faults are those of their form.
-    pub fn formed(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+    pub fn formed(
+        registry: &Registry,
+        document: &Document,
+        sets: &[(String, toml::Value)],
+    ) -> Result<Self, Vec<Problem>> {
         let mut table = document.table.clone();
         for (key, value) in sets {
             text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;
         }
-        table.clone().try_into().map_err(|error: toml::de::Error| {
+        gather_named_sections(&mut table, registry);
+        let formed = table.clone().try_into().map(|config| Self { registry: registry.clone(), ..config });
+        formed.map_err(|error: toml::de::Error| {
             let told = faults::faults::<Self>(&table);
             if told.is_empty() {
                 return vec![set_problem("", error.message())];
@@ -566,6 +633,16 @@ impl Config {
     }
 
     fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Vec<Problem>> {
+        let mut faults = self.problems_of_values();
+        self.check_pipeline(&mut faults);
+        if faults.is_empty() {
+            return Ok(self);
+        }
+        Err(faults.into_iter().map(|(key, message)| problem(&key, message)).collect())
+    }
+
+    /// What is wrong with single values, by key.
+    pub(crate) fn problems_of_values(&self) -> Vec<(String, String)> {
         let mut faults: Vec<(String, String)> = Vec::new();
         let mut range = |key: &str, value: f64, low: f64, high: f64| {
             if !(low..=high).contains(&value) {
@@ -603,38 +680,28 @@ impl Config {
         self.check_gate(&mut faults);
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
-        self.check_faults(&mut faults);
         self.check_perception(&mut faults);
         self.check_execution(&mut faults);
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);
         self.check_clock(&mut faults);
-        self.check_processes(&mut faults);
         self.check_ros2(&mut faults);
         self.check_source(&mut faults);
         self.check_live(&mut faults);
-        if faults.is_empty() {
-            return Ok(self);
-        }
-        Err(faults.into_iter().map(|(key, message)| problem(&key, message)).collect())
+        faults
     }
 
-    /// The names of all operators that this configuration can set: those of the pipeline, its cameras, radars and
-    /// lidars, and their watchers.
-    pub fn operators(&self) -> impl Iterator<Item = &str> {
-        OPERATORS.into_iter().chain(self.sensors()).chain(self.monitors())
+    /// What is wrong with the pipeline as a whole: its operators, what they read, and what is done to them.
+    fn check_pipeline(&self, problems: &mut Vec<(String, String)>) {
+        let (assembly, wrong) = Assembly::with_problems(self);
+        problems.extend(wrong);
+        self.check_faults(&assembly, problems);
+        self.check_processes(&assembly, problems);
     }
 
     fn check_operators(&self, faults: &mut Vec<(String, String)>) {
         for (name, operator) in &self.operator {
             let key = |last: &str| format!("operator.{name}.{last}");
-            if !self.operators().any(|known| known == name) {
-                let near = words::nearest(name, self.operators())
-                    .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
-                let names: Vec<&str> = self.operators().collect();
-                let message = format!("unknown operator, expected one of {}{near}", names.join(", "));
-                faults.push((format!("operator.{name}"), message));
-            }
             if let Some(Err(message)) = operator.runtime.as_ref().map(Runtime::model) {
                 faults.push((key("runtime"), message));
             }

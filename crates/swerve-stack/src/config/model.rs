@@ -159,11 +159,6 @@ impl Config {
         Ok(rungs)
     }
 
-    /// Whether an emulated detector runs.
-    fn has_detector(&self) -> bool {
-        self.perception.detector != TRUTH
-    }
-
     /// The parameters of the deadline policy.
     pub fn deadline_params(&self) -> Result<Params, String> {
         let params: Params = overridden(&Params::default(), &self.execution.params)?;
@@ -180,7 +175,7 @@ impl Config {
     /// that the models do not rule.
     pub fn length_of(&self, operator: &str) -> Result<Option<Span>, String> {
         let (given, top) = match operator {
-            "detector" if self.has_detector() => {
+            "detector" if self.perception.emulates() => {
                 let rungs = self.detector_rungs().map_err(|(_, message)| message)?;
                 let top = rungs.last().map(|rung| rung.run_time.as_ms());
                 (self.execution.detector_ms, top.or(self.detector_ms()))
@@ -225,7 +220,7 @@ impl Config {
         for (operator, ms) in lengths {
             let key = format!("execution.{operator}_ms");
             let used = matches!(execution.model, Model::Periodic | Model::StaticDeadlines);
-            let runs = operator == "planner" || self.has_detector();
+            let runs = operator == "planner" || self.perception.emulates();
             let wrong = match ms {
                 Some(_) if !used => Some("only `periodic` and `static_deadlines` have use for it".into()),
                 Some(_) if !runs => Some("there is no detector".into()),

@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Config;
 use super::camera::Output;
 use super::words::nearest;
-use super::{Config, OPERATORS};
+use crate::assembly::pipeline_names;
 
 /// A watcher: reads every byte of what a camera or lidar sees, and says whether it is frozen, blank or broken.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -31,7 +32,10 @@ impl Config {
     pub(super) fn check_monitors(&self, told: &mut Vec<(String, String)>) {
         for (name, monitor) in &self.monitor {
             let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
-            if !plain || OPERATORS.contains(&name.as_str()) || self.sensors().any(|sensor| sensor == name) {
+            if !plain
+                || pipeline_names().any(|operator| operator == name)
+                || self.sensors().any(|sensor| sensor == name)
+            {
                 let message = "expected a name of letters, digits and underscores that no operator has";
                 told.push((format!("monitor.{name}"), message.into()));
             }

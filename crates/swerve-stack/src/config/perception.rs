@@ -93,6 +93,11 @@ pub struct Emulated {
 }
 
 impl PerceptionConfig {
+    /// Whether a detector is emulated.
+    pub fn emulates(&self) -> bool {
+        self.detector != TRUTH
+    }
+
     /// The detector that is emulated, if one is; what is wrong with it, by key.
     pub fn emulated(&self) -> Result<Option<Emulated>, (&'static str, String)> {
         let (family, sensing, ms) = match self.detector.as_str() {

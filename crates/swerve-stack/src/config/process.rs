@@ -5,9 +5,9 @@ use core::time::Duration;
 use serde::{Deserialize, Serialize};
 use swerve_ipc::OnLoss;
 
-use super::gate::GATE_OPERATORS;
-use super::words::{nearest, number};
-use super::{Config, OPERATORS};
+use super::Config;
+use super::words::number;
+use crate::assembly::{Assembly, one_of};
 
 /// One process beside the coordinator.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -48,26 +48,7 @@ impl Config {
         self.process.iter().find(|(_, process)| has(process)).map(|(name, _)| name.as_str())
     }
 
-    /// Why an operator stays where the world is; none if it may be moved.
-    fn stays(&self, operator: &str) -> Option<&'static str> {
-        match operator {
-            "world" => Some("it is the world"),
-            "controller" => Some("it is the actuation"),
-            "gate" => Some("it is the safety gate"),
-            _ if GATE_OPERATORS.contains(&operator) => Some("it is the vehicle's side of the safety gate"),
-            "deadlines" => Some("it says how long the others may take"),
-            _ if self.sensors().any(|sensor| sensor == operator) => Some("sensors are where the world is"),
-            _ if self.movable().any(|movable| movable == operator) => None,
-            _ => Some("sensors are where the world is"),
-        }
-    }
-
-    /// The operators that may be moved.
-    pub fn movable(&self) -> impl Iterator<Item = &str> {
-        ["tracker", "predictor", "planner"].into_iter().chain(self.monitors())
-    }
-
-    pub(super) fn check_processes(&self, told: &mut Vec<(String, String)>) {
+    pub(super) fn check_processes(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
         if let Some(name) = &self.shared_memory.name {
             let plain = name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
             let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
@@ -102,24 +83,28 @@ impl Config {
                     continue;
                 }
                 taken.push((operator, name));
-                if let Some(message) = self.cannot_move(operator) {
+                if let Some(message) = cannot_move(assembly, operator) {
                     told.push((key, message));
                 }
             }
         }
     }
+}
 
-    /// What is wrong with moving an operator, if anything is.
-    fn cannot_move(&self, operator: &str) -> Option<String> {
-        let known = || OPERATORS.into_iter().chain(self.movable()).chain(self.sensors());
-        let movable = || self.movable().collect::<Vec<_>>().join(", ");
-        if !known().any(|name| name == operator) {
-            let near = nearest(operator, self.movable());
-            let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
-            return Some(format!("unknown operator `{operator}`, expected one of {}{near}", movable()));
+/// What is wrong with moving an operator, if anything is.
+fn cannot_move(assembly: &Assembly, operator: &str) -> Option<String> {
+    let movable = assembly.operators().iter().filter(|placed| placed.kind.node().stays.is_none());
+    let movable: Vec<&str> = movable.map(|placed| placed.name.as_str()).collect();
+    let Some(node) = assembly.node(operator) else {
+        return Some(format!("unknown operator `{operator}`{}", one_of(operator, &movable)));
+    };
+    let expected = movable.join(", ");
+    match node.stays {
+        Some(why) => {
+            Some(format!("`{operator}` stays in the coordinator, {why}; expected one of {expected}"))
         }
-        let why = self.stays(operator)?;
-        Some(format!("`{operator}` stays in the coordinator, {why}; expected one of {}", movable()))
+        None if assembly.has(operator) => None,
+        None => Some(format!("`{operator}` does not run under these settings; expected one of {expected}")),
     }
 }
 

@@ -10,7 +10,8 @@ use swerve_vehicle::{Shape, VehicleParams};
 
 use super::faults::faults;
 use super::words::{nearest, number};
-use super::{Config, Images, OPERATORS};
+use super::{Config, Images};
+use crate::assembly::{Assembly, pipeline_names, sensor_operators};
 
 /// What is wrong, by key.
 type Faults = Vec<(String, String)>;
@@ -256,9 +257,6 @@ pub(super) fn timing_faults(timing: &SensorTiming) -> Faults {
         .collect()
 }
 
-/// Sensors of the pipeline that run only where they are asked for.
-const ON_DEMAND: [&str; 5] = ["gnss", "odometry", "collisions", "lane_invasions", "red_lights"];
-
 impl Config {
     /// The names of the sensors that have tables of their own, with those tables' names.
     fn named_sensors(&self) -> impl Iterator<Item = (&'static str, &str)> {
@@ -273,10 +271,9 @@ impl Config {
         self.named_sensors().map(|(_, name)| name)
     }
 
-    /// Whether a sensor runs.
+    /// Whether a sensor runs: an operator reads it, or `log.sensors` names it.
     pub fn runs(&self, sensor: &str) -> bool {
-        let watched = || self.monitor.values().any(|monitor| monitor.sensor == sensor);
-        self.log.sensors.iter().any(|name| name == sensor) || watched()
+        Assembly::with_problems(self).0.has(sensor)
     }
 
     /// When readers have what a camera, radar or lidar saw, and the time between two steps of its operator.
@@ -294,7 +291,7 @@ impl Config {
         }
         for (kind, name) in self.named_sensors() {
             let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
-            if !plain || OPERATORS.contains(&name) {
+            if !plain || pipeline_names().any(|operator| operator == name) {
                 let message = "expected a name of letters, digits and underscores that no operator has";
                 told.push((format!("{kind}.{name}"), message.into()));
             }
@@ -319,7 +316,8 @@ impl Config {
     }
 
     pub(super) fn check_log(&self, told: &mut Faults) {
-        let known = || ON_DEMAND.into_iter().chain(["imu"]).chain(self.sensors());
+        let sensors = sensor_operators(self);
+        let known = || sensors.iter().map(String::as_str);
         for (k, sensor) in self.log.sensors.iter().enumerate() {
             if known().any(|name| name == sensor) {
                 continue;

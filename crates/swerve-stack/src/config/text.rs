@@ -55,6 +55,11 @@ struct Place {
 }
 
 impl Document {
+    /// The same text with other values.
+    pub fn with_table(&self, table: toml::Table) -> Self {
+        Self { table, ..self.clone() }
+    }
+
     /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, Problem> {
         let file = path.display().to_string();

@@ -21,9 +21,9 @@ use crate::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, pu
 use crate::config::perception::{CUSTOM, Calibration, TRUTH, image_camera};
 use crate::config::text::{Problem, parse_assignment};
 use crate::config::words::nearest;
-use crate::pipeline::sensors::Obstacles;
 use crate::progress::Progress;
 use crate::run::{drive_observed, problems_error, read_scenario};
+use swerve_stack::{ObstacleSight, Registry};
 
 /// `swerve calibrate detector`.
 #[derive(clap::Args, Debug)]
@@ -88,9 +88,10 @@ const DRAWS: u32 = 16;
 const CLOSE: f64 = 0.002;
 
 /// Runs `swerve calibrate detector`.
-pub(crate) fn run(args: &DetectorArgs) -> anyhow::Result<()> {
+pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()> {
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
-    let base = Config::load(args.config.as_deref(), &sets?).map_err(|problems| problems_error(&problems))?;
+    let base = Config::load_with(registry, args.config.as_deref(), &sets?)
+        .map_err(|problems| problems_error(&problems))?;
     if let Some(path) = &args.out {
         crate::files::refuse_unwritable(path)?;
     }
@@ -206,7 +207,7 @@ impl Frames {
             for (n, &seed) in seeds.iter().enumerate() {
                 let mut config = base.clone();
                 (config.seed, config.perception.detector) = (u64::from(seed), TRUTH.into());
-                let sensor = Obstacles::new(&config, camera.as_ref());
+                let sensor = ObstacleSight::new(&config, camera.as_ref());
                 let mut watch = Watch { sensor, next: Time::ZERO, frames: Vec::new() };
                 drive_observed(&config, scenario, 1, &mut [&mut watch])?;
                 let drive = (k * seeds.len() + n) as u64;
@@ -254,7 +255,7 @@ impl BySensing {
 
 /// Keeps what there is to see of a drive.
 struct Watch {
-    sensor: Obstacles,
+    sensor: ObstacleSight,
     next: Time,
     frames: Vec<Surroundings>,
 }

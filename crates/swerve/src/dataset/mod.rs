@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, bail};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_render::{WeatherPreset, gpu};
+use swerve_stack::Registry;
 
 use crate::config::Config;
 use crate::config::camera::{CameraConfig, Output, RenderBackend};
@@ -52,7 +53,7 @@ pub struct DatasetArgs {
 const KITTI_LIKE: (&str, &str) = ("camera", "lidar");
 
 /// Runs `swerve dataset`.
-pub fn run(args: &DatasetArgs) -> anyhow::Result<()> {
+pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut base = base(args)?;
     if base.render.backend == RenderBackend::Auto {
         (base.render.backend, _) = RenderBackend::Auto.on_this_machine(&gpu::probe());
@@ -88,8 +89,8 @@ pub fn run(args: &DatasetArgs) -> anyhow::Result<()> {
 
 fn base(args: &DatasetArgs) -> anyhow::Result<Config> {
     let sets: Result<Vec<_>, _> = args.set.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
-    let mut config =
-        Config::load(args.config.as_deref(), &sets?).map_err(|problems| problems_error(&problems))?;
+    let mut config = Config::load_with(registry, args.config.as_deref(), &sets?)
+        .map_err(|problems| problems_error(&problems))?;
     if args.config.is_none() && config.camera.is_empty() {
         let (camera, lidar) = KITTI_LIKE;
         config.camera.insert(camera.into(), kitti_camera());

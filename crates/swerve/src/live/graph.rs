@@ -10,31 +10,21 @@
 use std::collections::BTreeMap;
 
 use anyhow::Context as _;
-use swerve_core::{Span, Time};
-use swerve_flow::{At, Context, Every, Graph, Latest, Operator, Port, SendError, SourceHandle, every};
-use swerve_msg::{
-    EgoState, Gnss, Image, Imu, MotionCommand, Obstacle, ObstacleList, Plan, PointCloud, Route, Switch,
-    VehicleReport,
-};
+use swerve_flow::{Payload, SendError, SourceHandle};
+use swerve_msg::{EgoState, Gnss, Image, Imu, ObstacleList, PointCloud, Switch, VehicleReport};
 use swerve_scenario::Scenario;
 
 use super::feed::TopicState;
 use super::intake::{Arrived, Input, names};
 use crate::config::Config;
-use crate::config::live::LiveConfig;
-use crate::pipeline::{self, Monitored};
-
-/// Operators of this graph that a simulated drive does not have.
-pub const LIVE_OPERATORS: [&str; 4] = [names::OBJECTS, names::REPORT, names::TOPICS, "fresh"];
+use crate::pipeline::Pipeline;
 
 /// A graph to be fed with what a vehicle says.
 pub struct LiveGraph {
-    /// The graph; its operator `gate` says what goes to the vehicle.
-    pub graph: Graph,
+    /// The pipeline; its operator `gate` says what goes to the vehicle.
+    pub pipeline: Pipeline,
     /// What feeds it.
     pub inputs: Inputs,
-    /// Where to go and what ground may be used.
-    pub route: Route,
 }
 
 /// The sources' handles: under wall clock they feed the graph. When they are gone its streams are closed.
@@ -69,130 +59,45 @@ impl Inputs {
             Input::Cloud(name, x) => self.clouds.get(&name).map_or(Ok(()), |source| source.send(stamp, x)),
         }
     }
-
-    /// The names of all sources.
-    pub fn sources(&self) -> impl Iterator<Item = &str> {
-        let fixed = [
-            names::POSE,
-            names::OBJECTS,
-            names::IMU,
-            names::GNSS,
-            names::REPORT,
-            names::SWITCH,
-            names::TOPICS,
-        ];
-        fixed
-            .into_iter()
-            .chain(self.images.keys().map(String::as_str))
-            .chain(self.clouds.keys().map(String::as_str))
-    }
 }
 
 impl LiveGraph {
     /// The graph of a configuration with `[live]`, along the road of `scenario`.
+    ///
+    /// # Errors
+    /// When what the configuration asks for is not to be had.
     pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
-        let live = config.live.clone().context("the configuration has no `[live]`")?;
-        let route = scenario.road.route();
-        let mut scenario = scenario.clone();
-        if let Some(speed) = config.ego.speed_mps {
-            scenario.ego.target_speed_mps = speed;
-        }
-        let mut graph = Graph::new();
-        let graph_of = &mut graph;
-        let (pose, pose_in) = graph_of.source::<EgoState>(names::POSE);
-        let (objects, objects_in) = graph_of.source::<ObstacleList>(names::OBJECTS);
-        let (_, imu) = graph_of.source::<Imu>(names::IMU);
-        let (_, gnss) = graph_of.source::<Gnss>(names::GNSS);
-        let (report, report_in) = graph_of.source::<VehicleReport>(names::REPORT);
-        let (switch, switch_in) = graph_of.source::<Switch>(names::SWITCH);
-        let (_, topics) = graph_of.source::<Vec<TopicState>>(names::TOPICS);
-        let (mut images, mut clouds) = (BTreeMap::new(), BTreeMap::new());
-        for name in config.camera.keys() {
-            let (stream, handle) = graph_of.source::<Image>(name);
-            pipeline::monitors(graph_of, config, name, Monitored::Image(stream));
-            images.insert(name.clone(), handle);
-        }
-        for name in config.lidar.keys() {
-            let (stream, handle) = graph_of.source::<PointCloud>(name);
-            pipeline::monitors(graph_of, config, name, Monitored::Cloud(stream));
-            clouds.insert(name.clone(), handle);
-        }
-        let period = |ms: f64| every(Span::from_secs(ms * 1e-3));
-        let seen = Seen::new(&live);
-        let obstacles = graph_of.add("obstacles", seen, (period(config.sensing.period_ms), objects)).out();
-        let (plan, wishes) = pipeline::drive(graph_of, config, &scenario, &route, (obstacles, pose))?;
-        let fresh = Fresh { timeout: Span::from_secs(live.plan_timeout_s), last: Time::MIN };
-        let wishes = graph_of.add("fresh", fresh, (wishes, plan)).out();
-        pipeline::live_gate(graph_of, config, wishes, report, switch)?;
-        pipeline::configure(graph_of, config)?;
+        anyhow::ensure!(config.live.is_some(), "the configuration has no `[live]`");
+        let mut pipeline = Pipeline::build(config, scenario)?;
+        // What becomes of topics is read by nobody in the graph: it is there for the log.
+        let (_, topics) = pipeline.graph.source::<Vec<TopicState>>(names::TOPICS);
+        let named = |names: Vec<&String>| -> Vec<String> { names.into_iter().cloned().collect() };
         let inputs = Inputs {
-            pose: pose_in,
-            objects: objects_in,
-            imu,
-            gnss,
-            report: report_in,
-            switch: switch_in,
+            pose: input(&mut pipeline, names::POSE)?,
+            objects: input(&mut pipeline, names::OBJECTS)?,
+            imu: input(&mut pipeline, names::IMU)?,
+            gnss: input(&mut pipeline, names::GNSS)?,
+            report: input(&mut pipeline, names::REPORT)?,
+            switch: input(&mut pipeline, names::SWITCH)?,
             topics,
-            images,
-            clouds,
+            images: inputs(&mut pipeline, named(config.camera.keys().collect()))?,
+            clouds: inputs(&mut pipeline, named(config.lidar.keys().collect()))?,
         };
-        Ok(Self { graph, inputs, route })
+        Ok(Self { pipeline, inputs })
     }
 }
 
-/// What is around the ego at regular instants: the objects that others see, moved on by their velocities.
-///
-/// None are there as long as none were ever reported. Once there were, their silence is no empty road: nothing is
-/// said, so that no plan is made, and without plans the gate stops the car.
-struct Seen {
-    timeout: Span,
+/// The handle of a source of the graph.
+fn input<T: Payload>(pipeline: &mut Pipeline, name: &str) -> anyhow::Result<SourceHandle<T>> {
+    pipeline.take_source(name).with_context(|| {
+        format!("operator.{name}: a vehicle says this: expected the operator that takes it in, as it is without a configuration")
+    })
 }
 
-impl Seen {
-    fn new(live: &LiveConfig) -> Self {
-        Self { timeout: Span::from_secs(live.objects_timeout_s) }
-    }
-}
-
-impl Operator for Seen {
-    type In = (Every, Latest<ObstacleList>);
-    type Out = Port<ObstacleList>;
-
-    fn step(&mut self, cx: &mut Context<'_>, (_, objects): &Self::In, out: &mut Self::Out) {
-        let stamp = cx.stamp();
-        let Some(objects) = objects.get() else {
-            return out.send(ObstacleList { stamp, obstacles: Vec::new() });
-        };
-        let age = stamp - objects.stamp;
-        if age > self.timeout {
-            return;
-        }
-        let moved = |obstacle: &Obstacle| {
-            let point = obstacle.pose.point() + obstacle.velocity_mps * age.as_secs();
-            let mut obstacle = obstacle.clone();
-            (obstacle.pose.x_m, obstacle.pose.y_m) = (point.x_m, point.y_m);
-            obstacle
-        };
-        out.send(ObstacleList { stamp, obstacles: objects.obstacles.iter().map(moved).collect() });
-    }
-}
-
-/// Lets commands pass that are made from a new state and a plan that is not too old. For the gate behind it the
-/// others are silence.
-struct Fresh {
-    timeout: Span,
-    last: Time,
-}
-
-impl Operator for Fresh {
-    type In = (At<MotionCommand>, Latest<Plan>);
-    type Out = Port<MotionCommand>;
-
-    fn step(&mut self, cx: &mut Context<'_>, (command, plan): &Self::In, out: &mut Self::Out) {
-        let (Some(command), Some(plan)) = (command.get(), plan.get()) else { return };
-        if command.stamp > self.last && cx.now() - plan.stamp <= self.timeout {
-            self.last = command.stamp;
-            out.forward(command.shared());
-        }
-    }
+/// The handles of sources of one kind, by name.
+fn inputs<T: Payload>(
+    pipeline: &mut Pipeline,
+    names: Vec<String>,
+) -> anyhow::Result<BTreeMap<String, SourceHandle<T>>> {
+    names.into_iter().map(|name| input(pipeline, &name).map(|handle| (name, handle))).collect()
 }

@@ -48,6 +48,7 @@ use swerve_log::{Recorder, RunStart, TraceWriter};
 use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
 use swerve_scenario::Scenario;
+use swerve_stack::Registry;
 
 use crate::config::clock::Clock;
 use crate::config::live::EnableBy;
@@ -60,6 +61,8 @@ use crate::views::live_views;
 use engage::Engagement;
 use feed::{Fed, Feed, Teller, Wanted};
 use graph::LiveGraph;
+
+use crate::pipeline::Pipeline;
 use intake::Intake;
 use sink::{Sink, SinkReport};
 use summary::Summary;
@@ -113,11 +116,12 @@ impl Drive {
     ///
     /// # Errors
     /// All that is wrong with them.
-    pub fn load(file: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Self> {
+    pub fn load(registry: &Registry, file: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Self> {
         // A vehicle moves in real time.
         let wall = ("clock.source".to_owned(), toml::Value::from("wall"));
         let sets: Vec<_> = std::iter::once(wall).chain(sets.iter().cloned()).collect();
-        let mut config = Config::load(Some(file), &sets).map_err(|problems| problems_error(&problems))?;
+        let mut config =
+            Config::load_with(registry, Some(file), &sets).map_err(|problems| problems_error(&problems))?;
         if config.source.is_some() {
             // What was recorded does not wait for anybody.
             config.clock.source = Clock::Virtual;
@@ -174,7 +178,7 @@ pub fn drive(
 /// As [`drive`](self::drive), with a graph that is already built.
 fn drive_graph(
     drive: &Drive,
-    LiveGraph { graph, inputs, route }: LiveGraph,
+    LiveGraph { pipeline: Pipeline { graph, route, .. }, inputs }: LiveGraph,
     wire: &dyn Wire,
     (terms, wanted): (Terms, &Wanted),
     observers: &mut [&mut dyn Observer],
@@ -255,7 +259,7 @@ impl Drop for Set<'_> {
 }
 
 /// Runs `swerve live`.
-pub fn run(args: &LiveArgs) -> anyhow::Result<()> {
+pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
     let mut sets = sets?;
     if let Some(enable) = args.enable {
@@ -265,7 +269,7 @@ pub fn run(args: &LiveArgs) -> anyhow::Result<()> {
         };
         sets.push(("live.enable".into(), word.into()));
     }
-    let drive = Drive::load(&args.config, &sets)?;
+    let drive = Drive::load(registry, &args.config, &sets)?;
     if let Some(seconds) = args.seconds {
         anyhow::ensure!(seconds > 0.0 && seconds < 1e6, "--seconds {seconds}: expected more than 0");
     }

@@ -26,6 +26,7 @@ use super::watch::{DriveFigures, Lamp, Outlet};
 use super::{Drive, LiveArgs, wire};
 use crate::config::source::SourceConfig;
 use crate::output::align;
+use crate::pipeline::Pipeline;
 
 /// A message this much earlier than the newest before it came out of turn; one that is earlier still has no true time.
 const EARLIER_MAX: Span = Span::from_ms(1000);
@@ -328,9 +329,11 @@ pub(super) fn run(
     let path = folder.join(&source.rosbag);
     let mut recording = Recording::read(&files(&path)?, drive)
         .with_context(|| format!("source.rosbag: {}", path.display()))?;
-    let LiveGraph { mut graph, inputs, route } = LiveGraph::build(&drive.config, &drive.scenario)?;
-    for name in inputs.sources() {
-        graph.playback(name, recording.records.remove(name).unwrap_or_default())?;
+    let LiveGraph { pipeline, inputs } = LiveGraph::build(&drive.config, &drive.scenario)?;
+    let Pipeline { mut graph, route, .. } = pipeline;
+    let sources: Vec<String> = graph.sources().map(str::to_owned).collect();
+    for name in sources {
+        graph.playback(&name, recording.records.remove(&name).unwrap_or_default())?;
     }
     drop(inputs);
     let mut end = recording.end;
@@ -513,9 +516,10 @@ mod tests {
         let used: u64 = recording.topics.values().map(|topic| topic.used).sum();
         assert!(all == 4000 && used > 500, "{used} of {all}");
         assert!(recording.records["pose"].len() > 50 && recording.records["lidar"].len() > 10);
-        let LiveGraph { mut graph, inputs, .. } = LiveGraph::build(&drive.config, &drive.scenario).unwrap();
-        for name in inputs.sources() {
-            graph.playback(name, recording.records.remove(name).unwrap_or_default()).unwrap();
+        let LiveGraph { pipeline: Pipeline { mut graph, .. }, inputs } =
+            LiveGraph::build(&drive.config, &drive.scenario).unwrap();
+        for name in graph.sources().map(str::to_owned).collect::<Vec<_>>() {
+            graph.playback(&name, recording.records.remove(name).unwrap_or_default()).unwrap();
         }
         run_virtual(graph, &RunOptions::until(recording.end), Vec::new()).unwrap();
     }

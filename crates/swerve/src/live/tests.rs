@@ -182,7 +182,7 @@ fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) 
     let mut graph = LiveGraph::build(&drive.config, &drive.scenario).unwrap();
     if let Some(at_s) = bomb_s {
         let bomb = Bomb(Time::ZERO + Span::from_secs(at_s));
-        graph.graph.add("bomb", bomb, every(Span::from_ms(50))).out();
+        graph.pipeline.graph.add("bomb", bomb, every(Span::from_ms(50))).out();
     }
     let clock = HostClock::start();
     let lane = Lane::new(clock, 3.0, spoil);
@@ -365,10 +365,11 @@ fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Se
     for (name, _, tally, _) in intake.tallies() {
         assert_eq!(tally.refused.total(), 0, "{name}: {:?}", tally.last_refusal);
     }
-    let LiveGraph { mut graph, inputs, .. } = LiveGraph::build(&drive.config, &drive.scenario).unwrap();
-    for source in inputs.sources() {
+    let LiveGraph { pipeline: Pipeline { mut graph, .. }, inputs } =
+        LiveGraph::build(&drive.config, &drive.scenario).unwrap();
+    for source in graph.sources().map(str::to_owned).collect::<Vec<_>>() {
         let own = arrived.iter().filter(|arrived| arrived.source() == source);
-        graph.playback(source, own.cloned().map(intake::Arrived::record).collect()).unwrap();
+        graph.playback(&source, own.cloned().map(intake::Arrived::record).collect()).unwrap();
     }
     let mut seen = Seen::default();
     swerve_flow::run_virtual(graph, &RunOptions::until(until), vec![&mut seen]).unwrap();
@@ -481,8 +482,8 @@ fn the_shipped_vehicles_name_a_route_that_is_there() {
     let files = crate::files::toml_files(folder).unwrap();
     assert!(files.len() >= 4);
     for file in files {
-        let drive =
-            Drive::load(&file, &[]).unwrap_or_else(|e| panic!("{}: {e:#}", file.display()));
+        let drive = Drive::load(&Registry::standard(), &file, &[])
+            .unwrap_or_else(|e| panic!("{}: {e:#}", file.display()));
         assert!(drive.scenario.road.length_m() > drive.scenario.ego.end_m);
         let vehicle = drive.mapping.vehicle.name();
         assert_eq!(file.file_stem().unwrap(), vehicle);

@@ -14,11 +14,15 @@ use swerve_flow::SourceHandle;
 use swerve_ipc::{Crew, Employment, Happening, Setup, Told, Traffic, work};
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
+use swerve_stack::Registry;
 
 use crate::config::Config;
 use crate::config::text::Document;
 use crate::pipeline::Pipeline;
 use crate::run::problems_error;
+
+/// The operator that tells the stack what becomes of processes.
+const SUPERVISOR: &str = "supervisor";
 
 /// A process that takes longer to build its pipeline is given up.
 const READY_WITHIN: Duration = Duration::from_secs(60);
@@ -89,7 +93,7 @@ impl Processes {
                 memory.share(crew.lend(stream, memory.arrays)?);
             }
         }
-        let told = told(pipeline.supervisor.take());
+        let told = told(pipeline.take_source(SUPERVISOR));
         for (name, process) in &config.process {
             let start = match process.start.split_first() {
                 Some((program, arguments)) => (program.into(), arguments.to_vec()),
@@ -133,12 +137,13 @@ impl Processes {
 }
 
 /// What a process of a run does: it takes the steps that it is called for.
-pub fn run_worker() -> anyhow::Result<()> {
+pub fn run_worker(registry: &Registry) -> anyhow::Result<()> {
     let setup = Setup::read(std::io::stdin().lock())
         .context("reading from standard input what to do: `swerve worker` is started by `swerve run`")?;
     let texts: Texts = serde_json::from_slice(&setup.payload)?;
     let document = Document::parse("configuration of the run", texts.config)?;
-    let config = Config::from_document(&document, &[]).map_err(|problems| problems_error(&problems))?;
+    let config =
+        Config::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
     let scenario = Scenario::parse("scenario of the run", &texts.scenario)
         .map_err(|problems| problems_error(&problems))?;
     // Neither cameras nor lidars are stepped here.

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use swerve_core::{Span, Time};
+use swerve_flow::SourceHandle;
 use swerve_msg::{GateMode, MotionCommand, Switch};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::Bridge;
@@ -20,7 +21,7 @@ use crate::config::live::EnableBy;
 use crate::live::engage::{Engagement, Situation};
 use crate::live::intake::Wish;
 use crate::live::time::TopicClock;
-use crate::pipeline::DriverInputs;
+use crate::pipeline::Pipeline;
 
 /// How often the switch is looked at.
 const TICK: Duration = Duration::from_millis(20);
@@ -32,6 +33,22 @@ const TOGETHER: Span = Span::from_ms(200);
 const ENABLE_WITHIN: Span = Span::from_ms(5000);
 /// Speed into acceleration where only the speed is told, 1/s.
 const SPEED_GAIN_PER_S: f64 = 2.0;
+
+/// What a stack outside says, on its way into the pipeline.
+pub(super) struct DriverInputs {
+    /// What it asks of the vehicle.
+    pub(super) commands: SourceHandle<MotionCommand>,
+    /// Whether it is to drive.
+    pub(super) switch: SourceHandle<Switch>,
+}
+
+impl DriverInputs {
+    /// Those of a pipeline that another stack drives.
+    pub(super) fn take(pipeline: &mut Pipeline) -> Option<Self> {
+        let commands = pipeline.take_source("commands")?;
+        Some(Self { commands, switch: pipeline.take_source("switch")? })
+    }
+}
 
 /// What the run says of the car, for who reads commands.
 #[derive(Clone, Copy, Debug, Default)]

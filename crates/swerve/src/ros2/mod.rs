@@ -29,6 +29,7 @@ use swerve_ros2::mapping::{Mapping, Role, Side, Vehicle};
 use crate::config::Config;
 use crate::output::align;
 use crate::pipeline::Pipeline;
+use drive::DriverInputs;
 use drive::{Heard, Listener};
 use mounts::Mounts;
 use show::Show;
@@ -116,7 +117,7 @@ impl Ros2Car {
         for sensor in mounts.without_topic() {
             eprintln!("{sensor} is on no topic: name one in [ros2.topics.{sensor}]");
         }
-        let driver = pipeline.driver.take();
+        let driver = DriverInputs::take(pipeline);
         let options = options(config, &mapping, &mounts, driver.is_some());
         let bridge = Arc::new(Bridge::start(&options)?);
         let (mut queues, mut threads) = (Vec::new(), Vec::new());

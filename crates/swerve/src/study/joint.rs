@@ -11,6 +11,7 @@ use crate::config::Config;
 use crate::config::faults::is_within;
 use crate::config::text::{Document, Problem};
 use crate::progress::Progress;
+use swerve_stack::Registry;
 
 /// Keys whose values are checked together; `*` is any one name. What [`Config`] checks across keys has to be here.
 const JOINT: [&[&str]; 5] = [
@@ -22,9 +23,9 @@ const JOINT: [&[&str]; 5] = [
 ];
 
 /// What is wrong, each fault once, with the first cell that has it, in the order of these cells.
-pub(super) fn faults(study: &Study, base: &Document) -> Vec<Problem> {
+pub(super) fn faults(study: &Study, base: &Document, registry: &Registry) -> Vec<Problem> {
     // The file's own faults are told with their lines; what is left is a fault of what cells set.
-    if let Err(problems) = Config::from_document(base, &[]) {
+    if let Err(problems) = Config::from_document_with(registry, base, &[]) {
         return problems;
     }
     let classes = classes(&study.steps);
@@ -32,13 +33,17 @@ pub(super) fn faults(study: &Study, base: &Document) -> Vec<Problem> {
     // A value of a wrong form is one in every combination: once told, it needs no combining.
     let mut good: Vec<Vec<usize>> = study.steps.iter().map(|steps| (0..steps.len()).collect()).collect();
     for &axis in classes.iter().filter(|class| class.len() > 1).flatten() {
-        good[axis].retain(|&step| found.look(&[(axis, step)], Config::formed));
+        good[axis].retain(|&step| {
+            found.look(&[(axis, step)], |document, sets| Config::formed(registry, document, sets))
+        });
     }
     let size = |class: &[usize]| class.iter().map(|&axis| good[axis].len()).product::<usize>();
     let progress = Progress::checks(classes.iter().map(|class| size(class)).sum());
     for class in &classes {
         for place in 0..size(class) {
-            found.look(&chosen(&good, class, place), Config::with_sets);
+            found.look(&chosen(&good, class, place), |document, sets| {
+                Config::with_sets(registry, document, sets)
+            });
             progress.one_done();
         }
     }
@@ -205,12 +210,13 @@ mod tests {
     #[test]
     fn as_much_is_found_as_by_looking_at_every_cell() {
         let (study, base) = study();
-        let by_class = faults(&study, &base);
+        let by_class = faults(&study, &base, &Registry::standard());
         let expanded = study.clone().expand();
         assert_eq!(expanded.cells.len(), 216);
         let mut by_cell: Vec<Problem> = Vec::new();
         for cell in &expanded.cells {
-            let problems = Config::with_sets(&base, &cell.sets).err().unwrap_or_default();
+            let problems =
+                Config::with_sets(&Registry::standard(), &base, &cell.sets).err().unwrap_or_default();
             by_cell.extend(problems.into_iter().map(|p| located(&study, p)));
         }
         let bare = |p: &Problem| (p.key.clone(), p.message.split(", in the cell").next().unwrap().to_owned());
@@ -232,7 +238,8 @@ mod tests {
     #[test]
     fn the_first_cell_with_a_fault_is_named() {
         let (study, base) = study();
-        let said: Vec<String> = faults(&study, &base).iter().map(Problem::to_string).collect();
+        let said: Vec<String> =
+            faults(&study, &base, &Registry::standard()).iter().map(Problem::to_string).collect();
         let of =
             |key: &str| said.iter().find(|s| s.contains(key)).unwrap_or_else(|| panic!("{key}: {said:#?}"));
         assert!(of("sim.vehicle.limits").ends_with("in the cell [fot 1 none gpu without 9.0]"), "{said:#?}");

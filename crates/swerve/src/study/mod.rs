@@ -21,6 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
 use swerve_scenario::Scenario;
+use swerve_stack::Registry;
 
 use crate::config::Config;
 use crate::config::text::{Document, Problem};
@@ -72,13 +73,13 @@ enum StudyCommand {
 }
 
 /// Runs or merges a study.
-pub fn run(args: &StudyArgs) -> anyhow::Result<()> {
+pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
     match (&args.command, &args.file) {
         (Some(StudyCommand::Merge { folders, study, out, set }), _) => {
-            merge(study, folders, out.as_deref(), set)
+            merge(registry, study, folders, out.as_deref(), set)
         }
         (None, Some(file)) => {
-            let bench = Bench::open(file, &args.set)?;
+            let bench = Bench::open(registry, file, &args.set)?;
             // Only now is there something to finish in order; until here a signal ends the program at once.
             let stop = Arc::new(AtomicBool::new(false));
             let on_signal = stop.clone();
@@ -133,6 +134,7 @@ pub struct Bench {
     /// Each with its text, by its file.
     scenarios: BTreeMap<PathBuf, (Scenario, String)>,
     base: Document,
+    registry: Registry,
     /// The program itself: what another build finished is not taken for its result.
     program: Digest,
 }
@@ -142,18 +144,18 @@ impl Bench {
     ///
     /// # Errors
     /// All that is wrong with the study, its scenario, its configuration and those of its cells.
-    pub fn open(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let mut bench = Self::unexpanded(file, sets)?;
+    pub fn open(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let mut bench = Self::unexpanded(registry, file, sets)?;
         bench.study = bench.study.expand();
         Ok(bench)
     }
 
     /// As [`open`](Self::open), with nothing but the result of the checks.
-    pub fn check(file: &Path) -> anyhow::Result<()> {
-        Self::unexpanded(file, &[]).map(|_| ())
+    pub fn check(registry: &Registry, file: &Path) -> anyhow::Result<()> {
+        Self::unexpanded(registry, file, &[]).map(|_| ())
     }
 
-    fn unexpanded(file: &Path, sets: &[String]) -> anyhow::Result<Self> {
+    fn unexpanded(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let sets: Result<Vec<_>, Problem> =
             sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
         let study = Study::read(file, &sets?).map_err(|problems| problems_error(&problems))?;
@@ -173,12 +175,12 @@ impl Bench {
         };
         // What is wrong is told before the first cell runs.
         let faults = match &base {
-            Ok(base) => joint::faults(&study, base),
+            Ok(base) => joint::faults(&study, base, registry),
             Err(problem) => vec![problem.clone()],
         };
         match base {
             Ok(base) if faults.is_empty() && unread.is_empty() => {
-                Ok(Self { study, scenarios, base, program: program()? })
+                Ok(Self { study, scenarios, base, registry: registry.clone(), program: program()? })
             }
             _ => {
                 let faults = faults.iter().map(Problem::to_string);
@@ -194,7 +196,7 @@ impl Bench {
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
-        Config::from_document(&self.base, &cell.sets).map_err(|problems| {
+        Config::from_document_with(&self.registry, &self.base, &cell.sets).map_err(|problems| {
             problems_error(&problems).context(format!("cell [{}] of the study", cell.labels.join(" ")))
         })
     }
@@ -268,8 +270,14 @@ fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::
     ))
 }
 
-fn merge(file: &Path, folders: &[PathBuf], out: Option<&Path>, sets: &[String]) -> anyhow::Result<()> {
-    let bench = Bench::open(file, sets)?;
+fn merge(
+    registry: &Registry,
+    file: &Path,
+    folders: &[PathBuf],
+    out: Option<&Path>,
+    sets: &[String],
+) -> anyhow::Result<()> {
+    let bench = Bench::open(registry, file, sets)?;
     let out = out_folder(&bench.study, out);
     for folder in folders {
         anyhow::ensure!(

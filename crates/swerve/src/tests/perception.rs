@@ -38,8 +38,7 @@ impl Observer for Seen {
 
 /// The first second with the truck near by, and what was seen of it.
 fn drive(detector: &str, sets: &[&str]) -> (Seen, swerve_core::Digest) {
-    let path =
-        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/person_behind_truck.toml"));
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/person_behind_truck.toml"));
     let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
     let scenario = Scenario::parse("near", &text).unwrap();
     let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();

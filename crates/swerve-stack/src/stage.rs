@@ -1,3 +1,5 @@
+//! What all cameras and lidars of a run share.
+
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use swerve_core::Time;
@@ -19,7 +21,7 @@ use crate::street::Street;
 /// It makes nothing depend on who asks first: images and echoes are functions of the world's state.
 ///
 /// Raised where the run is driven; a process that takes steps of others needs none.
-pub(super) struct Stage {
+pub(crate) struct Stage {
     set: Option<Set>,
     lidars: Lidars,
 }
@@ -35,16 +37,16 @@ struct Set {
 }
 
 /// A stage and who else has it.
-pub(super) type SharedStage = Arc<Mutex<Stage>>;
+pub(crate) type SharedStage = Arc<Mutex<Stage>>;
 
 impl Stage {
     /// An empty one.
-    pub(super) fn empty() -> SharedStage {
+    pub(crate) fn empty() -> SharedStage {
         Arc::new(Mutex::new(Self { set: None, lidars: Lidars::default() }))
     }
 
     /// Sets it up for a run.
-    pub(super) fn raise(&mut self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
+    pub(crate) fn raise(&mut self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
         let mut render = config.render;
         if config.clock.source == Clock::Wall && render.backend == RenderBackend::Auto {
             (render.backend, _) = render.backend.on_this_machine(&gpu::probe());
@@ -60,14 +62,14 @@ impl Stage {
     }
 
     /// The scene of a state of the world, and who draws it.
-    pub(super) fn of(&mut self, world: &WorldState) -> (&Scene, &mut Renderer) {
+    pub(crate) fn of(&mut self, world: &WorldState) -> (&Scene, &mut Renderer) {
         let set = self.set();
         set.show(world);
         (set.street.scene(), &mut set.renderer)
     }
 
     /// The scene of a state of the world as rays meet it.
-    pub(super) fn tree_of(&mut self, world: &WorldState) -> Result<&SceneTree, TreeError> {
+    pub(crate) fn tree_of(&mut self, world: &WorldState) -> Result<&SceneTree, TreeError> {
         let set = self.set();
         set.show(world);
         if set.planted != Some(world.stamp) {
@@ -78,7 +80,7 @@ impl Stage {
     }
 
     /// Remembers what casts the rays of a lidar.
-    pub(super) fn note(&mut self, sweeper: &Sweeper) {
+    pub(crate) fn note(&mut self, sweeper: &Sweeper) {
         self.lidars.on_gpu |= sweeper.engine() == LidarEngine::Gpu;
         if self.lidars.fell_back.is_none() {
             self.lidars.fell_back = sweeper.fallback().map(str::to_owned);
@@ -106,7 +108,7 @@ pub struct Rendered {
     pub fell_back: Option<String>,
 }
 
-pub(super) fn rendered(stage: &Mutex<Stage>) -> Rendered {
+pub(crate) fn rendered(stage: &Mutex<Stage>) -> Rendered {
     with(stage, |stage| {
         let lidars = core::mem::take(&mut stage.lidars);
         let renderer = &stage.set().renderer;
@@ -130,7 +132,7 @@ struct Lidars {
 }
 
 /// Works with the stage while nobody else does.
-pub(super) fn with<T>(stage: &Mutex<Stage>, work: impl FnOnce(&mut Stage) -> T) -> T {
+pub(crate) fn with<T>(stage: &Mutex<Stage>, work: impl FnOnce(&mut Stage) -> T) -> T {
     work(&mut stage.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
@@ -139,7 +141,7 @@ const CLOSE_M: f64 = 0.5;
 
 /// Whether a sensor at this place of the ego sits so close that the body would fill what it sees with what is no
 /// obstacle.
-pub(super) fn hides_ego([x, y, z]: [f64; 3], shape: &Shape) -> bool {
+pub(crate) fn hides_ego([x, y, z]: [f64; 3], shape: &Shape) -> bool {
     let along_m = (x - shape.center_ahead_m()).abs() - 0.5 * shape.length_m;
     let across_m = y.abs() - 0.5 * shape.width_m;
     along_m.max(across_m).max(z - shape.height_m) < CLOSE_M
@@ -154,7 +156,7 @@ pub struct StreamMemory {
 }
 
 impl StreamMemory {
-    pub(super) fn new(arrays: usize) -> Self {
+    pub(crate) fn new(arrays: usize) -> Self {
         Self { arrays, shared: Arc::default() }
     }
 
@@ -169,18 +171,18 @@ impl StreamMemory {
 }
 
 /// Payloads that were published, to be used again once no reader holds them.
-pub(super) struct Pool<T> {
+pub(crate) struct Pool<T> {
     memory: StreamMemory,
     lent: Vec<Arc<T>>,
 }
 
 impl<T> Pool<T> {
-    pub(super) fn new(memory: StreamMemory) -> Self {
+    pub(crate) fn new(memory: StreamMemory) -> Self {
         Self { memory, lent: Vec::new() }
     }
 
     /// One that nobody else holds; made anew where there is none, and in memory that is shared.
-    pub(super) fn take(&mut self, make: impl FnOnce(Option<&dyn Memory>) -> T) -> Arc<T> {
+    pub(crate) fn take(&mut self, make: impl FnOnce(Option<&dyn Memory>) -> T) -> Arc<T> {
         if let Some(memory) = self.memory.shared() {
             return Arc::new(make(Some(memory)));
         }
@@ -191,7 +193,7 @@ impl<T> Pool<T> {
     }
 
     /// Remembers what is published.
-    pub(super) fn keep(&mut self, lent: &Arc<T>) {
+    pub(crate) fn keep(&mut self, lent: &Arc<T>) {
         if self.memory.shared().is_none() {
             self.lent.push(lent.clone());
         }

@@ -1,4 +1,4 @@
-//! What can be done to the messages of each type.
+//! The messages that faults can befall, and how.
 
 use swerve_core::{Rng, Time};
 use swerve_flow::Payload;
@@ -8,14 +8,18 @@ use swerve_msg::{
     PointCloud, PredictionList, RadarScan, TrackList, VehicleReport, WheelOdometry,
 };
 
-use crate::config::injection::Corruption;
+use crate::config::injection::{Carries, Corruption};
 
 /// A message that a fault can befall.
-pub(crate) trait Victim: Payload + Clone {
+pub trait Corruptible: Payload + Clone {
     /// Makes it say that it describes `stamp`.
     fn restamp(&mut self, stamp: Time);
     /// Changes its numbers.
     fn corrupt(&mut self, how: Corruption, rng: &mut Rng);
+    /// What a stream of it carries that is published on this output.
+    fn carries(_output: &str) -> Carries {
+        Carries::Numbers
+    }
 }
 
 /// A number of a message, and what noise of 1 means for it: a metre, a metre a second, a degree, a hundredth.
@@ -46,9 +50,9 @@ fn vector(v: &mut Vector2) -> [Number<'_>; 2] {
     [(&mut v.x, 1.0), (&mut v.y, 1.0)]
 }
 
-macro_rules! victims {
+macro_rules! corruptible {
     ($($type:ty: $restamp:expr, $numbers:expr;)*) => {$(
-        impl Victim for $type {
+        impl Corruptible for $type {
             fn restamp(&mut self, stamp: Time) {
                 let restamp: fn(&mut $type, Time) = $restamp;
                 restamp(self, stamp);
@@ -62,7 +66,7 @@ macro_rules! victims {
     )*};
 }
 
-victims! {
+corruptible! {
     ObstacleList: |m, stamp| m.stamp = stamp, |m| {
         m.obstacles.iter_mut().flat_map(|o| pose(&mut o.pose).into_iter().chain(vector(&mut o.velocity_mps))).collect()
     };
@@ -123,7 +127,11 @@ victims! {
     };
 }
 
-impl Victim for Image {
+impl Corruptible for Image {
+    fn carries(output: &str) -> Carries {
+        if output == "depth" { Carries::Floats } else { Carries::Levels }
+    }
+
     fn restamp(&mut self, stamp: Time) {
         self.stamp = stamp;
     }
@@ -141,7 +149,11 @@ impl Victim for Image {
     }
 }
 
-impl Victim for PointCloud {
+impl Corruptible for PointCloud {
+    fn carries(_output: &str) -> Carries {
+        Carries::Floats
+    }
+
     fn restamp(&mut self, stamp: Time) {
         self.stamp = stamp;
     }

@@ -1,8 +1,12 @@
+//! Lidars on the ego.
+
 use std::sync::Arc;
 
 use anyhow::Context as _;
 use swerve_core::{Rng, Span, Time};
-use swerve_flow::{At, Context, Operator, Port};
+use swerve_flow::{
+    At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port, PortInfo,
+};
 use swerve_geom::{Ego, Lidar, Map, Transform};
 use swerve_msg::block::Memory;
 use swerve_msg::truth::{PointInstances, WorldState};
@@ -10,17 +14,80 @@ use swerve_msg::{Packed, PointCloud};
 use swerve_render::gpu::{AdapterKind, Gpu};
 use swerve_render::lidar::{CloudMut, Firing, LidarEngine, Sweeper, TruthMut};
 
-use super::phase;
-use super::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
-use crate::config::Config;
+use super::camera::on_its_way;
 use crate::config::sensors::LidarConfig;
+use crate::kind::{Heavy, Node, OnItsWay, OperatorKind, Settings};
+use crate::site::Site;
+use crate::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
 use crate::street::EGO_INSTANCE;
+
+/// Lidars, `[lidar.NAME]`: of the simulated world, or of a vehicle.
+pub(super) struct Lidars;
+
+/// Every state of the world.
+#[derive(Inputs)]
+struct In {
+    /// What there is to be seen.
+    world: At<WorldState>,
+}
+
+/// One turn.
+#[derive(Outputs)]
+struct Out {
+    /// The points.
+    points: Port<PointCloud>,
+    /// What they lie on.
+    truth: Port<PointInstances>,
+}
+
+impl OperatorKind for Lidars {
+    fn node(&self) -> Node {
+        Node::sensor("lidar", "a lidar on the ego: the points of each turn, and what they lie on")
+            .named_section("lidar")
+            .heavy(Heavy::OnWallClock)
+            .origin()
+            .on_demand()
+            .follows_from_world()
+    }
+
+    fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
+        if settings.config.live.is_some() {
+            <Port<PointCloud> as NamedOutputs>::ports()
+        } else {
+            Out::ports()
+        }
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        if settings.config.live.is_some() { Vec::new() } else { In::ports() }
+    }
+
+    fn on_its_way(&self, settings: &Settings<'_>) -> Option<OnItsWay> {
+        if settings.config.live.is_some() { None } else { on_its_way(settings) }
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        if site.config().live.is_some() {
+            site.add_source::<PointCloud>();
+            return Ok(());
+        }
+        // Those of a point cloud: x, y, z, intensity, ring, time.
+        let memory = [site.memory("points", 6), site.memory("truth", 1)];
+        let stage = site.stage();
+        let settings = site.settings();
+        let Some(lidar) = settings.config.lidar.get(settings.name) else {
+            anyhow::bail!("lidar.{}: there is no such table", settings.name);
+        };
+        let operator = LidarOperator::new(lidar, &settings, stage, memory)?;
+        site.add(operator, None)
+    }
+}
 
 /// A lidar on the ego: the points of each turn, and what they lie on.
 ///
 /// At every step of the world it fires the columns since the step before, each from where the sensor was then,
 /// at the scene of this step. A turn is published at the first step at which it is over.
-pub(super) struct LidarOperator {
+struct LidarOperator {
     stage: SharedStage,
     sweeper: Sweeper,
     ego_from_lidar: Transform<Ego, Lidar>,
@@ -48,12 +115,13 @@ struct Sweep {
 type Ended = (Arc<PointCloud>, Arc<PointInstances>);
 
 impl LidarOperator {
-    pub(super) fn new(
-        (name, lidar): (&str, &LidarConfig),
-        config: &Config,
+    fn new(
+        lidar: &LidarConfig,
+        settings: &Settings<'_>,
         stage: SharedStage,
         [points, truth]: [StreamMemory; 2],
     ) -> anyhow::Result<Self> {
+        let Settings { name, config, .. } = *settings;
         let shape = &config.sim.vehicle.shape;
         let seed = Rng::keyed(config.seed, name, &[]).bits();
         let wrong = |faults: Vec<(String, String)>| anyhow::anyhow!("lidar.{name}: {faults:?}");
@@ -68,7 +136,7 @@ impl LidarOperator {
         let ego_from_lidar = lidar.ego_from_lidar(shape);
         let hidden_instance = hides_ego(lidar.at_m(shape), shape).then_some(EGO_INSTANCE);
         let (clouds, truths) = (Pool::new(points), Pool::new(truth));
-        let begins = Time::ZERO + phase(config, name, Span::from_ns(sweeper.period_ns()));
+        let begins = Time::ZERO + settings.phase(Span::from_ns(sweeper.period_ns()));
         let last = None;
         Ok(Self {
             stage,
@@ -108,11 +176,11 @@ impl LidarOperator {
 }
 
 impl Operator for LidarOperator {
-    type In = (At<WorldState>,);
-    type Out = (Port<PointCloud>, Port<PointInstances>);
+    type In = In;
+    type Out = Out;
 
-    fn step(&mut self, cx: &mut Context<'_>, (world,): &Self::In, out: &mut Self::Out) {
-        let Some(world) = world.get() else { return };
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
+        let Some(world) = input.world.get() else { return };
         let map_from_lidar = world.ego.map_from_ego * self.ego_from_lidar;
         let period = Span::from_ns(self.sweeper.period_ns());
         // The end of one turn and the begin of the next may be in one step.
@@ -131,8 +199,8 @@ impl Operator for LidarOperator {
             };
             self.clouds.keep(&cloud);
             self.truths.keep(&truth);
-            out.0.forward(cloud);
-            out.1.forward(truth);
+            out.points.forward(cloud);
+            out.truth.forward(truth);
             self.turn += 1;
             self.begins = ends;
             sweep.begin(self.sweeper.points_max(), &mut self.clouds, &mut self.truths);

@@ -1,17 +1,17 @@
 //! Faults on streams: operators between a stream and its readers.
 
-mod victim;
+mod corruptible;
 
 use std::sync::Arc;
 
+use anyhow::{Context as _, anyhow};
 use swerve_core::{Rng, Span, Time};
-use swerve_flow::{At, Context, Graph, Operator, Policy, Port, RuntimeModel, Stream};
+use swerve_flow::{AnyStream, At, Context, Graph, Operator, PayloadType, Policy, Port, RuntimeModel};
 use swerve_msg::FaultInjection;
 
-use victim::Victim;
+pub use corruptible::Corruptible;
 
-use crate::config::Config;
-use crate::config::injection::{FaultConfig, Harm};
+use crate::config::injection::{Carries, FaultConfig, FaultKind};
 
 /// Messages that may be under way at once: a second of the fastest stream, and as much again.
 const UNDER_WAY: usize = 1024;
@@ -22,7 +22,7 @@ const UNIT_NS: i64 = 1000;
 struct Faulty<T> {
     name: String,
     stream: String,
-    harm: Harm,
+    kind: FaultKind,
     probability: f64,
     /// First and last stamp that it befalls.
     stamps: (Time, Time),
@@ -31,31 +31,51 @@ struct Faulty<T> {
     frozen: Option<(Arc<T>, Time)>,
 }
 
-/// The readers' side of `stream`: itself, or what the faults of the configuration make of it.
-pub(super) fn faulty<T: Victim>(
-    graph: &mut Graph,
-    config: &Config,
-    name: &str,
-    mut stream: Stream<T>,
-) -> anyhow::Result<Stream<T>> {
-    for (fault, what) in config.faults_of(name) {
-        let operator = Faulty::new(fault, what, config.seed)
-            .map_err(|message| anyhow::anyhow!("fault.{fault}: {message}"))?;
-        // Lateness is work that the step counts, so that each message has its own.
-        let late = RuntimeModel::Work { base: Span::ZERO, per_unit_ns: UNIT_NS as f64 };
-        let node = graph.add(fault, operator, (stream,)).runtime(late);
-        let node = node.policy(Policy::pipelined(UNDER_WAY)).outputs(&["message", "injected"]);
-        (stream, _) = node.out();
-    }
-    Ok(stream)
+/// A message that faults can befall, as a registry knows it.
+#[derive(Clone)]
+pub(crate) struct CorruptibleType {
+    pub(crate) payload: PayloadType,
+    pub(crate) carries: fn(&str) -> Carries,
+    add: fn(&mut Graph, Faulty<()>, AnyStream) -> Option<AnyStream>,
 }
 
-impl<T> Faulty<T> {
+impl CorruptibleType {
+    pub(crate) fn new<T: Corruptible>() -> Self {
+        Self { payload: PayloadType::of::<T>(), carries: T::carries, add: add::<T> }
+    }
+
+    /// Puts a fault on a stream: what its readers get.
+    pub(crate) fn put_on(
+        &self,
+        graph: &mut Graph,
+        stream: AnyStream,
+        (name, fault): (&str, &FaultConfig),
+        seed: u64,
+    ) -> anyhow::Result<AnyStream> {
+        let operator =
+            Faulty::new(name, fault, seed).map_err(|problem| anyhow!("fault.{name}: {problem}"))?;
+        (self.add)(graph, operator, stream)
+            .with_context(|| format!("fault.{name}: the stream is of another type"))
+    }
+}
+
+fn add<T: Corruptible>(graph: &mut Graph, operator: Faulty<()>, stream: AnyStream) -> Option<AnyStream> {
+    let Faulty { name, stream: on, kind, probability, stamps, seed, .. } = operator;
+    let operator =
+        Faulty::<T> { name: name.clone(), stream: on, kind, probability, stamps, seed, frozen: None };
+    // Lateness is work that the step counts, so that each message has its own.
+    let late = RuntimeModel::Work { base: Span::ZERO, per_unit_ns: UNIT_NS as f64 };
+    let node = graph.add(name, operator, (stream.typed::<T>()?,)).runtime(late);
+    let (stream, _) = node.policy(Policy::pipelined(UNDER_WAY)).outputs(&["message", "injected"]).out();
+    Some(stream.into())
+}
+
+impl Faulty<()> {
     fn new(name: &str, fault: &FaultConfig, run_seed: u64) -> Result<Self, String> {
         Ok(Self {
             name: name.to_owned(),
             stream: fault.stream.clone(),
-            harm: fault.harm()?,
+            kind: fault.kind()?,
             probability: fault.probability,
             stamps: fault.stamps().map_err(|(_, message)| message)?,
             seed: fault.seed.unwrap_or(run_seed),
@@ -64,7 +84,7 @@ impl<T> Faulty<T> {
     }
 }
 
-impl<T: Victim> Operator for Faulty<T> {
+impl<T: Corruptible> Operator for Faulty<T> {
     type In = (At<T>,);
     type Out = (Port<T>, Port<FaultInjection>);
 
@@ -79,24 +99,24 @@ impl<T: Victim> Operator for Faulty<T> {
             return out.forward(message.shared());
         }
         let mut later = Span::ZERO;
-        match self.harm {
-            Harm::Drop => {}
-            Harm::Delay(by) => {
+        match self.kind {
+            FaultKind::Drop => {}
+            FaultKind::Delay(by) => {
                 later = by;
                 out.forward(message.shared());
             }
-            Harm::Jitter(most) => {
+            FaultKind::Jitter(most) => {
                 later = Span::from_ns((most.ns() as f64 * rng.unit()) as i64);
                 out.forward(message.shared());
             }
-            Harm::Freeze(lasts) => {
+            FaultKind::Freeze(lasts) => {
                 let (old, until) = freezes.unwrap_or_else(|| (message.shared(), stamp + lasts));
                 let mut repeated = T::clone(&old);
                 repeated.restamp(stamp);
                 self.frozen = Some((old, until));
                 out.send(repeated);
             }
-            Harm::Corrupt(how) => {
+            FaultKind::Corrupt(how) => {
                 let mut changed = T::clone(message);
                 changed.corrupt(how, &mut rng);
                 out.send(changed);
@@ -106,7 +126,7 @@ impl<T: Victim> Operator for Faulty<T> {
         injected.send(FaultInjection {
             stamp,
             stream: self.stream.clone(),
-            harm: self.harm.name().to_owned(),
+            harm: self.kind.name().to_owned(),
             later_s: later.as_secs(),
         });
     }

@@ -1,24 +1,108 @@
+//! Cameras on the ego.
+
 use std::sync::Arc;
 
-use swerve_core::Rng;
-use swerve_flow::{Context, Every, Latest, Operator, Port};
+use swerve_core::{Rng, Span};
+use swerve_flow::{
+    Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs as Ports, Port,
+    PortInfo,
+};
 use swerve_geom::{Ego, Transform};
 use swerve_msg::block::Memory;
 use swerve_msg::truth::WorldState;
 use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Pixels};
 use swerve_render::{Camera, FrameMut, Outputs, View};
 
-use super::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
 use crate::config::Config;
-use crate::config::camera::CameraConfig;
+use crate::config::camera::{CameraConfig, Output};
+use crate::kind::{Heavy, Node, OnItsWay, OperatorKind, Settings, span_of_ms};
+use crate::site::Site;
+use crate::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
 use crate::street::{EGO_INSTANCE, motion_of};
+
+/// Cameras, `[camera.NAME]`: of the simulated world, or of a vehicle.
+pub(super) struct Cameras;
+
+/// The newest state of the world, at each frame.
+#[derive(Inputs)]
+struct In {
+    /// The camera's period.
+    tick: Every,
+    /// What there is to be seen.
+    world: Latest<WorldState>,
+}
+
+/// The images of one instant.
+#[derive(Ports)]
+struct Out {
+    /// Colour.
+    rgb: Port<Image>,
+    /// Distance along the optical axis, metres.
+    depth: Port<Image>,
+    /// Cityscapes ids.
+    semantic: Port<Image>,
+    /// Which actor is seen.
+    instance: Port<Image>,
+}
+
+/// What lies between the stamp of what a camera, radar or lidar saw and its readers.
+pub(super) fn on_its_way(settings: &Settings<'_>) -> Option<OnItsWay> {
+    let (timing, period) = settings.config.sensor_timing(settings.name)?;
+    let (after, frames) = (timing.visible_after(), timing.in_flight(period));
+    (after > Span::ZERO).then_some(OnItsWay { after, frames })
+}
+
+impl OperatorKind for Cameras {
+    fn node(&self) -> Node {
+        Node::sensor("camera", "a camera on the ego: colour, depth, classes, identities")
+            .named_section("camera")
+            .heavy(Heavy::OnWallClock)
+            .origin()
+            .on_demand()
+            .follows_from_world()
+    }
+
+    fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
+        if settings.config.live.is_some() { <Port<Image> as NamedOutputs>::ports() } else { Out::ports() }
+    }
+
+    fn is_silent(&self, settings: &Settings<'_>, output: &str) -> bool {
+        let camera = settings.config.camera.get(settings.name);
+        let gives = |camera: &CameraConfig| camera.outputs.iter().any(|given| given.name() == output);
+        settings.config.live.is_none() && !camera.is_some_and(gives)
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        if settings.config.live.is_some() { Vec::new() } else { In::ports() }
+    }
+
+    fn on_its_way(&self, settings: &Settings<'_>) -> Option<OnItsWay> {
+        if settings.config.live.is_some() { None } else { on_its_way(settings) }
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        if site.config().live.is_some() {
+            site.add_source::<Image>();
+            return Ok(());
+        }
+        let memory = Output::ALL.map(|output| site.memory(output.name(), 1));
+        let stage = site.stage();
+        let settings = site.settings();
+        let Some(camera) = settings.config.camera.get(settings.name) else {
+            anyhow::bail!("camera.{}: there is no such table", settings.name);
+        };
+        let timer = settings.drawn_timer(span_of_ms(camera.period_ms));
+        let operator = CameraOperator::new(settings.name, camera, settings.config, stage, memory)?;
+        site.add(operator, Some(timer))
+    }
+}
 
 /// Of each port what its images hold, in the order of the ports.
 const ENCODINGS: [Encoding; 4] =
     [Encoding::Rgb8, Encoding::DepthF32M, Encoding::ClassU8, Encoding::InstanceU32];
 
 /// A camera on the ego: colour, depth, classes and instances, a port each.
-pub(super) struct CameraOperator {
+struct CameraOperator {
     stage: SharedStage,
     camera: Camera,
     ego_from_camera: Transform<Ego, swerve_geom::Camera>,
@@ -30,8 +114,9 @@ pub(super) struct CameraOperator {
 }
 
 impl CameraOperator {
-    pub(super) fn new(
-        (name, camera): (&str, &CameraConfig),
+    fn new(
+        name: &str,
+        camera: &CameraConfig,
         config: &Config,
         stage: SharedStage,
         memory: [StreamMemory; 4],
@@ -51,11 +136,11 @@ impl CameraOperator {
 }
 
 impl Operator for CameraOperator {
-    type In = (Every, Latest<WorldState>);
-    type Out = (Port<Image>, Port<Image>, Port<Image>, Port<Image>);
+    type In = In;
+    type Out = Out;
 
-    fn step(&mut self, cx: &mut Context<'_>, (_, world): &Self::In, out: &mut Self::Out) {
-        let Some(world) = world.get() else { return };
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
+        let Some(world) = input.world.get() else { return };
         let (width_px, height_px) = (self.camera.width_px() as u32, self.camera.height_px() as u32);
         let wanted = [self.outputs.rgb, self.outputs.depth, self.outputs.semantic, self.outputs.instance];
         let mut images: [Option<Arc<Image>>; 4] = Default::default();
@@ -97,7 +182,12 @@ impl Operator for CameraOperator {
             }
         }
         let [rgb, depth, semantic, instance] = images;
-        let ports = [(rgb, &mut out.0), (depth, &mut out.1), (semantic, &mut out.2), (instance, &mut out.3)];
+        let ports = [
+            (rgb, &mut out.rgb),
+            (depth, &mut out.depth),
+            (semantic, &mut out.semantic),
+            (instance, &mut out.instance),
+        ];
         for ((image, port), pool) in ports.into_iter().zip(&mut self.pools) {
             if let Some(mut image) = image {
                 if let Some(Err(error)) = Arc::get_mut(&mut image).map(Image::seal) {

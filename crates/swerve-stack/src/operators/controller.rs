@@ -1,16 +1,73 @@
+//! Controllers: from plans to what the vehicle is asked for.
+
 use std::sync::Arc;
 
 use swerve_control::{Controller, Following, Input, Law, Output, Params, Pedals};
 use swerve_core::{Span, Time};
-use swerve_flow::{Context, Every, Latest, Operator, Port};
+use swerve_flow::{
+    Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, every,
+};
 use swerve_msg::{Command, EgoState, MotionCommand, Plan, Route, Supervision};
 use swerve_planning::posed::Preset;
 use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
 
 use crate::config::{Config, ControllerName};
+use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::site::Site;
+
+/// A controller: of pedals, or of motion where a safety gate comes behind it.
+pub(super) struct Controllers;
+
+/// The newest of all that it follows, at each tick.
+#[derive(Inputs)]
+struct In {
+    /// The controller's period.
+    tick: Every,
+    /// Where the ego is.
+    ego: Latest<EgoState>,
+    /// Where it is to be when.
+    plan: Latest<Plan>,
+    /// Who of the run's processes is gone.
+    processes: Vec<Latest<Supervision>>,
+}
+
+/// Whether what it asks for is motion.
+fn asks_for_motion(config: &Config) -> bool {
+    config.gate.enabled || config.live.is_some()
+}
+
+impl OperatorKind for Controllers {
+    fn node(&self) -> Node {
+        Node::new("controller", "follows the newest plan: `control.controller` says by which law")
+            .sections(&["control"])
+            .stays("it is the actuation")
+    }
+
+    fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
+        match asks_for_motion(settings.config) {
+            true => <Port<MotionCommand> as NamedOutputs>::ports(),
+            false => <Port<Command> as NamedOutputs>::ports(),
+        }
+    }
+
+    fn inputs(&self, _: &Settings<'_>) -> Vec<PortInfo> {
+        In::ports()
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let config = site.config();
+        let follower = PlanFollower::new(config, &site.surroundings().route);
+        let timer = every(span_of_ms(config.control.period_ms));
+        if asks_for_motion(config) {
+            site.add(MotionController(follower), Some(timer))
+        } else {
+            site.add(PedalController(follower), Some(timer))
+        }
+    }
+}
 
 /// Follows the newest plan; the route before there is one. Stops where a process is lost.
-pub(crate) struct Driver {
+struct PlanFollower {
     controller: Controller,
     vehicle: VehicleParams,
     route: Route,
@@ -20,8 +77,8 @@ pub(crate) struct Driver {
     stop_along: Option<Plan>,
 }
 
-impl Driver {
-    pub(crate) fn new(config: &Config, route: &Route) -> Self {
+impl PlanFollower {
+    fn new(config: &Config, route: &Route) -> Self {
         let preset = match config.planning.preset {
             Preset::Paper => Following::Projection,
             Preset::Best => Following::Time,
@@ -45,15 +102,15 @@ impl Driver {
     }
 
     /// One step of control: the state that it is for, and what comes out. Nothing where there is no state.
-    fn step(&mut self, now: Time, (_, ego, plan, processes): &Inputs) -> Option<(EgoState, Output)> {
+    fn step(&mut self, now: Time, input: &In) -> Option<(EgoState, Output)> {
         // What no car can do is no measurement and no plan: better none.
-        let ego = ego.get().filter(|ego| ego.is_plausible())?;
-        if let Some(plan) = plan.get().filter(|plan| plan.is_plausible()) {
+        let ego = input.ego.get().filter(|ego| ego.is_plausible())?;
+        if let Some(plan) = input.plan.get().filter(|plan| plan.is_plausible()) {
             self.plan = Some(plan.shared());
         }
         let plan = self.plan.as_deref();
         let gone = |processes: &Latest<Supervision>| processes.get().is_some_and(|all| !all.gone.is_empty());
-        if processes.iter().any(gone) {
+        if input.processes.iter().any(gone) {
             // Plans that still come are not looked at: what they are made from may be out of date.
             self.stop_along.get_or_insert_with(|| over(plan, now));
         } else {
@@ -66,9 +123,6 @@ impl Driver {
     }
 }
 
-/// A tick, localization, plans, and who of the run's processes is gone.
-type Inputs = (Every, Latest<EgoState>, Latest<Plan>, Vec<Latest<Supervision>>);
-
 /// A controller that knows the pedals of `vehicle`.
 pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
     let of = vehicle.clone();
@@ -80,14 +134,14 @@ pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
 }
 
 /// Asks for pedals: what a vehicle without a gate takes.
-pub(super) struct PedalController(pub(super) Driver);
+struct PedalController(PlanFollower);
 
 impl Operator for PedalController {
-    type In = Inputs;
+    type In = In;
     type Out = Port<Command>;
 
-    fn step(&mut self, cx: &mut Context<'_>, inputs: &Self::In, out: &mut Self::Out) {
-        if let Some((_, output)) = self.0.step(cx.now(), inputs) {
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        if let Some((_, output)) = self.0.step(cx.now(), input) {
             out.loan().send(output.command);
         }
     }
@@ -95,14 +149,14 @@ impl Operator for PedalController {
 
 /// Asks for motion: what a safety gate takes. The stamp is that of the state which the controller knew: a controller
 /// that goes on without new states falls silent for the gate.
-pub(crate) struct MotionController(pub(crate) Driver);
+struct MotionController(PlanFollower);
 
 impl Operator for MotionController {
-    type In = Inputs;
+    type In = In;
     type Out = Port<MotionCommand>;
 
-    fn step(&mut self, cx: &mut Context<'_>, inputs: &Self::In, out: &mut Self::Out) {
-        let Some((ego, output)) = self.0.step(cx.now(), inputs) else { return };
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let Some((ego, output)) = self.0.step(cx.now(), input) else { return };
         let Command { steering_rad, throttle, brake } = output.command;
         // Of a law that works the pedals: what they would come to.
         let by_pedals = || {

@@ -1,0 +1,98 @@
+//! The operators of Swerve: a file each, and a line each in the registry.
+
+mod camera;
+mod commands;
+mod controller;
+mod deadlines;
+mod detector;
+mod events;
+mod gate;
+mod gnss;
+mod imu;
+mod inputs;
+mod ladder;
+mod lidar;
+mod monitor;
+mod objects_now;
+mod obstacles;
+mod odometry;
+mod pedals;
+mod planner;
+mod pose;
+mod predictor;
+mod radar;
+mod report;
+mod switch;
+mod tracker;
+mod world;
+
+use swerve_msg::{
+    Command, Detections, EgoState, Gnss, Image, Imu, MotionCommand, ObstacleList, Plan, PointCloud,
+    PredictionList, RadarScan, Supervision, TrackList, VehicleReport, WheelOdometry,
+};
+
+use crate::registry::Registry;
+
+pub use controller::controller;
+pub use obstacles::ObstacleSight;
+
+/// All of them.
+pub(crate) fn all(registry: Registry) -> Registry {
+    registry
+        .with::<world::World>()
+        .with_kind(obstacles::ObstacleSensor)
+        .with::<pose::PoseSensor>()
+        .with::<imu::ImuSensor>()
+        .with::<gnss::GnssReceiver>()
+        .with::<odometry::Odometry>()
+        .with::<events::CollisionSensor>()
+        .with::<events::LaneInvasions>()
+        .with::<events::RedLights>()
+        .with_kind(radar::Radars)
+        .with_kind(camera::Cameras)
+        .with_kind(lidar::Lidars)
+        .with_kind(monitor::Monitors)
+        .with_kind(detector::EmulatedDetector)
+        .with_kind(tracker::Trackers)
+        .with::<predictor::Predictor>()
+        .with_kind(deadlines::DeadlinePolicy)
+        .with_kind(planner::Planners)
+        .with_kind(controller::Controllers)
+        .with::<report::Report>()
+        .with_kind(switch::EnableSwitch)
+        .with::<gate::Gate>()
+        .with::<pedals::PedalsOperator>()
+        .with::<objects_now::ObjectsNow>()
+        .with::<commands::FreshCommands>()
+        .with_kind(inputs::source::<Supervision>(
+            "process_events",
+            "what becomes of the run's processes",
+            |s| s.on_wall_clock() && !s.config.process.is_empty(),
+        ))
+        .with_kind(inputs::source::<MotionCommand>("command_input", "what another stack asks for", |_| true))
+        .with_kind(inputs::source::<EgoState>("pose_input", "poses that a vehicle reports", |_| true))
+        .with_kind(inputs::source::<ObstacleList>("object_input", "objects that others see", |_| true))
+        .with_kind(inputs::source::<Imu>("imu_input", "accelerations and turn rates of a vehicle", |_| true))
+        .with_kind(inputs::source::<Gnss>("gnss_input", "satellite fixes of a vehicle", |_| true))
+        .with_kind(inputs::source::<VehicleReport>("report_input", "what a vehicle says of itself", |_| true))
+        .with_kind(inputs::source::<swerve_msg::Switch>(
+            "switch_input",
+            "the switch that a person holds",
+            |_| true,
+        ))
+        .with_corruptible::<ObstacleList>()
+        .with_corruptible::<Detections>()
+        .with_corruptible::<TrackList>()
+        .with_corruptible::<PredictionList>()
+        .with_corruptible::<Plan>()
+        .with_corruptible::<EgoState>()
+        .with_corruptible::<Imu>()
+        .with_corruptible::<Gnss>()
+        .with_corruptible::<WheelOdometry>()
+        .with_corruptible::<RadarScan>()
+        .with_corruptible::<MotionCommand>()
+        .with_corruptible::<VehicleReport>()
+        .with_corruptible::<Command>()
+        .with_corruptible::<Image>()
+        .with_corruptible::<PointCloud>()
+}

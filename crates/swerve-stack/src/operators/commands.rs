@@ -1,0 +1,53 @@
+//! Commands on their way to a real vehicle.
+
+use swerve_core::{Span, Time};
+use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
+use swerve_msg::{MotionCommand, Plan};
+
+use crate::kind::{Kind, NoKeys, Node, Settings};
+use crate::site::Site;
+
+/// Lets commands pass that are made from a new state and a plan that is not too old. For the gate behind it the
+/// others are silence.
+pub(super) struct FreshCommands {
+    timeout: Span,
+    last: Time,
+}
+
+/// A command, and the newest plan.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// What the controller asks for.
+    command: At<MotionCommand>,
+    /// What it follows.
+    plan: Latest<Plan>,
+}
+
+impl Kind for FreshCommands {
+    const NODE: Node =
+        Node::new("fresh_commands", "commands from a new state and a plan that is not too old")
+            .stays("it is the vehicle's side of the stack");
+    type Table = NoKeys;
+
+    fn is_there(settings: &Settings<'_>) -> bool {
+        settings.config.live.is_some()
+    }
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let live = site.config().live.clone().unwrap_or_default();
+        Ok(Self { timeout: Span::from_secs(live.plan_timeout_s), last: Time::MIN })
+    }
+}
+
+impl Operator for FreshCommands {
+    type In = In;
+    type Out = Port<MotionCommand>;
+
+    fn step(&mut self, cx: &mut Context<'_>, In { command, plan }: &In, out: &mut Self::Out) {
+        let (Some(command), Some(plan)) = (command.get(), plan.get()) else { return };
+        if command.stamp > self.last && cx.now() - plan.stamp <= self.timeout {
+            self.last = command.stamp;
+            out.forward(command.shared());
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! The deadline policy: how long detector and planner may take, from frame to frame.
+
+use anyhow::{Context as _, anyhow};
+use swerve_core::Span;
+use swerve_flow::{
+    Anchor, At, Context, Deadline, Feedback, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo,
+    Outputs, Port, PortInfo,
+};
+use swerve_msg::{EgoState, PredictionList, ResponseBudget, Route};
+use swerve_perception::tracker;
+use swerve_planning::deadline::{Overhead, Params, Situation, nearest_hazard, obstacles_near, respond};
+use swerve_vehicle::VehicleParams;
+
+use crate::config::Config;
+use crate::config::model::Model;
+use crate::kind::{Node, OperatorKind, Settings};
+use crate::site::Site;
+
+/// Sets the deadlines of detector and planner under the dynamic model.
+///
+/// It reads what lies behind the detector, so that its word is for frames to come; the planner hears it at once.
+///
+/// Static deadlines count from a frame's arrival. Dynamic ones count from the start of its step: they become short
+/// while a long step still runs, and the frame that waits for it is the one that matters; it is late then, but an answer
+/// that is late is better than none.
+pub(super) struct DeadlinePolicy;
+
+/// What is ahead.
+#[derive(Inputs)]
+struct In {
+    /// Where the others will be.
+    predictions: At<PredictionList>,
+    /// Where the ego is.
+    ego: Latest<EgoState>,
+}
+
+/// How long a frame may take.
+#[derive(Outputs)]
+struct Out {
+    /// The time from frame to plan, and why.
+    budget: Port<ResponseBudget>,
+    /// The detector's part.
+    detector: Port<Span>,
+    /// The planner's.
+    planner: Port<Span>,
+}
+
+/// The deadline that the model of execution gives an operator by itself; a policy's is set by the policy, or where its
+/// stream is known.
+pub(super) fn own_deadline(settings: &Settings<'_>) -> anyhow::Result<Option<Deadline>> {
+    let execution = &settings.config.execution;
+    if execution.model != Model::StaticDeadlines {
+        return Ok(None);
+    }
+    let wrong = |problem| anyhow!("execution.{}_ms: {problem}", settings.name);
+    let length = settings.config.length_of(settings.name).map_err(wrong)?;
+    Ok(length.map(|length| Deadline::after(length).reaction(execution.reaction)))
+}
+
+/// The planner's deadline under the dynamic model, once the policy is in the graph.
+pub(super) fn planner_deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Deadline>> {
+    let settings = site.settings();
+    let execution = &settings.config.execution;
+    let (reaction, is_dynamic) = (execution.reaction, execution.model == Model::DynamicDeadlines);
+    if !is_dynamic {
+        return own_deadline(&settings);
+    }
+    let policy = Policy::new(settings.config, &site.surroundings().route)?;
+    let before = respond(&policy.params, None, policy.overhead, 0);
+    let stream = site.graph().stream("deadlines.planner").and_then(|stream| stream.typed::<Span>());
+    let stream = stream.context("execution.model: there is no operator `deadlines`")?;
+    let deadline = Deadline::from_policy(stream, Span::from_secs(before.planner_s));
+    Ok(Some(deadline.anchor(Anchor::Start).reaction(reaction)))
+}
+
+impl OperatorKind for DeadlinePolicy {
+    fn node(&self) -> Node {
+        Node::new("deadline_policy", "deadlines of detector and planner by what is ahead")
+            .sections(&["execution"])
+            .stays("it says how long the others may take")
+    }
+
+    fn is_there(&self, settings: &Settings<'_>) -> bool {
+        settings.config.execution.model == Model::DynamicDeadlines
+    }
+
+    fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
+        Out::ports()
+    }
+
+    fn inputs(&self, _: &Settings<'_>) -> Vec<PortInfo> {
+        In::ports()
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let policy = Policy::new(site.config(), &site.surroundings().route)?;
+        let before = respond(&policy.params, None, policy.overhead, 0);
+        let reaction = site.config().execution.reaction;
+        site.add(policy, None)?;
+        let name = format!("{}.detector", site.name());
+        let graph = site.graph();
+        let stream = graph.stream(&name).and_then(|stream| stream.typed::<Span>());
+        let behind: Feedback<Span> = graph.feedback("detector deadline");
+        graph.connect(behind, stream.context("the policy was just added")?);
+        let deadline = Deadline::from_policy(behind, Span::from_secs(before.detector_s));
+        if let Ok(detector) = graph.operator("detector") {
+            let _configured = detector.deadline(deadline.anchor(Anchor::Start).reaction(reaction));
+        }
+        Ok(())
+    }
+}
+
+/// Sets deadlines from frame to frame.
+struct Policy {
+    params: Params,
+    overhead: Overhead,
+    route: Route,
+    vehicle: VehicleParams,
+}
+
+impl Policy {
+    fn new(config: &Config, route: &Route) -> anyhow::Result<Self> {
+        let wrong = |message| anyhow!("execution.params: {message}");
+        let period_s = config.sensing.period_ms * 1e-3;
+        let params = config.deadline_params().map_err(wrong)?;
+        // What takes longer than a period makes the next frame wait.
+        let params = Params {
+            detector_max_s: params.detector_max_s.min(period_s).max(params.detector_min_s),
+            planner_max_s: params.planner_max_s.min(period_s).max(params.planner_min_s),
+            ..params
+        };
+        let seen_s = period_s + config.control.period_ms * 1e-3 + config.sim.vehicle.dead_time_s;
+        let confirmed = frames_to_confirm(config)?.saturating_sub(1);
+        let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
+        Ok(Self { params, overhead, route: route.clone(), vehicle: config.sim.vehicle.clone() })
+    }
+}
+
+/// Frames until something that comes into sight is reported.
+fn frames_to_confirm(config: &Config) -> anyhow::Result<usize> {
+    let wrong = |(key, message): (&str, String)| anyhow!("perception.{key}: {message}");
+    let Some(emulated) = config.perception.emulated().map_err(wrong)? else { return Ok(1) };
+    let tracker: tracker::Params =
+        config.perception.tracker(&emulated.params, config.prediction.past_steps).map_err(wrong)?;
+    Ok(tracker.hits_min)
+}
+
+impl Operator for Policy {
+    type In = In;
+    type Out = Out;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
+        let Some(predictions) = input.predictions.get() else { return };
+        let Some(ego) = input.ego.get().filter(|ego| ego.is_plausible()) else { return };
+        let situation = Situation {
+            now: cx.now(),
+            ego,
+            route: &self.route,
+            shape: &self.vehicle.shape,
+            limits: &self.vehicle.limits,
+            predictions: &predictions.predictions,
+        };
+        let hazard = nearest_hazard(&self.params, &situation, self.overhead);
+        let obstacles = obstacles_near(&self.params, &situation);
+        let answer = respond(&self.params, hazard, self.overhead, obstacles);
+        let (response, detector) = (Span::from_secs(answer.total_s), Span::from_secs(answer.detector_s));
+        // What the detector left of it, or took beyond its part.
+        let left = response - (cx.now() - predictions.stamp);
+        let most = Span::from_secs(self.params.planner_max_s);
+        let planner = left.min(most).max(Span::from_secs(self.params.planner_min_s));
+        let budget = ResponseBudget {
+            stamp: predictions.stamp,
+            left_s: hazard.map(|hazard| hazard.left_s),
+            hazard: hazard.map(|hazard| hazard.id),
+            hidden: hazard.is_some_and(|hazard| hazard.hidden),
+            obstacles: u32::try_from(obstacles).unwrap_or(u32::MAX),
+            response,
+            detector,
+            planner,
+        };
+        out.budget.send(budget);
+        out.detector.send(detector);
+        out.planner.send(planner);
+    }
+}

@@ -1,0 +1,162 @@
+//! Emulated detectors: of a published accuracy and run time.
+
+use swerve_core::Time;
+use swerve_flow::{
+    At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
+    PortInfo, RuntimeModel,
+};
+use swerve_msg::truth::Surroundings;
+use swerve_msg::{Detections, RungTaken};
+use swerve_perception::detector::{Detector, Params};
+
+use super::deadlines::own_deadline;
+use super::ladder::{on_ladder, own_timer, take};
+use crate::config::execution::span_ms;
+use crate::config::model::{Model, Rung};
+use crate::config::perception::image_camera;
+use crate::kind::{Node, OperatorKind, Settings};
+use crate::site::Site;
+
+/// A detector of a given accuracy, emulated, as the model of execution has it.
+pub(super) struct EmulatedDetector;
+
+/// The frame of this stamp.
+#[derive(Inputs)]
+struct In {
+    /// What its camera could see, and from where.
+    surroundings: At<Surroundings>,
+}
+
+/// The newest frame, at each tick.
+#[derive(Inputs)]
+struct PeriodicIn {
+    /// The detector's period.
+    tick: Every,
+    /// What its camera could see, and from where.
+    surroundings: Latest<Surroundings>,
+}
+
+/// Boxes, and how they came about.
+#[derive(Outputs)]
+struct LadderOut {
+    /// What was found.
+    boxes: Port<Detections>,
+    /// The rung of its ladder that it took.
+    rung: Port<RungTaken>,
+}
+
+/// Always the same one.
+struct Plain(Detector);
+
+/// One that takes the rung that fits.
+struct OnLadder(Vec<Rung<Detector>>);
+
+/// One that runs on a timer, on the newest frame there is; on none twice.
+struct Periodic {
+    detector: Detector,
+    /// What it takes, where a ladder says that.
+    rung: Option<Rung<()>>,
+    last: Option<Time>,
+}
+
+/// Whether it runs on its frames, without a choice.
+fn is_plain(settings: &Settings<'_>) -> bool {
+    settings.config.execution.model != Model::Periodic && !settings.config.perception.ladder
+}
+
+impl OperatorKind for EmulatedDetector {
+    fn node(&self) -> Node {
+        Node::new("emulated_detector", "boxes of a published accuracy and run time, made from truth")
+            .sections(&["perception"])
+            .stays("sensors are where the world is")
+    }
+
+    fn is_there(&self, settings: &Settings<'_>) -> bool {
+        settings.config.perception.emulates()
+    }
+
+    fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
+        if is_plain(settings) { <Port<Detections> as NamedOutputs>::ports() } else { LadderOut::ports() }
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        match settings.config.execution.model {
+            Model::Periodic => PeriodicIn::ports(),
+            _ => In::ports(),
+        }
+    }
+
+    fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
+        if settings.config.perception.ladder {
+            return Ok(on_ladder());
+        }
+        span_ms(settings.config.detector_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed)
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let settings = site.settings();
+        let (name, config) = (settings.name, settings.config);
+        let wrong = |(key, problem): (&str, String)| anyhow::anyhow!("perception.{key}: {problem}");
+        let Some(emulated) = config.perception.emulated().map_err(wrong)? else { return Ok(()) };
+        let camera = config.detector_camera(emulated.sensing).and_then(|camera| image_camera(&camera));
+        let emulate = |params: Params| Detector::new(params, camera, config.seed, name);
+        let mut rungs = config.detector_rungs().map_err(wrong)?;
+        let deadline = own_deadline(&settings)?;
+        if let Some(timer) = own_timer(&settings)? {
+            let rung = rungs.pop().map(|Rung { name, run_time, .. }| Rung { name, run_time, what: () });
+            let periodic = Periodic { detector: emulate(emulated.params)?, rung, last: None };
+            site.add(periodic, Some(timer))?;
+        } else if rungs.is_empty() {
+            let plain = Plain(emulate(emulated.params)?);
+            site.add(plain, None)?;
+        } else {
+            let rung =
+                |Rung { name, run_time, what }| anyhow::Ok(Rung { name, run_time, what: emulate(what)? });
+            let rungs = rungs.into_iter().map(rung).collect::<anyhow::Result<_>>()?;
+            site.add(OnLadder(rungs), None)?;
+        }
+        if let Some(deadline) = deadline {
+            let _configured = site.node()?.deadline(deadline);
+        }
+        Ok(())
+    }
+}
+
+impl Operator for Plain {
+    type In = In;
+    type Out = Port<Detections>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        if let Some(surroundings) = input.surroundings.get() {
+            out.loan().send(self.0.detect(surroundings));
+        }
+    }
+}
+
+impl Operator for OnLadder {
+    type In = In;
+    type Out = LadderOut;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut LadderOut) {
+        let Some(surroundings) = input.surroundings.get() else { return };
+        let (detector, taken) = take(&mut self.0, cx);
+        out.boxes.loan().send(detector.detect(surroundings));
+        out.rung.send(taken);
+    }
+}
+
+impl Operator for Periodic {
+    type In = PeriodicIn;
+    type Out = LadderOut;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &PeriodicIn, out: &mut LadderOut) {
+        let newest = input.surroundings.get().filter(|seen| self.last != Some(seen.stamp));
+        let Some(surroundings) = newest else { return };
+        self.last = Some(surroundings.stamp);
+        if let Some(rung) = &mut self.rung {
+            let (_, taken) = take(core::slice::from_mut(rung), cx);
+            out.rung.send(taken);
+        }
+        out.boxes.loan().send(self.detector.detect(surroundings));
+    }
+}

@@ -1,0 +1,89 @@
+//! Sensors that see every step of the world and say of each what happened in it, mostly nothing.
+
+use swerve_flow::{At, Context, Inputs, Operator, Port};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{CollisionEvents, LaneInvasions as Invasions, RedLightEvents};
+use swerve_sim::sense::{self, LaneInvasionSensor, RedLightSensor};
+
+use crate::kind::{Kind, NoKeys, Node};
+use crate::site::Site;
+
+/// Every state of the world.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// What happens.
+    world: At<WorldState>,
+}
+
+/// What the ego begins to touch.
+pub(super) struct CollisionSensor;
+
+/// Lines of the road that the ego comes onto.
+pub(super) struct LaneInvasions(LaneInvasionSensor);
+
+/// Stop lines that the ego goes over while their light is red.
+pub(super) struct RedLights(RedLightSensor);
+
+impl Kind for CollisionSensor {
+    const NODE: Node = Node::sensor("collision_sensor", "what the ego begins to touch").on_demand();
+    type Table = NoKeys;
+
+    fn new(_: NoKeys, _: &Site<'_>) -> anyhow::Result<Self> {
+        Ok(Self)
+    }
+}
+
+impl Kind for LaneInvasions {
+    const NODE: Node =
+        Node::sensor("lane_invasion_sensor", "lines of the road that the ego comes onto").on_demand();
+    type Table = NoKeys;
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let around = site.surroundings();
+        Ok(Self(LaneInvasionSensor::new(&around.scenario.road, around.vehicle.shape)))
+    }
+}
+
+impl Kind for RedLights {
+    const NODE: Node =
+        Node::sensor("red_light_sensor", "stop lines that the ego goes over at a red light").on_demand();
+    type Table = NoKeys;
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let around = site.surroundings();
+        Ok(Self(RedLightSensor::new(&around.scenario.road, around.vehicle.shape)))
+    }
+}
+
+impl Operator for CollisionSensor {
+    type In = In;
+    type Out = Port<CollisionEvents>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        if let Some(world) = input.world.get() {
+            out.send(sense::collisions(world));
+        }
+    }
+}
+
+impl Operator for LaneInvasions {
+    type In = In;
+    type Out = Port<Invasions>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        if let Some(world) = input.world.get() {
+            out.send(self.0.sense(world));
+        }
+    }
+}
+
+impl Operator for RedLights {
+    type In = In;
+    type Out = Port<RedLightEvents>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        if let Some(world) = input.world.get() {
+            out.send(self.0.sense(world));
+        }
+    }
+}

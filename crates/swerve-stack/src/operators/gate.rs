@@ -1,0 +1,68 @@
+//! The safety gate before a vehicle, simulated or at the other end of a wire.
+//!
+//! ```text
+//!  controller --MotionCommand--> gate --GateOutput--> pedals --Command--> world
+//!  pose > report --VehicleReport---^  ^--Switch-- switch
+//! ```
+
+use anyhow::anyhow;
+use swerve_control::safety_gate::{GateInput, SafetyGate};
+use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
+use swerve_msg::{GateOutput, MotionCommand, Switch, VehicleReport};
+
+use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::site::Site;
+
+/// The state machine at its rate, on the newest of all that it reads.
+pub(super) struct Gate(SafetyGate);
+
+/// The newest of all that it reads, at each tick.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// The gate's period.
+    tick: Every,
+    /// What the stack asks for.
+    command: Latest<MotionCommand>,
+    /// What the vehicle says of itself.
+    report: Latest<VehicleReport>,
+    /// Who may enable: all of them have to, and each alone may stop. Without one nothing is ever enabled.
+    switches: Vec<Latest<Switch>>,
+}
+
+impl Kind for Gate {
+    const NODE: Node = Node::new("safety_gate", "what may reach a vehicle: limits, time-outs, stops")
+        .sections(&["gate"])
+        .stays("it is the safety gate");
+    type Table = NoKeys;
+
+    fn is_there(settings: &Settings<'_>) -> bool {
+        settings.config.gate.enabled || settings.config.live.is_some()
+    }
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let params = site.config().gate_params().map_err(|problem| anyhow!("gate.params: {problem}"))?;
+        Ok(Self(SafetyGate::new(params)?))
+    }
+
+    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
+        Some(every(span_of_ms(settings.config.gate.period_ms)))
+    }
+}
+
+impl Operator for Gate {
+    type In = In;
+    type Out = Port<GateOutput>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let In { command, report, switches, .. } = input;
+        let switch = |of: fn(&Switch) -> bool| move |s: &Latest<Switch>| s.get().is_some_and(|s| of(s));
+        out.loan().send(self.0.step(&GateInput {
+            now: cx.now(),
+            command: command.get().map(|command| **command),
+            origin: command.get().and_then(|command| command.header().origin),
+            report: report.get().map(|report| **report),
+            enable: !switches.is_empty() && switches.iter().all(switch(|s| s.enable)),
+            emergency: switches.iter().any(switch(|s| s.emergency)),
+        }));
+    }
+}

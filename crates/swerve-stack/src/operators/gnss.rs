@@ -1,0 +1,48 @@
+//! Satellite fixes.
+
+use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
+use swerve_msg::Gnss;
+use swerve_msg::truth::WorldState;
+use swerve_sim::sense::{self, GnssParams};
+
+use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::site::Site;
+
+/// Satellite fixes.
+pub(super) struct GnssReceiver {
+    params: GnssParams,
+    seed: u64,
+}
+
+/// The newest state of the world, at each tick.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// The sensor's period.
+    tick: Every,
+    /// What there is to be measured.
+    world: Latest<WorldState>,
+}
+
+impl Kind for GnssReceiver {
+    const NODE: Node = Node::sensor("gnss", "satellite fixes").sections(&["sensing"]).on_demand();
+    type Table = NoKeys;
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let config = site.config();
+        Ok(Self { params: config.sensing.gnss, seed: config.seed })
+    }
+
+    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
+        Some(settings.drawn_timer(span_of_ms(settings.config.sensing.gnss_period_ms)))
+    }
+}
+
+impl Operator for GnssReceiver {
+    type In = In;
+    type Out = Port<Gnss>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let Some(world) = input.world.get() else { return };
+        out.loan().send(sense::gnss(world, cx.name(), &self.params, self.seed));
+    }
+}

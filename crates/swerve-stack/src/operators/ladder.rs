@@ -1,0 +1,36 @@
+//! Operators that take the finest of several implementations that fits the time left.
+
+use swerve_core::Span;
+use swerve_flow::{Context, RuntimeModel, Timer};
+use swerve_msg::RungTaken;
+
+use crate::config::model::Rung;
+use crate::kind::Settings;
+
+/// What a unit of work of an operator on a ladder lasts.
+const UNIT_NS: i64 = 1000;
+
+/// An operator on a ladder takes what its rung takes.
+pub(super) fn on_ladder() -> RuntimeModel {
+    RuntimeModel::Work { base: Span::ZERO, per_unit_ns: UNIT_NS as f64 }
+}
+
+/// The finest rung that is done by the deadline, the fastest where none is; its time is spent.
+pub(super) fn take<'a, T>(rungs: &'a mut [Rung<T>], cx: &mut Context<'_>) -> (&'a mut T, RungTaken) {
+    let left = cx.deadline().map(|deadline| deadline - cx.now());
+    let fits = rungs.iter().rposition(|rung| left.is_none_or(|left| rung.run_time <= left)).unwrap_or(0);
+    let Rung { name, run_time, what } = &mut rungs[fits];
+    // In two parts: one that does not fit is not cut, it is late.
+    let units = run_time.ns().unsigned_abs().div_ceil(UNIT_NS.unsigned_abs());
+    cx.spend(units.saturating_sub(1));
+    cx.spend(1);
+    let taken = RungTaken { stamp: cx.stamp(), rung: name.clone(), run_time: *run_time, left };
+    (what, taken)
+}
+
+/// The timer of an operator under the periodic model.
+pub(super) fn own_timer(settings: &Settings<'_>) -> anyhow::Result<Option<Timer>> {
+    let wrong = |problem| anyhow::anyhow!("execution.{}_ms: {problem}", settings.name);
+    let period = settings.config.period_of(settings.name).map_err(wrong)?;
+    Ok(period.map(|period| settings.drawn_timer(period)))
+}

@@ -1,0 +1,64 @@
+//! The pedals of the simulated car behind a safety gate.
+
+use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
+use swerve_msg::{Command, GateMode, GateOutput, MotionCommand, VehicleReport};
+use swerve_vehicle::{VehicleParams, pedals_for_accel};
+
+use crate::kind::{Kind, NoKeys, Node, Settings};
+use crate::site::Site;
+
+/// Works the pedals of the simulated car. While the gate is not engaged the simulated driver holds the wheel where
+/// it is, and the speed.
+pub(super) struct PedalsOperator {
+    vehicle: VehicleParams,
+    /// The last speed that was a number, m/s.
+    speed_mps: f64,
+    /// Where the wheel is held: the angle sent last, or the first that was reported.
+    steering_rad: Option<f64>,
+}
+
+/// What the gate lets through, and how fast the car is.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// What the gate lets through.
+    gate: At<GateOutput>,
+    /// What the car says of itself.
+    report: Latest<VehicleReport>,
+}
+
+impl Kind for PedalsOperator {
+    const NODE: Node = Node::new("pedals", "works the pedals of the simulated car as the safety gate says")
+        .stays("it is the vehicle's side of the safety gate");
+    type Table = NoKeys;
+
+    fn is_there(settings: &Settings<'_>) -> bool {
+        settings.config.gate.enabled
+    }
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        Ok(Self { vehicle: site.config().sim.vehicle.clone(), speed_mps: 0.0, steering_rad: None })
+    }
+}
+
+impl Operator for PedalsOperator {
+    type In = In;
+    type Out = Port<Command>;
+
+    fn step(&mut self, _: &mut Context<'_>, In { gate, report }: &In, out: &mut Self::Out) {
+        let Some(gate) = gate.get() else { return };
+        if let Some(report) = report.get().filter(|report| report.speed_mps.is_finite()) {
+            self.speed_mps = report.speed_mps;
+        }
+        let MotionCommand { steering_rad, accel_mps2, .. } = gate.command;
+        if gate.mode == GateMode::Manual {
+            // Without any report there is nothing to hold yet.
+            let Some(report) = report.get() else { return };
+            self.steering_rad = self.steering_rad.or(Some(report.steering_rad).filter(|x| x.is_finite()));
+        } else {
+            self.steering_rad = Some(steering_rad);
+        }
+        let pedals = pedals_for_accel(&self.vehicle, self.speed_mps, accel_mps2);
+        let steering_rad = self.steering_rad.unwrap_or(0.0);
+        out.loan().send(Command { steering_rad, throttle: pedals.throttle, brake: pedals.brake });
+    }
+}

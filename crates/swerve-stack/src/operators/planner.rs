@@ -1,0 +1,281 @@
+//! Motion planners.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use swerve_core::{Span, Time};
+use swerve_flow::{
+    At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
+    PortInfo, Progress, RuntimeModel, Window,
+};
+use swerve_msg::{EgoState, Plan, Prediction, PredictionList, Route, RungTaken};
+use swerve_planning::world::predicted_start;
+use swerve_planning::{Budget, Goes, Planner, Request, Unlimited};
+use swerve_vehicle::{Limits, Shape};
+
+use super::deadlines::planner_deadline;
+use super::ladder::{on_ladder, own_timer, take};
+use crate::config::execution::Runtime;
+use crate::config::model::{Model, Rung};
+use crate::config::{Config, StartState};
+use crate::kind::{Heavy, Node, OperatorKind, Settings};
+use crate::site::{Site, Surroundings};
+
+/// A motion planner, as the model of execution has it.
+pub(super) struct Planners;
+
+/// Predictions, and the poses among which is the one that goes with them.
+#[derive(Inputs)]
+struct In {
+    /// Where the others will be.
+    predictions: At<PredictionList>,
+    /// Where the ego was.
+    poses: Window<EgoState, POSES>,
+}
+
+/// The newest of both, at each tick.
+#[derive(Inputs)]
+struct PeriodicIn {
+    /// The planner's period.
+    tick: Every,
+    /// Where the others will be.
+    predictions: Latest<PredictionList>,
+    /// Where the ego is.
+    ego: Latest<EgoState>,
+}
+
+/// A plan, and how it came about.
+#[derive(Outputs)]
+struct LadderOut {
+    /// Where to be when.
+    plan: Port<Plan>,
+    /// The rung of its ladder that it took.
+    rung: Port<RungTaken>,
+}
+
+impl OperatorKind for Planners {
+    fn node(&self) -> Node {
+        Node::new("planner", "a motion planner: `planning.planner` says which")
+            .sections(&["planning"])
+            .heavy(Heavy::Yes)
+    }
+
+    fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
+        let Config { execution, planning, .. } = settings.config;
+        match execution.model != Model::Periodic && planning.ladder.is_none() {
+            true => <Port<Plan> as NamedOutputs>::ports(),
+            false => LadderOut::ports(),
+        }
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        match settings.config.execution.model {
+            Model::Periodic => PeriodicIn::ports(),
+            _ => In::ports(),
+        }
+    }
+
+    fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
+        let config = settings.config;
+        // On a vehicle the planner takes as long as it takes.
+        if config.live.is_some() && settings.on_wall_clock() {
+            return Ok(RuntimeModel::Zero);
+        }
+        if config.planning.ladder.is_some() {
+            return Ok(on_ladder());
+        }
+        config.planning.cost_of_chosen().map_or(Ok(RuntimeModel::Zero), Runtime::model)
+    }
+
+    fn added_delay_ms(&self, settings: &Settings<'_>) -> f64 {
+        settings.config.planning.added_latency_ms
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let settings = site.settings();
+        let config = settings.config;
+        let operator = PlannerOperator::new(config, site.surroundings())?;
+        let wrong = |(key, problem): (&str, String)| anyhow::anyhow!("planning.{key}: {problem}");
+        let make = |Rung { name, run_time, what }| {
+            let what = config.planning.planner_with(&what).map_err(|problem| wrong(("params", problem)))?;
+            Ok(Rung { name, run_time, what })
+        };
+        let rungs = config.planner_rungs().map_err(wrong)?;
+        let mut rungs = rungs.into_iter().map(make).collect::<anyhow::Result<Vec<_>>>()?;
+        if let Some(timer) = own_timer(&settings)? {
+            let usual = Span::from_secs(config.planning.expected_ms() * 1e-3);
+            let periodic = PeriodicPlanner { operator, rung: rungs.pop(), usual };
+            site.add(periodic, Some(timer))?;
+        } else if rungs.is_empty() {
+            site.add(operator, None)?;
+        } else {
+            site.add(LadderPlanner { operator, rungs }, None)?;
+        }
+        if let Some(deadline) = planner_deadline(site)? {
+            let _configured = site.node()?.deadline(deadline);
+        }
+        Ok(())
+    }
+}
+
+/// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
+const POSES: usize = 64;
+
+/// Asks a motion planner for a plan, frame by frame.
+struct PlannerOperator {
+    planner: Box<dyn Planner>,
+    route: Route,
+    target_speed_mps: f64,
+    shape: Shape,
+    limits: Limits,
+    /// Moved on by this where the start is predicted.
+    expected: Option<Span>,
+    previous: Option<Arc<Plan>>,
+}
+
+impl PlannerOperator {
+    fn new(config: &Config, around: &Surroundings) -> anyhow::Result<Self> {
+        let vehicle = &config.sim.vehicle;
+        let expected = match config.planning.start_state() {
+            StartState::Measured => None,
+            StartState::Predicted => Some(Span::from_secs(config.expected_ms() * 1e-3)),
+        };
+        Ok(Self {
+            planner: config
+                .planning
+                .planner()
+                .map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
+            route: around.route.clone(),
+            target_speed_mps: around.scenario.ego.target_speed_mps,
+            shape: vehicle.shape,
+            limits: vehicle.limits,
+            expected,
+            previous: None,
+        })
+    }
+}
+
+impl PlannerOperator {
+    /// A plan from predictions and the pose that goes with them, `ahead` of which the ego will take it up.
+    fn plan(
+        &mut self,
+        cx: &mut Context<'_>,
+        predictions: &PredictionList,
+        measured: &EgoState,
+        ahead: Option<Span>,
+        chosen: Option<&mut dyn Planner>,
+    ) -> Arc<Plan> {
+        let start = match ahead {
+            None => *measured,
+            Some(ahead) => predicted_start(measured, self.previous.as_deref(), ahead),
+        };
+        let stamp = predictions.stamp;
+        let predictions = match predictions.predictions.iter().all(Prediction::is_plausible) {
+            true => Cow::Borrowed(&predictions.predictions),
+            false => {
+                let plausible = predictions.predictions.iter().filter(|p| p.is_plausible());
+                Cow::Owned(plausible.cloned().collect())
+            }
+        };
+        let request = Request {
+            stamp,
+            start,
+            route: &self.route,
+            target_speed_mps: self.target_speed_mps,
+            predictions: &predictions,
+            shape: &self.shape,
+            limits: &self.limits,
+            previous: self.previous.as_deref(),
+            seed: cx.rng().bits(),
+        };
+        let plan = match chosen {
+            // What it takes was spent when it was chosen.
+            Some(planner) => planner.plan(&request, &mut Unlimited::default()),
+            None => self.planner.plan(&request, &mut Metered(cx)),
+        };
+        let plan = Arc::new(plan);
+        self.previous = Some(plan.clone());
+        plan
+    }
+}
+
+/// Measured at the frame's stamp: what came later is not what the predictions go with.
+fn measured_at(stamp: Time, poses: &Window<EgoState, POSES>) -> Option<&EgoState> {
+    let mut poses = poses.get().iter().filter(|p| p.is_plausible());
+    let first = poses.next()?;
+    let at_stamp = poses.rev().find(|p| p.header().stamp <= stamp);
+    Some(at_stamp.unwrap_or(first))
+}
+
+impl Operator for PlannerOperator {
+    type In = In;
+    type Out = Port<Plan>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let measured = measured_at(cx.stamp(), &input.poses);
+        let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
+        let expected = self.expected;
+        out.forward(self.plan(cx, predictions, measured, expected, None));
+    }
+}
+
+/// A planner in several discretisations: the one that fits is taken.
+struct LadderPlanner {
+    operator: PlannerOperator,
+    rungs: Vec<Rung<Box<dyn Planner>>>,
+}
+
+impl Operator for LadderPlanner {
+    type In = In;
+    type Out = LadderOut;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut LadderOut) {
+        let measured = measured_at(cx.stamp(), &input.poses);
+        let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
+        let (planner, taken) = take(&mut self.rungs, cx);
+        // What passed since the frame is known, and so is what the rung takes.
+        let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + taken.run_time);
+        out.plan.forward(self.operator.plan(cx, predictions, measured, ahead, Some(&mut **planner)));
+        out.rung.send(taken);
+    }
+}
+
+/// A planner that runs on a timer, on the newest predictions and the newest pose.
+struct PeriodicPlanner {
+    operator: PlannerOperator,
+    /// What it takes, where a ladder says that.
+    rung: Option<Rung<Box<dyn Planner>>>,
+    /// What it takes else.
+    usual: Span,
+}
+
+impl Operator for PeriodicPlanner {
+    type In = PeriodicIn;
+    type Out = LadderOut;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &PeriodicIn, out: &mut LadderOut) {
+        let Some(predictions) = input.predictions.get() else { return };
+        let Some(measured) = input.ego.get().filter(|ego| ego.is_plausible()) else { return };
+        let taken = self.rung.as_mut().map(|rung| take(core::slice::from_mut(rung), cx));
+        let (planner, taken) = taken.map_or((None, None), |(planner, taken)| (Some(planner), Some(taken)));
+        let lasts = taken.as_ref().map_or(self.usual, |taken| taken.run_time);
+        let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + lasts);
+        let planner = planner.map(|planner| &mut **planner as &mut dyn Planner);
+        out.plan.forward(self.operator.plan(cx, predictions, measured, ahead, planner));
+        if let Some(taken) = taken {
+            out.rung.send(taken);
+        }
+    }
+}
+
+/// The engine's meter, as a planner knows it.
+struct Metered<'a, 'b>(&'a mut Context<'b>);
+
+impl Budget for Metered<'_, '_> {
+    fn spend(&mut self, units: u64) -> Goes {
+        match self.0.spend(units) {
+            Progress::Continue => Goes::On,
+            Progress::Stop => Goes::Stop,
+        }
+    }
+}

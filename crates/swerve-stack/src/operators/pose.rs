@@ -1,0 +1,49 @@
+//! Localization, as good as its errors let it be.
+
+use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
+use swerve_msg::EgoState;
+use swerve_msg::truth::WorldState;
+use swerve_sim::sense::{self, PoseParams};
+
+use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
+use crate::site::Site;
+
+/// Localization, as good as its errors let it be.
+pub(super) struct PoseSensor {
+    params: PoseParams,
+    seed: u64,
+}
+
+/// The newest state of the world, at each tick.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// The sensor's period.
+    tick: Every,
+    /// What there is to be measured.
+    world: Latest<WorldState>,
+}
+
+impl Kind for PoseSensor {
+    const NODE: Node =
+        Node::sensor("pose_sensor", "localization, as good as its errors let it be").sections(&["sensing"]);
+    type Table = NoKeys;
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let config = site.config();
+        Ok(Self { params: config.sensing.pose, seed: config.seed })
+    }
+
+    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
+        Some(settings.drawn_timer(span_of_ms(settings.config.sensing.pose_period_ms)))
+    }
+}
+
+impl Operator for PoseSensor {
+    type In = In;
+    type Out = Port<EgoState>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let Some(world) = input.world.get() else { return };
+        out.loan().send(sense::pose(world, cx.name(), &self.params, self.seed));
+    }
+}

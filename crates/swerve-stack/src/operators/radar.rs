@@ -1,0 +1,90 @@
+//! Radars on the ego.
+
+use swerve_flow::PortInfo;
+use swerve_flow::{
+    Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
+};
+use swerve_msg::RadarScan;
+use swerve_msg::truth::{RadarSources, WorldState};
+use swerve_sim::sense::Radar;
+
+use super::camera::on_its_way;
+use crate::kind::{Node, OnItsWay, OperatorKind, Settings, span_of_ms};
+use crate::site::Site;
+
+/// Radars, `[radar.NAME]`.
+pub(super) struct Radars;
+
+/// A radar on the ego: its echoes, and what they come from.
+struct RadarOperator {
+    radar: Radar,
+    seed: u64,
+}
+
+/// The newest state of the world, at each scan.
+#[derive(Inputs)]
+struct In {
+    /// The radar's period.
+    tick: Every,
+    /// What there is to be seen.
+    world: Latest<WorldState>,
+}
+
+/// A scan.
+#[derive(Outputs)]
+struct Out {
+    /// Echoes.
+    scan: Port<RadarScan>,
+    /// What they come from.
+    truth: Port<RadarSources>,
+}
+
+impl OperatorKind for Radars {
+    fn node(&self) -> Node {
+        Node::sensor("radar", "a radar on the ego: range, range rate and azimuth of echoes")
+            .named_section("radar")
+            .origin()
+            .on_demand()
+            .follows_from_world()
+    }
+
+    fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
+        Out::ports()
+    }
+
+    fn inputs(&self, _: &Settings<'_>) -> Vec<PortInfo> {
+        In::ports()
+    }
+
+    fn is_there(&self, settings: &Settings<'_>) -> bool {
+        settings.config.live.is_none()
+    }
+
+    fn on_its_way(&self, settings: &Settings<'_>) -> Option<OnItsWay> {
+        on_its_way(settings)
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let (settings, vehicle) = (site.settings(), &site.config().sim.vehicle);
+        let Some(config) = settings.config.radar.get(settings.name) else {
+            anyhow::bail!("radar.{}: there is no such table", settings.name);
+        };
+        let wrong = |problems| anyhow::anyhow!("radar.{}: {problems:?}", settings.name);
+        let operator =
+            RadarOperator { radar: config.radar(vehicle).map_err(wrong)?, seed: settings.config.seed };
+        let timer = settings.drawn_timer(span_of_ms(config.period_ms()));
+        site.add(operator, Some(timer))
+    }
+}
+
+impl Operator for RadarOperator {
+    type In = In;
+    type Out = Out;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
+        let Some(world) = input.world.get() else { return };
+        let (scan, sources) = self.radar.scan(world, cx.name(), self.seed);
+        out.scan.send(scan);
+        out.truth.send(sources);
+    }
+}

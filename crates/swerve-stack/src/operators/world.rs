@@ -1,0 +1,66 @@
+//! The simulated world.
+
+use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
+use swerve_msg::Command;
+use swerve_msg::truth::WorldState;
+use swerve_sim::{SimParams, Simulator};
+
+use crate::kind::{Kind, NoKeys, Node, Role, Settings, span_of_ms};
+use crate::site::Site;
+
+/// The simulated world. At its tick `k` it integrates from tick `k - 1` under the command latched there,
+/// publishes the state, then latches the newest command.
+pub(super) struct World {
+    simulator: Simulator,
+    latched: Command,
+    started: bool,
+}
+
+/// What moves the world.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// Its steps.
+    step: Every,
+    /// What the ego's pedals and wheel are asked for.
+    #[port(feedback)]
+    command: Latest<Command>,
+}
+
+impl Kind for World {
+    const NODE: Node = Node::new("simulator", "the simulated world: rapier's bodies, moved step by step")
+        .stays("it is the world")
+        .role(Role::World);
+    type Table = NoKeys;
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let sim = &site.config().sim;
+        let params = SimParams { dt: span_of_ms(sim.dt_ms), vehicle: sim.vehicle.clone() };
+        let simulator = Simulator::exact(site.surroundings().scenario.clone(), &params)?;
+        Ok(Self { simulator, latched: Command::default(), started: false })
+    }
+
+    fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
+        Some(every(span_of_ms(settings.config.sim.dt_ms)))
+    }
+}
+
+impl Operator for World {
+    type In = In;
+    type Out = Port<WorldState>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        if self.started {
+            self.simulator.step(self.latched);
+        }
+        self.started = true;
+        // Wires to pedals carry numbers: what is none does not reach them.
+        if let Some(command) = input.command.get().filter(|command| command.is_finite()) {
+            self.latched = **command;
+        }
+        let state = self.simulator.state();
+        if let Some(reason) = state.ended {
+            cx.stop_run(format!("{reason:?}").to_lowercase());
+        }
+        out.loan().send(state.clone());
+    }
+}

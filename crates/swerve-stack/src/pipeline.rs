@@ -1,0 +1,199 @@
+//! A pipeline: the operators of an assembly in a graph, ready to run.
+
+use core::any::Any;
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, anyhow};
+use swerve_core::{Span, Time};
+use swerve_flow::{Graph, Payload, Policy, RuntimeModel, SourceHandle};
+use swerve_msg::Route;
+use swerve_scenario::Scenario;
+use swerve_vehicle::VehicleParams;
+
+use crate::assembly::{Assembly, Placed};
+use crate::config::Config;
+use crate::config::clock::Clock;
+use crate::config::execution::{parse_policy, span_ms};
+use crate::kind::{Heavy, Node, span_of_ms};
+use crate::site::{Building, Site, Surroundings};
+use crate::stage::{self, Rendered, SharedStage, StreamMemory};
+
+pub use crate::operators::controller;
+
+/// A pipeline ready to run.
+pub struct Pipeline {
+    /// The graph.
+    pub graph: Graph,
+    /// What it consists of.
+    pub assembly: Assembly,
+    /// The scenario as the seed varies it.
+    pub scenario: Scenario,
+    /// Where to go and what ground may be used.
+    pub route: Route,
+    /// The ego vehicle.
+    pub vehicle: VehicleParams,
+    /// When the scenario is over at the latest.
+    pub until: Time,
+    /// Where the images and point clouds of each stream lie.
+    pub memory: BTreeMap<String, StreamMemory>,
+    /// What moves it.
+    pub clock: Clock,
+    /// The handles of what is fed from outside, by operator.
+    sources: BTreeMap<String, Box<dyn Any + Send>>,
+    /// What cameras and lidars share, where there are any.
+    stage: Option<SharedStage>,
+}
+
+impl Pipeline {
+    /// Puts the pipeline of `config` around the world of `scenario`, or around the vehicle that `[live]` names.
+    ///
+    /// # Errors
+    /// When what the configuration asks for is not to be had.
+    pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+        let pipeline = Self::build_without_stage(config, scenario)?;
+        if let Some(stage) = &pipeline.stage {
+            let raised = stage::with(stage, |stage| stage.raise(config, &pipeline.scenario));
+            raised.context("building the pipeline")?;
+        }
+        Ok(pipeline)
+    }
+
+    /// The same for who steps no camera and no lidar.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_without_stage(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+        let scenario = drawn(config, scenario);
+        let assembly = Assembly::new(config).map_err(|problems| {
+            let lines: Vec<String> =
+                problems.iter().map(|(key, message)| format!("{key}: {message}")).collect();
+            anyhow!(lines.join("\n"))
+        })?;
+        let (route, vehicle) = (scenario.road.route(), config.sim.vehicle.clone());
+        let around = Surroundings { scenario, route, vehicle };
+        let Building { graph, memory, sources, stage, .. } =
+            assemble(config, &assembly, &around).context("building the pipeline")?;
+        let Surroundings { scenario, route, vehicle } = around;
+        let until = last_step(Span::from_secs(scenario.end.timeout_s), span_of_ms(config.sim.dt_ms));
+        let clock = config.clock.source;
+        Ok(Self { graph, assembly, scenario, route, vehicle, until, memory, clock, sources, stage })
+    }
+
+    /// Takes the handle by which an operator is fed from outside, if there is such a one that takes messages of
+    /// this type. When it is dropped the operator's stream is closed.
+    pub fn take_source<T: Payload>(&mut self, operator: &str) -> Option<SourceHandle<T>> {
+        self.sources.get(operator)?.is::<SourceHandle<T>>().then_some(())?;
+        self.sources.remove(operator)?.downcast().ok().map(|handle| *handle)
+    }
+
+    /// What the house knows of an operator; none of what stands between operators, such as a fault.
+    pub fn node(&self, operator: &str) -> Option<Node> {
+        self.assembly.operator(operator).map(|placed| placed.kind.node())
+    }
+
+    /// Tells, once the pipeline has run, what computed its images, if it had any.
+    pub fn rendered(&self) -> impl FnOnce() -> Option<Rendered> + use<> {
+        let stage = self.stage.clone();
+        move || stage.map(|stage| stage::rendered(&stage))
+    }
+}
+
+/// The first step of the world at which the scenario's time is over.
+fn last_step(timeout: Span, dt: Span) -> Time {
+    let steps = (timeout.ns() + dt.ns() - 1) / dt.ns();
+    Time::from_ns(steps * dt.ns())
+}
+
+/// The scenario under the configuration's speed, as its seed varies it.
+pub fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
+    let mut scenario = scenario.clone();
+    if let Some(speed) = config.ego.speed_mps {
+        scenario.ego.target_speed_mps = speed;
+    }
+    if config.is_driven_over_ros2() {
+        // Who drives is not there yet.
+        scenario.ego.start_speed_mps = Some(0.0);
+    }
+    if config.sim.draws && config.live.is_none() { scenario.drawn(config.seed) } else { scenario }
+}
+
+/// Adds every operator, what `[operator.NAME]` says of it, and the faults on its streams, in the order of the assembly.
+fn assemble(config: &Config, assembly: &Assembly, surroundings: &Surroundings) -> anyhow::Result<Building> {
+    let mut building = Building::default();
+    let resources: BTreeMap<&str, swerve_flow::Resource> = config
+        .resource
+        .iter()
+        .map(|(name, resource)| (name.as_str(), building.graph.resource(name, resource.slots)))
+        .collect();
+    for placed in assembly.operators() {
+        placed.kind.add(&mut Site { building: &mut building, placed, config, surroundings })?;
+        let resource = placed.own.uses.as_deref().and_then(|name| resources.get(name)).copied();
+        configure(&mut building.graph, config, placed, resource)?;
+        put_faults(&mut building, config, placed)?;
+    }
+    for (feedback, edge) in core::mem::take(&mut building.loops) {
+        let befallen = building.befallen.get(&edge.stream).filter(|_| !edge.raw).copied();
+        let stream = befallen.or_else(|| building.graph.stream(&edge.stream));
+        let stream = stream.with_context(|| format!("there is no stream `{}`", edge.stream))?;
+        building.graph.connect_any(feedback, stream)?;
+    }
+    Ok(building)
+}
+
+/// Run time, policy, deadline, resource and delay of an operator.
+fn configure(
+    graph: &mut Graph,
+    config: &Config,
+    placed: &Placed,
+    resource: Option<swerve_flow::Resource>,
+) -> anyhow::Result<()> {
+    let name = &placed.name;
+    let wrong = |message: String| anyhow!("operator.{name}: {message}");
+    let (own, settings) = (&placed.own, placed.settings(config));
+    let way = placed.kind.on_its_way(&settings);
+    let mut node = graph.operator(name)?;
+    node = node.runtime(match (&own.runtime, &way) {
+        (Some(runtime), _) => runtime.model().map_err(wrong)?,
+        (None, Some(way)) => RuntimeModel::Fixed(way.after),
+        (None, None) => placed.kind.runtime(&settings).map_err(wrong)?,
+    });
+    if let Some(policy) = &own.policy {
+        node = node.policy(parse_policy(policy).map_err(wrong)?);
+    } else if let Some(way) = &way {
+        node = node.policy(Policy::Pipelined { places: way.frames, overtaking: false });
+    }
+    if let Some(deadline) = &own.deadline {
+        node = node.deadline(deadline.deadline().map_err(wrong)?);
+    }
+    if let Some(resource) = resource {
+        node = node.uses(resource);
+    }
+    let delay = span_ms(own.delay_ms + placed.kind.added_delay_ms(&settings)).map_err(wrong)?;
+    let later = way.filter(|_| own.runtime.is_some()).map_or(Span::ZERO, |way| way.after);
+    node = node.delay(delay + later);
+    let is_heavy = match placed.kind.node().heavy {
+        Heavy::Yes => true,
+        Heavy::OnWallClock => settings.on_wall_clock(),
+        Heavy::No => false,
+    };
+    let _configured = if is_heavy || config.process_of(name).is_some() { node.heavy() } else { node };
+    Ok(())
+}
+
+/// Puts the faults of the configuration between an operator's streams and their readers.
+fn put_faults(building: &mut Building, config: &Config, placed: &Placed) -> anyhow::Result<()> {
+    for (k, output) in placed.outputs.iter().enumerate() {
+        let on_it = |name: &str| name == output.stream || (k == 0 && name == placed.name);
+        for (name, fault) in config.fault.iter().filter(|(_, fault)| on_it(&fault.stream)) {
+            let corruptible = config.registry.corruptible(output.port.payload);
+            let corruptible = corruptible
+                .with_context(|| format!("fault.{name}: no fault befalls `{}`", output.port.payload))?;
+            let stream = building.befallen.get(&output.stream).copied();
+            let stream = stream.or_else(|| building.graph.stream(&output.stream));
+            let stream = stream.with_context(|| format!("there is no stream `{}`", output.stream))?;
+            let befallen = corruptible.put_on(&mut building.graph, stream, (name, fault), config.seed)?;
+            building.befallen.insert(output.stream.clone(), befallen);
+        }
+    }
+    Ok(())
+}

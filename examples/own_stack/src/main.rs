@@ -1,0 +1,11 @@
+//! Swerve with a detector, a planner and a message of one's own: all of its commands, for these too.
+
+mod clear_ahead;
+mod nearest_ahead;
+mod slow_down;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    swerve::main(swerve::Registry::standard().with::<nearest_ahead::NearestAhead>().with::<slow_down::SlowDown>())
+}

@@ -1,0 +1,57 @@
+//! A detector: the nearest of what is seen in the lane ahead.
+
+use serde::{Deserialize, Serialize};
+use swerve::flow::{At, Context, Inputs, Latest, Operator, Port};
+use swerve::msg::{EgoState, ObstacleList};
+use swerve::operator::{Kind, Node, Site};
+
+use crate::clear_ahead::ClearAhead;
+
+/// Finds the nearest obstacle in the lane ahead.
+pub struct NearestAhead(Table);
+
+/// Its keys in `[operator.NAME]`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Table {
+    /// Half of the width that has to be clear, m.
+    half_width_m: f64,
+    /// How far it looks, m.
+    range_m: f64,
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Self { half_width_m: 1.6, range_m: 80.0 }
+    }
+}
+
+#[derive(Inputs)]
+pub struct In {
+    /// What is seen.
+    obstacles: At<ObstacleList>,
+    /// Where the ego is.
+    ego: Latest<EgoState>,
+}
+
+impl Kind for NearestAhead {
+    const NODE: Node = Node::new("nearest_ahead", "how far the lane ahead is clear");
+    type Table = Table;
+
+    fn new(table: Table, _: &Site<'_>) -> anyhow::Result<Self> {
+        Ok(Self(table))
+    }
+}
+
+impl Operator for NearestAhead {
+    type In = In;
+    type Out = Port<ClearAhead>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<ClearAhead>) {
+        let (Some(seen), Some(ego)) = (input.obstacles.get(), input.ego.get()) else { return };
+        let ahead = seen.obstacles.iter().map(|obstacle| ego.pose.to_local(obstacle.pose.point()));
+        let in_lane = ahead.filter(|at| at.x_m > 0.0 && at.y_m.abs() < self.0.half_width_m);
+        let distance_m = in_lane.map(|at| at.x_m).fold(self.0.range_m, f64::min);
+        out.send(ClearAhead { stamp: cx.stamp(), distance_m });
+    }
+}
