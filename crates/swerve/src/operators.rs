@@ -6,7 +6,7 @@ use swerve_stack::{OperatorKind, Registry, Settings};
 
 use crate::config::Config;
 use crate::config::words::nearest;
-use crate::output::{align, print};
+use crate::output::print;
 
 /// `swerve operators`.
 #[derive(clap::Args, Debug)]
@@ -33,6 +33,20 @@ pub fn run(args: &OperatorsArgs, registry: &Registry) -> anyhow::Result<()> {
 fn list(registry: &Registry) -> String {
     let rows = registry.kinds().map(|kind| vec![kind.node().kind.to_owned(), kind.node().doc.to_owned()]);
     align(&rows.collect::<Vec<_>>())
+}
+
+/// Columns, each as wide as its widest entry.
+fn align(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width =
+        |column: usize| rows.iter().filter_map(|row| row.get(column)).map(String::len).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells: Vec<String> =
+            row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+        format!("  {}\n", cells.join("  ").trim_end())
+    };
+    rows.iter().map(line).collect()
 }
 
 fn show(kind: &dyn OperatorKind, registry: &Registry) -> String {

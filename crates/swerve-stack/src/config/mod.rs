@@ -497,10 +497,15 @@ pub struct OperatorConfig {
     /// Resource that its steps hold a slot of.
     pub uses: Option<String>,
     /// Communication delay of what it publishes, ms.
+    #[serde(skip_serializing_if = "is_zero")]
     pub delay_ms: f64,
     /// The keys of its kind, or of that kind's tables for this operator alone.
     #[serde(flatten)]
     pub keys: toml::Table,
+}
+
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
 }
 
 /// What a port reads.

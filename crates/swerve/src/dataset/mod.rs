@@ -54,7 +54,7 @@ const KITTI_LIKE: (&str, &str) = ("camera", "lidar");
 
 /// Runs `swerve dataset`.
 pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
-    let mut base = base(args)?;
+    let mut base = base(args, registry)?;
     if base.render.backend == RenderBackend::Auto {
         (base.render.backend, _) = RenderBackend::Auto.on_this_machine(&gpu::probe());
     }
@@ -87,7 +87,7 @@ pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
     crate::output::print(&format!("{count} samples of {drives} drives in {}\n", args.out.display()))
 }
 
-fn base(args: &DatasetArgs) -> anyhow::Result<Config> {
+fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
     let sets: Result<Vec<_>, _> = args.set.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
     let mut config = Config::load_with(registry, args.config.as_deref(), &sets?)
         .map_err(|problems| problems_error(&problems))?;

@@ -11,14 +11,17 @@ fn data_set(out: &Path, set: &[&str]) -> anyhow::Result<()> {
         "[camera.eye]\nwidth_px = 320\nheight_px = 120\nat_m = [1.7, 0.0, 1.6]\nperiod_ms = 2000\n\
          outputs = ['rgb', 'depth', 'semantic', 'instance']\n",
     )?;
-    run(&DatasetArgs {
-        scenarios: vec![scenario],
-        out: out.to_owned(),
-        config: Some(file),
-        set: set.iter().map(|s| (*s).to_owned()).collect(),
-        seeds: vec![1],
-        weathers: vec![WeatherPreset::default()],
-    })
+    run(
+        &DatasetArgs {
+            scenarios: vec![scenario],
+            out: out.to_owned(),
+            config: Some(file),
+            set: set.iter().map(|s| (*s).to_owned()).collect(),
+            seeds: vec![1],
+            weathers: vec![WeatherPreset::default()],
+        },
+        &swerve_stack::Registry::standard(),
+    )
 }
 
 #[test]

@@ -516,10 +516,10 @@ mod tests {
         let used: u64 = recording.topics.values().map(|topic| topic.used).sum();
         assert!(all == 4000 && used > 500, "{used} of {all}");
         assert!(recording.records["pose"].len() > 50 && recording.records["lidar"].len() > 10);
-        let LiveGraph { pipeline: Pipeline { mut graph, .. }, inputs } =
+        let LiveGraph { pipeline: Pipeline { mut graph, .. }, .. } =
             LiveGraph::build(&drive.config, &drive.scenario).unwrap();
         for name in graph.sources().map(str::to_owned).collect::<Vec<_>>() {
-            graph.playback(&name, recording.records.remove(name).unwrap_or_default()).unwrap();
+            graph.playback(&name, recording.records.remove(&name).unwrap_or_default()).unwrap();
         }
         run_virtual(graph, &RunOptions::until(recording.end), Vec::new()).unwrap();
     }

@@ -162,7 +162,7 @@ impl Teller for Quiet {
 
 fn configuration() -> Drive {
     let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live/autoware.toml"));
-    Drive::load(file, &[("live.enable".into(), "at_start".into())]).unwrap()
+    Drive::load(&Registry::standard(), file, &[("live.enable".into(), "at_start".into())]).unwrap()
 }
 
 /// Panics at a tick.
@@ -355,7 +355,7 @@ fn a_clock_that_is_set_is_followed_and_the_car_stays_on_its_lane() {
 /// What a recorded drive with the configuration of this name comes to, in virtual time.
 fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Seen {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
-    let drive = Drive::load(&folder.join(name).with_extension("toml"), &[]).unwrap();
+    let drive = Drive::load(&Registry::standard(), &folder.join(name).with_extension("toml"), &[]).unwrap();
     let interface = vehicle::interface(drive.mapping.vehicle, &drive.config);
     let mut intake = Intake::new(&drive.mapping, interface, &drive.config, EPOCH_NS);
     let mut arrived = Vec::new();
@@ -365,7 +365,7 @@ fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Se
     for (name, _, tally, _) in intake.tallies() {
         assert_eq!(tally.refused.total(), 0, "{name}: {:?}", tally.last_refusal);
     }
-    let LiveGraph { pipeline: Pipeline { mut graph, .. }, inputs } =
+    let LiveGraph { pipeline: Pipeline { mut graph, .. }, .. } =
         LiveGraph::build(&drive.config, &drive.scenario).unwrap();
     for source in graph.sources().map(str::to_owned).collect::<Vec<_>>() {
         let own = arrived.iter().filter(|arrived| arrived.source() == source);
