@@ -65,7 +65,8 @@ fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(St
     for (port, reads) in &placed.own.reads {
         if ports.contains(&port.as_str()) {
             said.push((port.clone(), reads.clone()));
-        } else {
+        } else if config.operator.get(&placed.name).is_some_and(|own| own.reads.contains_key(port)) {
+            // What the pipeline's own text says is for whichever of its ports a kind has under these settings.
             let (key, kind) = (format!("operator.{}.reads.{port}", placed.name), placed.kind.node().kind);
             problems.push((key, format!("`{kind}` has no port of this name{}", one_of(port, &ports))));
         }
