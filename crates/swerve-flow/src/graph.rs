@@ -2,7 +2,6 @@
 
 mod check;
 mod describe;
-mod render;
 mod wire;
 
 use core::fmt;

@@ -111,7 +111,7 @@ pub use observer::{
 };
 pub use operator::{Context, Miss, Operator, Progress};
 pub use options::RunOptions;
-pub use output::{Declaration, Filled, Loan, Outputs, Port};
+pub use output::{Declaration, Loan, Outputs, Port};
 pub use payload::{ErasedPayload, Payload, PayloadType};
 #[doc(hidden)]
 pub use payload::{Outs, Sent};

@@ -1,5 +1,7 @@
 //! `swerve graph`: the dataflow that a configuration makes.
 
+mod render;
+
 use std::path::PathBuf;
 
 use crate::pipeline::Pipeline;
@@ -26,7 +28,7 @@ pub fn run(args: &GraphArgs) -> anyhow::Result<()> {
     let (config, scenario) = load(&args.input)?;
     let info = Pipeline::build(&config, &scenario)?.graph.describe()?;
     if let Some(file) = &args.svg {
-        crate::files::write_whole(file, info.svg().as_bytes())?;
+        crate::files::write_whole(file, render::svg(&info).as_bytes())?;
     }
-    crate::output::print(&if args.dot { info.dot() } else { info.text() })
+    crate::output::print(&if args.dot { render::dot(&info) } else { render::text(&info) })
 }

@@ -48,8 +48,6 @@ pub(crate) struct Node {
     pub(crate) uses: Option<usize>,
     pub(crate) origin: bool,
     pub(crate) heavy: bool,
-    /// It may take the shortcut of `engine/direct.rs`.
-    pub(crate) direct: bool,
     /// Open frames that have not started, in order of stamps; the first `complete` are complete.
     pub(crate) open: VecDeque<Open>,
     pub(crate) complete: usize,
@@ -194,8 +192,6 @@ pub(crate) struct StreamState {
     pub(crate) delay: Span,
     /// The ports that join on it: rank, port.
     pub(crate) readers: Vec<(usize, usize)>,
-    /// Its one and only reader, where messages can go straight into that one's step (`engine/direct.rs`).
-    pub(crate) sole: Option<usize>,
     /// The newest messages, as deep as its readers look.
     pub(crate) history: VecDeque<Msg>,
     /// How deep that is; 0 where nobody looks.
@@ -211,14 +207,6 @@ impl StreamState {
         self.seq += 1;
         self.watermark = watermark;
         header
-    }
-
-    /// The operator that alone reads the stream, as soon as something is published.
-    pub(crate) fn sole_reader(&self) -> Option<usize> {
-        match self.readers[..] {
-            [(rank, _)] if self.depth == 0 && self.delay == Span::ZERO => Some(rank),
-            _ => None,
-        }
     }
 
     /// The number of messages at the front of the history that are visible at `now`.

@@ -76,18 +76,18 @@ impl<T: Victim> Operator for Faulty<T> {
         let befallen = freezes.is_some()
             || ((self.stamps.0..=self.stamps.1).contains(&stamp) && rng.unit() < self.probability);
         if !befallen {
-            return out.forward(message.shared());
+            return out.pass_on(message);
         }
         let mut later = Span::ZERO;
         match self.harm {
             Harm::Drop => {}
             Harm::Delay(by) => {
                 later = by;
-                out.forward(message.shared());
+                out.pass_on(message);
             }
             Harm::Jitter(most) => {
                 later = Span::from_ns((most.ns() as f64 * rng.unit()) as i64);
-                out.forward(message.shared());
+                out.pass_on(message);
             }
             Harm::Freeze(lasts) => {
                 let (old, until) = freezes.unwrap_or_else(|| (message.shared(), stamp + lasts));
