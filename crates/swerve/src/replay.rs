@@ -96,8 +96,8 @@ pub fn replay(
         }
     }
     let decided = decisions(log, sets.is_empty())?;
-    // Where an operator began afresh, it does so again from what a pipeline starts with.
-    for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Afresh { .. })).count() {
+    // Where an operator was restarted, it is so again, with what a pipeline starts with.
+    for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Restarted { .. })).count() {
         pipeline.graph.spare(Pipeline::build(&config, &scenario)?.graph);
     }
     // Cameras, radars and lidars are computed again whatever the cut: they are functions of the world's states,

@@ -22,7 +22,7 @@ pub(crate) struct Node {
     /// Absent in a feed, and while a worker has it.
     pub(crate) body: Option<Box<dyn Body>>,
     pub(crate) on_deadline: Option<OnDeadline>,
-    /// Bodies for steps before which it began afresh in the run that is repeated.
+    /// Bodies for steps before which it was restarted in the run that is repeated.
     pub(crate) spares: VecDeque<Box<dyn Body>>,
     /// What a feed publishes next, in order of its instants.
     pub(crate) feed: Option<VecDeque<PlaybackRecord>>,
@@ -181,6 +181,14 @@ pub(crate) struct Finished {
     pub(crate) outs: Outs,
 }
 
+/// A port that joins on a stream.
+#[derive(Clone, Copy)]
+pub(crate) struct Reader {
+    pub(crate) rank: usize,
+    /// Among the synchronised ports of that operator.
+    pub(crate) port: usize,
+}
+
 /// One stream during a run.
 pub(crate) struct StreamState {
     pub(crate) name: Arc<str>,
@@ -190,8 +198,8 @@ pub(crate) struct StreamState {
     pub(crate) watermark: Time,
     pub(crate) seq: u64,
     pub(crate) delay: Span,
-    /// The ports that join on it: rank, port.
-    pub(crate) readers: Vec<(usize, usize)>,
+    /// The ports that join on it.
+    pub(crate) readers: Vec<Reader>,
     /// The newest messages, as deep as its readers look.
     pub(crate) history: VecDeque<Msg>,
     /// How deep that is; 0 where nobody looks.

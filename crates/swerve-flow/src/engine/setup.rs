@@ -6,7 +6,7 @@ use swerve_core::{Span, Time, digest_of};
 
 use super::commit::Commits;
 use super::due::{Due, Ready};
-use super::node::{AtPort, LatestPort, Node, PortRef, StreamState, TimerPort};
+use super::node::{AtPort, LatestPort, Node, PortRef, Reader, StreamState, TimerPort};
 use super::pool::{Doorbell, Pool};
 use super::resource::ResourceState;
 use super::{Engine, Replay};
@@ -113,7 +113,7 @@ fn wire(graph: &Graph, rank_of: &[usize], streams: &mut [StreamState]) {
         for port in &operator.ports {
             match *port {
                 PortSpec::At(id) => {
-                    streams[id].readers.push((*rank, joins));
+                    streams[id].readers.push(Reader { rank: *rank, port: joins });
                     joins += 1;
                 }
                 PortSpec::Latest { edge, depth, .. } => {
