@@ -1,6 +1,6 @@
 //! The dataflow engine: cost of a hop, of a wake-up, of a big payload, steps per second, threads, memory.
 //!
-//! Peers run in turn with ours, round by round, so that a noisy host hits both.
+//! Every run has an observer, as all runs of the product have. Peers run in turn with ours, round by round, so that a noisy host hits both.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize, Serializer};
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, sleep_ms};
 use swerve_core::{Span, Time};
 use swerve_flow::{
-    Anchor, At, Context, Deadline, Every, Graph, Latest, Operator, Policy, Port, Reaction, RunOptions,
-    RuntimeModel, every, run_virtual, run_wall,
+    Anchor, At, Context, Deadline, Event, Every, Graph, Latest, Observer, Operator, Policy, Port, Reaction,
+    RunOptions, RuntimeModel, every, run_virtual, run_wall,
 };
 
 const ROUNDS: usize = 7;
@@ -64,6 +64,20 @@ impl Operator for Sink {
     }
 }
 
+/// Counts messages: stands for what looks on at every run (log, metrics), without the time that it takes.
+#[derive(Default)]
+struct Watcher {
+    messages: u64,
+}
+
+impl Observer for Watcher {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::Publication(publication) = event {
+            self.messages += u64::from(publication.payload.is_some());
+        }
+    }
+}
+
 /// Nanoseconds per frame of a ticker, `hops` operators and a sink.
 fn frame_ns<O: Operator<In = At<Small>, Out = Port<Small>>>(hop: impl Fn() -> O, hops: usize) -> f64 {
     const FRAMES: i64 = 200_000;
@@ -75,8 +89,10 @@ fn frame_ns<O: Operator<In = At<Small>, Out = Port<Small>>>(hop: impl Fn() -> O,
     graph.add("sink", Sink, stream).out();
     let began = now();
     let until = Time::from_ns(1000 * (FRAMES - 1));
-    let report = run_virtual(graph, &RunOptions::until(until), vec![]).expect("a sound graph");
+    let mut watcher = Watcher::default();
+    let report = run_virtual(graph, &RunOptions::until(until), vec![&mut watcher]).expect("a sound graph");
     let ns = began.elapsed().as_nanos() as f64;
+    assert_eq!(watcher.messages, FRAMES as u64 * (1 + hops as u64));
     assert_eq!(report.operator("sink").map(|sink| sink.steps), Some(FRAMES as u64));
     ns / FRAMES as f64
 }
@@ -180,7 +196,7 @@ fn engine_wake_us() -> Sample {
             let _ = handle.send_now(Sent { at_ns: sender.ns() });
         }
     });
-    run_wall(graph, &RunOptions::default(), vec![]).expect("a sound graph");
+    run_wall(graph, &RunOptions::default(), vec![&mut Watcher::default()]).expect("a sound graph");
     sensor.join().expect("the sensor does not panic");
     watch.sample()
 }
@@ -281,7 +297,8 @@ fn image_us(hops: usize, frames: i64) -> f64 {
     }
     graph.add("screen", Screen, image).out();
     let began = now();
-    run_virtual(graph, &RunOptions::until(Time::from_ms(frames - 1)), vec![]).expect("a sound graph");
+    let (options, mut watcher) = (RunOptions::until(Time::from_ms(frames - 1)), Watcher::default());
+    run_virtual(graph, &options, vec![&mut watcher]).expect("a sound graph");
     began.elapsed().as_secs_f64() * 1e6 / frames as f64
 }
 
@@ -328,8 +345,8 @@ fn steps(rows: &mut Rows) {
     for _ in 0..ROUNDS {
         let graph = pipeline(Span::from_us(50));
         let began = now();
-        let report =
-            run_virtual(graph, &RunOptions::until(Time::from_ms(10_000)), vec![]).expect("a sound graph");
+        let (options, mut watcher) = (RunOptions::until(Time::from_ms(10_000)), Watcher::default());
+        let report = run_virtual(graph, &options, vec![&mut watcher]).expect("a sound graph");
         let steps: u64 = report.operators.iter().map(|operator| operator.steps).sum();
         rates.push(steps as f64 / began.elapsed().as_secs_f64() * 1e-6);
     }
@@ -364,7 +381,7 @@ fn heavy_ms(threads: usize) -> (f64, u64) {
     }
     let began = now();
     let options = RunOptions::until(Time::from_ms(240)).threads(threads);
-    let report = run_virtual(graph, &options, vec![]).expect("a sound graph");
+    let report = run_virtual(graph, &options, vec![&mut Watcher::default()]).expect("a sound graph");
     (began.elapsed().as_secs_f64() * 1e3, report.overlapped_steps)
 }
 
@@ -438,7 +455,8 @@ fn memory(rows: &mut Rows) {
     let copy = graph.add("copy", Copy, ticker).runtime(RuntimeModel::Fixed(Span::from_us(25)));
     let copy = copy.policy(Policy::pipelined(4)).deadline(late).out();
     graph.add("probe", Probe(0), copy).out();
-    run_virtual(graph, &RunOptions::until(Time::from_ms(11_000)), vec![]).expect("a sound graph");
+    let options = RunOptions::until(Time::from_ms(11_000));
+    run_virtual(graph, &options, vec![&mut Watcher::default()]).expect("a sound graph");
     let [early, late] = [&RESIDENT[0], &RESIDENT[1]].map(|r| r.load(Ordering::Relaxed) as f64);
     if early == 0.0 {
         return rows.skipped("resident memory, message 1e5 to 1e6", "the system does not tell");

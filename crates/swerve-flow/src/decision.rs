@@ -66,7 +66,7 @@ pub enum Decision {
         /// The units that it had counted.
         units: u64,
     },
-    /// A step that was taken elsewhere did not come to its end.
+    /// A step that was taken by another process did not come to its end.
     Lost {
         /// Whose step.
         operator: String,
@@ -75,8 +75,9 @@ pub enum Decision {
         /// What happened.
         why: String,
     },
-    /// A step was the first of an operator that began afresh, in the state that it starts a run with.
-    Afresh {
+    /// A step was the first of an operator that was restarted, in the state that it starts a run with.
+    #[serde(alias = "afresh")]
+    Restarted {
         /// Whose step.
         operator: String,
         /// For which stamp.
@@ -104,7 +105,7 @@ pub(crate) struct Decided {
     pub(crate) stop_at: Option<u64>,
     pub(crate) offers: Option<u64>,
     pub(crate) lost: bool,
-    pub(crate) afresh: bool,
+    pub(crate) restarted: bool,
 }
 
 impl Replay {
@@ -141,8 +142,8 @@ impl FromIterator<Decision> for Replay {
                 Decision::Lost { operator, stamp, .. } => {
                     (operator, stamp, Decided { lost: true, ..Decided::default() })
                 }
-                Decision::Afresh { operator, stamp } => {
-                    (operator, stamp, Decided { afresh: true, ..Decided::default() })
+                Decision::Restarted { operator, stamp } => {
+                    (operator, stamp, Decided { restarted: true, ..Decided::default() })
                 }
                 Decision::Begin { wall_clock } => {
                     replay.wall_clock = wall_clock;
@@ -160,7 +161,7 @@ impl FromIterator<Decision> for Replay {
             step.stop_at = step.stop_at.or(decided.stop_at);
             step.offers = step.offers.or(decided.offers);
             step.lost |= decided.lost;
-            step.afresh |= decided.afresh;
+            step.restarted |= decided.restarted;
         }
         replay
     }

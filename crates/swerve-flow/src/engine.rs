@@ -1,7 +1,6 @@
 //! The executor: one sweep for every instant, whatever moves the clock.
 
 mod commit;
-mod direct;
 mod due;
 mod node;
 mod pool;
@@ -15,7 +14,6 @@ use swerve_core::Time;
 
 use crate::decision::{Decision, Replay};
 use crate::observer::{DropReason, Dropped, Event, Observer};
-use crate::payload::Outs;
 use crate::report::{EndReason, RunError, RunReport};
 use commit::Commits;
 use due::{Due, Ready};
@@ -35,8 +33,6 @@ pub(crate) struct Engine<'o> {
     sources: Vec<usize>,
     due: Due,
     ready: Ready,
-    /// Where a step that takes the shortcut leaves its outputs; empty in between.
-    outs: Outs,
     /// The present instant.
     now: Time,
     /// Which sweep of this instant is under way, from 0.

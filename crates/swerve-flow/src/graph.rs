@@ -2,7 +2,6 @@
 
 mod check;
 mod describe;
-mod render;
 mod wire;
 
 use core::fmt;
@@ -17,13 +16,13 @@ pub use describe::{GraphInfo, InputInfo, InputKind, OperatorInfo};
 pub use wire::{AnyFeedback, AnyStream};
 
 use crate::deadline::{Deadline, Length};
-use crate::elsewhere::{Elsewhere, Remote, Workbench, Workshop};
 use crate::input::{Connect, Edge, PortSpec, Ports};
 use crate::operator::{Body, OnDeadline, Operator, Typed, on_deadline};
 use crate::output::{Declaration, Declared, Outputs};
 use crate::payload::{Decode, FromWire, Payload, PayloadType};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
+use crate::remote::{Remote, RemoteExecutor, Worker, WorkerOperator};
 use crate::runtime::RuntimeModel;
 use crate::wall::{Inbox, SourceHandle, StopHandle};
 
@@ -103,7 +102,7 @@ pub(crate) struct OperatorSpec {
     /// When steps that are played back held slots of the resource.
     pub(crate) held: Vec<(Time, Time)>,
     pub(crate) body: BodySpec,
-    /// Bodies in their first state, for steps before which the operator began afresh in the run that is repeated.
+    /// Bodies in their first state, for steps before which the operator was restarted in the run that is repeated.
     pub(crate) spares: Vec<Box<dyn Body>>,
 }
 
@@ -280,12 +279,12 @@ impl Graph {
     }
 
     /// The operators of these names, to be stepped by hand: what another process does for a graph that has the
-    /// same ones [`elsewhere`](OperatorRef::elsewhere).
+    /// same ones [`remote`](OperatorRef::remote).
     ///
     /// # Errors
     /// When there is no operator of a name, or it is none that has steps.
-    pub fn into_workshop(mut self, names: &[String]) -> Result<Workshop, GraphError> {
-        let mut benches = Vec::new();
+    pub fn into_worker(mut self, names: &[String]) -> Result<Worker, GraphError> {
+        let mut operators = Vec::new();
         for name in names {
             let index = self.index_of(name)?;
             let body = core::mem::replace(&mut self.operators[index].body, BodySpec::Feed(Vec::new()));
@@ -299,13 +298,13 @@ impl Graph {
                 PortSpec::Timer(_) => None,
             });
             let ports = ports.map(|id| Some(self.streams.get(id?)?.from_wire)).collect();
-            benches.push(Workbench { name: operator.name.clone(), body, ports });
+            operators.push(WorkerOperator { name: operator.name.clone(), body, ports });
         }
-        Ok(Workshop { benches })
+        Ok(Worker { operators })
     }
 
     /// Takes the operators of `other`, the same graph built once more, as what operators start from that began
-    /// afresh in the run to be repeated ([`Decision::Afresh`](crate::Decision::Afresh)); one graph for each time.
+    /// restarted in the run to be repeated ([`Decision::Restarted`](crate::Decision::Restarted)); one graph for each time.
     pub fn spare(&mut self, other: Self) {
         for spec in other.operators {
             let own = self.operators.iter_mut().find(|own| own.name == spec.name);
@@ -325,7 +324,7 @@ impl Graph {
     /// Checks the graph whole, as a run does before its first step.
     ///
     /// # Errors
-    /// The first fault found, naming the operators.
+    /// The first error found, naming the operators.
     pub fn check(&self) -> Result<(), GraphError> {
         ranks(self).map(|_| ())
     }
@@ -409,15 +408,15 @@ impl<Out: Outputs> OperatorRef<'_, Out> {
         self.with(|operator| operator.heavy = true)
     }
 
-    /// Its steps are taken elsewhere, by another process that has built the same graph; counts as
+    /// Its steps are taken by another process that has built the same graph; counts as
     /// [`heavy`](Self::heavy). Its own state here stays as it is.
     #[must_use]
-    pub fn elsewhere(self, elsewhere: Box<dyn Elsewhere>) -> Self {
+    pub fn remote(self, executor: Box<dyn RemoteExecutor>) -> Self {
         let streams = &self.graph.operators[self.index].streams;
         let decoders = streams.iter().map(|id| self.graph.streams[*id].from_wire).collect();
         self.heavy().with(|operator| {
             if let BodySpec::Operator(body, _) = &mut operator.body {
-                *body = Box::new(Remote::new(elsewhere, decoders));
+                *body = Box::new(Remote::new(executor, decoders));
             }
         })
     }

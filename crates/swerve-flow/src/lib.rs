@@ -67,7 +67,7 @@
 //! A loop is closed by `let commands = graph.feedback::<Command>("commands")`, given to its reader, and
 //! `graph.connect(commands, stream)` later.
 //!
-//! An operator's steps can be taken by another process: [`Elsewhere`] carries them there, a [`Workshop`] of the
+//! An operator's steps can be taken by another process: [`RemoteExecutor`] carries them there, a [`Worker`] of the
 //! same graph takes them, and the run comes out the same.
 
 // What the derives write names this crate from outside.
@@ -76,7 +76,6 @@ extern crate self as swerve_flow;
 
 mod deadline;
 mod decision;
-mod elsewhere;
 mod engine;
 mod graph;
 mod host;
@@ -90,6 +89,7 @@ mod payload;
 mod playback;
 mod policy;
 mod port;
+mod remote;
 mod report;
 mod runtime;
 #[cfg(test)]
@@ -99,7 +99,6 @@ mod wall;
 
 pub use deadline::{Anchor, Deadline, Reaction};
 pub use decision::{Decision, Replay};
-pub use elsewhere::{Answered, Call, CallError, Elsewhere, Lost, Workshop};
 pub use graph::{
     AnyFeedback, AnyStream, Feedback, Graph, GraphError, GraphInfo, InputInfo, InputKind, OperatorInfo,
     OperatorRef, Resource, Stream,
@@ -111,13 +110,14 @@ pub use observer::{
 };
 pub use operator::{Context, Miss, Operator, Progress};
 pub use options::RunOptions;
-pub use output::{Declaration, Filled, Loan, Outputs, Port};
+pub use output::{Declaration, Loan, Outputs, Port};
 pub use payload::{ErasedPayload, Payload, PayloadType};
 #[doc(hidden)]
 pub use payload::{Outs, Sent};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Policy};
 pub use port::{InputPort, NamedInputs, NamedOutputs, OutputInfo, OutputPort, PortInfo, PortMode, Wire};
+pub use remote::{Answered, Call, CallError, Lost, RemoteExecutor, Worker};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
 pub use swerve_flow_derive::{Inputs, Outputs};

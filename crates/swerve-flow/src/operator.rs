@@ -76,10 +76,10 @@ pub(crate) struct Task {
 pub(crate) struct Unusual {
     /// The run is to end: why.
     pub(crate) stop_run: Option<String>,
-    /// A step that was taken elsewhere did not come to its end: why.
+    /// A step that another process took did not come to its end: why.
     pub(crate) lost: Option<String>,
-    /// It was the first one of a process that began afresh.
-    pub(crate) afresh: bool,
+    /// It was the first one after its process was restarted.
+    pub(crate) restarted: bool,
 }
 
 impl Task {

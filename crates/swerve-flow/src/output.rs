@@ -1,6 +1,5 @@
 //! Output ports: what an operator's step publishes.
 
-use core::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 use swerve_core::{Digest, digest_of};
@@ -92,42 +91,10 @@ pub struct Loan<'a, T> {
     port: &'a mut Port<T>,
 }
 
-impl<'a, T: Payload> Loan<'a, T> {
+impl<T: Payload> Loan<'_, T> {
     /// Fills the room and publishes it.
     pub fn send(self, value: T) {
         self.port.put(Arc::new(value), None);
-    }
-
-    /// Fills the room, to be completed in place and sent then.
-    pub fn fill(self, value: T) -> Filled<'a, T> {
-        Filled { port: self.port, value: Arc::new(value) }
-    }
-}
-
-/// A filled loan, not published yet. Dropping it publishes nothing.
-pub struct Filled<'a, T> {
-    port: &'a mut Port<T>,
-    value: Arc<T>,
-}
-
-impl<T: Payload> Filled<'_, T> {
-    /// Publishes it.
-    pub fn send(self) {
-        self.port.put(self.value, None);
-    }
-}
-
-impl<T> Deref for Filled<'_, T> {
-    type Target = T;
-
-    fn deref(&self) -> &T {
-        &self.value
-    }
-}
-
-impl<T> DerefMut for Filled<'_, T> {
-    fn deref_mut(&mut self) -> &mut T {
-        Arc::get_mut(&mut self.value).expect("an unsent loan has one holder")
     }
 }
 

@@ -195,7 +195,7 @@ impl RunReport {
 /// Why a run could not be brought to its end. Observers have been told all that happened before.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// The graph has a fault; no step ran.
+    /// The graph has an error; no step ran.
     #[error(transparent)]
     Graph(#[from] GraphError),
     /// An operator panicked.
@@ -206,7 +206,7 @@ pub enum RunError {
         /// What it said.
         message: String,
     },
-    /// A step that was taken elsewhere did not come to its end.
+    /// A step that another process took did not come to its end.
     #[error("operator `{operator}`: {why}")]
     Lost {
         /// Whose step.

@@ -139,7 +139,7 @@ impl RuntimeModel {
     }
 
     /// What is wrong with the model's numbers.
-    pub(crate) fn fault(&self) -> Option<&'static str> {
+    pub(crate) fn problem(&self) -> Option<&'static str> {
         let finite = |x: f64| x.is_finite() && x >= 0.0;
         match self {
             Self::Fixed(span) if *span < Span::ZERO => Some("a fixed run time is below zero"),
@@ -153,7 +153,7 @@ impl RuntimeModel {
             Self::LogNormal { median, sigma } if *median <= Span::ZERO || !finite(*sigma) => {
                 Some("a log-normal run time needs a median above zero and a finite sigma not below zero")
             }
-            Self::Percentiles(points) => fault_of_percentiles(points),
+            Self::Percentiles(points) => problem_of_percentiles(points),
             Self::Work { base, per_unit_ns } if *base < Span::ZERO || !finite(*per_unit_ns) => {
                 Some("base and time per unit have to be finite and not below zero")
             }
@@ -182,7 +182,7 @@ fn percentile(points: &[(f64, Span)], percent: f64) -> Span {
     }
 }
 
-fn fault_of_percentiles(points: &[(f64, Span)]) -> Option<&'static str> {
+fn problem_of_percentiles(points: &[(f64, Span)]) -> Option<&'static str> {
     if points.is_empty() {
         return Some("a run time by percentiles needs at least one");
     }

@@ -2,11 +2,11 @@
 
 mod clock;
 mod deadlines;
-mod elsewhere;
 mod loops;
 mod named;
 mod net;
 mod ports;
+mod remote;
 mod runtimes;
 mod sweep;
 mod throughput;

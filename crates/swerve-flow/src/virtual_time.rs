@@ -14,7 +14,7 @@ use crate::wall::Inbox;
 /// [`StopHandle`](crate::StopHandle).
 ///
 /// # Errors
-/// When the graph has a fault, an operator panics, or a queue overflows that must not; observers were told
+/// When the graph has an error, an operator panics, or a queue overflows that must not; observers were told
 /// all that happened before.
 pub fn run_virtual(
     graph: Graph,

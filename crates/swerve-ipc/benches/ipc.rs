@@ -22,10 +22,10 @@ use iceoryx2::prelude::*;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_core::{Hasher, Span, Time};
 use swerve_flow::{
-    Answered, At, Call, Context, Elsewhere, Every, Graph, Lost, Operator, Port, RunOptions, every,
+    Answered, At, Call, Context, Every, Graph, Lost, Operator, Port, RemoteExecutor, RunOptions, every,
     run_virtual,
 };
-use swerve_ipc::{Crew, Employment, OnLoss, Setup, work};
+use swerve_ipc::{OnLoss, Setup, WorkerPool, WorkerSpec, work};
 use swerve_msg::block::Memory;
 use swerve_msg::{Encoding, Image, Pixels};
 
@@ -135,12 +135,12 @@ fn graph(sensor: Sensor) -> Graph {
 
 /// Takes the time of each call.
 struct Timed {
-    door: Box<dyn Elsewhere>,
+    door: Box<dyn RemoteExecutor>,
     receiver: Receiver,
     took: Arc<Mutex<Vec<f64>>>,
 }
 
-impl Elsewhere for Timed {
+impl RemoteExecutor for Timed {
     fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost> {
         self.receiver.pause();
         let began = now();
@@ -151,9 +151,9 @@ impl Elsewhere for Timed {
 }
 
 fn ours(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
-    let mut crew = Crew::new()?;
-    let memory = crew.lend("sensor", 1)?;
-    let employment = Employment {
+    let mut pool = WorkerPool::new()?;
+    let memory = pool.lend("sensor", 1)?;
+    let spec = WorkerSpec {
         process: "reader".into(),
         operators: vec!["reader".into()],
         payload: Vec::new(),
@@ -162,14 +162,14 @@ fn ours(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
         spin: if receiver == Receiver::Awake { LONG } else { Duration::ZERO },
         command: Box::new(|| peer(&["worker"])),
     };
-    crew.employ(employment, Arc::new(|_| {}))?;
-    crew.wait_ready(LONG)?;
+    pool.start(spec, Arc::new(|_| {}))?;
+    pool.wait_ready(LONG)?;
     let (sealed, took) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(Vec::new())));
     let mut graph = graph(Sensor { bytes, memory: Some(memory), sealed: sealed.clone() });
-    let door = crew.door("reader").ok_or("it was just employed")?;
-    let _there = graph.operator("reader")?.elsewhere(Box::new(Timed { door, receiver, took: took.clone() }));
+    let door = pool.endpoint("reader").ok_or("it was just employed")?;
+    let _there = graph.operator("reader")?.remote(Box::new(Timed { door, receiver, took: took.clone() }));
     run_virtual(graph, &RunOptions::until(Time::from_ms(10 * (WARM_UP + TRIPS) as i64 - 1)), vec![])?;
-    if crew.traffic().copied > 0 {
+    if pool.traffic().copied > 0 {
         return Err("bytes were copied".into());
     }
     let (sealed, took) = (sealed.lock().map_err(|e| e.to_string())?, took.lock().map_err(|e| e.to_string())?);
@@ -179,7 +179,7 @@ fn ours(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
 fn worker() -> Outcome<()> {
     let setup = Setup::read(std::io::stdin().lock())?;
     let sensor = Sensor { bytes: 0, memory: None, sealed: Arc::default() };
-    Ok(work(&setup, graph(sensor).into_workshop(&setup.operators)?)?)
+    Ok(work(&setup, graph(sensor).into_worker(&setup.operators)?)?)
 }
 
 // iceoryx2 as it is.
@@ -252,7 +252,7 @@ fn raw_trips(name: &str, receiver: Receiver, bytes: usize) -> Outcome<Trips> {
         Ok(node.service_builder(&ServiceName::new(&name)?).event().open_or_create()?)
     };
     let ring = event(format!("{name}/ring"))?.notifier_builder().create()?;
-    let bell = event(format!("{name}/bell"))?.listener_builder().create()?;
+    let waker = event(format!("{name}/waker"))?.listener_builder().create()?;
     let _peer = Peer::start(&["raw", name, receiver.name()])?;
     let mut took = Vec::new();
     for _ in 0..WARM_UP + TRIPS {
@@ -266,7 +266,7 @@ fn raw_trips(name: &str, receiver: Receiver, bytes: usize) -> Outcome<Trips> {
         }
         while back.receive()?.is_none() {
             if receiver == Receiver::Asleep {
-                bell.timed_wait(|_| {}, LONG)?;
+                waker.timed_wait(|_| {}, LONG)?;
             }
         }
         took.push(us(began.elapsed().as_secs_f64()));
@@ -282,15 +282,15 @@ fn raw_peer(name: &str, receiver: Receiver) -> Outcome<()> {
     let event = |name: String| -> Outcome<_> {
         Ok(node.service_builder(&ServiceName::new(&name)?).event().open_or_create()?)
     };
-    let bell = event(format!("{name}/ring"))?.listener_builder().create()?;
-    let ring = event(format!("{name}/bell"))?.notifier_builder().create()?;
+    let waker = event(format!("{name}/ring"))?.listener_builder().create()?;
+    let ring = event(format!("{name}/waker"))?.notifier_builder().create()?;
     say_ready()?;
     // As a reader of the newest frame, it has the last one until the next is there: two are written in turn.
     let mut newest = None;
     loop {
         let Some(sample) = there.receive()? else {
             if receiver == Receiver::Asleep {
-                bell.timed_wait(|_| {}, LONG)?;
+                waker.timed_wait(|_| {}, LONG)?;
             }
             continue;
         };

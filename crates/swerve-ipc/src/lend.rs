@@ -78,7 +78,7 @@ impl Lender {
         let mut ends = self.ends.lock().unwrap_or_else(PoisonError::into_inner);
         if ends.sender.is_none() {
             let (loans, rooms) = (self.of.held(), self.of.held() + self.of.depth().waiting + self.of.kept());
-            let made = self.hub.lending_sender(&self.of.service(), self.of.depth(), [loans, rooms], bytes);
+            let made = self.hub.lending_sender(&self.of.service(), self.of.depth(), loans, rooms, bytes);
             ends.sender = Some(Arc::new(made.ok()?));
         }
         ends.sender.clone()

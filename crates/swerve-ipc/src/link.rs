@@ -1,7 +1,7 @@
 //! A call to a worker and its answer.
 //!
 //! Before a call itself stand eight bytes for each memory that the worker reads: the number of the oldest block that
-//! calls may name. Calls and answers are in loaned slices of shared memory; a bell wakes who waits for them.
+//! calls may name. Calls and answers are in loaned slices of shared memory; a [`Waker`] wakes who waits for them.
 
 use core::time::Duration;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,13 +9,13 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use serde::Serialize;
-use swerve_flow::{Answered, Call, Elsewhere, Lost};
+use swerve_flow::{Answered, Call, Lost, RemoteExecutor};
 use swerve_msg::block::writing;
 
-use crate::bell::{Bell, Ear, Heard, Patience};
 use crate::lend::Live;
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
-use crate::{Happening, IpcError, Told};
+use crate::waker::{Listener, Signal, Timeout, Waker};
+use crate::{IpcError, OnWorkerEvent, WorkerEvent};
 
 /// How long who waits for the other end sleeps before it looks around by itself. It is woken for whatever happens.
 pub(crate) const LOOK_AROUND: Duration = Duration::from_millis(20);
@@ -95,8 +95,8 @@ pub(crate) struct Life {
     pub(crate) gone: Option<String>,
     /// How it ended last.
     pub(crate) ended: String,
-    /// The bell between it and the coordinator.
-    pub(crate) bell: Option<Arc<Bell>>,
+    /// The wake-up channel between it and the coordinator.
+    pub(crate) waker: Option<Arc<Waker>>,
 }
 
 impl Watched {
@@ -124,14 +124,14 @@ pub(crate) struct Link {
     calls: Sender,
     answers: Receiver,
     /// That of the worker's last start.
-    ear: Option<Ear>,
+    listener: Option<Listener>,
     /// For so long an answer is waited for without sleeping.
     spin: Duration,
     /// The memories that the worker reads.
     lives: Vec<Arc<Live>>,
     watched: Arc<Watched>,
     counts: Arc<Counts>,
-    told: Told,
+    on_event: OnWorkerEvent,
     /// The start of the worker that the last call went to.
     start: u64,
     /// The last start that said that it is ready.
@@ -145,8 +145,10 @@ impl Link {
         hub: &Hub,
         process: &str,
         spin: Duration,
-        (lives, watched): (Vec<Arc<Live>>, Arc<Watched>),
-        (counts, told): (Arc<Counts>, Told),
+        lives: Vec<Arc<Live>>,
+        watched: Arc<Watched>,
+        counts: Arc<Counts>,
+        on_event: OnWorkerEvent,
     ) -> Result<Self, IpcError> {
         const CALL_BYTES: usize = 16 * 1024;
         let names = Names::of(process);
@@ -154,12 +156,12 @@ impl Link {
             process: process.to_owned(),
             calls: hub.sender(&names.calls, TALK, CALL_BYTES)?,
             answers: hub.receiver(&names.answers, TALK)?,
-            ear: None,
+            listener: None,
             spin,
             lives,
             watched,
             counts,
-            told,
+            on_event,
             start: 0,
             ready: 0,
             seq: 0,
@@ -177,17 +179,17 @@ impl Link {
             if now() >= until {
                 return Err(error(&self.process, "was not ready in time".into()));
             }
-            self.hear_ready(Patience::AWhile);
+            self.receive_ready(Timeout::Set);
         }
         Ok(())
     }
 
-    /// Listens for the worker to say that it is ready.
-    fn hear_ready(&mut self, patience: Patience) {
-        match self.ear.as_mut().map_or(Heard::Alone, |ear| ear.listen(patience)) {
-            Heard::Ready(start) => self.ready = start,
-            Heard::Alone if patience == Patience::AWhile => self.watched.wait_end(self.start),
-            Heard::Ring | Heard::Nothing | Heard::Alone => {}
+    /// Waits for the worker to say that it is ready.
+    fn receive_ready(&mut self, timeout: Timeout) {
+        match self.listener.as_mut().map_or(Signal::Closed, |listener| listener.listen(timeout)) {
+            Signal::Ready(start) => self.ready = start,
+            Signal::Closed if timeout == Timeout::Set => self.watched.wait_end(self.start),
+            Signal::Wake | Signal::TimedOut | Signal::Closed => {}
         }
     }
 
@@ -199,19 +201,19 @@ impl Link {
                 return Err(self.lost(why));
             }
             if life.starts != self.start {
-                (self.start, self.ear) = (life.starts, life.bell.clone().map(Ear::at));
+                (self.start, self.listener) = (life.starts, life.waker.clone().map(Listener::at));
             }
             (life.starts, life.ready)
         };
         if ready < starts {
-            self.hear_ready(Patience::None);
+            self.receive_ready(Timeout::Zero);
             if self.ready != starts {
                 let ended = self.watched.life().ended.clone();
                 return Err(self.lost(&format!("{ended} and is not ready yet")));
             }
             self.watched.life().ready = starts;
             if starts > 1 {
-                (self.told)(Happening::Restarted { process: self.process.clone() });
+                (self.on_event)(WorkerEvent::Restarted { process: self.process.clone() });
             }
         }
         Ok(starts)
@@ -254,11 +256,13 @@ impl Link {
 
     /// Sends the call.
     fn hand_over(&mut self) -> Result<(), Lost> {
-        let ear =
-            self.ear.as_ref().ok_or_else(|| Lost("there is no bell to a worker that is ready".into()))?;
+        let listener = self
+            .listener
+            .as_ref()
+            .ok_or_else(|| Lost("there is no wake-up channel to a worker that is ready".into()))?;
         let sent = self.calls.send(self.seq, Kind::Call, &self.call);
         sent.map_err(|error| self.lost(&format!("cannot be called: {error}")))?;
-        ear.bell.ring();
+        listener.waker.wake();
         Ok(())
     }
 
@@ -274,9 +278,10 @@ impl Link {
                 core::hint::spin_loop();
                 continue;
             }
-            let heard = self.ear.as_mut().map_or(Heard::Alone, |ear| ear.listen(Patience::AWhile));
-            match heard {
-                Heard::Ring | Heard::Ready(_) | Heard::Nothing => {
+            let signal =
+                self.listener.as_mut().map_or(Signal::Closed, |listener| listener.listen(Timeout::Set));
+            match signal {
+                Signal::Wake | Signal::Ready(_) | Signal::TimedOut => {
                     if let Some(kind) = self.receive(answer)? {
                         return Ok(kind);
                     }
@@ -286,7 +291,7 @@ impl Link {
                         again = None;
                     }
                 }
-                Heard::Alone => {
+                Signal::Closed => {
                     self.watched.wait_end(self.start);
                     self.check_life()?;
                 }
@@ -296,8 +301,8 @@ impl Link {
 
     /// The answer to the last call from a loaned slice, if it is there.
     fn receive(&self, answer: &mut Vec<u8>) -> Result<Option<Kind>, Lost> {
-        let heard = |error| self.lost(&format!("cannot be heard: {error:?}"));
-        while let Some(message) = self.answers.receive().map_err(heard)? {
+        let failed = |error| self.lost(&format!("cannot be heard: {error:?}"));
+        while let Some(message) = self.answers.receive().map_err(failed)? {
             if let Some(kind) = answers(message.user_header(), self.seq) {
                 answer.clear();
                 answer.extend_from_slice(message.payload());
@@ -326,18 +331,18 @@ fn answers(head: &Head, seq: u64) -> Option<Kind> {
 }
 
 /// The steps of one operator, taken by a worker.
-pub(crate) struct Door {
+pub(crate) struct Endpoint {
     pub(crate) link: Arc<Mutex<Link>>,
     /// The start of the worker that took the last step.
     pub(crate) start: u64,
 }
 
-impl Elsewhere for Door {
+impl RemoteExecutor for Endpoint {
     fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost> {
         let mut link = self.link.lock().unwrap_or_else(PoisonError::into_inner);
         let start = link.step(call, answer)?;
         let before = core::mem::replace(&mut self.start, start);
-        Ok(if before == start { Answered::InTurn } else { Answered::Afresh })
+        Ok(if before == start { Answered::InTurn } else { Answered::Restarted })
     }
 }
 

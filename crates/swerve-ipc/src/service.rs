@@ -250,7 +250,8 @@ impl Hub {
         &self,
         name: &str,
         depth: Depth,
-        [loans, rooms]: [usize; 2],
+        loans: usize,
+        rooms: usize,
         bytes: usize,
     ) -> Result<WordSender, IpcError> {
         let make = || {
@@ -336,9 +337,9 @@ mod tests {
     fn no_more_is_lent_than_there_is() {
         let folder = crate::folder::RunFolder::create().unwrap();
         let hub = Hub::join(&folder.address).unwrap();
-        let refused = hub.lending_sender("memory/big", TALK, [2, 1 << 30], 1 << 20).unwrap_err().to_string();
+        let refused = hub.lending_sender("memory/big", TALK, 2, 1 << 30, 1 << 20).unwrap_err().to_string();
         assert!(refused.contains("would be needed"), "{refused}");
-        hub.lending_sender("memory/small", TALK, [2, 4], 1 << 16).unwrap();
+        hub.lending_sender("memory/small", TALK, 2, 4, 1 << 16).unwrap();
     }
 
     #[test]

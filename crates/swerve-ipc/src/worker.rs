@@ -9,15 +9,15 @@ use std::sync::mpsc::sync_channel;
 use std::thread::Builder;
 
 use serde::{Deserialize, Serialize};
-use swerve_flow::Workshop;
+use swerve_flow::Worker;
 use swerve_msg::block::reading;
 
 use crate::IpcError;
-use crate::bell::{Bell, Ear, Heard, Patience};
 use crate::folder::Address;
 use crate::lend::{Shelves, StreamMemory};
 use crate::link::{LOOK_AROUND, Names, now};
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
+use crate::waker::{Listener, Signal, Timeout, Waker};
 
 /// What a worker is told at its start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -65,21 +65,21 @@ impl Setup {
 ///
 /// # Errors
 /// When the run's shared memory is not there, or cannot be used.
-pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
+pub fn work(setup: &Setup, worker: Worker) -> Result<(), IpcError> {
     const ANSWER_BYTES: usize = 16 * 1024;
     let hub = Hub::join(&setup.address)?;
     let names = Names::of(&setup.process);
-    let bell = Arc::new(Bell::inherited(LOOK_AROUND).map_err(IpcError::of("the doorbell"))?);
+    let waker = Arc::new(Waker::inherited(LOOK_AROUND).map_err(IpcError::of("the wake-up channel"))?);
     let calls = hub.receiver(&names.calls, TALK)?;
     let answers = hub.sender(&names.answers, TALK, ANSWER_BYTES)?;
     let shelves = Rc::new(Shelves::new(&hub, &setup.memories)?);
     let orphaned = Arc::new(AtomicBool::new(false));
     let (_here, is_left) = sync_channel::<()>(1);
-    let (end, alone) = (bell.clone(), orphaned.clone());
+    let (end, alone) = (waker.clone(), orphaned.clone());
     let watch = move || {
         const GRACE: Duration = Duration::from_secs(1);
         // Whatever ends the coordinator closes its end.
-        end.wait_alone();
+        end.wait_closed();
         alone.store(true, Ordering::SeqCst);
         // Held up until the loop below is left; a step that takes longer is of no use to anybody.
         if is_left.recv_timeout(GRACE).is_err_and(|error| error == std::sync::mpsc::RecvTimeoutError::Timeout)
@@ -89,45 +89,45 @@ pub fn work(setup: &Setup, workshop: Workshop) -> Result<(), IpcError> {
     };
     Builder::new().name("swerve-orphan".into()).spawn(watch).map_err(IpcError::of("starting a thread"))?;
     let spin = Duration::from_micros(setup.spin_us);
-    bell.ready(setup.start);
-    let mut desk =
-        Desk { workshop, shelves, answers, bell: bell.clone(), answer: Vec::new(), answered: None };
-    let mut ear = Ear::at(bell);
+    waker.ready(setup.start);
+    let mut server =
+        CallServer { worker, shelves, answers, waker: waker.clone(), answer: Vec::new(), answered: None };
+    let mut listener = Listener::at(waker);
     let mut spin_until = now() + spin;
     while !orphaned.load(Ordering::SeqCst) {
         if spin > Duration::ZERO && now() < spin_until {
-            if desk.take_slice(&calls)? {
+            if server.take_slice(&calls)? {
                 spin_until = now() + spin;
             } else {
                 core::hint::spin_loop();
             }
             continue;
         }
-        match ear.listen(Patience::AWhile) {
-            Heard::Ring | Heard::Ready(_) | Heard::Nothing => {
-                if desk.take_slice(&calls)? {
+        match listener.listen(Timeout::Set) {
+            Signal::Wake | Signal::Ready(_) | Signal::TimedOut => {
+                if server.take_slice(&calls)? {
                     spin_until = now() + spin;
                 }
             }
-            Heard::Alone => break,
+            Signal::Closed => break,
         }
     }
     Ok(())
 }
 
 /// Where calls are answered.
-struct Desk {
-    workshop: Workshop,
+struct CallServer {
+    worker: Worker,
     shelves: Rc<Shelves>,
     answers: Sender,
-    bell: Arc<Bell>,
+    waker: Arc<Waker>,
     /// The last answer.
     answer: Vec<u8>,
     /// To which call that is, and what it is.
     answered: Option<(u64, Kind)>,
 }
 
-impl Desk {
+impl CallServer {
     /// Takes the next call that came in a slice, if there is one.
     fn take_slice(&mut self, calls: &Receiver) -> Result<bool, IpcError> {
         let Some(call) = calls.receive().map_err(IpcError::of("receiving a call"))? else { return Ok(false) };
@@ -145,7 +145,7 @@ impl Desk {
         }
         self.answer.clear();
         let (oldest, body) = self.shelves.split(call).unwrap_or_default();
-        let answered = reading(self.shelves.clone(), || self.workshop.answer(body, &mut self.answer));
+        let answered = reading(self.shelves.clone(), || self.worker.answer(body, &mut self.answer));
         let kind = match answered {
             Ok(()) => Kind::Answer,
             Err(error) => {
@@ -166,7 +166,7 @@ impl Desk {
 
     fn reply(&self, seq: u64, kind: Kind) -> Result<(), IpcError> {
         self.answers.send(seq, kind, &self.answer)?;
-        self.bell.ring();
+        self.waker.wake();
         Ok(())
     }
 }

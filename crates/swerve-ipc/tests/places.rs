@@ -12,7 +12,7 @@ use swerve_core::{Span, Time};
 use swerve_flow::{
     At, Context, Event, Every, Graph, Observer, Operator, Port, RunOptions, Window, every, run_virtual,
 };
-use swerve_ipc::{Crew, Employment, OnLoss, Setup, Traffic, work};
+use swerve_ipc::{OnLoss, Setup, Traffic, WorkerPool, WorkerSpec, work};
 use swerve_msg::block::Memory;
 use swerve_msg::{Encoding, Image, Pixels};
 
@@ -134,9 +134,9 @@ impl Observer for Log {
 
 fn run(operator: &str) -> (Log, Traffic, String) {
     let operators = vec![operator.to_owned()];
-    let mut crew = Crew::new().unwrap();
-    let memory = crew.lend("camera", 1).unwrap();
-    let employment = Employment {
+    let mut pool = WorkerPool::new().unwrap();
+    let memory = pool.lend("camera", 1).unwrap();
+    let spec = WorkerSpec {
         process: "reader".into(),
         operators: operators.clone(),
         payload: Vec::new(),
@@ -149,13 +149,13 @@ fn run(operator: &str) -> (Log, Traffic, String) {
             command
         }),
     };
-    crew.employ(employment, Arc::new(|_| {})).unwrap();
-    crew.wait_ready(Duration::from_secs(20)).unwrap();
+    pool.start(spec, Arc::new(|_| {})).unwrap();
+    pool.wait_ready(Duration::from_secs(20)).unwrap();
     let mut graph = graph(Some(memory), &operators);
-    let _there = graph.operator(operator).unwrap().elsewhere(crew.door("reader").unwrap());
+    let _there = graph.operator(operator).unwrap().remote(pool.endpoint("reader").unwrap());
     let mut log = Log::default();
     run_virtual(graph, &RunOptions::until(Time::from_ms(600)), vec![&mut log]).unwrap();
-    (log, crew.traffic(), format!("/dev/shm/{}", crew.prefix()))
+    (log, pool.traffic(), format!("/dev/shm/{}", pool.prefix()))
 }
 
 fn one_memory_is_read_by_both() {
@@ -180,8 +180,8 @@ fn what_a_worker_has_no_more_is_sent_as_a_copy_and_counted() {
 fn main() {
     if std::env::args().nth(1).as_deref() == Some("worker") {
         let setup = Setup::read(std::io::stdin().lock()).unwrap();
-        let workshop = graph(None, &setup.operators).into_workshop(&setup.operators).unwrap();
-        return work(&setup, workshop).unwrap();
+        let worker = graph(None, &setup.operators).into_worker(&setup.operators).unwrap();
+        return work(&setup, worker).unwrap();
     }
     one_memory_is_read_by_both();
     what_a_worker_has_no_more_is_sent_as_a_copy_and_counted();

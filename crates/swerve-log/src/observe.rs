@@ -100,7 +100,7 @@ impl Recorder {
             | Decision::RunTime { .. }
             | Decision::Stop { .. }
             | Decision::Lost { .. }
-            | Decision::Afresh { .. } => self.now(),
+            | Decision::Restarted { .. } => self.now(),
         };
         self.decision(at, |out| {
             ciborium::into_writer(decision, out).expect("decisions serialize, and memory takes all");

@@ -96,18 +96,18 @@ impl<T: Corruptible> Operator for Faulty<T> {
         let befallen = freezes.is_some()
             || ((self.stamps.0..=self.stamps.1).contains(&stamp) && rng.unit() < self.probability);
         if !befallen {
-            return out.forward(message.shared());
+            return out.pass_on(message);
         }
         let mut later = Span::ZERO;
         match self.kind {
             FaultKind::Drop => {}
             FaultKind::Delay(by) => {
                 later = by;
-                out.forward(message.shared());
+                out.pass_on(message);
             }
             FaultKind::Jitter(most) => {
                 later = Span::from_ns((most.ns() as f64 * rng.unit()) as i64);
-                out.forward(message.shared());
+                out.pass_on(message);
             }
             FaultKind::Freeze(lasts) => {
                 let (old, until) = freezes.unwrap_or_else(|| (message.shared(), stamp + lasts));

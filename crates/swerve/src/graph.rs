@@ -1,5 +1,7 @@
 //! `swerve graph`: the dataflow that a configuration makes.
 
+mod render;
+
 use std::path::PathBuf;
 
 use swerve_stack::Registry;
@@ -35,7 +37,7 @@ pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let info = pipeline.graph.describe()?;
     if let Some(file) = &args.svg {
-        crate::files::write_whole(file, info.svg().as_bytes())?;
+        crate::files::write_whole(file, render::svg(&info).as_bytes())?;
     }
-    crate::output::print(&if args.dot { info.dot() } else { info.text() })
+    crate::output::print(&if args.dot { render::dot(&info) } else { render::text(&info) })
 }

@@ -157,8 +157,8 @@ pub fn replay_with(
         lacks_data |= gone && log.all_publications().any(|p| p.stream.operator == *operator);
     }
     let decided = decisions(log, sets.is_empty())?;
-    // Where an operator began afresh, it does so again from what a pipeline starts with.
-    for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Afresh { .. })).count() {
+    // Where an operator was restarted, it is so again, with what a pipeline starts with.
+    for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Restarted { .. })).count() {
         pipeline.graph.spare(build()?.graph);
     }
     let compared: Vec<&str> = cut.computed.iter().map(String::as_str).collect();

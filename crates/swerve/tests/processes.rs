@@ -105,14 +105,14 @@ fn two_processes_drive_as_one() {
     let split = config("two_processes", &[]);
     let here = drive_here(&split, until);
     let run = start(&split, until);
-    assert!(!left_over(run.processes.crew().prefix()).is_empty());
+    assert!(!left_over(run.processes.workers().prefix()).is_empty());
     for threads in [1, 2] {
         let Run { pipeline, processes, seed } = start(&split, until);
         let outcome = drive_pipeline(pipeline, seed, threads, &mut []).unwrap();
         assert_eq!(outcome.digest, here.digest);
         assert_eq!(outcome.report.operators, here.report.operators);
         assert!(processes.traffic().calls > 200, "{:?}", processes.traffic());
-        let prefix = processes.crew().prefix().to_owned();
+        let prefix = processes.workers().prefix().to_owned();
         drop(processes);
         assert_eq!(left_over(&prefix), [""; 0]);
     }
@@ -162,7 +162,7 @@ fn two_runs_at_once_leave_each_other_alone() {
     let config = config("two_processes", &[]);
     let here = drive_here(&config, until).digest;
     let (one, other) = (start(&config, until), start(&config, until));
-    assert_ne!(one.processes.crew().prefix(), other.processes.crew().prefix());
+    assert_ne!(one.processes.workers().prefix(), other.processes.workers().prefix());
     let drive = |Run { pipeline, processes, seed }: Run| {
         let digest = drive_pipeline(pipeline, seed, 1, &mut []).unwrap().digest;
         drop(processes);
@@ -234,8 +234,8 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> bool {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
     let Run { pipeline, processes, seed } = start(config, Time::from_ms(600_000));
-    let prefix = processes.crew().prefix().to_owned();
-    let all = processes.crew().processes();
+    let prefix = processes.workers().prefix().to_owned();
+    let all = processes.workers().processes();
     let (name, process) = all[which % all.len()].clone();
     let publications = if let Moment::Publications(n) = moment { n } else { u64::MAX };
     let mut killer = Killer { after: publications, process, killed: None };
@@ -293,7 +293,7 @@ fn a_killed_process_ends_a_virtual_run_with_its_log_whole() {
 fn a_process_killed_while_it_is_waited_for_is_noticed_within_100_ms() {
     let config = config("two_processes", &[]);
     let Run { mut pipeline, processes, seed } = start(&config, Time::from_ms(60_000));
-    let process = processes.crew().processes()[1].1;
+    let process = processes.workers().processes()[1].1;
     // Stopped, it answers no call; killed, it never will.
     signal(process, "STOP");
     pipeline.until = Time::from_ms(60_000);
@@ -375,7 +375,7 @@ fn lose_one_under_wall_clock(on_loss: OnLoss, until: Time) -> Watcher {
     let mut config = config("two_processes", &["clock.source=wall"]);
     config.process.values_mut().for_each(|process: &mut ProcessConfig| process.on_loss = on_loss);
     let Run { pipeline, processes, seed } = start(&config, until);
-    let process = processes.crew().processes()[1].1;
+    let process = processes.workers().processes()[1].1;
     let killer = Killer { after: 400, process, killed: None };
     let mut watcher = Watcher { killer, supervision: Vec::new(), brakes: 0.0 };
     let mut recorder = Recorder::create(&log, &run_start(&config, &scenario_file()).unwrap()).unwrap();

@@ -3,7 +3,7 @@
 use swerve_core::{Digest, Hasher, Time};
 
 use super::due::{Due, Ready};
-use super::node::Node;
+use super::node::{Node, Reader};
 use super::turn::Answer;
 use super::{Engine, Event};
 use crate::message::{Header, Msg};
@@ -127,10 +127,10 @@ impl Engine<'_> {
         let Some((&last, others)) = stream.readers.split_last() else { return };
         let (nodes, due, ready) = (&mut self.nodes, &mut self.due, &mut self.ready);
         for &reader in others {
-            hand_over(nodes, due, ready, reader, (arrival, now), msg.clone());
+            hand_over(nodes, due, ready, reader, arrival, now, msg.clone());
         }
         // The last reader takes the message itself: most streams have one reader.
-        hand_over(nodes, due, ready, last, (arrival, now), msg);
+        hand_over(nodes, due, ready, last, arrival, now, msg);
     }
 
     /// Hands a watermark without a message to the ports that read the stream.
@@ -138,7 +138,7 @@ impl Engine<'_> {
         let now = self.now;
         let stream = &self.streams[id];
         let arrival = now.saturating_add(stream.delay);
-        for &(rank, port) in &stream.readers {
+        for &Reader { rank, port } in &stream.readers {
             let at = &mut self.nodes[rank].at[port];
             if arrival > now {
                 at.pending.push_back((arrival, None, watermark));
@@ -179,8 +179,9 @@ fn hand_over(
     nodes: &mut [Node],
     due: &mut Due,
     ready: &mut Ready,
-    (rank, port): (usize, usize),
-    (arrival, now): (Time, Time),
+    Reader { rank, port }: Reader,
+    arrival: Time,
+    now: Time,
     msg: Msg,
 ) {
     let at = &mut nodes[rank].at[port];

@@ -91,13 +91,6 @@ impl Ready {
         None
     }
 
-    /// Whether `rank` would be the next to be taken out, were it inserted; may say no where it would.
-    #[inline]
-    pub(crate) fn is_before_all(&self, rank: usize) -> bool {
-        let (word, bit) = (rank / 64, rank % 64);
-        self.first > word || (self.first == word && self.words[word].trailing_zeros() as usize > bit)
-    }
-
     pub(crate) fn is_empty(&self) -> bool {
         self.words.iter().all(|word| *word == 0)
     }

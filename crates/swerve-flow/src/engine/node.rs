@@ -22,7 +22,7 @@ pub(crate) struct Node {
     /// Absent in a feed, and while a worker has it.
     pub(crate) body: Option<Box<dyn Body>>,
     pub(crate) on_deadline: Option<OnDeadline>,
-    /// Bodies for steps before which it began afresh in the run that is repeated.
+    /// Bodies for steps before which it was restarted in the run that is repeated.
     pub(crate) spares: VecDeque<Box<dyn Body>>,
     /// What a feed publishes next, in order of its instants.
     pub(crate) feed: Option<VecDeque<PlaybackRecord>>,
@@ -48,8 +48,6 @@ pub(crate) struct Node {
     pub(crate) uses: Option<usize>,
     pub(crate) origin: bool,
     pub(crate) heavy: bool,
-    /// It may take the shortcut of `engine/direct.rs`.
-    pub(crate) direct: bool,
     /// Open frames that have not started, in order of stamps; the first `complete` are complete.
     pub(crate) open: VecDeque<Open>,
     pub(crate) complete: usize,
@@ -183,6 +181,14 @@ pub(crate) struct Finished {
     pub(crate) outs: Outs,
 }
 
+/// A port that joins on a stream.
+#[derive(Clone, Copy)]
+pub(crate) struct Reader {
+    pub(crate) rank: usize,
+    /// Among the synchronised ports of that operator.
+    pub(crate) port: usize,
+}
+
 /// One stream during a run.
 pub(crate) struct StreamState {
     pub(crate) name: Arc<str>,
@@ -192,10 +198,8 @@ pub(crate) struct StreamState {
     pub(crate) watermark: Time,
     pub(crate) seq: u64,
     pub(crate) delay: Span,
-    /// The ports that join on it: rank, port.
-    pub(crate) readers: Vec<(usize, usize)>,
-    /// Its one and only reader, where messages can go straight into that one's step (`engine/direct.rs`).
-    pub(crate) sole: Option<usize>,
+    /// The ports that join on it.
+    pub(crate) readers: Vec<Reader>,
     /// The newest messages, as deep as its readers look.
     pub(crate) history: VecDeque<Msg>,
     /// How deep that is; 0 where nobody looks.
@@ -211,14 +215,6 @@ impl StreamState {
         self.seq += 1;
         self.watermark = watermark;
         header
-    }
-
-    /// The operator that alone reads the stream, as soon as something is published.
-    pub(crate) fn sole_reader(&self) -> Option<usize> {
-        match self.readers[..] {
-            [(rank, _)] if self.depth == 0 && self.delay == Span::ZERO => Some(rank),
-            _ => None,
-        }
     }
 
     /// The number of messages at the front of the history that are visible at `now`.

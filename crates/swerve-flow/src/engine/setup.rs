@@ -6,7 +6,7 @@ use swerve_core::{Span, Time, digest_of};
 
 use super::commit::Commits;
 use super::due::{Due, Ready};
-use super::node::{AtPort, LatestPort, Node, PortRef, StreamState, TimerPort};
+use super::node::{AtPort, LatestPort, Node, PortRef, Reader, StreamState, TimerPort};
 use super::pool::{Doorbell, Pool};
 use super::resource::ResourceState;
 use super::{Engine, Replay};
@@ -15,7 +15,6 @@ use crate::graph::{BodySpec, Graph, OperatorSpec, ranks};
 use crate::input::{Edge, PortSpec, Slot};
 use crate::observer::Observer;
 use crate::options::RunOptions;
-use crate::payload::Outs;
 use crate::report::{OperatorReport, RunError};
 use crate::wall::Pace;
 
@@ -60,9 +59,6 @@ impl<'o> Engine<'o> {
         let mut specs: Vec<Option<OperatorSpec>> = graph.operators.into_iter().map(Some).collect();
         let specs = order.iter().map(|index| specs[*index].take().expect("each operator has one rank"));
         let nodes: Vec<Node> = specs.map(|spec| node(spec, &stream_of, &names)).collect();
-        for stream in &mut streams {
-            stream.sole = stream.sole_reader().filter(|rank| nodes[*rank].direct);
-        }
         let (due, ready) = (Due::new(nodes.len()), Ready::new(nodes.len()));
         let mut engine = Self {
             nodes,
@@ -72,7 +68,6 @@ impl<'o> Engine<'o> {
             rank_of,
             due,
             ready,
-            outs: Outs::default(),
             now: Time::ZERO,
             pass: 0,
             pool: (threads > 0).then(|| Pool::new(threads, doorbell)).transpose()?,
@@ -105,7 +100,6 @@ fn streams(graph: &Graph) -> Vec<StreamState> {
         seq: 0,
         delay: graph.operators[spec.producer].delay,
         readers: Vec::new(),
-        sole: None,
         history: VecDeque::new(),
         depth: 0,
     };
@@ -119,7 +113,7 @@ fn wire(graph: &Graph, rank_of: &[usize], streams: &mut [StreamState]) {
         for port in &operator.ports {
             match *port {
                 PortSpec::At(id) => {
-                    streams[id].readers.push((*rank, joins));
+                    streams[id].readers.push(Reader { rank: *rank, port: joins });
                     joins += 1;
                 }
                 PortSpec::Latest { edge, depth, .. } => {
@@ -172,7 +166,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         BodySpec::Operator(body, on_deadline) => (Some(body), Some(on_deadline), None),
         BodySpec::Feed(records) => (None, None, Some(records.into())),
     };
-    let mut node = Node {
+    Node {
         slots: order.iter().map(|_| Slot::Empty).collect(),
         tally: OperatorReport { name: spec.name.to_string(), ..OperatorReport::default() },
         name: spec.name,
@@ -198,7 +192,6 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         uses: spec.uses,
         origin: spec.origin,
         heavy: spec.heavy,
-        direct: false,
         open: VecDeque::new(),
         complete: 0,
         running: VecDeque::new(),
@@ -207,7 +200,5 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         since: None,
         unsettled: false,
         lateness: None,
-    };
-    node.direct = node.may_be_direct();
-    node
+    }
 }

@@ -73,7 +73,7 @@ impl Engine<'_> {
             offered,
             outcome: Outcome::Here(Ran::default()),
         };
-        if decided.is_some_and(|decided| decided.afresh)
+        if decided.is_some_and(|decided| decided.restarted)
             && let Some(spare) = self.nodes[rank].spares.pop_front()
         {
             self.nodes[rank].body = Some(spare);
@@ -247,8 +247,8 @@ impl Engine<'_> {
             return;
         }
         if let Some(unusual) = &mut ran.unusual {
-            let (afresh, lost) = (core::mem::take(&mut unusual.afresh), unusual.lost.take());
-            if !self.came_from_away(rank, run.stamp, afresh, lost) {
+            let (restarted, lost) = (core::mem::take(&mut unusual.restarted), unusual.lost.take());
+            if !self.came_from_away(rank, run.stamp, restarted, lost) {
                 return;
             }
         }
@@ -289,12 +289,12 @@ impl Engine<'_> {
         }
     }
 
-    /// Notes what a step elsewhere came to; says whether the run goes on.
-    fn came_from_away(&mut self, rank: usize, stamp: Time, afresh: bool, lost: Option<String>) -> bool {
+    /// Notes what a step in another process came to; says whether the run goes on.
+    fn came_from_away(&mut self, rank: usize, stamp: Time, restarted: bool, lost: Option<String>) -> bool {
         let operator = self.nodes[rank].name.to_string();
-        if afresh {
+        if restarted {
             let operator = operator.clone();
-            self.decide(|| Decision::Afresh { operator, stamp });
+            self.decide(|| Decision::Restarted { operator, stamp });
         }
         let Some(why) = lost else { return true };
         if self.wall.is_some() {

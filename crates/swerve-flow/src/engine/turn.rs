@@ -24,9 +24,6 @@ impl Engine<'_> {
             self.resources_touched(rank);
             return self.rearm(rank);
         }
-        if self.direct_turn(rank) {
-            return;
-        }
         self.arrive(rank);
         loop {
             self.publish_due(rank);
@@ -298,7 +295,11 @@ impl Engine<'_> {
         match reaction {
             Reaction::Skip => {}
             Reaction::ReuseLast => {
-                if let Some(last) = step.own.as_ref().or(last.as_ref()) {
+                if let Some(mut own) = step.own {
+                    let answer =
+                        Answer { stamp: own.stamp, reused_from: None, origin: own.origin, reads: &own.reads };
+                    self.publish(rank, &answer, &mut own.outs);
+                } else if let Some(last) = &last {
                     let (reused_from, origin) = (Some(last.stamp), last.origin);
                     let answer = Answer { stamp: missed.stamp, reused_from, origin, reads: &last.reads };
                     self.publish(rank, &answer, &mut last.outs.clone());

@@ -10,7 +10,7 @@ use crate::deadline::Length;
 use crate::input::{Edge, PortSpec};
 use crate::policy::Policy;
 
-/// A fault of a graph.
+/// An error in a graph.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum GraphError {
     /// Operators wait for each other in a circle.
@@ -191,7 +191,7 @@ fn check_operator(graph: &Graph, operator: &OperatorSpec) -> Result<(), GraphErr
     if !operator.ports.iter().any(|port| matches!(port, PortSpec::At(_) | PortSpec::Timer(_))) {
         return Err(GraphError::NeverFires { operator: name() });
     }
-    match fault_of(operator) {
+    match problem_of(operator) {
         Some(reason) => Err(GraphError::Value { operator: name(), reason }),
         None => Ok(()),
     }
@@ -207,7 +207,7 @@ impl OperatorSpec {
     }
 }
 
-fn fault_of(operator: &OperatorSpec) -> Option<&'static str> {
+fn problem_of(operator: &OperatorSpec) -> Option<&'static str> {
     for port in &operator.ports {
         match port {
             PortSpec::Timer(timer) if timer.period <= Span::ZERO => {
@@ -233,7 +233,7 @@ fn fault_of(operator: &OperatorSpec) -> Option<&'static str> {
     {
         return Some("a deadline has to be above zero");
     }
-    operator.runtime.fault()
+    operator.runtime.problem()
 }
 
 /// Ranks are given one by one, each time to the operator declared first whose inputs all have one.

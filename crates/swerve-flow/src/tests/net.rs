@@ -196,6 +196,13 @@ impl Log {
         message.reads.iter().map(|(name, stamp)| (name.clone(), stamp.map(|ns| ns / 1_000_000))).collect()
     }
 
+    /// How many missed deadlines were answered by the own result of the step.
+    pub(super) fn own_results_at_misses(&self, operator: &str) -> usize {
+        let lines = self.lines(operator);
+        let own = |line: &&String| lines.contains(&line.replacen(" misses ", " ", 1));
+        lines.iter().filter(|line| line.contains(" misses ")).filter(own).count()
+    }
+
     /// The lines about an operator.
     pub(super) fn lines(&self, operator: &str) -> Vec<String> {
         let prefix = format!("{operator} ");

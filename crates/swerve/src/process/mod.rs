@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_flow::SourceHandle;
-use swerve_ipc::{Crew, Employment, Happening, Setup, Told, Traffic, work};
+use swerve_ipc::{OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerSpec, work};
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -28,16 +28,16 @@ const SUPERVISOR: &str = "supervisor";
 const READY_WITHIN: Duration = Duration::from_secs(60);
 
 /// Passes on what becomes of processes, so that the controller reads it and the log has it.
-fn told(supervisor: Option<SourceHandle<Supervision>>) -> Told {
+fn on_event(supervisor: Option<SourceHandle<Supervision>>) -> OnWorkerEvent {
     let gone: Mutex<Vec<GoneProcess>> = Mutex::default();
-    Arc::new(move |happening| {
+    Arc::new(move |event| {
         let mut gone = gone.lock().unwrap_or_else(PoisonError::into_inner);
-        match happening {
-            Happening::Gone { process, why } => {
+        match event {
+            WorkerEvent::Gone { process, why } => {
                 gone.retain(|one| one.process != process);
                 gone.push(GoneProcess { process, why });
             }
-            Happening::Restarted { process } => gone.retain(|one| one.process != process),
+            WorkerEvent::Restarted { process } => gone.retain(|one| one.process != process),
         }
         if let Some(supervisor) = &supervisor {
             // A run that is over has nobody to be told.
@@ -66,7 +66,7 @@ struct Texts {
 
 /// The processes of one run. They end with this.
 pub struct Processes {
-    crew: Crew,
+    workers: WorkerPool,
 }
 
 impl Processes {
@@ -83,23 +83,23 @@ impl Processes {
     ) -> anyhow::Result<Self> {
         let texts = Texts { config: config.to_text(), scenario: scenario.to_owned() };
         let payload = serde_json::to_vec(&texts)?;
-        let mut crew = match &config.shared_memory.name {
-            Some(name) => Crew::named(name)?,
-            None => Crew::new()?,
+        let mut workers = match &config.shared_memory.name {
+            Some(name) => WorkerPool::named(name)?,
+            None => WorkerPool::new()?,
         };
         let read = streams_read(config, pipeline)?;
         for (stream, memory) in &pipeline.memory {
             if read.iter().any(|(_, read)| read == stream) {
-                memory.share(crew.lend(stream, memory.arrays)?);
+                memory.share(workers.lend(stream, memory.arrays)?);
             }
         }
-        let told = told(pipeline.take_source(SUPERVISOR));
+        let on_event = on_event(pipeline.take_source(SUPERVISOR));
         for (name, process) in &config.process {
             let start = match process.start.split_first() {
                 Some((program, arguments)) => (program.into(), arguments.to_vec()),
                 None => (program.to_owned(), vec!["worker".to_owned()]),
             };
-            let employment = Employment {
+            let spec = WorkerSpec {
                 process: name.clone(),
                 operators: process.operators.clone(),
                 payload: payload.clone(),
@@ -113,26 +113,26 @@ impl Processes {
                     command
                 }),
             };
-            crew.employ(employment, told.clone())?;
+            workers.start(spec, on_event.clone())?;
         }
-        crew.wait_ready(READY_WITHIN)?;
+        workers.wait_ready(READY_WITHIN)?;
         for (name, process) in &config.process {
             for operator in &process.operators {
-                let door = crew.door(name).context("the process was just started")?;
-                let _elsewhere = pipeline.graph.operator(operator)?.elsewhere(door);
+                let endpoint = workers.endpoint(name).context("the process was just started")?;
+                let _remote = pipeline.graph.operator(operator)?.remote(endpoint);
             }
         }
-        Ok(Self { crew })
+        Ok(Self { workers })
     }
 
     /// What went between the processes so far.
     pub fn traffic(&self) -> Traffic {
-        self.crew.traffic()
+        self.workers.traffic()
     }
 
     /// The processes and who they are.
-    pub fn crew(&self) -> &Crew {
-        &self.crew
+    pub fn workers(&self) -> &WorkerPool {
+        &self.workers
     }
 }
 
@@ -148,6 +148,6 @@ pub fn run_worker(registry: &Registry) -> anyhow::Result<()> {
         .map_err(|problems| problems_error(&problems))?;
     // Neither cameras nor lidars are stepped here.
     let pipeline = Pipeline::build_without_stage(&config, &scenario)?;
-    let workshop = pipeline.graph.into_workshop(&setup.operators)?;
-    Ok(work(&setup, workshop)?)
+    let worker = pipeline.graph.into_worker(&setup.operators)?;
+    Ok(work(&setup, worker)?)
 }

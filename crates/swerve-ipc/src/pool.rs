@@ -13,14 +13,14 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use serde::{Deserialize, Serialize};
-use swerve_flow::Elsewhere;
+use swerve_flow::RemoteExecutor;
 use swerve_msg::block::Memory;
 
-use crate::bell::Bell;
 use crate::folder::RunFolder;
 use crate::lend::{Lender, Live, StreamMemory};
-use crate::link::{Counts, Door, LOOK_AROUND, Link, Watched, now};
+use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Watched, now};
 use crate::service::Hub;
+use crate::waker::Waker;
 use crate::{IpcError, Setup, Traffic};
 
 /// What becomes of a worker that died.
@@ -35,7 +35,7 @@ pub enum OnLoss {
 }
 
 /// A worker to be started.
-pub struct Employment {
+pub struct WorkerSpec {
     /// Its name.
     pub process: String,
     /// The operators whose steps it takes.
@@ -54,7 +54,7 @@ pub struct Employment {
 
 /// Something that befell a worker.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Happening {
+pub enum WorkerEvent {
     /// It is gone.
     Gone {
         /// Which.
@@ -69,12 +69,12 @@ pub enum Happening {
     },
 }
 
-/// Who is told.
-pub type Told = Arc<dyn Fn(Happening) + Send + Sync>;
+/// The callback that worker events go to.
+pub type OnWorkerEvent = Arc<dyn Fn(WorkerEvent) + Send + Sync>;
 
 /// The workers of a run, and all that a run has on the machine. Ends and removes them when it is dropped.
-pub struct Crew {
-    workers: Vec<Worker>,
+pub struct WorkerPool {
+    workers: Vec<WorkerHandle>,
     memories: Vec<(StreamMemory, Arc<Live>)>,
     counts: Arc<Counts>,
     hub: Arc<Hub>,
@@ -82,7 +82,7 @@ pub struct Crew {
 }
 
 /// A worker as the coordinator has it.
-struct Worker {
+struct WorkerHandle {
     process: String,
     link: Arc<Mutex<Link>>,
     shared: Arc<Shared>,
@@ -90,7 +90,7 @@ struct Worker {
     watch: Option<JoinHandle<()>>,
 }
 
-/// What the thread that watches a worker shares with the crew.
+/// What the thread that watches a worker shares with the pool.
 struct Shared {
     watched: Arc<Watched>,
     child: Mutex<Option<Child>>,
@@ -99,14 +99,14 @@ struct Shared {
 
 impl Shared {
     /// Tells the worker that its run is over.
-    fn hang_up(&self) {
-        if let Some(bell) = &self.watched.life().bell {
-            bell.hang_up();
+    fn close(&self) {
+        if let Some(waker) = &self.watched.life().waker {
+            waker.close();
         }
     }
 }
 
-impl Crew {
+impl WorkerPool {
     /// Nobody yet. What dead runs left is removed.
     ///
     /// # Errors
@@ -147,27 +147,27 @@ impl Crew {
     ///
     /// # Errors
     /// When there is no shared memory, or the process cannot be started.
-    pub fn employ(&mut self, employment: Employment, told: Told) -> Result<(), IpcError> {
-        let process = employment.process.clone();
+    pub fn start(&mut self, spec: WorkerSpec, on_event: OnWorkerEvent) -> Result<(), IpcError> {
+        let process = spec.process.clone();
         let watched = Arc::new(Watched::default());
-        let reads = |(of, _): &&(StreamMemory, _)| employment.streams.contains(&of.stream);
+        let reads = |(of, _): &&(StreamMemory, _)| spec.streams.contains(&of.stream);
         let (memories, lives) = self.memories.iter().filter(reads).cloned().unzip();
-        let life = (lives, watched.clone());
-        let reports = (self.counts.clone(), told.clone());
-        let link = Link::new(&self.hub, &process, employment.spin, life, reports)?;
+        let counts = self.counts.clone();
+        let link =
+            Link::new(&self.hub, &process, spec.spin, lives, watched.clone(), counts, on_event.clone())?;
         let shared = Arc::new(Shared { watched, child: Mutex::new(None), ending: AtomicBool::new(false) });
         let (tell_end, ended) = sync_channel(1);
         let address = self.folder.address.clone();
-        let mut watch = Watch { employment, memories, address, shared, told };
+        let mut watch = Watch { spec, memories, address, shared, on_event };
         let life = watch.start().map_err(IpcError::of(format!("starting process `{process}`")))?;
         let shared = watch.shared.clone();
         let thread = Builder::new().name(format!("swerve-watch-{process}")).spawn(move || {
             watch.watch(life);
-            // Nobody waits for it where the crew was not ended but dropped half made.
+            // Nobody waits for it where the pool was not ended but dropped half made.
             let _told = tell_end.send(());
         });
         let watch = Some(thread.map_err(IpcError::of("starting a thread"))?);
-        self.workers.push(Worker { process, link: Arc::new(Mutex::new(link)), shared, ended, watch });
+        self.workers.push(WorkerHandle { process, link: Arc::new(Mutex::new(link)), shared, ended, watch });
         Ok(())
     }
 
@@ -181,10 +181,10 @@ impl Crew {
     }
 
     /// What takes the steps of one operator; none if there is no such process.
-    pub fn door(&self, process: &str) -> Option<Box<dyn Elsewhere>> {
+    pub fn endpoint(&self, process: &str) -> Option<Box<dyn RemoteExecutor>> {
         let worker = self.workers.iter().find(|worker| worker.process == process)?;
         let start = worker.shared.watched.life().starts;
-        Some(Box::new(Door { link: worker.link.clone(), start }))
+        Some(Box::new(Endpoint { link: worker.link.clone(), start }))
     }
 
     /// What went between the processes so far.
@@ -194,7 +194,7 @@ impl Crew {
 
     /// The process numbers of those that run, by name.
     pub fn processes(&self) -> Vec<(String, u32)> {
-        let number = |worker: &Worker| lock(&worker.shared.child).as_ref().map(Child::id);
+        let number = |worker: &WorkerHandle| lock(&worker.shared.child).as_ref().map(Child::id);
         self.workers.iter().filter_map(|worker| Some((worker.process.clone(), number(worker)?))).collect()
     }
 
@@ -204,12 +204,12 @@ impl Crew {
     }
 }
 
-impl Drop for Crew {
+impl Drop for WorkerPool {
     fn drop(&mut self) {
         const GRACE: Duration = Duration::from_millis(500);
         for worker in &self.workers {
             worker.shared.ending.store(true, Ordering::SeqCst);
-            worker.shared.hang_up();
+            worker.shared.close();
         }
         for worker in &mut self.workers {
             if worker.ended.recv_timeout(GRACE) == Err(RecvTimeoutError::Timeout)
@@ -227,11 +227,11 @@ impl Drop for Crew {
 
 /// The thread that watches one worker.
 struct Watch {
-    employment: Employment,
+    spec: WorkerSpec,
     memories: Vec<StreamMemory>,
     address: crate::folder::Address,
     shared: Arc<Shared>,
-    told: Told,
+    on_event: OnWorkerEvent,
 }
 
 impl Watch {
@@ -240,18 +240,18 @@ impl Watch {
         let start = self.shared.watched.life().starts + 1;
         let setup = Setup {
             address: self.address.clone(),
-            process: self.employment.process.clone(),
+            process: self.spec.process.clone(),
             start,
-            operators: self.employment.operators.clone(),
-            payload: self.employment.payload.clone(),
-            spin_us: u64::try_from(self.employment.spin.as_micros()).unwrap_or(u64::MAX),
+            operators: self.spec.operators.clone(),
+            payload: self.spec.payload.clone(),
+            spin_us: u64::try_from(self.spec.spin.as_micros()).unwrap_or(u64::MAX),
             memories: self.memories.clone(),
         };
-        let mut command = (self.employment.command)();
+        let mut command = (self.spec.command)();
         // A group of its own: what the terminal sends to the coordinator is the coordinator's business.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         // Our end closes with the coordinator, whatever ends that: a worker never outlives it.
-        let (bell, there) = Bell::pair(LOOK_AROUND)?;
+        let (waker, there) = Waker::pair(LOOK_AROUND)?;
         // Standard output is the same: a program that hands both on, such as one that reaches another host, passes
         // through what the worker answers.
         let child = command.stdin(OwnedFd::from(there.try_clone()?)).stdout(OwnedFd::from(there)).spawn()?;
@@ -259,10 +259,10 @@ impl Watch {
         drop(command);
         let end = pidfd_open(Pid::from_child(&child), PidfdFlags::empty())?;
         // A worker that does not live long enough to read it is found out by its end.
-        let _read = bell.socket()?.write_all(&setup.framed());
+        let _read = waker.socket()?.write_all(&setup.framed());
         *lock(&self.shared.child) = Some(child);
         let mut life = self.shared.watched.life();
-        (life.starts, life.gone, life.bell) = (start, None, Some(Arc::new(bell)));
+        (life.starts, life.gone, life.waker) = (start, None, Some(Arc::new(waker)));
         Ok(end)
     }
 
@@ -282,10 +282,10 @@ impl Watch {
                 life.ready == life.starts
             };
             self.shared.watched.tell_end();
-            let process = self.employment.process.clone();
-            (self.told)(Happening::Gone { process: process.clone(), why });
+            let process = self.spec.process.clone();
+            (self.on_event)(WorkerEvent::Gone { process: process.clone(), why });
             futile = if was_ready { 0 } else { futile + 1 };
-            if self.employment.on_loss == OnLoss::Stop || futile > FUTILE_MAX {
+            if self.spec.on_loss == OnLoss::Stop || futile > FUTILE_MAX {
                 return;
             }
             match self.start() {
@@ -293,12 +293,12 @@ impl Watch {
                 Err(error) => {
                     let why = format!("cannot be started again: {error}");
                     self.shared.watched.life().gone = Some(why.clone());
-                    (self.told)(Happening::Gone { process, why });
+                    (self.on_event)(WorkerEvent::Gone { process, why });
                     return;
                 }
             }
             if self.is_ending() {
-                self.shared.hang_up();
+                self.shared.close();
             }
         }
     }

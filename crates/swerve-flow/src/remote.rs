@@ -1,7 +1,7 @@
-//! Steps that are taken elsewhere: in another process, which has built the same graph.
+//! Steps that are taken by another process, which has built the same graph.
 //!
 //! Here the operator's body is replaced by one that puts a step into a [`Call`] and hands that to an
-//! [`Elsewhere`]. There a [`Workshop`] holds the operators themselves, and answers calls. What carries both is
+//! [`RemoteExecutor`]. There a [`Worker`] holds the operators themselves, and answers calls. What carries both is
 //! no business of the engine. Calls and answers are in postcard; payloads keep their digest on the way, so that
 //! a run comes out the same wherever its steps are taken.
 
@@ -20,8 +20,8 @@ use crate::wall::Alarm;
 
 /// Has the steps of one operator taken by somebody else. One for each operator; a step blocks the thread that
 /// waits for it.
-pub trait Elsewhere: Send + 'static {
-    /// Has one step taken; what [`Workshop::answer`] made of it goes into `answer`, which comes empty.
+pub trait RemoteExecutor: Send + 'static {
+    /// Has one step taken; what [`Worker::answer`] made of it goes into `answer`, which comes empty.
     ///
     /// # Errors
     /// When the step did not come to its end: who should have taken it is gone. In virtual time this ends the
@@ -29,16 +29,16 @@ pub trait Elsewhere: Send + 'static {
     fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost>;
 }
 
-/// How a step elsewhere was answered.
+/// How a remote step was answered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answered {
     /// By an operator that remembers its steps so far.
     InTurn,
-    /// By one that began afresh: this was the first step since it was lost.
-    Afresh,
+    /// By one that was restarted: this was the first step since.
+    Restarted,
 }
 
-/// Why a step elsewhere did not come to its end.
+/// Why a remote step did not come to its end.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct Lost(pub String);
@@ -169,35 +169,35 @@ fn take_sent(from_wire: FromWire, bytes: &mut &[u8]) -> Result<Sent, CallError> 
 #[error("{0}")]
 pub struct CallError(String);
 
-/// The operators of a graph that another process has stepped here: [`Graph::into_workshop`](crate::Graph::into_workshop).
-pub struct Workshop {
-    pub(crate) benches: Vec<Workbench>,
+/// The operators of a graph that another process has stepped here: [`Graph::into_worker`](crate::Graph::into_worker).
+pub struct Worker {
+    pub(crate) operators: Vec<WorkerOperator>,
 }
 
-/// One operator of a workshop.
-pub(crate) struct Workbench {
+/// One operator of a worker.
+pub(crate) struct WorkerOperator {
     pub(crate) name: Arc<str>,
     pub(crate) body: Box<dyn Body>,
     /// How the messages of each port are made; timers have none.
     pub(crate) ports: Vec<Option<FromWire>>,
 }
 
-impl Workshop {
+impl Worker {
     /// Takes the step of a [`Call`]; appends the answer. What the operator panics with is part of that.
     ///
     /// # Errors
-    /// When the call is none for an operator of this workshop, or a message in it cannot be read. No step was
+    /// When the call is none for an operator of this worker, or a message in it cannot be read. No step was
     /// taken then.
     pub fn answer(&mut self, call: &[u8], answer: &mut Vec<u8>) -> Result<(), CallError> {
         let mut bytes = call;
         let head: CallWire<'_> = take(&mut bytes)?;
-        let bench = self.benches.iter_mut().find(|bench| &*bench.name == head.operator);
-        let bench = bench.ok_or_else(|| CallError(format!("no operator `{}` here", head.operator)))?;
-        if head.slots != bench.ports.len() {
-            return Err(CallError(format!("{} ports, expected {}", head.slots, bench.ports.len())));
+        let operator = self.operators.iter_mut().find(|operator| &*operator.name == head.operator);
+        let operator = operator.ok_or_else(|| CallError(format!("no operator `{}` here", head.operator)))?;
+        if head.slots != operator.ports.len() {
+            return Err(CallError(format!("{} ports, expected {}", head.slots, operator.ports.len())));
         }
         let mut slots = Vec::with_capacity(head.slots);
-        for port in &bench.ports {
+        for port in &operator.ports {
             slots.push(take_slot(*port, &mut bytes)?);
         }
         let mut task = Task { deadline: head.deadline, ..Task::new(head.now, head.stamp, head.seed) };
@@ -212,7 +212,7 @@ impl Workshop {
             })
         });
         let mut outs = Outs::default();
-        let panic = run_step(&mut *bench.body, &bench.name, &mut task, &mut slots, &mut outs);
+        let panic = run_step(&mut *operator.body, &operator.name, &mut task, &mut slots, &mut outs);
         let (offers, offered) = offered.lock().map(|o| o.clone()).unwrap_or_default();
         let Task { meter: Meter { units, cut }, unusual, .. } = task;
         let stop_run = unusual.and_then(|unusual| unusual.stop_run);
@@ -251,17 +251,17 @@ fn take_slot(port: Option<FromWire>, bytes: &mut &[u8]) -> Result<Slot, CallErro
     })
 }
 
-/// The body of an operator whose steps are taken elsewhere.
+/// The body of an operator whose steps another process takes.
 pub(crate) struct Remote {
-    elsewhere: Box<dyn Elsewhere>,
+    executor: Box<dyn RemoteExecutor>,
     /// How the messages of each output are made.
     ports: Vec<FromWire>,
     answer: Vec<u8>,
 }
 
 impl Remote {
-    pub(crate) fn new(elsewhere: Box<dyn Elsewhere>, ports: Vec<FromWire>) -> Self {
-        Self { elsewhere, ports, answer: Vec::new() }
+    pub(crate) fn new(executor: Box<dyn RemoteExecutor>, ports: Vec<FromWire>) -> Self {
+        Self { executor, ports, answer: Vec::new() }
     }
 
     fn take_in(&self, task: &mut Task, outs: &mut Outs) -> Result<Option<String>, CallError> {
@@ -294,13 +294,13 @@ impl Body for Remote {
     fn step(&mut self, cx: &mut Context<'_>, slots: &mut [Slot], outs: &mut Outs) {
         self.answer.clear();
         let call = Call { operator: cx.name, task: &*cx.task, slots };
-        let answered = self.elsewhere.step(&call, &mut self.answer);
+        let answered = self.executor.step(&call, &mut self.answer);
         slots.fill_with(Slot::default);
         let lost = match answered {
             Err(Lost(why)) => Some(why),
             Ok(answered) => {
-                if answered == Answered::Afresh {
-                    cx.task.unusual.get_or_insert_default().afresh = true;
+                if answered == Answered::Restarted {
+                    cx.task.unusual.get_or_insert_default().restarted = true;
                 }
                 match self.take_in(cx.task, outs) {
                     // It goes on here as what it was there: the engine ends the run with it.

@@ -2,7 +2,8 @@
 
 use core::fmt::Write as _;
 
-use super::{GraphInfo, InputInfo, InputKind, OperatorInfo};
+use swerve_core::Span;
+use swerve_flow::{GraphInfo, InputInfo, InputKind, OperatorInfo};
 
 /// Box size, gaps and margin of the picture, in pixels.
 const WIDTH: usize = 210;
@@ -15,112 +16,106 @@ const INSET: usize = 10;
 /// Lines that one fact may take.
 const WRAPPED_MAX: usize = 3;
 
-impl GraphInfo {
-    /// One line per operator in rank order, and its inputs and streams below it.
-    pub fn text(&self) -> String {
-        let mut out = String::new();
-        for operator in &self.operators {
-            let _ =
-                writeln!(out, "{:>3} {}  [{}]", operator.rank, operator.name, operator.facts().join("; "));
-            for input in &operator.inputs {
-                let _ = writeln!(out, "      <- {}", input.text());
-            }
-            for (stream, payload) in &operator.outputs {
-                let _ = writeln!(out, "      -> {stream}: {payload}");
-            }
+/// One line per operator in rank order, and its inputs and streams below it.
+pub(super) fn text(graph: &GraphInfo) -> String {
+    let mut out = String::new();
+    for operator in &graph.operators {
+        let _ = writeln!(out, "{:>3} {}  [{}]", operator.rank, operator.name, facts(operator).join("; "));
+        for input in &operator.inputs {
+            let _ = writeln!(out, "      <- {}", input_text(input));
         }
-        for (resource, slots) in &self.resources {
-            let users = self.operators.iter().filter(|operator| operator.uses.as_ref() == Some(resource));
-            let users: Vec<_> = users.map(|operator| operator.name.as_str()).collect();
-            let _ = writeln!(out, "resource {resource}, slots {slots}: {}", users.join(", "));
+        for (stream, payload) in &operator.outputs {
+            let _ = writeln!(out, "      -> {stream}: {payload}");
         }
-        out
     }
+    for (resource, slots) in &graph.resources {
+        let users = graph.operators.iter().filter(|operator| operator.uses.as_ref() == Some(resource));
+        let users: Vec<_> = users.map(|operator| operator.name.as_str()).collect();
+        let _ = writeln!(out, "resource {resource}, slots {slots}: {}", users.join(", "));
+    }
+    out
+}
 
-    /// The graph in the DOT language of Graphviz.
-    pub fn dot(&self) -> String {
-        let mut out =
-            String::from("digraph swerve {\n  rankdir=LR;\n  node [shape=box, fontname=\"sans-serif\"];\n");
-        for operator in &self.operators {
-            let mut lines = vec![operator.name.clone()];
-            lines.extend(operator.facts());
-            let label: Vec<String> = lines.iter().map(|line| quoted(line)).collect();
-            let _ = writeln!(out, "  \"{}\" [label=\"{}\"];", quoted(&operator.name), label.join("\\n"));
-        }
-        for edge in self.edges() {
-            let mut attributes = format!("label=\"{}\"", quoted(edge.stream));
-            if edge.feedback {
-                attributes += ", style=dashed, constraint=false";
-            } else if !edge.joined {
-                attributes += ", color=gray50";
-            }
-            let from = quoted(&self.operators[edge.from].name);
-            let _ = writeln!(
-                out,
-                "  \"{from}\" -> \"{}\" [{attributes}];",
-                quoted(&self.operators[edge.to].name)
-            );
-        }
-        out + "}\n"
+/// The graph in the DOT language of Graphviz.
+pub(super) fn dot(graph: &GraphInfo) -> String {
+    let mut out =
+        String::from("digraph swerve {\n  rankdir=LR;\n  node [shape=box, fontname=\"sans-serif\"];\n");
+    for operator in &graph.operators {
+        let mut lines = vec![operator.name.clone()];
+        lines.extend(facts(operator));
+        let label: Vec<String> = lines.iter().map(|line| quoted(line)).collect();
+        let _ = writeln!(out, "  \"{}\" [label=\"{}\"];", quoted(&operator.name), label.join("\\n"));
     }
+    for edge in edges(graph) {
+        let mut attributes = format!("label=\"{}\"", quoted(edge.stream));
+        if edge.feedback {
+            attributes += ", style=dashed, constraint=false";
+        } else if !edge.joined {
+            attributes += ", color=gray50";
+        }
+        let from = quoted(&graph.operators[edge.from].name);
+        let _ =
+            writeln!(out, "  \"{from}\" -> \"{}\" [{attributes}];", quoted(&graph.operators[edge.to].name));
+    }
+    out + "}\n"
+}
 
-    /// A picture: operators as boxes, from the sources on the left to the sinks on the right; synchronised
-    /// inputs as full lines, latest ones as grey lines, feedback as dashed lines below.
-    pub fn svg(&self) -> String {
-        let boxes = self.layout();
-        let width = boxes.iter().map(|b| b.x + WIDTH).max().unwrap_or(0) + MARGIN;
-        let below = boxes.iter().map(|b| b.y + b.height).max().unwrap_or(0);
-        let feedbacks = self.edges().iter().filter(|edge| edge.feedback).count();
-        let height = below + MARGIN + 18 * feedbacks;
-        let mut out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-             height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\">\n\
-             <defs><marker id=\"tip\" viewBox=\"0 0 8 8\" refX=\"8\" refY=\"4\" markerWidth=\"7\" markerHeight=\"7\" \
-             orient=\"auto\"><path d=\"M0,0 L8,4 L0,8 z\" fill=\"context-stroke\"/></marker></defs>\n\
-             <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
-        );
-        let mut lane = below + 12;
-        for edge in self.edges() {
-            out += &edge_path(&edge, &boxes, lane);
-            lane += if edge.feedback { 18 } else { 0 };
-        }
-        for (operator, place) in self.operators.iter().zip(&boxes) {
-            out += &operator_box(operator, place);
-        }
-        out + "</svg>\n"
+/// A picture: operators as boxes, from the sources on the left to the sinks on the right; synchronised
+/// inputs as full lines, latest ones as grey lines, feedback as dashed lines below.
+pub(super) fn svg(graph: &GraphInfo) -> String {
+    let boxes = layout(graph);
+    let width = boxes.iter().map(|b| b.x + WIDTH).max().unwrap_or(0) + MARGIN;
+    let below = boxes.iter().map(|b| b.y + b.height).max().unwrap_or(0);
+    let feedbacks = edges(graph).iter().filter(|edge| edge.feedback).count();
+    let height = below + MARGIN + 18 * feedbacks;
+    let mut out = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\">\n\
+         <defs><marker id=\"tip\" viewBox=\"0 0 8 8\" refX=\"8\" refY=\"4\" markerWidth=\"7\" markerHeight=\"7\" \
+         orient=\"auto\"><path d=\"M0,0 L8,4 L0,8 z\" fill=\"context-stroke\"/></marker></defs>\n\
+         <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
+    );
+    let mut lane = below + 12;
+    for edge in edges(graph) {
+        out += &edge_path(&edge, &boxes, lane);
+        lane += if edge.feedback { 18 } else { 0 };
     }
+    for (operator, place) in graph.operators.iter().zip(&boxes) {
+        out += &operator_box(operator, place);
+    }
+    out + "</svg>\n"
+}
 
-    /// Every edge between operators, in rank order of its reader.
-    fn edges(&self) -> Vec<EdgeInfo<'_>> {
-        let mut edges = Vec::new();
-        for (to, operator) in self.operators.iter().enumerate() {
-            for input in &operator.inputs {
-                let from = self.operators.iter().position(|o| Some(&o.name) == input.from.as_ref());
-                let (Some(from), Some(stream)) = (from, &input.stream) else { continue };
-                let feedback = matches!(input.kind, InputKind::Latest { feedback: true, .. });
-                let nth = edges.iter().filter(|edge: &&EdgeInfo<'_>| edge.to == to && !edge.feedback).count();
-                edges.push(EdgeInfo { from, to, stream, feedback, joined: input.kind == InputKind::At, nth });
-            }
+/// Every edge between operators, in rank order of its reader.
+fn edges(graph: &GraphInfo) -> Vec<EdgeInfo<'_>> {
+    let mut edges = Vec::new();
+    for (to, operator) in graph.operators.iter().enumerate() {
+        for input in &operator.inputs {
+            let from = graph.operators.iter().position(|o| Some(&o.name) == input.from.as_ref());
+            let (Some(from), Some(stream)) = (from, &input.stream) else { continue };
+            let feedback = matches!(input.kind, InputKind::Latest { feedback: true, .. });
+            let nth = edges.iter().filter(|edge: &&EdgeInfo<'_>| edge.to == to && !edge.feedback).count();
+            edges.push(EdgeInfo { from, to, stream, feedback, joined: input.kind == InputKind::At, nth });
         }
-        edges
     }
+    edges
+}
 
-    /// Columns by the longest way from a source, rows in rank order.
-    fn layout(&self) -> Vec<Place> {
-        let mut column = vec![0; self.operators.len()];
-        for edge in self.edges().iter().filter(|edge| !edge.feedback) {
-            // Edges come in rank order of their readers, so the writer's column is final.
-            column[edge.to] = column[edge.to].max(column[edge.from] + 1);
-        }
-        let mut next_y = vec![MARGIN; column.iter().max().map_or(0, |last| last + 1)];
-        let place = |(operator, column): (&OperatorInfo, usize)| {
-            let height = LINE * (operator.box_lines().len() + 1) + 14;
-            let y = next_y[column];
-            next_y[column] += height + GAP_Y;
-            Place { x: MARGIN + column * (WIDTH + GAP_X), y, height }
-        };
-        self.operators.iter().zip(column).map(place).collect()
+/// Columns by the longest way from a source, rows in rank order.
+fn layout(graph: &GraphInfo) -> Vec<Place> {
+    let mut column = vec![0; graph.operators.len()];
+    for edge in edges(graph).iter().filter(|edge| !edge.feedback) {
+        // Edges come in rank order of their readers, so the writer's column is final.
+        column[edge.to] = column[edge.to].max(column[edge.from] + 1);
     }
+    let mut next_y = vec![MARGIN; column.iter().max().map_or(0, |last| last + 1)];
+    let place = |(operator, column): (&OperatorInfo, usize)| {
+        let height = LINE * (box_lines(operator).len() + 1) + 14;
+        let y = next_y[column];
+        next_y[column] += height + GAP_Y;
+        Place { x: MARGIN + column * (WIDTH + GAP_X), y, height }
+    };
+    graph.operators.iter().zip(column).map(place).collect()
 }
 
 struct EdgeInfo<'a> {
@@ -139,51 +134,48 @@ struct Place {
     height: usize,
 }
 
-impl OperatorInfo {
-    /// What is worth saying of it beside its ports.
-    fn facts(&self) -> Vec<String> {
-        if self.feed {
-            return vec!["source".into()];
-        }
-        let mut facts = vec![format!("run time {}", self.runtime), self.policy.clone()];
-        facts.extend(self.deadline.iter().map(|deadline| format!("deadline {deadline}")));
-        facts.extend(self.uses.iter().map(|resource| format!("uses {resource}")));
-        if self.delay_ns > 0 {
-            facts.push(format!("delay {}", swerve_core::Span::from_ns(self.delay_ns)));
-        }
-        facts.extend(self.origin.then(|| "origin".into()));
-        facts.extend(self.heavy.then(|| "heavy".into()));
-        facts
+/// What is worth saying of it beside its ports.
+fn facts(operator: &OperatorInfo) -> Vec<String> {
+    if operator.feed {
+        return vec!["source".into()];
     }
-
-    /// What the picture says in its box, below its name: timers and facts, without what is the default.
-    fn box_lines(&self) -> Vec<String> {
-        self.box_facts().iter().flat_map(|fact| wrapped(fact, (WIDTH - 2 * INSET) as f64, 11.0)).collect()
+    let mut facts = vec![format!("run time {}", operator.runtime), operator.policy.clone()];
+    facts.extend(operator.deadline.iter().map(|deadline| format!("deadline {deadline}")));
+    facts.extend(operator.uses.iter().map(|resource| format!("uses {resource}")));
+    if operator.delay_ns > 0 {
+        facts.push(format!("delay {}", Span::from_ns(operator.delay_ns)));
     }
-
-    fn box_facts(&self) -> Vec<String> {
-        let timers = self.inputs.iter().filter(|input| input.stream.is_none()).map(InputInfo::text);
-        let facts =
-            self.facts().into_iter().filter(|fact| fact != "skip_to_latest" && fact != "run time zero");
-        timers.chain(facts).collect()
-    }
+    facts.extend(operator.origin.then(|| "origin".into()));
+    facts.extend(operator.heavy.then(|| "heavy".into()));
+    facts
 }
 
-impl InputInfo {
-    fn text(&self) -> String {
-        let stream = self.stream.as_deref().unwrap_or_default();
-        match self.kind {
-            InputKind::At => format!("at {stream}"),
-            InputKind::Latest { depth, feedback } => {
-                let kind = if depth > 1 { format!("newest {depth} of") } else { "latest".into() };
-                format!("{kind} {stream}{}", if feedback { " (feedback)" } else { "" })
-            }
-            InputKind::Every { period_ns, phase_ns } => {
-                let period = swerve_core::Span::from_ns(period_ns);
-                match phase_ns {
-                    0 => format!("every {period}"),
-                    _ => format!("every {period} from {}", swerve_core::Span::from_ns(phase_ns)),
-                }
+/// What the picture says in its box, below its name: timers and facts, without what is the default.
+fn box_lines(operator: &OperatorInfo) -> Vec<String> {
+    box_facts(operator).iter().flat_map(|fact| wrapped(fact, (WIDTH - 2 * INSET) as f64, 11.0)).collect()
+}
+
+fn box_facts(operator: &OperatorInfo) -> Vec<String> {
+    let timers = operator.inputs.iter().filter(|input| input.stream.is_none()).map(input_text);
+    let facts =
+        facts(operator).into_iter().filter(|fact| fact != "skip_to_latest" && fact != "run time zero");
+    timers.chain(facts).collect()
+}
+
+/// How an input reads, and what.
+fn input_text(input: &InputInfo) -> String {
+    let stream = input.stream.as_deref().unwrap_or_default();
+    match input.kind {
+        InputKind::At => format!("at {stream}"),
+        InputKind::Latest { depth, feedback } => {
+            let kind = if depth > 1 { format!("newest {depth} of") } else { "latest".into() };
+            format!("{kind} {stream}{}", if feedback { " (feedback)" } else { "" })
+        }
+        InputKind::Every { period_ns, phase_ns } => {
+            let period = Span::from_ns(period_ns);
+            match phase_ns {
+                0 => format!("every {period}"),
+                _ => format!("every {period} from {}", Span::from_ns(phase_ns)),
             }
         }
     }
@@ -194,7 +186,7 @@ fn operator_box(operator: &OperatorInfo, place: &Place) -> String {
     let fill = if operator.feed || operator.origin { "#e8f3ec" } else { "#eef2f8" };
     // Bold letters are wider than others, by less than a fifth.
     let name = cut(&operator.name, (WIDTH - 2 * INSET) as f64, 13.0 * 1.2);
-    let all = operator.box_facts().iter().fold(operator.name.clone(), |all, fact| format!("{all}\n{fact}"));
+    let all = box_facts(operator).iter().fold(operator.name.clone(), |all, fact| format!("{all}\n{fact}"));
     let mut out = format!(
         "<g><title>{}</title>\n\
          <rect x=\"{x}\" y=\"{y}\" width=\"{WIDTH}\" height=\"{height}\" rx=\"5\" fill=\"{fill}\" stroke=\"#44546a\"/>\n\
@@ -204,7 +196,7 @@ fn operator_box(operator: &OperatorInfo, place: &Place) -> String {
         y + 18,
         escaped(&name)
     );
-    for (i, line) in operator.box_lines().iter().enumerate() {
+    for (i, line) in box_lines(operator).iter().enumerate() {
         let _ = writeln!(
             out,
             "<text x=\"{}\" y=\"{}\" fill=\"#444\">{}</text>",
@@ -297,11 +289,12 @@ fn escaped(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::{
-        At, Context, Deadline, Every, Graph, GraphInfo, Latest, Operator, Policy, Port, Reaction,
-        RuntimeModel, every,
+    use swerve_flow::{
+        At, Context, Deadline, Every, Graph, Latest, Operator, Policy, Port, Reaction, RuntimeModel, Stream,
+        Timer, every,
     };
-    use swerve_core::Span;
+
+    use super::*;
 
     struct Any;
     impl Operator for Any {
@@ -316,9 +309,9 @@ mod tests {
         let gpu = graph.resource("gpu0", 1);
         let ms = Span::from_ms;
         let timer = vec![every(ms(50)).phase(ms(5))];
-        let none: Vec<crate::Stream<Vec<f64>>> = vec![];
+        let none: Vec<Stream<Vec<f64>>> = vec![];
         let world = graph.add("world", Any, (timer, none.clone(), vec![commands])).origin().out();
-        let untimed: Vec<crate::Timer> = vec![];
+        let untimed: Vec<Timer> = vec![];
         let detector = graph.add("detector \"a\" & <b>", Any, (untimed.clone(), vec![world], none));
         let detector = detector.runtime(RuntimeModel::Fixed(ms(80))).policy(Policy::queue(2)).uses(gpu);
         let boxes = detector.deadline(Deadline::after(ms(100)).reaction(Reaction::ReuseLast)).out();
@@ -342,12 +335,12 @@ mod tests {
       -> control: Vec<f64>
 resource gpu0, slots 1: detector \"a\" & <b>
 ";
-        assert_eq!(loop_of_three().text(), expected);
+        assert_eq!(text(&loop_of_three()), expected);
     }
 
     #[test]
     fn dot_has_every_edge_and_dashes_feedback() {
-        let dot = loop_of_three().dot();
+        let dot = dot(&loop_of_three());
         assert!(dot.contains(r#""world" -> "detector \"a\" & <b>" [label="world"];"#), "{dot}");
         assert!(
             dot.contains(r#""control" -> "world" [label="control", style=dashed, constraint=false];"#),
@@ -358,7 +351,7 @@ resource gpu0, slots 1: detector \"a\" & <b>
 
     #[test]
     fn svg_has_a_box_per_operator_and_a_path_per_edge() {
-        let svg = loop_of_three().svg();
+        let svg = svg(&loop_of_three());
         assert_eq!(svg.matches("<rect ").count(), 1 + 3);
         assert_eq!(svg.matches("marker-end").count(), 4);
         assert_eq!(svg.matches("stroke-dasharray").count(), 1);
@@ -369,13 +362,13 @@ resource gpu0, slots 1: detector \"a\" & <b>
     fn texts_stay_within_their_boxes() {
         let mut graph = Graph::new();
         let times = (0..=10).map(|k| (f64::from(k) * 10.0, Span::from_us(1234 * i64::from(k)))).collect();
-        let none: Vec<crate::Stream<Vec<f64>>> = vec![];
+        let none: Vec<Stream<Vec<f64>>> = vec![];
         let name = "a_name_of_wwwwwwwwwwwwwwww_that_no_box_can_hold";
         let timer = vec![every(Span::from_ms(50))];
         let _ =
             graph.add(name, Any, (timer, none.clone(), none)).runtime(RuntimeModel::Percentiles(times)).out();
         let info = graph.describe().unwrap();
-        let svg = info.svg();
+        let svg = svg(&info);
         let texts: Vec<(f64, &str)> = svg
             .lines()
             .filter(|line| line.starts_with("<text "))
@@ -384,9 +377,9 @@ resource gpu0, slots 1: detector \"a\" & <b>
                 (size, line.split('>').nth(1).unwrap().split('<').next().unwrap())
             })
             .collect();
-        assert_eq!(texts.len(), 1 + 1 + super::WRAPPED_MAX, "{svg}");
-        for (size, text) in &texts {
-            assert!(super::text_width(text, *size) <= (super::WIDTH - 2 * super::INSET) as f64, "{text}");
+        assert_eq!(texts.len(), 1 + 1 + WRAPPED_MAX, "{svg}");
+        for (size, line) in &texts {
+            assert!(text_width(line, *size) <= (WIDTH - 2 * INSET) as f64, "{line}");
         }
         assert!(texts[0].1.ends_with('…') && texts[4].1.ends_with('…'), "{texts:?}");
         // What the box has no room for is told by pointing at it.

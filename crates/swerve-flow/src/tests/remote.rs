@@ -1,4 +1,4 @@
-//! Section 9: steps that are taken elsewhere. Here that is a workshop behind a lock.
+//! Section 9: remote steps. Here that is a worker behind a lock.
 
 use std::sync::{Arc, Mutex};
 
@@ -98,11 +98,11 @@ fn graph() -> Graph {
     graph
 }
 
-/// A workshop as a process would have it, which may be lost at a call.
+/// A worker as a process would have it, which may be lost at a call.
 struct There {
     make: fn() -> Graph,
     names: Vec<String>,
-    workshop: Option<Workshop>,
+    worker: Option<Worker>,
     calls: u64,
     /// It is gone in this call and those after it.
     gone: std::ops::Range<u64>,
@@ -111,34 +111,34 @@ struct There {
 impl There {
     fn new(make: fn() -> Graph, names: &[&str], gone: std::ops::Range<u64>) -> Arc<Mutex<Self>> {
         let names = names.iter().map(|name| (*name).to_owned()).collect();
-        Arc::new(Mutex::new(Self { make, names, workshop: None, calls: 0, gone }))
+        Arc::new(Mutex::new(Self { make, names, worker: None, calls: 0, gone }))
     }
 }
 
-struct Door(Arc<Mutex<There>>);
+struct Endpoint(Arc<Mutex<There>>);
 
-impl Elsewhere for Door {
+impl RemoteExecutor for Endpoint {
     fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost> {
         let mut there = self.0.lock().unwrap();
         there.calls += 1;
         if there.gone.contains(&there.calls) {
-            there.workshop = None;
+            there.worker = None;
             return Err(Lost("gone".into()));
         }
         let (make, names) = (there.make, there.names.clone());
-        let afresh = there.workshop.is_none() && there.calls > 1;
-        let workshop = there.workshop.get_or_insert_with(|| make().into_workshop(&names).unwrap());
+        let restarted = there.worker.is_none() && there.calls > 1;
+        let worker = there.worker.get_or_insert_with(|| make().into_worker(&names).unwrap());
         let mut bytes = Vec::new();
         call.encode(&mut bytes);
-        workshop.answer(&bytes, answer).unwrap();
-        Ok(if afresh { Answered::Afresh } else { Answered::InTurn })
+        worker.answer(&bytes, answer).unwrap();
+        Ok(if restarted { Answered::Restarted } else { Answered::InTurn })
     }
 }
 
-fn elsewhere(graph: &mut Graph, there: &Arc<Mutex<There>>) {
+fn remote(graph: &mut Graph, there: &Arc<Mutex<There>>) {
     let names = there.lock().unwrap().names.clone();
     for name in names {
-        let _there = graph.operator(&name).unwrap().elsewhere(Box::new(Door(there.clone())));
+        let _there = graph.operator(&name).unwrap().remote(Box::new(Endpoint(there.clone())));
     }
 }
 
@@ -152,7 +152,7 @@ fn s9_a_run_comes_out_the_same_wherever_its_steps_are_taken() {
         for threads in [1, 3] {
             let mut moved = graph();
             let there = There::new(graph, &names, 0..0);
-            elsewhere(&mut moved, &there);
+            remote(&mut moved, &there);
             let report = run_virtual(moved, &options.clone().threads(threads), vec![]).unwrap();
             assert_eq!(report.digest, here.digest, "{names:?}, {threads} threads");
             assert_eq!(report.operators, here.operators, "{names:?}, {threads} threads");
@@ -164,7 +164,7 @@ fn s9_a_run_comes_out_the_same_wherever_its_steps_are_taken() {
 #[test]
 fn s9_a_virtual_run_ends_where_a_process_is_lost() {
     let mut moved = graph();
-    elsewhere(&mut moved, &There::new(graph, &["mixer"], 6..u64::MAX));
+    remote(&mut moved, &There::new(graph, &["mixer"], 6..u64::MAX));
     let mut ends = Ends::default();
     let error = run_virtual(moved, &RunOptions::until(Time::from_ms(2000)), vec![&mut ends]).unwrap_err();
     assert_eq!(error.to_string(), "operator `mixer`: gone");
@@ -198,18 +198,18 @@ fn s9_what_is_panicked_there_ends_the_run_here() {
         graph
     }
     let mut moved = graph();
-    elsewhere(&mut moved, &There::new(graph, &["bomb"], 0..0));
+    remote(&mut moved, &There::new(graph, &["bomb"], 0..0));
     let error = run_virtual(moved, &RunOptions::until(Time::from_ms(2000)), vec![]).unwrap_err();
     assert_eq!(error.to_string(), "operator `bomb` panicked: boom");
 }
 
 #[test]
 fn s9_calls_that_make_no_sense_are_refused() {
-    assert!(graph().into_workshop(&["nobody".into()]).is_err());
-    let mut workshop = graph().into_workshop(&["mixer".into()]).unwrap();
+    assert!(graph().into_worker(&["nobody".into()]).is_err());
+    let mut worker = graph().into_worker(&["mixer".into()]).unwrap();
     let mut answer = Vec::new();
     for call in [&b""[..], &[0xff; 40], b"\x06nobody\0\0\0\0\0\0", b"\x05mixer\0\0\0\0\0\x09"] {
-        assert!(workshop.answer(call, &mut answer).is_err());
+        assert!(worker.answer(call, &mut answer).is_err());
     }
     assert!(answer.is_empty());
 }
@@ -233,17 +233,17 @@ impl Observer for Recorder {
 #[test]
 fn s9_under_wall_clock_a_loss_is_said_and_replays() {
     let mut moved = graph();
-    elsewhere(&mut moved, &There::new(graph, &["mixer"], 8..12));
+    remote(&mut moved, &There::new(graph, &["mixer"], 8..12));
     let mut recorder = Recorder::default();
     let options = RunOptions::until(Time::from_ms(300)).seed(5);
     let driven = run_wall(moved, &options, vec![&mut recorder]).unwrap();
     let lost = recorder.decisions.iter().filter(|d| matches!(d, Decision::Lost { .. })).count();
-    let afresh = recorder.decisions.iter().filter(|d| matches!(d, Decision::Afresh { .. })).count();
-    assert_eq!((lost, afresh), (4, 1));
+    let restarted = recorder.decisions.iter().filter(|d| matches!(d, Decision::Restarted { .. })).count();
+    assert_eq!((lost, restarted), (4, 1));
     let replay = |spare: bool| {
         let mut again = graph();
         for name in NAMES {
-            // As they were marked in the run: by being elsewhere.
+            // As they were marked in the run: by being remote.
             let node = again.operator(name).unwrap();
             let _marked = if name == "mixer" { node.heavy() } else { node };
         }
@@ -274,14 +274,14 @@ fn harmed(bytes: &mut Vec<u8>, harm: &[(usize, u8)], keep: usize) {
 
 /// Spoils one call, and one answer.
 struct Spoiled {
-    workshop: Workshop,
+    worker: Worker,
     calls: u64,
     spoiled: u64,
     harm: (Harm, usize),
     answers: bool,
 }
 
-impl Elsewhere for Spoiled {
+impl RemoteExecutor for Spoiled {
     fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost> {
         self.calls += 1;
         let mut bytes = Vec::new();
@@ -290,7 +290,7 @@ impl Elsewhere for Spoiled {
         if now && !self.answers {
             harmed(&mut bytes, &self.harm.0, self.harm.1);
         }
-        self.workshop.answer(&bytes, answer).map_err(|error| Lost(error.to_string()))?;
+        self.worker.answer(&bytes, answer).map_err(|error| Lost(error.to_string()))?;
         if now && self.answers {
             harmed(answer, &self.harm.0, self.harm.1);
         }
@@ -317,10 +317,10 @@ proptest! {
         which in 0..3_usize,
     ) {
         let harm = (harm.into_iter().map(|(at, value)| (usize::from(at), value)).collect(), keep);
-        let workshop = graph().into_workshop(&[NAMES[which].to_owned()]).unwrap();
+        let worker = graph().into_worker(&[NAMES[which].to_owned()]).unwrap();
         let mut moved = graph();
-        let spoiled = Spoiled { workshop, calls: 0, spoiled, harm, answers };
-        let _there = moved.operator(NAMES[which]).unwrap().elsewhere(Box::new(spoiled));
+        let spoiled = Spoiled { worker, calls: 0, spoiled, harm, answers };
+        let _there = moved.operator(NAMES[which]).unwrap().remote(Box::new(spoiled));
         let driven = run_virtual(moved, &RunOptions::until(Time::from_ms(100)), vec![]);
         if let Err(error) = driven {
             let said = error.to_string();
@@ -330,8 +330,8 @@ proptest! {
 
     #[test]
     fn s9_random_calls_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), known in any::<bool>()) {
-        let mut workshop = graph().into_workshop(&["mixer".into()]).unwrap();
+        let mut worker = graph().into_worker(&["mixer".into()]).unwrap();
         let call = if known { [b"\x05mixer", &bytes[..]].concat() } else { bytes };
-        let _either_way = workshop.answer(&call, &mut Vec::new()).is_ok();
+        let _either_way = worker.answer(&call, &mut Vec::new()).is_ok();
     }
 }
