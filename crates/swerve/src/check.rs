@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use swerve_render::gpu::{self, AdapterKind};
 use swerve_render::lidar::LidarEngine;
+use swerve_text::{Document, Problems};
 
 use crate::config::Config;
-use crate::config::text::{Document, Problem};
 use crate::study::Bench;
 
 /// `swerve check`.
@@ -55,7 +55,7 @@ fn problems(path: &Path) -> Vec<String> {
         return vec![document.problem("", "there is nothing in it").to_string()];
     }
     let has = |key: &str| document.table.contains_key(key);
-    let told = |problems: Vec<Problem>| problems.iter().map(ToString::to_string).collect();
+    let report = |problems: Problems| problems.iter().map(ToString::to_string).collect();
     if has("road") || has("expect") || has("actor") {
         let told = crate::run::read_scenario(path).err().map(|error| error.to_string()).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
@@ -63,15 +63,15 @@ fn problems(path: &Path) -> Vec<String> {
         let told = Bench::check(path).err().map(|error| format!("{error:#}")).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
-        told(crate::timing::read_file(path).err().unwrap_or_default())
+        report(crate::timing::read_file(path).err().unwrap_or_default())
     } else {
         match Config::from_document(&document, &[]) {
             Ok(config) => {
-                let mut all = told(no_adapter(&document, &config));
+                let mut all: Vec<String> = report(no_adapter(&document, &config));
                 all.extend(route_problems(path, &document, &config));
                 all
             }
-            Err(problems) => told(problems),
+            Err(problems) => report(problems),
         }
     }
 }
@@ -89,13 +89,13 @@ fn route_problems(path: &Path, document: &Document, config: &Config) -> Vec<Stri
 }
 
 /// What asks for an adapter that is not there.
-fn no_adapter(document: &Document, config: &Config) -> Vec<Problem> {
+fn no_adapter(document: &Document, config: &Config) -> Problems {
     let rendering = config.render.backend.in_virtual_time().adapter();
     let mut asked: Vec<_> = rendering.map(|kind| ("render.backend".to_owned(), kind)).into_iter().collect();
     let on_gpu = config.lidar.iter().filter(|(_, lidar)| lidar.engine == LidarEngine::Gpu);
     asked.extend(on_gpu.map(|(name, _)| (format!("lidar.{name}.engine"), AdapterKind::Gpu)));
     if asked.is_empty() {
-        return Vec::new();
+        return Problems::new();
     }
     let adapters = gpu::probe();
     let told = |(key, kind): (String, AdapterKind)| {

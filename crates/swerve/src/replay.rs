@@ -11,9 +11,8 @@ use swerve_core::Digest;
 use swerve_flow::{Decision, Event, Observer, Publication, RunOptions, run_replay};
 use swerve_log::{LeavesOut, Log, Record, left_out};
 use swerve_scenario::Scenario;
+use swerve_text::{Document, Problem, nearest, parse_assignment};
 
-use crate::config::text::{Document, Problem, parse_assignment};
-use crate::config::words::nearest;
 use crate::config::{Config, OPERATORS};
 use crate::live::graph::LiveGraph;
 use crate::pipeline::Pipeline;

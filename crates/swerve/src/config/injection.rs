@@ -4,9 +4,9 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
+use swerve_text::{nearest, number};
 
 use super::execution::span_ms;
-use super::words::{nearest, number};
 use super::{Config, perception};
 
 /// A fault on a stream: exactly one of what it may do to messages, and when.
@@ -251,8 +251,8 @@ impl Config {
 
 #[cfg(test)]
 mod tests {
-    use super::super::text::Document;
     use super::*;
+    use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text.to_owned()).unwrap();

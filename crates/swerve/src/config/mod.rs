@@ -7,7 +7,6 @@ pub mod camera;
 pub mod clock;
 pub mod detectors;
 pub mod execution;
-pub mod faults;
 pub mod gate;
 pub mod injection;
 pub mod live;
@@ -19,8 +18,6 @@ pub mod process;
 pub mod ros2;
 pub mod sensors;
 pub mod source;
-pub mod text;
-pub mod words;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,6 +28,7 @@ use swerve_control::Following;
 use swerve_planning::posed::Preset;
 use swerve_planning::{CollisionMode, Planner};
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
+use swerve_text::{Document, Problem, Problems};
 use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
@@ -46,7 +44,6 @@ use process::{ProcessConfig, SharedMemoryConfig};
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
-use text::{Document, Problem};
 
 /// A whole configuration: what runs, how long it takes, what is recorded.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -517,16 +514,16 @@ pub const OPERATORS: [&str; 19] = [
 
 impl Config {
     /// Reads a file (or takes the defaults) and applies assignments in order; everything is checked.
-    pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+    pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         let document = match file {
-            Some(path) => Document::read(path).map_err(|p| vec![p])?,
-            None => Document::parse("defaults", String::new()).map_err(|p| vec![p])?,
+            Some(path) => Document::read(path)?,
+            None => Document::parse("defaults", String::new())?,
         };
         Self::from_document(&document, sets)
     }
 
     /// As [`load`](Self::load), from text that is already at hand.
-    pub fn from_document(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+    pub fn from_document(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         let plain: Self = document.to()?;
         if sets.is_empty() {
             return plain.checked(|key, message| document.problem(key, message));
@@ -537,10 +534,7 @@ impl Config {
     }
 
     /// A document that has no faults of its own, with assignments; the faults are theirs.
-    pub(crate) fn with_sets(
-        document: &Document,
-        sets: &[(String, toml::Value)],
-    ) -> Result<Self, Vec<Problem>> {
+    pub(crate) fn with_sets(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         Self::formed(document, sets)?.checked(|key, message| {
             let set = sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key));
             match set {
@@ -551,27 +545,23 @@ impl Config {
     }
 
     /// As [`with_sets`](Self::with_sets), with no look at the values: the faults are those of their form.
-    pub(crate) fn formed(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+    pub(crate) fn formed(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         let mut table = document.table.clone();
         for (key, value) in sets {
-            text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;
+            swerve_text::set(&mut table, key, value.clone())
+                .map_err(|(key, message)| set_problem(&key, message))?;
         }
-        table.clone().try_into().map_err(|error: toml::de::Error| {
-            let told = faults::faults::<Self>(&table);
-            if told.is_empty() {
-                return vec![set_problem("", error.message())];
-            }
-            told.iter().map(|(key, message)| set_problem(key, message.as_str())).collect()
-        })
+        swerve_text::read(&table)
+            .map_err(|found| found.into_iter().map(|(key, message)| set_problem(&key, message)).collect())
     }
 
-    fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Vec<Problem>> {
+    fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Problems> {
         let mut faults: Vec<(String, String)> = Vec::new();
         let mut range = |key: &str, value: f64, low: f64, high: f64| {
             if !(low..=high).contains(&value) {
                 faults.push((
                     key.to_owned(),
-                    format!("expected {low} to {high}, found {}", words::number(value)),
+                    format!("expected {low} to {high}, found {}", swerve_text::number(value)),
                 ));
             }
         };
@@ -591,10 +581,10 @@ impl Config {
         range("control.period_ms", self.control.period_ms, 1.0, 1000.0);
         range("planning.added_latency_ms", self.planning.added_latency_ms, 0.0, 100_000.0);
         range("planning.expected_ms", self.planning.expected_ms.unwrap_or(0.0), 0.0, 10_000.0);
-        if let Err(fault) = self.sim.vehicle.validate() {
+        if let Err(error) = self.sim.vehicle.validate() {
             faults.push((
-                format!("sim.vehicle.{}", fault.key),
-                format!("expected {}, found {}", fault.must, words::number(fault.value)),
+                format!("sim.vehicle.{}", error.key),
+                format!("expected {}, found {}", error.expected, error.value),
             ));
         }
         if let Err(message) = self.planning.planner() {
@@ -629,7 +619,7 @@ impl Config {
         for (name, operator) in &self.operator {
             let key = |last: &str| format!("operator.{name}.{last}");
             if !self.operators().any(|known| known == name) {
-                let near = words::nearest(name, self.operators())
+                let near = swerve_text::nearest(name, self.operators())
                     .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
                 let names: Vec<&str> = self.operators().collect();
                 let message = format!("unknown operator, expected one of {}{near}", names.join(", "));
@@ -704,7 +694,7 @@ mod tests {
     use super::*;
 
     fn problems(text: &str, sets: &[&str]) -> Vec<String> {
-        let sets: Vec<_> = sets.iter().map(|s| text::parse_assignment(s).unwrap()).collect();
+        let sets: Vec<_> = sets.iter().map(|s| swerve_text::parse_assignment(s).unwrap()).collect();
         let document = Document::parse("c.toml", text.to_owned()).unwrap();
         let problems = Config::from_document(&document, &sets).expect_err("wrong on purpose");
         problems.iter().map(ToString::to_string).collect()

@@ -1,9 +1,9 @@
 //! Watchers of single cameras and lidars, `[monitor.NAME]`.
 
 use serde::{Deserialize, Serialize};
+use swerve_text::nearest;
 
 use super::camera::Output;
-use super::words::nearest;
 use super::{Config, OPERATORS};
 
 /// A watcher: reads every byte of what a camera or lidar sees, and says whether it is frozen, blank or broken.

@@ -4,9 +4,9 @@ use core::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use swerve_ipc::OnLoss;
+use swerve_text::{nearest, number};
 
 use super::gate::GATE_OPERATORS;
-use super::words::{nearest, number};
 use super::{Config, OPERATORS};
 
 /// One process beside the coordinator.
@@ -126,7 +126,7 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use crate::config::Config;
-    use crate::config::text::Document;
+    use swerve_text::Document;
 
     fn problems(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text.to_owned()).unwrap();

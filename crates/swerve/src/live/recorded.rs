@@ -428,10 +428,10 @@ mod tests {
     use swerve_core::Rng;
     use swerve_ros2::AnyMessage;
     use swerve_ros2::samples::sample;
+    use swerve_text::Document;
 
     use super::*;
     use crate::config::Config;
-    use crate::config::text::Document;
 
     const S: u64 = 1_000_000_000;
 

@@ -205,11 +205,11 @@ mod tests {
     use swerve_flow::{Event, Observer};
     use swerve_log::{Log, Recorder};
     use swerve_msg::ActorKind;
+    use swerve_text::{Document, parse_assignment};
 
     use super::super::Pipeline;
     use super::*;
     use crate::config::OPERATORS;
-    use crate::config::text::{Document, parse_assignment};
     use crate::replay::replay;
     use crate::run::{Outcome, drive_pipeline, read_scenario, run_start};
 

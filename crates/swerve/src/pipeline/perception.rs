@@ -202,10 +202,10 @@ mod tests {
     use swerve_core::{Span, Time};
     use swerve_flow::{Event, Observer};
     use swerve_scenario::Scenario;
+    use swerve_text::{Document, parse_assignment};
 
     use super::super::Pipeline;
     use super::*;
-    use crate::config::text::{Document, parse_assignment};
     use crate::run::drive_pipeline;
 
     /// Boxes with the instant of their publication, tracks, and states of the world.

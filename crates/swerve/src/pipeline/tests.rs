@@ -7,10 +7,10 @@ use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::{PointInstances, RadarSources, WorldState};
 use swerve_msg::{ActorId, PointCloud};
+use swerve_text::{Document, parse_assignment};
 
 use super::*;
 use crate::config::OPERATORS;
-use crate::config::text::{Document, parse_assignment};
 use crate::replay::replay;
 use crate::run::{Outcome, drive_pipeline, left_out_of_logs, read_scenario, run_start};
 

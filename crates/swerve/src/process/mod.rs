@@ -14,9 +14,9 @@ use swerve_flow::SourceHandle;
 use swerve_ipc::{Crew, Employment, Happening, Setup, Told, Traffic, work};
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
+use swerve_text::Document;
 
 use crate::config::Config;
-use crate::config::text::Document;
 use crate::pipeline::Pipeline;
 use crate::run::problems_error;
 

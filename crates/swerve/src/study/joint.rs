@@ -8,9 +8,8 @@ use std::collections::BTreeMap;
 
 use super::grid::{Step, Study};
 use crate::config::Config;
-use crate::config::faults::is_within;
-use crate::config::text::{Document, Problem};
 use crate::progress::Progress;
+use swerve_text::{Document, Problem, Problems, is_within};
 
 /// Keys whose values are checked together; `*` is any one name. What [`Config`] checks across keys has to be here.
 const JOINT: [&[&str]; 5] = [
@@ -22,7 +21,7 @@ const JOINT: [&[&str]; 5] = [
 ];
 
 /// What is wrong, each fault once, with the first cell that has it, in the order of these cells.
-pub(super) fn faults(study: &Study, base: &Document) -> Vec<Problem> {
+pub(super) fn problems(study: &Study, base: &Document) -> Problems {
     // The file's own faults are told with their lines; what is left is a fault of what cells set.
     if let Err(problems) = Config::from_document(base, &[]) {
         return problems;
@@ -45,7 +44,7 @@ pub(super) fn faults(study: &Study, base: &Document) -> Vec<Problem> {
     progress.finish();
     let mut found: Vec<(Problem, usize)> = found.first.into_iter().collect();
     found.sort_by_key(|(_, cell)| *cell);
-    found.into_iter().map(|(fault, cell)| told(study, fault, cell)).collect()
+    found.into_iter().map(|(problem, cell)| in_cell(study, problem, cell)).collect()
 }
 
 /// The faults so far, each with the first cell that has it.
@@ -60,7 +59,7 @@ impl Found<'_> {
     fn look(
         &mut self,
         chosen: &[(usize, usize)],
-        read: impl Fn(&Document, &[(String, toml::Value)]) -> Result<Config, Vec<Problem>>,
+        read: impl Fn(&Document, &[(String, toml::Value)]) -> Result<Config, Problems>,
     ) -> bool {
         let mut sets = self.study.base.clone();
         sets.extend(
@@ -146,15 +145,16 @@ fn located(study: &Study, mut problem: Problem) -> Problem {
     problem
 }
 
-fn told(study: &Study, fault: Problem, mut cell: usize) -> Problem {
+/// A problem with the first cell that has it.
+fn in_cell(study: &Study, problem: Problem, mut cell: usize) -> Problem {
     let mut labels: Vec<&str> = Vec::new();
     for steps in study.steps.iter().rev() {
         labels.push(&steps[cell % steps.len()].label);
         cell /= steps.len();
     }
     labels.reverse();
-    let message = format!("{}, in the cell [{}]", fault.message, labels.join(" "));
-    Problem { message, ..fault }
+    let message = format!("{}, in the cell [{}]", problem.message, labels.join(" "));
+    Problem { message, ..problem }
 }
 
 #[cfg(test)]
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn as_much_is_found_as_by_looking_at_every_cell() {
         let (study, base) = study();
-        let by_class = faults(&study, &base);
+        let by_class = problems(&study, &base);
         let expanded = study.clone().expand();
         assert_eq!(expanded.cells.len(), 216);
         let mut by_cell: Vec<Problem> = Vec::new();
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn the_first_cell_with_a_fault_is_named() {
         let (study, base) = study();
-        let said: Vec<String> = faults(&study, &base).iter().map(Problem::to_string).collect();
+        let said: Vec<String> = problems(&study, &base).iter().map(Problem::to_string).collect();
         let of =
             |key: &str| said.iter().find(|s| s.contains(key)).unwrap_or_else(|| panic!("{key}: {said:#?}"));
         assert!(of("sim.vehicle.limits").ends_with("in the cell [fot 1 none gpu without 9.0]"), "{said:#?}");

@@ -3,9 +3,9 @@ use std::path::Path;
 
 use swerve_flow::{Event, Observer};
 use swerve_msg::{EgoState, Image, Pixels};
+use swerve_text::Document;
 
 use super::*;
-use crate::config::text::Document;
 use crate::pipeline::Pipeline;
 use crate::run::{Outcome, drive_pipeline, read_scenario};
 

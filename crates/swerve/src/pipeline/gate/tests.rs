@@ -7,10 +7,10 @@ use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Refusals, StopCause};
+use swerve_text::{Document, parse_assignment};
 
 use super::*;
 use crate::config::OPERATORS;
-use crate::config::text::{Document, parse_assignment};
 use crate::pipeline::Pipeline;
 use crate::replay::replay;
 use crate::run::{Outcome, drive_pipeline, read_scenario, run_start};
