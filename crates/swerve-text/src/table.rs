@@ -333,7 +333,10 @@ impl<'r> TableReader<'r> {
                 Value::Table(table) => {
                     let unnamed = self.inner(place.clone(), path, table);
                     tables.push(match name(&unnamed) {
-                        Some(name) => self.inner(place, format!("{}.{name}", self.key(key)), table),
+                        Some(name) => {
+                            let named = self.inner(place, format!("{}.{name}", self.key(key)), table);
+                            TableReader { known: unnamed.known, ..named }
+                        }
                         None => unnamed,
                     });
                 }
