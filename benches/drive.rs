@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use swerve::config::Config;
-use swerve::config::text::Document;
 use swerve::pipeline::Pipeline;
 use swerve::run::{drive_observed, drive_pipeline, read_scenario, set_up};
 use swerve::study::Bench;
@@ -12,6 +11,7 @@ use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_flow::Observer;
 use swerve_log::{Recorder, RunStart};
 use swerve_scenario::Scenario;
+use swerve_text::Document;
 
 const ROUNDS: usize = 5;
 

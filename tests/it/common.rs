@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use swerve::config::Config;
-use swerve::config::text::parse_assignment;
 use swerve::pipeline::Pipeline;
 use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_log::Recorder;
+use swerve_text::parse_assignment;
 
 /// The repository.
 pub(crate) fn root() -> &'static Path {

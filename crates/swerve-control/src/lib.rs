@@ -26,4 +26,3 @@ pub use controller::{
     StopReason,
 };
 pub use pedals::{AccelToPedals, LinearPedals, Pedals};
-pub use validate::ParamsError;

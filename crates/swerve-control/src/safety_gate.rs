@@ -23,6 +23,7 @@
 //! Pure: the instant is an input.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require_within};
 use swerve_core::{Span, Time};
 use swerve_geom::math;
 use swerve_msg::{GateMode, GateOutput, MotionCommand, Refusal, Refusals, StopCause, VehicleReport};
@@ -133,26 +134,12 @@ impl GateParams {
     }
 }
 
-/// A parameter that makes no gate.
-#[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
-#[error("`{name}` is {value}, which is not from {min} to {max}")]
-pub struct GateParamsError {
-    /// Its name.
-    pub name: &'static str,
-    /// What it is.
-    pub value: f64,
-    /// The least that it can be.
-    pub min: f64,
-    /// The most that it can be.
-    pub max: f64,
-}
-
 impl GateParams {
     /// Whether all of them are finite and of a plausible size.
     ///
     /// # Errors
     /// The first that is not.
-    pub fn validate(&self) -> Result<(), GateParamsError> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         let checks = [
             ("command_timeout_s", self.command_timeout_s, 0.01, 10.0),
             ("report_timeout_s", self.report_timeout_s, 0.01, 10.0),
@@ -172,10 +159,7 @@ impl GateParams {
             ("emergency_decel_mps2", self.emergency_decel_mps2, 0.1, 20.0),
             ("hold_decel_mps2", self.hold_decel_mps2, 0.0, 20.0),
         ];
-        match checks.into_iter().find(|(_, value, min, max)| !(min..=max).contains(&value)) {
-            Some((name, value, min, max)) => Err(GateParamsError { name, value, min, max }),
-            None => Ok(()),
-        }
+        checks.into_iter().try_for_each(|(key, value, min, max)| require_within(key, value, [min, max]))
     }
 }
 
@@ -222,7 +206,7 @@ impl SafetyGate {
     ///
     /// # Errors
     /// A parameter that makes no gate.
-    pub fn new(params: GateParams) -> Result<Self, GateParamsError> {
+    pub fn new(params: GateParams) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self {
             params,

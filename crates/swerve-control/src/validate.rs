@@ -1,25 +1,15 @@
 //! Whether parameters are in range.
 
-use crate::{Law, Params};
+use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 
-/// A parameter outside its range.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-#[error("control.{key} is {value}, must be {must}")]
-pub struct ParamsError {
-    /// Dotted key below `control`.
-    pub key: &'static str,
-    /// What was given.
-    pub value: f64,
-    /// What is allowed.
-    pub must: &'static str,
-}
+use crate::{Law, Params};
 
 /// Steps ahead beyond which a program no longer fits into a tick by far.
 const HORIZON_MAX: usize = 200;
 
 impl Params {
     /// The first parameter outside its range, if there is one.
-    pub fn validate(&self) -> Result<(), ParamsError> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         let weights = &self.mpc.weights;
         above_zero(&[
             ("stop.decel_mps2", self.stop.decel_mps2),
@@ -65,40 +55,31 @@ impl Params {
             ("mpc.weights.terminal", weights.terminal),
             ("mpc.weights.slack", weights.slack),
         ])?;
-        let share = "from 0 to 1";
+        let share = "0 to 1";
         for (key, value) in [
             ("stop.blind_brake", self.stop.blind_brake),
             ("pid.throttle_max", self.pid.throttle_max),
             ("pid.brake_max", self.pid.brake_max),
         ] {
-            require((0.0..=1.0).contains(&value), key, value, share)?;
+            require(key, value, (0.0..=1.0).contains(&value), share)?;
         }
         let reach = self.pure_pursuit.lookahead_max_m;
-        let ordered = reach >= self.pure_pursuit.lookahead_min_m && reach.is_finite();
-        require(ordered, "pure_pursuit.lookahead_max_m", reach, "finite and at least lookahead_min_m")?;
+        let ordered = reach >= self.pure_pursuit.lookahead_min_m;
+        require("pure_pursuit.lookahead_max_m", reach, ordered, "finite and at least lookahead_min_m")?;
         let horizon = self.mpc.horizon;
         let fits = self.law != Law::Mpc || (1..=HORIZON_MAX).contains(&horizon);
-        require(fits, "mpc.horizon", horizon as f64, "from 1 to 200")?;
-        require(self.slip.rear_s2pm.is_finite(), "slip.rear_s2pm", self.slip.rear_s2pm, "finite")?;
-        let understeer = self.slip.understeer_s2pm;
-        require(understeer.is_finite(), "slip.understeer_s2pm", understeer, "finite")
+        require("mpc.horizon", horizon, fits, "1 to 200")?;
+        require("slip.rear_s2pm", self.slip.rear_s2pm, true, "a finite number")?;
+        require("slip.understeer_s2pm", self.slip.understeer_s2pm, true, "a finite number")
     }
 }
 
-fn above_zero(values: &[(&'static str, f64)]) -> Result<(), ParamsError> {
-    values.iter().try_for_each(|&(key, value)| {
-        require(value > 0.0 && value.is_finite(), key, value, "finite and above 0")
-    })
+fn above_zero(values: &[(&'static str, f64)]) -> Result<(), ParamError> {
+    values.iter().try_for_each(|&(key, value)| require_positive(key, value))
 }
 
-fn not_negative(values: &[(&'static str, f64)]) -> Result<(), ParamsError> {
-    values.iter().try_for_each(|&(key, value)| {
-        require(value >= 0.0 && value.is_finite(), key, value, "finite and not negative")
-    })
-}
-
-fn require(ok: bool, key: &'static str, value: f64, must: &'static str) -> Result<(), ParamsError> {
-    if ok { Ok(()) } else { Err(ParamsError { key, value, must }) }
+fn not_negative(values: &[(&'static str, f64)]) -> Result<(), ParamError> {
+    values.iter().try_for_each(|&(key, value)| require_not_negative(key, value))
 }
 
 #[cfg(test)]
@@ -118,13 +99,13 @@ mod tests {
             spoil(&mut params);
             assert_eq!(params.validate().unwrap_err().to_string(), want);
         };
-        check(|p| p.mpc.horizon = 0, "control.mpc.horizon is 0, must be from 1 to 200");
-        check(|p| p.mpc.dt_s = f64::NAN, "control.mpc.dt_s is NaN, must be finite and above 0");
-        check(|p| p.pid.kp_spm = -1.0, "control.pid.kp_spm is -1, must be finite and not negative");
-        check(|p| p.stop.blind_brake = 1.5, "control.stop.blind_brake is 1.5, must be from 0 to 1");
+        check(|p| p.mpc.horizon = 0, "`mpc.horizon` is 0, expected 1 to 200");
+        check(|p| p.mpc.dt_s = f64::NAN, "`mpc.dt_s` is NaN, expected a finite number above 0");
+        check(|p| p.pid.kp_spm = -1.0, "`pid.kp_spm` is -1, expected a finite number that is not negative");
+        check(|p| p.stop.blind_brake = 1.5, "`stop.blind_brake` is 1.5, expected 0 to 1");
         check(
             |p| p.pure_pursuit.lookahead_max_m = 1.0,
-            "control.pure_pursuit.lookahead_max_m is 1, must be finite and at least lookahead_min_m",
+            "`pure_pursuit.lookahead_max_m` is 1, expected finite and at least lookahead_min_m",
         );
     }
 }

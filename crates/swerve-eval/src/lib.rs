@@ -30,7 +30,8 @@ pub use overlap::{ground_iou, image_iou, shared_area_m2, volume_iou};
 pub use plan::{PlanCounts, PlanMetrics};
 pub use response::ResponseTimes;
 pub use runtime::{OperatorMetrics, RunTimes};
-pub use verdict::{Impact, Outcome, Verdict};
+pub use swerve_msg::truth::Verdict;
+pub use verdict::{Impact, Outcome};
 
 /// Seconds of an instant, divided so that decimal instants print as such (1.95, not 1.9500000000000002).
 fn seconds(at: swerve_core::Time) -> f64 {

@@ -3,38 +3,9 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_msg::ActorId;
-use swerve_msg::truth::{EndReason, InfractionKind, WorldState};
+use swerve_msg::truth::{EndReason, InfractionKind, Verdict, WorldState};
 
 use crate::seconds;
-
-/// The outcome of a scenario in one word.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// The ego came to the end, or to the stop asked for, touching nothing and staying on the road.
-    Avoided,
-    /// The ego hit something, whatever else happened.
-    Collision,
-    /// Part of the ego left the drivable ground, and it hit nothing.
-    LeftRoad,
-    /// The scenario's time was over before the ego reached its end.
-    Timeout,
-    /// The run was ended before the scenario was.
-    Unfinished,
-}
-
-impl Verdict {
-    /// The name used in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Avoided => "avoided",
-            Self::Collision => "collision",
-            Self::LeftRoad => "left_road",
-            Self::Timeout => "timeout",
-            Self::Unfinished => "unfinished",
-        }
-    }
-}
 
 /// The first contact of the ego with anything.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -203,9 +174,7 @@ pub(crate) mod tests {
 
     #[test]
     fn names_are_those_of_the_files() {
-        for verdict in
-            [Verdict::Avoided, Verdict::Collision, Verdict::LeftRoad, Verdict::Timeout, Verdict::Unfinished]
-        {
+        for verdict in Verdict::ALL {
             assert_eq!(serde_json::to_string(&verdict).unwrap(), format!("\"{}\"", verdict.name()));
         }
     }

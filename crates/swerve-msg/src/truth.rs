@@ -122,6 +122,47 @@ pub enum EndReason {
     Timeout,
 }
 
+/// The outcome of a run in one word; the first that holds, in the order in which `docs/conventions.md` has them.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The ego came to the end, or to the stop asked for, touching nothing and staying on the road.
+    Avoided,
+    /// The ego hit something, whatever else happened.
+    Collision,
+    /// Part of the ego left the drivable ground, and it hit nothing.
+    LeftRoad,
+    /// The scenario's time was over before the ego reached its end.
+    Timeout,
+    /// The run was ended before the scenario was.
+    Unfinished,
+}
+
+impl Verdict {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::Avoided, Self::Collision, Self::LeftRoad, Self::Timeout, Self::Unfinished];
+    /// Those that a scenario can come to by itself.
+    pub const OF_SCENARIOS: [Self; 4] = [Self::Avoided, Self::Collision, Self::LeftRoad, Self::Timeout];
+
+    /// The name used in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Avoided => "avoided",
+            Self::Collision => "collision",
+            Self::LeftRoad => "left_road",
+            Self::Timeout => "timeout",
+            Self::Unfinished => "unfinished",
+        }
+    }
+}
+
+impl core::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 /// What the points of the [`PointCloud`](crate::PointCloud) of the same stamp lie on.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PointInstances {

@@ -21,12 +21,11 @@ mod params;
 #[cfg(test)]
 mod tests;
 
-use swerve_core::{Rng, Time};
+use swerve_core::{ParamError, Rng, Time};
 use swerve_geom::{Ego, Point2, Pose2, math};
 use swerve_msg::truth::Surroundings;
 use swerve_msg::{DetectedBox, Detections, Extent, Obstacle};
 
-use crate::ParamsError;
 use crate::image_box::ImageCamera;
 
 pub use drift::Drift;
@@ -59,7 +58,7 @@ impl Detector {
         camera: Option<ImageCamera>,
         seed: u64,
         name: &str,
-    ) -> Result<Self, ParamsError> {
+    ) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self { params, camera, key: Rng::keyed(seed, name, &[]).bits() })
     }

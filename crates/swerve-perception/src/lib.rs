@@ -14,4 +14,3 @@ mod validate;
 
 pub use detector::Detector;
 pub use tracker::Tracker;
-pub use validate::ParamsError;

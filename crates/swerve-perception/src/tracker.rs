@@ -13,11 +13,10 @@ mod params;
 mod tests;
 
 use nalgebra::{Matrix2, Vector2 as Column2};
-use swerve_core::{Span, Time};
+use swerve_core::{ParamError, Span, Time};
 use swerve_geom::{Ego, Map, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, Track, TrackList};
 
-use crate::ParamsError;
 use crate::assignment::assign;
 use kalman::Filter;
 
@@ -62,7 +61,7 @@ impl Tracker {
     ///
     /// # Errors
     /// A parameter outside its range.
-    pub fn new(params: Params) -> Result<Self, ParamsError> {
+    pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self { params, newest: None, tracks: Vec::new(), given: 0 })
     }

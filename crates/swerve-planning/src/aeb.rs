@@ -5,11 +5,11 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
+use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::{Plan, PlanStatus};
 
 use crate::collision::{CollisionMode, Obstacles, Solid};
-use crate::params::{InvalidParam, require, require_not_negative, require_positive};
 use crate::request::{Budget, Goes, Planner, Request};
 use crate::world::{SpeedProfile, brake_along, brake_length_m, follow_route, route_path};
 
@@ -47,9 +47,9 @@ impl Default for Params {
 
 impl Params {
     /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), InvalidParam> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         require_positive("time_to_collision_s", self.time_to_collision_s)?;
-        require("release_factor", self.release_factor, self.release_factor >= 1.0, "must be at least 1")?;
+        require("release_factor", self.release_factor, self.release_factor >= 1.0, "at least 1")?;
         require_not_negative("clearance_m", self.clearance_m)?;
         require_positive("horizon_s", self.horizon_s)?;
         let steps = self.time_to_collision_s * self.release_factor / self.step_s;
@@ -57,7 +57,7 @@ impl Params {
             "step_s",
             self.step_s,
             self.step_s > 0.0 && steps <= 10_000.0,
-            "must be above zero and not tiny",
+            "a number above 0 that is not tiny",
         )
     }
 }
@@ -71,7 +71,7 @@ pub struct Aeb {
 
 impl Aeb {
     /// With valid parameters.
-    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+    pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self { params, obstacles: Obstacles::default() })
     }

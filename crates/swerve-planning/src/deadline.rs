@@ -37,11 +37,10 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
+use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::{ActorId, EgoState, Prediction, Route};
 use swerve_vehicle::{Limits, Shape};
-
-use crate::params::{InvalidParam, require, require_not_negative, require_positive};
 
 /// Parameters of the policy.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -95,7 +94,7 @@ impl Default for Params {
 
 impl Params {
     /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), InvalidParam> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in [
             ("detector_min_s", self.detector_min_s),
             ("planner_min_s", self.planner_min_s),
@@ -118,15 +117,15 @@ impl Params {
                 key,
                 most,
                 (least..=day_s).contains(&most),
-                "must not be below the least, nor above a day",
+                "a number not below the least, nor above a day",
             )
         };
         most("detector_max_s", self.detector_min_s, self.detector_max_s)?;
         most("planner_max_s", self.planner_min_s, self.planner_max_s)?;
         let full = self.planner_share_full;
         let share = (self.planner_share_empty..=1.0).contains(&full);
-        require("planner_share_full", full, share, "must be between planner_share_empty and 1")?;
-        require("full_at", f64::from(self.full_at), self.full_at > 0, "must be above zero")
+        require("planner_share_full", full, share, "planner_share_empty to 1")?;
+        require("full_at", self.full_at, self.full_at > 0, "at least 1")
     }
 }
 

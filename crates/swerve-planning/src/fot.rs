@@ -18,12 +18,12 @@ pub use params::Params;
 pub use posed::solve as solve_posed;
 
 use swerve_core::Span;
+use swerve_core::param::ParamError;
 use swerve_geom::{Polyline, Pose2, angle_between, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::{Limits, Shape};
 
 use crate::collision::{CollisionMode, Obstacles};
-use crate::params::InvalidParam;
 use crate::posed::Preset;
 use crate::request::{Budget, Counted, Goes, Planner, Request};
 use crate::road::Road;
@@ -52,7 +52,7 @@ pub struct Fot {
 
 impl Fot {
     /// With valid parameters.
-    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+    pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self {
             params,

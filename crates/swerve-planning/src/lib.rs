@@ -9,7 +9,6 @@ pub mod collision;
 pub mod deadline;
 pub mod fot;
 pub mod hybrid_astar;
-pub mod params;
 pub mod posed;
 mod request;
 mod road;
@@ -20,7 +19,6 @@ pub mod waypoint;
 pub mod world;
 
 pub use collision::{CollisionMode, Obstacles, Solid};
-pub use params::InvalidParam;
 pub use posed::{Preset, Solution};
 pub use request::{Budget, Goes, Planner, Request, Unlimited};
 pub use road::Road;

@@ -9,11 +9,11 @@
 //! that ends at zero there.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require_not_negative, require_positive};
 use swerve_geom::{Polyline, angle_between, math};
 use swerve_msg::{ActorKind, Plan, PlanStatus, Prediction};
 use swerve_vehicle::Limits;
 
-use crate::params::{InvalidParam, require_not_negative, require_positive};
 use crate::posed::Preset;
 use crate::request::{Budget, Goes, Planner, Request};
 use crate::world::{
@@ -87,7 +87,7 @@ impl Params {
     }
 
     /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), InvalidParam> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in [
             ("person_distance_m", self.person_distance_m),
             ("person_angle_rad", self.person_angle_rad),
@@ -141,7 +141,7 @@ pub struct Waypoint {
 
 impl Waypoint {
     /// With valid parameters.
-    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+    pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self { params })
     }

@@ -6,6 +6,7 @@
 //! bend the lines.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require, require_not_negative, require_within};
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
@@ -61,30 +62,14 @@ impl Params {
     }
 }
 
-/// A parameter outside its range.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-#[error("prediction.{key} is {value}, must be {must}")]
-pub struct ParamsError {
-    /// Key below `prediction`.
-    pub key: &'static str,
-    /// What was given.
-    pub value: f64,
-    /// What is allowed.
-    pub must: &'static str,
-}
-
 impl Params {
     /// The first parameter outside its range, if there is one.
-    pub fn validate(&self) -> Result<(), ParamsError> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         let Self { past_steps, future_steps, step_s, heading_speed_min_mps, .. } = *self;
-        let require = |ok: bool, key, value, must| {
-            if ok { Ok(()) } else { Err(ParamsError { key, value, must }) }
-        };
-        require(past_steps >= 1, "past_steps", past_steps as f64, "at least 1")?;
-        require(future_steps <= 10_000, "future_steps", future_steps as f64, "at most 10000")?;
-        require((1e-3..=10.0).contains(&step_s), "step_s", step_s, "from 0.001 to 10")?;
-        let slowest = heading_speed_min_mps;
-        require(slowest >= 0.0, "heading_speed_min_mps", slowest, "not negative")
+        require("past_steps", past_steps, past_steps >= 1, "at least 1")?;
+        require("future_steps", future_steps, future_steps <= 10_000, "at most 10000")?;
+        require_within("step_s", step_s, [1e-3, 10.0])?;
+        require_not_negative("heading_speed_min_mps", heading_speed_min_mps)
     }
 }
 

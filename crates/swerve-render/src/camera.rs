@@ -10,6 +10,7 @@ mod distortion;
 pub use distortion::Distortion;
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require};
 use swerve_geom::{Ego, Point, Transform, math};
 
 /// Largest width or height of an image, pixels.
@@ -130,18 +131,6 @@ impl Default for CameraSpec {
     }
 }
 
-/// A camera cannot be as it is described.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-#[error("camera: `{field}` is {value}, expected {expected}")]
-pub struct CameraError {
-    /// Which field of [`CameraSpec`].
-    pub field: &'static str,
-    /// What it is.
-    pub value: f64,
-    /// What it may be.
-    pub expected: &'static str,
-}
-
 /// A checked camera.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Camera {
@@ -152,40 +141,35 @@ pub struct Camera {
     cy: f64,
 }
 
-/// `Err` with field, value and expectation unless a condition holds.
-fn expect(holds: bool, field: &'static str, value: f64, expected: &'static str) -> Result<(), CameraError> {
-    if holds { Ok(()) } else { Err(CameraError { field, value, expected }) }
-}
-
 impl Camera {
     /// Checks a description.
     ///
     /// # Errors
     /// The first field that is zero, not finite, out of its range or larger than the stated limits.
-    pub fn new(spec: CameraSpec) -> Result<Self, CameraError> {
+    pub fn new(spec: CameraSpec) -> Result<Self, ParamError> {
         let side = "1 to 8192 pixels";
         for (field, px) in [("width_px", spec.width_px), ("height_px", spec.height_px)] {
-            expect((1..=IMAGE_SIDE_MAX_PX).contains(&px), field, f64::from(px), side)?;
+            require(field, px, (1..=IMAGE_SIDE_MAX_PX).contains(&px), side)?;
         }
         let area = u64::from(spec.width_px) * u64::from(spec.height_px);
-        expect(area <= IMAGE_AREA_MAX_PX, "width_px x height_px", area as f64, "at most 33554432 pixels")?;
+        require("width_px x height_px", area as f64, area <= IMAGE_AREA_MAX_PX, "at most 33554432 pixels")?;
         check_optics(&spec)?;
         check_shutter(&spec.shutter)?;
         let (width, height) = (f64::from(spec.width_px), f64::from(spec.height_px));
         let (fx, fy, cx, cy) = match spec.intrinsics {
             Intrinsics::HorizontalFovRad(fov_rad) => {
                 let inside = fov_rad > 0.0 && fov_rad < core::f64::consts::PI;
-                expect(
-                    inside,
+                require(
                     "intrinsics.horizontal_fov_rad",
                     fov_rad,
+                    inside,
                     "an angle above 0 and below pi (180 degrees)",
                 )?;
                 let f = 0.5 * width / math::tan(0.5 * fov_rad);
-                expect(
-                    f.is_finite() && f > 1e-3,
+                require(
                     "intrinsics.horizontal_fov_rad",
                     fov_rad,
+                    f.is_finite() && f > 1e-3,
                     "an angle below pi (180 degrees)",
                 )?;
                 (f, f, 0.5 * width, 0.5 * height)
@@ -256,7 +240,7 @@ impl Camera {
     }
 
     /// Whether every pixel of the image has one ray: the lens model must not fold over inside the image.
-    fn check_lens(&self) -> Result<(), CameraError> {
+    fn check_lens(&self) -> Result<(), ParamError> {
         if self.spec.distortion.is_none() {
             return Ok(());
         }
@@ -268,70 +252,70 @@ impl Camera {
                 let [x, y] = self.spec.distortion.distort(ray);
                 let off = math::hypot(self.fx * x + self.cx - pixel[0], self.fy * y + self.cy - pixel[1]);
                 let fine = off < 0.01 && math::hypot(ray[0], ray[1]) < 20.0;
-                expect(fine, "distortion", off, "a lens that gives every pixel of the image one ray")?;
+                require("distortion", off, fine, "a lens that gives every pixel of the image one ray")?;
             }
         }
         Ok(())
     }
 }
 
-fn check_orthographic(spec: &CameraSpec, m_per_px: f64) -> Result<(), CameraError> {
+fn check_orthographic(spec: &CameraSpec, m_per_px: f64) -> Result<(), ParamError> {
     let at = "intrinsics.orthographic_m_per_px";
-    expect((1e-4..=100.0).contains(&m_per_px), at, m_per_px, "0.0001 to 100 metres per pixel")?;
+    require(at, m_per_px, (1e-4..=100.0).contains(&m_per_px), "0.0001 to 100 metres per pixel")?;
     let vignetting = spec.vignetting;
-    expect(vignetting == 0.0, "vignetting", vignetting, "0 with orthographic intrinsics")?;
+    require("vignetting", vignetting, vignetting == 0.0, "0 with orthographic intrinsics")?;
     let bent = spec.distortion.coefficients().into_iter().find(|k| *k != 0.0);
-    expect(bent.is_none(), "distortion", bent.unwrap_or(0.0), "no lens with orthographic intrinsics")
+    require("distortion", bent.unwrap_or(0.0), bent.is_none(), "no lens with orthographic intrinsics")
 }
 
 /// Focal lengths and principal point of a matrix.
-fn focal(matrix: &[[f64; 3]; 3]) -> Result<(f64, f64, f64, f64), CameraError> {
+fn focal(matrix: &[[f64; 3]; 3]) -> Result<(f64, f64, f64, f64), ParamError> {
     let [[fx, skew, cx], [shear, fy, cy], last] = *matrix;
     let at = "intrinsics.matrix";
-    expect(fx.is_finite() && fx > 1e-3 && fx < 1e7, at, fx, "a focal length fx above 0")?;
-    expect(fy.is_finite() && fy > 1e-3 && fy < 1e7, at, fy, "a focal length fy above 0")?;
-    expect(skew == 0.0, at, skew, "0 in the first row's second place")?;
-    expect(shear == 0.0, at, shear, "0 in the second row's first place")?;
-    expect(last == [0.0, 0.0, 1.0], at, last[2], "a last row 0, 0, 1")?;
+    require(at, fx, fx.is_finite() && fx > 1e-3 && fx < 1e7, "a focal length fx above 0")?;
+    require(at, fy, fy.is_finite() && fy > 1e-3 && fy < 1e7, "a focal length fy above 0")?;
+    require(at, skew, skew == 0.0, "0 in the first row's second place")?;
+    require(at, shear, shear == 0.0, "0 in the second row's first place")?;
+    require(at, last[2], last == [0.0, 0.0, 1.0], "a last row 0, 0, 1")?;
     let side = 4.0 * f64::from(IMAGE_SIDE_MAX_PX);
-    expect(cx.abs() <= side, at, cx, "a principal point within 32768 pixels")?;
-    expect(cy.abs() <= side, at, cy, "a principal point within 32768 pixels")?;
+    require(at, cx, cx.abs() <= side, "a principal point within 32768 pixels")?;
+    require(at, cy, cy.abs() <= side, "a principal point within 32768 pixels")?;
     Ok((fx, fy, cx, cy))
 }
 
-fn check_optics(spec: &CameraSpec) -> Result<(), CameraError> {
-    expect((1e-3..=10.0).contains(&spec.near_m), "near_m", spec.near_m, "0.001 to 10 m")?;
+fn check_optics(spec: &CameraSpec) -> Result<(), ParamError> {
+    require("near_m", spec.near_m, (1e-3..=10.0).contains(&spec.near_m), "0.001 to 10 m")?;
     let far_in = spec.far_m > spec.near_m && spec.far_m <= 1e5;
-    expect(far_in, "far_m", spec.far_m, "more than near_m, at most 100000 m")?;
-    expect((0.0..=1.0).contains(&spec.vignetting), "vignetting", spec.vignetting, "a number from 0 to 1")?;
+    require("far_m", spec.far_m, far_in, "more than near_m, at most 100000 m")?;
+    require("vignetting", spec.vignetting, (0.0..=1.0).contains(&spec.vignetting), "a number from 0 to 1")?;
     let share = "a share of full scale from 0 to 1";
-    expect((0.0..=1.0).contains(&spec.noise.read), "noise.read", spec.noise.read, share)?;
-    expect((0.0..=1.0).contains(&spec.noise.shot), "noise.shot", spec.noise.shot, share)?;
+    require("noise.read", spec.noise.read, (0.0..=1.0).contains(&spec.noise.read), share)?;
+    require("noise.shot", spec.noise.shot, (0.0..=1.0).contains(&spec.noise.shot), share)?;
     match spec.exposure {
         Exposure::Metered => {}
         Exposure::Stops(stops) => {
-            expect(stops.abs() <= 16.0, "exposure.stops", stops, "-16 to 16 stops")?;
+            require("exposure.stops", stops, stops.abs() <= 16.0, "-16 to 16 stops")?;
         }
         Exposure::Factor(factor) => {
             let fine = factor > 0.0 && factor <= 1e6;
-            expect(fine, "exposure.factor", factor, "a factor above 0, at most 1000000")?;
+            require("exposure.factor", factor, fine, "a factor above 0, at most 1000000")?;
         }
     }
     for (field, value) in spec.distortion.fields() {
-        expect(value.abs() <= 10.0, field, value, "-10 to 10")?;
+        require(field, value, value.abs() <= 10.0, "-10 to 10")?;
     }
     Ok(())
 }
 
-fn check_shutter(shutter: &Shutter) -> Result<(), CameraError> {
+fn check_shutter(shutter: &Shutter) -> Result<(), ParamError> {
     let second = "0 to 1 s";
-    expect((0.0..=1.0).contains(&shutter.exposure_s), "shutter.exposure_s", shutter.exposure_s, second)?;
-    expect((0.0..=1.0).contains(&shutter.readout_s), "shutter.readout_s", shutter.readout_s, second)?;
+    require("shutter.exposure_s", shutter.exposure_s, (0.0..=1.0).contains(&shutter.exposure_s), second)?;
+    require("shutter.readout_s", shutter.readout_s, (0.0..=1.0).contains(&shutter.readout_s), second)?;
     let samples = shutter.blur_samples;
     let count = "1 to 32";
-    expect((1..=SUBFRAMES_MAX).contains(&samples), "shutter.blur_samples", f64::from(samples), count)?;
+    require("shutter.blur_samples", f64::from(samples), (1..=SUBFRAMES_MAX).contains(&samples), count)?;
     let slabs = shutter.readout_slabs;
-    expect((1..=SUBFRAMES_MAX).contains(&slabs), "shutter.readout_slabs", f64::from(slabs), count)
+    require("shutter.readout_slabs", f64::from(slabs), (1..=SUBFRAMES_MAX).contains(&slabs), count)
 }
 
 /// Where a camera sits on the ego vehicle.

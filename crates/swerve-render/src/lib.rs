@@ -44,9 +44,7 @@ pub mod town;
 mod vector;
 mod weather;
 
-pub use camera::{
-    Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, SensorNoise, Shutter, mount,
-};
+pub use camera::{Camera, CameraSpec, Distortion, Exposure, Intrinsics, SensorNoise, Shutter, mount};
 pub use class::SemanticClass;
 pub use frame::{Frame, FrameMut, FrameSizeError, Outputs};
 pub use library::{
@@ -57,4 +55,4 @@ pub use material::{Material, Texture};
 pub use mesh::{Body, MESH_TRIANGLES_MAX, Mesh, MeshError, MeshParts};
 pub use renderer::{Backend, RenderError, RenderOptions, Renderer, Submission, View};
 pub use scene::{Instance, Light, Look, Motion, Scene, StaticPart, lamps};
-pub use weather::{Sun, UnknownWeather, Weather, WeatherError, WeatherPreset};
+pub use weather::{Sun, UnknownWeather, Weather, WeatherPreset};

@@ -30,7 +30,7 @@ mod sweep;
 pub use cloud::{Cloud, CloudMut, CloudSizeError, TruthMut};
 pub use presets::{LidarPreset, UnknownLidar};
 pub use scene_tree::{Hit, RayMemory, SceneTree, TreeError};
-pub use spec::{BEAMS_MAX, Beam, COLUMNS_MAX, LidarError, LidarSpec, SHOTS_MAX};
+pub use spec::{BEAMS_MAX, Beam, COLUMNS_MAX, LidarSpec, SHOTS_MAX};
 pub use sweep::{FireError, Fired, Firing, LidarEngine, Sweeper};
 
 pub(crate) use scene_tree::flat;

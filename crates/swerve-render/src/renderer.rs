@@ -3,6 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use swerve_core::ParamError;
 use swerve_geom::{Map, Transform};
 
 use crate::Camera;
@@ -10,7 +11,6 @@ use crate::cpu::{self, CpuRenderer};
 use crate::frame::{Frame, FrameMut, FrameSizeError, Outputs};
 use crate::gpu::{AdapterKind, AdapterReport, Gpu, GpuRenderer, NoAdapter, Pending};
 use crate::scene::{Motion, Scene};
-use crate::weather::WeatherError;
 
 /// What computes the images.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -96,8 +96,8 @@ pub enum RenderError {
     #[error(transparent)]
     FrameSize(#[from] FrameSizeError),
     /// The scene's weather is out of its range.
-    #[error(transparent)]
-    Weather(#[from] WeatherError),
+    #[error("weather: {0}")]
+    Weather(#[from] ParamError),
     /// A pose, a speed or an angle is not finite.
     #[error("{what} is not finite")]
     NotFinite {

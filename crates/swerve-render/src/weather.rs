@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require};
 use swerve_geom::math;
 
 /// A weather by name.
@@ -197,40 +198,23 @@ impl WeatherPreset {
     }
 }
 
-/// A weather's field is out of its range.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-#[error("weather: `{field}` is {value}, expected {expected}")]
-pub struct WeatherError {
-    /// Which field.
-    pub field: &'static str,
-    /// What it is.
-    pub value: f64,
-    /// What it may be.
-    pub expected: &'static str,
-}
-
 impl Weather {
     /// Whether every number is in its range.
     ///
     /// # Errors
     /// The first field that is not.
-    pub fn check(&self) -> Result<(), WeatherError> {
+    pub fn check(&self) -> Result<(), ParamError> {
         let shares = [
             ("cloudiness", self.cloudiness),
             ("rain", self.rain),
             ("wetness", self.wetness),
             ("puddles", self.puddles),
         ];
-        for (field, value) in shares {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(WeatherError { field, value, expected: "a number from 0 to 1" });
-            }
+        for (key, value) in shares {
+            require(key, value, (0.0..=1.0).contains(&value), "a number from 0 to 1")?;
         }
-        if !(0.0..=1.0).contains(&self.fog_1pm) {
-            let expected = "an extinction from 0 to 1 per metre";
-            return Err(WeatherError { field: "fog_1pm", value: self.fog_1pm, expected });
-        }
-        Ok(())
+        let fog = (0.0..=1.0).contains(&self.fog_1pm);
+        require("fog_1pm", self.fog_1pm, fog, "an extinction from 0 to 1 per metre")
     }
 
     /// Share of the direct sunlight that reaches the ground.
@@ -266,7 +250,7 @@ mod tests {
         ] {
             let mut weather = Weather::default();
             change(&mut weather);
-            assert_eq!(weather.check().unwrap_err().field, field);
+            assert_eq!(weather.check().unwrap_err().key, field);
         }
     }
 

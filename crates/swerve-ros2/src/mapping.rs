@@ -22,13 +22,14 @@
 //! topic = "/left/image_raw"
 //! ```
 //!
-//! A topic is `enabled = false` to leave it out. Errors name the key and the nearest valid one.
+//! A topic is `enabled = false` to leave it out. Problems name the key and the nearest valid one.
 
 mod role;
 mod tables;
 
 use std::collections::BTreeMap;
 
+use swerve_text::{Problems, Range, Reading, TableReader, did_you_mean};
 use toml::{Table, Value};
 
 pub use role::{Role, Side};
@@ -118,22 +119,6 @@ pub struct Mapping {
     pub topics: Vec<TopicMap>,
 }
 
-/// A mistake in the table.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("`{key}`: {problem}{}", suggestion(.nearest.as_deref()))]
-pub struct MappingError {
-    /// The key, from the top of the table: `topics.lidar.qos`.
-    pub key: String,
-    /// What is wrong.
-    pub problem: String,
-    /// What was probably meant.
-    pub nearest: Option<String>,
-}
-
-fn suggestion(nearest: Option<&str>) -> String {
-    nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
-}
-
 impl Mapping {
     /// The built-in table of a vehicle.
     pub fn of(vehicle: Vehicle, network: Network) -> Self {
@@ -153,108 +138,80 @@ impl Mapping {
     /// `network` what the environment says, which the table overrules.
     ///
     /// # Errors
-    /// A key that there is not, or a value that it cannot have.
-    pub fn from_table(table: &Table, network: Network) -> Result<Self, MappingError> {
-        let vehicle = match table.get("vehicle") {
-            None => Vehicle::default(),
-            Some(value) => named("vehicle", value, &Vehicle::NAMES)?,
-        };
-        let mut mapping = Self::of(vehicle, network);
-        for (key, value) in table {
-            match key.as_str() {
-                "vehicle" => {}
-                "node" => mapping.node = name(key, value)?,
-                "namespace" => mapping.namespace = path(key, value)?,
-                "domain" => mapping.network.domain = whole(key, value, 0, 232)? as u16,
-                "localhost_only" => mapping.network.localhost_only = truth(key, value)?,
-                "service_mapping" => mapping.service_map = named(key, value, &SERVICE_NAMES)?,
-                "frames" => mapping.set_frames(subtable(key, value)?)?,
-                "topics" => mapping.set_topics(subtable(key, value)?)?,
-                _ => {
-                    const KEYS: [&str; 8] = [
-                        "vehicle",
-                        "node",
-                        "namespace",
-                        "domain",
-                        "localhost_only",
-                        "service_mapping",
-                        "frames",
-                        "topics",
-                    ];
-                    return Err(unknown(key, key, &KEYS));
-                }
-            }
-        }
-        Ok(mapping)
+    /// Every key that there is not and every value that it cannot have; keys are from the top of `table`.
+    pub fn from_table(table: &Table, network: Network) -> Result<Self, Problems> {
+        let reading = Reading::without_text("[ros2]");
+        let mapping = Self::read(&reading.top(table), network);
+        reading.into_problems().or(mapping)
     }
 
-    fn set_frames(&mut self, table: &Table) -> Result<(), MappingError> {
-        for (key, value) in table {
-            let at = format!("frames.{key}");
-            match key.as_str() {
-                "map" => self.map_frame = text(&at, value)?,
-                "base_link" => self.base_frame = text(&at, value)?,
-                _ => return Err(unknown(&at, key, &["map", "base_link"])),
-            }
+    fn read(table: &TableReader<'_>, network: Network) -> Self {
+        let mut mapping = Self::of(named(table, "vehicle", &Vehicle::NAMES).unwrap_or_default(), network);
+        replace(&mut mapping.node, table.text_like("node", "a name of letters, digits and `_`", is_name));
+        replace(&mut mapping.namespace, path(table, "namespace"));
+        let domain = table.whole_if_any("domain", 0, 232);
+        replace(&mut mapping.network.domain, domain.and_then(|domain| u16::try_from(domain).ok()));
+        replace(&mut mapping.network.localhost_only, table.truth_if_any("localhost_only"));
+        replace(&mut mapping.service_map, named(table, "service_mapping", &SERVICE_NAMES));
+        if let Some(frames) = table.table_if_any("frames") {
+            replace(&mut mapping.map_frame, text(&frames, "map"));
+            replace(&mut mapping.base_frame, text(&frames, "base_link"));
+            frames.finish();
         }
-        Ok(())
+        if let Some(topics) = table.table_if_any("topics") {
+            mapping.change_topics(&topics);
+        }
+        table.finish();
+        mapping
     }
 
-    fn set_topics(&mut self, table: &Table) -> Result<(), MappingError> {
-        for (name, value) in table {
-            let at = format!("topics.{name}");
-            let own = subtable(&at, value)?;
+    fn change_topics(&mut self, table: &TableReader<'_>) {
+        for name in table.keys() {
+            let Some(own) = table.named_table(name) else { continue };
             let known = self.topics.iter().position(|topic| topic.name == *name);
-            let mut topic = match known {
-                Some(i) => self.topics.remove(i),
-                None => self.new_topic(&at, name, own)?,
+            let topic = match known {
+                Some(i) => Some(self.topics.remove(i)),
+                None => self.new_topic(table, name, &own),
             };
-            if topic.change(&at, own)? {
+            let Some(mut topic) = topic else { continue };
+            if topic.change(&own) {
                 self.topics.push(topic);
             }
         }
         self.topics.sort_by(|a, b| a.name.cmp(&b.name));
         let mut taken: BTreeMap<&str, (&str, Side)> = BTreeMap::new();
-        for topic in &self.topics {
+        for topic in self.topics.iter().filter(|topic| !topic.topic.is_empty()) {
             let here = (topic.name.as_str(), topic.role.side());
             if let Some((other, side)) = taken.insert(&topic.topic, here)
                 && side == here.1
             {
-                let problem = format!("`{other}` is on `{}` too", topic.topic);
-                return Err(MappingError {
-                    key: format!("topics.{}.topic", topic.name),
-                    problem,
-                    nearest: None,
-                });
+                table.report(
+                    &format!("{}.topic", topic.name),
+                    format!("`{other}` is on `{}` too", topic.topic),
+                );
             }
         }
-        Ok(())
     }
 
     /// A topic that the vehicle's table does not have: it needs at least its name in ROS.
-    fn new_topic(&self, at: &str, name: &str, own: &Table) -> Result<TopicMap, MappingError> {
-        let role = match own.get("role") {
-            Some(value) => named(&format!("{at}.role"), value, &role::names())?,
-            None => match role::names().into_iter().find(|(role, _)| *role == name) {
-                Some((_, role)) => role,
-                None => {
-                    let names: Vec<&str> = self
-                        .topics
-                        .iter()
-                        .map(|t| t.name.as_str())
-                        .chain(Role::ALL.iter().map(|r| r.name()))
-                        .collect();
-                    let mut error = unknown(at, name, &names);
-                    error.problem += "; a topic of another name needs `role`";
-                    return Err(error);
-                }
-            },
+    fn new_topic(&self, topics: &TableReader<'_>, name: &str, own: &TableReader<'_>) -> Option<TopicMap> {
+        let role = if own.has("role") {
+            named(own, "role", &role::names())?
+        } else if let Some((_, role)) = role::names().into_iter().find(|(role, _)| *role == name) {
+            role
+        } else {
+            let here = self.topics.iter().map(|topic| topic.name.as_str());
+            let hint = did_you_mean(name, here.chain(Role::ALL.iter().map(|role| role.name())));
+            topics.report(name, format!("unknown topic; one of another name needs `role`{hint}"));
+            return None;
         };
-        if !own.contains_key("topic") {
-            let problem = "a topic that is not in the vehicle's table needs its name in ROS".to_owned();
-            return Err(MappingError { key: format!("{at}.topic"), problem, nearest: None });
+        if !own.has("topic") {
+            own.report(
+                "topic",
+                "is missing: a topic that is not in the vehicle's table needs its name in ROS",
+            );
         }
-        Ok(TopicMap {
+        Some(TopicMap {
             name: name.to_owned(),
             role,
             topic: String::new(),
@@ -278,135 +235,87 @@ impl Mapping {
 
 impl TopicMap {
     /// `false` where the topic is left out.
-    fn change(&mut self, at: &str, table: &Table) -> Result<bool, MappingError> {
-        let mut enabled = true;
-        for (key, value) in table {
-            let at = format!("{at}.{key}");
-            match key.as_str() {
-                "topic" => self.topic = path(&at, value)?,
-                "type" => self.kind = self.kind_of(&at, value)?,
-                "qos" => self.qos = qos(&at, value, self.qos)?,
-                "frame" => self.frame = text(&at, value)?,
-                "rate_max_hz" => self.rate_max_hz = Some(rate(&at, value)?),
-                "enabled" => enabled = truth(&at, value)?,
-                "role" => {
-                    let role = named(&at, value, &role::names())?;
-                    if role != self.role {
-                        let problem = format!("it is `{}` in the vehicle's table", self.role.name());
-                        return Err(MappingError { key: at, problem, nearest: None });
-                    }
-                }
-                _ => {
-                    const KEYS: [&str; 7] =
-                        ["role", "topic", "type", "qos", "frame", "rate_max_hz", "enabled"];
-                    return Err(unknown(&at, key, &KEYS));
-                }
-            }
+    fn change(&mut self, table: &TableReader<'_>) -> bool {
+        replace(&mut self.topic, path(table, "topic"));
+        self.change_kind(table);
+        self.change_qos(table);
+        replace(&mut self.frame, text(table, "frame"));
+        if let Some(rate_hz) = table.number_if_any("rate_max_hz", Range::between(0.01, 100_000.0)) {
+            self.rate_max_hz = Some(rate_hz);
         }
-        Ok(enabled)
+        let role = named(table, "role", &role::names());
+        if role.is_some_and(|role| role != self.role) {
+            table.report("role", format!("it is `{}` in the vehicle's table", self.role.name()));
+        }
+        let enabled = table.truth_if_any("enabled").unwrap_or(true);
+        table.finish();
+        enabled
     }
 
-    fn kind_of(&self, at: &str, value: &Value) -> Result<Kind, MappingError> {
-        let written = text(at, value)?;
+    /// A type is written with or without the `msg` in the middle.
+    fn change_kind(&mut self, table: &TableReader<'_>) {
         let allowed = self.role.kinds();
-        if let Some(kind) = Kind::parse(&written).filter(|kind| allowed.contains(kind)) {
-            return Ok(kind);
+        let written = table.value("type").and_then(Value::as_str).and_then(Kind::parse);
+        if let Some(kind) = written.filter(|kind| allowed.contains(kind)) {
+            self.kind = kind;
+            return;
         }
         let names: Vec<String> = allowed.iter().map(|kind| kind.type_name()).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let problem = format!("`{written}` is no type that `{}` can have", self.role.name());
-        Err(MappingError { problem, ..unknown(at, &written, &names) })
+        replace(&mut self.kind, table.one_of_if_any("type", &names).map(|i| allowed[i]));
+    }
+
+    /// The name of a set, or a table of single policies over those there were.
+    fn change_qos(&mut self, table: &TableReader<'_>) {
+        if !table.value("qos").is_some_and(Value::is_table) {
+            replace(&mut self.qos, named(table, "qos", &Qos::NAMES));
+            return;
+        }
+        let Some(table) = table.table_if_any("qos") else { return };
+        let Qos { reliable, transient_local, depth } = &mut self.qos;
+        replace(reliable, named(&table, "reliability", &[("reliable", true), ("best_effort", false)]));
+        replace(
+            transient_local,
+            named(&table, "durability", &[("transient_local", true), ("volatile", false)]),
+        );
+        replace(depth, table.whole_if_any("depth", 1, 10_000).and_then(|depth| usize::try_from(depth).ok()));
+        table.finish();
     }
 }
 
 const SERVICE_NAMES: [(&str, ServiceMap); 3] =
     [("enhanced", ServiceMap::Enhanced), ("cyclone", ServiceMap::Cyclone), ("basic", ServiceMap::Basic)];
 
-fn unknown(at: &str, written: &str, names: &[&str]) -> MappingError {
-    let likeness = |name: &str| strsim::jaro_winkler(written, name);
-    let nearest = names.iter().copied().reduce(|a, b| if likeness(b) > likeness(a) { b } else { a });
-    let nearest = nearest.filter(|name| likeness(name) > 0.7 || names.len() == 1).map(str::to_owned);
-    let problem = format!("there is no `{written}`");
-    MappingError { key: at.to_owned(), problem, nearest }
-}
-
-fn wrong<T>(at: &str, value: &Value, wanted: &str) -> Result<T, MappingError> {
-    let problem = format!("{wanted} was expected, not `{value}`");
-    Err(MappingError { key: at.to_owned(), problem, nearest: None })
-}
-
-fn text(at: &str, value: &Value) -> Result<String, MappingError> {
-    match value.as_str() {
-        Some(text) if text.len() < 256 && !text.chars().any(char::is_control) => Ok(text.to_owned()),
-        _ => wrong(at, value, "a text"),
+/// Puts what a table says in the place of what there was.
+fn replace<T>(old: &mut T, new: Option<T>) {
+    if let Some(new) = new {
+        *old = new;
     }
 }
 
-/// A name of letters, digits and underscores that does not begin with a digit.
-fn name(at: &str, value: &Value) -> Result<String, MappingError> {
-    let name = text(at, value)?;
-    if is_name(&name) { Ok(name) } else { wrong(at, value, "a name of letters, digits and `_`") }
+fn text(table: &TableReader<'_>, key: &'static str) -> Option<String> {
+    let is_text = |text: &str| text.len() < 256 && !text.chars().any(char::is_control);
+    table.text_like(key, "a text of one line", is_text)
 }
 
+/// Letters, digits and underscores, of which the first is no digit.
 fn is_name(name: &str) -> bool {
     let first = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || c == '_');
-    first && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !name.contains("__")
+    let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !name.contains("__");
+    first && rest && name.len() < 256
 }
 
 /// Names with slashes, beginning with one.
-fn path(at: &str, value: &Value) -> Result<String, MappingError> {
-    let path = text(at, value)?;
-    let parts = path.strip_prefix('/').map(|rest| rest.is_empty() || rest.split('/').all(is_name));
-    if parts == Some(true) { Ok(path) } else { wrong(at, value, "a name in ROS such as \"/sensing/lidar\"") }
+fn path(table: &TableReader<'_>, key: &'static str) -> Option<String> {
+    table.text_like(key, "a name in ROS such as \"/sensing/lidar\"", |path| {
+        let is_path = |rest: &str| rest.is_empty() || rest.split('/').all(is_name);
+        path.len() < 256 && path.strip_prefix('/').is_some_and(is_path)
+    })
 }
 
-fn truth(at: &str, value: &Value) -> Result<bool, MappingError> {
-    value.as_bool().map_or_else(|| wrong(at, value, "true or false"), Ok)
-}
-
-fn whole(at: &str, value: &Value, min: i64, max: i64) -> Result<i64, MappingError> {
-    match value.as_integer() {
-        Some(n) if (min..=max).contains(&n) => Ok(n),
-        _ => wrong(at, value, &format!("a whole number from {min} to {max}")),
-    }
-}
-
-fn rate(at: &str, value: &Value) -> Result<f64, MappingError> {
-    let rate = value.as_float().or_else(|| value.as_integer().map(|n| n as f64));
-    match rate {
-        Some(hz) if (0.01..=100_000.0).contains(&hz) => Ok(hz),
-        _ => wrong(at, value, "a rate from 0.01 to 100000"),
-    }
-}
-
-fn subtable<'a>(at: &str, value: &'a Value) -> Result<&'a Table, MappingError> {
-    value.as_table().map_or_else(|| wrong(at, value, "a table"), Ok)
-}
-
-fn named<T: Copy>(at: &str, value: &Value, names: &[(&str, T)]) -> Result<T, MappingError> {
-    let written = text(at, value)?;
-    if let Some((_, found)) = names.iter().find(|(name, _)| *name == written) {
-        return Ok(*found);
-    }
-    let names: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
-    Err(unknown(at, &written, &names))
-}
-
-/// A name of a set, or a table of single policies over what it was.
-fn qos(at: &str, value: &Value, mut qos: Qos) -> Result<Qos, MappingError> {
-    let Some(table) = value.as_table() else { return named(at, value, &Qos::NAMES) };
-    for (key, value) in table {
-        let at = format!("{at}.{key}");
-        match key.as_str() {
-            "reliability" => qos.reliable = named(&at, value, &[("reliable", true), ("best_effort", false)])?,
-            "durability" => {
-                qos.transient_local = named(&at, value, &[("transient_local", true), ("volatile", false)])?;
-            }
-            "depth" => qos.depth = whole(&at, value, 1, 10_000)? as usize,
-            _ => return Err(unknown(&at, key, &["reliability", "durability", "depth"])),
-        }
-    }
-    Ok(qos)
+fn named<T: Copy>(table: &TableReader<'_>, key: &'static str, names: &[(&str, T)]) -> Option<T> {
+    let all: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
+    table.one_of_if_any(key, &all).map(|i| names[i].1)
 }
 
 #[cfg(test)]

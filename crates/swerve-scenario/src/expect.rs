@@ -1,41 +1,5 @@
-use core::fmt;
-
 use serde::{Deserialize, Serialize};
-
-/// How a run went, in one word.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// Nothing was hit, the road was kept, and the run came to its goal or to the standstill it asks for.
-    Avoided,
-    /// Something was hit.
-    Collision,
-    /// Part of the ego left the drivable ground.
-    LeftRoad,
-    /// Time ran out first.
-    Timeout,
-}
-
-impl Verdict {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Avoided, Self::Collision, Self::LeftRoad, Self::Timeout];
-
-    /// The name in scenario files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Avoided => "avoided",
-            Self::Collision => "collision",
-            Self::LeftRoad => "left_road",
-            Self::Timeout => "timeout",
-        }
-    }
-}
-
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+use swerve_msg::truth::Verdict;
 
 /// A figure of a run that a scenario can put bounds on.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]

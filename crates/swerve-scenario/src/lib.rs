@@ -1,4 +1,4 @@
-//! Scenarios: the text form (TOML) in, a checked [`Scenario`] out, or every [`Problem`] of the file at once.
+//! Scenarios: the text form (TOML) in, a checked [`Scenario`] out, or every problem of the file at once.
 //!
 //! A scenario is a road, where the ego starts and ends, the other actors with what sets them off and how they
 //! move, and what is expected of the run. Places are given along the road: `s` metres from its start, `d`
@@ -74,14 +74,13 @@ mod draw;
 mod expect;
 mod model;
 mod parse;
-mod problem;
 mod road;
 
 pub use draw::{Draws, sensor_phase};
-pub use expect::{Bound, Expectation, Metric, Verdict};
+pub use expect::{Bound, Expectation, Metric};
 pub use model::{
     Actor, Along, Direction, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill, Subject,
     Trigger,
 };
-pub use problem::{Problem, read_text};
 pub use road::{Road, Segment, TrafficLight};
+pub use swerve_msg::truth::Verdict;

@@ -1,9 +1,10 @@
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_msg::{ActorId, ActorKind, Extent};
+use swerve_text::{Document, Problems};
 use swerve_vehicle::Shape;
 
-use crate::{Draws, Expectation, Problem, Road};
+use crate::{Draws, Expectation, Road};
 
 /// One scenario, checked: what [`parse`](Self::parse) returns satisfies every rule that it reports problems for.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -213,25 +214,16 @@ impl Scenario {
     ///
     /// # Errors
     /// All problems of the text, in the order of their lines.
-    pub fn parse(file: &str, text: &str) -> Result<Self, Vec<Problem>> {
-        crate::parse::scenario(file, text)
+    pub fn parse(file: &str, text: &str) -> Result<Self, Problems> {
+        crate::parse::scenario(&Document::parse(file, text)?)
     }
 
     /// From a file.
     ///
     /// # Errors
     /// One problem when the file cannot be read, else as [`parse`](Self::parse).
-    pub fn read(path: &std::path::Path) -> Result<Self, Vec<Problem>> {
-        let file = path.display().to_string();
-        match crate::read_text(path) {
-            Ok(text) => Self::parse(&file, &text),
-            Err(error) => Err(vec![Problem {
-                file,
-                line: 0,
-                key: String::new(),
-                message: format!("cannot be read: {error}"),
-            }]),
-        }
+    pub fn read(path: &std::path::Path) -> Result<Self, Problems> {
+        crate::parse::scenario(&Document::read(path)?)
     }
 
     /// The pose of the ego origin (rear axle) at the start, for a car of the given outline.

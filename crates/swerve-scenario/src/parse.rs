@@ -2,14 +2,12 @@
 
 mod actor;
 mod expect;
-mod reader;
 
 use std::collections::BTreeSet;
 
-use toml::de::DeTable;
+use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest};
 
-use self::reader::{Range, Source, Table, list, nearest};
-use crate::{EgoStart, End, Problem, Road, Scenario, Segment, Standstill, TrafficLight, check};
+use crate::{EgoStart, End, Road, Scenario, Segment, Standstill, TrafficLight, check};
 
 /// Places along and across the road, metres.
 const PLACE: Range = Range::between(-100_000.0, 100_000.0);
@@ -28,22 +26,14 @@ const LIGHT_BESIDE_ROAD_M: f64 = 1.0;
 /// Angles, radians.
 const ANGLE: Range = Range::between(-6.3, 6.3);
 
-/// Reads and checks a whole text.
-pub(crate) fn scenario(file: &str, text: &str) -> Result<Scenario, Vec<Problem>> {
-    let source = Source::new(file, text);
-    let (root, errors) = DeTable::parse_recoverable(text);
-    // The first is the mistake, what follows from it is noise.
-    if let Some(error) = errors.first() {
-        let line = error.span().map_or(0, |span| source.line(span.start));
-        source.report(line, "", format!("not TOML: {}", error.message()));
-        return Err(source.into_problems());
-    }
-    let scenario = read(&Table::new(&source, String::new(), 1, root.get_ref()));
-    let problems = source.into_problems();
-    if problems.is_empty() { Ok(scenario) } else { Err(problems) }
+/// Reads and checks a whole document.
+pub(crate) fn scenario(document: &Document) -> Result<Scenario, Problems> {
+    let reading = Reading::of(document);
+    let scenario = read(&reading.top(&document.table));
+    reading.into_problems().or(scenario)
 }
 
-fn read(top: &Table<'_, '_>) -> Scenario {
+fn read(top: &TableReader<'_>) -> Scenario {
     let name = top.text("name");
     let description = top.text_if_any("description").unwrap_or_default();
     let road = road(top);
@@ -53,20 +43,19 @@ fn read(top: &Table<'_, '_>) -> Scenario {
     unique(&tables, &names);
     let actors = tables.iter().zip(&names).map(|(table, name)| actor::read(table, name, &names)).collect();
     let end = end(top, &names);
-    let source = top.source;
-    let sound = source.guesses() == 0;
+    let sound = top.reading().guesses() == 0;
     let expect = expect::read(top);
     top.finish();
     let scenario = Scenario { name, description, road, ego, end, actors, expect, draws: None };
     if sound {
         for (key, message) in check::problems(&scenario) {
-            source.report(source.line_of(&key), &key, message);
+            top.reading().report(&key, message);
         }
     }
     scenario
 }
 
-fn road(top: &Table<'_, '_>) -> Road {
+fn road(top: &TableReader<'_>) -> Road {
     let mut road = Road {
         segments: Vec::new(),
         lane_width_m: 4.0,
@@ -102,11 +91,11 @@ fn road(top: &Table<'_, '_>) -> Road {
 }
 
 /// The traffic lights of a road that is drivable `right_m` to the right of the lane's centre.
-fn lights(road: &Table<'_, '_>, right_m: f64) -> Vec<TrafficLight> {
+fn lights(road: &TableReader<'_>, right_m: f64) -> Vec<TrafficLight> {
     let tables = road.tables("light", |light| light.text_if_any("name"));
     let names: Vec<String> = tables.iter().map(|light| light.text("name")).collect();
     let mut seen = BTreeSet::new();
-    let read = |(table, name): (&Table<'_, '_>, &String)| {
+    let read = |(table, name): (&TableReader<'_>, &String)| {
         if !name.is_empty() && !seen.insert(name.clone()) {
             table.report("name", format!("another light is named \"{name}\" already"));
         }
@@ -127,7 +116,7 @@ fn lights(road: &Table<'_, '_>, right_m: f64) -> Vec<TrafficLight> {
     tables.iter().zip(&names).map(read).collect()
 }
 
-fn ego(top: &Table<'_, '_>) -> EgoStart {
+fn ego(top: &TableReader<'_>) -> EgoStart {
     let Some(table) = top.table("ego") else {
         return EgoStart {
             s_m: 0.0,
@@ -150,7 +139,7 @@ fn ego(top: &Table<'_, '_>) -> EgoStart {
     ego
 }
 
-fn end(top: &Table<'_, '_>, names: &[String]) -> End {
+fn end(top: &TableReader<'_>, names: &[String]) -> End {
     let mut end = End { timeout_s: 30.0, after_collision_s: 2.0, standstill: None };
     let Some(table) = top.table_if_any("end") else { return end };
     end.timeout_s = table.number_or("timeout_s", end.timeout_s, Range::between(0.1, 86_400.0));
@@ -176,7 +165,7 @@ fn end(top: &Table<'_, '_>, names: &[String]) -> End {
     end
 }
 
-fn unique(tables: &[Table<'_, '_>], names: &[String]) {
+fn unique(tables: &[TableReader<'_>], names: &[String]) {
     let mut seen = BTreeSet::new();
     for (table, name) in tables.iter().zip(names) {
         if name == "ego" {

@@ -5,7 +5,6 @@
 //! (wheel encoders, lines, stop lines) remember their own last reading and nothing else.
 
 mod events;
-mod fault;
 mod motion;
 mod obstacles;
 mod odometry;
@@ -13,14 +12,12 @@ mod radar;
 mod timing;
 
 pub use events::{LaneInvasionSensor, RedLightSensor, collisions};
-pub use fault::ParamsFault;
 pub use motion::{GnssParams, ImuParams, PoseParams, gnss, imu, pose};
 pub use obstacles::{SensorMount, SensorParams, fixed_points, visible_obstacles};
 pub use odometry::{OdometryWheels, WheelOdometer, WheelOdometryParams, rolling_speeds_radps};
 pub use radar::{Radar, RadarParams, RadarPreset, rcs_dbsm};
 pub use timing::SensorTiming;
 
-use fault::fault;
 use motion::key;
 
 #[cfg(test)]

@@ -12,9 +12,9 @@ use std::sync::Arc;
 
 use swerve_flow::{OutputInfo, PayloadType, PortInfo};
 
-use crate::config::words::nearest;
 use crate::config::{Config, OperatorConfig};
 use crate::kind::{KeyProblems, Node, OperatorKind, Settings};
+use swerve_text::nearest;
 
 pub(crate) use base::{pipeline_names, sensor_operators};
 pub(crate) use settings::gather_named_sections;

@@ -14,7 +14,6 @@ use swerve_scenario::sensor_phase;
 
 use crate::config::Config;
 use crate::config::clock::Clock;
-use crate::config::faults::faults as problems;
 use crate::site::Site;
 
 /// What is wrong with settings, by key.
@@ -330,7 +329,7 @@ impl<K: Kind> Registered<K> {
             return Ok(K::Table::default());
         }
         let own = settings.config.operator.get(settings.name).map(|own| own.keys.clone());
-        own.unwrap_or_default().try_into().map_err(|error: toml::de::Error| error.message().to_owned())
+        swerve_text::read(&own.unwrap_or_default()).map_err(|problems| swerve_text::in_one_line(&problems))
     }
 }
 
@@ -344,13 +343,7 @@ impl<K: Kind> OperatorKind for Registered<K> {
     }
 
     fn problems(&self, keys: &toml::Table) -> KeyProblems {
-        match keys.clone().try_into::<K::Table>() {
-            Ok(table) => K::problems(&table),
-            Err(error) => {
-                let found = problems::<K::Table>(keys);
-                if found.is_empty() { vec![(String::new(), error.message().to_owned())] } else { found }
-            }
-        }
+        swerve_text::read::<K::Table>(keys).map_or_else(|problems| problems, |table| K::problems(&table))
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {

@@ -25,8 +25,8 @@ pub use actuator::Controls;
 pub use car::{BodyMotion, Car, CarForces, Ground, WheelForce, WheelState};
 pub use kinematic::{Kinematic, KinematicState};
 pub use params::{
-    AbsParams, AeroParams, BodyParams, BrakeParams, DrivetrainParams, ParamsError, SteeringParams,
-    SuspensionParams, TyreParams, VehicleParams, WheelParams,
+    AbsParams, AeroParams, BodyParams, BrakeParams, DrivetrainParams, SteeringParams, SuspensionParams,
+    TyreParams, VehicleParams, WheelParams,
 };
 pub use pedals::{Pedals, accel_for_pedals, pedals_for_accel};
 pub use shape::{Limits, Shape};

@@ -6,7 +6,7 @@
 //! the class of car, with the reasoning beside it.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+use swerve_core::param::{ParamError, require};
 
 use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape};
 
@@ -273,50 +273,35 @@ impl Default for AeroParams {
     }
 }
 
-/// A parameter outside its range.
-#[derive(Clone, PartialEq, Debug, Error)]
-#[error("vehicle.{key} is {value}, must be {must}")]
-pub struct ParamsError {
-    /// Dotted key below `vehicle`.
-    pub key: &'static str,
-    /// What was given.
-    pub value: f64,
-    /// What is allowed.
-    pub must: &'static str,
-}
-
 impl VehicleParams {
     /// The first parameter that is out of range, if any.
-    pub fn validate(&self) -> Result<(), ParamsError> {
-        let check = |key, value: f64, must, ok: bool| {
-            if ok && value.is_finite() { Ok(()) } else { Err(ParamsError { key, value, must }) }
-        };
+    pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in self.positive() {
-            check(key, value, "above 0", value > 0.0)?;
+            require(key, value, value > 0.0, "above 0")?;
         }
         for (key, value) in self.not_negative() {
-            check(key, value, "at least 0", value >= 0.0)?;
+            require(key, value, value >= 0.0, "at least 0")?;
         }
         for (key, value) in self.shares() {
-            check(key, value, "between 0 and 1", (0.0..=1.0).contains(&value))?;
+            require(key, value, (0.0..=1.0).contains(&value), "between 0 and 1")?;
         }
         let weight = self.body.front_weight_share;
-        check("body.front_weight_share", weight, "inside 0.2 to 0.8", (0.2..=0.8).contains(&weight))?;
+        require("body.front_weight_share", weight, (0.2..=0.8).contains(&weight), "inside 0.2 to 0.8")?;
         let steering = self.limits.steering_max_rad;
-        check("limits.steering_max_rad", steering, "inside 0 to 1.2", steering > 0.0 && steering <= 1.2)?;
+        require("limits.steering_max_rad", steering, steering > 0.0 && steering <= 1.2, "inside 0 to 1.2")?;
         let dead = self.dead_time_s;
-        check("dead_time_s", dead, "inside 0 to 10", (0.0..=10.0).contains(&dead))?;
+        require("dead_time_s", dead, (0.0..=10.0).contains(&dead), "inside 0 to 10")?;
         let tyre = &self.tyre;
         for (key, shape) in
             [("tyre.longitudinal.shape", tyre.longitudinal.shape), ("tyre.lateral.shape", tyre.lateral.shape)]
         {
-            check(key, shape, "inside 1 to 2", (1.0..=2.0).contains(&shape))?;
+            require(key, shape, (1.0..=2.0).contains(&shape), "inside 1 to 2")?;
         }
         for (key, curvature) in [
             ("tyre.longitudinal.curvature", tyre.longitudinal.curvature),
             ("tyre.lateral.curvature", tyre.lateral.curvature),
         ] {
-            check(key, curvature, "inside -10 to 1", (-10.0..=1.0).contains(&curvature))?;
+            require(key, curvature, (-10.0..=1.0).contains(&curvature), "inside -10 to 1")?;
         }
         Ok(())
     }
@@ -454,19 +439,19 @@ mod tests {
             change(&mut params);
             params.validate().unwrap_err().to_string()
         };
-        assert_eq!(wrong(|p| p.body.mass_kg = -1.0), "vehicle.body.mass_kg is -1, must be above 0");
-        assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "vehicle.dead_time_s is NaN, must be inside 0 to 10");
+        assert_eq!(wrong(|p| p.body.mass_kg = -1.0), "`body.mass_kg` is -1, expected above 0");
+        assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "`dead_time_s` is NaN, expected inside 0 to 10");
         assert_eq!(
             wrong(|p| p.brakes.front_share = 1.5),
-            "vehicle.brakes.front_share is 1.5, must be between 0 and 1"
+            "`brakes.front_share` is 1.5, expected between 0 and 1"
         );
         assert_eq!(
             wrong(|p| p.limits.steering_max_rad = 3.0),
-            "vehicle.limits.steering_max_rad is 3, must be inside 0 to 1.2"
+            "`limits.steering_max_rad` is 3, expected inside 0 to 1.2"
         );
         assert_eq!(
             wrong(|p| p.tyre.lateral.shape = 0.5),
-            "vehicle.tyre.lateral.shape is 0.5, must be inside 1 to 2"
+            "`tyre.lateral.shape` is 0.5, expected inside 1 to 2"
         );
     }
 }

@@ -6,9 +6,9 @@ use anyhow::bail;
 use swerve_render::gpu::{self, AdapterKind};
 use swerve_render::lidar::LidarEngine;
 use swerve_stack::Registry;
+use swerve_text::{Document, Problems};
 
 use crate::config::Config;
-use crate::config::text::{Document, Problem};
 use crate::study::Bench;
 
 /// `swerve check`.
@@ -56,7 +56,7 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
         return vec![document.problem("", "there is nothing in it").to_string()];
     }
     let has = |key: &str| document.table.contains_key(key);
-    let told = |problems: Vec<Problem>| problems.iter().map(ToString::to_string).collect();
+    let report = |problems: Problems| problems.iter().map(ToString::to_string).collect();
     if has("road") || has("expect") || has("actor") {
         let told = crate::run::read_scenario(path).err().map(|error| error.to_string()).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
@@ -64,15 +64,15 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
         let told = Bench::check(registry, path).err().map(|error| format!("{error:#}")).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
-        told(crate::timing::read_file(path).err().unwrap_or_default())
+        report(crate::timing::read_file(path).err().unwrap_or_default())
     } else {
         match Config::from_document_with(registry, &document, &[]) {
             Ok(config) => {
-                let mut all = told(no_adapter(&document, &config));
+                let mut all: Vec<String> = report(no_adapter(&document, &config));
                 all.extend(route_problems(path, &document, &config));
                 all
             }
-            Err(problems) => told(problems),
+            Err(problems) => report(problems),
         }
     }
 }
@@ -90,13 +90,13 @@ fn route_problems(path: &Path, document: &Document, config: &Config) -> Vec<Stri
 }
 
 /// What asks for an adapter that is not there.
-fn no_adapter(document: &Document, config: &Config) -> Vec<Problem> {
+fn no_adapter(document: &Document, config: &Config) -> Problems {
     let rendering = config.render.backend.in_virtual_time().adapter();
     let mut asked: Vec<_> = rendering.map(|kind| ("render.backend".to_owned(), kind)).into_iter().collect();
     let on_gpu = config.lidar.iter().filter(|(_, lidar)| lidar.engine == LidarEngine::Gpu);
     asked.extend(on_gpu.map(|(name, _)| (format!("lidar.{name}.engine"), AdapterKind::Gpu)));
     if asked.is_empty() {
-        return Vec::new();
+        return Problems::new();
     }
     let adapters = gpu::probe();
     let told = |(key, kind): (String, AdapterKind)| {

@@ -5,8 +5,8 @@ use swerve_flow::{OutputInfo, PortInfo, PortMode};
 use swerve_stack::{OperatorKind, Registry, Settings};
 
 use crate::config::Config;
-use crate::config::words::nearest;
 use crate::output::print;
+use swerve_text::nearest;
 
 /// `swerve operators`.
 #[derive(clap::Args, Debug)]

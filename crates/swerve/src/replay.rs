@@ -14,9 +14,8 @@ use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud};
 use swerve_scenario::Scenario;
 use swerve_stack::{Registry, Role};
+use swerve_text::{Document, Problem, nearest, parse_assignment};
 
-use crate::config::text::{Document, Problem, parse_assignment};
-use crate::config::words::nearest;
 use crate::config::{Config, Images};
 use crate::live::graph::LiveGraph;
 use crate::pipeline::Pipeline;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_core::{Digest, Span};
-use swerve_eval::{Evaluation, GateMetrics, Metrics, Outline};
+use swerve_eval::{Evaluation, GateMetrics, Metrics, Outline, Verdict};
 use swerve_flow::{
     EndReason, Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, TickReport, run_virtual,
     run_wall,
@@ -18,11 +18,10 @@ use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{GateMode, GateOutput, Image, Imu, ObstacleList, Plan, PointCloud, Refusals, Route};
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_stack::{Registry, Rendered};
+use swerve_text::{Document, Problem, nearest, parse_assignment};
 use swerve_vehicle::Shape;
 
 use crate::config::clock::Clock;
-use crate::config::text::{Document, Problem, parse_assignment};
-use crate::config::words::nearest;
 use crate::config::{Config, Images};
 use crate::files::write_whole;
 use crate::frames::Frames;
@@ -703,10 +702,10 @@ fn gate_rows(gate: &GateMetrics, row: &mut impl FnMut(&str, String)) {
 impl Outcome {
     /// In what way the run differs from what is expected.
     pub fn broken(&self, expected: &Expectation) -> Vec<String> {
-        let Some(verdict) = verdict(self.metrics.verdict) else {
+        if self.metrics.verdict == Verdict::Unfinished {
             return vec!["the run was ended before the scenario was".into()];
-        };
-        expected.broken_by(verdict, |metric| self.figure(metric))
+        }
+        expected.broken_by(self.metrics.verdict, |metric| self.figure(metric))
     }
 
     /// A figure that a scenario can put bounds on.
@@ -723,10 +722,6 @@ impl Outcome {
             Metric::RoadMarginM => Some(self.road_margin_m),
         }
     }
-}
-
-fn verdict(verdict: swerve_eval::Verdict) -> Option<swerve_scenario::Verdict> {
-    swerve_scenario::Verdict::ALL.into_iter().find(|v| v.name() == verdict.name())
 }
 
 /// How the timers of a run kept time, where that is known.

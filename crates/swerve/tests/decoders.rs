@@ -13,7 +13,6 @@ use proptest::test_runner::RngSeed;
 use serde::de::DeserializeOwned;
 use swerve::config::Config;
 use swerve::config::execution::parse_policy;
-use swerve::config::text::{Document, parse_assignment};
 use swerve::pipeline::Pipeline;
 use swerve::run::{drive_pipeline, read_scenario, run_start};
 use swerve::study::grid::Study;
@@ -27,6 +26,7 @@ use swerve_msg::{
     TrackList, VehicleReport, WheelOdometry,
 };
 use swerve_scenario::Scenario;
+use swerve_text::{Document, parse_assignment};
 
 fn cases(short: u32) -> ProptestConfig {
     let cases = if std::env::var_os("SWERVE_FUZZ").is_some() { 200 * short } else { short };
@@ -125,7 +125,7 @@ sensor = 'front'
 [monitor.ear]
 sensor = 'roof'
 ";
-    let config = Config::from_document(&Document::parse("sensors", SENSORS.into()).unwrap(), &[]).unwrap();
+    let config = Config::from_document(&Document::parse("sensors", SENSORS).unwrap(), &[]).unwrap();
     let file = root().join("scenarios/person_behind_truck.toml");
     let mut pipeline = Pipeline::build(&config, &read_scenario(&file).unwrap()).unwrap();
     pipeline.until = Time::from_ms(400);

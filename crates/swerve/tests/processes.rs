@@ -11,7 +11,6 @@ use std::time::{Duration, Instant};
 
 use swerve::config::Config;
 use swerve::config::process::ProcessConfig;
-use swerve::config::text::{Document, parse_assignment};
 use swerve::pipeline::Pipeline;
 use swerve::process::Processes;
 use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start};
@@ -20,6 +19,7 @@ use swerve_flow::{Event, Observer};
 use swerve_ipc::{OnLoss, Traffic};
 use swerve_log::{Log, Recorder};
 use swerve_msg::Supervision;
+use swerve_text::{Document, parse_assignment};
 use tempfile::TempDir;
 
 /// The program whose other end the workers are.

@@ -1,10 +1,12 @@
 //! What an emulated detector gets wrong.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::ParamError;
 use swerve_geom::math;
 
 use super::drift::Drift;
-use crate::validate::{ParamsError, within};
+
+use crate::validate::within;
 
 /// What a detector looks with; sets how far off the places are.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -101,7 +103,7 @@ impl Params {
     ///
     /// # Errors
     /// There is one.
-    pub fn validate(&self) -> Result<(), ParamsError> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         let all = [
             ("recall_best", self.recall_best, [0.0, 1.0]),
             ("half_distance_m", self.half_distance_m, [0.0, 1e5]),

@@ -1,9 +1,10 @@
 //! Parameters of the tracker.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::ParamError;
 use swerve_msg::ActorKind;
 
-use crate::validate::{ParamsError, within};
+use crate::validate::within;
 
 /// How things of a kind move.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -84,7 +85,7 @@ impl Params {
     ///
     /// # Errors
     /// There is one.
-    pub fn validate(&self) -> Result<(), ParamsError> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         let all = [
             ("score_min", self.score_min, [0.0, 1.0]),
             ("gate", self.gate, [0.1, 1e3]),

@@ -1,9 +1,9 @@
 //! Parameters of the Frenet planner.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 
 use crate::collision::CollisionMode;
-use crate::params::{InvalidParam, require, require_not_negative, require_positive};
 use crate::posed::{FotConfig, Preset};
 
 /// Most candidates that a lattice may have.
@@ -169,7 +169,7 @@ impl Params {
     }
 
     /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), InvalidParam> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in [
             ("obstacle_range_m", self.obstacle_range_m),
             ("max_speed_mps", self.max_speed_mps),
@@ -200,12 +200,18 @@ impl Params {
             require_not_negative(key, value)?;
         }
         let (low, high) = (self.horizon_min_s, self.horizon_max_s);
-        require("horizon_max_s", high, high >= low, "must be at least horizon_min_s")?;
-        require("left_m", self.left_m, self.left_m >= -self.right_m, "must be to the left of -right_m")?;
-        require("right_m", self.right_m, true, "must be finite")?;
+        require("horizon_max_s", high, high >= low, "at least horizon_min_s")?;
+        require("left_m", self.left_m, self.left_m >= -self.right_m, "a place to the left of -right_m")?;
+        require("right_m", self.right_m, true, "a finite number")?;
         let dense = self.time_step_s * 10_000.0 >= high;
-        require("time_step_s", self.time_step_s, dense, "must leave at most 10,000 samples in the horizon")?;
+        require(
+            "time_step_s",
+            self.time_step_s,
+            dense,
+            "a step that leaves at most 10000 samples in the horizon",
+        )?;
         let n = self.candidates();
-        require("lateral_step_m", n, n <= CANDIDATES_MAX, "the lattice has more than 5 million candidates")
+        let step = format!("{} (a lattice of {n} candidates)", self.lateral_step_m);
+        require("lateral_step_m", step, n <= CANDIDATES_MAX, "a lattice of at most 5 million candidates")
     }
 }

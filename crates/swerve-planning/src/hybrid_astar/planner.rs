@@ -1,6 +1,7 @@
 //! The planner in the closed loop.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 use swerve_msg::Plan;
 
 use super::dubins::Piece;
@@ -10,7 +11,6 @@ use super::on_road::{Desk, OnRoad, PathSearch, Task, place_points};
 use super::search::{Arrival, Lattice, Search};
 use super::shorten::Shortener;
 use crate::collision::CollisionMode;
-use crate::params::{InvalidParam, require, require_not_negative, require_positive};
 use crate::posed::Preset;
 use crate::request::{Budget, Planner, Request};
 use crate::world::PathPoint;
@@ -93,7 +93,7 @@ impl Params {
     }
 
     /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), InvalidParam> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in [
             ("step_m", self.step_m),
             ("rad_step", self.rad_step),
@@ -116,9 +116,9 @@ impl Params {
             require_not_negative(key, value)?;
         }
         let coarse = self.rad_step * 1000.0 >= self.rad_range;
-        require("rad_step", self.rad_step, coarse, "must be at least a thousandth of rad_range")?;
+        require("rad_step", self.rad_step, coarse, "at least a thousandth of rad_range")?;
         let n = self.iterations_max;
-        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "must be 1 to 100,000")
+        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "1 to 100000")
     }
 }
 
@@ -145,7 +145,7 @@ struct LatticeSearch {
 
 impl HybridAstar {
     /// With valid settings.
-    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+    pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         let lattice = LatticeSearch {
             params,

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Rng;
+use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 use swerve_geom::{Pose2, Vector2};
 use swerve_msg::Plan;
 
@@ -13,7 +14,6 @@ use crate::hybrid_astar::ground::{Ground, Outline};
 use crate::hybrid_astar::on_road::{Desk, OnRoad, PathSearch, Task};
 use crate::hybrid_astar::search::join;
 use crate::hybrid_astar::shorten::Shortener;
-use crate::params::{InvalidParam, require, require_not_negative, require_positive};
 use crate::posed::Preset;
 use crate::request::{Budget, Planner, Request};
 use crate::world::{PathPoint, with_curvature};
@@ -86,7 +86,7 @@ impl Params {
     }
 
     /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), InvalidParam> {
+    pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in [
             ("step_m", self.step_m),
             ("obstacle_range_m", self.obstacle_range_m),
@@ -104,9 +104,9 @@ impl Params {
             require_not_negative(key, value)?;
         }
         let share = self.goal_share;
-        require("goal_share", share, (0.0..=1.0).contains(&share), "must be 0 to 1")?;
+        require("goal_share", share, (0.0..=1.0).contains(&share), "0 to 1")?;
         let n = self.iterations_max;
-        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "must be 1 to 100,000")
+        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "1 to 100000")
     }
 }
 
@@ -134,7 +134,7 @@ struct TreeSearch {
 
 impl RrtStar {
     /// With valid settings.
-    pub fn new(params: Params) -> Result<Self, InvalidParam> {
+    pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         let trees = TreeSearch {
             params,

@@ -130,7 +130,7 @@ fn equal_stamps_do_not_divide_by_zero() {
 fn parameters_out_of_range_are_named() {
     assert_eq!(Params::paper().validate(), Ok(()));
     let error = Params { step_s: 0.0, ..Params::best() }.validate().unwrap_err();
-    assert_eq!(error.to_string(), "prediction.step_s is 0, must be from 0.001 to 10");
+    assert_eq!(error.to_string(), "`step_s` is 0, expected 0.001 to 10");
     assert!(Params { past_steps: 0, ..Params::best() }.validate().is_err());
     assert!(Params { heading_speed_min_mps: f64::NAN, ..Params::best() }.validate().is_err());
 }

@@ -1,6 +1,6 @@
 use super::*;
 
-fn refused(change: impl Fn(&mut CameraSpec)) -> CameraError {
+fn refused(change: impl Fn(&mut CameraSpec)) -> ParamError {
     let mut spec = CameraSpec::default();
     change(&mut spec);
     Camera::new(spec).expect_err("the camera is refused")
@@ -8,13 +8,13 @@ fn refused(change: impl Fn(&mut CameraSpec)) -> CameraError {
 
 #[test]
 fn what_cannot_be_a_camera_is_refused_by_name() {
-    let fov = |rad: f64| refused(move |s| s.intrinsics = Intrinsics::HorizontalFovRad(rad)).field;
-    let matrix = |m: [[f64; 3]; 3]| refused(move |s| s.intrinsics = Intrinsics::Matrix(m)).field;
+    let fov = |rad: f64| refused(move |s| s.intrinsics = Intrinsics::HorizontalFovRad(rad)).key;
+    let matrix = |m: [[f64; 3]; 3]| refused(move |s| s.intrinsics = Intrinsics::Matrix(m)).key;
     let nan = f64::NAN;
-    assert_eq!(refused(|s| s.width_px = 0).field, "width_px");
-    assert_eq!(refused(|s| s.height_px = 0).field, "height_px");
-    assert_eq!(refused(|s| s.height_px = 100_000).field, "height_px");
-    assert_eq!(refused(|s| (s.width_px, s.height_px) = (8192, 8192)).field, "width_px x height_px");
+    assert_eq!(refused(|s| s.width_px = 0).key, "width_px");
+    assert_eq!(refused(|s| s.height_px = 0).key, "height_px");
+    assert_eq!(refused(|s| s.height_px = 100_000).key, "height_px");
+    assert_eq!(refused(|s| (s.width_px, s.height_px) = (8192, 8192)).key, "width_px x height_px");
     for rad in [0.0, core::f64::consts::PI, -1.0, 4.0, nan, f64::INFINITY] {
         assert_eq!(fov(rad), "intrinsics.horizontal_fov_rad");
     }
@@ -34,27 +34,27 @@ fn what_cannot_be_a_camera_is_refused_by_name() {
         assert_eq!(matrix(bad), "intrinsics.matrix", "{bad:?}");
     }
     for scale in [0.0, -1.0, nan, 1e9] {
-        let field = refused(|s| s.intrinsics = Intrinsics::OrthographicMPerPx(scale)).field;
+        let field = refused(|s| s.intrinsics = Intrinsics::OrthographicMPerPx(scale)).key;
         assert_eq!(field, "intrinsics.orthographic_m_per_px");
     }
     let map = Intrinsics::OrthographicMPerPx(0.1);
-    assert_eq!(refused(|s| (s.intrinsics, s.vignetting) = (map, 0.1)).field, "vignetting");
-    assert_eq!(refused(|s| (s.intrinsics, s.distortion.k1) = (map, 0.1)).field, "distortion");
-    assert_eq!(refused(|s| s.near_m = 0.0).field, "near_m");
-    assert_eq!(refused(|s| s.far_m = 0.05).field, "far_m");
-    assert_eq!(refused(|s| s.vignetting = nan).field, "vignetting");
-    assert_eq!(refused(|s| s.noise.read = -0.1).field, "noise.read");
-    assert_eq!(refused(|s| s.noise.shot = nan).field, "noise.shot");
-    assert_eq!(refused(|s| s.exposure = Exposure::Factor(0.0)).field, "exposure.factor");
-    assert_eq!(refused(|s| s.exposure = Exposure::Stops(nan)).field, "exposure.stops");
-    assert_eq!(refused(|s| s.shutter.exposure_s = -0.1).field, "shutter.exposure_s");
-    assert_eq!(refused(|s| s.shutter.readout_s = 5.0).field, "shutter.readout_s");
-    assert_eq!(refused(|s| s.shutter.blur_samples = 0).field, "shutter.blur_samples");
-    assert_eq!(refused(|s| s.shutter.readout_slabs = 1000).field, "shutter.readout_slabs");
-    assert_eq!(refused(|s| s.distortion.k2 = nan).field, "distortion.k2");
-    assert_eq!(refused(|s| s.distortion.k1 = -0.9).field, "distortion");
+    assert_eq!(refused(|s| (s.intrinsics, s.vignetting) = (map, 0.1)).key, "vignetting");
+    assert_eq!(refused(|s| (s.intrinsics, s.distortion.k1) = (map, 0.1)).key, "distortion");
+    assert_eq!(refused(|s| s.near_m = 0.0).key, "near_m");
+    assert_eq!(refused(|s| s.far_m = 0.05).key, "far_m");
+    assert_eq!(refused(|s| s.vignetting = nan).key, "vignetting");
+    assert_eq!(refused(|s| s.noise.read = -0.1).key, "noise.read");
+    assert_eq!(refused(|s| s.noise.shot = nan).key, "noise.shot");
+    assert_eq!(refused(|s| s.exposure = Exposure::Factor(0.0)).key, "exposure.factor");
+    assert_eq!(refused(|s| s.exposure = Exposure::Stops(nan)).key, "exposure.stops");
+    assert_eq!(refused(|s| s.shutter.exposure_s = -0.1).key, "shutter.exposure_s");
+    assert_eq!(refused(|s| s.shutter.readout_s = 5.0).key, "shutter.readout_s");
+    assert_eq!(refused(|s| s.shutter.blur_samples = 0).key, "shutter.blur_samples");
+    assert_eq!(refused(|s| s.shutter.readout_slabs = 1000).key, "shutter.readout_slabs");
+    assert_eq!(refused(|s| s.distortion.k2 = nan).key, "distortion.k2");
+    assert_eq!(refused(|s| s.distortion.k1 = -0.9).key, "distortion");
     let text = refused(|s| s.width_px = 0).to_string();
-    assert_eq!(text, "camera: `width_px` is 0, expected 1 to 8192 pixels");
+    assert_eq!(text, "`width_px` is 0, expected 1 to 8192 pixels");
 }
 
 #[test]

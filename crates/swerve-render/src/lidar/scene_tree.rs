@@ -6,6 +6,7 @@
 
 pub(crate) mod flat;
 
+use swerve_core::ParamError;
 use swerve_geom::{Map, Transform};
 
 use wide::f32x8;
@@ -17,7 +18,7 @@ use crate::library::{MeshId, MeshLibrary};
 use crate::mesh::{Body, Mesh};
 use crate::scene::{Instance, Scene};
 use crate::vector::{add, dot, scale};
-use crate::weather::{Weather, WeatherError};
+use crate::weather::Weather;
 
 /// Static triangles beyond this number stay with their meshes, so that memory does not grow with every copy.
 const STATIC_TRIANGLES_MAX: usize = 2_000_000;
@@ -48,8 +49,8 @@ pub enum TreeError {
         meshes: usize,
     },
     /// The weather is out of its range.
-    #[error(transparent)]
-    Weather(#[from] WeatherError),
+    #[error("weather: {0}")]
+    Weather(#[from] ParamError),
 }
 
 /// What a ray met.

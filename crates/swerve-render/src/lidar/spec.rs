@@ -3,6 +3,7 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require};
 
 use super::presets::LidarPreset;
 
@@ -65,26 +66,6 @@ impl Default for LidarSpec {
     }
 }
 
-/// A lidar cannot be as it is described.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("lidar: `{field}` is {value}, expected {expected}")]
-pub struct LidarError {
-    /// Which field of [`LidarSpec`].
-    pub field: String,
-    /// What it is.
-    pub value: String,
-    /// What it may be.
-    pub expected: &'static str,
-}
-
-fn expect(holds: bool, field: &str, value: impl ToString, expected: &'static str) -> Result<(), LidarError> {
-    if holds {
-        Ok(())
-    } else {
-        Err(LidarError { field: field.to_owned(), value: value.to_string(), expected })
-    }
-}
-
 impl LidarSpec {
     /// Without noise, quantisation and dropout: for tests and for perfect sensors.
     #[must_use]
@@ -96,41 +77,41 @@ impl LidarSpec {
     ///
     /// # Errors
     /// The first field that is not finite or out of its range, and beams that are the same as others.
-    pub fn check(&self) -> Result<(), LidarError> {
+    pub fn check(&self) -> Result<(), ParamError> {
         self.check_beams()?;
         let columns = self.columns;
-        expect((1..=COLUMNS_MAX).contains(&columns), "columns", columns, "1 to 16384 columns")?;
+        require("columns", columns, (1..=COLUMNS_MAX).contains(&columns), "1 to 16384 columns")?;
         let shots = self.beams.len() * columns as usize;
-        expect(shots <= SHOTS_MAX, "beams x columns", shots, "at most 4194304 shots per turn")?;
+        require("beams x columns", shots, shots <= SHOTS_MAX, "at most 4194304 shots per turn")?;
         let rate = self.rate_hz;
-        expect((0.01..=1000.0).contains(&rate), "rate_hz", rate, "0.01 to 1000 turns per second")?;
+        require("rate_hz", rate, (0.01..=1000.0).contains(&rate), "0.01 to 1000 turns per second")?;
         let first = self.first_azimuth_rad;
-        expect(first.abs() <= 2.0 * PI, "first_azimuth_rad", first, "an angle from -2 pi to 2 pi")?;
+        require("first_azimuth_rad", first, first.abs() <= 2.0 * PI, "an angle from -2 pi to 2 pi")?;
         let (near, far) = (self.range_min_m, self.range_max_m);
-        expect((0.0..=1e4).contains(&near), "range_min_m", near, "0 to 10000 m")?;
-        expect(far > 0.0 && far <= 1e4, "range_max_m", far, "a range above 0, at most 10000 m")?;
-        expect(near < far, "range_min_m", near, "less than range_max_m")?;
+        require("range_min_m", near, (0.0..=1e4).contains(&near), "0 to 10000 m")?;
+        require("range_max_m", far, far > 0.0 && far <= 1e4, "a range above 0, at most 10000 m")?;
+        require("range_min_m", near, near < far, "less than range_max_m")?;
         let reach = self.reach_m;
-        expect(reach > 0.0 && reach <= 1e6, "reach_m", reach, "a distance above 0, at most 1000000 m")?;
+        require("reach_m", reach, reach > 0.0 && reach <= 1e6, "a distance above 0, at most 1000000 m")?;
         let sigma = self.range_sigma_m;
-        expect((0.0..=10.0).contains(&sigma), "range_sigma_m", sigma, "0 to 10 m")?;
+        require("range_sigma_m", sigma, (0.0..=10.0).contains(&sigma), "0 to 10 m")?;
         let step = self.range_step_m;
-        expect((0.0..=1.0).contains(&step), "range_step_m", step, "0 to 1 m")?;
-        expect((0.0..=1.0).contains(&self.dropout), "dropout", self.dropout, "a share from 0 to 1")?;
+        require("range_step_m", step, (0.0..=1.0).contains(&step), "0 to 1 m")?;
+        require("dropout", self.dropout, (0.0..=1.0).contains(&self.dropout), "a share from 0 to 1")?;
         let full = self.intensity_full_m;
-        expect(full > 0.0 && full <= 1e4, "intensity_full_m", full, "a distance above 0, at most 10000 m")
+        require("intensity_full_m", full, full > 0.0 && full <= 1e4, "a distance above 0, at most 10000 m")
     }
 
-    fn check_beams(&self) -> Result<(), LidarError> {
+    fn check_beams(&self) -> Result<(), ParamError> {
         let count = self.beams.len();
-        expect(count > 0, "beams", "empty", "at least one beam")?;
-        expect(count <= BEAMS_MAX, "beams", format!("a table of {count}"), "at most 512 beams")?;
+        require("beams", "empty", count > 0, "at least one beam")?;
+        require("beams", format!("a table of {count}"), count <= BEAMS_MAX, "at most 512 beams")?;
         for (k, beam) in self.beams.iter().enumerate() {
             let (elevation, azimuth) = (beam.elevation_rad, beam.azimuth_rad);
             let upright = "an angle from -pi/2 to pi/2";
-            expect(elevation.abs() <= FRAC_PI_2, &format!("beams[{k}].elevation_rad"), elevation, upright)?;
+            require(format!("beams[{k}].elevation_rad"), elevation, elevation.abs() <= FRAC_PI_2, upright)?;
             let around = "an angle from -pi to pi";
-            expect(azimuth.abs() <= PI, &format!("beams[{k}].azimuth_rad"), azimuth, around)?;
+            require(format!("beams[{k}].azimuth_rad"), azimuth, azimuth.abs() <= PI, around)?;
         }
         let same = |a: &Beam, b: &Beam| {
             (a.elevation_rad - b.elevation_rad).abs() < SAME_ANGLE_RAD
@@ -139,10 +120,7 @@ impl LidarSpec {
         let twin = |k: usize| (0..k).find(|&j| same(&self.beams[j], &self.beams[k]));
         let Some((k, j)) = (1..count).find_map(|k| Some((k, twin(k)?))) else { return Ok(()) };
         let twins = (1..count).filter(|&k| twin(k).is_some()).count();
-        Err(LidarError {
-            field: format!("beams[{k}]"),
-            value: format!("at the angles of beams[{j}] ({twins} of {count} beams repeat another)"),
-            expected: "beams that differ in elevation or azimuth offset",
-        })
+        let value = format!("at the angles of beams[{j}] ({twins} of {count} beams repeat another)");
+        require(format!("beams[{k}]"), value, false, "beams that differ in elevation or azimuth offset")
     }
 }

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require};
 use swerve_geom::{Lidar, Map, Transform, math};
 use wide::f32x8;
 
@@ -14,7 +15,7 @@ use super::compute::{Compute, Under};
 use super::returns::Receiver;
 use super::scene_tree::flat::Moment;
 use super::scene_tree::{RayMemory, SceneTree};
-use super::spec::{LidarError, LidarSpec};
+use super::spec::LidarSpec;
 use crate::gpu::Gpu;
 use crate::gpu::lidar::Flight;
 
@@ -171,7 +172,7 @@ impl Sweeper {
     ///
     /// # Errors
     /// The first field that no lidar can have, and threads that cannot be started.
-    pub fn new(spec: LidarSpec, threads: usize) -> Result<Self, LidarError> {
+    pub fn new(spec: LidarSpec, threads: usize) -> Result<Self, ParamError> {
         spec.check()?;
         let period_ns = (SECOND_NS / spec.rate_hz).round() as i64;
         let beams = spec.beams.iter().map(|beam| {
@@ -207,7 +208,7 @@ impl Sweeper {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn on_gpu(spec: LidarSpec, threads: usize, gpu: &Arc<Gpu>) -> Result<Self, LidarError> {
+    pub fn on_gpu(spec: LidarSpec, threads: usize, gpu: &Arc<Gpu>) -> Result<Self, ParamError> {
         let mut sweeper = Self::new(spec, threads)?;
         sweeper.compute = Some(Box::new(Compute::new(gpu, &sweeper.beams)));
         Ok(sweeper)
@@ -511,17 +512,14 @@ fn column_ns(column: u32, period_ns: i64, columns: u32) -> i64 {
     (i128::from(column) * i128::from(period_ns) / i128::from(columns)) as i64
 }
 
-fn start(threads: usize) -> Result<rayon::ThreadPool, LidarError> {
-    if threads >= THREADS_MAX {
-        let (field, value) = ("threads".to_owned(), (threads + 1).to_string());
-        return Err(LidarError { field, value, expected: "at most 256 threads" });
-    }
+fn start(threads: usize) -> Result<rayon::ThreadPool, ParamError> {
+    require("threads", (threads + 1).to_string(), threads < THREADS_MAX, "at most 256 threads")?;
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("lidar-{k}")).build();
-    pool.map_err(|error| LidarError {
-        field: "threads".to_owned(),
-        value: format!("{threads} ({error})"),
-        expected: "a number of threads that the system can start",
+    pool.map_err(|error| ParamError {
+        key: "threads".into(),
+        value: format!("{threads} ({error})").into(),
+        expected: "a number of threads that the system can start".into(),
     })
 }
 

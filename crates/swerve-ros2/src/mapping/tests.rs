@@ -1,7 +1,7 @@
 use super::*;
 use crate::message::Kind;
 
-fn parse(text: &str) -> Result<Mapping, MappingError> {
+fn parse(text: &str) -> Result<Mapping, Problems> {
     let table: Table = text.parse().expect("the test's table is TOML");
     let empty = Table::new();
     let ros2 = table.get("ros2").map_or(&empty, |value| value.as_table().expect("a table"));
@@ -86,49 +86,50 @@ fn a_table_changes_what_it_names_and_nothing_else() {
 
 #[test]
 fn mistakes_name_the_key_and_the_nearest() {
-    let check = |text: &str, wanted: &str| assert_eq!(parse(text).unwrap_err().to_string(), wanted);
-    check("ros2.vehicel = 'autoware'", "`vehicel`: there is no `vehicel`; did you mean `vehicle`?");
-    check("ros2.vehicle = 'autowear'", "`vehicle`: there is no `autowear`; did you mean `autoware`?");
-    check(
-        "ros2.topics.lidr.topic = '/points'",
-        "`topics.lidr`: there is no `lidr`; a topic of another name needs `role`; did you mean `lidar`?",
-    );
-    check(
-        "ros2.topics.lidar.quos = 'sensor'",
-        "`topics.lidar.quos`: there is no `quos`; did you mean `qos`?",
-    );
-    check(
-        "ros2.topics.lidar.qos = 'sensors'",
-        "`topics.lidar.qos`: there is no `sensors`; did you mean `sensor`?",
-    );
-    check(
-        "ros2.topics.lidar.qos.reliability = 'best-effort'",
-        "`topics.lidar.qos.reliability`: there is no `best-effort`; did you mean `best_effort`?",
-    );
-    check(
-        "ros2.topics.lidar.type = 'sensor_msgs/msg/PointCloud'",
-        "`topics.lidar.type`: `sensor_msgs/msg/PointCloud` is no type that `lidar` can have; did you mean \
-         `sensor_msgs/msg/PointCloud2`?",
-    );
-    check(
-        "ros2.topics.lidar.topic = 'points'",
-        "`topics.lidar.topic`: a name in ROS such as \"/sensing/lidar\" was expected, not `\"points\"`",
-    );
-    check(
-        "ros2.topics.left = { role = 'camera' }",
-        "`topics.left.topic`: a topic that is not in the vehicle's table needs its name in ROS",
-    );
-    check("ros2.domain = 500", "`domain`: a whole number from 0 to 232 was expected, not `500`");
-    check(
-        "ros2.topics.imu.rate_max_hz = nan",
-        "`topics.imu.rate_max_hz`: a rate from 0.01 to 100000 was expected, not `nan`",
-    );
-    check(
-        "ros2.topics.imu.topic = '/sensing/gnss/nav_sat_fix'",
-        "`topics.imu.topic`: `gnss` is on `/sensing/gnss/nav_sat_fix` too",
-    );
-    check("ros2.node = '1st'", "`node`: a name of letters, digits and `_` was expected, not `\"1st\"`");
-    check("ros2.topics.lidar = 3", "`topics.lidar`: a table was expected, not `3`");
+    let roles = || Role::ALL.iter().map(|role| format!("\"{}\"", role.name())).collect::<Vec<_>>().join(", ");
+    #[rustfmt::skip]
+    let cases = [
+        ("vehicel = 'autoware'", "vehicel: unknown key; did you mean \"vehicle\"?"),
+        ("vehicle = 'autowear'",
+         "vehicle: expected one of \"autoware\", \"dataspeed\", \"raptor\", \"plain\", found \"autowear\"; did you mean \"autoware\"?"),
+        ("topics.lidr.topic = '/points'",
+         "topics.lidr: unknown topic; one of another name needs `role`; did you mean \"lidar\"?"),
+        ("topics.lidar.quos = 'sensor'", "topics.lidar.quos: unknown key; did you mean \"qos\"?"),
+        ("topics.lidar.qos = 'sensors'",
+         "topics.lidar.qos: expected one of \"sensor\", \"default\", \"vehicle\", \"latched\", found \"sensors\"; did you mean \"sensor\"?"),
+        ("topics.lidar.qos.reliability = 'best-effort'",
+         "topics.lidar.qos.reliability: expected one of \"reliable\", \"best_effort\", found \"best-effort\"; did you mean \"best_effort\"?"),
+        ("topics.lidar.qos.depth = 0", "topics.lidar.qos.depth: expected a whole number from 1 to 10000, found 0"),
+        ("topics.lidar.type = 'sensor_msgs/msg/PointCloud'",
+         "topics.lidar.type: expected one of \"sensor_msgs/msg/PointCloud2\", found \"sensor_msgs/msg/PointCloud\"; did you mean \"sensor_msgs/msg/PointCloud2\"?"),
+        ("topics.lidar.topic = 'points'",
+         "topics.lidar.topic: expected a name in ROS such as \"/sensing/lidar\", found the text \"points\""),
+        ("topics.left = { role = 'camera' }",
+         "topics.left.topic: is missing: a topic that is not in the vehicle's table needs its name in ROS"),
+        ("domain = 500", "domain: expected a whole number from 0 to 232, found 500"),
+        ("localhost_only = 1", "localhost_only: expected true or false, found 1"),
+        ("topics.imu.rate_max_hz = nan", "topics.imu.rate_max_hz: expected a number from 0.01 to 100000, found nan"),
+        ("topics.imu.topic = '/sensing/gnss/nav_sat_fix'",
+         "topics.imu.topic: `gnss` is on `/sensing/gnss/nav_sat_fix` too"),
+        ("topics.imu.role = 'gnss'", "topics.imu.role: it is `imu` in the vehicle's table"),
+        ("node = '1st'", "node: expected a name of letters, digits and `_`, found the text \"1st\""),
+        ("topics.lidar = 3", "topics.lidar: expected a table, found 3"),
+        ("topics = [1]", "topics: expected a table, found an array of 1"),
+    ];
+    for (text, wanted) in cases {
+        let said = parse(&format!("ros2.{text}")).unwrap_err();
+        assert_eq!(said.to_string(), format!("[ros2]: {wanted}"), "{text}");
+    }
+    let said = parse("ros2.topics.left = { role = 3, topic = '/left' }").unwrap_err().to_string();
+    assert_eq!(said, format!("[ros2]: topics.left.role: expected one of {}, found 3", roles()));
+}
+
+#[test]
+fn all_mistakes_are_told_at_once() {
+    let text =
+        "[ros2]\ndomain = -1\nnode = 3\n[ros2.frames]\nmap = 1\n[ros2.topics.imu]\nqos = 1\nfrme = 'x'\n";
+    let keys: Vec<String> = parse(text).unwrap_err().iter().map(|problem| problem.key.clone()).collect();
+    assert_eq!(keys, ["node", "domain", "frames.map", "topics.imu.qos", "topics.imu.frme"]);
 }
 
 /// The table that the page about two hosts shows.

@@ -1,6 +1,6 @@
 use swerve_msg::{ActorKind, Extent};
+use swerve_text::{Range, TableReader};
 
-use super::reader::{Range, Table};
 use super::{ANGLE, DURATION, MOVING, PLACE, SPEED, WAY, unknown_actor};
 use crate::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint, Subject, Trigger};
 
@@ -15,7 +15,7 @@ const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
 ];
 
 /// One actor; `names` are those of all actors, for what refers to them.
-pub(super) fn read(table: &Table<'_, '_>, name: &str, names: &[String]) -> Actor {
+pub(super) fn read(table: &TableReader<'_>, name: &str, names: &[String]) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let (kind, _, size, mass) = KINDS[table.one_of("kind", &kind_names).unwrap_or(0)];
     let actor = Actor {
@@ -36,7 +36,7 @@ pub(super) fn read(table: &Table<'_, '_>, name: &str, names: &[String]) -> Actor
     actor
 }
 
-fn extent(table: &Table<'_, '_>, kind: ActorKind, usual: [f64; 3]) -> Extent {
+fn extent(table: &TableReader<'_>, kind: ActorKind, usual: [f64; 3]) -> Extent {
     let [mut length_m, mut width_m, mut height_m] = usual;
     let side = Range::positive(1_000.0);
     if let Some(size) = table.table_if_any("size") {
@@ -55,7 +55,7 @@ fn extent(table: &Table<'_, '_>, kind: ActorKind, usual: [f64; 3]) -> Extent {
     Extent { length_m, width_m, height_m }
 }
 
-fn trigger(table: &Table<'_, '_>, names: &[String]) -> Option<Trigger> {
+fn trigger(table: &TableReader<'_>, names: &[String]) -> Option<Trigger> {
     let table = table.table_if_any("trigger")?;
     let which = table.only_one(&["distance", "time", "reaches"]);
     let trigger = which.and_then(|key| {
@@ -75,7 +75,7 @@ fn trigger(table: &Table<'_, '_>, names: &[String]) -> Option<Trigger> {
     trigger
 }
 
-fn subject(table: &Table<'_, '_>, key: &'static str, names: &[String]) -> Subject {
+fn subject(table: &TableReader<'_>, key: &'static str, names: &[String]) -> Subject {
     match table.text_if_any(key).as_deref() {
         None | Some("ego") => Subject::Ego,
         Some(name) => {
@@ -88,7 +88,7 @@ fn subject(table: &Table<'_, '_>, key: &'static str, names: &[String]) -> Subjec
     }
 }
 
-fn motions(table: &Table<'_, '_>, kind: ActorKind) -> Vec<Motion> {
+fn motions(table: &TableReader<'_>, kind: ActorKind) -> Vec<Motion> {
     let legs = table.tables("motion", |_| None);
     if kind == ActorKind::Static && !legs.is_empty() {
         table.report("motion", "an actor of kind \"static\" cannot move");
@@ -100,7 +100,7 @@ fn motions(table: &Table<'_, '_>, kind: ActorKind) -> Vec<Motion> {
             let next = &legs[i + 1];
             let message =
                 "is never reached: the drive before it has no distance_m and does not come to a stop";
-            next.source.report(next.line, &next.path, message.to_owned());
+            next.report_whole(message);
         }
     }
     motions.into_iter().map(|(_, motion)| motion).collect()
@@ -115,7 +115,7 @@ fn is_endless(motion: &Motion) -> bool {
     }
 }
 
-fn motion(table: &Table<'_, '_>) -> Option<Motion> {
+fn motion(table: &TableReader<'_>) -> Option<Motion> {
     let key = table.only_one(&["wait", "walk", "drive", "path"])?;
     let leg = table.table_if_any(key)?;
     let motion = match key {
@@ -129,7 +129,7 @@ fn motion(table: &Table<'_, '_>) -> Option<Motion> {
     Some(motion)
 }
 
-fn walk(leg: &Table<'_, '_>) -> Motion {
+fn walk(leg: &TableReader<'_>) -> Motion {
     const WAYS: [(Direction, &str); 4] = [
         (Direction::Left, "left"),
         (Direction::Right, "right"),
@@ -143,7 +143,7 @@ fn walk(leg: &Table<'_, '_>) -> Motion {
     }
 }
 
-fn drive(leg: &Table<'_, '_>) -> Motion {
+fn drive(leg: &TableReader<'_>) -> Motion {
     let along = match leg.has("along").then(|| leg.one_of("along", &["road", "heading"])).flatten() {
         Some(1) => Along::Heading,
         _ => Along::Road,
@@ -162,7 +162,7 @@ fn drive(leg: &Table<'_, '_>) -> Motion {
     Motion::Drive { along, speeds, distance_m }
 }
 
-fn speeds(leg: &Table<'_, '_>) -> Vec<SpeedPoint> {
+fn speeds(leg: &TableReader<'_>) -> Vec<SpeedPoint> {
     let wanted = "an array of pairs [seconds since the leg began, m/s]";
     let pairs = leg.pairs("speeds", wanted, [Range::between(0.0, 86_400.0), SPEED]);
     if pairs.first().is_some_and(|first| first[0] != 0.0) {
@@ -180,7 +180,7 @@ fn speeds(leg: &Table<'_, '_>) -> Vec<SpeedPoint> {
     pairs.into_iter().map(|[at_s, speed_mps]| SpeedPoint { at_s, speed_mps }).collect()
 }
 
-fn points(leg: &Table<'_, '_>) -> Vec<RoadPlace> {
+fn points(leg: &TableReader<'_>) -> Vec<RoadPlace> {
     let pairs = leg.pairs("points", "an array of pairs [s, d] in metres", [PLACE, PLACE]);
     pairs.into_iter().map(|[s_m, d_m]| RoadPlace { s_m, d_m }).collect()
 }

@@ -1,10 +1,10 @@
-use super::reader::{Range, Table};
 use crate::{Bound, Expectation, Metric, Verdict};
+use swerve_text::{Range, TableReader};
 
 const FIGURE: Range = Range::between(-1e9, 1e9);
 
 /// The `[expect]` table and its `[expect.pipeline.NAME]` tables.
-pub(super) fn read(top: &Table<'_, '_>) -> Vec<Expectation> {
+pub(super) fn read(top: &TableReader<'_>) -> Vec<Expectation> {
     let Some(table) = top.table_if_any("expect") else {
         let message = "is missing: expected a table with a verdict and at least one bound, as in \
                        min_distance_m = { min = 0.3 }";
@@ -20,26 +20,26 @@ pub(super) fn read(top: &Table<'_, '_>) -> Vec<Expectation> {
     }
     if let Some(pipelines) = pipelines {
         for name in pipelines.keys() {
-            if let Some(own) = pipelines.named_table(&name) {
-                expect.push(expectation(&own, Some(name)));
+            if let Some(own) = pipelines.named_table(name) {
+                expect.push(expectation(&own, Some(name.to_owned())));
             }
         }
     }
     expect
 }
 
-fn expectation(table: &Table<'_, '_>, pipeline: Option<String>) -> Expectation {
-    let verdict = table.one_of("verdict", &Verdict::ALL.map(Verdict::name)).unwrap_or(0);
+fn expectation(table: &TableReader<'_>, pipeline: Option<String>) -> Expectation {
+    let verdict = table.one_of("verdict", &Verdict::OF_SCENARIOS.map(Verdict::name)).unwrap_or(0);
     let bounds: Vec<Bound> = Metric::ALL.into_iter().filter_map(|metric| bound(table, metric)).collect();
     if bounds.is_empty() && !Metric::ALL.into_iter().any(|metric| table.has(metric.name())) {
         let message = "expected at least one bound beside the verdict, as in min_distance_m = { min = 0.3 }";
-        table.source.report(table.line, &table.path, message.to_owned());
+        table.report_whole(message);
     }
     table.finish();
-    Expectation { pipeline, verdict: Verdict::ALL[verdict], bounds }
+    Expectation { pipeline, verdict: Verdict::OF_SCENARIOS[verdict], bounds }
 }
 
-fn bound(table: &Table<'_, '_>, metric: Metric) -> Option<Bound> {
+fn bound(table: &TableReader<'_>, metric: Metric) -> Option<Bound> {
     let own = table.table_if_any(metric.name())?;
     let (min, max) = (own.number_if_any("min", FIGURE), own.number_if_any("max", FIGURE));
     own.finish();

@@ -6,12 +6,11 @@
 //! target itself do not block. Bodies that have been knocked over still count as upright.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require_within};
 use swerve_geom::{Ego, Map, Point, Point2, math, wrap_angle};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{Obstacle, ObstacleList, Side};
 use swerve_vehicle::Shape;
-
-use super::{ParamsFault, fault};
 
 /// So near to a face of the car's box a sensor is on it, metres.
 const FACE_M: f64 = 1e-3;
@@ -46,7 +45,7 @@ impl SensorMount {
     }
 
     /// Every number that cannot be: not finite, or farther from the car than anything is mounted.
-    pub fn faults(&self) -> Vec<ParamsFault> {
+    pub fn problems(&self) -> Vec<ParamError> {
         let turn = core::f64::consts::TAU;
         let all = [
             ("x_m", self.x_m, [-20.0, 20.0]),
@@ -54,7 +53,7 @@ impl SensorMount {
             ("z_m", self.z_m, [0.0, 10.0]),
             ("yaw_rad", self.yaw_rad, [-turn, turn]),
         ];
-        all.into_iter().filter_map(|(key, x, ends)| fault(key, x, ends)).collect()
+        all.into_iter().filter_map(|(key, x, ends)| require_within(key, x, ends).err()).collect()
     }
 
     /// In the middle of the front bumper, 0.5 m up, looking ahead: for a radar that looks far.

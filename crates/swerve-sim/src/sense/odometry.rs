@@ -1,14 +1,15 @@
 //! Wheel odometry: encoders on four wheels, and what they say of the car's motion.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require_within};
 use swerve_core::{Rng, Time};
 use swerve_geom::math;
 use swerve_msg::WheelOdometry;
 use swerve_msg::truth::{EgoTruth, WorldState};
 use swerve_vehicle::VehicleParams;
 
+use super::key;
 use super::motion::Errors;
-use super::{ParamsFault, fault, key};
 
 /// Which wheels speed and yaw rate are computed from.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -52,14 +53,14 @@ impl Default for WheelOdometryParams {
 
 impl WheelOdometryParams {
     /// Every parameter that is out of range.
-    pub fn faults(&self) -> Vec<ParamsFault> {
+    pub fn problems(&self) -> Vec<ParamError> {
         let all = [
             ("counts_per_turn", f64::from(self.counts_per_turn), [1.0, 1_000_000.0]),
             ("radius_error", self.radius_error, [0.0, 0.1]),
             ("steering_noise_rad", self.steering_noise_rad, [0.0, 1.0]),
             ("steering_bias_rad", self.steering_bias_rad, [0.0, 1.0]),
         ];
-        all.into_iter().filter_map(|(key, x, ends)| fault(key, x, ends)).collect()
+        all.into_iter().filter_map(|(key, x, ends)| require_within(key, x, ends).err()).collect()
     }
 }
 

@@ -127,14 +127,14 @@ fn a_sensor_in_the_middle_of_the_car_is_inside_it_and_the_usual_places_are_not()
     let corners = [Side::Left, Side::Right].map(|s| [true, false].map(|f| SensorMount::corner(&shape, f, s)));
     for mount in usual.iter().chain(corners.as_flattened()) {
         assert!(!mount.is_inside(&shape), "{mount:?}");
-        assert_eq!(mount.faults(), []);
+        assert_eq!(mount.problems(), []);
     }
     assert!(SensorMount { z_m: 1.2, ..SensorMount::roof(&shape) }.is_inside(&shape));
     assert!(SensorMount { x_m: 3.5, ..SensorMount::front(&shape) }.is_inside(&shape));
     let wrong = SensorMount { z_m: -0.1, yaw_rad: f64::INFINITY, ..SensorMount::roof(&shape) };
-    let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
-    assert_eq!(said[0], "z_m: expected 0 to 10, found -0.1");
-    assert!(said.len() == 2 && said[1].starts_with("yaw_rad: expected ") && said[1].ends_with("found inf"));
+    let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
+    assert_eq!(said[0], "`z_m` is -0.1, expected 0 to 10");
+    assert!(said.len() == 2 && said[1].starts_with("`yaw_rad` is inf, expected "));
 }
 
 #[test]

@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
-
-use super::{ParamsFault, fault};
+use swerve_core::param::{ParamError, require_within};
 
 /// How long exposure, readout and transfer of one frame take; all zero by default: seen and known at once.
 ///
@@ -54,13 +53,13 @@ impl SensorTiming {
     }
 
     /// Every parameter that is out of range.
-    pub fn faults(&self) -> Vec<ParamsFault> {
+    pub fn problems(&self) -> Vec<ParamError> {
         let all = [
             ("exposure_ms", self.exposure_ms),
             ("readout_ms", self.readout_ms),
             ("transfer_ms", self.transfer_ms),
         ];
-        all.into_iter().filter_map(|(key, x)| fault(key, x, [0.0, 10_000.0])).collect()
+        all.into_iter().filter_map(|(key, x)| require_within(key, x, [0.0, 10_000.0]).err()).collect()
     }
 }
 
@@ -107,11 +106,11 @@ mod tests {
     #[test]
     fn times_that_cannot_be_are_named() {
         let wrong = SensorTiming { exposure_ms: -1.0, transfer_ms: f64::NAN, ..CAMERA };
-        let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+        let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
         assert_eq!(
             said,
-            ["exposure_ms: expected 0 to 10000, found -1", "transfer_ms: expected 0 to 10000, found NaN"]
+            ["`exposure_ms` is -1, expected 0 to 10000", "`transfer_ms` is NaN, expected 0 to 10000"]
         );
-        assert!(CAMERA.faults().is_empty());
+        assert!(CAMERA.problems().is_empty());
     }
 }

@@ -3,7 +3,6 @@
 use toml::{Table, Value};
 
 use crate::config::Config;
-use crate::config::faults::faults as problems;
 use crate::kind::{KeyProblems, OperatorKind};
 use crate::registry::Registry;
 
@@ -68,7 +67,7 @@ fn with_key(table: &Table, sections: &[&str], key: &str, value: &Value) -> Resul
                 _ => drop(inner.insert(key.to_owned(), value.clone())),
             }
         }
-        let wrong = problems::<Config>(&changed);
+        let wrong = swerve_text::read::<Config>(&changed).err().unwrap_or_default();
         let Some((_, message)) = wrong.into_iter().next() else { return Ok(changed) };
         // A section that has the key says best what is wrong with it.
         if told.is_none() || !message.starts_with("unknown key") {

@@ -2,11 +2,12 @@
 
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
+use swerve_core::ParamError;
 use swerve_geom::{Ego, Transform, math};
 use swerve_render::gpu::{AdapterKind, Adapters};
 use swerve_render::{
-    Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions,
-    Renderer, SensorNoise, Shutter, WeatherPreset, mount,
+    Backend, Camera, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
+    SensorNoise, Shutter, WeatherPreset, mount,
 };
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
@@ -193,7 +194,7 @@ const FOV_DEG: f64 = 90.0;
 
 impl CameraConfig {
     /// The camera, its noise keyed by `noise_seed`.
-    pub fn camera(&self, noise_seed: u64) -> Result<Camera, CameraError> {
+    pub fn camera(&self, noise_seed: u64) -> Result<Camera, ParamError> {
         let intrinsics = match (self.matrix, self.m_per_px) {
             (Some(matrix), _) => Intrinsics::Matrix(matrix),
             (None, Some(m_per_px)) => Intrinsics::OrthographicMPerPx(m_per_px),
@@ -279,18 +280,20 @@ impl CameraConfig {
         if faults.is_empty()
             && let Err(error) = self.camera(0)
         {
-            let (key, value) = match error.field {
-                "intrinsics.horizontal_fov_rad" => ("fov_deg", error.value.to_degrees()),
-                "intrinsics.matrix" => ("matrix", error.value),
-                "intrinsics.orthographic_m_per_px" => ("m_per_px", error.value),
-                "shutter.blur_samples" => ("blur_samples", error.value),
-                other => (other, error.value),
+            let key = match error.key.as_ref() {
+                "intrinsics.horizontal_fov_rad" => "fov_deg",
+                "intrinsics.matrix" => "matrix",
+                "intrinsics.orthographic_m_per_px" => "m_per_px",
+                "shutter.blur_samples" => "blur_samples",
+                other => other,
             };
-            let expected = match key {
-                "fov_deg" => "an angle above 0 and below 180",
-                _ => error.expected,
+            let message = if key == "fov_deg" {
+                let fov_deg = self.fov_deg.unwrap_or(FOV_DEG);
+                format!("expected an angle above 0 and below 180, found {fov_deg}")
+            } else {
+                format!("expected {}, found {}", error.expected, error.value)
             };
-            faults.push((key.to_owned(), format!("expected {expected}, found {value}")));
+            faults.push((key.to_owned(), message));
         }
         faults
     }

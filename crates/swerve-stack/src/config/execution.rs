@@ -3,8 +3,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_flow::{Anchor, Full, Policy, Reaction, RuntimeModel};
-
-use super::words::number;
+use swerve_text::number;
 
 /// A run-time model: exactly one of its keys.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use swerve_control::safety_gate::GateParams;
 
+use super::Config;
 use super::planner::overridden;
-use super::{Config, words};
 
 /// The safety gate between the controller and the vehicle.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -52,7 +52,7 @@ impl Config {
         let gate = &self.gate;
         let mut range = |key: &str, value: Option<f64>, low: f64, high: f64| {
             if let Some(value) = value.filter(|value| !(low..=high).contains(value)) {
-                let found = words::number(value);
+                let found = swerve_text::number(value);
                 told.push((format!("gate.{key}"), format!("expected {low} to {high}, found {found}")));
             }
         };
@@ -72,7 +72,7 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::text::Document;
+    use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text.to_owned()).unwrap();

@@ -4,10 +4,10 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
+use swerve_text::{nearest, number};
 
 use super::Config;
 use super::execution::span_ms;
-use super::words::{nearest, number};
 use crate::assembly::Assembly;
 
 /// A fault on a stream: exactly one of what it may do to messages, and when.
@@ -231,8 +231,8 @@ impl Config {
 
 #[cfg(test)]
 mod tests {
-    use super::super::text::Document;
     use super::*;
+    use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text.to_owned()).unwrap();

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use swerve_ros2::convert::SteeringGear;
 use swerve_ros2::mapping::{Role, Vehicle};
+use swerve_text::number;
 
-use super::words::number;
 use super::{Config, ControllerName};
 
 /// A vehicle on the other side of ROS 2's topics.
@@ -146,7 +146,7 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::text::Document;
+    use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text.to_owned()).unwrap();

@@ -7,7 +7,6 @@ pub mod camera;
 pub mod clock;
 pub mod detectors;
 pub mod execution;
-pub mod faults;
 pub mod gate;
 pub mod injection;
 pub mod live;
@@ -19,8 +18,6 @@ pub mod process;
 pub mod ros2;
 pub mod sensors;
 pub mod source;
-pub mod text;
-pub mod words;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,6 +28,7 @@ use swerve_control::Following;
 use swerve_planning::posed::Preset;
 use swerve_planning::{CollisionMode, Planner};
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
+use swerve_text::{Document, Problem, Problems};
 use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
@@ -46,7 +44,6 @@ use process::{ProcessConfig, SharedMemoryConfig};
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
-use text::{Document, Problem};
 
 use crate::assembly::{Assembly, gather_named_sections};
 use crate::registry::Registry;
@@ -555,7 +552,7 @@ pub struct ResourceConfig {
 
 impl Config {
     /// Reads a file (or takes the defaults) and applies assignments in order; everything is checked.
-    pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+    pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         Self::load_with(&Registry::standard(), file, sets)
     }
 
@@ -564,16 +561,16 @@ impl Config {
         registry: &Registry,
         file: Option<&Path>,
         sets: &[(String, toml::Value)],
-    ) -> Result<Self, Vec<Problem>> {
+    ) -> Result<Self, Problems> {
         let document = match file {
-            Some(path) => Document::read(path).map_err(|p| vec![p])?,
-            None => Document::parse("defaults", String::new()).map_err(|p| vec![p])?,
+            Some(path) => Document::read(path)?,
+            None => Document::parse("defaults", String::new())?,
         };
         Self::from_document_with(registry, &document, sets)
     }
 
     /// As [`load`](Self::load), from text that is already at hand.
-    pub fn from_document(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
+    pub fn from_document(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         Self::from_document_with(&Registry::standard(), document, sets)
     }
 
@@ -582,15 +579,15 @@ impl Config {
         registry: &Registry,
         document: &Document,
         sets: &[(String, toml::Value)],
-    ) -> Result<Self, Vec<Problem>> {
+    ) -> Result<Self, Problems> {
         let plain = Self::formed_of_file(registry, document)?;
-        // The file's own faults are told with their lines; what is left is a fault of an assignment.
+        // The file's own problems are told with their lines; what is left is one of an assignment.
         let plain = plain.checked(|key, message| document.problem(key, message))?;
         if sets.is_empty() { Ok(plain) } else { Self::with_sets(registry, document, sets) }
     }
 
     /// A file as it is written.
-    fn formed_of_file(registry: &Registry, document: &Document) -> Result<Self, Vec<Problem>> {
+    fn formed_of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
         let mut table = document.table.clone();
         gather_named_sections(&mut table, registry);
         let mut config: Self = match table == document.table {
@@ -601,12 +598,12 @@ impl Config {
         Ok(config)
     }
 
-    /// A document that has no faults of its own, with assignments; the faults are theirs.
+    /// A document that has no problems of its own, with assignments; the problems are theirs.
     pub fn with_sets(
         registry: &Registry,
         document: &Document,
         sets: &[(String, toml::Value)],
-    ) -> Result<Self, Vec<Problem>> {
+    ) -> Result<Self, Problems> {
         Self::formed(registry, document, sets)?.checked(|key, message| {
             let set = sets.iter().rev().find(|(k, _)| key.starts_with(k.as_str()) || k.starts_with(key));
             match set {
@@ -621,23 +618,20 @@ impl Config {
         registry: &Registry,
         document: &Document,
         sets: &[(String, toml::Value)],
-    ) -> Result<Self, Vec<Problem>> {
+    ) -> Result<Self, Problems> {
         let mut table = document.table.clone();
         for (key, value) in sets {
-            text::set(&mut table, key, value.clone()).map_err(|message| vec![set_problem(key, message)])?;
+            swerve_text::set(&mut table, key, value.clone())
+                .map_err(|(key, message)| set_problem(&key, message))?;
         }
         gather_named_sections(&mut table, registry);
-        let formed = table.clone().try_into().map(|config| Self { registry: registry.clone(), ..config });
-        formed.map_err(|error: toml::de::Error| {
-            let told = faults::faults::<Self>(&table);
-            if told.is_empty() {
-                return vec![set_problem("", error.message())];
-            }
-            told.iter().map(|(key, message)| set_problem(key, message.as_str())).collect()
-        })
+        let config: Self = swerve_text::read(&table).map_err(|found| {
+            found.into_iter().map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
+        })?;
+        Ok(Self { registry: registry.clone(), ..config })
     }
 
-    fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Vec<Problem>> {
+    fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Problems> {
         let mut faults = self.problems_of_values();
         self.check_pipeline(&mut faults);
         if faults.is_empty() {
@@ -653,7 +647,7 @@ impl Config {
             if !(low..=high).contains(&value) {
                 faults.push((
                     key.to_owned(),
-                    format!("expected {low} to {high}, found {}", words::number(value)),
+                    format!("expected {low} to {high}, found {}", swerve_text::number(value)),
                 ));
             }
         };
@@ -673,10 +667,10 @@ impl Config {
         range("control.period_ms", self.control.period_ms, 1.0, 1000.0);
         range("planning.added_latency_ms", self.planning.added_latency_ms, 0.0, 100_000.0);
         range("planning.expected_ms", self.planning.expected_ms.unwrap_or(0.0), 0.0, 10_000.0);
-        if let Err(fault) = self.sim.vehicle.validate() {
+        if let Err(error) = self.sim.vehicle.validate() {
             faults.push((
-                format!("sim.vehicle.{}", fault.key),
-                format!("expected {}, found {}", fault.must, words::number(fault.value)),
+                format!("sim.vehicle.{}", error.key),
+                format!("expected {}, found {}", error.expected, error.value),
             ));
         }
         if let Err(message) = self.planning.planner() {
@@ -776,7 +770,7 @@ mod tests {
     use super::*;
 
     fn problems(text: &str, sets: &[&str]) -> Vec<String> {
-        let sets: Vec<_> = sets.iter().map(|s| text::parse_assignment(s).unwrap()).collect();
+        let sets: Vec<_> = sets.iter().map(|s| swerve_text::parse_assignment(s).unwrap()).collect();
         let document = Document::parse("c.toml", text.to_owned()).unwrap();
         let problems = Config::from_document(&document, &sets).expect_err("wrong on purpose");
         problems.iter().map(ToString::to_string).collect()

@@ -7,11 +7,12 @@ use swerve_core::Span;
 use swerve_flow::Reaction;
 use swerve_perception::detector;
 use swerve_planning::deadline::Params;
+use swerve_text::{nearest, number};
 
 use super::detectors::{Published, find, fits, published};
 use super::execution::{Runtime, span_ms};
-use super::perception::{CUSTOM, TRUTH, overridden};
-use super::words::{nearest, number};
+use super::perception::{CUSTOM, TRUTH};
+use super::planner::overridden;
 use super::{Config, PlannerName};
 
 /// The four models of execution that D3 (Gog et al., EuroSys 2022) compares.
@@ -253,8 +254,8 @@ impl Config {
 
 #[cfg(test)]
 mod tests {
-    use super::super::text::{Document, parse_assignment};
     use super::*;
+    use swerve_text::{Document, parse_assignment};
 
     fn config(sets: &[&str]) -> Result<Config, String> {
         let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
@@ -330,7 +331,7 @@ mod tests {
         refused(&["execution.model=periodic", "execution.planner_ms=0"], "expected 1 to 10000, found 0");
         refused(&["execution.reaction=on_deadline"], "expected \"skip\" or \"reuse_last\"");
         refused(&["execution.model=dynamic_deadline"], "dynamic_deadlines");
-        refused(&["execution.params.brake_mps2=-1"], "brake_mps2 = -1 is out of range: must be above zero");
+        refused(&["execution.params.brake_mps2=-1"], "`brake_mps2` is -1, expected a finite number above 0");
         refused(&["execution.params.brake=1"], "`brake`: unknown key");
         refused(
             &["execution.model=dynamic_deadlines", "operator.planner.deadline={ ms = 5 }"],

@@ -1,10 +1,10 @@
 //! Watchers of single cameras and lidars, `[monitor.NAME]`.
 
 use serde::{Deserialize, Serialize};
+use swerve_text::nearest;
 
 use super::Config;
 use super::camera::Output;
-use super::words::nearest;
 use crate::assembly::pipeline_names;
 
 /// A watcher: reads every byte of what a camera or lidar sees, and says whether it is frozen, blank or broken.

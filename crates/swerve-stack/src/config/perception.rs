@@ -1,15 +1,14 @@
 //! What stands between the sensors and the predictor: `[perception]`.
 
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use swerve_perception::detector::{self, Sensing};
 use swerve_perception::image_box::ImageCamera;
 use swerve_perception::tracker;
+use swerve_text::nearest;
 
 use super::camera::CameraConfig;
 use super::detectors::{Measure, find, fits, published};
-use super::faults::faults;
-use super::words::nearest;
+use super::planner::overridden;
 use super::{Config, PlanningConfig};
 
 /// The detector's name for none: obstacles as the sensor sees them.
@@ -210,31 +209,10 @@ fn hint<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
     nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"))
 }
 
-/// Parameters with what the configuration says otherwise; tables within them are taken key by key.
-pub(super) fn overridden<T: Serialize + DeserializeOwned>(
-    defaults: &T,
-    changes: &toml::Table,
-) -> Result<T, String> {
-    let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
-    for (key, value) in changes {
-        match (table.get_mut(key), value) {
-            (Some(toml::Value::Table(old)), toml::Value::Table(new)) => old.extend(new.clone()),
-            _ => {
-                table.insert(key.clone(), value.clone());
-            }
-        }
-    }
-    table.clone().try_into().map_err(|error: toml::de::Error| {
-        let told = faults::<T>(&table);
-        let lines: Vec<String> = told.iter().map(|(key, message)| format!("`{key}`: {message}")).collect();
-        if lines.is_empty() { error.message().to_owned() } else { lines.join("; ") }
-    })
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::text::{Document, parse_assignment};
     use super::*;
+    use swerve_text::{Document, parse_assignment};
 
     fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
         let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();

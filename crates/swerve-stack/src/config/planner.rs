@@ -9,7 +9,6 @@ use swerve_planning::hybrid_astar::{self, HybridAstar};
 use swerve_planning::rrt_star::{self, RrtStar};
 use swerve_planning::waypoint::{self, Waypoint};
 
-use super::faults::faults;
 use super::{Fineness, PlannerName, PlanningConfig};
 
 /// The planner that a configuration names, with its parameters.
@@ -51,16 +50,10 @@ pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result
     })
 }
 
-/// Parameters with what the configuration says otherwise.
+/// Parameters with what the configuration says otherwise; all that is wrong with it in one line.
 pub(super) fn overridden<T: Serialize + DeserializeOwned>(
     defaults: &T,
     changes: &toml::Table,
 ) -> Result<T, String> {
-    let mut table = toml::Table::try_from(defaults).map_err(|error| error.to_string())?;
-    table.extend(changes.clone());
-    table.clone().try_into().map_err(|error: toml::de::Error| {
-        let told = faults::<T>(&table);
-        let lines: Vec<String> = told.iter().map(|(key, message)| format!("`{key}`: {message}")).collect();
-        if lines.is_empty() { error.message().to_owned() } else { lines.join("; ") }
-    })
+    swerve_text::overridden(defaults, changes).map_err(|problems| swerve_text::in_one_line(&problems))
 }

@@ -4,9 +4,9 @@ use core::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use swerve_ipc::OnLoss;
+use swerve_text::number;
 
 use super::Config;
-use super::words::number;
 use crate::assembly::{Assembly, one_of};
 
 /// One process beside the coordinator.
@@ -111,7 +111,7 @@ fn cannot_move(assembly: &Assembly, operator: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use crate::config::Config;
-    use crate::config::text::Document;
+    use swerve_text::Document;
 
     fn problems(text: &str) -> Vec<String> {
         let document = Document::parse("c.toml", text.to_owned()).unwrap();

@@ -1,10 +1,8 @@
 //! Which stream is which ROS 2 topic, `[ros2]`: as written, checked by the bridge's own mapping.
 
-use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_ros2::env::Network;
-use swerve_ros2::mapping::{Mapping, MappingError, Vehicle};
-use toml::Table;
+use swerve_ros2::mapping::{Mapping, Vehicle};
 
 use super::Config;
 use super::clock::Clock;
@@ -61,62 +59,50 @@ impl Config {
     /// A variable of the environment that says nothing that ROS knows.
     pub fn ros2_mapping(&self) -> anyhow::Result<Mapping> {
         let network = Network::from_variables(|name| std::env::var(name).ok())?;
-        Mapping::from_table(&self.ros2, network).context("in `[ros2]`")
+        Ok(Mapping::from_table(&self.ros2, network)?)
     }
 
-    /// What is wrong with the table: each fault is taken out of a copy of it, then the next one shows.
-    pub(super) fn check_ros2(&self, told: &mut Vec<(String, String)>) {
-        self.check_driver(told);
-        let mut table = self.ros2.clone();
-        while let Err(MappingError { key, problem, nearest }) =
-            Mapping::from_table(&table, Network::default())
-        {
-            let hint = nearest.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
-            told.push((format!("ros2.{key}"), format!("{problem}{hint}")));
-            if !take_out(&mut table, &key) {
-                break;
-            }
-        }
+    pub(super) fn check_ros2(&self, problems: &mut Vec<(String, String)>) {
+        self.check_driver(problems);
+        let found = Mapping::from_table(&self.ros2, Network::default()).err().unwrap_or_default();
+        problems.extend(found.into_iter().map(|found| (format!("ros2.{}", found.key), found.message)));
     }
-}
-
-/// Removes the value at a dotted key, or the nearest table around it that is there.
-fn take_out(table: &mut Table, key: &str) -> bool {
-    let Some((first, rest)) = key.split_once('.') else { return table.remove(key).is_some() };
-    let inner = table.get_mut(first).and_then(toml::Value::as_table_mut);
-    inner.is_some_and(|inner| take_out(inner, rest)) || table.remove(first).is_some()
 }
 
 #[cfg(test)]
 mod tests {
     use swerve_ros2::mapping::Vehicle;
+    use swerve_text::Document;
 
     use crate::config::Config;
-    use crate::config::text::Document;
 
     fn read(text: &str) -> Result<Config, Vec<String>> {
         let document = Document::parse("c.toml", text.to_owned()).unwrap();
-        let told = |problems: Vec<_>| problems.iter().map(ToString::to_string).collect();
-        Config::from_document(&document, &[]).map_err(told)
+        Config::from_document(&document, &[])
+            .map_err(|problems| problems.iter().map(ToString::to_string).collect())
     }
 
     #[test]
-    fn all_faults_are_told_with_line_and_key() {
+    fn all_problems_are_told_with_line_and_key() {
         let text = "[ros2]\nvehicle = \"autowear\"\nspeed = 3\n[ros2.topics.lidr]\ntopic = \"/points\"\n\
                     [ros2.topics.camera_left]\nrole = \"camera\"\n[ros2.topics.imu]\nqos = \"sensr\"\n";
-        let told = read(text).unwrap_err();
-        let lines: Vec<&str> = told.iter().map(|t| t.split_once(": ").unwrap().0).collect();
-        assert_eq!(lines, ["c.toml:2", "c.toml:3", "c.toml:6", "c.toml:9", "c.toml:4"], "{told:#?}");
-        assert!(
-            told[0].ends_with("ros2.vehicle: there is no `autowear` (did you mean `autoware`?)"),
-            "{told:?}"
-        );
-        assert!(told[2].contains("ros2.topics.camera_left.topic: a topic that is not in"), "{told:?}");
-        assert!(told[3].ends_with("(did you mean `sensor`?)"), "{told:?}");
-        assert!(told[4].ends_with("(did you mean `lidar`?)"), "{told:?}");
+        let said = read(text).unwrap_err();
+        for (line, says) in [
+            ("c.toml:2: ros2.vehicle: expected one of \"autoware\", ", "; did you mean \"autoware\"?"),
+            ("c.toml:3: ros2.speed: unknown key; expected one of \"domain\", ", "\"vehicle\""),
+            ("c.toml:4: ros2.topics.lidr: unknown topic", "; did you mean \"lidar\"?"),
+            ("c.toml:6: ros2.topics.camera_left.topic: is missing: a topic that is not in", "in ROS"),
+            ("c.toml:9: ros2.topics.imu.qos: expected one of ", "found \"sensr\"; did you mean \"sensor\"?"),
+        ] {
+            assert!(said.iter().any(|s| s.starts_with(line) && s.ends_with(says)), "{line}: {said:#?}");
+        }
+        assert_eq!(said.len(), 5, "{said:#?}");
         // A table of another form than a table is told by its kind.
-        assert!(read("ros2 = 3\n").unwrap_err()[0].starts_with("c.toml:1: ros2: expected a table"));
-        assert!(read("[ros2]\ntopics = 3\n").unwrap_err()[0].starts_with("c.toml:2: ros2.topics: a table"));
+        assert_eq!(read("ros2 = 3\n").unwrap_err(), ["c.toml:1: ros2: expected a table, found 3"]);
+        assert_eq!(
+            read("[ros2]\ntopics = 3\n").unwrap_err(),
+            ["c.toml:2: ros2.topics: expected a table, found 3"]
+        );
     }
 
     #[test]

@@ -2,14 +2,13 @@
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use swerve_core::Span;
+use swerve_core::{ParamError, Span};
 use swerve_geom::{Ego, Lidar, Point, Transform};
-use swerve_render::lidar::{Beam, LidarEngine, LidarError, LidarPreset, LidarSpec};
+use swerve_render::lidar::{Beam, LidarEngine, LidarPreset, LidarSpec};
 use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTiming};
+use swerve_text::{nearest, number};
 use swerve_vehicle::{Shape, VehicleParams};
 
-use super::faults::faults;
-use super::words::{nearest, number};
 use super::{Config, Images};
 use crate::assembly::{Assembly, pipeline_names, sensor_operators};
 
@@ -65,9 +64,9 @@ impl RadarConfig {
     fn params(&self) -> Result<RadarParams, Faults> {
         let params = overridden(&self.preset.params(), &self.params, &[("preset", "preset")])?;
         let told: Faults = params
-            .faults()
+            .problems()
             .into_iter()
-            .map(|fault| (format!("params.{}", fault.key), expected(&fault.must, fault.value)))
+            .map(|error| (format!("params.{}", error.key), outside(&error)))
             .collect();
         if told.is_empty() { Ok(params) } else { Err(told) }
     }
@@ -186,8 +185,8 @@ impl LidarConfig {
 }
 
 /// A lidar's fault under the key that it has here.
-fn lidar_fault(error: &LidarError) -> (String, String) {
-    let field = error.field.as_str();
+fn lidar_fault(error: &ParamError) -> (String, String) {
+    let field = error.key.as_ref();
     let here = |text: &str| text.replace("beams[", "beams_deg[");
     let key = match field {
         "rate_hz" => field.to_owned(),
@@ -195,7 +194,7 @@ fn lidar_fault(error: &LidarError) -> (String, String) {
         _ if field.starts_with("beams") => here(field),
         _ => format!("params.{field}"),
     };
-    (key, format!("expected {}, found {}", error.expected, here(&error.value)))
+    (key, format!("expected {}, found {}", error.expected, here(&error.value.to_string())))
 }
 
 /// A preset with some of its parameters changed. What is `beside` the parameters under a key of its own is no
@@ -214,34 +213,30 @@ fn overridden<T: Serialize + DeserializeOwned>(
     if !told.is_empty() {
         return Err(told);
     }
-    let mut table = toml::Table::try_from(preset).expect("parameters are plain values");
-    table.extend(params.clone());
-    table.clone().try_into().map_err(|error: toml::de::Error| {
-        let told = faults::<T>(&table);
-        let within = |(key, message)| (format!("params.{key}"), message);
-        if told.is_empty() {
-            return vec![("params".into(), error.message().to_owned())];
-        }
-        told.into_iter().map(within).collect()
+    swerve_text::overridden(preset, params).map_err(|problems| {
+        problems.into_iter().map(|(key, message)| (format!("params.{key}"), message)).collect()
     })
 }
 
-fn expected(must: &str, found: f64) -> String {
-    format!("expected {must}, found {}", number(found))
+fn outside(error: &ParamError) -> String {
+    format!("expected {}, found {}", error.expected, error.value)
 }
 
 pub(super) fn range(told: &mut Faults, key: &str, value: f64, [low, high]: [f64; 2]) {
     if !(low..=high).contains(&value) {
-        told.push((key.to_owned(), expected(&format!("{low} to {high}"), value)));
+        told.push((key.to_owned(), format!("expected {low} to {high}, found {}", number(value))));
     }
 }
 
 fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
-    let own = |fault: swerve_sim::sense::ParamsFault| match fault.key {
-        "yaw_rad" => ("yaw_deg".to_owned(), expected("-360 to 360", fault.value.to_degrees())),
-        axis => ("at_m".to_owned(), format!("{axis}: {}", expected(&fault.must, fault.value))),
+    let own = |error: ParamError| match error.key.as_ref() {
+        "yaw_rad" => {
+            let found = number(mount.yaw_rad.to_degrees());
+            ("yaw_deg".to_owned(), format!("expected -360 to 360, found {found}"))
+        }
+        axis => ("at_m".to_owned(), format!("{axis}: {}", outside(&error))),
     };
-    let mut told: Faults = mount.faults().into_iter().map(own).collect();
+    let mut told: Faults = mount.problems().into_iter().map(own).collect();
     if told.is_empty() && mount.is_inside(shape) {
         let message = "expected a place outside the car's body: it would see nothing else";
         told.push(("at_m".into(), message.into()));
@@ -250,11 +245,7 @@ fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
 }
 
 pub(super) fn timing_faults(timing: &SensorTiming) -> Faults {
-    timing
-        .faults()
-        .into_iter()
-        .map(|fault| (fault.key.to_owned(), expected(&fault.must, fault.value)))
-        .collect()
+    timing.problems().iter().map(|error| (error.key.to_string(), outside(error))).collect()
 }
 
 impl Config {
@@ -310,8 +301,8 @@ impl Config {
         let dt_ms = self.sim.dt_ms;
         self.lidar.iter().for_each(|(name, lidar)| within("lidar", name, lidar.faults(shape, dt_ms)));
         let odometry = &self.sensing.odometry;
-        for fault in odometry.faults() {
-            told.push((format!("sensing.odometry.{}", fault.key), expected(&fault.must, fault.value)));
+        for error in odometry.problems() {
+            told.push((format!("sensing.odometry.{}", error.key), outside(&error)));
         }
     }
 

@@ -15,12 +15,11 @@ use swerve_perception::Detector;
 use swerve_perception::detector::{Params, Sensing};
 use swerve_perception::image_box::ImageCamera;
 use swerve_scenario::Scenario;
+use swerve_text::{Problem, nearest, parse_assignment};
 
 use crate::config::Config;
 use crate::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, published};
 use crate::config::perception::{CUSTOM, Calibration, TRUTH, image_camera};
-use crate::config::text::{Problem, parse_assignment};
-use crate::config::words::nearest;
 use crate::progress::Progress;
 use crate::run::{drive_observed, problems_error, read_scenario};
 use swerve_stack::{ObstacleSight, Registry};

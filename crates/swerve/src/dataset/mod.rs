@@ -88,7 +88,7 @@ pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
 }
 
 fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
-    let sets: Result<Vec<_>, _> = args.set.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
+    let sets: Result<Vec<_>, _> = args.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
     let mut config = Config::load_with(registry, args.config.as_deref(), &sets?)
         .map_err(|problems| problems_error(&problems))?;
     if args.config.is_none() && config.camera.is_empty() {

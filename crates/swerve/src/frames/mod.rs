@@ -17,7 +17,7 @@ use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Image, ObstacleList, Pixels, Plan};
-use swerve_render::{Camera, CameraError, CameraSpec, Frame, Intrinsics, Outputs, Renderer, View, mount};
+use swerve_render::{Camera, CameraSpec, Frame, Intrinsics, Outputs, Renderer, View, mount};
 use swerve_scenario::Scenario;
 
 use crate::config::Config;
@@ -113,7 +113,7 @@ impl Frames {
         let cameras = config
             .camera
             .iter()
-            .map(|(name, camera)| Ok::<_, CameraError>((name.clone(), camera.camera(0)?)));
+            .map(|(name, camera)| Ok::<_, swerve_core::ParamError>((name.clone(), camera.camera(0)?)));
         Ok(Self {
             folder: folder.to_owned(),
             title,

@@ -49,10 +49,10 @@ use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_text::{Problem, parse_assignment};
 
 use crate::config::clock::Clock;
 use crate::config::live::EnableBy;
-use crate::config::text::{Problem, parse_assignment};
 use crate::config::{Config, LiveConfig};
 use crate::progress::LiveLine;
 use crate::run::{left_out_of_logs, problems_error, read_scenario};

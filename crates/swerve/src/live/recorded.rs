@@ -431,10 +431,10 @@ mod tests {
     use swerve_core::Rng;
     use swerve_ros2::AnyMessage;
     use swerve_ros2::samples::sample;
+    use swerve_text::Document;
 
     use super::*;
     use crate::config::Config;
-    use crate::config::text::Document;
 
     const S: u64 = 1_000_000_000;
 
@@ -456,7 +456,7 @@ mod tests {
 
     fn drive() -> Drive {
         let text = "[live]\nroute = \"lane.toml\"\n[control]\ncontroller = \"stanley\"\n[camera.camera]\n[lidar.lidar]\n";
-        let config = Config::from_document(&Document::parse("c.toml", text.into()).unwrap(), &[]).unwrap();
+        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
         let mapping = config.ros2_mapping().unwrap();
         let live = config.live.clone().unwrap();
         let route = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/lane.toml"));

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context as _, anyhow, bail};
 use swerve_planning::posed::{FotConfig, HybridAstarConfig, ProblemFile, RrtStarConfig};
+use swerve_text::{nearest, with_nearest_name};
 
 use super::PosedPlanner;
-use crate::config::words::{nearest, with_nearest_name};
 
 /// A planner with one of the file's configurations.
 #[derive(Clone, Copy, Debug)]

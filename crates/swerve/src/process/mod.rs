@@ -15,9 +15,9 @@ use swerve_ipc::{OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerS
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_text::Document;
 
 use crate::config::Config;
-use crate::config::text::Document;
 use crate::pipeline::Pipeline;
 use crate::run::problems_error;
 

@@ -120,7 +120,7 @@ fn assigned(
 
 #[cfg(test)]
 mod tests {
-    use crate::config::text::Document;
+    use swerve_text::Document;
 
     use super::*;
 

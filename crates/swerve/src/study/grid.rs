@@ -4,11 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use swerve_text::{Document, Problem, Problems, is_within, number};
 
 use super::ranking::Ranking;
-use crate::config::faults::is_within;
-use crate::config::text::{Document, Problem};
-use crate::config::words::number;
 
 /// A study as its file says it.
 #[derive(Clone, PartialEq, Debug, Deserialize)]
@@ -106,7 +104,7 @@ impl Budget {
         5.0
     }
 
-    fn check(&self, document: &Document, axes: &[String], problems: &mut Vec<Problem>) {
+    fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
         if let Some(axis) = self.limit.as_ref().filter(|name| !axes.contains(name)) {
             problems.push(document.problem("budget.limit", format!("no axis of the name `{axis}`")));
         }
@@ -190,8 +188,8 @@ impl Study {
     ///
     /// # Errors
     /// All that is wrong with the file itself; its cells are not looked at.
-    pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
-        let document = Document::read(path).map_err(|problem| vec![problem])?;
+    pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
+        let document = Document::read(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
         Self::from_document(&document, folder, stem, sets)
@@ -202,9 +200,9 @@ impl Study {
         folder: &Path,
         name: String,
         sets: &[(String, toml::Value)],
-    ) -> Result<Self, Vec<Problem>> {
+    ) -> Result<Self, Problems> {
         let file: StudyFile = document.to()?;
-        let mut problems = Vec::new();
+        let mut problems = Problems::new();
         let (axes, steps) = read_axes(document, (&file, folder), sets, &mut problems);
         if let Some(budget) = &file.budget {
             budget.check(document, &axes, &mut problems);
@@ -317,7 +315,7 @@ fn check_left_out(
     document: &Document,
     all: &[LeaveOut],
     (axes, steps): (&[String], &[Vec<Step>]),
-    problems: &mut Vec<Problem>,
+    problems: &mut Problems,
 ) {
     let mut all_of_every_axis = false;
     for (i, out) in all.iter().enumerate() {
@@ -353,7 +351,7 @@ fn read_axes(
     document: &Document,
     (file, folder): (&StudyFile, &Path),
     sets: &[(String, toml::Value)],
-    problems: &mut Vec<Problem>,
+    problems: &mut Problems,
 ) -> (Vec<String>, Vec<Vec<Step>>) {
     let (mut axes, mut all): (Vec<String>, Vec<Vec<Step>>) = (Vec::new(), Vec::new());
     if file.axis.is_empty() {
@@ -484,7 +482,7 @@ fn prefix_is_section(key: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn study(text: &str) -> Result<Study, Vec<Problem>> {
+    fn study(text: &str) -> Result<Study, Problems> {
         let document = Document::parse("s.toml", text.to_owned()).unwrap();
         Study::from_document(&document, Path::new("dir"), "s".into(), &[]).map(Study::expand)
     }

@@ -8,10 +8,9 @@ use std::collections::BTreeMap;
 
 use super::grid::{Step, Study};
 use crate::config::Config;
-use crate::config::faults::is_within;
-use crate::config::text::{Document, Problem};
 use crate::progress::Progress;
 use swerve_stack::Registry;
+use swerve_text::{Document, Problem, Problems, is_within};
 
 /// Keys whose values are checked together; `*` is any one name. What [`Config`] checks across keys has to be here.
 const JOINT: [&[&str]; 5] = [
@@ -23,7 +22,7 @@ const JOINT: [&[&str]; 5] = [
 ];
 
 /// What is wrong, each fault once, with the first cell that has it, in the order of these cells.
-pub(super) fn faults(study: &Study, base: &Document, registry: &Registry) -> Vec<Problem> {
+pub(super) fn problems(study: &Study, base: &Document, registry: &Registry) -> Problems {
     // The file's own faults are told with their lines; what is left is a fault of what cells set.
     if let Err(problems) = Config::from_document_with(registry, base, &[]) {
         return problems;
@@ -50,7 +49,7 @@ pub(super) fn faults(study: &Study, base: &Document, registry: &Registry) -> Vec
     progress.finish();
     let mut found: Vec<(Problem, usize)> = found.first.into_iter().collect();
     found.sort_by_key(|(_, cell)| *cell);
-    found.into_iter().map(|(fault, cell)| told(study, fault, cell)).collect()
+    found.into_iter().map(|(problem, cell)| in_cell(study, problem, cell)).collect()
 }
 
 /// The faults so far, each with the first cell that has it.
@@ -65,7 +64,7 @@ impl Found<'_> {
     fn look(
         &mut self,
         chosen: &[(usize, usize)],
-        read: impl Fn(&Document, &[(String, toml::Value)]) -> Result<Config, Vec<Problem>>,
+        read: impl Fn(&Document, &[(String, toml::Value)]) -> Result<Config, Problems>,
     ) -> bool {
         let mut sets = self.study.base.clone();
         sets.extend(
@@ -151,15 +150,16 @@ fn located(study: &Study, mut problem: Problem) -> Problem {
     problem
 }
 
-fn told(study: &Study, fault: Problem, mut cell: usize) -> Problem {
+/// A problem with the first cell that has it.
+fn in_cell(study: &Study, problem: Problem, mut cell: usize) -> Problem {
     let mut labels: Vec<&str> = Vec::new();
     for steps in study.steps.iter().rev() {
         labels.push(&steps[cell % steps.len()].label);
         cell /= steps.len();
     }
     labels.reverse();
-    let message = format!("{}, in the cell [{}]", fault.message, labels.join(" "));
-    Problem { message, ..fault }
+    let message = format!("{}, in the cell [{}]", problem.message, labels.join(" "));
+    Problem { message, ..problem }
 }
 
 #[cfg(test)]
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn as_much_is_found_as_by_looking_at_every_cell() {
         let (study, base) = study();
-        let by_class = faults(&study, &base, &Registry::standard());
+        let by_class = problems(&study, &base, &Registry::standard());
         let expanded = study.clone().expand();
         assert_eq!(expanded.cells.len(), 216);
         let mut by_cell: Vec<Problem> = Vec::new();
@@ -239,7 +239,7 @@ mod tests {
     fn the_first_cell_with_a_fault_is_named() {
         let (study, base) = study();
         let said: Vec<String> =
-            faults(&study, &base, &Registry::standard()).iter().map(Problem::to_string).collect();
+            problems(&study, &base, &Registry::standard()).iter().map(Problem::to_string).collect();
         let of =
             |key: &str| said.iter().find(|s| s.contains(key)).unwrap_or_else(|| panic!("{key}: {said:#?}"));
         assert!(of("sim.vehicle.limits").ends_with("in the cell [fot 1 none gpu without 9.0]"), "{said:#?}");

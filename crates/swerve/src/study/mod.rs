@@ -22,9 +22,9 @@ use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_text::{Document, Problem};
 
 use crate::config::Config;
-use crate::config::text::{Document, Problem};
 use crate::files::write_whole;
 use crate::run::{Outcome, drive, problems_error};
 use cells::{CellResult, CellStore, Runner, Shard};
@@ -156,8 +156,7 @@ impl Bench {
     }
 
     fn unexpanded(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let sets: Result<Vec<_>, Problem> =
-            sets.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
+        let sets: Result<Vec<_>, Problem> = sets.iter().map(|s| swerve_text::parse_assignment(s)).collect();
         let study = Study::read(file, &sets?).map_err(|problems| problems_error(&problems))?;
         let mut scenarios = BTreeMap::new();
         let mut unread = Vec::new();
@@ -174,17 +173,17 @@ impl Bench {
             None => Document::parse("defaults", String::new()),
         };
         // What is wrong is told before the first cell runs.
-        let faults = match &base {
-            Ok(base) => joint::faults(&study, base, registry),
-            Err(problem) => vec![problem.clone()],
+        let problems = match &base {
+            Ok(base) => joint::problems(&study, base, registry),
+            Err(problem) => problem.clone().into(),
         };
         match base {
-            Ok(base) if faults.is_empty() && unread.is_empty() => {
+            Ok(base) if problems.is_empty() && unread.is_empty() => {
                 Ok(Self { study, scenarios, base, registry: registry.clone(), program: program()? })
             }
             _ => {
-                let faults = faults.iter().map(Problem::to_string);
-                Err(problems_error(&unread.into_iter().chain(faults).collect::<Vec<_>>()))
+                let problems = problems.iter().map(Problem::to_string);
+                Err(problems_error(&unread.into_iter().chain(problems).collect::<Vec<_>>()))
             }
         }
     }

@@ -4,11 +4,11 @@ use std::cmp::Ordering;
 use std::fmt::Write as _;
 
 use serde::Deserialize;
+use swerve_text::{Document, Problems};
 
 use super::cells::CellResult;
 use super::grid::Study;
 use super::table::field;
-use crate::config::text::{Document, Problem};
 use crate::output::align;
 
 /// Asks for the comparison.
@@ -23,7 +23,7 @@ pub struct Ranking {
 
 impl Ranking {
     /// What is wrong with it, given the names of the axes.
-    pub(super) fn check(&self, document: &Document, axes: &[String], problems: &mut Vec<Problem>) {
+    pub(super) fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
         if self.settings.is_empty() {
             problems.push(document.problem("ranking.settings", "expected at least one axis"));
         }
@@ -207,9 +207,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("s.toml");
         std::fs::write(&file, text).unwrap();
-        let said = |problems: Vec<Problem>| {
-            problems.iter().map(|p| p.message.clone()).collect::<Vec<_>>().join("\n")
-        };
+        let said =
+            |problems: Problems| problems.iter().map(|p| p.message.clone()).collect::<Vec<_>>().join("\n");
         Study::read(Path::new(&file), &[]).map(Study::expand).map_err(said)
     }
 

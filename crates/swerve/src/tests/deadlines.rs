@@ -8,10 +8,10 @@ use swerve_log::{Log, Recorder};
 use swerve_msg::{ActorKind, Detections, PredictionList, ResponseBudget, RungTaken};
 
 use crate::config::Config;
-use crate::config::text::{Document, parse_assignment};
 use crate::pipeline::Pipeline;
 use crate::replay::replay;
 use crate::run::{Outcome, drive_pipeline, read_scenario, run_start};
+use swerve_text::{Document, parse_assignment};
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)

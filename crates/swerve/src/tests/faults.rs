@@ -5,12 +5,12 @@ use std::path::Path;
 
 use swerve_flow::{Event, Observer};
 use swerve_msg::{EgoState, Image, Pixels};
+use swerve_text::Document;
 
 use swerve_core::Time;
 use swerve_msg::FaultInjection;
 
 use crate::config::Config;
-use crate::config::text::Document;
 use crate::pipeline::Pipeline;
 use crate::run::{Outcome, drive_pipeline, read_scenario};
 

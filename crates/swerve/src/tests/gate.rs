@@ -7,12 +7,12 @@ use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Refusals, StopCause};
+use swerve_text::{Document, parse_assignment};
 
 use swerve_core::{Span, Time};
 use swerve_msg::{Command, GateMode, GateOutput};
 
 use crate::config::Config;
-use crate::config::text::{Document, parse_assignment};
 use crate::pipeline::Pipeline;
 use crate::replay::replay;
 use crate::run::{Outcome, drive_pipeline, read_scenario, run_start};

@@ -10,9 +10,9 @@ use swerve_msg::truth::WorldState;
 use swerve_msg::{Detections, TrackList};
 
 use crate::config::Config;
-use crate::config::text::{Document, parse_assignment};
 use crate::pipeline::Pipeline;
 use crate::run::drive_pipeline;
+use swerve_text::{Document, parse_assignment};
 
 /// Boxes with the instant of their publication, tracks, and states of the world.
 #[derive(Default)]

@@ -7,11 +7,11 @@ use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::{PointInstances, RadarSources, WorldState};
 use swerve_msg::{ActorId, PointCloud};
+use swerve_text::{Document, parse_assignment};
 
 use swerve_scenario::Scenario;
 
 use crate::config::Config;
-use crate::config::text::{Document, parse_assignment};
 use crate::pipeline::Pipeline;
 use crate::replay::replay;
 use crate::run::{Outcome, drive_pipeline, left_out_of_logs, read_scenario, run_start};

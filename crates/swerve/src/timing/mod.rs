@@ -19,8 +19,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-
-use crate::config::text::{Document, Problem};
+use swerve_text::{Document, Problems};
 
 pub use pipeline::{BlackBox, Pipeline, Resource, Timer};
 pub use trace::{Mark, Publication, Step, Trace};
@@ -67,16 +66,16 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// When the file cannot be read, or all that is wrong with it: file, line, key and what was expected.
-pub fn read_file(path: &Path) -> Result<Pipeline, Vec<Problem>> {
-    read::pipeline(&Document::read(path).map_err(|problem| vec![problem])?)
+pub fn read_file(path: &Path) -> Result<Pipeline, Problems> {
+    read::pipeline(&Document::read(path)?)
 }
 
 /// The pipeline that `text` describes; `name` stands for its file in messages.
 ///
 /// # Errors
 /// As [`read_file`].
-pub fn parse(name: &str, text: &str) -> Result<Pipeline, Vec<Problem>> {
-    read::pipeline(&Document::parse(name, text.to_owned()).map_err(|problem| vec![problem])?)
+pub fn parse(name: &str, text: &str) -> Result<Pipeline, Problems> {
+    read::pipeline(&Document::parse(name, text)?)
 }
 
 /// Runs `pipeline` over its span, the end included.

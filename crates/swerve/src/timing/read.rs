@@ -5,11 +5,10 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use swerve_core::Span;
 use swerve_flow::{Policy, Reaction};
+use swerve_text::{Document, Problems, nearest, number};
 
 use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
 use crate::config::execution::{Deadline, Runtime, parse_policy, span_ms};
-use crate::config::text::{Document, Problem};
-use crate::config::words::{nearest, number};
 
 /// More ticks than this would not end in a sensible time.
 const TICKS_MAX: i64 = 2_000_000;
@@ -49,9 +48,9 @@ struct ResourceTable {
 }
 
 /// The pipeline that a file describes, or all that is wrong with it; of its form first.
-pub(crate) fn pipeline(document: &Document) -> Result<Pipeline, Vec<Problem>> {
+pub(crate) fn pipeline(document: &Document) -> Result<Pipeline, Problems> {
     let file: File = document.to()?;
-    let mut reader = Reader { document, file: &file, problems: Vec::new() };
+    let mut reader = Reader { document, file: &file, problems: Problems::new() };
     let span = reader.above_zero("span_ms", file.span_ms);
     if file.operator.is_empty() {
         reader.problem("operator", "expected at least one [[operator]]");
@@ -62,18 +61,14 @@ pub(crate) fn pipeline(document: &Document) -> Result<Pipeline, Vec<Problem>> {
     if reader.problems.is_empty() {
         reader.cycle(&operators);
     }
-    if reader.problems.is_empty() {
-        Ok(Pipeline { span, operators, resources })
-    } else {
-        Err(reader.problems)
-    }
+    reader.problems.or(Pipeline { span, operators, resources })
 }
 
 /// Reads tables, keeping the problems on the way: a value with a problem stands as a harmless one.
 struct Reader<'a> {
     document: &'a Document,
     file: &'a File,
-    problems: Vec<Problem>,
+    problems: Problems,
 }
 
 impl Reader<'_> {

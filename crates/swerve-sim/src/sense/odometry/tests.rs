@@ -183,20 +183,20 @@ fn parameters_that_cannot_be_are_all_named() {
     assert_eq!(read(r#"{"wheels": "all"}"#).unwrap().wheels, OdometryWheels::All);
     assert!(read(r#"{"counts": 3}"#).unwrap_err().to_string().contains("unknown field `counts`"));
     assert!(read(r#"{"counts_per_turn": -3}"#).unwrap_err().to_string().contains("invalid value"));
-    assert_eq!(WheelOdometryParams::default().faults(), []);
+    assert_eq!(WheelOdometryParams::default().problems(), []);
     let wrong = WheelOdometryParams {
         counts_per_turn: 0,
         radius_error: 0.5,
         steering_noise_rad: f64::NAN,
         ..WheelOdometryParams::default()
     };
-    let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
     assert_eq!(
         said,
         [
-            "counts_per_turn: expected 1 to 1000000, found 0",
-            "radius_error: expected 0 to 0.1, found 0.5",
-            "steering_noise_rad: expected 0 to 1, found NaN",
+            "`counts_per_turn` is 0, expected 1 to 1000000",
+            "`radius_error` is 0.5, expected 0 to 0.1",
+            "`steering_noise_rad` is NaN, expected 0 to 1",
         ]
     );
 }

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
+use swerve_core::param::{ParamError, require, require_within};
 use swerve_geom::math;
 
 use super::{decibels, ratio};
-use crate::sense::{ParamsFault, fault};
 
 /// Cross-section that [`RadarParams::half_range_m`] is given for, dBsm: about that of a car from behind.
 const HALF_RANGE_RCS_DBSM: f64 = 10.0;
@@ -183,7 +183,7 @@ impl RadarParams {
     }
 
     /// Every parameter that is out of range.
-    pub fn faults(&self) -> Vec<ParamsFault> {
+    pub fn problems(&self) -> Vec<ParamError> {
         let tau = core::f64::consts::TAU;
         let ranges = [
             ("range_min_m", self.range_min_m, [0.01, 1_000.0]),
@@ -204,12 +204,15 @@ impl RadarParams {
             ("clutter_per_scan", self.clutter_per_scan, [0.0, 500.0]),
             ("false_alarms_per_scan", self.false_alarms_per_scan, [0.0, 500.0]),
         ];
-        let mut faults: Vec<_> =
-            ranges.into_iter().filter_map(|(key, x, ends)| fault(key, x, ends)).collect();
-        if self.range_min_m >= self.range_max_m {
-            let must = "a number below range_max_m".to_owned();
-            faults.push(ParamsFault { key: "range_min_m", value: self.range_min_m, must });
-        }
-        faults
+        let mut problems: Vec<_> =
+            ranges.into_iter().filter_map(|(key, x, ends)| require_within(key, x, ends).err()).collect();
+        let below = require(
+            "range_min_m",
+            self.range_min_m,
+            self.range_min_m < self.range_max_m,
+            "a number below range_max_m",
+        );
+        problems.extend(below.err());
+        problems
     }
 }

@@ -385,7 +385,7 @@ fn parameters_are_those_of_a_preset_but_for_what_is_given() {
 #[test]
 fn parameters_that_cannot_be_are_all_named() {
     for preset in [RadarPreset::LongRange, RadarPreset::Corner] {
-        assert_eq!(preset.params().faults(), []);
+        assert_eq!(preset.params().problems(), []);
         assert_eq!(preset.period().ns() % Span::from_ms(5).ns(), 0);
     }
     let wrong = RadarParams {
@@ -397,15 +397,15 @@ fn parameters_that_cannot_be_are_all_named() {
         clutter_per_scan: -1.0,
         ..RadarParams::default()
     };
-    let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
     assert_eq!(
         said,
         [
-            "fov_rad: expected 0.001 to 6.283185307179586, found 0",
-            "false_alarm_probability: expected 0.000000000001 to 0.1, found 1",
-            "range_noise_m: expected 0 to 100, found NaN",
-            "clutter_per_scan: expected 0 to 500, found -1",
-            "range_min_m: expected a number below range_max_m, found 90",
+            "`fov_rad` is 0, expected 0.001 to 6.283185307179586",
+            "`false_alarm_probability` is 1, expected 0.000000000001 to 0.1",
+            "`range_noise_m` is NaN, expected 0 to 100",
+            "`clutter_per_scan` is -1, expected 0 to 500",
+            "`range_min_m` is 90, expected a number below range_max_m",
         ]
     );
 }

@@ -1,5 +1,5 @@
 use crate::config::Config;
-use crate::config::text::Document;
+use swerve_text::Document;
 
 fn problems(text: &str) -> Vec<String> {
     let document = Document::parse("c.toml", text.to_owned()).unwrap();

@@ -32,7 +32,7 @@ fn an_interface_is_no_longer_than_the_page_says() {
 
 fn config(live: &str) -> Config {
     let text = format!("[live]\nroute = \"r.toml\"\n{live}[control]\ncontroller = \"stanley\"\n");
-    let document = crate::config::text::Document::parse("c.toml", text).unwrap();
+    let document = swerve_text::Document::parse("c.toml", text).unwrap();
     Config::from_document(&document, &[]).unwrap()
 }
 

@@ -1,0 +1,58 @@
+//! Single keys set from outside: `--set key=value`.
+
+use crate::{KeyProblem, Problem};
+
+/// Sets the value at dotted `key`, making tables on the way.
+///
+/// # Errors
+/// A part of the way is a value: `key` and a message.
+pub fn set(table: &mut toml::Table, key: &str, value: toml::Value) -> Result<(), KeyProblem> {
+    let (path, name) = key.rsplit_once('.').unwrap_or(("", key));
+    let mut at = table;
+    for part in path.split('.').filter(|part| !part.is_empty()) {
+        let inner = at.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        let is_value = || (key.to_owned(), format!("`{part}` is a value, not a table"));
+        at = inner.as_table_mut().ok_or_else(is_value)?;
+    }
+    at.insert(name.to_owned(), value);
+    Ok(())
+}
+
+/// Reads `key=value` as `--set` takes it; a value that is no TOML is a string.
+///
+/// # Errors
+/// There is no `=`, or no key before it.
+pub fn parse_assignment(text: &str) -> Result<(String, toml::Value), Problem> {
+    let problem = |message: &str| Problem {
+        file: "--set".to_owned(),
+        line: None,
+        key: text.to_owned(),
+        message: message.to_owned(),
+    };
+    let (key, value) = text.split_once('=').ok_or_else(|| problem("expected key=value"))?;
+    let key = key.trim();
+    if key.is_empty() || key.split('.').any(str::is_empty) {
+        return Err(problem("expected a dotted key before `=`"));
+    }
+    let value = value.trim();
+    let parsed = toml::from_str::<toml::Table>(&format!("v = {value}")).ok().and_then(|mut t| t.remove("v"));
+    Ok((key.to_owned(), parsed.unwrap_or_else(|| toml::Value::String(value.to_owned()))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn assignments_are_toml_or_strings() {
+        let value = |text| parse_assignment(text).unwrap().1;
+        assert_eq!(value("a=1.5"), toml::Value::Float(1.5));
+        assert_eq!(value("a=fot"), toml::Value::String("fot".into()));
+        assert_eq!(value("a=[1, 2]").as_array().unwrap().len(), 2);
+        assert!(parse_assignment("a").is_err() && parse_assignment("a..b=1").is_err());
+        let mut table = toml::Table::new();
+        set(&mut table, "a.b.c", toml::Value::Integer(1)).unwrap();
+        let (key, message) = set(&mut table, "a.b.c.d", toml::Value::Integer(1)).unwrap_err();
+        assert_eq!((key.as_str(), message.as_str()), ("a.b.c.d", "`c` is a value, not a table"));
+    }
+}

@@ -1,0 +1,214 @@
+//! TOML text with problems that name file, line and key.
+
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use toml::de::{DeTable, DeValue};
+
+use crate::{Problem, Problems, read};
+
+/// No file that people write is larger, bytes.
+const TEXT_MAX: u64 = 16 << 20;
+
+/// The text of a file that people write; a device or a data set given by mistake is not read to its end.
+///
+/// # Errors
+/// The file cannot be read, holds no UTF-8 or more than 16 MiB.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    File::open(path)?.take(TEXT_MAX + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > TEXT_MAX {
+        return Err(io::Error::other("it is larger than 16 MiB: expected a file of settings"));
+    }
+    Ok(text)
+}
+
+/// A TOML text read once: its values, and where each of them stands.
+#[derive(Clone, Debug)]
+pub struct Document {
+    /// Name for messages.
+    pub file: String,
+    /// The values.
+    pub table: toml::Table,
+    places: Vec<Place>,
+}
+
+#[derive(Clone, Debug)]
+struct Place {
+    key: String,
+    /// Byte of the text.
+    start: usize,
+    /// From 1.
+    line: usize,
+}
+
+impl Document {
+    /// The same text with other values.
+    #[must_use]
+    pub fn with_table(&self, table: toml::Table) -> Self {
+        Self { table, ..self.clone() }
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not TOML.
+    pub fn read(path: &Path) -> Result<Self, Problem> {
+        let file = path.display().to_string();
+        match read_text(path) {
+            Ok(text) => Self::parse(&file, &text),
+            Err(error) => Err(Problem {
+                file,
+                line: None,
+                key: String::new(),
+                message: format!("cannot be read: {error}"),
+            }),
+        }
+    }
+
+    /// Takes text that is already at hand; `file` names it in messages.
+    ///
+    /// # Errors
+    /// It is not TOML.
+    pub fn parse(file: &str, text: impl AsRef<str>) -> Result<Self, Problem> {
+        let text = text.as_ref();
+        let syntax = |error: toml::de::Error| Problem {
+            file: file.to_owned(),
+            line: error.span().map(|span| line_of(text, span.start)),
+            key: String::new(),
+            message: format!("not TOML: {}", error.message().trim_end()),
+        };
+        let parsed = DeTable::parse(text).map_err(syntax)?;
+        let mut places = Vec::new();
+        note_table(parsed.get_ref(), "", text, &mut places);
+        let table = toml::from_str(text).map_err(syntax)?;
+        Ok(Self { file: file.to_owned(), table, places })
+    }
+
+    /// The typed form of the whole text.
+    ///
+    /// # Errors
+    /// All that has not its form, in the order of the lines.
+    pub fn to<T: DeserializeOwned>(&self) -> Result<T, Problems> {
+        read(&self.table).map_err(|found| {
+            let mut problems: Vec<Problem> =
+                found.into_iter().map(|(key, message)| self.problem(&key, message)).collect();
+            problems.sort_by_key(|problem| problem.line);
+            problems.into_iter().collect()
+        })
+    }
+
+    /// A problem with the value at dotted `key` (or, where that is not written, with its nearest parent).
+    pub fn problem(&self, key: &str, message: impl Into<String>) -> Problem {
+        Problem {
+            file: self.file.clone(),
+            line: self.line(key),
+            key: key.to_owned(),
+            message: message.into(),
+        }
+    }
+
+    /// The line of the value at dotted `key`, or of its nearest parent that is written.
+    pub fn line(&self, key: &str) -> Option<usize> {
+        let mut at = key;
+        loop {
+            if let Some(place) = self.place(at) {
+                return Some(place.line);
+            }
+            (at, _) = at.rsplit_once(['.', '['])?;
+        }
+    }
+
+    /// The byte at which the value at dotted `key` stands.
+    pub(crate) fn start(&self, key: &str) -> Option<usize> {
+        self.place(key).map(|place| place.start)
+    }
+
+    fn place(&self, key: &str) -> Option<&Place> {
+        self.places.iter().find(|place| place.key == key)
+    }
+}
+
+fn note_table(table: &DeTable<'_>, prefix: &str, text: &str, places: &mut Vec<Place>) {
+    for (name, value) in table {
+        let name_start = name.span().start;
+        let name = name.get_ref();
+        let key = if prefix.is_empty() { name.to_string() } else { format!("{prefix}.{name}") };
+        // A table with a heading of its own begins at that heading, not where a table within it is first named.
+        let is_table = matches!(value.get_ref(), DeValue::Table(_));
+        let start = if is_table { name_start.max(value.span().start) } else { name_start };
+        note(value.get_ref(), &key, start, text, places);
+    }
+}
+
+fn note(value: &DeValue<'_>, key: &str, start: usize, text: &str, places: &mut Vec<Place>) {
+    places.push(Place { key: key.to_owned(), start, line: line_of(text, start) });
+    match value {
+        DeValue::Table(inner) => note_table(inner, key, text, places),
+        DeValue::Array(items) => {
+            for (i, item) in items.iter().enumerate() {
+                note(item.get_ref(), &format!("{key}[{i}]"), item.span().start, text, places);
+            }
+        }
+        _ => {}
+    }
+}
+
+fn line_of(text: &str, offset: usize) -> usize {
+    text.as_bytes()[..offset.min(text.len())].iter().filter(|b| **b == b'\n').count() + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Deserialize, Debug)]
+    #[serde(deny_unknown_fields)]
+    struct Outer {
+        #[expect(dead_code, reason = "only read through its errors")]
+        inner: Inner,
+    }
+
+    #[derive(Deserialize, Debug)]
+    #[serde(deny_unknown_fields)]
+    struct Inner {
+        #[expect(dead_code, reason = "only read through its errors")]
+        horizon: f64,
+    }
+
+    fn problem(text: &str) -> String {
+        let read = Document::parse("a.toml", text).map_err(Problems::from);
+        let problems = read.and_then(|document| document.to::<Outer>()).expect_err("wrong on purpose");
+        problems.iter().map(Problem::to_string).collect::<Vec<_>>().join(" & ")
+    }
+
+    #[test]
+    fn a_problem_names_file_line_key_and_what_was_expected() {
+        assert_eq!(
+            problem("[inner]\nhorizn = 1.0\n"),
+            "a.toml:2: inner.horizn: unknown key; did you mean \"horizon\"?"
+        );
+        assert_eq!(
+            problem("\n[inner]\nhorizon = \"long\"\n"),
+            "a.toml:3: inner.horizon: expected a number, found the text \"long\""
+        );
+        assert_eq!(
+            problem("[other]\n"),
+            "a.toml: inner: is missing: expected a table & \
+             a.toml:1: other: unknown key; expected one of \"inner\""
+        );
+        assert_eq!(problem(""), "a.toml: inner: is missing: expected a table");
+        assert!(problem("[inner\n").starts_with("a.toml:1: not TOML: "), "{}", problem("[inner\n"));
+    }
+
+    #[test]
+    fn a_value_can_be_located_after_parsing() {
+        let document = Document::parse("a.toml", "x = 1\n[a]\nb = [\n 1,\n {c = 2},\n]\n").unwrap();
+        assert_eq!(document.problem("a.b[1].c", "").line, Some(5));
+        assert_eq!(document.problem("a.missing", "").line, Some(2));
+        assert_eq!(document.problem("nowhere", "").line, None);
+    }
+}

@@ -1,0 +1,213 @@
+//! Everything in a TOML table that has not the form of a Rust type, in words of TOML.
+//!
+//! serde stops at the first fault. So each fault is mended in a copy of the table, with a value that the type takes, and
+//! the copy is read again: the next fault shows. What a type would take where a key is missing is found in the same
+//! way: it is offered a value of another kind and says what it expected instead.
+
+mod value;
+
+use std::borrow::Cow;
+
+use serde::de::DeserializeOwned;
+use toml::{Table, Value};
+
+use self::value::{Fault, Kind, Whole};
+use crate::KeyProblem;
+use crate::words::{describe, nearest, unknown_key, unknown_name};
+
+/// A text with more problems than this is another kind of text.
+const PROBLEMS_MAX: usize = 50;
+/// One problem may take several rounds to mend, from the outside inwards.
+const ROUNDS_MAX: usize = 4 * PROBLEMS_MAX;
+
+/// One step from the top of a table to a value in it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+enum Part {
+    /// Into a table.
+    Key(String),
+    /// Into an array, from 0.
+    Index(usize),
+}
+
+/// A path as messages have it: `operator[0].every_ms`.
+fn dotted(path: &[Part]) -> String {
+    path.iter().fold(String::new(), |key, part| match part {
+        Part::Key(name) if key.is_empty() => name.clone(),
+        Part::Key(name) => format!("{key}.{name}"),
+        Part::Index(index) => format!("{key}[{index}]"),
+    })
+}
+
+/// Whether dotted `key` is `outer` or within it.
+pub fn is_within(key: &str, outer: &str) -> bool {
+    let rest = key.strip_prefix(outer);
+    outer.is_empty() || rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+}
+
+/// A table as a `T`.
+///
+/// # Errors
+/// All that has not the form of a `T`, each with its key, but for what is within a value that is wrong as a whole.
+pub fn read<T: DeserializeOwned>(table: &Table) -> Result<T, Vec<KeyProblem>> {
+    first::<T>(table).map_err(|fault| problems::<T>(table, fault))
+}
+
+fn first<T: DeserializeOwned>(table: &Table) -> Result<T, Fault> {
+    T::deserialize(Whole(table))
+}
+
+fn problems<T: DeserializeOwned>(table: &Table, first_fault: Fault) -> Vec<KeyProblem> {
+    let mut table = table.clone();
+    let mut found: Vec<KeyProblem> = Vec::new();
+    let mut meant = Vec::new();
+    let mut next = Some(first_fault);
+    for _ in 0..ROUNDS_MAX {
+        let Some(fault) = next.take().filter(|_| found.len() < PROBLEMS_MAX) else { break };
+        let key = dotted(&fault.path());
+        meant.extend(meant_key(&fault));
+        // A key with a slip in its name is not missing as well.
+        let is_told = matches!(fault.kind, Kind::Missing(_)) && meant.contains(&key);
+        if !is_told && !found.iter().any(|(outer, _)| is_within(&key, outer)) {
+            found.push((key, message::<T>(&fault, &table)));
+        }
+        if !mend::<T>(&fault, &mut table) {
+            break;
+        }
+        next = first::<T>(&table).err();
+    }
+    // A value that is wrong as a whole may show only after what is in it.
+    let keys: Vec<String> = found.iter().map(|(key, _)| key.clone()).collect();
+    found.retain(|(key, _)| !keys.iter().any(|outer| outer != key && is_within(key, outer)));
+    found
+}
+
+/// The key that was meant by an unknown one.
+fn meant_key(fault: &Fault) -> Option<String> {
+    let Kind::UnknownKey { wrong, known } = &fault.kind else { return None };
+    let path = fault.path();
+    let (_, parents) = path.split_last()?;
+    let near = Part::Key(nearest(wrong, known.iter().copied())?.to_owned());
+    Some(dotted(&[parents, &[near]].concat()))
+}
+
+fn message<T: DeserializeOwned>(fault: &Fault, table: &Table) -> String {
+    match &fault.kind {
+        Kind::Missing(_) => {
+            let wanted = wanted::<T>(&fault.path(), table).unwrap_or_else(|| "a value".to_owned());
+            format!("is missing: expected {wanted}")
+        }
+        Kind::UnknownKey { wrong, known } => unknown_key(wrong, known),
+        Kind::UnknownName { wrong, known } => unknown_name(wrong, known),
+        Kind::Expected(wanted) => {
+            let found = get(table, &fault.path()).map_or_else(|| "a table".to_owned(), describe);
+            format!("expected {}, found {found}", in_words(wanted))
+        }
+        Kind::Other(message) => message.clone(),
+    }
+}
+
+/// The kind of value that `T` takes at a place where there is none.
+fn wanted<T: DeserializeOwned>(path: &[Part], table: &Table) -> Option<String> {
+    let mut table = table.clone();
+    put(&mut table, path, Some(true.into()));
+    match first::<T>(&table).err().filter(|fault| fault.path() == path) {
+        None => Some("true or false".to_owned()),
+        Some(Fault { kind: Kind::Expected(wanted), .. }) => Some(in_words(&wanted).into_owned()),
+        Some(_) => None,
+    }
+}
+
+/// Puts something in the place of a fault that `T` takes; false where nothing was found.
+fn mend<T: DeserializeOwned>(fault: &Fault, table: &mut Table) -> bool {
+    let path = fault.path();
+    let next = |table: &Table| first::<T>(table).err().map(|fault| fault.path());
+    if !matches!(fault.kind, Kind::Missing(_)) && matches!(path.last(), Some(Part::Key(_))) {
+        put(table, &path, None);
+        // Where the table around it cannot be without it, another value has to stand there.
+        if next(table).is_none_or(|next| !path.starts_with(&next)) {
+            return true;
+        }
+    }
+    // A fault further inside is one of a value that is of the right kind.
+    let is_mended =
+        |table: &Table| next(table).is_none_or(|next| !next.starts_with(&path) || next.len() > path.len());
+    let name = match &fault.kind {
+        Kind::UnknownName { known, .. } => known.first().copied().unwrap_or_default().to_owned(),
+        _ => {
+            let wanted = wanted::<T>(&path, table).unwrap_or_default();
+            wanted.split('"').nth(1).unwrap_or_default().to_owned()
+        }
+    };
+    let numbers = |n| Value::Array(vec![Value::Integer(1); n]);
+    let kinds = [
+        Value::Integer(1),
+        name.into(),
+        Value::Array(Vec::new()),
+        Value::Table(Table::new()),
+        true.into(),
+        numbers(2),
+        numbers(3),
+        Value::Array(vec![numbers(2)]),
+    ];
+    kinds.into_iter().any(|value| {
+        put(table, &path, Some(value));
+        is_mended(table)
+    })
+}
+
+/// The value at `path`.
+fn get<'a>(table: &'a Table, path: &[Part]) -> Option<&'a Value> {
+    let (Part::Key(first), rest) = path.split_first()? else { return None };
+    rest.iter().try_fold(table.get(first)?, |at, part| match part {
+        Part::Key(name) => at.get(name.as_str()),
+        Part::Index(i) => at.get(*i),
+    })
+}
+
+/// Sets the value at `path` of a table that has all but its last part, or takes it away.
+fn put(table: &mut Table, path: &[Part], value: Option<Value>) {
+    let Some((last, parents)) = path.split_last() else { return };
+    let parent = parents.split_first().map(|(first, rest)| {
+        let Part::Key(first) = first else { return None };
+        rest.iter().try_fold(table.get_mut(first)?, |at, part| match part {
+            Part::Key(name) => at.get_mut(name.as_str()),
+            Part::Index(i) => at.get_mut(*i),
+        })
+    });
+    match (parent, last) {
+        (None, Part::Key(name)) => put_key(table, name, value),
+        (Some(Some(Value::Table(inner))), Part::Key(name)) => put_key(inner, name, value),
+        (Some(Some(Value::Array(items))), Part::Index(i)) => {
+            if let (Some(item), Some(value)) = (items.get_mut(*i), value) {
+                *item = value;
+            }
+        }
+        _ => {}
+    }
+}
+
+fn put_key(table: &mut Table, name: &str, value: Option<Value>) {
+    match value {
+        Some(value) => table.insert(name.to_owned(), value),
+        None => table.remove(name),
+    };
+}
+
+/// serde's names of types in words of TOML.
+fn in_words(wanted: &str) -> Cow<'_, str> {
+    let length = |prefix| wanted.strip_prefix(prefix).map(|n| format!("an array of {n} values").into());
+    match wanted {
+        "f64" | "f32" => "a number".into(),
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number that is not negative".into(),
+        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number".into(),
+        "a boolean" => "true or false".into(),
+        "a string" | "path string" => "a text".into(),
+        "a sequence" => "an array".into(),
+        "a map" => "a table".into(),
+        _ if wanted.starts_with("struct ") => "a table".into(),
+        _ => length("an array of length ").or_else(|| length("a tuple of size ")).unwrap_or(wanted.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

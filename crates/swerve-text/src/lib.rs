@@ -1,0 +1,25 @@
+//! Texts that people write (TOML): documents with the lines of their keys, `--set` assignments, and every [`Problem`]
+//! of a text at once, each with file, line, key, what was expected and the nearest name.
+//!
+//! There are two ways from a [`Document`] to values. [`Document::to`] reads a type through serde: for forms that a
+//! type says, with ranges checked afterwards. [`TableReader`] reads key by key: for forms where one key decides on
+//! others, or each value has its range. Both say the same of the same mistake.
+//!
+//! Absences: no crate of ours, no type of any domain; the only file it opens is the one that [`Document::read`] is
+//! given.
+
+mod assign;
+mod document;
+mod form;
+mod overridden;
+mod problem;
+mod table;
+mod words;
+
+pub use assign::{parse_assignment, set};
+pub use document::{Document, read_text};
+pub use form::{is_within, read};
+pub use overridden::overridden;
+pub use problem::{KeyProblem, Problem, Problems, in_one_line};
+pub use table::{Range, Reading, TableReader};
+pub use words::{did_you_mean, list, nearest, number, with_nearest_name};

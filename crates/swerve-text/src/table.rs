@@ -1,0 +1,495 @@
+//! Tables of a TOML text, read key by key; every problem is noted with its place and none stops the reading.
+
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
+
+use toml::Value;
+
+use crate::words::{describe, did_you_mean, list, unknown_key, unknown_name};
+use crate::{Document, Problem, Problems};
+
+/// Values that a number may take.
+#[derive(Clone, Copy, Debug)]
+pub struct Range {
+    low: f64,
+    high: f64,
+    low_is_in: bool,
+}
+
+impl Range {
+    /// Both ends included.
+    pub const fn between(low: f64, high: f64) -> Self {
+        Self { low, high, low_is_in: true }
+    }
+
+    /// Above zero, up to and with `high`.
+    pub const fn positive(high: f64) -> Self {
+        Self { low: 0.0, high, low_is_in: false }
+    }
+
+    fn holds(&self, x: f64) -> bool {
+        x <= self.high && if self.low_is_in { x >= self.low } else { x > self.low }
+    }
+
+    fn wanted(&self) -> String {
+        if self.low_is_in {
+            format!("a number from {} to {}", self.low, self.high)
+        } else {
+            format!("a number above {} and at most {}", self.low, self.high)
+        }
+    }
+}
+
+/// A text in the course of being read, with the problems found so far.
+pub struct Reading<'d> {
+    file: &'d str,
+    /// Without it, problems have no lines.
+    document: Option<&'d Document>,
+    problems: RefCell<Vec<Problem>>,
+    /// Places in the text of the tables that have another name in messages.
+    named: RefCell<BTreeMap<String, String>>,
+    guesses: Cell<usize>,
+}
+
+impl<'d> Reading<'d> {
+    /// Begins to read a document.
+    pub fn of(document: &'d Document) -> Self {
+        Self { document: Some(document), ..Self::without_text(&document.file) }
+    }
+
+    /// Begins to read a table whose text is not at hand: its problems have no lines. `name` is their file.
+    pub fn without_text(name: &'d str) -> Self {
+        Self {
+            file: name,
+            document: None,
+            problems: RefCell::default(),
+            named: RefCell::default(),
+            guesses: Cell::new(0),
+        }
+    }
+
+    /// A whole table.
+    pub fn top<'r>(&'r self, table: &'r toml::Table) -> TableReader<'r> {
+        TableReader {
+            reading: self,
+            table,
+            place: String::new(),
+            path: String::new(),
+            known: RefCell::default(),
+        }
+    }
+
+    /// Notes a problem with dotted `key`, named as in messages.
+    pub fn report(&self, key: &str, message: impl Into<String>) {
+        let named = self.named.borrow();
+        let table =
+            named.iter().filter(|(name, _)| crate::is_within(key, name)).max_by_key(|(name, _)| name.len());
+        let place =
+            table.map_or_else(|| key.to_owned(), |(name, place)| format!("{place}{}", &key[name.len()..]));
+        self.note(&place, key, message.into());
+    }
+
+    /// How many values had to be made up because the text gives none that can be used.
+    pub fn guesses(&self) -> usize {
+        self.guesses.get()
+    }
+
+    /// All problems; where the lines are known, in their order.
+    pub fn into_problems(self) -> Problems {
+        let mut problems = self.problems.into_inner();
+        if self.document.is_some() {
+            problems.sort();
+            problems.dedup();
+        }
+        problems.into_iter().collect()
+    }
+
+    fn note(&self, place: &str, key: &str, message: String) {
+        let line = self.document.and_then(|document| document.line(place));
+        // What the whole text lacks is missing from its first line on.
+        let line = line.or(self.document.filter(|_| !key.is_empty()).map(|_| 1));
+        let problem = Problem { file: self.file.to_owned(), line, key: key.to_owned(), message };
+        self.problems.borrow_mut().push(problem);
+    }
+
+    fn guess(&self) {
+        self.guesses.set(self.guesses.get() + 1);
+    }
+}
+
+/// One table in the course of being read. Every problem goes to its [`Reading`].
+pub struct TableReader<'r> {
+    reading: &'r Reading<'r>,
+    table: &'r toml::Table,
+    /// Its key in the text, with indices.
+    place: String,
+    /// Its key in messages; empty for the whole text.
+    path: String,
+    known: RefCell<Vec<&'static str>>,
+}
+
+fn join(path: &str, key: &str) -> String {
+    if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+impl<'r> TableReader<'r> {
+    /// The text that it is of.
+    pub fn reading(&self) -> &'r Reading<'r> {
+        self.reading
+    }
+
+    /// Its key from the top of the text, as messages have it; empty for the whole text.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// The full name of one of its keys.
+    pub fn key(&self, key: &str) -> String {
+        join(&self.path, key)
+    }
+
+    /// Notes a problem with one of its keys.
+    pub fn report(&self, key: &str, message: impl Into<String>) {
+        self.reading.note(&join(&self.place, key), &self.key(key), message.into());
+    }
+
+    /// Notes a problem with the table as a whole.
+    pub fn report_whole(&self, message: impl Into<String>) {
+        self.reading.note(&self.place, &self.path, message.into());
+    }
+
+    /// Whether the text has this key.
+    pub fn has(&self, key: &'static str) -> bool {
+        self.value(key).is_some()
+    }
+
+    /// The value of a key, as it is.
+    pub fn value(&self, key: &'static str) -> Option<&'r Value> {
+        self.know(key);
+        self.table.get(key)
+    }
+
+    /// Its keys that are in the text, in the order of the text.
+    pub fn keys(&self) -> Vec<&'r str> {
+        let mut keys: Vec<&str> = self.table.keys().map(String::as_str).collect();
+        if let Some(document) = self.reading.document {
+            keys.sort_by_key(|key| document.start(&join(&self.place, key)));
+        }
+        keys
+    }
+
+    fn know(&self, key: &'static str) {
+        self.known.borrow_mut().push(key);
+    }
+
+    fn missing(&self, key: &str, wanted: &str) {
+        self.reading.guess();
+        self.report(key, format!("is missing: expected {wanted}"));
+    }
+
+    /// Notes that one of its keys has another value than `wanted`.
+    pub fn mistyped(&self, key: &str, wanted: &str, found: &Value) {
+        self.reading.guess();
+        self.report(key, format!("expected {wanted}, found {}", describe(found)));
+    }
+
+    /// A number that the text must give.
+    pub fn number(&self, key: &'static str, range: Range) -> f64 {
+        self.number_if_any(key, range).unwrap_or_else(|| {
+            self.missing(key, &range.wanted());
+            range.high
+        })
+    }
+
+    /// A number that the text may give.
+    pub fn number_if_any(&self, key: &'static str, range: Range) -> Option<f64> {
+        let value = self.value(key)?;
+        let x = as_number(value).filter(|&x| range.holds(x));
+        Some(x.unwrap_or_else(|| {
+            self.mistyped(key, &range.wanted(), value);
+            range.high
+        }))
+    }
+
+    /// A number, or the given one where the text has none.
+    pub fn number_or(&self, key: &'static str, otherwise: f64, range: Range) -> f64 {
+        self.number_if_any(key, range).unwrap_or(otherwise)
+    }
+
+    /// A whole number from `low` to `high`, where there is one.
+    pub fn whole_if_any(&self, key: &'static str, low: i64, high: i64) -> Option<i64> {
+        let value = self.value(key)?;
+        let n = value.as_integer().filter(|n| (low..=high).contains(n));
+        if n.is_none() {
+            self.mistyped(key, &format!("a whole number from {low} to {high}"), value);
+        }
+        n
+    }
+
+    /// True or false, where the text says it.
+    pub fn truth_if_any(&self, key: &'static str) -> Option<bool> {
+        let value = self.value(key)?;
+        if !value.is_bool() {
+            self.mistyped(key, "true or false", value);
+        }
+        value.as_bool()
+    }
+
+    /// A text that is not blank.
+    pub fn text(&self, key: &'static str) -> String {
+        if !self.has(key) {
+            self.missing(key, "a text");
+        }
+        self.text_if_any(key).unwrap_or_default()
+    }
+
+    /// A text that is not blank, where there is one.
+    pub fn text_if_any(&self, key: &'static str) -> Option<String> {
+        self.text_like(key, "a text that is not blank", |text| !text.trim().is_empty())
+    }
+
+    /// A text of a certain form, where there is one.
+    pub fn text_like(
+        &self,
+        key: &'static str,
+        wanted: &str,
+        is_right: impl Fn(&str) -> bool,
+    ) -> Option<String> {
+        let value = self.value(key)?;
+        let text = value.as_str().filter(|text| is_right(text));
+        if text.is_none() {
+            self.mistyped(key, wanted, value);
+        }
+        text.map(str::to_owned)
+    }
+
+    /// The place of the text's name among `names`.
+    pub fn one_of(&self, key: &'static str, names: &[&str]) -> Option<usize> {
+        if !self.has(key) {
+            self.missing(key, &format!("one of {}", list(names)));
+        }
+        self.one_of_if_any(key, names)
+    }
+
+    /// The place of the text's name among `names`, where there is one.
+    pub fn one_of_if_any(&self, key: &'static str, names: &[&str]) -> Option<usize> {
+        let value = self.value(key)?;
+        let Some(text) = value.as_str() else {
+            self.mistyped(key, &format!("one of {}", list(names)), value);
+            return None;
+        };
+        let found = names.iter().position(|&name| name == text);
+        if found.is_none() {
+            self.reading.guess();
+            self.report(key, unknown_name(text, names));
+        }
+        found
+    }
+
+    /// A table that the text must have.
+    pub fn table(&self, key: &'static str) -> Option<TableReader<'r>> {
+        if !self.has(key) {
+            self.missing(key, "a table");
+        }
+        self.table_if_any(key)
+    }
+
+    /// A table, where there is one.
+    pub fn table_if_any(&self, key: &'static str) -> Option<TableReader<'r>> {
+        self.know(key);
+        self.named_table(key)
+    }
+
+    /// A table under a key that only the text knows.
+    pub fn named_table(&self, key: &str) -> Option<TableReader<'r>> {
+        match self.table.get(key)? {
+            Value::Table(table) => Some(self.inner(join(&self.place, key), self.key(key), table)),
+            other => {
+                self.mistyped(key, "a table", other);
+                None
+            }
+        }
+    }
+
+    fn inner(&self, place: String, path: String, table: &'r toml::Table) -> TableReader<'r> {
+        if place != path {
+            self.reading.named.borrow_mut().insert(path.clone(), place.clone());
+        }
+        TableReader { reading: self.reading, table, place, path, known: RefCell::default() }
+    }
+
+    /// All tables of an array of tables, empty where there is none; `name` gives each its name in messages, its index
+    /// where that is `None`.
+    pub fn tables(
+        &self,
+        key: &'static str,
+        name: impl Fn(&TableReader<'r>) -> Option<String>,
+    ) -> Vec<TableReader<'r>> {
+        let mut tables = Vec::new();
+        for (i, value) in self.array(key, "an array of tables").iter().enumerate() {
+            let (place, path) =
+                (format!("{}[{i}]", join(&self.place, key)), format!("{}[{i}]", self.key(key)));
+            match value {
+                Value::Table(table) => {
+                    let unnamed = self.inner(place.clone(), path, table);
+                    tables.push(match name(&unnamed) {
+                        Some(name) => {
+                            let named = self.inner(place, format!("{}.{name}", self.key(key)), table);
+                            TableReader { known: unnamed.known, ..named }
+                        }
+                        None => unnamed,
+                    });
+                }
+                other => {
+                    self.reading.guess();
+                    self.reading.note(&place, &path, format!("expected a table, found {}", describe(other)));
+                }
+            }
+        }
+        tables
+    }
+
+    fn array(&self, key: &'static str, wanted: &str) -> &'r [Value] {
+        match self.value(key) {
+            Some(Value::Array(array)) => array,
+            Some(other) => {
+                self.mistyped(key, wanted, other);
+                &[]
+            }
+            None => &[],
+        }
+    }
+
+    /// An array of pairs of numbers, as in `[[0.0, 5.0], [3.0, 0.0]]`; at least one. Empty after a problem.
+    pub fn pairs(&self, key: &'static str, wanted: &str, ranges: [Range; 2]) -> Vec<[f64; 2]> {
+        match self.value(key) {
+            None => self.missing(key, wanted),
+            Some(Value::Array(items)) if items.is_empty() => {
+                self.reading.guess();
+                self.report(key, format!("expected {wanted}, found an empty array"));
+            }
+            Some(_) => {}
+        }
+        let array = self.array(key, wanted);
+        let mut pairs = Vec::new();
+        for (i, value) in array.iter().enumerate() {
+            let pair = value.as_array().filter(|pair| pair.len() == 2);
+            let read = |k: usize| pair.and_then(|pair| as_number(&pair[k])).filter(|&x| ranges[k].holds(x));
+            if let (Some(a), Some(b)) = (read(0), read(1)) {
+                pairs.push([a, b]);
+            } else {
+                let wanted = format!("a pair of {} and {}", ranges[0].wanted(), ranges[1].wanted());
+                self.mistyped(&format!("{key}[{i}]"), &wanted, value);
+            }
+        }
+        if pairs.len() < array.len() {
+            pairs.clear();
+        }
+        pairs
+    }
+
+    /// Whether the text gives exactly one of `keys`, and which; a problem otherwise.
+    pub fn only_one(&self, keys: &[&'static str]) -> Option<&'static str> {
+        let found: Vec<_> = keys.iter().copied().filter(|key| self.has(key)).collect();
+        let message = match found[..] {
+            [key] => return Some(key),
+            [] => {
+                let known = self.known.borrow();
+                let unknown = self.keys().into_iter().filter(|key| !known.contains(key));
+                let mut hints = unknown.map(|key| did_you_mean(key, keys.iter().copied()));
+                let hint = hints.find(|hint| !hint.is_empty()).unwrap_or_default();
+                format!("expected one of {}{hint}", list(keys))
+            }
+            _ => format!("expected only one of {}, found {}", list(keys), list(&found)),
+        };
+        self.reading.guess();
+        self.report_whole(message);
+        None
+    }
+
+    /// Notes every key of the text that was never asked for, with the nearest one that exists.
+    pub fn finish(&self) {
+        let mut known = self.known.borrow().clone();
+        known.sort_unstable();
+        known.dedup();
+        for key in self.keys().into_iter().filter(|key| !known.contains(key)) {
+            self.report(key, unknown_key(key, &known));
+        }
+    }
+}
+
+/// A number that is finite.
+fn as_number(value: &Value) -> Option<f64> {
+    let x = value.as_float().or_else(|| value.as_integer().map(|n| n as f64));
+    x.filter(|x| x.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reads a form with one key of every kind; the problems of `text`.
+    fn said(text: &str, with_lines: bool) -> Vec<String> {
+        let document = Document::parse("a.toml", text).unwrap();
+        let reading = if with_lines { Reading::of(&document) } else { Reading::without_text("[a]") };
+        let top = reading.top(&document.table);
+        top.number("share", Range::between(0.0, 1.0));
+        top.number_or("speed", 1.0, Range::positive(10.0));
+        top.whole_if_any("count", 1, 9);
+        top.truth_if_any("is_on");
+        top.text_if_any("note");
+        top.one_of_if_any("way", &["left", "right"]);
+        for thing in top.tables("thing", |thing| thing.text_if_any("name")) {
+            thing.pairs("points", "pairs [s, d]", [Range::between(0.0, 5.0); 2]);
+            thing.only_one(&["stay", "go"]);
+            thing.finish();
+        }
+        for name in top.table_if_any("free").iter().flat_map(TableReader::keys) {
+            reading.report(&format!("free.{name}"), "is here");
+        }
+        top.finish();
+        reading.into_problems().iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn every_problem_has_its_line_and_its_name() {
+        let right = "share = 0.5\nspeed = 3\ncount = 2\nis_on = true\nnote = \"x\"\nway = \"left\"\n\
+                     [[thing]]\nname = \"a\"\npoints = [[1, 2.5]]\nstay = 1\n";
+        assert_eq!(said(right, true), [""; 0]);
+        let wrong = "speed = 0\ncount = 2.5\nis_on = 1\nnote = \" \"\nway = \"lft\"\nspede = 1\n\
+                     [[thing]]\nname = \"a\"\npoints = [[1, 2], [1, 9]]\ngo = 1\nstay = 1\n\
+                     [[thing]]\npoints = []\ngoo = 1\n[free]\nz = 1\na = 2\n";
+        assert_eq!(
+            said(wrong, true),
+            [
+                "a.toml:1: share: is missing: expected a number from 0 to 1",
+                "a.toml:1: speed: expected a number above 0 and at most 10, found 0",
+                "a.toml:2: count: expected a whole number from 1 to 9, found 2.5",
+                "a.toml:3: is_on: expected true or false, found 1",
+                "a.toml:4: note: expected a text that is not blank, found the text \" \"",
+                "a.toml:5: way: expected one of \"left\", \"right\", found \"lft\"; did you mean \"left\"?",
+                "a.toml:6: spede: unknown key; did you mean \"speed\"?",
+                "a.toml:7: thing.a: expected only one of \"stay\", \"go\", found \"stay\", \"go\"",
+                "a.toml:9: thing.a.points[1]: expected a pair of a number from 0 to 5 and a number from 0 to 5, \
+                 found an array of 2",
+                "a.toml:12: thing[1]: expected one of \"stay\", \"go\"; did you mean \"go\"?",
+                "a.toml:13: thing[1].points: expected pairs [s, d], found an empty array",
+                "a.toml:14: thing[1].goo: unknown key; did you mean \"go\"?",
+                "a.toml:16: free.z: is here",
+                "a.toml:17: free.a: is here",
+            ]
+        );
+    }
+
+    #[test]
+    fn without_its_text_a_table_has_no_lines() {
+        assert_eq!(
+            said("count = 0\nthing = [3]\n", false),
+            [
+                "[a]: share: is missing: expected a number from 0 to 1",
+                "[a]: count: expected a whole number from 1 to 9, found 0",
+                "[a]: thing[0]: expected a table, found 3",
+            ]
+        );
+    }
+}

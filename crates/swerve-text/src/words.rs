@@ -1,0 +1,117 @@
+//! Words of messages: the nearest name, lists of names, short numbers, values as TOML names them.
+
+use toml::Value;
+
+/// A number as a reader would write it, without hundreds of digits.
+pub fn number(x: f64) -> String {
+    let is_plain = x == 0.0 || (1e-6..1e15).contains(&x.abs()) || !x.is_finite();
+    if is_plain { x.to_string() } else { format!("{x:e}") }
+}
+
+/// The name nearest to `wrong`, if any is near: by letters in common or by few slips of the pen.
+pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
+    let score = |name| {
+        let slips = strsim::damerau_levenshtein(wrong, name);
+        let likeness = strsim::jaro_winkler(wrong, name);
+        let is_near = likeness > 0.75 || slips <= wrong.chars().count() / 3;
+        is_near.then_some((likeness - slips as f64 * 0.01, name))
+    };
+    // Of names that are equally near, the first.
+    let nearer = |best: (f64, &'n str), other: (f64, &'n str)| if other.0 > best.0 { other } else { best };
+    names.into_iter().filter_map(score).reduce(nearer).map(|(_, name)| name)
+}
+
+/// `; did you mean "near"?`, or nothing where no name is near.
+pub fn did_you_mean<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> String {
+    nearest(wrong, names).map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"))
+}
+
+/// Adds "did you mean" to serde's "unknown field `x`, expected one of `y`, `z`".
+pub fn with_nearest_name(message: &str) -> String {
+    let message = message.trim_end();
+    let mut names = message.split('`').skip(1).step_by(2);
+    let unknown = message.starts_with("unknown ").then(|| names.next()).flatten();
+    match unknown.and_then(|wrong| nearest(wrong, names)) {
+        Some(name) => format!("{message} (did you mean `{name}`?)"),
+        None => message.to_owned(),
+    }
+}
+
+/// Names in quotes, with commas.
+pub fn list(names: &[&str]) -> String {
+    names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")
+}
+
+/// An unknown key, with the nearest one that there is.
+pub(crate) fn unknown_key(wrong: &str, known: &[&str]) -> String {
+    match nearest(wrong, known.iter().copied()) {
+        Some(near) => format!("unknown key; did you mean \"{near}\"?"),
+        None if known.is_empty() => "unknown key; expected none".to_owned(),
+        None => format!("unknown key; expected one of {}", list(known)),
+    }
+}
+
+/// A name that is none of those expected.
+pub(crate) fn unknown_name(wrong: &str, known: &[&str]) -> String {
+    let hint = did_you_mean(wrong, known.iter().copied());
+    format!("expected one of {}, found \"{wrong}\"{hint}", list(known))
+}
+
+/// A value in a message.
+pub(crate) fn describe(value: &Value) -> String {
+    match value {
+        Value::String(text) => format!("the text \"{text}\""),
+        Value::Float(x) if x.is_finite() => number(*x),
+        Value::Datetime(date) => format!("the date {date}"),
+        Value::Array(items) => format!("an array of {}", items.len()),
+        Value::Table(_) => "a table".to_owned(),
+        Value::Integer(_) | Value::Float(_) | Value::Boolean(_) => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        let written = [0.0, 0.25, -3.0, 86_400_000.0, 1e-7, 1e308, -2.5e20, f64::NAN];
+        assert_eq!(written.map(number), ["0", "0.25", "-3", "86400000", "1e-7", "1e308", "-2.5e20", "NaN"]);
+    }
+
+    #[test]
+    fn the_nearest_name_is_one_slip_or_many_letters_away() {
+        let names = ["planner", "predictor", "gate", "fps"];
+        for (wrong, near) in [
+            ("planer", Some("planner")),
+            ("predict", Some("predictor")),
+            ("gaet", Some("gate")),
+            ("fsp", Some("fps")),
+            ("world", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(wrong, names), near, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn values_are_called_as_toml_calls_them() {
+        let table: toml::Table =
+            "v = [nan, -inf, 1e308, 3, true, 1979-05-27, \"x\", [1], {}]".parse().unwrap();
+        let said: Vec<String> = table["v"].as_array().unwrap().iter().map(describe).collect();
+        assert_eq!(
+            said,
+            [
+                "nan",
+                "-inf",
+                "1e308",
+                "3",
+                "true",
+                "the date 1979-05-27",
+                "the text \"x\"",
+                "an array of 1",
+                "a table"
+            ]
+        );
+    }
+}
