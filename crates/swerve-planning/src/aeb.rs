@@ -8,10 +8,12 @@ use swerve_core::Span;
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::{Plan, PlanStatus};
 
+use crate::brake::{brake_along, brake_length_m};
 use crate::collision::{CollisionMode, Obstacles, Solid};
 use crate::params::{InvalidParam, require, require_not_negative, require_positive};
-use crate::request::{Budget, Goes, Planner, Request};
-use crate::world::{SpeedProfile, brake_along, brake_length_m, follow_route, route_path};
+use crate::path::route::{follow_route, route_path};
+use crate::path::speed::SpeedProfile;
+use crate::request::{Budget, Planner, Progress, Request};
 
 /// Parameters.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -97,7 +99,7 @@ impl Aeb {
         let steps = (within_s / self.params.step_s).ceil().max(1.0) as usize;
         for k in 0..steps {
             *work += 1;
-            if budget.spend(1) == Goes::Stop {
+            if budget.spend(1) == Progress::Stop {
                 return None;
             }
             let from_s = k as f64 * self.params.step_s;

@@ -5,7 +5,6 @@ use swerve_msg::truth::{Surroundings, WorldState};
 use swerve_msg::{Detections, EgoState, ObstacleList, PredictionList, TrackList};
 use swerve_perception::detector::{Detector, Params};
 use swerve_perception::tracker::Tracker as Sort;
-use swerve_planning::posed::Preset;
 use swerve_prediction::{History, HistoryParams, linear};
 
 use super::deadline::{LadderDetector, PeriodicDetector, own_timer};
@@ -172,15 +171,11 @@ impl Predictor {
 
 fn linear_params(config: &Config) -> linear::Params {
     let prediction = &config.prediction;
-    let preset = match prediction.preset {
-        Preset::Paper => linear::Params::paper(),
-        Preset::Best => linear::Params::best(),
-    };
     linear::Params {
         past_steps: prediction.past_steps,
         future_steps: (prediction.horizon_ms / prediction.step_ms).round() as usize,
         step_s: prediction.step_ms * 1e-3,
-        ..preset
+        ..prediction.preset.linear()
     }
 }
 

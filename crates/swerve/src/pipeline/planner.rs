@@ -2,10 +2,9 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use swerve_core::{Span, Time};
-use swerve_flow::{At, Context, Deadline, Every, Graph, Latest, Operator, Port, Progress, Stream, Window};
+use swerve_flow::{At, Context, Deadline, Every, Graph, Latest, Operator, Port, Stream, Window};
 use swerve_msg::{EgoState, Plan, Prediction, PredictionList, Route, RungTaken};
-use swerve_planning::world::predicted_start;
-use swerve_planning::{Budget, Goes, Planner, Request, Unlimited};
+use swerve_planning::{Budget, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_scenario::Scenario;
 use swerve_vehicle::{Limits, Shape};
 
@@ -199,10 +198,10 @@ pub(super) fn planner(
 struct Metered<'a, 'b>(&'a mut Context<'b>);
 
 impl Budget for Metered<'_, '_> {
-    fn spend(&mut self, units: u64) -> Goes {
+    fn spend(&mut self, units: u64) -> Progress {
         match self.0.spend(units) {
-            Progress::Continue => Goes::On,
-            Progress::Stop => Goes::Stop,
+            swerve_flow::Progress::Continue => Progress::Continue,
+            swerve_flow::Progress::Stop => Progress::Stop,
         }
     }
 }

@@ -1,8 +1,7 @@
 //! A picture of one posed problem: what stands in the way, the road, the path found, outlines along it.
 
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
-use swerve_planning::Solution;
-use swerve_planning::posed::{AxisBox, ProblemFile, obb};
+use swerve_pylot::posed::{AxisBox, ProblemFile, Solution, obb};
 use swerve_vehicle::Shape;
 
 use super::read::Posed;
