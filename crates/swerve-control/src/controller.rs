@@ -29,22 +29,22 @@ pub struct Input<'a> {
     pub route: &'a Route,
 }
 
-/// What a step did.
+/// Result of a step.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Output {
-    /// What the vehicle is asked to do.
+    /// The command to the vehicle.
     pub command: Command,
     /// The speed that it goes for, m/s.
     pub speed_mps: f64,
     /// The acceleration that it asks for, m/s²; none where the law works the pedals itself.
     pub accel_mps2: Option<f64>,
-    /// What the command follows.
+    /// The path that the command follows.
     pub status: Status,
     /// With [`Law::Mpc`]: how the command came about.
     pub mpc: Option<mpc::Report>,
 }
 
-/// What a command follows.
+/// The path that a command follows.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
@@ -284,7 +284,7 @@ impl Controller {
         (step.steering_rad, self.drive_at(wanted, accel, ego))
     }
 
-    /// What gives an acceleration, on the way to a speed.
+    /// Pedals for an acceleration, on the way to a speed.
     fn drive_at(&self, speed_mps: f64, accel_mps2: f64, ego: &EgoState) -> Drive {
         let pedals = self.drive.pedals(accel_mps2, ego.speed_mps);
         Drive { pedals, speed_mps, accel_mps2: Some(accel_mps2) }
@@ -323,7 +323,7 @@ impl Controller {
         }
     }
 
-    /// What the ego should do at `instant`, when it is then at arc length `s_m`.
+    /// Place and speed that the ego should have at `instant`, when it is then at arc length `s_m`.
     fn wanted(&self, input: &Input<'_>, status: Status, instant: Time, s_m: f64) -> Wanted {
         if let Some((since, from_mps)) = self.stopping {
             let target = self.stop_target(since, from_mps, instant);
@@ -375,14 +375,14 @@ impl Controller {
     }
 }
 
-/// What a law makes of the speed.
+/// A law's answer for the speed.
 struct Drive {
     pedals: Pedals,
     speed_mps: f64,
     accel_mps2: Option<f64>,
 }
 
-/// What the ego should do at one instant of the horizon.
+/// Place and speed that the ego should have at one instant of the horizon.
 struct Wanted {
     /// How far ahead of where it is expected, metres.
     ahead_m: f64,

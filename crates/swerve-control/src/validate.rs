@@ -8,9 +8,9 @@ use crate::{Law, Params};
 pub struct ParamsError {
     /// Dotted key below `control`.
     pub key: &'static str,
-    /// What was given.
+    /// The value given.
     pub value: f64,
-    /// What is allowed.
+    /// The range that is allowed.
     pub must: &'static str,
 }
 

@@ -1,4 +1,4 @@
-//! What is wrong with a parameter.
+//! Checks of parameters.
 
 /// A parameter outside its range.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
@@ -8,7 +8,7 @@ pub struct InvalidParam {
     pub key: &'static str,
     /// Its value.
     pub value: f64,
-    /// What it should be.
+    /// The range that it should be in.
     pub expected: &'static str,
 }
 

@@ -67,7 +67,7 @@ impl Budget for Unlimited {
     }
 }
 
-/// Counts what a planner spends, and never asks again once told to stop.
+/// Counts the units that a planner spends, and never asks again after [`Progress::Stop`].
 pub struct Counted<'a> {
     inner: &'a mut dyn Budget,
     /// Units spent so far.

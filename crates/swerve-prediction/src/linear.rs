@@ -55,9 +55,9 @@ impl Default for Params {
 pub struct ParamsError {
     /// Key below `prediction`.
     pub key: &'static str,
-    /// What was given.
+    /// The value given.
     pub value: f64,
-    /// What is allowed.
+    /// The range that is allowed.
     pub must: &'static str,
 }
 

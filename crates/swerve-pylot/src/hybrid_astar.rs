@@ -4,8 +4,9 @@ use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 use swerve_msg::Plan;
-use swerve_planning::hybrid_astar::search::{Arrival, Ends, Lattice, Search};
+use swerve_planning::hybrid_astar::search::{Arrival, Lattice, Search};
 use swerve_planning::params::{require, require_not_negative, require_positive};
+use swerve_planning::path::Ends;
 use swerve_planning::path::ground::{Ground, Outline};
 use swerve_planning::path::piece::Piece;
 use swerve_planning::path::points::{PathPoint, place_points};

@@ -3,8 +3,8 @@
 //! and limits, and the posed problems that planners of different origin are compared on.
 //!
 //! The planners here search with the parts of `swerve-planning`, and differ in all around them: FOT builds every
-//! candidate, RRT* takes the car for a point, Hybrid A* ends near its goal; none looks at the road, at the car's limits,
-//! or at when it will be where more than at a constant speed. [`Preset`] is the word for either side in a configuration.
+//! candidate, RRT* takes the car for a point, Hybrid A* ends near its goal. All drive at a constant speed or a sampled
+//! one, and none looks at the road or at the car's limits. [`Preset`] is the word for either side in a configuration.
 
 mod fot;
 mod hybrid_astar;

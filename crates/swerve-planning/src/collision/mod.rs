@@ -40,7 +40,7 @@ pub enum CollisionMode {
 }
 
 impl CollisionMode {
-    /// What planners try in order: where nothing is found although walkers may stop, they are taken as predicted.
+    /// The modes that planners try in order: where nothing is found although walkers may stop, they are taken as predicted.
     pub fn in_order(self) -> &'static [Self] {
         match self {
             Self::TimeIndexed => &[Self::TimeIndexed],

@@ -22,7 +22,7 @@ pub struct Params {
     pub margin_m: f64,
     /// The strip that the ego sweeps is wider than the ego by this on either side, metres. Source: ours.
     pub clearance_m: f64,
-    /// What stands no further beside the strip may hide a person who steps out, metres; 0 for nothing. Source: ours: about what a
+    /// A thing no further beside the strip may hide a person who steps out, metres; 0 for nothing. Source: ours: about what a
     /// person goes in the second that a response and the braking take.
     pub reach_m: f64,
     /// Things no further than this are counted, metres. Source: FOT's `obstacle_range_m`.

@@ -169,7 +169,7 @@ const GRACE_S: f64 = 1.0;
 /// finite step leaves.
 const HEADING_SLACK_RAD: f64 = 0.03;
 
-/// What an exact clearance is kept to, metres.
+/// Precision of an exact clearance, metres.
 const EXACT_M: f64 = 2e-4;
 
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.

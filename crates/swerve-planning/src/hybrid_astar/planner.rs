@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 use swerve_msg::Plan;
 
 use super::motions::fan;
-use super::search::{Arrival, Ends, Lattice, Search};
+use super::search::{Arrival, Lattice, Search};
 use crate::collision::CollisionMode;
 use crate::params::{InvalidParam, require, require_not_negative, require_positive};
+use crate::path::Ends;
 use crate::path::ground::Ground;
 use crate::path::piece::Piece;
 use crate::path::replanner::{PathSearch, Replanner, Settings, Task};

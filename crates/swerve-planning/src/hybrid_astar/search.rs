@@ -6,6 +6,7 @@ use std::collections::BinaryHeap;
 use swerve_geom::{Pose2, angle_between};
 
 use super::detour::Detour;
+use crate::path::Ends;
 use crate::path::dubins::Dubins;
 use crate::path::ground::Ground;
 use crate::path::piece::{Piece, advance, join};
@@ -56,17 +57,6 @@ const TURN_COST: f64 = 1e-3;
 
 /// Lengths that differ by less are the same: cells hold single precision.
 const SAME_M: f64 = 1e-3;
-
-/// From where to where a search goes.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Ends {
-    /// The first pose.
-    pub start: Pose2,
-    /// The pose to reach.
-    pub goal: Pose2,
-    /// Poses lie within x_min, y_min, x_max, y_max, metres.
-    pub bounds: [f64; 4],
-}
 
 const NONE: u32 = u32::MAX;
 

@@ -11,3 +11,16 @@ pub(crate) mod replanner;
 pub mod route;
 pub mod shorten;
 pub mod speed;
+
+use swerve_geom::Pose2;
+
+/// From where to where a search goes.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Ends {
+    /// The first pose.
+    pub start: Pose2,
+    /// The pose to reach.
+    pub goal: Pose2,
+    /// Poses lie within x_min, y_min, x_max, y_max, metres.
+    pub bounds: [f64; 4],
+}

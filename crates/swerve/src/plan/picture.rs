@@ -91,7 +91,7 @@ impl Sketch {
         Self { boxes, clearance_m, line: vec![], edges: vec![], start, goal: Some(goal), outline }
     }
 
-    /// What the drawing shows: x_min, y_min, x_max, y_max.
+    /// The ground in the drawing: x_min, y_min, x_max, y_max.
     fn extent(&self, path: &[[f64; 4]]) -> [f64; 4] {
         let mut seen = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         let mut see = |x: f64, y: f64| {

@@ -13,7 +13,7 @@ pub const REPEATS: usize = 3;
 
 /// Solves all problems of a planner, in the order of the file.
 ///
-/// What is timed is a planner's work for a call as it does it in a run: for RRT* and Hybrid A* the search to the
+/// The time is that of a planner's work for a call as it does it in a run: for RRT* and Hybrid A* the search to the
 /// finished path in a solver that keeps its memory, for FOT the whole call with all that it builds.
 /// Length, curvature and clearance of the result are not timed for the former two.
 pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<Solution> {

@@ -237,4 +237,6 @@ fn path_of(task: &Task<'_>, candidate: &Candidate, step_s: f64, look_m: f64) -> 
 }
 
 #[cfg(test)]
+mod driven;
+#[cfg(test)]
 mod tests;

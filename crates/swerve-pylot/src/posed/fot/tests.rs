@@ -4,7 +4,8 @@ use proptest::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use swerve_planning::fot::search::{Outcome, Priced};
-use swerve_planning::testing::driven_off_m;
+
+use super::driven::driven_off_m;
 
 /// The record of one run of the original in the file.
 #[derive(Deserialize)]

@@ -3,7 +3,8 @@
 use swerve_core::Time;
 use swerve_geom::Pose2;
 use swerve_planning::hybrid_astar::fan;
-use swerve_planning::hybrid_astar::search::{Arrival, Ends, Lattice, Search};
+use swerve_planning::hybrid_astar::search::{Arrival, Lattice, Search};
+use swerve_planning::path::Ends;
 use swerve_planning::path::ground::{Area, Clock, Ground, Outline, around};
 use swerve_planning::path::piece::{Piece, length_m};
 use swerve_planning::path::shorten::Shortener;

@@ -20,7 +20,7 @@ pub(super) const CHORD_M: f64 = 0.1;
 
 /// A pose in which a corner may be passed, and the best way to it.
 #[derive(Clone, Copy, Debug)]
-struct Stop {
+struct Station {
     pose: Pose2,
     /// Which corner.
     corner: u32,
@@ -33,8 +33,8 @@ const NONE: u32 = u32::MAX;
 /// Memory, kept between calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bender {
-    stops: Vec<Stop>,
-    /// Ways to one stop: length, and where from.
+    stations: Vec<Station>,
+    /// Ways to one station: length, and where from.
     ways: Vec<(f64, u32)>,
 }
 
@@ -50,27 +50,28 @@ impl Bender {
         pieces: &mut Vec<Piece>,
     ) -> Option<f64> {
         self.place(boxes, corners);
-        for to in 0..self.stops.len() {
-            if self.stops[to].corner > 0 {
+        for to in 0..self.stations.len() {
+            if self.stations[to].corner > 0 {
                 self.reach(boxes, radius_m, to);
             }
         }
         let last = corners.len() as u32 - 1;
-        let ends = self.stops.iter().enumerate().filter(|(_, s)| s.corner == last && s.length_m.is_finite());
+        let ends =
+            self.stations.iter().enumerate().filter(|(_, s)| s.corner == last && s.length_m.is_finite());
         let (mut at, _) = ends.min_by(|a, b| a.1.length_m.total_cmp(&b.1.length_m))?;
         pieces.clear();
-        while self.stops[at].from != NONE {
-            let before = self.stops[at].from as usize;
-            let path = Dubins::shortest(self.stops[before].pose, self.stops[at].pose, radius_m);
+        while self.stations[at].from != NONE {
+            let before = self.stations[at].from as usize;
+            let path = Dubins::shortest(self.stations[before].pose, self.stations[at].pose, radius_m);
             pieces.extend(path.pieces.iter().rev());
             at = before;
         }
         pieces.reverse();
-        Some(self.stops[at].pose.heading_rad)
+        Some(self.stations[at].pose.heading_rad)
     }
 
     fn place(&mut self, boxes: &Boxes, corners: &[Pose2]) {
-        self.stops.clear();
+        self.stations.clear();
         let last = corners.len() - 1;
         let line = |a: usize, b: usize| -> Vector2 { corners[b].point() - corners[a].point() };
         for (i, corner) in corners.iter().enumerate() {
@@ -80,7 +81,7 @@ impl Bender {
             let mut push = |at: swerve_geom::Point2, heading_rad: f64| {
                 let length_m = if i == 0 { 0.0 } else { f64::INFINITY };
                 let pose = Pose2::new(at.x_m, at.y_m, heading_rad);
-                self.stops.push(Stop { pose, corner: i as u32, length_m, from: NONE });
+                self.stations.push(Station { pose, corner: i as u32, length_m, from: NONE });
             };
             if i == 0 || i == last {
                 OFF_RAD.iter().for_each(|off| push(point, before + off));
@@ -98,24 +99,24 @@ impl Bender {
         }
     }
 
-    /// Finds the shortest free way to stop `to` from those of the two corners before it.
+    /// Finds the shortest free way to station `to` from those of the two corners before it.
     fn reach(&mut self, boxes: &Boxes, radius_m: f64, to: usize) {
-        let Stop { pose, corner, .. } = self.stops[to];
+        let Station { pose, corner, .. } = self.stations[to];
         self.ways.clear();
-        for (i, stop) in self.stops[..to].iter().enumerate() {
-            if stop.corner < corner && stop.corner + 2 >= corner && stop.length_m.is_finite() {
-                let length_m = Dubins::shortest(stop.pose, pose, radius_m).length();
+        for (i, station) in self.stations[..to].iter().enumerate() {
+            if station.corner < corner && station.corner + 2 >= corner && station.length_m.is_finite() {
+                let length_m = Dubins::shortest(station.pose, pose, radius_m).length();
                 // A way that turns round on itself is none.
-                if length_m < 1.5 * stop.pose.point().distance(pose.point()) + 1.0 {
-                    self.ways.push((stop.length_m + length_m, i as u32));
+                if length_m < 1.5 * station.pose.point().distance(pose.point()) + 1.0 {
+                    self.ways.push((station.length_m + length_m, i as u32));
                 }
             }
         }
         self.ways.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for &(length_m, from) in &self.ways {
-            let start = self.stops[from as usize].pose;
+            let start = self.stations[from as usize].pose;
             if pieces_free(boxes, start, &Dubins::shortest(start, pose, radius_m).pieces) {
-                (self.stops[to].length_m, self.stops[to].from) = (length_m, from);
+                (self.stations[to].length_m, self.stations[to].from) = (length_m, from);
                 return;
             }
         }

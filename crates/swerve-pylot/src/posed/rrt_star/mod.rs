@@ -6,7 +6,7 @@ mod round;
 
 use swerve_core::{Rng, Time};
 use swerve_geom::{Point2, Pose2};
-use swerve_planning::hybrid_astar::search::Ends;
+use swerve_planning::path::Ends;
 use swerve_planning::path::ground::{Outline, around};
 use swerve_planning::path::piece::{Piece, length_m};
 use swerve_planning::path::points::with_curvature;
