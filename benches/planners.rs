@@ -9,8 +9,9 @@ use serde::Deserialize;
 use swerve::plan::{Posed, read, solve_all};
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_geom::{angle_between, math};
-use swerve_planning::posed::{FotConfig, ProblemFile};
-use swerve_planning::{Budget, Goes, Preset, Solution, Unlimited, rrt_star};
+use swerve_planning::{Budget, Progress, Unlimited};
+use swerve_pylot::Preset;
+use swerve_pylot::posed::{FotConfig, ProblemFile, Solution, rrt_star};
 
 /// What the file records of the peers: planner, configuration, problem.
 #[derive(Deserialize)]
@@ -159,8 +160,8 @@ fn fot(rows: &mut Rows, file: &ProblemFile, recorded: &Recorded) {
 struct UntilClock(std::time::Instant);
 
 impl Budget for UntilClock {
-    fn spend(&mut self, _: u64) -> Goes {
-        if now() < self.0 { Goes::On } else { Goes::Stop }
+    fn spend(&mut self, _: u64) -> Progress {
+        if now() < self.0 { Progress::Continue } else { Progress::Stop }
     }
 }
 

@@ -1,16 +1,20 @@
 //! The controller: what to follow, at which speed, by which law.
 
+mod params;
+
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::{Pose2, math};
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, Route};
 use swerve_vehicle::{Limits, Shape};
 
-use crate::lateral::{self, OnPath, PurePursuitParams, StanleyParams, WaypointParams};
+use crate::lateral::{self, OnPath};
 use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
 use crate::speed::{SpeedLaw, Target};
-use crate::{AccelToPedals, Pedals, pid, speed};
+use crate::{AccelToPedals, Pedals, pid};
+
+pub use params::{AlongParams, Following, Law, Params, SlipParams, StopParams};
 
 /// Everything that one step of control may know.
 #[derive(Clone, Copy, Debug)]
@@ -25,139 +29,22 @@ pub struct Input<'a> {
     pub route: &'a Route,
 }
 
-/// How a plan is followed.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Following {
-    /// From the place of the plan that is nearest to the ego; passed points are trimmed, times are ignored (paper).
-    Projection,
-    /// The ego should be where the plan is at the present instant.
-    #[default]
-    Time,
-}
-
-/// Which laws steer and drive.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Law {
-    /// Pylot's PID on speed and its steering by the angle to a waypoint.
-    Pid,
-    /// Pure pursuit and the speed law with feed-forward.
-    PurePursuit,
-    /// Stanley and the speed law with feed-forward.
-    #[default]
-    Stanley,
-    /// Model predictive control of steering and acceleration.
-    Mpc,
-}
-
-/// Parameters of a [`Controller`].
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Params {
-    /// Which laws steer and drive.
-    pub law: Law,
-    /// How plans are followed.
-    pub following: Following,
-    /// What happens when there is nothing to follow any more.
-    pub stop: StopParams,
-    /// Pylot's speed controller.
-    pub pid: pid::Params,
-    /// Pylot's steering.
-    pub waypoint: WaypointParams,
-    /// Pure pursuit.
-    pub pure_pursuit: PurePursuitParams,
-    /// Stanley.
-    pub stanley: StanleyParams,
-    /// Speed law of the path trackers.
-    pub speed: speed::Params,
-    /// Correction of the place when following by time.
-    pub along: AlongParams,
-    /// What slipping tyres add to the geometry; not used by [`Law::Pid`].
-    pub slip: SlipParams,
-    /// Model predictive control.
-    pub mpc: mpc::Params,
-}
-
-/// What slipping tyres add to the geometry of steering: fed forward, from the path's own lateral acceleration.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SlipParams {
-    /// Slip angle of the rear tyres per lateral acceleration, rad s²/m: in a turn the nose points that much
-    /// further in than the rear axle goes. Near the inverse of the tyres' stiffness per load and of gravity.
-    pub rear_s2pm: f64,
-    /// Steering beyond the geometric angle per lateral acceleration, rad s²/m: the understeer gradient.
-    pub understeer_s2pm: f64,
-}
-
-impl Default for SlipParams {
-    fn default() -> Self {
-        Self { rear_s2pm: 0.0055, understeer_s2pm: 0.0005 }
-    }
-}
-
-impl Params {
-    /// As in the paper: PID, following by projection.
-    pub fn paper() -> Self {
-        Self { law: Law::Pid, following: Following::Projection, ..Self::default() }
-    }
-
-    /// Ours: Stanley with the plan's curvature and acceleration fed forward, following by time.
-    pub fn best() -> Self {
-        Self::default()
-    }
-}
-
-/// How the ego stops when there is nothing to follow.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct StopParams {
-    /// Deceleration of a comfortable stop, m/s² (positive).
-    pub decel_mps2: f64,
-    /// Brake pedal while the state of the ego is unusable, 0 to 1. Pylot brakes with 0.5 when it has nothing to follow.
-    pub blind_brake: f64,
-}
-
-impl Default for StopParams {
-    fn default() -> Self {
-        Self { decel_mps2: 2.0, blind_brake: 0.5 }
-    }
-}
-
-/// Correction of being early or late when following by time.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct AlongParams {
-    /// Speed per metre of lag, 1/s.
-    pub gain_ps: f64,
-    /// Largest change of speed for that, m/s.
-    pub speed_max_mps: f64,
-    /// The ego is looked for on the plan within this distance of where it should be, metres.
-    pub reach_m: f64,
-}
-
-impl Default for AlongParams {
-    fn default() -> Self {
-        Self { gain_ps: 0.5, speed_max_mps: 2.0, reach_m: 15.0 }
-    }
-}
-
-/// What a step did.
+/// Result of a step.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Output {
-    /// What the vehicle is asked to do.
+    /// The command to the vehicle.
     pub command: Command,
     /// The speed that it goes for, m/s.
     pub speed_mps: f64,
     /// The acceleration that it asks for, m/s²; none where the law works the pedals itself.
     pub accel_mps2: Option<f64>,
-    /// What the command follows.
+    /// The path that the command follows.
     pub status: Status,
     /// With [`Law::Mpc`]: how the command came about.
     pub mpc: Option<mpc::Report>,
 }
 
-/// What a command follows.
+/// The path that a command follows.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
@@ -397,7 +284,7 @@ impl Controller {
         (step.steering_rad, self.drive_at(wanted, accel, ego))
     }
 
-    /// What gives an acceleration, on the way to a speed.
+    /// Pedals for an acceleration, on the way to a speed.
     fn drive_at(&self, speed_mps: f64, accel_mps2: f64, ego: &EgoState) -> Drive {
         let pedals = self.drive.pedals(accel_mps2, ego.speed_mps);
         Drive { pedals, speed_mps, accel_mps2: Some(accel_mps2) }
@@ -436,7 +323,7 @@ impl Controller {
         }
     }
 
-    /// What the ego should do at `instant`, when it is then at arc length `s_m`.
+    /// Place and speed that the ego should have at `instant`, when it is then at arc length `s_m`.
     fn wanted(&self, input: &Input<'_>, status: Status, instant: Time, s_m: f64) -> Wanted {
         if let Some((since, from_mps)) = self.stopping {
             let target = self.stop_target(since, from_mps, instant);
@@ -488,14 +375,14 @@ impl Controller {
     }
 }
 
-/// What a law makes of the speed.
+/// A law's answer for the speed.
 struct Drive {
     pedals: Pedals,
     speed_mps: f64,
     accel_mps2: Option<f64>,
 }
 
-/// What the ego should do at one instant of the horizon.
+/// Place and speed that the ego should have at one instant of the horizon.
 struct Wanted {
     /// How far ahead of where it is expected, metres.
     ahead_m: f64,

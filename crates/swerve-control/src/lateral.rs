@@ -75,7 +75,7 @@ impl PurePursuitParams {
     }
 }
 
-/// What a law knows of the path beside the ego.
+/// The path beside the ego, as a law sees it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OnPath {
     /// Nearest pose of the path.

@@ -38,7 +38,7 @@ pub struct Params {
     pub horizon: usize,
     /// Length of a step, seconds.
     pub dt_s: f64,
-    /// What it cares about.
+    /// Weights of the cost.
     pub weights: Weights,
     /// Largest change of acceleration, m/s³.
     pub jerk_max_mps3: f64,
@@ -215,7 +215,7 @@ pub enum Ending {
     Refused,
 }
 
-/// What a step of the controller says about itself.
+/// Report of one step of the controller.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Report {
     /// Where the command comes from.
@@ -228,7 +228,7 @@ pub struct Report {
     pub slack_max_m: f64,
 }
 
-/// What the controller asks for.
+/// Answer of the controller.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Step {
     /// Angle of the road wheels, radians.
@@ -287,7 +287,7 @@ impl Mpc {
         self.program.problem()
     }
 
-    /// What to ask of the car that is at `start` at `now`, to drive along `knots`: `knots[k]` belongs to
+    /// Commands for the car that is at `start` at `now`, to drive along `knots`: `knots[k]` belongs to
     /// `now + k dt`. Fewer or more knots than `horizon + 1` are refused like numbers that are not finite.
     pub fn step(&mut self, now: Time, start: &State, knots: &[Knot]) -> Step {
         let usable = knots.len() == self.params.horizon + 1;

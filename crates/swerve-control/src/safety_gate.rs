@@ -112,7 +112,7 @@ impl GateParams {
     /// actuators' own (full brakes as fast as they build up); a tyre holds about 1 g to the side; comfort is not
     /// the gate's. A stop without a stack is blind, so it is a firm one: 3 m/s² (UN R157 allows a minimal risk
     /// manoeuvre 4); an emergency stop is the most that a plan may ask for.
-    pub fn of(vehicle: &VehicleParams) -> Self {
+    pub fn new(vehicle: &VehicleParams) -> Self {
         let brakes_mps2 =
             vehicle.brakes.torque_max_nm / (vehicle.wheel.radius_m * vehicle.effective_mass_kg());
         let limits = &vehicle.limits;
@@ -163,7 +163,7 @@ impl GateParams {
     }
 }
 
-/// What the gate is given at one instant: always the newest of each, new or not.
+/// Input of the gate at one instant: always the newest of each, new or not.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct GateInput {
     /// The instant.
@@ -229,7 +229,7 @@ impl SafetyGate {
         self.refusals
     }
 
-    /// What may reach the vehicle now.
+    /// The command that may reach the vehicle now.
     pub fn step(&mut self, input: &GateInput) -> GateOutput {
         // Time that runs backwards is time that stands: nothing gets younger by it.
         let now = self.now.map_or(input.now, |before| before.max(input.now));

@@ -24,7 +24,7 @@ impl Default for Params {
     }
 }
 
-/// What the speed should do.
+/// The speed and acceleration to have.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Target {
     /// Wanted speed, m/s.

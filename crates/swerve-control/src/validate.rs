@@ -88,8 +88,7 @@ mod tests {
 
     #[test]
     fn the_presets_are_in_range() {
-        assert_eq!(Params::best().validate(), Ok(()));
-        assert_eq!(Params::paper().validate(), Ok(()));
+        assert_eq!(Params::default().validate(), Ok(()));
     }
 
     #[test]

@@ -9,9 +9,11 @@ use swerve_core::param::{ParamError, require, require_not_negative, require_posi
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::{Plan, PlanStatus};
 
+use crate::brake::{brake_along, brake_length_m};
 use crate::collision::{CollisionMode, Obstacles, Solid};
-use crate::request::{Budget, Goes, Planner, Request};
-use crate::world::{SpeedProfile, brake_along, brake_length_m, follow_route, route_path};
+use crate::path::route::{follow_route, route_path};
+use crate::path::speed::SpeedProfile;
+use crate::request::{Budget, Counted, Planner, Progress, Request};
 
 /// Parameters.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -82,7 +84,7 @@ impl Aeb {
         &self,
         request: &Request<'_>,
         within_s: f64,
-        (budget, work): (&mut dyn Budget, &mut u64),
+        budget: &mut Counted<'_>,
     ) -> Option<f64> {
         let line = &request.route.line;
         let start = &request.start;
@@ -96,8 +98,7 @@ impl Aeb {
         };
         let steps = (within_s / self.params.step_s).ceil().max(1.0) as usize;
         for k in 0..steps {
-            *work += 1;
-            if budget.spend(1) == Goes::Stop {
+            if budget.spend(1) == Progress::Stop {
                 return None;
             }
             let from_s = k as f64 * self.params.step_s;
@@ -121,15 +122,15 @@ impl Planner for Aeb {
         let braking = request.previous.is_some_and(|p| p.status == PlanStatus::Brake);
         let factor = if braking { self.params.release_factor } else { 1.0 };
         let within_s = self.params.time_to_collision_s * factor;
-        let mut work = 0;
-        let plan = match self.time_to_collision_s(request, within_s, (budget, &mut work)) {
+        let mut counted = Counted::new(budget);
+        let plan = match self.time_to_collision_s(request, within_s, &mut counted) {
             Some(_) => {
                 let path = route_path(&request.route.line, request.start.pose, brake_length_m(request));
                 brake_along(request, &path, PlanStatus::Brake)
             }
             None => follow_route(request, SpeedProfile::Limited, self.params.horizon_s, PlanStatus::Route),
         };
-        Plan { work, ..plan }
+        Plan { work: counted.spent, ..plan }
     }
 }
 

@@ -1,24 +1,27 @@
 //! Motion planning: from predictions and route to a plan.
 //!
 //! Every planner is a struct with [`Planner::plan`]: state, [`Request`] and a [`Budget`] in, a plan out.
-//! Predictions are time-indexed: planners ask where things are at each moment.
+//! Predictions are time-indexed: planners ask where things are at each moment. [`path`] holds the arcs, straights and
+//! speed profiles that planners share; the parts of a planner are public where a baseline is built from them.
 //! Absences: no engine, no simulator, no file, no clock.
 
 pub mod aeb;
+pub mod brake;
 pub mod collision;
 pub mod deadline;
+pub mod fallback;
 pub mod fot;
 pub mod hybrid_astar;
-pub mod posed;
+pub mod path;
 mod request;
 mod road;
 pub mod rrt_star;
-#[cfg(test)]
-mod testing;
+mod start;
+#[cfg(any(test, feature = "testing"))]
+pub mod testing;
 pub mod waypoint;
-pub mod world;
 
 pub use collision::{CollisionMode, Obstacles, Solid};
-pub use posed::{Preset, Solution};
-pub use request::{Budget, Goes, Planner, Request, Unlimited};
+pub use request::{Budget, Counted, Planner, Progress, Request, Unlimited};
 pub use road::Road;
+pub use start::predicted_start;

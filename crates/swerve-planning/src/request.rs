@@ -1,4 +1,4 @@
-//! What a planner is given.
+//! The planner's interface: request in, plan out, within a budget.
 
 use swerve_core::Time;
 use swerve_msg::{EgoState, Plan, Prediction, Route};
@@ -16,11 +16,11 @@ pub struct Request<'a> {
     pub route: &'a Route,
     /// Speed to hold when nothing is in the way, m/s.
     pub target_speed_mps: f64,
-    /// What moves where, ordered by identity.
+    /// Motions of the others, ordered by identity.
     pub predictions: &'a [Prediction],
     /// Outline of the ego.
     pub shape: &'a Shape,
-    /// What the ego can do.
+    /// Limits of the ego.
     pub limits: &'a Limits,
     /// The newest plan made before this one.
     pub previous: Option<&'a Plan>,
@@ -28,11 +28,21 @@ pub struct Request<'a> {
     pub seed: u64,
 }
 
+impl Request<'_> {
+    /// Whether anything predicted is ever within `range_m` (centre to ego origin) of where the ego starts.
+    pub fn obstacle_in_range(&self, range_m: f64) -> bool {
+        let start = self.start.pose.point();
+        self.predictions
+            .iter()
+            .any(|p| p.path.iter().any(|place| place.pose.point().distance(start) <= range_m))
+    }
+}
+
 /// Whether a step may go on.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Goes {
+pub enum Progress {
     /// There is budget left.
-    On,
+    Continue,
     /// The budget is used up: return the best so far.
     Stop,
 }
@@ -40,7 +50,7 @@ pub enum Goes {
 /// Counts a planner's work and says when to stop.
 pub trait Budget {
     /// Accounts for `units` of work about to be done.
-    fn spend(&mut self, units: u64) -> Goes;
+    fn spend(&mut self, units: u64) -> Progress;
 }
 
 /// Never stops; counts.
@@ -51,34 +61,37 @@ pub struct Unlimited {
 }
 
 impl Budget for Unlimited {
-    fn spend(&mut self, units: u64) -> Goes {
+    fn spend(&mut self, units: u64) -> Progress {
         self.spent += units;
-        Goes::On
+        Progress::Continue
     }
 }
 
-/// Counts what a planner spends, and never asks again once told to stop.
-pub(crate) struct Counted<'a> {
+/// Counts the units that a planner spends, and never asks again after [`Progress::Stop`].
+pub struct Counted<'a> {
     inner: &'a mut dyn Budget,
-    pub(crate) spent: u64,
-    pub(crate) stopped: bool,
+    /// Units spent so far.
+    pub spent: u64,
+    /// Whether the budget is used up.
+    pub stopped: bool,
 }
 
 impl<'a> Counted<'a> {
-    pub(crate) fn new(inner: &'a mut dyn Budget) -> Self {
+    /// Nothing spent yet.
+    pub fn new(inner: &'a mut dyn Budget) -> Self {
         Self { inner, spent: 0, stopped: false }
     }
 }
 
 impl Budget for Counted<'_> {
-    fn spend(&mut self, units: u64) -> Goes {
+    fn spend(&mut self, units: u64) -> Progress {
         if self.stopped {
-            return Goes::Stop;
+            return Progress::Stop;
         }
         self.spent += units;
-        let goes = self.inner.spend(units);
-        self.stopped = goes == Goes::Stop;
-        goes
+        let progress = self.inner.spend(units);
+        self.stopped = progress == Progress::Stop;
+        progress
     }
 }
 
@@ -86,4 +99,16 @@ impl Budget for Counted<'_> {
 pub trait Planner: Send {
     /// Plans once. The plan's `work` is the number of units spent.
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan;
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::World;
+
+    #[test]
+    fn range_counts_every_predicted_place() {
+        let world = World::straight(10.0).with_person((60.0, 0.0), (-10.0, 0.0));
+        assert!(world.request().obstacle_in_range(11.0));
+        assert!(!world.request().obstacle_in_range(9.0));
+    }
 }

@@ -1,4 +1,4 @@
-//! Worlds and the conformance suite for tests of planners.
+//! Worlds and the conformance suite for tests of planners, of other crates too (feature `testing`).
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2};
@@ -6,28 +6,34 @@ use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, Predict
 use swerve_vehicle::{Limits, Shape};
 
 use crate::collision::{CollisionMode, Obstacles};
-use crate::request::{Budget, Goes, Planner, Request, Unlimited};
+use crate::request::{Budget, Planner, Progress, Request, Unlimited};
 
-/// What a request refers to.
-pub(crate) struct World {
-    pub(crate) route: Route,
-    pub(crate) predictions: Vec<Prediction>,
-    pub(crate) shape: Shape,
-    pub(crate) limits: Limits,
-    pub(crate) start: EgoState,
-    pub(crate) target_speed_mps: f64,
+/// The things that a request refers to.
+pub struct World {
+    /// The way to go.
+    pub route: Route,
+    /// Motions of the others.
+    pub predictions: Vec<Prediction>,
+    /// Outline of the ego.
+    pub shape: Shape,
+    /// Limits of the ego.
+    pub limits: Limits,
+    /// State of the ego.
+    pub start: EgoState,
+    /// Speed to hold, m/s.
+    pub target_speed_mps: f64,
 }
 
 impl World {
     /// A straight road along x with 6 m to the left and 2 m to the right; the ego at the origin.
-    pub(crate) fn straight(speed_mps: f64) -> Self {
+    pub fn straight(speed_mps: f64) -> Self {
         let line: Vec<Point2> = (-30..200).map(|x| Point2::new(f64::from(x), 0.0)).collect();
         Self::on(&line, speed_mps)
     }
 
     /// On a road through `points`, starting at its nearest place to the origin.
-    pub(crate) fn on(points: &[Point2], speed_mps: f64) -> Self {
-        let line = Polyline::new(points).unwrap();
+    pub fn on(points: &[Point2], speed_mps: f64) -> Self {
+        let line = Polyline::new(points).expect("a test's points make a line");
         let pose = line.at(line.project(Point2::new(0.0, 0.0)).s_m).pose;
         Self {
             route: Route { line, left_m: 6.0, right_m: 2.0 },
@@ -40,7 +46,7 @@ impl World {
     }
 
     /// A left-hand bend of the given radius.
-    pub(crate) fn bend(radius_m: f64, speed_mps: f64) -> Self {
+    pub fn bend(radius_m: f64, speed_mps: f64) -> Self {
         let points: Vec<Point2> = (-20..150)
             .map(|k| {
                 let (sin, cos) = swerve_geom::math::sin_cos(f64::from(k) / radius_m);
@@ -52,7 +58,7 @@ impl World {
 
     /// With something of the given size that moves steadily from `from` at `velocity_mps`.
     #[must_use]
-    pub(crate) fn with(
+    pub fn with(
         mut self,
         kind: ActorKind,
         size: (f64, f64),
@@ -78,19 +84,20 @@ impl World {
 
     /// With a person of half a metre.
     #[must_use]
-    pub(crate) fn with_person(self, from: (f64, f64), velocity_mps: (f64, f64)) -> Self {
+    pub fn with_person(self, from: (f64, f64), velocity_mps: (f64, f64)) -> Self {
         self.with(ActorKind::Pedestrian, (0.5, 0.5), from, velocity_mps)
     }
 
     /// A person walks into the lane from behind an oncoming truck, first seen `late_s` ago 21.2 m ahead.
-    pub(crate) fn person_stepping_out(speed_mps: f64, late_s: f64) -> Self {
+    pub fn person_stepping_out(speed_mps: f64, late_s: f64) -> Self {
         let driven_m = speed_mps * late_s;
         Self::straight(speed_mps)
             .with(ActorKind::Truck, (5.2, 2.6), (14.2 - driven_m, 4.0), (0.0, 0.0))
             .with_person((21.2 - driven_m, 3.67 - 2.75 * late_s), (0.0, -2.75))
     }
 
-    pub(crate) fn request(&self) -> Request<'_> {
+    /// The request to a planner in this world.
+    pub fn request(&self) -> Request<'_> {
         Request {
             stamp: self.start.stamp,
             start: self.start,
@@ -105,7 +112,7 @@ impl World {
     }
 
     /// Smallest distance of the plan's outline to anything, metres.
-    pub(crate) fn clearance_m(&self, plan: &Plan, mode: CollisionMode) -> f64 {
+    pub fn clearance_m(&self, plan: &Plan, mode: CollisionMode) -> f64 {
         let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
         Obstacles::new(&self.predictions, mode).path_clearance_m(
             |pose| self.shape.footprint(pose),
@@ -115,7 +122,7 @@ impl World {
     }
 
     /// Smallest margin of the plan's outline on the road, metres.
-    pub(crate) fn margin_m(&self, plan: &Plan) -> f64 {
+    pub fn margin_m(&self, plan: &Plan) -> f64 {
         plan.points
             .iter()
             .map(|p| self.route.margin_m(&self.shape.footprint(p.pose)))
@@ -124,30 +131,37 @@ impl World {
 }
 
 /// Says stop after a number of units.
-pub(crate) struct Capped {
-    pub(crate) left: u64,
-    pub(crate) spent: u64,
-    pub(crate) asked_after_stop: bool,
+pub struct Capped {
+    left: u64,
+    /// Units spent so far.
+    pub spent: u64,
+    /// Whether it was asked again after it had answered stop.
+    pub asked_after_stop: bool,
 }
 
 impl Capped {
-    pub(crate) fn new(units: u64) -> Self {
+    /// With this many units left.
+    pub fn new(units: u64) -> Self {
         Self { left: units, spent: 0, asked_after_stop: false }
     }
 }
 
 impl Budget for Capped {
-    fn spend(&mut self, units: u64) -> Goes {
+    fn spend(&mut self, units: u64) -> Progress {
         self.asked_after_stop |= self.left == 0;
         self.spent += units;
         self.left = self.left.saturating_sub(units);
-        if self.left == 0 { Goes::Stop } else { Goes::On }
+        if self.left == 0 { Progress::Stop } else { Progress::Continue }
     }
 }
 
-/// What every planner must hold, whatever it is given. `make` builds a fresh planner; `best` asks for more:
-/// found plans must start at the state, stay free of collision and on the road.
-pub(crate) fn conformance<P: Planner>(make: &dyn Fn() -> P, best: bool) {
+/// Checks a planner as every planner is checked: in nine worlds, from an empty road to one that is blocked, form,
+/// determinism, counted work and early stops. `make` builds a fresh planner; with `drivable` found plans must also
+/// start at the state, stay free of collision and on the road, and keep the limits of the vehicle.
+///
+/// # Panics
+/// Where something does not hold.
+pub fn conformance<P: Planner>(make: &dyn Fn() -> P, drivable: bool) {
     for (name, world) in worlds() {
         let request = world.request();
         let mut counted = Unlimited::default();
@@ -160,7 +174,7 @@ pub(crate) fn conformance<P: Planner>(make: &dyn Fn() -> P, best: bool) {
         reused.plan(&request, &mut Unlimited::default());
         assert_eq!(plan, reused.plan(&request, &mut Unlimited::default()), "{name}: no memory");
         bounded_work(name, make, &request, counted.spent);
-        if best && plan.status == PlanStatus::Found {
+        if drivable && plan.status == PlanStatus::Found {
             let (first, start) = (plan.points[0], &request.start);
             assert!(first.pose.point().distance(start.pose.point()) < 0.3, "{name}: starts at the state");
             assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.0, "{name}: collides");
@@ -170,8 +184,11 @@ pub(crate) fn conformance<P: Planner>(make: &dyn Fn() -> P, best: bool) {
     }
 }
 
-/// What planners must hold with [`CollisionMode::MayStop`]; `make` builds one with the given mode.
-pub(crate) fn minds_walkers<P: Planner>(make: &dyn Fn(CollisionMode) -> P) {
+/// Checks that a planner yields with [`CollisionMode::MayStop`]; `make` builds one with the given mode.
+///
+/// # Panics
+/// Where it does not.
+pub fn yields_to_pedestrians<P: Planner>(make: &dyn Fn(CollisionMode) -> P) {
     conformance(&|| make(CollisionMode::MayStop), true);
     let plan = |world: &World, mode| make(mode).plan(&world.request(), &mut Unlimited::default());
     // She will have crossed when the ego comes, unless she stops in its way.
@@ -258,53 +275,4 @@ fn within_limits(name: &str, plan: &Plan, limits: &Limits) {
         assert!(p.accel_mps2 <= limits.accel_max_mps2 + 0.05, "{name}: {p:?}");
         assert!(p.accel_mps2 >= -limits.brake_max_mps2 - 0.05, "{name}: {p:?}");
     }
-}
-
-/// What the test driver steers more per lateral acceleration than the kinematic angle.
-const UNDERSTEER_RADPMPS2: f64 = 0.0022;
-
-/// How far ahead the test driver looks, seconds.
-const PREVIEW_S: f64 = 0.15;
-
-/// How far the dynamic single-track model of the car gets off a path (x, y, heading, t) that it drives at the
-/// path's own speed, or at the share of it that keeps 0.8 g; metres.
-pub(crate) fn driven_off_m(path: &[[f64; 4]]) -> f64 {
-    let points: Vec<Point2> = path.iter().map(|p| Point2::new(p[0], p[1])).collect();
-    let Ok(line) = Polyline::new(&points) else { return 0.0 };
-    let mean_mps = line.length() / (path[path.len() - 1][3] - path[0][3]);
-    let bends = |s_m: f64| line.at(s_m.clamp(0.5, (line.length() - 0.5).max(0.5))).curvature_1pm;
-    let tightest = (0..=200).map(|k| bends(line.length() * f64::from(k) / 200.0).abs()).fold(0.0, f64::max);
-    let speed_mps = mean_mps.min((0.8 * 9.81 / tightest.max(1e-6)).sqrt());
-    let params = swerve_vehicle::VehicleParams::default();
-    let car = swerve_vehicle::SingleTrack::new(&params, 1.0);
-    let wheelbase_m = params.shape.wheelbase_m;
-    // Feed-forward: the kinematic angle and what the tyres' slip adds; the gains below were swept.
-    let steering = |curvature: f64, v: f64| {
-        swerve_geom::math::atan(curvature * wheelbase_m) + UNDERSTEER_RADPMPS2 * curvature * v * v
-    };
-    let mut state = swerve_vehicle::SingleTrack::straight(Pose2::default(), speed_mps);
-    for _ in 0..400 {
-        state = car.step(state, steering(bends(0.0), speed_mps), 2.0 * (speed_mps - state.vx_mps), 0.005);
-    }
-    let drift = |s: &swerve_vehicle::SingleTrackState| {
-        swerve_geom::math::atan2(s.vy_mps - params.cg_to_rear_m() * s.yaw_rate_radps, s.vx_mps)
-    };
-    state.pose = Pose2::new(points[0].x_m, points[0].y_m, path[0][2] - drift(&state));
-    let (mut off_m, mut s_m) = (0.0_f64, 0.0);
-    for _ in 0..4000 {
-        let place = line.project_near(state.pose.point(), s_m, 5.0);
-        s_m = place.s_m;
-        if s_m >= line.length() {
-            break;
-        }
-        off_m = off_m.max(place.d_m.abs());
-        let course = state.pose.heading_rad + drift(&state);
-        let ahead_m = PREVIEW_S * speed_mps;
-        let ahead = line.at(s_m + ahead_m).pose.heading_rad - state.yaw_rate_radps * PREVIEW_S;
-        let turn = swerve_geom::angle_between(course, ahead);
-        let back = 4.0 / speed_mps.max(4.0) * place.d_m;
-        let wanted = steering(bends(s_m + ahead_m), speed_mps) + 1.5 * turn - back;
-        state = car.step(state, wanted, 2.0 * (speed_mps - state.vx_mps), 0.005);
-    }
-    off_m
 }

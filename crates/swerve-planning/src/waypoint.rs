@@ -1,12 +1,12 @@
-//! The route at a speed that people and vehicles ahead reduce: the baseline without a search.
+//! The route at a speed that people and vehicles ahead reduce, without a search.
 //!
 //! As Pylot's waypoint planner: everything predicted gives a stop factor by its distance and its angle off
 //! the route's direction; the target speed is multiplied by the least of them. Pylot's angles are in a
 //! left-handed frame; here they are positive to the left. Its lane filter needs a map and is left out.
 //!
-//! Pylot's factors for vehicles never reach zero, so it creeps on until it touches what stands in its way. Our preset
+//! Pylot's factors for vehicles never reach zero, so it creeps on until it touches what stands in its way. Here it
 //! stops before whatever is, or will be, in the ego's corridor along the route: Pylot's factors, and a speed profile
-//! that ends at zero there.
+//! that ends at zero there. A `standstill_gap_m` of zero leaves the factors alone.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_not_negative, require_positive};
@@ -14,11 +14,11 @@ use swerve_geom::{Polyline, angle_between, math};
 use swerve_msg::{ActorKind, Plan, PlanStatus, Prediction};
 use swerve_vehicle::Limits;
 
-use crate::posed::Preset;
-use crate::request::{Budget, Goes, Planner, Request};
-use crate::world::{
-    PATH_STEP_M, PathPoint, SpeedProfile, brake_along, route_path, route_pose_ahead, timed_points,
-};
+use crate::brake::brake_along;
+use crate::path::points::PathPoint;
+use crate::path::route::{PATH_STEP_M, route_path, route_pose_ahead};
+use crate::path::speed::{SpeedProfile, timed_points};
+use crate::request::{Budget, Planner, Progress, Request};
 
 /// Parameters. Source of all defaults that do not say otherwise: Pylot's flags.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -71,21 +71,13 @@ impl Default for Params {
             comfort_brake_mps2: 4.0,
             horizon_s: 5.0,
             stop_below: 0.05,
-            standstill_gap_m: 0.0,
+            standstill_gap_m: 4.0,
             corridor_margin_m: 0.3,
         }
     }
 }
 
 impl Params {
-    /// The original's stop factors alone (`paper`), or with a stop before what is in the way (`best`).
-    pub fn of(preset: Preset) -> Self {
-        match preset {
-            Preset::Paper => Self::default(),
-            Preset::Best => Self { standstill_gap_m: 4.0, ..Self::default() },
-        }
-    }
-
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in [
@@ -169,14 +161,14 @@ impl Waypoint {
         let half_m = 0.5 * shape.width_m + self.params.corridor_margin_m;
         let front_m = line.project(request.start.pose.point()).s_m + shape.length_m - shape.rear_overhang_m;
         let in_the_way = |k: &usize| {
-            Extents::of(line, prediction, *k).is_some_and(|e| e.right_m < half_m && e.left_m > -half_m)
+            Extents::new(line, prediction, *k).is_some_and(|e| e.right_m < half_m && e.left_m > -half_m)
         };
         let first = (0..prediction.path.len()).find(in_the_way)?;
-        let at = Extents::of(line, prediction, first)?;
+        let at = Extents::new(line, prediction, first)?;
         if at.to_m <= front_m {
             return None;
         }
-        let speed_mps = Extents::of(line, prediction, first + 1).map_or(0.0, |next| {
+        let speed_mps = Extents::new(line, prediction, first + 1).map_or(0.0, |next| {
             let dt_s = (prediction.path[first + 1].at - prediction.path[first].at).as_secs();
             ((next.from_m - at.from_m) / dt_s.max(1e-3)).max(0.0)
         });
@@ -185,7 +177,7 @@ impl Waypoint {
     }
 
     /// Along the route at `speed_mps` and to a stop after `way_m`: braking gently where that suffices.
-    fn stopping(&self, request: &Request<'_>, path: &[PathPoint], (speed_mps, way_m): (f64, f64)) -> Plan {
+    fn stopping(&self, request: &Request<'_>, path: &[PathPoint], speed_mps: f64, way_m: f64) -> Plan {
         let start_mps = request.start.speed_mps.max(0.0);
         let needed_mps2 = start_mps * start_mps / (2.0 * way_m.max(1e-6));
         if needed_mps2 >= request.limits.brake_max_mps2 {
@@ -204,7 +196,7 @@ impl Waypoint {
     }
 }
 
-/// What an obstacle covers along and beside the route.
+/// Ground that an obstacle covers along and beside the route.
 struct Extents {
     from_m: f64,
     to_m: f64,
@@ -214,7 +206,7 @@ struct Extents {
 
 impl Extents {
     /// Of the place `k` of a prediction; `None` beyond its last.
-    fn of(line: &Polyline, prediction: &Prediction, k: usize) -> Option<Self> {
+    fn new(line: &Polyline, prediction: &Prediction, k: usize) -> Option<Self> {
         let pose = prediction.path.get(k)?.pose;
         let at = line.project(pose.point());
         let (sin, cos) = math::sin_cos(pose.heading_rad - line.at(at.s_m).pose.heading_rad);
@@ -238,7 +230,7 @@ impl Planner for Waypoint {
         let (mut factor, mut work) = (1.0_f64, 0);
         for prediction in request.predictions {
             work += 1;
-            if budget.spend(1) == Goes::Stop {
+            if budget.spend(1) == Progress::Stop {
                 break;
             }
             factor = factor.min(self.factor(request, direction_rad, prediction));
@@ -254,7 +246,7 @@ impl Planner for Waypoint {
             let ways_m = looked_at.filter_map(|prediction| self.way_before_m(request, prediction));
             let way_m = ways_m.fold(f64::INFINITY, f64::min);
             if way_m < (path.len() - 1) as f64 * PATH_STEP_M {
-                return Plan { work, ..self.stopping(request, &path, (speed_mps, way_m)) };
+                return Plan { work, ..self.stopping(request, &path, speed_mps, way_m) };
             }
         }
         let brake_max_mps2 = self.params.comfort_brake_mps2.min(request.limits.brake_max_mps2);
@@ -272,15 +264,15 @@ mod tests {
     use crate::request::Unlimited;
     use crate::testing::{World, conformance};
 
-    fn last_speed(world: &World) -> f64 {
-        let mut planner = Waypoint::new(Params::default()).unwrap();
-        let plan = planner.plan(&world.request(), &mut Unlimited::default());
-        plan.points[plan.points.len() - 1].speed_mps
+    /// Without the stop before what is in the way.
+    fn factors_alone() -> Params {
+        Params { standstill_gap_m: 0.0, ..Params::default() }
     }
 
-    #[test]
-    fn conforms() {
-        conformance(&|| Waypoint::new(Params::default()).unwrap(), false);
+    fn last_speed(world: &World) -> f64 {
+        let mut planner = Waypoint::new(factors_alone()).unwrap();
+        let plan = planner.plan(&world.request(), &mut Unlimited::default());
+        plan.points[plan.points.len() - 1].speed_mps
     }
 
     #[test]
@@ -311,7 +303,7 @@ mod tests {
     }
 
     fn planned(world: &World) -> Plan {
-        let mut planner = Waypoint::new(Params::of(Preset::Best)).unwrap();
+        let mut planner = Waypoint::new(Params::default()).unwrap();
         planner.plan(&world.request(), &mut Unlimited::default())
     }
 
@@ -324,12 +316,12 @@ mod tests {
     }
 
     #[test]
-    fn best_conforms() {
-        conformance(&|| Waypoint::new(Params::of(Preset::Best)).unwrap(), false);
+    fn conforms() {
+        conformance(&|| Waypoint::new(Params::default()).unwrap(), false);
     }
 
     #[test]
-    fn best_stops_its_gap_before_what_stands() {
+    fn it_stops_its_gap_before_what_stands() {
         // Bumper to tail: 40 - 2.25 less the front overhang and wheelbase; 4 m of that are kept.
         let shape = Shape::default();
         let front_m = shape.length_m - shape.rear_overhang_m;
@@ -347,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn best_brakes_as_hard_as_it_must() {
+    fn it_brakes_as_hard_as_it_must() {
         let front_m = Shape::default().length_m - Shape::default().rear_overhang_m;
         // 10 m/s within 10 m: 5 m/s², more than comfort and less than all.
         let ahead = World::straight(10.0).with(ActorKind::Car, (4.0, 1.9), (front_m + 16.0, 0.0), (0.0, 0.0));
@@ -362,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn best_gives_who_drives_ahead_their_braking_way() {
+    fn it_gives_who_drives_ahead_their_braking_way() {
         let front_m = Shape::default().length_m - Shape::default().rear_overhang_m;
         let lead = |v: f64| {
             let world =

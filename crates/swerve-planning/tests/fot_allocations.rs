@@ -10,7 +10,7 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2};
 use swerve_msg::{ActorId, ActorKind, EgoState, Extent, PlanStatus, PredictedPose, Prediction, Route};
 use swerve_planning::fot::{Fot, Params};
-use swerve_planning::{Planner, Preset, Request, Unlimited};
+use swerve_planning::{Planner, Request, Unlimited};
 use swerve_vehicle::{Limits, Shape};
 
 struct Counting;
@@ -62,16 +62,14 @@ fn a_plan_allocates_its_points_only() {
         previous: None,
         seed: 0,
     };
-    for preset in [Preset::Paper, Preset::Best] {
-        for params in [Params::fast(preset), Params::slow(preset)] {
-            let mut planner = Fot::new(params).unwrap();
-            assert_eq!(planner.plan(&request, &mut Unlimited::default()).status, PlanStatus::Found);
-            let before = ALLOCATIONS.load(Ordering::Relaxed);
-            let plan = planner.plan(&request, &mut Unlimited::default());
-            let count = ALLOCATIONS.load(Ordering::Relaxed) - before;
-            assert_eq!(plan.status, PlanStatus::Found);
-            // The vector of the points, sized at once.
-            assert!(count <= 1, "{preset:?}: {count} allocations for {} points", plan.points.len());
-        }
+    for params in [Params::fast(), Params::slow()] {
+        let mut planner = Fot::new(params).unwrap();
+        assert_eq!(planner.plan(&request, &mut Unlimited::default()).status, PlanStatus::Found);
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let plan = planner.plan(&request, &mut Unlimited::default());
+        let count = ALLOCATIONS.load(Ordering::Relaxed) - before;
+        assert_eq!(plan.status, PlanStatus::Found);
+        // The vector of the points, sized at once.
+        assert!(count <= 1, "{count} allocations for {} points", plan.points.len());
     }
 }

@@ -29,12 +29,12 @@ impl Default for HistoryParams {
 pub struct History {
     params: HistoryParams,
     newest: Option<Time>,
-    tracks: BTreeMap<ActorId, Seen>,
+    tracks: BTreeMap<ActorId, TrackedObstacle>,
 }
 
 /// One obstacle as last seen, and where it was before.
 #[derive(Clone, PartialEq, Debug)]
-struct Seen {
+struct TrackedObstacle {
     last: Obstacle,
     sightings: Vec<Sighting>,
 }
@@ -68,7 +68,7 @@ impl History {
         let track = self
             .tracks
             .entry(obstacle.id)
-            .or_insert_with(|| Seen { last: obstacle.clone(), sightings: Vec::new() });
+            .or_insert_with(|| TrackedObstacle { last: obstacle.clone(), sightings: Vec::new() });
         if track.sightings.last().is_some_and(|s| s.at == stamp) {
             return;
         }
@@ -84,7 +84,7 @@ impl History {
     }
 }
 
-impl Seen {
+impl TrackedObstacle {
     fn last_seen(&self) -> Time {
         self.sightings.last().expect("a sighting is added with the entry").at
     }

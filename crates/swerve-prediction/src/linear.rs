@@ -11,7 +11,7 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
 
-/// What to do with an obstacle that was seen only once.
+/// Treatment of an obstacle that was seen only once.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SingleSighting {
@@ -40,18 +40,6 @@ pub struct Params {
 
 impl Default for Params {
     fn default() -> Self {
-        Self::best()
-    }
-}
-
-impl Params {
-    /// As Pylot: 2 s ahead from 5 positions, newcomers stand still.
-    pub fn paper() -> Self {
-        Self { single_sighting: SingleSighting::Static, ..Self::best() }
-    }
-
-    /// As Pylot, but newcomers move as reported.
-    pub fn best() -> Self {
         Self {
             past_steps: 5,
             future_steps: 40,

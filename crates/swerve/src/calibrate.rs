@@ -29,7 +29,7 @@ pub struct CalibrateArgs {
     out: Option<PathBuf>,
 }
 
-/// What else can be calibrated.
+/// Further things to calibrate.
 #[derive(clap::Subcommand, Debug)]
 enum What {
     /// Fit an emulated detector to an accuracy, over the frames of the scenarios
@@ -92,7 +92,7 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     }
 }
 
-/// What the planner's steps took on this host, ms.
+/// Times of the planner's steps on this host, ms.
 #[derive(Default)]
 struct HostTimes {
     ms: Vec<f64>,

@@ -98,8 +98,9 @@ fn hard_swerves_are_driven_within_decimetres() {
 /// Pylot's law looks 5 m ahead at any speed: at 22 m/s a quarter of a second, about the lag of the car.
 #[test]
 fn the_law_of_the_paper_drives_at_16_and_swings_at_22() {
-    let (during, after) = off_path(Params::paper(), 16.0, 6.0);
+    let params = Params { law: Law::Pid, following: Following::Projection, ..Params::default() };
+    let (during, after) = off_path(params, 16.0, 6.0);
     assert!(during < 0.3 && after < 0.05, "{during} {after}");
-    let (_, after) = off_path(Params::paper(), 22.0, 7.8);
+    let (_, after) = off_path(params, 22.0, 7.8);
     assert!(after > 1.0, "{after}");
 }

@@ -62,7 +62,7 @@ struct Middle {
 }
 
 impl Middle {
-    fn of(state: &State, rates: Rates, wheelbase_m: f64, dt_s: f64) -> Self {
+    fn new(state: &State, rates: Rates, wheelbase_m: f64, dt_s: f64) -> Self {
         let speed = state.speed_mps + 0.5 * dt_s * state.accel_mps2;
         let tan = math::tan(state.steering_rad + 0.5 * dt_s * rates.steering_radps);
         let curvature = tan / wheelbase_m;
@@ -73,7 +73,7 @@ impl Middle {
 
 /// The state `dt_s` later, by the explicit midpoint rule (error of third order in the step).
 pub(crate) fn step(state: &State, rates: Rates, wheelbase_m: f64, dt_s: f64) -> State {
-    let middle = Middle::of(state, rates, wheelbase_m, dt_s);
+    let middle = Middle::new(state, rates, wheelbase_m, dt_s);
     let (sin, cos) = math::sin_cos(state.pose.heading_rad + middle.half_turn);
     State {
         pose: Pose2::new(
@@ -118,7 +118,7 @@ pub(crate) fn linearise(from: &State, to: &State, wheelbase_m: f64, dt_s: f64) -
         steering_radps: (to.steering_rad - from.steering_rad) / dt_s,
         jerk_mps3: (to.accel_mps2 - from.accel_mps2) / dt_s,
     };
-    let middle = Middle::of(from, rates, wheelbase_m, dt_s);
+    let middle = Middle::new(from, rates, wheelbase_m, dt_s);
     // Derivatives of the turn over the whole step by (speed, steering, acceleration, steering rate).
     let by_speed = dt_s * middle.curvature;
     let by_steering = dt_s * middle.speed * middle.curvature_by_steering;

@@ -18,7 +18,7 @@ pub(crate) const VARIABLES: usize = N_INPUTS + N_STATES + 1;
 /// Inequalities of one step.
 const INEQUALITIES: usize = 12;
 
-/// What changes from tick to tick: `q`, values of `A` in the order of [`visit`], and `b`.
+/// Numbers that change from tick to tick: `q`, values of `A` in the order of [`visit`], and `b`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Data {
     pub(crate) q: Vec<f64>,

@@ -1,6 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 use swerve_core::Span;
+use swerve_geom::Pose2;
 use swerve_msg::{ActorId, ActorKind, Extent, PredictedPose};
 
 fn car(x: f64, y: f64, h: f64) -> Obb {

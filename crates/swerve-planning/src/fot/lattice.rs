@@ -8,28 +8,28 @@ const SLACK: f64 = 1e-9;
 
 /// All combinations of end offset, end time and end speed, and the instants that costs are summed over.
 #[derive(Clone, PartialEq, Debug, Default)]
-pub(crate) struct Lattice {
+pub struct Lattice {
     /// End offsets, metres, increasing.
-    pub(crate) d_m: Vec<f64>,
+    pub d_m: Vec<f64>,
     /// End times, seconds, increasing.
-    pub(crate) t_s: Vec<f64>,
+    pub t_s: Vec<f64>,
     /// End speeds, m/s, increasing.
-    pub(crate) v_mps: Vec<f64>,
+    pub v_mps: Vec<f64>,
     /// Sample instants, seconds from the start, up to the latest end.
-    pub(crate) samples_s: Vec<f64>,
+    pub samples_s: Vec<f64>,
     /// How many of the samples belong to each end time.
-    pub(crate) counts: Vec<usize>,
+    pub counts: Vec<usize>,
     /// Per end time where to be then, instead of end speeds; empty: the end speeds count.
-    pub(crate) aims: Vec<Aim>,
+    pub aims: Vec<Aim>,
 }
 
 /// A place to be at with a speed.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Aim {
+pub struct Aim {
     /// Arc length, metres.
-    pub(crate) s_m: f64,
+    pub s_m: f64,
     /// Speed, m/s.
-    pub(crate) v_mps: f64,
+    pub v_mps: f64,
 }
 
 impl Aim {
@@ -46,7 +46,7 @@ impl Aim {
 impl Lattice {
     /// Fills the lattice. Values are summed up step by step, as the original does, so that the number of
     /// samples for an end time (and with it the cost) is the same.
-    pub(crate) fn set(&mut self, p: &Params, target_mps: f64) {
+    pub fn set(&mut self, p: &Params, target_mps: f64) {
         self.aims.clear();
         fill(&mut self.d_m, -p.right_m, p.left_m + SLACK, p.lateral_step_m);
         fill(&mut self.t_s, p.horizon_min_s, p.horizon_max_s + SLACK, p.time_step_s);
@@ -60,20 +60,20 @@ impl Lattice {
     }
 
     /// Keeps the end speeds that are not below zero, and at least the last.
-    pub(crate) fn drop_reverse(&mut self) {
+    pub fn drop_reverse(&mut self) {
         let negative = self.v_mps.partition_point(|&v| v < 0.0);
         self.v_mps.drain(..negative.min(self.v_mps.len() - 1));
     }
 
     /// End speeds, or one place, per end time.
-    pub(crate) fn speeds(&self) -> usize {
+    pub fn speeds(&self) -> usize {
         if self.aims.is_empty() { self.v_mps.len() } else { 1 }
     }
 
     /// As `of`, with end times from its first sample on and a place to be at for each instead of end speeds;
     /// times without one are left out. The offset `now_m` is one of the end offsets: at standstill there is
     /// no other.
-    pub(crate) fn set_aims(&mut self, of: &Self, now_m: f64, aim: impl Fn(f64) -> Option<Aim>) {
+    pub fn set_aims(&mut self, of: &Self, now_m: f64, aim: impl Fn(f64) -> Option<Aim>) {
         self.clone_from(of);
         self.d_m.insert(self.d_m.partition_point(|&d| d < now_m), now_m);
         self.t_s.clear();
@@ -90,7 +90,7 @@ impl Lattice {
 
     /// A sparse part of `of` that spans it: few offsets (with the one nearest to the line), few end times,
     /// the middle speed.
-    pub(crate) fn set_coarse(&mut self, of: &Self) {
+    pub fn set_coarse(&mut self, of: &Self) {
         let middle =
             (0..of.d_m.len()).min_by(|&a, &b| of.d_m[a].abs().total_cmp(&of.d_m[b].abs())).unwrap_or(0);
         let stride = of.d_m.len().div_ceil(6);
@@ -109,7 +109,7 @@ impl Lattice {
     }
 
     /// As `of`, with end speeds between standstill and below its slowest instead of its own.
-    pub(crate) fn set_slower(&mut self, of: &Self, speeds: u32) {
+    pub fn set_slower(&mut self, of: &Self, speeds: u32) {
         self.clone_from(of);
         let below_mps = of.v_mps[0];
         self.v_mps.clear();
@@ -119,7 +119,7 @@ impl Lattice {
     }
 
     /// Keeps the offsets whose place in the order of refinement is below `kept`; see [`refinement`].
-    pub(crate) fn keep_offsets(&mut self, kept: usize) {
+    pub fn keep_offsets(&mut self, kept: usize) {
         let n = self.d_m.len();
         let mut order: Vec<usize> = refinement(n).take(kept).collect();
         order.sort_unstable();
@@ -128,7 +128,7 @@ impl Lattice {
 
     /// Number of candidates.
     #[cfg(test)]
-    pub(crate) fn len(&self) -> usize {
+    fn len(&self) -> usize {
         self.d_m.len() * self.t_s.len() * self.v_mps.len()
     }
 }
@@ -160,14 +160,13 @@ fn fill(values: &mut Vec<f64>, from: f64, to: f64, step: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::posed::Preset;
 
     #[test]
     fn the_papers_configurations_have_their_sizes() {
         let mut lattice = Lattice::default();
-        lattice.set(&Params::fast(Preset::Paper), 16.0);
+        lattice.set(&Params::fast(), 16.0);
         assert_eq!((lattice.len(), lattice.counts[0], lattice.samples_s.len()), (825, 7, 17));
-        lattice.set(&Params::slow(Preset::Paper), 16.0);
+        lattice.set(&Params::slow(), 16.0);
         assert_eq!(lattice.len(), 11_005);
         let mut coarse = Lattice::default();
         coarse.set_coarse(&lattice);

@@ -1,6 +1,6 @@
 //! The reference line as a table over arc length: positions, directions and curvatures without trigonometry.
 
-use swerve_geom::{Point2, Polyline, PolylineError, math};
+use swerve_geom::{Point2, Polyline, PolylineError, Pose2, angle_between, math};
 
 /// Distance between the entries, metres.
 const STEP_M: f64 = 0.25;
@@ -13,7 +13,7 @@ const LENGTH_MAX_M: f64 = 20_000.0;
 const PIECE_MAX_M: f64 = 5.0;
 
 /// The smooth line through `points`.
-pub(crate) fn smoothed(points: &[Point2]) -> Result<Polyline, PolylineError> {
+pub fn smoothed(points: &[Point2]) -> Result<Polyline, PolylineError> {
     let mut dense: Vec<Point2> = Vec::with_capacity(points.len());
     for (i, &p) in points.iter().enumerate() {
         if let Some(&before) = i.checked_sub(1).and_then(|k| points.get(k)) {
@@ -25,21 +25,26 @@ pub(crate) fn smoothed(points: &[Point2]) -> Result<Polyline, PolylineError> {
     Polyline::smooth(&dense, STEP_M)
 }
 
-/// What the line has at one arc length.
+/// The line at one arc length.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Node {
-    pub(crate) x_m: f64,
-    pub(crate) y_m: f64,
-    pub(crate) cos: f64,
-    pub(crate) sin: f64,
-    pub(crate) curvature_1pm: f64,
+pub struct Node {
+    /// Position, metres.
+    pub x_m: f64,
+    /// Position, metres.
+    pub y_m: f64,
+    /// Cosine of its direction.
+    pub cos: f64,
+    /// Sine of its direction.
+    pub sin: f64,
+    /// Curvature, 1/m; positive turns left.
+    pub curvature_1pm: f64,
     /// Derivative of the curvature by arc length, 1/m².
-    pub(crate) bend_1pm2: f64,
+    pub bend_1pm2: f64,
 }
 
 /// A reference line. It goes on straight beyond its ends.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Line {
+pub struct Line {
     nodes: Vec<Node>,
     length_m: f64,
     step_m: f64,
@@ -47,7 +52,7 @@ pub(crate) struct Line {
 
 impl Line {
     /// From a polyline whose points are dense where it bends.
-    pub(crate) fn set(&mut self, polyline: &Polyline) {
+    pub fn set(&mut self, polyline: &Polyline) {
         self.length_m = polyline.length().min(LENGTH_MAX_M);
         let n = (self.length_m / STEP_M).ceil().max(1.0) as usize;
         self.step_m = self.length_m / n as f64;
@@ -70,13 +75,14 @@ impl Line {
         }
     }
 
-    pub(crate) fn length_m(&self) -> f64 {
+    /// Length, metres.
+    pub fn length_m(&self) -> f64 {
         self.length_m
     }
 
     /// The line at `s_m`: between the entries positions go along the chord (within `κ step² / 8`, under a
     /// millimetre), directions turn linearly.
-    pub(crate) fn at(&self, s_m: f64) -> Node {
+    pub fn at(&self, s_m: f64) -> Node {
         let last = self.nodes.len() - 1;
         if s_m < 0.0 || s_m >= self.length_m {
             let (end, beyond_m) =
@@ -107,7 +113,7 @@ impl Line {
 
     /// Arc length and offset of `point`: from a first guess, refined against the table's own directions so
     /// that going back gives the point.
-    pub(crate) fn project(&self, point: Point2, guess_s_m: f64) -> (f64, f64) {
+    pub fn project(&self, point: Point2, guess_s_m: f64) -> (f64, f64) {
         let mut s_m = guess_s_m;
         let mut d_m = 0.0;
         for _ in 0..4 {
@@ -118,6 +124,53 @@ impl Line {
             s_m += (node.cos * dx + node.sin * dy) / stretch;
         }
         (s_m, d_m)
+    }
+}
+
+/// A pose beside a line.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct OnLine {
+    /// Arc length, metres.
+    pub s_m: f64,
+    /// Offset to the left, metres.
+    pub d_m: f64,
+    /// The line there.
+    pub node: Node,
+    /// Heading against the line's, radians.
+    pub turn_rad: f64,
+}
+
+/// The smooth line of a route, made anew when the route changes.
+#[derive(Clone, Debug, Default)]
+pub struct RouteLine {
+    line: Line,
+    route: Option<Polyline>,
+}
+
+impl RouteLine {
+    /// Takes the route over.
+    pub fn follow(&mut self, route: &Polyline) {
+        if self.route.as_ref() != Some(route) {
+            match smoothed(route.points()) {
+                Ok(smooth) => self.line.set(&smooth),
+                Err(_) => self.line.set(route),
+            }
+            self.route = Some(route.clone());
+        }
+    }
+
+    /// The line of the route that was taken over last.
+    pub fn line(&self) -> &Line {
+        &self.line
+    }
+
+    /// The place of `pose` beside the line.
+    pub fn locate(&self, pose: Pose2) -> OnLine {
+        let guess_m = self.route.as_ref().map_or(0.0, |route| route.project(pose.point()).s_m);
+        let (s_m, d_m) = self.line.project(pose.point(), guess_m);
+        let node = self.line.at(s_m);
+        let turn_rad = angle_between(math::atan2(node.sin, node.cos), pose.heading_rad);
+        OnLine { s_m, d_m, node, turn_rad }
     }
 }
 

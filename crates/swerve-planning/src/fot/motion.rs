@@ -11,16 +11,16 @@ use crate::road::Road;
 
 /// Where the ego starts in the Frenet frame.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct FrenetState {
+pub struct FrenetState {
     /// Arc length and its derivatives: m, m/s, m/s².
-    pub(crate) s: [f64; 3],
+    pub s: [f64; 3],
     /// Offset and its derivatives: m, m/s, m/s².
-    pub(crate) d: [f64; 3],
+    pub d: [f64; 3],
 }
 
 /// A motion between two Frenet states; after its end it goes on along the line.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Motion {
+pub struct Motion {
     lateral: Quintic,
     longitudinal: Quintic,
     end_s: f64,
@@ -28,20 +28,29 @@ pub(crate) struct Motion {
 
 /// The ego origin at one instant of a motion.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Place {
-    pub(crate) x_m: f64,
-    pub(crate) y_m: f64,
-    pub(crate) cos: f64,
-    pub(crate) sin: f64,
-    pub(crate) s_m: f64,
-    pub(crate) d_m: f64,
-    pub(crate) speed_mps: f64,
-    pub(crate) accel_mps2: f64,
-    pub(crate) curvature_1pm: f64,
+pub struct Place {
+    /// Position, metres.
+    pub x_m: f64,
+    /// Position, metres.
+    pub y_m: f64,
+    /// Cosine of the heading.
+    pub cos: f64,
+    /// Sine of the heading.
+    pub sin: f64,
+    /// Arc length of the line, metres.
+    pub s_m: f64,
+    /// Offset to the left of the line, metres.
+    pub d_m: f64,
+    /// Speed, m/s.
+    pub speed_mps: f64,
+    /// Acceleration along the heading, m/s².
+    pub accel_mps2: f64,
+    /// Curvature, 1/m.
+    pub curvature_1pm: f64,
     /// `1 - κ d`: how much longer the line is than the parallel through here.
-    pub(crate) stretch: f64,
+    pub stretch: f64,
     /// Speed along the line, m/s.
-    pub(crate) along_mps: f64,
+    pub along_mps: f64,
 }
 
 /// Slower than this a motion's direction and curvature mean nothing, m/s.
@@ -54,7 +63,7 @@ impl Motion {
     }
 
     /// The motion in the map at `t_s`; `still` is the direction to take at standstill (cosine, sine).
-    pub(crate) fn at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
+    pub fn at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
         let inside_s = t_s.min(self.end_s);
         let (mut s, d) = (self.longitudinal.at(inside_s), self.lateral.at(inside_s));
         s.x += s.v * (t_s - inside_s);
@@ -94,7 +103,7 @@ fn turned(node: &Node, along: f64, across: f64) -> (f64, f64) {
 }
 
 /// The outline with the ego origin at `place`.
-pub(crate) fn outline(shape: &Shape, place: &Place) -> Solid {
+pub fn outline(shape: &Shape, place: &Place) -> Solid {
     let ahead_m = shape.center_ahead_m();
     Solid {
         x_m: place.x_m + place.cos * ahead_m,
@@ -106,38 +115,48 @@ pub(crate) fn outline(shape: &Shape, place: &Place) -> Solid {
     }
 }
 
-/// What a motion must keep beyond the limits along the line.
+/// Conditions on a motion beyond the limits along the line.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Checks<'a> {
-    pub(crate) obstacles: &'a Obstacles,
-    pub(crate) shape: &'a Shape,
+pub struct Checks<'a> {
+    /// Obstacles, which must not be touched.
+    pub obstacles: &'a Obstacles,
+    /// Outline of the ego.
+    pub shape: &'a Shape,
     /// Instant of the start.
-    pub(crate) at: Time,
-    pub(crate) clearance_m: f64,
+    pub at: Time,
+    /// Distance to keep from the obstacles, metres.
+    pub clearance_m: f64,
     /// Whether the clearance is kept to a fraction of a millimetre, among things that stand.
-    pub(crate) exact: bool,
-    pub(crate) curvature_max_1pm: f64,
+    pub exact: bool,
+    /// Largest curvature, 1/m.
+    pub curvature_max_1pm: f64,
     /// Range that the ego origin's offset stays in; infinite: not looked at.
-    pub(crate) offset_m: (f64, f64),
+    pub offset_m: (f64, f64),
     /// Whether the heading goes on from the ego's without a kink.
-    pub(crate) smooth: bool,
-    /// What only drivable motions keep.
-    pub(crate) drivable: Option<Drivable<'a>>,
+    pub smooth: bool,
+    /// Limits that only drivable motions keep.
+    pub drivable: Option<Drivable<'a>>,
     /// Direction of the ego at the start (cosine, sine).
-    pub(crate) heading: (f64, f64),
+    pub heading: (f64, f64),
     /// How long the motion is looked at beyond its end, seconds.
-    pub(crate) tail_s: f64,
+    pub tail_s: f64,
 }
 
 /// Limits of the vehicle and the road.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Drivable<'a> {
-    pub(crate) lateral_accel_max_mps2: f64,
-    pub(crate) accel_max_mps2: f64,
-    pub(crate) brake_max_mps2: f64,
-    pub(crate) steering_rate_max_radps: f64,
-    /// Ground that the whole outline stays on, with the margin to keep.
-    pub(crate) road: Option<(&'a Road, f64)>,
+pub struct Drivable<'a> {
+    /// Largest lateral acceleration, m/s².
+    pub lateral_accel_max_mps2: f64,
+    /// Largest acceleration, m/s².
+    pub accel_max_mps2: f64,
+    /// Largest deceleration, m/s².
+    pub brake_max_mps2: f64,
+    /// Largest steering rate of the road wheels, rad/s.
+    pub steering_rate_max_radps: f64,
+    /// Ground that the whole outline stays on.
+    pub road: &'a Road,
+    /// Distance to keep from its edge, metres.
+    pub road_margin_m: f64,
 }
 
 /// Largest time between two looks at the limits, seconds.
@@ -150,7 +169,7 @@ const GRACE_S: f64 = 1.0;
 /// finite step leaves.
 const HEADING_SLACK_RAD: f64 = 0.03;
 
-/// What an exact clearance is kept to, metres.
+/// Precision of an exact clearance, metres.
 const EXACT_M: f64 = 2e-4;
 
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
@@ -161,7 +180,7 @@ impl Checks<'_> {
     ///
     /// `hint_s` is where an earlier motion hit something: similar ones tend to do so too, so that is looked
     /// at first. It speeds the answer up and does not change it.
-    pub(crate) fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hint_s: &mut Option<f64>) -> bool {
+    pub fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hint_s: &mut Option<f64>) -> bool {
         let end_s = last_s + self.tail_s;
         if let Some(t_s) = *hint_s
             && t_s <= end_s
@@ -175,7 +194,7 @@ impl Checks<'_> {
         let first = motion.at(line, 0.0, self.heading);
         let grace = Grace::new(self, &first);
         let mut before = Place { cos: self.heading.0, sin: self.heading.1, ..first };
-        let (mut fastest_mps, mut quickest_radps): (f64, f64) = (0.0, 0.0);
+        let mut peaks = Peaks::default();
         for k in 0..=steps as usize {
             let place = motion.at(line, k as f64 * step_s, (before.cos, before.sin));
             if !self.limits_hold(&before, &place, k as f64 * step_s, step_s, &grace) {
@@ -187,11 +206,11 @@ impl Checks<'_> {
                 *hint_s = Some(k as f64 * step_s);
                 return false;
             }
-            fastest_mps = fastest_mps.max(place.speed_mps);
-            quickest_radps = quickest_radps.max(place.speed_mps * place.curvature_1pm.abs());
+            peaks.speed_mps = peaks.speed_mps.max(place.speed_mps);
+            peaks.yaw_rate_radps = peaks.yaw_rate_radps.max(place.speed_mps * place.curvature_1pm.abs());
             before = place;
         }
-        self.free(line, motion, end_s, (fastest_mps, quickest_radps), grace.clearance_m)
+        self.free(line, motion, end_s, &peaks, grace.clearance_m)
     }
 
     /// Whether nothing is touched at one instant; standstill counts as clear, as it has no heading here.
@@ -219,7 +238,8 @@ impl Checks<'_> {
         if self.smooth && !self.goes_on(before, place) {
             return false;
         }
-        self.drivable.is_none_or(|d| self.drivable_holds(&d, before, place, (share, step_s), grace))
+        let look = Look { before, place, share, step_s };
+        self.drivable.is_none_or(|limits| self.drivable_holds(&limits, &look, grace))
     }
 
     /// Whether the heading turns no more between two looks than the curvature limit lets it.
@@ -230,14 +250,8 @@ impl Checks<'_> {
         forward && turn <= self.curvature_max_1pm * moved_m * 1.2 + HEADING_SLACK_RAD
     }
 
-    fn drivable_holds(
-        &self,
-        limits: &Drivable<'_>,
-        before: &Place,
-        place: &Place,
-        (share, step_s): (f64, f64),
-        grace: &Grace,
-    ) -> bool {
+    fn drivable_holds(&self, limits: &Drivable<'_>, look: &Look<'_>, grace: &Grace) -> bool {
+        let Look { before, place, share, step_s } = *look;
         let lateral = place.curvature_1pm.abs() * place.speed_mps * place.speed_mps;
         let accel = place.accel_mps2;
         if lateral > limits.lateral_accel_max_mps2.max(grace.lateral_mps2 * share)
@@ -253,20 +267,12 @@ impl Checks<'_> {
                 return false;
             }
         }
-        limits.road.is_none_or(|(road, margin_m)| {
-            let needed_m = if share > 0.0 { margin_m.min(grace.margin_m) } else { margin_m };
-            road.margin_m(&outline(self.shape, place)) >= needed_m
-        })
+        let margin_m = limits.road_margin_m;
+        let needed_m = if share > 0.0 { margin_m.min(grace.margin_m) } else { margin_m };
+        limits.road.margin_m(&outline(self.shape, place)) >= needed_m
     }
 
-    fn free(
-        &self,
-        line: &Line,
-        motion: &Motion,
-        end_s: f64,
-        (fastest_mps, quickest_radps): (f64, f64),
-        clearance_m: f64,
-    ) -> bool {
+    fn free(&self, line: &Line, motion: &Motion, end_s: f64, peaks: &Peaks, clearance_m: f64) -> bool {
         let mut place = |u: f64| {
             let t_s = u * end_s;
             let at = self.at + Span::from_secs(t_s);
@@ -275,9 +281,9 @@ impl Checks<'_> {
         let lever_m =
             self.shape.center_ahead_m().abs() + 0.5 * math::hypot(self.shape.length_m, self.shape.width_m);
         // The looks may have missed a little of the peak between them.
-        let travel_m = 1.05 * end_s * (fastest_mps + 0.1 + lever_m * quickest_radps);
+        let travel_m = 1.05 * end_s * (peaks.speed_mps + 0.1 + lever_m * peaks.yaw_rate_radps);
         self.obstacles.motion_free(&mut place, travel_m, clearance_m)
-            && (!self.exact || self.kept(&mut place, (0.0, 1.0), travel_m, clearance_m + EXACT_M))
+            && (!self.exact || self.kept(&mut place, 0.0, 1.0, travel_m, clearance_m + EXACT_M))
     }
 
     /// Whether the stretch keeps `limit_m` to what stands: as [`Obstacles::motion_free`], looked at more closely
@@ -285,7 +291,8 @@ impl Checks<'_> {
     fn kept(
         &self,
         place: &mut dyn FnMut(f64) -> (Solid, Time),
-        (low, high): (f64, f64),
+        low: f64,
+        high: f64,
         travel_m: f64,
         limit_m: f64,
     ) -> bool {
@@ -296,9 +303,27 @@ impl Checks<'_> {
         if distance_m < limit_m || distance_m >= enough_m || travel_m <= EXACT_M {
             return distance_m >= limit_m;
         }
-        self.kept(place, (low, middle), 0.5 * travel_m, limit_m)
-            && self.kept(place, (middle, high), 0.5 * travel_m, limit_m)
+        self.kept(place, low, middle, 0.5 * travel_m, limit_m)
+            && self.kept(place, middle, high, 0.5 * travel_m, limit_m)
     }
+}
+
+/// One look at a motion.
+#[derive(Clone, Copy)]
+struct Look<'a> {
+    before: &'a Place,
+    place: &'a Place,
+    /// Share of what the start is off the limits that is still granted.
+    share: f64,
+    /// Time since the look before, seconds.
+    step_s: f64,
+}
+
+/// Peaks over the looks at a motion.
+#[derive(Default)]
+struct Peaks {
+    speed_mps: f64,
+    yaw_rate_radps: f64,
 }
 
 /// How far the start itself is off the limits: what a motion from it cannot be blamed for.
@@ -328,7 +353,7 @@ impl Grace {
             grace.curvature_1pm = 1.1 * first.curvature_1pm.abs();
             grace.lateral_mps2 = 1.1 * first.curvature_1pm.abs() * first.speed_mps * first.speed_mps;
             grace.accel_mps2 = 1.1 * first.accel_mps2;
-            grace.margin_m = drivable.road.map_or(f64::INFINITY, |(road, _)| road.margin_m(&body) - 0.02);
+            grace.margin_m = drivable.road.margin_m(&body) - 0.02;
             let now_m = checks.obstacles.distance_below(&body, checks.at, checks.clearance_m);
             grace.clearance_m = checks.clearance_m.min(0.95 * now_m);
         }

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 
 use crate::collision::CollisionMode;
-use crate::posed::{FotConfig, Preset};
 
 /// Most candidates that a lattice may have.
 const CANDIDATES_MAX: f64 = 5e6;
@@ -14,19 +13,15 @@ const CANDIDATES_MAX: f64 = 5e6;
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// `paper`: the original's limits, start and fallback, every candidate counts. `best`: drivable, on the
-    /// road, full start state, keeps or brakes along the last plan. Source: ours.
-    pub preset: Preset,
     /// How predicted motion is taken. Source: ours; Pylot's is `swept_static`.
     pub collision: CollisionMode,
     /// Obstacles that never come within this of the start are left out, metres. Source: Pylot (50).
     pub obstacle_range_m: f64,
     /// Largest speed along the line, m/s. Source: Pylot (35).
     pub max_speed_mps: f64,
-    /// Largest acceleration along the line either way, m/s². Source: Pylot (10); `best` also keeps the
-    /// vehicle's limits.
+    /// Largest acceleration along the line either way, m/s²; the vehicle's limits are kept too. Source: Pylot (10).
     pub max_accel_mps2: f64,
-    /// Largest curvature, 1/m. Source: Pylot (4); `best` also keeps the vehicle's limit.
+    /// Largest curvature, 1/m; the vehicle's limit is kept too. Source: Pylot (4).
     pub max_curvature_1pm: f64,
     /// Lateral samples reach this far to the left, metres. Source: Pylot (6).
     pub left_m: f64,
@@ -44,21 +39,20 @@ pub struct Params {
     pub speed_step_mps: f64,
     /// End speeds on either side of the target. Source: Pylot (2).
     pub speed_steps: u32,
-    /// Where no candidate is valid, this many end speeds from standstill up are looked at too; `best` only.
-    /// Source: ours: braking and swerving at once.
+    /// Where no candidate is valid, this many end speeds from standstill up are looked at too. Source: ours: braking and swerving at once.
     pub slower_speeds: u32,
     /// Where nothing at about the target speed is valid, the ego stops or follows this far behind what is in
-    /// its way, metres; `best` only, 0: not at all. Source: ours; stopping and following are Werling 2010,
+    /// its way, metres; 0: not at all. Source: ours; stopping and following are Werling 2010,
     /// section V.
     pub follow_gap_m: f64,
     /// Added to the gap per speed of what is followed, seconds. Source: ours.
     pub follow_time_s: f64,
     /// Distance to keep from obstacles, metres. Source: Pylot (0.3).
     pub clearance_m: f64,
-    /// Distance to keep from the edge of the drivable ground, metres; `best` only. Source: ours.
+    /// Distance to keep from the edge of the drivable ground, metres. Source: ours.
     pub road_margin_m: f64,
-    /// The plan goes on along the line for this long after its end time, checked as the rest, seconds;
-    /// `best` only. Source: ours: the next plan may come late or not at all.
+    /// The plan goes on along the line for this long after its end time, checked as the rest, seconds.
+    /// Source: ours: the next plan may come late or not at all.
     pub tail_s: f64,
     /// Weight of lateral offset and of end speed deviation (`kd`). Source: Pylot (1).
     pub weight_offset: f64,
@@ -80,15 +74,14 @@ pub struct Params {
 
 impl Default for Params {
     fn default() -> Self {
-        Self::fast(Preset::Best)
+        Self::fast()
     }
 }
 
 impl Params {
     /// The paper's fast configuration: 0.3 s, 0.5 m, 825 candidates.
-    pub fn fast(preset: Preset) -> Self {
+    pub fn fast() -> Self {
         Self {
-            preset,
             collision: CollisionMode::TimeIndexed,
             obstacle_range_m: 50.0,
             max_speed_mps: 35.0,
@@ -120,42 +113,8 @@ impl Params {
     }
 
     /// The paper's slow configuration: 0.1 s, 0.1 m, 11,005 candidates.
-    pub fn slow(preset: Preset) -> Self {
-        Self { lateral_step_m: 0.1, time_step_s: 0.1, ..Self::fast(preset) }
-    }
-
-    /// A posed problem's settings. Its frame has `d` positive along heading + 90 degrees, as ours.
-    pub(crate) fn posed(config: &FotConfig, preset: Preset) -> Self {
-        Self {
-            preset,
-            collision: CollisionMode::TimeIndexed,
-            obstacle_range_m: 1e9,
-            max_speed_mps: config.max_speed,
-            max_accel_mps2: config.max_accel,
-            max_curvature_1pm: config.max_curvature,
-            left_m: config.max_road_width_r,
-            right_m: config.max_road_width_l,
-            lateral_step_m: config.d_road_w,
-            time_step_s: config.dt,
-            horizon_min_s: config.mint,
-            horizon_max_s: config.maxt,
-            speed_step_mps: config.d_t_s,
-            speed_steps: config.n_s_sample.clamp(0.0, 1e6) as u32,
-            slower_speeds: 6,
-            follow_gap_m: 0.0,
-            follow_time_s: 0.0,
-            clearance_m: config.obstacle_clearance,
-            road_margin_m: 0.0,
-            tail_s: 0.0,
-            weight_offset: config.kd,
-            weight_lateral_speed: config.kv,
-            weight_accel: config.ka,
-            weight_jerk: config.kj,
-            weight_time: config.kt,
-            weight_obstacle: config.ko,
-            weight_lateral: config.klat,
-            weight_longitudinal: config.klon,
-        }
+    pub fn slow() -> Self {
+        Self { lateral_step_m: 0.1, time_step_s: 0.1, ..Self::fast() }
     }
 
     /// Number of candidates of the lattice, as counted by division.

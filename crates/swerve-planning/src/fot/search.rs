@@ -12,15 +12,13 @@
 use core::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use swerve_core::{Span, Time};
-
 use super::lattice::Lattice;
 use super::line::Line;
 use super::motion::{Checks, FrenetState, Motion};
+use super::nearness::{Corners, Points, sum_nearness};
 use super::params::Params;
 use super::poly::Quintic;
-use crate::collision::Obstacles;
-use crate::request::{Budget, Goes};
+use crate::request::{Budget, Progress};
 
 /// Ranges of at most this many offsets are evaluated one by one.
 const LEAVES: u32 = 3;
@@ -30,31 +28,52 @@ const BOUND_SLACK: f64 = 1e-9;
 
 /// A posed search.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Task<'a> {
-    pub(crate) params: &'a Params,
-    pub(crate) line: &'a Line,
+pub struct Task<'a> {
+    /// Limits and weights.
+    pub params: &'a Params,
+    /// The reference line.
+    pub line: &'a Line,
     /// Samples beyond this arc length do not exist; infinite: the line goes on.
-    pub(crate) cut_m: f64,
-    pub(crate) start: FrenetState,
-    pub(crate) target_mps: f64,
-    pub(crate) checks: Checks<'a>,
+    pub cut_m: f64,
+    /// Where the ego starts.
+    pub start: FrenetState,
+    /// Speed to aim for, m/s.
+    pub target_mps: f64,
+    /// Conditions that the answer keeps.
+    pub checks: Checks<'a>,
 }
 
 /// The answer.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Candidate {
-    pub(crate) motion: Motion,
-    pub(crate) cost: f64,
-    pub(crate) d_m: f64,
-    pub(crate) v_mps: f64,
-    pub(crate) t_s: f64,
+pub struct Candidate {
+    /// Its motion.
+    pub motion: Motion,
+    /// Its whole cost.
+    pub cost: f64,
+    /// Offset at its end, metres.
+    pub d_m: f64,
+    /// Speed at its end, m/s.
+    pub v_mps: f64,
+    /// Time of its end, seconds.
+    pub t_s: f64,
     /// Until when it is driven: its end, or the last sample before the line's end, seconds.
-    pub(crate) last_s: f64,
+    pub last_s: f64,
+}
+
+/// A candidate with the parts of its cost that do not depend on obstacles.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Priced {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// Its lateral part.
+    pub lateral: f64,
+    /// Its longitudinal part.
+    pub longitudinal: f64,
 }
 
 /// How a search ended.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) enum Outcome {
+pub enum Outcome {
     /// The cheapest valid candidate.
     Found(Candidate),
     /// No candidate is valid.
@@ -114,7 +133,7 @@ impl PartialOrd for Entry {
 
 /// The search with its storage, which is kept from call to call.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Search {
+pub struct Search {
     /// End time x end offset.
     lateral_cost: Vec<f64>,
     /// End time x sample: offset of the motion to end offset 0, and how much of the end offset is added.
@@ -137,14 +156,6 @@ struct Arena {
     normal_y: Vec<f64>,
 }
 
-/// Corners of all boxes grown by the clearance: (box x 4 + corner) x sample.
-#[derive(Clone, Debug, Default)]
-struct Corners {
-    x: Vec<f64>,
-    y: Vec<f64>,
-    samples: usize,
-}
-
 /// Per sample: the two ends of the stretch and the sum of nearness.
 #[derive(Clone, Debug, Default)]
 struct Scratch {
@@ -155,36 +166,11 @@ struct Scratch {
     near: Vec<f64>,
 }
 
-impl Corners {
-    fn set(&mut self, obstacles: &Obstacles, at: Time, clearance_m: f64, samples_s: &[f64]) {
-        self.samples = samples_s.len();
-        self.x.clear();
-        self.y.clear();
-        let mut boxes = 0;
-        obstacles.for_each_at(at, |_| boxes += 1);
-        self.x.resize(boxes * 4 * self.samples, 0.0);
-        self.y.resize(boxes * 4 * self.samples, 0.0);
-        for (k, &t) in samples_s.iter().enumerate() {
-            let mut row = k;
-            obstacles.for_each_at(at + Span::from_secs(t), |solid| {
-                let mut grown = *solid;
-                grown.half_length_m += clearance_m;
-                grown.half_width_m += clearance_m;
-                for corner in grown.corners() {
-                    self.x[row] = corner.x_m;
-                    self.y[row] = corner.y_m;
-                    row += self.samples;
-                }
-            });
-        }
-    }
-}
-
 impl Search {
     /// The cheapest valid candidate of `lattice`, as [`exhaustive`](Self::exhaustive) would find it.
     ///
     /// With a budget every candidate whose whole cost is computed counts as one unit.
-    pub(crate) fn run(
+    pub fn run(
         &mut self,
         task: &Task<'_>,
         lattice: &Lattice,
@@ -210,7 +196,7 @@ impl Search {
             } else {
                 if let Some(budget) = budget.as_deref_mut() {
                     *spent += u64::from(width);
-                    if budget.spend(u64::from(width)) == Goes::Stop {
+                    if budget.spend(u64::from(width)) == Progress::Stop {
                         return Outcome::Stopped;
                     }
                 }
@@ -221,8 +207,7 @@ impl Search {
     }
 
     /// Looks at every candidate: the reference that the search is tested against.
-    #[cfg(test)]
-    pub(crate) fn exhaustive(&mut self, task: &Task<'_>, lattice: &Lattice) -> Option<Candidate> {
+    pub fn exhaustive(&mut self, task: &Task<'_>, lattice: &Lattice) -> Option<Candidate> {
         self.prepare(task, lattice);
         self.heap.clear();
         let mut best: Option<Candidate> = None;
@@ -245,8 +230,7 @@ impl Search {
     }
 
     /// Every candidate with its lateral and longitudinal cost.
-    #[cfg(test)]
-    pub(crate) fn all(&mut self, task: &Task<'_>, lattice: &Lattice) -> Vec<(Candidate, f64, f64)> {
+    pub fn all(&mut self, task: &Task<'_>, lattice: &Lattice) -> Vec<Priced> {
         self.prepare(task, lattice);
         let mut all = Vec::new();
         for low in 0..lattice.d_m.len() as u32 {
@@ -257,7 +241,7 @@ impl Search {
                     let row = self.time_index(lattice, &entry) * lattice.d_m.len();
                     let lateral = self.lateral_cost[row + low as usize];
                     let candidate = self.candidate(task, lattice, &Entry { bound, ..entry });
-                    all.push((candidate, lateral, self.lons[lon as usize].cost));
+                    all.push(Priced { candidate, lateral, longitudinal: self.lons[lon as usize].cost });
                 }
             }
         }
@@ -324,30 +308,32 @@ impl Search {
             if let Some(aim) = lattice.aims.get(time) {
                 let motion = aim.motion(task.start.s, t_s);
                 let off_m = aim.s_m - motion.at(t_s).x;
-                self.push_lon(task, lattice, time, (motion, aim.v_mps), |_| off_m);
+                let lon = Lon { motion, v_mps: aim.v_mps, ..Lon::default() };
+                self.push_lon(task, lattice, time, lon, |_| off_m);
                 continue;
             }
             for &v_mps in &lattice.v_mps {
                 let motion = Quintic::to_velocity(task.start.s, [v_mps, 0.0], t_s);
-                self.push_lon(task, lattice, time, (motion, v_mps), |last_mps| task.target_mps - last_mps);
+                let lon = Lon { motion, v_mps, ..Lon::default() };
+                self.push_lon(task, lattice, time, lon, |last_mps| task.target_mps - last_mps);
             }
         }
     }
 
-    /// A pair with its cost; `off` is how far off its aim it ends, from the speed at its last sample.
+    /// Takes in a pair with its cost; `off` is how far off its aim it ends, from the speed at its last sample.
     fn push_lon(
         &mut self,
         task: &Task<'_>,
         lattice: &Lattice,
         time: usize,
-        (motion, v_mps): (Quintic, f64),
+        lon: Lon,
         off: impl Fn(f64) -> f64,
     ) {
         let p = task.params;
         let (mut accel, mut jerk, mut last_mps) = (0.0, 0.0, 0.0);
         let (mut count, mut valid) = (0, true);
         for (k, &sample_s) in lattice.samples_s[..lattice.counts[time]].iter().enumerate() {
-            let jet = motion.at(sample_s);
+            let jet = lon.motion.at(sample_s);
             accel += jet.a.abs();
             jerk += jet.j.abs();
             last_mps = jet.v;
@@ -360,7 +346,7 @@ impl Search {
             + p.weight_time * lattice.t_s[time]
             + p.weight_offset * off(last_mps).abs();
         let count = if valid { count } else { 0 };
-        self.lons.push(Lon { motion, v_mps, cost, count, places: NONE });
+        self.lons.push(Lon { cost, count, places: NONE, ..lon });
     }
 
     fn time_index(&self, lattice: &Lattice, entry: &Entry) -> usize {
@@ -379,7 +365,7 @@ impl Search {
     /// Exact cost of a single candidate; of a range a number no candidate in it is below.
     fn cost(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
         let smooth = self.smooth_cost(task, lattice, entry);
-        if task.params.weight_obstacle == 0.0 || self.corners.x.is_empty() {
+        if task.params.weight_obstacle == 0.0 || self.corners.is_empty() {
             return smooth;
         }
         smooth + task.params.weight_obstacle * self.nearness(task, lattice, entry)
@@ -443,11 +429,11 @@ impl Search {
                 py[k] = y[k] + normal_y[k] * d;
             }
         }
-        let a = (&ax[..n], &ay[..n]);
+        let a = Points { x: &ax[..n], y: &ay[..n] };
         if entry.low == entry.high {
             return sum_nearness(&self.corners, a, None, &mut near[..n]);
         }
-        sum_nearness(&self.corners, a, Some((&bx[..n], &by[..n])), &mut near[..n])
+        sum_nearness(&self.corners, a, Some(Points { x: &bx[..n], y: &by[..n] }), &mut near[..n])
     }
 
     /// Computes where the line is at the samples of a pair, once.
@@ -464,48 +450,5 @@ impl Search {
             self.arena.normal_x.push(-node.sin);
             self.arena.normal_y.push(node.cos);
         }
-    }
-}
-
-type Points<'a> = (&'a [f64], &'a [f64]);
-
-/// Sum over samples and boxes of 1 / distance from `a` to the nearest corner; with `b`, of the stretch from
-/// `a` to `b`, where each corner counts as far as the further end.
-fn sum_nearness(corners: &Corners, a: Points<'_>, b: Option<Points<'_>>, near: &mut [f64]) -> f64 {
-    let n = near.len();
-    let mut total = 0.0;
-    let boxes = corners.x.len() / (4 * corners.samples);
-    for index in 0..boxes {
-        near.fill(f64::INFINITY);
-        for corner in 0..4 {
-            let first = (4 * index + corner) * corners.samples;
-            let (cx, cy) = (&corners.x[first..first + n], &corners.y[first..first + n]);
-            match b {
-                None => nearest(near, (cx, cy), a),
-                Some(b) => nearest_of_stretch(near, (cx, cy), a, b),
-            }
-        }
-        for squared in near.iter() {
-            total += 1.0 / squared.sqrt();
-        }
-    }
-    total
-}
-
-fn nearest(near: &mut [f64], corner: Points<'_>, a: Points<'_>) {
-    for (k, near) in near.iter_mut().enumerate() {
-        let (dx, dy) = (corner.0[k] - a.0[k], corner.1[k] - a.1[k]);
-        let squared = dx * dx + dy * dy;
-        *near = if squared < *near { squared } else { *near };
-    }
-}
-
-fn nearest_of_stretch(near: &mut [f64], corner: Points<'_>, a: Points<'_>, b: Points<'_>) {
-    for (k, near) in near.iter_mut().enumerate() {
-        let (ax, ay) = (corner.0[k] - a.0[k], corner.1[k] - a.1[k]);
-        let (bx, by) = (corner.0[k] - b.0[k], corner.1[k] - b.1[k]);
-        let (to_a, to_b) = (ax * ax + ay * ay, bx * bx + by * by);
-        let squared = if to_a > to_b { to_a } else { to_b };
-        *near = if squared < *near { squared } else { *near };
     }
 }

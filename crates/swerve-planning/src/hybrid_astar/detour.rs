@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use swerve_geom::{Point2, math};
 
-use super::ground::{Ground, Outline};
+use crate::path::ground::{Ground, Outline};
 
 /// Side of a cell, metres.
 const CELL_M: f64 = 1.0;

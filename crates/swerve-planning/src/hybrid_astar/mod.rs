@@ -7,15 +7,9 @@
 //! goal from every pose that is looked at, shortcuts afterwards.
 
 mod detour;
-mod drive;
-pub(crate) mod dubins;
-pub(crate) mod ground;
 mod motions;
-pub(crate) mod on_road;
 mod planner;
-pub(crate) mod search;
-pub(crate) mod shorten;
-pub(crate) mod solve;
+pub mod search;
 
+pub use motions::fan;
 pub use planner::{HybridAstar, Params};
-pub use solve::{Outcome, Solver, solve_posed};

@@ -4,51 +4,33 @@ use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 use swerve_msg::Plan;
 
-use super::dubins::Piece;
-use super::ground::{Ground, Outline};
-use super::motions::{fan, scan};
-use super::on_road::{Desk, OnRoad, PathSearch, Task, place_points};
+use super::motions::fan;
 use super::search::{Arrival, Lattice, Search};
-use super::shorten::Shortener;
 use crate::collision::CollisionMode;
-use crate::posed::Preset;
+use crate::path::Ends;
+use crate::path::ground::Ground;
+use crate::path::piece::Piece;
+use crate::path::replanner::{PathSearch, Replanner, Settings, Task};
+use crate::path::shorten::Shortener;
 use crate::request::{Budget, Planner, Request};
-use crate::world::PathPoint;
 
-/// Settings of Hybrid A* in the closed loop.
+/// Settings of Hybrid A* in the closed loop. Turns are as tight as steering and lateral acceleration allow; there is no
+/// discretisation to choose. Source of all defaults: ours; range and distance of the goal are Pylot's.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Which limits the planner has.
-    pub preset: Preset,
     /// How predicted motion enters the collision check.
     pub collision: CollisionMode,
-    /// `paper`: length of a motion, metres.
-    pub step_m: f64,
-    /// `paper`: step of the scan of arcs, radians as the original calls them.
-    pub rad_step: f64,
-    /// `paper`: the scan reaches this far to either side.
-    pub rad_range: f64,
-    /// `paper`: turning radius, metres. `best` turns as tightly as steering and lateral acceleration allow.
-    pub radius_m: f64,
-    /// `paper`: distance to the goal that counts as arrived, metres.
-    pub completion_m: f64,
-    /// `paper`: growth of the search box around start and goal, metres. `best` searches the road.
-    pub lane_width_m: f64,
-    /// `paper`: length of the car, metres. `best` takes the car as it is.
-    pub car_length_m: f64,
-    /// `paper`: width of the car, metres.
-    pub car_width_m: f64,
-    /// Expansions of one search at most; `best` may search again with other goals, three times in all, and then with
-    /// a third of them while braking or nearer to what is in the way, five times in all.
+    /// Expansions of one search at most; there may be further searches for other goals, three in all, and then with a
+    /// third of the expansions while braking or nearer to what is in the way, five in all.
     pub iterations_max: usize,
     /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
     /// Obstacles further away than this are not planned for, metres.
     pub obstacle_range_m: f64,
-    /// The goal lies this far ahead on the route, metres.
+    /// The goal lies at least this far ahead on the route, metres.
     pub goal_ahead_m: f64,
-    /// `best`: and at least so many seconds ahead at the present speed.
+    /// And at least so many seconds ahead at the present speed.
     pub goal_ahead_s: f64,
     /// Length of plans that follow the route, seconds.
     pub horizon_s: f64,
@@ -56,67 +38,30 @@ pub struct Params {
 
 impl Default for Params {
     fn default() -> Self {
-        Self::fast(Preset::Best)
+        Self {
+            collision: CollisionMode::TimeIndexed,
+            iterations_max: 800,
+            clearance_m: 0.3,
+            obstacle_range_m: 70.0,
+            goal_ahead_m: 30.0,
+            goal_ahead_s: 3.0,
+            horizon_s: 5.0,
+        }
     }
 }
 
 impl Params {
-    /// The paper's fast configuration; `best` has no steps to choose.
-    pub fn fast(preset: Preset) -> Self {
-        let paper = Self {
-            preset,
-            collision: CollisionMode::TimeIndexed,
-            step_m: 6.0,
-            rad_step: 0.75,
-            rad_range: 4.0,
-            radius_m: 6.0,
-            completion_m: 1.0,
-            lane_width_m: 6.0,
-            car_length_m: 4.8,
-            car_width_m: 1.8,
-            iterations_max: 500,
-            clearance_m: 0.5,
-            obstacle_range_m: 70.0,
-            goal_ahead_m: 30.0,
-            goal_ahead_s: 0.0,
-            horizon_s: 5.0,
-        };
-        match preset {
-            Preset::Paper => paper,
-            Preset::Best => Self { iterations_max: 800, clearance_m: 0.3, goal_ahead_s: 3.0, ..paper },
-        }
-    }
-
-    /// The paper's slow configuration.
-    pub fn slow(preset: Preset) -> Self {
-        Self { step_m: 3.0, rad_step: 0.25, ..Self::fast(preset) }
-    }
-
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in [
-            ("step_m", self.step_m),
-            ("rad_step", self.rad_step),
-            ("rad_range", self.rad_range),
-            ("radius_m", self.radius_m),
-            ("completion_m", self.completion_m),
-            ("car_length_m", self.car_length_m),
-            ("car_width_m", self.car_width_m),
             ("obstacle_range_m", self.obstacle_range_m),
             ("goal_ahead_m", self.goal_ahead_m),
             ("horizon_s", self.horizon_s),
         ] {
             require_positive(key, value)?;
         }
-        for (key, value) in [
-            ("lane_width_m", self.lane_width_m),
-            ("clearance_m", self.clearance_m),
-            ("goal_ahead_s", self.goal_ahead_s),
-        ] {
-            require_not_negative(key, value)?;
-        }
-        let coarse = self.rad_step * 1000.0 >= self.rad_range;
-        require("rad_step", self.rad_step, coarse, "at least a thousandth of rad_range")?;
+        require_not_negative("clearance_m", self.clearance_m)?;
+        require_not_negative("goal_ahead_s", self.goal_ahead_s)?;
         let n = self.iterations_max;
         require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "1 to 100000")
     }
@@ -129,17 +74,16 @@ const ITERATIONS_MAX: usize = 100_000;
 #[derive(Clone, Debug)]
 pub struct HybridAstar {
     params: Params,
-    desk: Desk,
+    replanner: Replanner,
     lattice: LatticeSearch,
 }
 
-/// The two searches with their memory.
+/// The search with its memory.
 #[derive(Clone, Debug)]
 struct LatticeSearch {
     params: Params,
     search: Search,
     shortener: Shortener,
-    motions: Vec<Piece>,
     pieces: Vec<Piece>,
 }
 
@@ -151,10 +95,9 @@ impl HybridAstar {
             params,
             search: Search::default(),
             shortener: Shortener::default(),
-            motions: Vec::new(),
             pieces: Vec::new(),
         };
-        Ok(Self { params, desk: Desk::default(), lattice })
+        Ok(Self { params, replanner: Replanner::default(), lattice })
     }
 
     /// The settings.
@@ -162,64 +105,28 @@ impl HybridAstar {
         &self.params
     }
 
-    fn on_road(&self, request: &Request<'_>) -> OnRoad {
+    fn settings(&self) -> Settings {
         let p = &self.params;
-        OnRoad {
+        Settings {
             goal_ahead_m: p.goal_ahead_m,
             goal_ahead_s: p.goal_ahead_s,
             obstacle_range_m: p.obstacle_range_m,
             clearance_m: p.clearance_m,
-            lane_width_m: p.lane_width_m,
             horizon_s: p.horizon_s,
             collision: p.collision,
-            outline: Outline {
-                half_length_m: 0.5 * p.car_length_m,
-                half_width_m: 0.5 * p.car_width_m,
-                center_ahead_m: request.shape.center_ahead_m(),
-            },
         }
     }
 }
 
 impl Planner for HybridAstar {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
-        let settings = self.on_road(request);
-        match self.params.preset {
-            Preset::Paper => self.desk.plan_paper(&mut self.lattice, &settings, request, budget),
-            Preset::Best => self.desk.plan_best(&mut self.lattice, &settings, request, budget),
-        }
+        let settings = self.settings();
+        self.replanner.plan(&mut self.lattice, &settings, request, budget)
     }
 }
 
 impl PathSearch for LatticeSearch {
-    fn paper(
-        &mut self,
-        ground: &Ground<'_>,
-        task: &Task<'_>,
-        budget: &mut dyn Budget,
-        path: &mut Vec<PathPoint>,
-    ) -> bool {
-        let p = self.params;
-        scan(p.radius_m, p.step_m, (p.rad_range, p.rad_range), p.rad_step, &mut self.motions);
-        let lattice = Lattice {
-            motions: &self.motions,
-            arrival: Arrival::Within(p.completion_m, f64::INFINITY),
-            radius_m: p.radius_m,
-            cell_m: p.completion_m,
-            cell_rad: p.rad_step,
-            expansions_max: p.iterations_max,
-            detours: false,
-            good_enough: 1.0,
-        };
-        let ends = (task.start, task.goal, task.bounds);
-        let found = self.search.run(ground, &lattice, ends, budget, &mut self.pieces);
-        if found {
-            place_points(task.start, &self.pieces, path);
-        }
-        found
-    }
-
-    fn best(
+    fn search(
         &mut self,
         ground: &Ground<'_>,
         task: &Task<'_>,
@@ -239,7 +146,8 @@ impl PathSearch for LatticeSearch {
             detours: false,
             good_enough: 1.0,
         };
-        let found = self.search.run(ground, &lattice, (task.start, task.goal, task.bounds), budget, pieces);
+        let ends = Ends { start: task.start, goal: task.goal, bounds: task.bounds };
+        let found = self.search.run(ground, &lattice, &ends, budget, pieces);
         if found {
             self.pieces.clear();
             self.pieces.extend_from_slice(pieces);
@@ -258,19 +166,19 @@ impl PathSearch for LatticeSearch {
 mod tests {
     use super::*;
     use crate::request::Unlimited;
-    use crate::testing::{World, conformance, minds_walkers};
+    use crate::testing::{World, conformance, yields_to_pedestrians};
     use swerve_msg::PlanStatus;
 
     #[test]
     fn holds_what_every_planner_must() {
-        conformance(&|| HybridAstar::new(Params::fast(Preset::Best)).unwrap(), true);
-        conformance(&|| HybridAstar::new(Params::fast(Preset::Paper)).unwrap(), false);
-        conformance(&|| HybridAstar::new(Params::slow(Preset::Paper)).unwrap(), false);
+        conformance(&|| HybridAstar::new(Params::default()).unwrap(), true);
     }
 
     #[test]
-    fn minds_walkers_who_may_stop() {
-        minds_walkers(&|collision| HybridAstar::new(Params { collision, ..Params::default() }).unwrap());
+    fn yields_to_pedestrians_who_may_stop() {
+        yields_to_pedestrians(&|collision| {
+            HybridAstar::new(Params { collision, ..Params::default() }).unwrap()
+        });
     }
 
     #[test]
@@ -319,21 +227,9 @@ mod tests {
     }
 
     #[test]
-    fn paper_plans_only_with_something_in_range() {
-        let mut planner = HybridAstar::new(Params::slow(Preset::Paper)).unwrap();
-        let far = World::straight(16.0).with_person((75.0, 0.0), (0.0, 0.0));
-        let plan = planner.plan(&far.request(), &mut Unlimited::default());
-        assert_eq!((plan.status, plan.work), (PlanStatus::Route, 0));
-        let near = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
-        let plan = planner.plan(&near.request(), &mut Unlimited::default());
-        assert!(plan.work > 0);
-        assert!(plan.points.iter().all(|p| p.speed_mps == 16.0));
-    }
-
-    #[test]
     fn settings_out_of_range_are_named() {
-        let bad = Params { rad_step: 0.0, ..Params::default() };
-        assert_eq!(HybridAstar::new(bad).unwrap_err().key, "rad_step");
+        let bad = Params { iterations_max: 0, ..Params::default() };
+        assert_eq!(HybridAstar::new(bad).unwrap_err().key, "iterations_max");
         let bad = Params { clearance_m: f64::NAN, ..Params::default() };
         assert_eq!(HybridAstar::new(bad).unwrap_err().key, "clearance_m");
     }

@@ -2,48 +2,39 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Rng;
-use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
-use swerve_geom::{Pose2, Vector2};
+use swerve_geom::Pose2;
 use swerve_msg::Plan;
 
-use super::space::{PointSpace, RoadSpace};
-use super::tree::{Aim, Growth, Tree, Until};
+use super::space::RoadSpace;
+use super::tree::{Aim, Growth, Tree, Until, gamma_m2};
 use crate::collision::CollisionMode;
-use crate::hybrid_astar::dubins::{Dubins, Piece};
-use crate::hybrid_astar::ground::{Ground, Outline};
-use crate::hybrid_astar::on_road::{Desk, OnRoad, PathSearch, Task};
-use crate::hybrid_astar::search::join;
-use crate::hybrid_astar::shorten::Shortener;
-use crate::posed::Preset;
+use crate::path::dubins::Dubins;
+use crate::path::ground::Ground;
+use crate::path::piece::{Piece, join};
+use crate::path::replanner::{PathSearch, Replanner, Settings, Task};
+use crate::path::shorten::Shortener;
 use crate::request::{Budget, Planner, Request};
-use crate::world::{PathPoint, with_curvature};
+use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 
-/// Settings of RRT* in the closed loop.
+/// Settings of RRT* in the closed loop. There is no discretisation to choose. Source of all defaults: ours; range and
+/// distance of the goal are Pylot's.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Which limits the planner has.
-    pub preset: Preset,
     /// How predicted motion enters the collision check.
     pub collision: CollisionMode,
-    /// `paper`: length of an extension, metres.
-    pub step_m: f64,
-    /// `paper`: distance to the goal that counts as arrived, metres.
-    pub arrival_m: f64,
-    /// `paper`: growth of the search box around start and goal, metres. `best` searches the road.
-    pub lane_width_m: f64,
     /// Share of the iterations that aim at the goal.
     pub goal_share: f64,
-    /// Iterations of one search at most; `best` may search again with other goals, three times in all, and then with
-    /// a third of them while braking or nearer to what is in the way, five times in all.
+    /// Iterations of one search at most; there may be further searches for other goals, three in all, and then with a
+    /// third of the iterations while braking or nearer to what is in the way, five in all.
     pub iterations_max: u64,
-    /// Distance to keep from obstacles, metres; `paper` plans for a point, so it holds the car's width too.
+    /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
     /// Obstacles further away than this are not planned for, metres.
     pub obstacle_range_m: f64,
-    /// The goal lies this far ahead on the route, metres.
+    /// The goal lies at least this far ahead on the route, metres.
     pub goal_ahead_m: f64,
-    /// `best`: and at least so many seconds ahead at the present speed.
+    /// And at least so many seconds ahead at the present speed.
     pub goal_ahead_s: f64,
     /// Length of plans that follow the route, seconds.
     pub horizon_s: f64,
@@ -51,58 +42,31 @@ pub struct Params {
 
 impl Default for Params {
     fn default() -> Self {
-        Self::fast(Preset::Best)
+        Self {
+            collision: CollisionMode::TimeIndexed,
+            goal_share: 0.1,
+            iterations_max: 300,
+            clearance_m: 0.3,
+            obstacle_range_m: 70.0,
+            goal_ahead_m: 30.0,
+            goal_ahead_s: 3.0,
+            horizon_s: 5.0,
+        }
     }
 }
 
 impl Params {
-    /// The paper's fast configuration; `best` has no steps to choose.
-    pub fn fast(preset: Preset) -> Self {
-        let paper = Self {
-            preset,
-            collision: CollisionMode::TimeIndexed,
-            step_m: 0.5,
-            arrival_m: 2.0,
-            lane_width_m: 5.0,
-            goal_share: 0.01,
-            iterations_max: 2000,
-            clearance_m: 1.5,
-            obstacle_range_m: 70.0,
-            goal_ahead_m: 30.0,
-            goal_ahead_s: 0.0,
-            horizon_s: 5.0,
-        };
-        match preset {
-            Preset::Paper => paper,
-            Preset::Best => {
-                Self { goal_share: 0.1, iterations_max: 300, clearance_m: 0.3, goal_ahead_s: 3.0, ..paper }
-            }
-        }
-    }
-
-    /// The paper's slow configuration.
-    pub fn slow(preset: Preset) -> Self {
-        Self { step_m: 0.1, ..Self::fast(preset) }
-    }
-
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
         for (key, value) in [
-            ("step_m", self.step_m),
             ("obstacle_range_m", self.obstacle_range_m),
             ("goal_ahead_m", self.goal_ahead_m),
             ("horizon_s", self.horizon_s),
         ] {
             require_positive(key, value)?;
         }
-        for (key, value) in [
-            ("arrival_m", self.arrival_m),
-            ("lane_width_m", self.lane_width_m),
-            ("clearance_m", self.clearance_m),
-            ("goal_ahead_s", self.goal_ahead_s),
-        ] {
-            require_not_negative(key, value)?;
-        }
+        require_not_negative("clearance_m", self.clearance_m)?;
+        require_not_negative("goal_ahead_s", self.goal_ahead_s)?;
         let share = self.goal_share;
         require("goal_share", share, (0.0..=1.0).contains(&share), "0 to 1")?;
         let n = self.iterations_max;
@@ -117,11 +81,11 @@ const ITERATIONS_MAX: u64 = 100_000;
 #[derive(Clone, Debug)]
 pub struct RrtStar {
     params: Params,
-    desk: Desk,
+    replanner: Replanner,
     trees: TreeSearch,
 }
 
-/// The two searches with their memory.
+/// The search with its memory.
 #[derive(Clone, Debug)]
 struct TreeSearch {
     params: Params,
@@ -144,7 +108,7 @@ impl RrtStar {
             poses: Vec::new(),
             pieces: Vec::new(),
         };
-        Ok(Self { params, desk: Desk::default(), trees })
+        Ok(Self { params, replanner: Replanner::default(), trees })
     }
 
     /// The settings.
@@ -152,68 +116,28 @@ impl RrtStar {
         &self.params
     }
 
-    fn on_road(&self) -> OnRoad {
+    fn settings(&self) -> Settings {
         let p = &self.params;
-        OnRoad {
+        Settings {
             goal_ahead_m: p.goal_ahead_m,
             goal_ahead_s: p.goal_ahead_s,
             obstacle_range_m: p.obstacle_range_m,
             clearance_m: p.clearance_m,
-            lane_width_m: p.lane_width_m,
             horizon_s: p.horizon_s,
             collision: p.collision,
-            outline: Outline::POINT,
         }
     }
 }
 
 impl Planner for RrtStar {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
-        let settings = self.on_road();
-        match self.params.preset {
-            Preset::Paper => self.desk.plan_paper(&mut self.trees, &settings, request, budget),
-            Preset::Best => self.desk.plan_best(&mut self.trees, &settings, request, budget),
-        }
+        let settings = self.settings();
+        self.replanner.plan(&mut self.trees, &settings, request, budget)
     }
-}
-
-/// `gamma` of the rewiring radius in two dimensions for a free area: `4 (1 + 1/2) area` (Karaman and Frazzoli,
-/// theorem 38).
-pub(crate) fn gamma_m2([x_min, y_min, x_max, y_max]: [f64; 4]) -> f64 {
-    6.0 * (x_max - x_min) * (y_max - y_min)
 }
 
 impl PathSearch for TreeSearch {
-    fn paper(
-        &mut self,
-        ground: &Ground<'_>,
-        task: &Task<'_>,
-        budget: &mut dyn Budget,
-        path: &mut Vec<PathPoint>,
-    ) -> bool {
-        let p = self.params;
-        let growth = Growth {
-            step_m: p.step_m,
-            iterations_max: p.iterations_max,
-            goal_share: p.goal_share,
-            guide_share: 0.0,
-            gamma_m2: gamma_m2(task.bounds),
-            radius_max_m: p.step_m,
-            until: Until::Arrival(p.arrival_m),
-        };
-        let space = PointSpace { ground, bounds: task.bounds };
-        let mut rng = Rng::keyed(task.request.seed, "rrt_star", &[]);
-        let aim = Aim { start: task.start, goal: task.goal, bounds: task.bounds, guides: &[] };
-        let found = self.tree.grow(&space, &growth, &aim, &mut rng, budget);
-        if !found || self.tree.take_best(&mut self.poses).is_none() {
-            return false;
-        }
-        turn_along(&mut self.poses);
-        path.extend(with_curvature(&self.poses));
-        true
-    }
-
-    fn best(
+    fn search(
         &mut self,
         ground: &Ground<'_>,
         task: &Task<'_>,
@@ -309,34 +233,21 @@ const GUIDE_SPARE_M: f64 = 0.1;
 /// Directions of guides against the road's, to their side, radians.
 const GUIDE_OFF_RAD: [f64; 3] = [0.0, 0.1, 0.2];
 
-/// Sets headings along the straight lines between the poses.
-pub(crate) fn turn_along(poses: &mut [Pose2]) {
-    for i in 0..poses.len() {
-        let (a, b) = (poses[i.saturating_sub(1)], poses[(i + 1).min(poses.len() - 1)]);
-        let way: Vector2 = if i == 0 { b.point() - poses[0].point() } else { b.point() - a.point() };
-        poses[i] = Pose2::new(poses[i].x_m, poses[i].y_m, way.heading());
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::collision::Obstacles;
     use crate::request::Unlimited;
-    use crate::testing::{World, conformance, minds_walkers};
-    use swerve_geom::{Obb, Point2};
+    use crate::testing::{World, conformance, yields_to_pedestrians};
     use swerve_msg::PlanStatus;
 
     #[test]
     fn holds_what_every_planner_must() {
-        conformance(&|| RrtStar::new(Params::fast(Preset::Best)).unwrap(), true);
-        conformance(&|| RrtStar::new(Params::fast(Preset::Paper)).unwrap(), false);
-        conformance(&|| RrtStar::new(Params::slow(Preset::Paper)).unwrap(), false);
+        conformance(&|| RrtStar::new(Params::default()).unwrap(), true);
     }
 
     #[test]
-    fn minds_walkers_who_may_stop() {
-        minds_walkers(&|collision| RrtStar::new(Params { collision, ..Params::default() }).unwrap());
+    fn yields_to_pedestrians_who_may_stop() {
+        yields_to_pedestrians(&|collision| RrtStar::new(Params { collision, ..Params::default() }).unwrap());
     }
 
     #[test]
@@ -375,36 +286,6 @@ mod tests {
         }
         // Random trees may miss a gap of a few decimetres, but seldom.
         assert!(found >= 22, "{found} of 24");
-    }
-
-    #[test]
-    fn the_seed_decides() {
-        let world = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
-        let plan = |seed, preset| {
-            let request = Request { seed, ..world.request() };
-            RrtStar::new(Params::fast(preset)).unwrap().plan(&request, &mut Unlimited::default())
-        };
-        assert_eq!(plan(1, Preset::Paper), plan(1, Preset::Paper));
-        assert_ne!(plan(1, Preset::Paper), plan(2, Preset::Paper));
-        assert_eq!(plan(1, Preset::Best), plan(1, Preset::Best));
-    }
-
-    #[test]
-    fn paper_takes_the_car_for_a_point() {
-        let world = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
-        let mut planner = RrtStar::new(Params::fast(Preset::Paper)).unwrap();
-        let plan = planner.plan(&world.request(), &mut Unlimited::default());
-        assert_eq!(plan.status, PlanStatus::Found);
-        let boxes = Obstacles::new(&world.predictions, CollisionMode::TimeIndexed);
-        for p in &plan.points {
-            let point = Obb::new(p.pose, 0.0, 0.0);
-            assert!(boxes.clearance_m(&point, p.at) >= 1.5 - 1e-9, "{p:?}");
-        }
-        let last = plan.points[plan.points.len() - 1];
-        assert!(last.pose.point().distance(Point2::new(30.0, 0.0)) < 2.0);
-        let far = World::straight(16.0).with_person((75.0, 0.0), (0.0, 0.0));
-        let plan = planner.plan(&far.request(), &mut Unlimited::default());
-        assert_eq!((plan.status, plan.work), (PlanStatus::Route, 0));
     }
 
     #[test]

@@ -1,46 +1,13 @@
-//! The spaces in which the tree grows in the closed loop.
+//! The space in which the tree grows in the closed loop.
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::Route;
 
 use super::tree::Space;
-use crate::hybrid_astar::dubins::{Dubins, Piece, advance};
-use crate::hybrid_astar::ground::Ground;
-
-/// A point that turns on the spot: the original's idea of a car.
-pub(crate) struct PointSpace<'a> {
-    pub(crate) ground: &'a Ground<'a>,
-    pub(crate) bounds: [f64; 4],
-}
-
-impl Space for PointSpace<'_> {
-    fn draw(&self, rng: &mut Rng) -> Pose2 {
-        let b = &self.bounds;
-        Pose2::new(rng.uniform(b[0], b[2]), rng.uniform(b[1], b[3]), 0.0)
-    }
-
-    fn length_m(&self, from: Pose2, to: Pose2) -> f64 {
-        from.point().distance(to.point())
-    }
-
-    fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
-        let way = to.point() - from.point();
-        let length_m = way.norm();
-        if length_m <= step_m {
-            return to;
-        }
-        let point = from.point() + way * (step_m / length_m);
-        Pose2::new(point.x_m, point.y_m, 0.0)
-    }
-
-    fn free(&self, from: Pose2, to: Pose2, travelled_m: f64) -> bool {
-        let way = to.point() - from.point();
-        let piece = Piece { curvature_1pm: 0.0, length_m: way.norm() };
-        let from = Pose2::new(from.x_m, from.y_m, way.heading());
-        self.ground.piece_free(from, piece, travelled_m)
-    }
-}
+use crate::path::dubins::Dubins;
+use crate::path::ground::Ground;
+use crate::path::piece::advance;
 
 /// A car with a turning circle on a road.
 pub(crate) struct RoadSpace<'a> {

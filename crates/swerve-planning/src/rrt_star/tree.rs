@@ -4,10 +4,10 @@ use swerve_core::Rng;
 use swerve_geom::{Pose2, math};
 
 use super::grid::Grid;
-use crate::request::{Budget, Goes};
+use crate::request::{Budget, Progress};
 
-/// What the tree grows in: places, ways between them, what is in the way.
-pub(crate) trait Space {
+/// The space that the tree grows in: places, ways between them, obstacles.
+pub trait Space {
     /// A place drawn at random.
     fn draw(&self, rng: &mut Rng) -> Pose2;
     /// Length of the way from place to place, obstacles or not, metres.
@@ -20,26 +20,26 @@ pub(crate) trait Space {
 
 /// How the tree grows.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Growth {
+pub struct Growth {
     /// Longest extension, metres.
-    pub(crate) step_m: f64,
+    pub step_m: f64,
     /// Iterations at most.
-    pub(crate) iterations_max: u64,
+    pub iterations_max: u64,
     /// Share of iterations that aim at the goal.
-    pub(crate) goal_share: f64,
+    pub goal_share: f64,
     /// Share of iterations that aim at a guide: a place given beforehand where short ways are known to bend.
-    pub(crate) guide_share: f64,
+    pub guide_share: f64,
     /// `gamma` of the rewiring radius `sqrt(gamma / pi * ln n / n)`, m².
-    pub(crate) gamma_m2: f64,
+    pub gamma_m2: f64,
     /// Longest rewiring radius, metres.
-    pub(crate) radius_max_m: f64,
+    pub radius_max_m: f64,
     /// When it is over.
-    pub(crate) until: Until,
+    pub until: Until,
 }
 
 /// When the growth is over.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) enum Until {
+pub enum Until {
     /// At the first node this near to the goal, metres: the original.
     Arrival(f64),
     /// When the iterations or the budget are used up. Nodes are joined to the goal itself, the way there is
@@ -48,17 +48,23 @@ pub(crate) enum Until {
     Spent,
 }
 
-/// From where to where.
+/// From where to where the tree grows.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Aim<'a> {
+pub struct Aim<'a> {
     /// The root.
-    pub(crate) start: Pose2,
-    /// What is to be reached.
-    pub(crate) goal: Pose2,
+    pub start: Pose2,
+    /// The pose to reach.
+    pub goal: Pose2,
     /// The tree lies within x_min, y_min, x_max, y_max, metres.
-    pub(crate) bounds: [f64; 4],
+    pub bounds: [f64; 4],
     /// Places where short ways are known to bend.
-    pub(crate) guides: &'a [Pose2],
+    pub guides: &'a [Pose2],
+}
+
+/// `gamma` of the rewiring radius in two dimensions for a free area: `4 (1 + 1/2) area` (Karaman and Frazzoli,
+/// theorem 38).
+pub fn gamma_m2([x_min, y_min, x_max, y_max]: [f64; 4]) -> f64 {
+    6.0 * (x_max - x_min) * (y_max - y_min)
 }
 
 const NONE: u32 = u32::MAX;
@@ -82,7 +88,7 @@ struct Neighbour {
 
 /// The tree and its memory, kept between calls.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Tree {
+pub struct Tree {
     nodes: Vec<Node>,
     grid: Grid,
     near: Vec<Neighbour>,
@@ -94,7 +100,7 @@ pub(crate) struct Tree {
     /// Guides that are.
     guide_nodes: Vec<u32>,
     /// Iterations of the newest growth.
-    pub(crate) work: u64,
+    pub work: u64,
 }
 
 /// Draws of a place that could shorten the path before giving up on one that can.
@@ -105,7 +111,7 @@ const GAIN_M: f64 = 1e-9;
 
 impl Tree {
     /// Grows a tree anew; whether the goal was reached.
-    pub(crate) fn grow(
+    pub fn grow(
         &mut self,
         space: &impl Space,
         growth: &Growth,
@@ -122,9 +128,9 @@ impl Tree {
             }
         }
         for _ in 0..growth.iterations_max {
-            let goes = budget.spend(1);
+            let progress = budget.spend(1);
             self.work += 1;
-            if self.iterate(space, growth, (start, goal), rng) || goes == Goes::Stop {
+            if self.iterate(space, growth, aim, rng) || progress == Progress::Stop {
                 break;
             }
         }
@@ -161,23 +167,18 @@ impl Tree {
     }
 
     /// One iteration; whether the growth is over.
-    fn iterate(
-        &mut self,
-        space: &impl Space,
-        growth: &Growth,
-        (start, goal): (Pose2, Pose2),
-        rng: &mut Rng,
-    ) -> bool {
-        let aim = rng.unit();
-        if aim < growth.guide_share && !self.guides.is_empty() {
-            self.add_guide(space, (start, goal), rng);
+    fn iterate(&mut self, space: &impl Space, growth: &Growth, aim: &Aim<'_>, rng: &mut Rng) -> bool {
+        let goal = aim.goal;
+        let drawn = rng.unit();
+        if drawn < growth.guide_share && !self.guides.is_empty() {
+            self.add_guide(space, aim, rng);
             return false;
         }
-        let wanted = if aim >= 1.0 - growth.goal_share { goal } else { self.draw(space, (start, goal), rng) };
+        let wanted = if drawn >= 1.0 - growth.goal_share { goal } else { self.draw(space, aim, rng) };
         let nearest = self.grid.nearest(wanted.point());
         let from = self.nodes[nearest as usize].pose;
         let pose = space.toward(from, wanted, growth.step_m);
-        if pose.point().distance(from.point()) < 1e-6 || self.is_useless(pose, (start, goal)) {
+        if pose.point().distance(from.point()) < 1e-6 || self.is_useless(pose, aim) {
             return false;
         }
         let n = self.nodes.len() as f64;
@@ -201,10 +202,10 @@ impl Tree {
     }
 
     /// A random place; once there is a path, one through which a shorter path could go.
-    fn draw(&self, space: &impl Space, ends: (Pose2, Pose2), rng: &mut Rng) -> Pose2 {
+    fn draw(&self, space: &impl Space, aim: &Aim<'_>, rng: &mut Rng) -> Pose2 {
         let mut pose = space.draw(rng);
         for _ in 0..DRAWS_MAX {
-            if !self.is_useless(pose, ends) {
+            if !self.is_useless(pose, aim) {
                 break;
             }
             pose = space.draw(rng);
@@ -213,16 +214,17 @@ impl Tree {
     }
 
     /// Whether even the straight way through `pose` is no shorter than the best path.
-    fn is_useless(&self, pose: Pose2, (start, goal): (Pose2, Pose2)) -> bool {
+    fn is_useless(&self, pose: Pose2, aim: &Aim<'_>) -> bool {
         let p = pose.point();
-        !self.arrived.is_empty() && start.point().distance(p) + p.distance(goal.point()) >= self.best_m()
+        let straight_m = aim.start.point().distance(p) + p.distance(aim.goal.point());
+        !self.arrived.is_empty() && straight_m >= self.best_m()
     }
 
     /// Joins one of the guides to the tree, over all nodes it could be joined to.
-    fn add_guide(&mut self, space: &impl Space, ends: (Pose2, Pose2), rng: &mut Rng) {
+    fn add_guide(&mut self, space: &impl Space, aim: &Aim<'_>, rng: &mut Rng) {
         let index = rng.below(self.guides.len());
         let pose = self.guides[index];
-        if self.is_useless(pose, ends) {
+        if self.is_useless(pose, aim) {
             self.guides.swap_remove(index);
             return;
         }
@@ -235,7 +237,7 @@ impl Tree {
         self.guides.swap_remove(index);
         self.guide_nodes.push(node);
         self.rewire(space, node);
-        self.try_goal(space, node, ends.1);
+        self.try_goal(space, node, aim.goal);
     }
 
     /// Fills `near` with the nodes around `pose`, `nearest` among them, and prices them.
@@ -341,7 +343,7 @@ impl Tree {
     }
 
     /// Length of the best path, infinite before the first.
-    pub(crate) fn best_m(&self) -> f64 {
+    pub fn best_m(&self) -> f64 {
         self.arrived
             .iter()
             .fold(f64::INFINITY, |best, &(n, last)| best.min(self.nodes[n as usize].cost_m + last))
@@ -349,7 +351,7 @@ impl Tree {
 
     /// The poses of the best path from the start to its last node (the goal itself is not a node); forgets that
     /// path, so that the next call gives the next best. `None` when there is no other.
-    pub(crate) fn take_best(&mut self, poses: &mut Vec<Pose2>) -> Option<f64> {
+    pub fn take_best(&mut self, poses: &mut Vec<Pose2>) -> Option<f64> {
         let nodes = &self.nodes;
         let cost = |&(node, last_m): &(u32, f64)| nodes[node as usize].cost_m + last_m;
         let best = (0..self.arrived.len())

@@ -22,6 +22,11 @@ fn only(tracks: &TrackList, params: &Params) -> Prediction {
     predict(tracks, params).predictions.remove(0)
 }
 
+/// Newcomers stand.
+fn standing() -> Params {
+    Params { single_sighting: SingleSighting::Static, ..Params::default() }
+}
+
 /// Velocity between the first two predicted poses.
 fn velocity(prediction: &Prediction) -> (f64, f64) {
     let (a, b) = (&prediction.path[0], &prediction.path[1]);
@@ -33,7 +38,7 @@ fn velocity(prediction: &Prediction) -> (f64, f64) {
 #[test]
 fn a_straight_motion_is_continued_exactly_from_uneven_stamps() {
     let at = |ms: i64| (ms, 5.0 + 3.0 * ms as f64 * 1e-3, 2.0 - 4.0 * ms as f64 * 1e-3);
-    let prediction = only(&track(&[at(0), at(50), at(200), at(210), at(400)]), &Params::paper());
+    let prediction = only(&track(&[at(0), at(50), at(200), at(210), at(400)]), &standing());
     assert_eq!(prediction.path.len(), 41);
     for (k, predicted) in prediction.path.iter().enumerate() {
         let ms = 400 + 50 * k as i64;
@@ -51,23 +56,23 @@ fn a_straight_motion_is_continued_exactly_from_uneven_stamps() {
 fn only_the_last_positions_count() {
     let seen =
         [(0, 99.0, -7.0), (50, 0.0, 0.0), (100, 0.1, 0.0), (150, 0.2, 0.0), (200, 0.3, 0.0), (250, 0.4, 0.0)];
-    let (vx, vy) = velocity(&only(&track(&seen), &Params::best()));
+    let (vx, vy) = velocity(&only(&track(&seen), &Params::default()));
     assert!((vx - 2.0).abs() < 1e-9 && vy.abs() < 1e-9);
 }
 
 #[test]
 fn one_sighting_moves_as_reported_or_stands() {
     let seen = track(&[(70, 4.0, 5.0)]);
-    let best = only(&seen, &Params::best());
-    for (k, predicted) in best.path.iter().enumerate() {
+    let moves = only(&seen, &Params::default());
+    for (k, predicted) in moves.path.iter().enumerate() {
         let want = Point2::new(4.0 + 0.05 * k as f64, 5.0);
         assert!(predicted.pose.point().distance(want) < 1e-12 && predicted.pose.heading_rad == 0.0);
     }
-    let paper = only(&seen, &Params::paper());
-    assert!(paper.path.iter().all(|p| p.pose == Pose2::new(4.0, 5.0, 1.0)), "heading is kept too");
+    let stands = only(&seen, &standing());
+    assert!(stands.path.iter().all(|p| p.pose == Pose2::new(4.0, 5.0, 1.0)), "heading is kept too");
     let mut bare = seen;
     bare.tracks[0].history.clear();
-    assert_eq!(only(&bare, &Params::best()), best);
+    assert_eq!(only(&bare, &Params::default()), moves);
 }
 
 /// Least squares over five positions: after a person sets off at `v`, the fitted velocity is 0.2, 0.5, 0.8
@@ -82,7 +87,7 @@ fn the_fit_lags_behind_a_person_who_sets_off() {
                 (50 * k, 117.0, 4.5 - walked)
             })
             .collect();
-        let (vx, vy) = velocity(&only(&track(&seen), &Params::paper()));
+        let (vx, vy) = velocity(&only(&track(&seen), &standing()));
         assert!(vx.abs() < 1e-9);
         assert!((vy + share * v).abs() < 1e-9, "{frames_walking} frames: {vy}");
     }
@@ -98,7 +103,7 @@ fn noise_spreads_the_velocity_as_theory_says() {
     for _ in 0..runs {
         let seen: Vec<(i64, f64, f64)> =
             (0..5).map(|k| (50 * k, h * k as f64 + sigma * rng.normal(), 0.0)).collect();
-        let (vx, _) = velocity(&only(&track(&seen), &Params::best()));
+        let (vx, _) = velocity(&only(&track(&seen), &Params::default()));
         squares += (vx - 1.0) * (vx - 1.0) / f64::from(runs);
     }
     let want = sigma / (h * 10f64.sqrt());
@@ -107,7 +112,7 @@ fn noise_spreads_the_velocity_as_theory_says() {
 
 #[test]
 fn a_still_obstacle_keeps_its_heading() {
-    let prediction = only(&track(&[(0, 1.0, 1.0), (50, 1.0, 1.001), (100, 1.0, 1.0)]), &Params::best());
+    let prediction = only(&track(&[(0, 1.0, 1.0), (50, 1.0, 1.001), (100, 1.0, 1.0)]), &Params::default());
     assert!(prediction.path.iter().all(|p| p.pose.heading_rad == 1.0));
 }
 
@@ -115,22 +120,22 @@ fn a_still_obstacle_keeps_its_heading() {
 fn a_track_last_seen_before_the_stamp_is_moved_to_it() {
     let mut tracks = track(&[(0, 0.0, 0.0), (50, 0.1, 0.0)]);
     tracks.stamp = Time::from_ms(150);
-    let prediction = only(&tracks, &Params::best());
+    let prediction = only(&tracks, &Params::default());
     assert_eq!(prediction.path[0].at, Time::from_ms(150));
     assert!((prediction.path[0].pose.x_m - 0.3).abs() < 1e-9);
 }
 
 #[test]
 fn equal_stamps_do_not_divide_by_zero() {
-    let prediction = only(&track(&[(50, 0.0, 0.0), (50, 1.0, 0.0)]), &Params::paper());
+    let prediction = only(&track(&[(50, 0.0, 0.0), (50, 1.0, 0.0)]), &standing());
     assert!(prediction.path.iter().all(|p| p.pose == Pose2::new(1.0, 0.0, 1.0)));
 }
 
 #[test]
 fn parameters_out_of_range_are_named() {
-    assert_eq!(Params::paper().validate(), Ok(()));
-    let error = Params { step_s: 0.0, ..Params::best() }.validate().unwrap_err();
+    assert_eq!(standing().validate(), Ok(()));
+    let error = Params { step_s: 0.0, ..Params::default() }.validate().unwrap_err();
     assert_eq!(error.to_string(), "`step_s` is 0, expected 0.001 to 10");
-    assert!(Params { past_steps: 0, ..Params::best() }.validate().is_err());
-    assert!(Params { heading_speed_min_mps: f64::NAN, ..Params::best() }.validate().is_err());
+    assert!(Params { past_steps: 0, ..Params::default() }.validate().is_err());
+    assert!(Params { heading_speed_min_mps: f64::NAN, ..Params::default() }.validate().is_err());
 }

@@ -43,7 +43,7 @@ impl Config {
     /// # Errors
     /// What is wrong with them.
     pub fn gate_params(&self) -> Result<GateParams, String> {
-        let params: GateParams = overridden(&GateParams::of(&self.sim.vehicle), &self.gate.params)?;
+        let params: GateParams = overridden(&GateParams::new(&self.sim.vehicle), &self.gate.params)?;
         params.validate().map_err(|error| error.to_string())?;
         Ok(params)
     }

@@ -25,8 +25,8 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 use swerve_control::Following;
-use swerve_planning::posed::Preset;
 use swerve_planning::{CollisionMode, Planner};
+use swerve_pylot::Preset;
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
 use swerve_text::{Document, Problem, Problems};
 use swerve_vehicle::VehicleParams;

@@ -7,44 +7,57 @@ use swerve_planning::aeb::{self, Aeb};
 use swerve_planning::fot::{self, Fot};
 use swerve_planning::hybrid_astar::{self, HybridAstar};
 use swerve_planning::rrt_star::{self, RrtStar};
-use swerve_planning::waypoint::{self, Waypoint};
+use swerve_planning::waypoint::Waypoint;
+use swerve_pylot::{HybridAstarParams, Preset, RrtStarParams};
 
 use super::{Fineness, PlannerName, PlanningConfig};
 
 /// The planner that a configuration names, with its parameters.
 pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
     let (preset, fineness) = (planning.preset, planning.config);
+    let collision = planning.collision;
     Ok(match planning.planner {
         PlannerName::Fot => {
             let defaults = match fineness {
-                Fineness::Fast => fot::Params::fast(preset),
-                Fineness::Slow => fot::Params::slow(preset),
+                Fineness::Fast => fot::Params::fast(),
+                Fineness::Slow => fot::Params::slow(),
             };
-            let defaults = fot::Params { collision: planning.collision, ..defaults };
-            Box::new(Fot::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
+            let params = overridden(&fot::Params { collision, ..defaults }, params)?;
+            match preset {
+                Preset::Paper => Box::new(swerve_pylot::Fot::new(params).map_err(|e| e.to_string())?),
+                Preset::Best => Box::new(Fot::new(params).map_err(|e| e.to_string())?),
+            }
+        }
+        PlannerName::HybridAstar if preset == Preset::Paper => {
+            let defaults = match fineness {
+                Fineness::Fast => HybridAstarParams::fast(),
+                Fineness::Slow => HybridAstarParams::slow(),
+            };
+            let params = overridden(&HybridAstarParams { collision, ..defaults }, params)?;
+            Box::new(swerve_pylot::HybridAstar::new(params).map_err(|e| e.to_string())?)
         }
         PlannerName::HybridAstar => {
-            let defaults = match fineness {
-                Fineness::Fast => hybrid_astar::Params::fast(preset),
-                Fineness::Slow => hybrid_astar::Params::slow(preset),
-            };
-            let defaults = hybrid_astar::Params { collision: planning.collision, ..defaults };
+            let defaults = hybrid_astar::Params { collision, ..hybrid_astar::Params::default() };
             Box::new(HybridAstar::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
         }
-        PlannerName::RrtStar => {
+        PlannerName::RrtStar if preset == Preset::Paper => {
             let defaults = match fineness {
-                Fineness::Fast => rrt_star::Params::fast(preset),
-                Fineness::Slow => rrt_star::Params::slow(preset),
+                Fineness::Fast => RrtStarParams::fast(),
+                Fineness::Slow => RrtStarParams::slow(),
             };
-            let defaults = rrt_star::Params { collision: planning.collision, ..defaults };
+            let params = overridden(&RrtStarParams { collision, ..defaults }, params)?;
+            Box::new(swerve_pylot::RrtStar::new(params).map_err(|e| e.to_string())?)
+        }
+        PlannerName::RrtStar => {
+            let defaults = rrt_star::Params { collision, ..rrt_star::Params::default() };
             Box::new(RrtStar::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
         }
         PlannerName::Waypoint => {
-            let params = overridden(&waypoint::Params::of(planning.preset), params)?;
+            let params = overridden(&preset.waypoint(), params)?;
             Box::new(Waypoint::new(params).map_err(|e| e.to_string())?)
         }
         PlannerName::Aeb => {
-            let defaults = aeb::Params { collision: planning.collision, ..aeb::Params::default() };
+            let defaults = aeb::Params { collision, ..aeb::Params::default() };
             Box::new(Aeb::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
         }
     })

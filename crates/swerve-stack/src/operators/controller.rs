@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use swerve_control::{Controller, Following, Input, Law, Output, Params, Pedals};
+use swerve_control::{Controller, Input, Law, Output, Params, Pedals};
 use swerve_core::{Span, Time};
 use swerve_flow::{
     Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, every,
 };
 use swerve_msg::{Command, EgoState, MotionCommand, Plan, Route, Supervision};
-use swerve_planning::posed::Preset;
 use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
 
 use crate::config::{Config, ControllerName};
@@ -79,18 +78,14 @@ struct PlanFollower {
 
 impl PlanFollower {
     fn new(config: &Config, route: &Route) -> Self {
-        let preset = match config.planning.preset {
-            Preset::Paper => Following::Projection,
-            Preset::Best => Following::Time,
-        };
         let law = match config.control.controller {
             ControllerName::Pid => Law::Pid,
             ControllerName::PurePursuit => Law::PurePursuit,
             ControllerName::Stanley => Law::Stanley,
             ControllerName::Mpc => Law::Mpc,
         };
-        let params =
-            Params { law, following: config.control.following.unwrap_or(preset), ..Params::default() };
+        let following = config.control.following.unwrap_or_else(|| config.planning.preset.following());
+        let params = Params { law, following, ..Params::default() };
         let vehicle = config.sim.vehicle.clone();
         Self {
             controller: controller(&vehicle, params),

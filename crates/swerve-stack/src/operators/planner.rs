@@ -6,11 +6,10 @@ use std::sync::Arc;
 use swerve_core::{Span, Time};
 use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
-    PortInfo, Progress, RuntimeModel, Window,
+    PortInfo, RuntimeModel, Window,
 };
 use swerve_msg::{EgoState, Plan, Prediction, PredictionList, Route, RungTaken};
-use swerve_planning::world::predicted_start;
-use swerve_planning::{Budget, Goes, Planner, Request, Unlimited};
+use swerve_planning::{Budget, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
 
 use super::deadlines::planner_deadline;
@@ -272,10 +271,10 @@ impl Operator for PeriodicPlanner {
 struct Metered<'a, 'b>(&'a mut Context<'b>);
 
 impl Budget for Metered<'_, '_> {
-    fn spend(&mut self, units: u64) -> Goes {
+    fn spend(&mut self, units: u64) -> Progress {
         match self.0.spend(units) {
-            Progress::Continue => Goes::On,
-            Progress::Stop => Goes::Stop,
+            swerve_flow::Progress::Continue => Progress::Continue,
+            swerve_flow::Progress::Stop => Progress::Stop,
         }
     }
 }

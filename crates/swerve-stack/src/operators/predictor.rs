@@ -2,7 +2,6 @@
 
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_msg::{PredictionList, TrackList};
-use swerve_planning::posed::Preset;
 use swerve_prediction::linear;
 
 use crate::kind::{Kind, NoKeys, Node};
@@ -27,15 +26,11 @@ impl Kind for Predictor {
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
         let prediction = &site.config().prediction;
-        let preset = match prediction.preset {
-            Preset::Paper => linear::Params::paper(),
-            Preset::Best => linear::Params::best(),
-        };
         let params = linear::Params {
             past_steps: prediction.past_steps,
             future_steps: (prediction.horizon_ms / prediction.step_ms).round() as usize,
             step_s: prediction.step_ms * 1e-3,
-            ..preset
+            ..prediction.preset.linear()
         };
         Ok(Self { params })
     }

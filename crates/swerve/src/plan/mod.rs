@@ -1,7 +1,7 @@
 //! `swerve plan`: planners on posed problems, without a world around them.
 //!
 //! A problem file is JSON: `configs` with named settings per planner, `problems` per planner (see
-//! [`swerve_planning::posed`]); whatever else it holds is passed over. Every problem is solved with one of the
+//! [`swerve_pylot::posed`]); whatever else it holds is passed over. Every problem is solved with one of the
 //! configurations; out come a table or JSON, and a picture of each problem.
 
 mod picture;
@@ -14,7 +14,8 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use clap::ValueEnum;
-use swerve_planning::{Preset, Solution};
+use swerve_pylot::Preset;
+use swerve_pylot::posed::Solution;
 
 use crate::files::write_whole;
 use crate::output::align;

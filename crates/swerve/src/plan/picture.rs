@@ -1,8 +1,7 @@
 //! A picture of one posed problem: what stands in the way, the road, the path found, outlines along it.
 
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
-use swerve_planning::Solution;
-use swerve_planning::posed::{AxisBox, ProblemFile, obb};
+use swerve_pylot::posed::{AxisBox, ProblemFile, Solution, obb};
 use swerve_vehicle::Shape;
 
 use super::read::Posed;
@@ -92,7 +91,7 @@ impl Sketch {
         Self { boxes, clearance_m, line: vec![], edges: vec![], start, goal: Some(goal), outline }
     }
 
-    /// What the drawing shows: x_min, y_min, x_max, y_max.
+    /// The ground in the drawing: x_min, y_min, x_max, y_max.
     fn extent(&self, path: &[[f64; 4]]) -> [f64; 4] {
         let mut seen = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         let mut see = |x: f64, y: f64| {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow, bail};
-use swerve_planning::posed::{FotConfig, HybridAstarConfig, ProblemFile, RrtStarConfig};
+use swerve_pylot::posed::{FotConfig, HybridAstarConfig, ProblemFile, RrtStarConfig};
 use swerve_text::{nearest, with_nearest_name};
 
 use super::PosedPlanner;

@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use swerve_planning::Unlimited;
-use swerve_planning::posed::ProblemFile;
-use swerve_planning::{Preset, Solution, fot, hybrid_astar, rrt_star};
+use swerve_pylot::Preset;
+use swerve_pylot::posed::{ProblemFile, Solution, fot, hybrid_astar, rrt_star};
 
 use super::read::Posed;
 
@@ -13,20 +13,20 @@ pub const REPEATS: usize = 3;
 
 /// Solves all problems of a planner, in the order of the file.
 ///
-/// What is timed is a planner's work for a call as it does it in a run: for RRT* and Hybrid A* the search to the
+/// The time is that of a planner's work for a call as it does it in a run: for RRT* and Hybrid A* the search to the
 /// finished path in a solver that keeps its memory, for FOT the whole call with all that it builds.
 /// Length, curvature and clearance of the result are not timed for the former two.
 pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<Solution> {
     let problems = &file.problems;
     match posed {
         Posed::Fot(config) => {
-            problems.fot.iter().map(|p| timed(|| fot::solve_posed(p, config, preset), |s| s)).collect()
+            problems.fot.iter().map(|p| timed(|| fot::solve(p, config, preset), |s| s)).collect()
         }
         Posed::RrtStar(config) => {
             let mut solver = rrt_star::Solver::default();
             let solve = |p| {
                 let search = || solver.search(p, config, preset, &mut Unlimited::default());
-                timed(search, |_| rrt_star::solve_posed(p, config, preset, &mut Unlimited::default()))
+                timed(search, |_| rrt_star::solve(p, config, preset, &mut Unlimited::default()))
             };
             problems.rrt_star.iter().map(solve).collect()
         }
@@ -34,7 +34,7 @@ pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<S
             let mut solver = hybrid_astar::Solver::default();
             let solve = |p| {
                 let search = || solver.search(p, config, preset, &mut Unlimited::default());
-                timed(search, |_| hybrid_astar::solve_posed(p, config, preset, &mut Unlimited::default()))
+                timed(search, |_| hybrid_astar::solve(p, config, preset, &mut Unlimited::default()))
             };
             problems.hybrid_astar.iter().map(solve).collect()
         }

@@ -24,7 +24,7 @@ const FILE: &str = r#"{
   "hybrid_astar": [{"id": "side <step>", "start": [0, 0, 0], "goal": [35, 2, 0], "obstacles": [[15, -3, 19, 0.2]]}]
 }}"#;
 
-fn solutions(planner: PosedPlanner, preset: Preset) -> (swerve_planning::posed::ProblemFile, Vec<Solution>) {
+fn solutions(planner: PosedPlanner, preset: Preset) -> (swerve_pylot::posed::ProblemFile, Vec<Solution>) {
     let file = serde_json::from_str(FILE).unwrap();
     let solutions = solve_all(&file, &read::select(&file, planner, "fast").unwrap(), preset);
     (file, solutions)
@@ -86,7 +86,7 @@ fn faults_name_file_line_and_the_nearest_name() {
     let file = serde_json::from_str(FILE).unwrap();
     let unknown = read::select(&file, PosedPlanner::Fot, "fats").unwrap_err().to_string();
     assert_eq!(unknown, "configs.fot: no entry `fats`, there are fast (did you mean `fast`?)");
-    let mut empty: swerve_planning::posed::ProblemFile = serde_json::from_str(FILE).unwrap();
+    let mut empty: swerve_pylot::posed::ProblemFile = serde_json::from_str(FILE).unwrap();
     empty.problems.fot.clear();
     assert!(read::select(&empty, PosedPlanner::Fot, "fast").is_err());
 }

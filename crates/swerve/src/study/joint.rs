@@ -182,7 +182,7 @@ mod tests {
         set = { sim.dt_ms = 5 }
         [[axis.settings]]
         name = "rrt"
-        set = { planning.params.step_m = 1.0, control.period_ms = 0 }
+        set = { planning.params.goal_share = 0.2, control.period_ms = 0 }
         [[axis]]
         key = "operator.planner.uses"
         values = ["gpu", "tpu", "npu"]

@@ -10,7 +10,7 @@ use swerve_core::{Span, Time};
 use swerve_geom::FrenetPoint;
 use swerve_msg::truth::EndReason;
 use swerve_msg::{ActorId, EgoState, Plan, PlanPoint, PlanStatus, Route};
-use swerve_planning::world::with_curvature;
+use swerve_planning::path::points::with_curvature;
 use swerve_scenario::{Scenario, Trigger};
 use swerve_sim::sense::{SensorMount, SensorParams, visible_obstacles};
 use swerve_sim::{SimParams, Simulator};
@@ -180,7 +180,7 @@ struct Drive {
 
 impl Drive {
     fn new(case: &Case<'_>) -> anyhow::Result<Self> {
-        let params = Params { law: Law::Stanley, following: Following::Time, ..Params::best() };
+        let params = Params { law: Law::Stanley, following: Following::Time, ..Params::default() };
         Ok(Self {
             simulator: Simulator::exact(case.scenario.clone(), &case.params)?,
             controller: controller(&case.params.vehicle, params),

@@ -1,0 +1,112 @@
+//! Parameters of the controller.
+
+use serde::{Deserialize, Serialize};
+
+use crate::lateral::{PurePursuitParams, StanleyParams, WaypointParams};
+use crate::{mpc, pid, speed};
+
+/// How a plan is followed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Following {
+    /// From the place of the plan that is nearest to the ego; passed points are trimmed, times are ignored, as in
+    /// Pylot.
+    Projection,
+    /// The ego should be where the plan is at the present instant.
+    #[default]
+    Time,
+}
+
+/// Which laws steer and drive.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Law {
+    /// Pylot's PID on speed and its steering by the angle to a waypoint.
+    Pid,
+    /// Pure pursuit and the speed law with feed-forward.
+    PurePursuit,
+    /// Stanley and the speed law with feed-forward.
+    #[default]
+    Stanley,
+    /// Model predictive control of steering and acceleration.
+    Mpc,
+}
+
+/// Parameters of a [`Controller`].
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Params {
+    /// Which laws steer and drive.
+    pub law: Law,
+    /// How plans are followed.
+    pub following: Following,
+    /// The stop when there is nothing to follow any more.
+    pub stop: StopParams,
+    /// Pylot's speed controller.
+    pub pid: pid::Params,
+    /// Pylot's steering.
+    pub waypoint: WaypointParams,
+    /// Pure pursuit.
+    pub pure_pursuit: PurePursuitParams,
+    /// Stanley.
+    pub stanley: StanleyParams,
+    /// Speed law of the path trackers.
+    pub speed: speed::Params,
+    /// Correction of the place when following by time.
+    pub along: AlongParams,
+    /// Slip of the tyres, which adds to the geometry; not used by [`Law::Pid`].
+    pub slip: SlipParams,
+    /// Model predictive control.
+    pub mpc: mpc::Params,
+}
+
+/// Slip of the tyres, which adds to the geometry of steering: fed forward, from the path's own lateral acceleration.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SlipParams {
+    /// Slip angle of the rear tyres per lateral acceleration, rad s²/m: in a turn the nose points that much
+    /// further in than the rear axle goes. Near the inverse of the tyres' stiffness per load and of gravity.
+    pub rear_s2pm: f64,
+    /// Steering beyond the geometric angle per lateral acceleration, rad s²/m: the understeer gradient.
+    pub understeer_s2pm: f64,
+}
+
+impl Default for SlipParams {
+    fn default() -> Self {
+        Self { rear_s2pm: 0.0055, understeer_s2pm: 0.0005 }
+    }
+}
+
+/// How the ego stops when there is nothing to follow.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StopParams {
+    /// Deceleration of a comfortable stop, m/s² (positive).
+    pub decel_mps2: f64,
+    /// Brake pedal while the state of the ego is unusable, 0 to 1. Pylot brakes with 0.5 when it has nothing to follow.
+    pub blind_brake: f64,
+}
+
+impl Default for StopParams {
+    fn default() -> Self {
+        Self { decel_mps2: 2.0, blind_brake: 0.5 }
+    }
+}
+
+/// Correction of being early or late when following by time.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AlongParams {
+    /// Speed per metre of lag, 1/s.
+    pub gain_ps: f64,
+    /// Largest change of speed for that, m/s.
+    pub speed_max_mps: f64,
+    /// The ego is looked for on the plan within this distance of where it should be, metres.
+    pub reach_m: f64,
+}
+
+impl Default for AlongParams {
+    fn default() -> Self {
+        Self { gain_ps: 0.5, speed_max_mps: 2.0, reach_m: 15.0 }
+    }
+}

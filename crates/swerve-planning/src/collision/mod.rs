@@ -1,0 +1,304 @@
+//! One exact collision check for every planner and every test.
+//!
+//! Obstacles are oriented boxes, moving along their predictions or standing. A footprint is *free* when it
+//! touches none of them and keeps a clearance (Euclidean distance between the two rectangles). Motions
+//! between two poses are checked by bisection: a stretch is free once the distance at its middle exceeds
+//! what can move within it, so nothing passes through anything however far the samples are apart.
+
+mod motion;
+mod solid;
+mod walked;
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_geom::{Obb, Point2, angle_between, math};
+use swerve_msg::{ActorKind, Prediction};
+
+use walked::Walked;
+
+pub use motion::between;
+pub use solid::Solid;
+
+/// How predicted motion enters the collision check.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CollisionMode {
+    /// An obstacle is where it is predicted to be at the moment in question.
+    #[default]
+    TimeIndexed,
+    /// An obstacle is at all its predicted places at once, all the time (places at least
+    /// [`SWEPT_STEP_M`] apart): what Pylot does.
+    SweptStatic,
+    /// As time-indexed, but a pedestrian may stop on the way: at each moment all that lies between where it is now and
+    /// where it is predicted to be by then counts.
+    ///
+    /// Whoever walks can stand within a step, without notice, and constant velocity says only how far they can have
+    /// come. This is the set that they can reach along their way (as the reachable sets of Koschi et al., Set-Based
+    /// Prediction of Pedestrians, ITSC 2018, but along one line). What rolls needs a way to stop in and stays
+    /// time-indexed. Where this leaves neither a way through nor a stop, planners take pedestrians as predicted.
+    MayStop,
+}
+
+impl CollisionMode {
+    /// The modes that planners try in order: where nothing is found although walkers may stop, they are taken as predicted.
+    pub fn in_order(self) -> &'static [Self] {
+        match self {
+            Self::TimeIndexed => &[Self::TimeIndexed],
+            Self::SweptStatic => &[Self::SweptStatic],
+            Self::MayStop => &[Self::MayStop, Self::TimeIndexed],
+        }
+    }
+}
+
+/// Smallest distance between two places of one obstacle under [`CollisionMode::SweptStatic`], metres
+/// (Pylot's value).
+pub const SWEPT_STEP_M: f64 = 1.0;
+
+/// One obstacle with all its places.
+#[derive(Clone, Debug, Default)]
+struct Mover {
+    /// First of its places in `Obstacles::at` and `Obstacles::places`.
+    first: usize,
+    /// One past its last place.
+    end: usize,
+    /// Of the largest of its places.
+    radius_m: f64,
+    /// Bounds of the centres of all places: x_min, y_min, x_max, y_max.
+    bounds: [f64; 4],
+    /// Fastest motion between two places, m/s.
+    speed_mps: f64,
+}
+
+/// Everything that must not be touched.
+///
+/// Storage is kept by [`set`](Self::set), so a planner that holds one does not allocate in steady state.
+#[derive(Clone, Debug, Default)]
+pub struct Obstacles {
+    mode: CollisionMode,
+    /// Whether anybody walks who may stop.
+    walkers: bool,
+    movers: Vec<Mover>,
+    at: Vec<Time>,
+    heading_rad: Vec<f64>,
+    places: Vec<Solid>,
+}
+
+impl Obstacles {
+    /// From predictions.
+    pub fn new(predictions: &[Prediction], mode: CollisionMode) -> Self {
+        let mut obstacles = Self::default();
+        obstacles.set(predictions, mode);
+        obstacles
+    }
+
+    /// From boxes that stand still.
+    pub fn from_boxes(boxes: &[Obb]) -> Self {
+        let mut obstacles = Self::default();
+        for obb in boxes {
+            obstacles.push(core::iter::once((Time::ZERO, *obb)), CollisionMode::TimeIndexed);
+        }
+        obstacles
+    }
+
+    /// Replaces the content, keeping the storage.
+    pub fn set(&mut self, predictions: &[Prediction], mode: CollisionMode) {
+        self.mode = mode;
+        self.walkers = false;
+        self.movers.clear();
+        self.at.clear();
+        self.heading_rad.clear();
+        self.places.clear();
+        for prediction in predictions {
+            self.push_predicted(prediction, mode);
+        }
+    }
+
+    /// As [`set`](Self::set), leaving out what is never within `range_m` of `center` (centre to centre).
+    pub fn set_near(
+        &mut self,
+        predictions: &[Prediction],
+        mode: CollisionMode,
+        center: Point2,
+        range_m: f64,
+    ) {
+        self.set(&[], mode);
+        for prediction in predictions {
+            if prediction.path.iter().any(|p| p.pose.point().distance(center) <= range_m) {
+                self.push_predicted(prediction, mode);
+            }
+        }
+    }
+
+    /// Replaces the content by boxes that stand still, keeping the storage.
+    pub fn set_boxes(&mut self, boxes: impl IntoIterator<Item = Obb>) {
+        self.set(&[], CollisionMode::TimeIndexed);
+        for obb in boxes {
+            self.push(core::iter::once((Time::ZERO, obb)), CollisionMode::TimeIndexed);
+        }
+    }
+
+    fn push_predicted(&mut self, prediction: &Prediction, mode: CollisionMode) {
+        if mode == CollisionMode::MayStop
+            && prediction.kind == ActorKind::Pedestrian
+            && let Some(walked) = Walked::new(prediction)
+        {
+            self.walkers = true;
+            self.push(walked, mode);
+            return;
+        }
+        let boxes = prediction.path.iter().map(|p| (p.at, prediction.extent.footprint(p.pose)));
+        self.push(boxes, mode);
+    }
+
+    /// Takes one obstacle in.
+    fn push(&mut self, places: impl Iterator<Item = (Time, Obb)>, mode: CollisionMode) {
+        let first = self.places.len();
+        let mut mover = Mover {
+            first,
+            bounds: [f64::INFINITY, f64::INFINITY, -f64::INFINITY, -f64::INFINITY],
+            ..Mover::default()
+        };
+        for (at, obb) in places {
+            let solid = Solid::from(&obb);
+            if let Some(last) = self.places[first..].last() {
+                let moved_m = last.center_distance_m(&solid);
+                if mode == CollisionMode::SweptStatic && moved_m < SWEPT_STEP_M {
+                    continue;
+                }
+                let index = self.at.len() - 1;
+                let turned = angle_between(self.heading_rad[index], obb.center.heading_rad).abs();
+                let took_s = (at - self.at[index]).as_secs().max(1e-9);
+                let grown_m = (solid.half_length_m - last.half_length_m).abs()
+                    + (solid.half_width_m - last.half_width_m).abs();
+                let edge_m = moved_m + turned * solid.radius_m() + grown_m;
+                mover.speed_mps = mover.speed_mps.max(edge_m / took_s);
+            }
+            mover.radius_m = mover.radius_m.max(solid.radius_m());
+            let b = &mut mover.bounds;
+            *b = [b[0].min(solid.x_m), b[1].min(solid.y_m), b[2].max(solid.x_m), b[3].max(solid.y_m)];
+            self.at.push(at);
+            self.heading_rad.push(obb.center.heading_rad);
+            self.places.push(solid);
+        }
+        mover.end = self.places.len();
+        if mover.end > first {
+            self.movers.push(mover);
+        }
+    }
+
+    /// Whether there is nothing to hit.
+    pub fn is_empty(&self) -> bool {
+        self.movers.is_empty()
+    }
+
+    /// Whether somebody walks who may stop: under [`CollisionMode::MayStop`], whether it differs from time-indexed.
+    pub fn any_may_stop(&self) -> bool {
+        self.walkers
+    }
+
+    /// How predicted motion is taken.
+    pub fn mode(&self) -> CollisionMode {
+        self.mode
+    }
+
+    /// Calls `visit` with every box that counts at `at`: one for each obstacle, or all places at once
+    /// under [`CollisionMode::SweptStatic`].
+    pub fn for_each_at(&self, at: Time, mut visit: impl FnMut(&Solid)) {
+        for mover in &self.movers {
+            match self.mode {
+                CollisionMode::TimeIndexed | CollisionMode::MayStop => visit(&self.place_at(mover, at)),
+                CollisionMode::SweptStatic => self.places[mover.first..mover.end].iter().for_each(&mut visit),
+            }
+        }
+    }
+
+    /// Whether `footprint` at `at` touches nothing and keeps `clearance_m` to everything.
+    pub fn free(&self, footprint: &Obb, at: Time, clearance_m: f64) -> bool {
+        self.solid_free(&Solid::from(footprint), at, clearance_m)
+    }
+
+    /// As [`free`](Self::free), for a footprint whose direction is at hand.
+    pub fn solid_free(&self, footprint: &Solid, at: Time, clearance_m: f64) -> bool {
+        let limit = clearance_m.max(f64::MIN_POSITIVE);
+        self.distance_below(footprint, at, limit) >= limit
+    }
+
+    /// Distance of `footprint` at `at` to the nearest obstacle, metres; zero when it touches one,
+    /// infinite without obstacles.
+    pub fn clearance_m(&self, footprint: &Obb, at: Time) -> f64 {
+        self.distance_below(&Solid::from(footprint), at, f64::INFINITY)
+    }
+
+    /// Distance to the nearest obstacle that is nearer than `cap_m`, else `cap_m`.
+    pub fn distance_below(&self, footprint: &Solid, at: Time, cap_m: f64) -> f64 {
+        let own_m = footprint.radius_m();
+        let mut nearest_m = cap_m;
+        for mover in &self.movers {
+            let b = &mover.bounds;
+            let dx = (b[0] - footprint.x_m).max(footprint.x_m - b[2]).max(0.0);
+            let dy = (b[1] - footprint.y_m).max(footprint.y_m - b[3]).max(0.0);
+            let reach_m = own_m + mover.radius_m + nearest_m;
+            if dx * dx + dy * dy >= reach_m * reach_m {
+                continue;
+            }
+            match self.mode {
+                CollisionMode::TimeIndexed | CollisionMode::MayStop => {
+                    let solid = self.place_at(mover, at);
+                    nearest_m = nearer(footprint, &solid, own_m + mover.radius_m, nearest_m);
+                }
+                CollisionMode::SweptStatic => {
+                    for solid in &self.places[mover.first..mover.end] {
+                        nearest_m = nearer(footprint, solid, own_m + mover.radius_m, nearest_m);
+                    }
+                }
+            }
+        }
+        nearest_m
+    }
+
+    /// Where `mover` is at `at`: linear between its places, held before the first and after the last.
+    fn place_at(&self, mover: &Mover, at: Time) -> Solid {
+        let times = &self.at[mover.first..mover.end];
+        let after = times.partition_point(|&t| t <= at);
+        if after == 0 || after == times.len() {
+            return self.places[mover.first + after.saturating_sub(1)];
+        }
+        let (i, j) = (mover.first + after - 1, mover.first + after);
+        let u = (at - self.at[i]).as_secs() / (self.at[j] - self.at[i]).as_secs();
+        let (a, b) = (self.places[i], self.places[j]);
+        let turn = angle_between(self.heading_rad[i], self.heading_rad[j]);
+        let (sin, cos) =
+            if turn == 0.0 { (a.sin, a.cos) } else { math::sin_cos(self.heading_rad[i] + turn * u) };
+        let mix = |from: f64, to: f64| from + (to - from) * u;
+        Solid {
+            x_m: mix(a.x_m, b.x_m),
+            y_m: mix(a.y_m, b.y_m),
+            cos,
+            sin,
+            half_length_m: mix(a.half_length_m, b.half_length_m),
+            half_width_m: mix(a.half_width_m, b.half_width_m),
+        }
+    }
+
+    /// Fastest predicted motion of any point, m/s.
+    pub(crate) fn fastest_mps(&self) -> f64 {
+        match self.mode {
+            CollisionMode::SweptStatic => 0.0,
+            CollisionMode::TimeIndexed | CollisionMode::MayStop => {
+                self.movers.iter().map(|m| m.speed_mps).fold(0.0, f64::max)
+            }
+        }
+    }
+}
+
+fn nearer(footprint: &Solid, solid: &Solid, radii_m: f64, nearest_m: f64) -> f64 {
+    let (dx, dy) = (solid.x_m - footprint.x_m, solid.y_m - footprint.y_m);
+    let reach_m = radii_m + nearest_m;
+    if dx * dx + dy * dy >= reach_m * reach_m {
+        return nearest_m;
+    }
+    nearest_m.min(footprint.distance_m(solid))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,58 @@
+//! The ground of a pedestrian who may stop on the way.
+
+use swerve_core::Time;
+use swerve_geom::{Obb, Point2, Pose2, math};
+use swerve_msg::Prediction;
+
+/// Who is predicted to get no further than this stands, metres.
+const STANDS_M: f64 = 0.02;
+
+/// The frame along somebody's way.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Walk;
+
+/// The ground that somebody covers who walks as predicted and may stop on the way: per instant of the prediction the box
+/// along the way that holds all places up to then.
+pub(super) struct Walked<'a> {
+    prediction: &'a Prediction,
+    /// Directed along the way, at its first place.
+    frame: Pose2,
+    next: usize,
+    /// Ahead from, ahead to, left from, left to, metres.
+    reach_m: [f64; 4],
+}
+
+impl<'a> Walked<'a> {
+    /// `None` for who stands.
+    pub(super) fn new(prediction: &'a Prediction) -> Option<Self> {
+        let (first, last) = (prediction.path.first()?.pose, prediction.path.last()?.pose);
+        let way = last.point() - first.point();
+        let frame = Pose2::new(first.x_m, first.y_m, way.heading());
+        let reach_m = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        (way.norm() > STANDS_M).then_some(Self { prediction, frame, next: 0, reach_m })
+    }
+}
+
+impl Iterator for Walked<'_> {
+    type Item = (Time, Obb);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let place = self.prediction.path.get(self.next)?;
+        self.next += 1;
+        let at: Point2<Walk> = self.frame.to_local(place.pose.point());
+        let (sin, cos) = math::sin_cos(place.pose.heading_rad - self.frame.heading_rad);
+        let (length_m, width_m) = (self.prediction.extent.length_m, self.prediction.extent.width_m);
+        let ahead_m = 0.5 * (length_m * cos.abs() + width_m * sin.abs());
+        let left_m = 0.5 * (length_m * sin.abs() + width_m * cos.abs());
+        let r = &mut self.reach_m;
+        *r = [
+            r[0].min(at.x_m - ahead_m),
+            r[1].max(at.x_m + ahead_m),
+            r[2].min(at.y_m - left_m),
+            r[3].max(at.y_m + left_m),
+        ];
+        let middle = self.frame.from_local(Point2::<Walk>::new(0.5 * (r[0] + r[1]), 0.5 * (r[2] + r[3])));
+        let center = Pose2::new(middle.x_m, middle.y_m, self.frame.heading_rad);
+        Some((place.at, Obb::new(center, r[1] - r[0], r[3] - r[2])))
+    }
+}

@@ -1,0 +1,203 @@
+//! The plan where a search finds none, and the plan that gives way to pedestrians.
+
+use swerve_core::{Span, Time};
+use swerve_geom::{Ego, Point2, Pose2};
+use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus};
+use swerve_vehicle::Limits;
+
+use crate::brake::{brake, brake_along, way_ahead};
+use crate::collision::Obstacles;
+use crate::path::points::{PathPoint, along, with_curvature};
+use crate::path::route::PATH_STEP_M;
+use crate::path::speed::{CREEP_MPS, SpeedProfile, timed_points};
+use crate::request::Request;
+
+/// The previous plan while it is free of collision by `clearance_m`, else full brake along it.
+pub fn keep_or_brake(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Plan {
+    kept(request, obstacles, clearance_m).unwrap_or_else(|| brake(request))
+}
+
+/// The rest of the previous plan, if it is still free of collision and the ego is on it.
+pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Option<Plan> {
+    let previous = request.previous?;
+    let from = request.start.stamp;
+    if previous.end() <= from {
+        return None;
+    }
+    let rest = previous.points.iter().filter(|p| p.at > from).copied();
+    let begun = previous.points.first().is_some_and(|p| p.at <= from);
+    let now = previous.at(from).filter(|_| begun).map(|p| PlanPoint { at: from, ..p });
+    let points: Vec<PlanPoint> = now.into_iter().chain(rest).collect();
+    let first = points.first()?;
+    let wait_s = (first.at - from).as_secs();
+    let off_m = first.pose.point().distance(request.start.pose.point());
+    if off_m > OFF_PLAN_M + wait_s * request.start.speed_mps.max(0.0) {
+        return None;
+    }
+    let path: Vec<(Pose2, Time)> = points.iter().map(|p| (p.pose, p.at)).collect();
+    let free =
+        |path: &[(Pose2, Time)]| obstacles.path_free(|pose| request.shape.footprint(pose), path, clearance_m);
+    // An ego beside its plan may stay beside it: that has to be free as well.
+    let beside = || -> Vec<(Pose2, Time)> {
+        let off = if now.is_some() {
+            first.pose.to_local(request.start.pose.point())
+        } else {
+            Point2::<Ego>::new(0.0, 0.0)
+        };
+        let moved = |pose: Pose2| {
+            let point = pose.from_local(off);
+            Pose2::new(point.x_m, point.y_m, pose.heading_rad)
+        };
+        path.iter().map(|&(pose, at)| (moved(pose), at)).collect()
+    };
+    // What comes after it counts too: it is kept only as long as the ego can still come to a stop, be it at its end or
+    // while it is being driven.
+    let stops_from = |k: usize| {
+        let p = &points[k];
+        let start = EgoState { stamp: p.at, pose: p.pose, speed_mps: p.speed_mps, ..request.start };
+        let poses: Vec<Pose2> = points[k..].iter().map(|p| p.pose).collect();
+        let braking = brake_along(&Request { start, ..*request }, &with_curvature(&poses), PlanStatus::Brake);
+        let stop: Vec<(Pose2, Time)> = braking.points.iter().map(|p| (p.pose, p.at)).collect();
+        free(&stop)
+    };
+    let soon = points.iter().position(|p| p.at >= from + BRAKE_LATER).unwrap_or(points.len() - 1);
+    let stops = stops_from(points.len() - 1) || stops_from(soon);
+    (free(&path) && stops && free(&beside())).then_some(Plan {
+        stamp: request.stamp,
+        status: PlanStatus::Kept,
+        points,
+        work: 0,
+    })
+}
+
+/// An ego further from its plan than this is not on it, metres.
+const OFF_PLAN_M: f64 = 2.0;
+
+/// How long a plan may be driven on where only braking can follow it: some periods of planning.
+const BRAKE_LATER: Span = Span::from_ms(300);
+
+/// A stop before what the obstacles may come to cover of the way ahead: gently if that suffices, else as hard as it
+/// must be. `None` where braking as hard as the limits allow does not keep `clearance_m`.
+///
+/// For [`CollisionMode::MayStop`](crate::collision::CollisionMode::MayStop): who gives way to a walker has a stop left
+/// wherever the walker stops. Meant to be asked anew with every frame: once the way is free, it is driven on.
+pub fn give_way(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Option<Plan> {
+    let free = |plan: &Plan, clearance_m: f64| {
+        let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        obstacles.path_free(|pose| request.shape.footprint(pose), &path, clearance_m)
+    };
+    let path = with_curvature(&way_ahead(request));
+    let covered = |s_m: f64| {
+        let footprint = request.shape.footprint(along(&path, s_m).pose);
+        !obstacles.free(&footprint, Time::MAX, clearance_m)
+    };
+    let v = request.start.speed_mps.max(0.0);
+    let reach_m = v * v / (2.0 * COMFORT_BRAKE_MPS2) + YIELD_GAP_M + v * YIELD_AHEAD_S;
+    let steps = (reach_m / PATH_STEP_M).ceil() as usize;
+    let covered_m = (0..=steps).map(|k| k as f64 * PATH_STEP_M).find(|&s_m| covered(s_m)).unwrap_or(reach_m);
+    let way_m = covered_m - PATH_STEP_M - YIELD_GAP_M;
+    let brake_max_mps2 = COMFORT_BRAKE_MPS2.max(v * v / (2.0 * way_m));
+    if way_m > 0.0 && brake_max_mps2 <= request.limits.brake_max_mps2 {
+        let limits = Limits { brake_max_mps2, ..*request.limits };
+        let plan = stop_after(request, &path, way_m, &limits);
+        if free(&plan, clearance_m) {
+            return Some(plan);
+        }
+    }
+    // A stop that is under way is not given up for less than a touch.
+    let needed_m = if stops(request.previous) { 0.0 } else { clearance_m };
+    Some(brake(request)).filter(|plan| free(plan, needed_m))
+}
+
+/// Limits for a plan that gives way, or goes round all that walkers may do: not all of the brakes, so that what is late
+/// or off is made up for; all of them once a stop is under way.
+pub fn comfort_limits(request: &Request<'_>) -> Limits {
+    let share = if stops(request.previous) { 1.0 } else { GIVE_WAY_SHARE };
+    Limits { brake_max_mps2: share * request.limits.brake_max_mps2, ..*request.limits }
+}
+
+/// Share of the deceleration that giving way may need. Where it takes more, walkers are taken as predicted: a swerve
+/// may still clear them.
+const GIVE_WAY_SHARE: f64 = 0.75;
+
+/// Whether a plan ends at rest.
+fn stops(plan: Option<&Plan>) -> bool {
+    plan.and_then(|plan| plan.points.last()).is_some_and(|p| p.speed_mps < CREEP_MPS)
+}
+
+/// Deceleration that giving way gets by with where there is room, m/s².
+const COMFORT_BRAKE_MPS2: f64 = 3.0;
+
+/// Distance left before the ground that others may come to cover, where there is room, metres.
+const YIELD_GAP_M: f64 = 1.0;
+
+/// A stop is looked for this much further than it takes to brake gently, seconds.
+const YIELD_AHEAD_S: f64 = 1.0;
+
+/// Along `path` at no more than the present speed, at rest after `way_m`.
+fn stop_after(request: &Request<'_>, path: &[PathPoint], way_m: f64, limits: &Limits) -> Plan {
+    let steps = (way_m / PATH_STEP_M).ceil().max(1.0) as usize;
+    let path: Vec<PathPoint> = (0..=steps).map(|k| along(path, way_m * k as f64 / steps as f64)).collect();
+    let target_mps = request.target_speed_mps.min(request.start.speed_mps.max(CREEP_MPS));
+    let points = timed_points(&path, &request.start, target_mps, SpeedProfile::LimitedToStop, limits);
+    Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collision::CollisionMode;
+    use crate::path::route::follow_route;
+    use crate::testing::World;
+
+    #[test]
+    fn a_free_plan_is_kept_and_a_blocked_one_braked_along() {
+        let world = World::straight(10.0);
+        let request = world.request();
+        let before = follow_route(&request, SpeedProfile::Limited, 4.0, PlanStatus::Route);
+        let mut later = Request { previous: Some(&before), ..request };
+        later.start.stamp = request.start.stamp + Span::from_ms(350);
+        later.start.pose = later.start.pose.ahead(3.5);
+        let clear = Obstacles::new(&[], CollisionMode::TimeIndexed);
+        let plan = keep_or_brake(&later, &clear, 0.0);
+        assert_eq!(plan.status, PlanStatus::Kept);
+        assert_eq!(plan.points[0].at, later.start.stamp);
+        assert!((plan.points[0].pose.x_m - 3.5).abs() < 1e-6);
+
+        let blocked = World::straight(10.0).with_person((25.0, 0.0), (0.0, 0.0));
+        let person = Obstacles::new(&blocked.predictions, CollisionMode::TimeIndexed);
+        let plan = keep_or_brake(&later, &person, 0.0);
+        assert_eq!(plan.status, PlanStatus::Brake);
+        let last = plan.points[plan.points.len() - 1];
+        assert!(last.speed_mps == 0.0);
+        assert!((last.pose.x_m - (3.5 + 100.0 / 16.0)).abs() < 0.01, "{last:?}");
+    }
+
+    #[test]
+    fn giving_way_stops_before_all_that_a_walker_may_come_to_cover() {
+        // She comes from the left and may stop anywhere between 4 m left and 6 m right of the line, 24.75 m ahead.
+        let stopping = |speed_mps: f64, previous: Option<&Plan>| {
+            let world = World::straight(speed_mps).with_person((25.0, 4.0), (0.0, -2.0));
+            let obstacles = Obstacles::new(&world.predictions, CollisionMode::MayStop);
+            let request = Request { previous, ..world.request() };
+            let limits = comfort_limits(&request);
+            let plan = give_way(&Request { limits: &limits, ..request }, &obstacles, 0.3)?;
+            assert!(world.clearance_m(&plan, CollisionMode::MayStop) > 0.25);
+            let last = plan.points[plan.points.len() - 1];
+            assert!(last.speed_mps < 1e-5, "{last:?}");
+            let hardest = plan.points.iter().map(|p| p.accel_mps2).fold(0.0, f64::min);
+            let front_m = world.shape.footprint(last.pose).corners()[0].x_m;
+            Some((plan.status, hardest, front_m))
+        };
+        let (status, hardest, front_m) = stopping(8.0, None).expect("there is room");
+        assert!(status == PlanStatus::Found && (hardest + 3.0).abs() < 0.01, "{hardest}");
+        assert!(front_m > 20.0 && front_m < 24.45, "{front_m}");
+        let (_, hardest, _) = stopping(13.0, None).expect("there is just room");
+        assert!((-6.0..-3.5).contains(&hardest), "{hardest}");
+        // From 17 m/s it takes 7 of 8 m/s²: too much to begin with, but not to go on with.
+        assert_eq!(stopping(17.0, None), None);
+        let stop = Plan { points: vec![PlanPoint::default()], ..Plan::default() };
+        assert!(stopping(17.0, Some(&stop)).is_some());
+        assert_eq!(stopping(20.0, Some(&stop)), None);
+    }
+}

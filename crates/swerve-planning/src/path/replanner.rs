@@ -1,0 +1,343 @@
+//! The closed loop around a path search, as RRT* and Hybrid A* have it.
+
+use swerve_core::Time;
+use swerve_geom::{FrenetPoint, Pose2, angle_between, math};
+use swerve_msg::{Plan, PlanStatus};
+use swerve_vehicle::Limits;
+
+use super::dubins::Dubins;
+use super::ground::{Area, Clock, Ground, Outline, around};
+use super::piece::Piece;
+use super::points::{PathPoint, place_points};
+use super::route::follow_route;
+use super::speed::{SpeedProfile, timed_points};
+use crate::collision::{CollisionMode, Obstacles};
+use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
+use crate::request::{Budget, Counted, Request};
+use crate::road::Road;
+
+/// One search for a way from pose to pose.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Task<'a> {
+    /// The route that is followed.
+    pub(crate) request: &'a Request<'a>,
+    /// From here.
+    pub(crate) start: Pose2,
+    /// To there.
+    pub(crate) goal: Pose2,
+    /// Smallest turning radius, metres.
+    pub(crate) radius_m: f64,
+    /// The planned point stays in x_min, y_min, x_max, y_max, metres.
+    pub(crate) bounds: [f64; 4],
+    /// Whether the search may take all its iterations, or a third of them: the later attempts of a call.
+    pub(crate) thorough: bool,
+}
+
+/// The search of one planner.
+pub(crate) trait PathSearch {
+    /// Looks for a way with turns of the task's radius that ends in the goal pose itself, free throughout; leaves it in
+    /// `pieces` and says whether there is one.
+    fn search(
+        &mut self,
+        ground: &Ground<'_>,
+        task: &Task<'_>,
+        budget: &mut dyn Budget,
+        pieces: &mut Vec<Piece>,
+    ) -> bool;
+}
+
+/// Settings that the planners share.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Settings {
+    pub(crate) goal_ahead_m: f64,
+    pub(crate) goal_ahead_s: f64,
+    pub(crate) obstacle_range_m: f64,
+    pub(crate) clearance_m: f64,
+    pub(crate) horizon_s: f64,
+    pub(crate) collision: CollisionMode,
+}
+
+/// Plans anew with every frame, with memory kept between calls; no call depends on an earlier one.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Replanner {
+    obstacles: Obstacles,
+    road: Road,
+    pieces: Vec<Piece>,
+    path: Vec<PathPoint>,
+}
+
+/// Distance to keep from the edge of the road, metres.
+const EDGE_M: f64 = 0.05;
+
+/// Share of the allowed lateral acceleration that turns are laid out for.
+const LATERAL_SHARE: f64 = 0.9;
+
+/// Turns are laid out for the speed that is reached within this distance, metres.
+const SPEED_AHEAD_M: f64 = 15.0;
+
+impl Replanner {
+    /// The route if it is free, else a drivable way around what is in the way and back to the route, on the road,
+    /// where everything will be at the moment of passing; else the last plan while it is free, else full brake.
+    pub(crate) fn plan(
+        &mut self,
+        search: &mut impl PathSearch,
+        settings: &Settings,
+        request: &Request<'_>,
+        budget: &mut dyn Budget,
+    ) -> Plan {
+        self.road.set(request.route);
+        let mut counted = Counted::new(budget);
+        let modes = settings.collision.in_order();
+        let mut found = None;
+        for (k, &mode) in modes.iter().enumerate() {
+            self.obstacles.set(request.predictions, mode);
+            let last = k + 1 == modes.len() || !self.obstacles.any_may_stop();
+            let limits = if last { *request.limits } else { comfort_limits(request) };
+            let request = &Request { limits: &limits, ..*request };
+            found = self
+                .follow(settings, request)
+                .or_else(|| self.search(search, settings, request, last, &mut counted))
+                .or_else(|| self.otherwise(settings, request, last));
+            if last || found.is_some() {
+                break;
+            }
+        }
+        let plan = found.expect("the last mode always has a plan");
+        Plan { work: counted.spent, ..plan }
+    }
+
+    /// Without a way: the previous plan or a stop if they are free; what is tried `last` does one in any case.
+    fn otherwise(&self, settings: &Settings, request: &Request<'_>, last: bool) -> Option<Plan> {
+        let obstacles = &self.obstacles;
+        if last {
+            return Some(keep_or_brake(request, obstacles, 0.0));
+        }
+        kept(request, obstacles, settings.clearance_m)
+            .or_else(|| give_way(request, obstacles, settings.clearance_m))
+    }
+
+    /// The route itself, if the ego is on it and nothing is in the way.
+    fn follow(&self, settings: &Settings, request: &Request<'_>) -> Option<Plan> {
+        let start = request.start.pose;
+        let FrenetPoint { s_m, d_m } = self.road.project(start.point());
+        let off_rad = angle_between(request.route.line.at(s_m).pose.heading_rad, start.heading_rad);
+        if d_m.abs() > 0.1 || off_rad.abs() > 0.02 {
+            return None;
+        }
+        let clear = !request.obstacle_in_range(settings.obstacle_range_m);
+        let status = if clear { PlanStatus::Route } else { PlanStatus::Found };
+        let plan = follow_route(request, SpeedProfile::Limited, settings.horizon_s, status);
+        self.plan_free(&plan, request, settings.clearance_m).then_some(plan)
+    }
+
+    /// A way around what is in the way; only what is tried `last` passes more closely than asked for.
+    fn search(
+        &mut self,
+        search: &mut impl PathSearch,
+        settings: &Settings,
+        request: &Request<'_>,
+        last: bool,
+        budget: &mut Counted<'_>,
+    ) -> Option<Plan> {
+        let outline = own_outline(request);
+        let Margins { clearance_m, edge_m } = self.margins(settings, request, &outline)?;
+        let ahead_m = settings.goal_ahead_m.max(settings.goal_ahead_s * request.start.speed_mps);
+        let from_s_m = self.road.project(request.start.pose.point()).s_m;
+        // Full braking is not undone for a way that passes more closely than asked for.
+        let braking = request.previous.is_some_and(|plan| plan.status == PlanStatus::Brake);
+        let exactly = braking || !last;
+        for attempt in ATTEMPTS.iter().filter(|attempt| !exactly || attempt.clearance == 1.0) {
+            let target_mps = attempt.target_mps(request);
+            let limits = Limits { brake_max_mps2: attempt.brake(request.limits), ..*request.limits };
+            let slowed = Request { target_speed_mps: target_mps, limits: &limits, ..*request };
+            let mut searches = 0;
+            for (stretch, d_m) in GOALS {
+                if searches == attempt.searches || budget.stopped {
+                    break;
+                }
+                let s_m = from_s_m + ahead_m * stretch;
+                let clearance_m = clearance_m * attempt.clearance;
+                let demands = Demands { clearance_m, edge_m, outline, thorough: attempt.thorough() };
+                match self.reach(search, &slowed, demands, FrenetPoint { s_m, d_m }, budget) {
+                    Outcome::NoGoal => {}
+                    Outcome::NoWay => searches += 1,
+                    Outcome::Way(plan) => return Some(plan),
+                }
+            }
+        }
+        None
+    }
+
+    /// A way to one goal, driven as `request` has it.
+    fn reach(
+        &mut self,
+        search: &mut impl PathSearch,
+        request: &Request<'_>,
+        Demands { clearance_m, edge_m, outline, thorough }: Demands,
+        at: FrenetPoint,
+        budget: &mut Counted<'_>,
+    ) -> Outcome {
+        let (start, line) = (request.start.pose, &request.route.line);
+        let radius_m = turning_radius_m(request);
+        let point = line.to_map(at);
+        let goal = Pose2::new(point.x_m, point.y_m, line.at(at.s_m).pose.heading_rad);
+        let bounds = around(&[start, goal], request.route.left_m.max(request.route.right_m) + 2.0);
+        let ground = Ground {
+            obstacles: &self.obstacles,
+            clearance_m,
+            outline,
+            area: Area::Road { road: &self.road, margin_m: edge_m, bounds },
+            clock: clock(request),
+        };
+        let direct = Dubins::shortest(start, goal, radius_m);
+        if !ground.pose_free(goal, direct.length()) {
+            return Outcome::NoGoal;
+        }
+        let task = Task { request, start, goal, radius_m, bounds, thorough };
+        let found = search.search(&ground, &task, budget, &mut self.pieces)
+            && ground.free_exactly(start, &self.pieces);
+        if !found {
+            return Outcome::NoWay;
+        }
+        let plan = self.timed(request);
+        let free = self.plan_free(&plan, request, (clearance_m - TIMING_M).max(0.0));
+        if free { Outcome::Way(plan) } else { Outcome::NoWay }
+    }
+
+    /// Clearance and distance from the edge of the road to keep: what is asked for, or what the start has where that is
+    /// less. `None` where the start already touches something.
+    fn margins(&self, settings: &Settings, request: &Request<'_>, outline: &Outline) -> Option<Margins> {
+        let pose = request.start.pose;
+        let (sin, cos) = math::sin_cos(pose.heading_rad);
+        let solid = outline.at(pose.point(), [cos, sin]);
+        let wanted_m = settings.clearance_m;
+        let has_m = self.obstacles.distance_below(&solid, request.start.stamp, 2.0 * wanted_m + 1.0);
+        let edge_m = EDGE_M.min(self.road.margin_m(&solid) - TIMING_M);
+        (has_m > 0.0).then(|| Margins { clearance_m: wanted_m.min(0.8 * has_m - TIMING_M).max(0.0), edge_m })
+    }
+
+    /// The plan along `pieces`.
+    fn timed(&mut self, request: &Request<'_>) -> Plan {
+        self.path.clear();
+        place_points(request.start.pose, &self.pieces, &mut self.path);
+        let (path, target_mps) = (&self.path, request.target_speed_mps);
+        let points = timed_points(path, &request.start, target_mps, SpeedProfile::Limited, request.limits);
+        Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
+    }
+
+    /// Whether a plan is free of collision, at its own times.
+    fn plan_free(&self, plan: &Plan, request: &Request<'_>, clearance_m: f64) -> bool {
+        let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        self.obstacles.path_free(|pose| request.shape.footprint(pose), &path, clearance_m)
+    }
+}
+
+/// Where the way may end, in the order in which it is tried: share of the distance asked for, and offset from the line
+/// in metres. Further on there is more room to come back to the line behind what was in the way.
+const GOALS: [(f64, f64); 8] =
+    [(1.0, 0.0), (1.5, 0.0), (1.0, 1.0), (1.0, -1.0), (1.0, 2.0), (1.0, -2.0), (1.0, 3.0), (1.0, 4.0)];
+
+/// Distances that a way has to keep.
+struct Margins {
+    /// From obstacles, metres.
+    clearance_m: f64,
+    /// From the edge of the road, metres.
+    edge_m: f64,
+}
+
+/// Conditions on a way, and how long it is looked for.
+#[derive(Clone, Copy, Debug)]
+struct Demands {
+    /// Distance to keep from obstacles, metres.
+    clearance_m: f64,
+    /// Distance to keep from the edge of the road, metres.
+    edge_m: f64,
+    /// The outline that moves.
+    outline: Outline,
+    /// Whether the search may take all its iterations.
+    thorough: bool,
+}
+
+/// The result for one goal.
+enum Outcome {
+    /// Something will be in the goal itself.
+    NoGoal,
+    /// No way to it was found.
+    NoWay,
+    /// A plan that gets there.
+    Way(Plan),
+}
+
+/// One way to drive around something.
+struct Attempt {
+    /// Deceleration meanwhile, m/s².
+    brake_mps2: f64,
+    /// Share of the clearance that is kept.
+    clearance: f64,
+    /// Goals that are searched for at most.
+    searches: usize,
+}
+
+/// The attempts, from the most to the least comfortable: at the speed to hold, braking meanwhile, and both again
+/// nearer to what is in the way.
+const ATTEMPTS: [Attempt; 6] = [
+    Attempt { brake_mps2: 0.0, clearance: 1.0, searches: 3 },
+    Attempt { brake_mps2: 3.0, clearance: 1.0, searches: 1 },
+    Attempt { brake_mps2: 6.0, clearance: 1.0, searches: 1 },
+    Attempt { brake_mps2: 0.0, clearance: 0.4, searches: 1 },
+    Attempt { brake_mps2: 3.0, clearance: 0.4, searches: 1 },
+    Attempt { brake_mps2: 6.0, clearance: 0.4, searches: 1 },
+];
+
+/// Braking lasts this long, seconds, but not below [`SLOWEST`] of the speed at its beginning.
+const BRAKING_S: f64 = 1.5;
+const SLOWEST: f64 = 0.4;
+
+impl Attempt {
+    /// Whether searches may take all their iterations: those of the first attempt.
+    fn thorough(&self) -> bool {
+        self.brake_mps2 == 0.0 && self.clearance == 1.0
+    }
+
+    /// The speed to reach, m/s.
+    fn target_mps(&self, request: &Request<'_>) -> f64 {
+        let (v0, target_mps) = (request.start.speed_mps.max(0.0), request.target_speed_mps);
+        let slowed_mps = (v0 - self.brake_mps2 * BRAKING_S).max(SLOWEST * v0);
+        if self.brake_mps2 > 0.0 { target_mps.min(slowed_mps) } else { target_mps }
+    }
+
+    /// Deceleration at most, m/s².
+    fn brake(&self, limits: &Limits) -> f64 {
+        if self.brake_mps2 > 0.0 { self.brake_mps2.min(limits.brake_max_mps2) } else { limits.brake_max_mps2 }
+    }
+}
+
+/// Allowance for chords instead of arcs and for the plan's times against the search's, metres.
+const TIMING_M: f64 = 0.05;
+
+/// The car as it is.
+fn own_outline(request: &Request<'_>) -> Outline {
+    Outline {
+        half_length_m: 0.5 * request.shape.length_m,
+        half_width_m: 0.5 * request.shape.width_m,
+        center_ahead_m: request.shape.center_ahead_m(),
+    }
+}
+
+/// When the car is where: as [`timed_points`] has it where no turn asks for less speed.
+fn clock(request: &Request<'_>) -> Clock {
+    let (speed_mps, target_mps) = (request.start.speed_mps, request.target_speed_mps);
+    let limits = request.limits;
+    let accel_mps2 = if target_mps >= speed_mps { limits.accel_max_mps2 } else { limits.brake_max_mps2 };
+    Clock { start: request.start.stamp, speed_mps, target_mps, accel_mps2 }
+}
+
+/// Smallest radius of a turn: what the steering can do, and what lateral acceleration allows at the speed to come.
+fn turning_radius_m(request: &Request<'_>) -> f64 {
+    let limits = request.limits;
+    let v0 = request.start.speed_mps.max(0.0);
+    let reached = (v0 * v0 + 2.0 * limits.accel_max_mps2 * SPEED_AHEAD_M).sqrt();
+    let speed_mps = v0.max(request.target_speed_mps.min(reached));
+    let steered_m = request.shape.wheelbase_m / math::tan(limits.steering_max_rad);
+    (speed_mps * speed_mps / (LATERAL_SHARE * limits.lateral_accel_max_mps2)).max(1.01 * steered_m)
+}

@@ -1,0 +1,301 @@
+//! Posed planning problems: the plain data that planners of different origin are compared on.
+//!
+//! The types mirror the JSON problem file; reading files and timing calls is the caller's business.
+//! Everything is right-handed: FOT's lateral samples run over `d` in `[-max_road_width_l, +max_road_width_r]`
+//! with `d` positive along heading + 90 degrees.
+
+pub mod fot;
+pub mod hybrid_astar;
+pub mod rrt_star;
+
+mod drive;
+mod pieces;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use swerve_geom::Obb;
+
+/// A problem file; other top-level entries (recorded results, notes) are passed over.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct ProblemFile {
+    /// Named settings.
+    pub configs: Configs,
+    /// The problems.
+    pub problems: Problems,
+}
+
+/// Named settings of each planner.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Configs {
+    /// Frenet optimal trajectory.
+    #[serde(default)]
+    pub fot: BTreeMap<String, FotConfig>,
+    /// RRT*.
+    #[serde(default)]
+    pub rrt_star: BTreeMap<String, RrtStarConfig>,
+    /// Hybrid A*.
+    #[serde(default)]
+    pub hybrid_astar: BTreeMap<String, HybridAstarConfig>,
+}
+
+/// The problems of each planner.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Problems {
+    /// Frenet optimal trajectory.
+    #[serde(default)]
+    pub fot: Vec<FotProblem>,
+    /// RRT*.
+    #[serde(default)]
+    pub rrt_star: Vec<RrtStarProblem>,
+    /// Hybrid A*.
+    #[serde(default)]
+    pub hybrid_astar: Vec<HybridAstarProblem>,
+}
+
+/// An axis-aligned box: x_min, y_min, x_max, y_max, metres.
+pub type AxisBox = [f64; 4];
+
+/// The rectangle of an [`AxisBox`].
+pub fn obb(b: &AxisBox) -> Obb {
+    Obb::axis_aligned(b[0], b[1], b[2], b[3])
+}
+
+/// A problem for the Frenet planner.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FotProblem {
+    /// Name.
+    pub id: String,
+    /// Family of problems.
+    #[serde(default)]
+    pub group: String,
+    /// Reference line, metres.
+    pub waypoints: Vec<[f64; 2]>,
+    /// Obstacles.
+    pub obstacles: Vec<AxisBox>,
+    /// Position of the vehicle's centre, metres; not needed with `frenet_ic`.
+    #[serde(default)]
+    pub pos: Option<[f64; 2]>,
+    /// Velocity, m/s.
+    #[serde(default)]
+    pub vel: Option<[f64; 2]>,
+    /// Arc length near which to look for the start, metres.
+    #[serde(default)]
+    pub ps: Option<f64>,
+    /// The start in the Frenet frame: s, ds/dt, d, dd/dt, d²d/dt².
+    #[serde(default)]
+    pub frenet_ic: Option<[f64; 5]>,
+    /// Wanted speed, m/s.
+    pub target_speed: f64,
+    /// Remark.
+    #[serde(default)]
+    pub note: String,
+}
+
+/// Settings of the Frenet planner, names as in the original.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FotConfig {
+    /// Largest speed along the line, m/s.
+    pub max_speed: f64,
+    /// Largest acceleration along the line, m/s².
+    pub max_accel: f64,
+    /// Largest curvature, 1/m.
+    pub max_curvature: f64,
+    /// Lateral samples reach to `d = -max_road_width_l`, metres.
+    pub max_road_width_l: f64,
+    /// Lateral samples reach to `d = +max_road_width_r`, metres.
+    pub max_road_width_r: f64,
+    /// Distance of lateral samples, metres.
+    pub d_road_w: f64,
+    /// Step of samples in time and of end times, seconds.
+    pub dt: f64,
+    /// Latest end time, seconds.
+    pub maxt: f64,
+    /// Earliest end time, seconds.
+    pub mint: f64,
+    /// Distance of end speeds, m/s.
+    pub d_t_s: f64,
+    /// End speeds on either side of the target.
+    pub n_s_sample: f64,
+    /// Distance to keep from obstacles, metres.
+    pub obstacle_clearance: f64,
+    /// Weight of lateral offset and end speed deviation.
+    pub kd: f64,
+    /// Weight of lateral speed.
+    pub kv: f64,
+    /// Weight of acceleration.
+    pub ka: f64,
+    /// Weight of jerk.
+    pub kj: f64,
+    /// Weight of time.
+    pub kt: f64,
+    /// Weight of nearness to obstacles.
+    pub ko: f64,
+    /// Weight of the lateral part.
+    pub klat: f64,
+    /// Weight of the longitudinal part.
+    pub klon: f64,
+    /// Threads of the original; not used.
+    #[serde(default)]
+    pub num_threads: u32,
+}
+
+/// A problem for RRT*: a point among boxes.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RrtStarProblem {
+    /// Name.
+    pub id: String,
+    /// Family of problems.
+    #[serde(default)]
+    pub group: String,
+    /// Start, metres.
+    pub start: [f64; 2],
+    /// Goal, metres.
+    pub goal: [f64; 2],
+    /// Obstacles.
+    pub obstacles: Vec<AxisBox>,
+    /// Remark.
+    #[serde(default)]
+    pub note: String,
+}
+
+/// Settings of RRT*, names as in the original.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RrtStarConfig {
+    /// Length of an extension, metres.
+    pub step_size: f64,
+    /// Iterations at most.
+    pub max_iterations: u64,
+    /// Distance to the goal that counts as arrived, metres.
+    pub end_dist_threshold: f64,
+    /// Growth of the boxes, metres.
+    pub obstacle_clearance: f64,
+    /// Growth of the search box around start and goal, metres.
+    pub lane_width: f64,
+}
+
+/// A problem for Hybrid A*: a car among boxes.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HybridAstarProblem {
+    /// Name.
+    pub id: String,
+    /// Family of problems.
+    #[serde(default)]
+    pub group: String,
+    /// Start pose: x, y, heading.
+    pub start: [f64; 3],
+    /// Goal pose: x, y, heading.
+    pub goal: [f64; 3],
+    /// Obstacles.
+    pub obstacles: Vec<AxisBox>,
+    /// Remark.
+    #[serde(default)]
+    pub note: String,
+    /// Length over straight distance of the shortest known path that ends in the exact goal pose.
+    #[serde(default)]
+    pub best_known_length_ratio_exact_heading: Option<f64>,
+}
+
+/// Settings of Hybrid A*, names as in the original.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HybridAstarConfig {
+    /// Length of a primitive, metres.
+    pub step_size: f64,
+    /// Expansions at most.
+    pub max_iterations: u64,
+    /// Distance to the goal that counts as arrived, metres.
+    pub completion_threshold: f64,
+    /// Heading difference that counts as arrived, radians.
+    pub angle_completion_threshold: f64,
+    /// Step of the heading scan, radians.
+    pub rad_step: f64,
+    /// Upper end of the heading scan, radians.
+    pub rad_upper_range: f64,
+    /// Lower end of the heading scan, radians.
+    pub rad_lower_range: f64,
+    /// Distance to keep from obstacles, metres.
+    pub obstacle_clearance: f64,
+    /// Growth of the search box around start and goal, metres.
+    pub lane_width: f64,
+    /// Turning radius, metres.
+    pub radius: f64,
+    /// Length of the car, metres.
+    pub car_length: f64,
+    /// Width of the car, metres.
+    pub car_width: f64,
+}
+
+/// The answer to one problem.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Solution {
+    /// The problem's name.
+    pub id: String,
+    /// Whether a path was found.
+    pub found: bool,
+    /// Why not, in words; empty when found.
+    pub reason: String,
+    /// Run time of the call, milliseconds: filled in by whoever measures, zero else.
+    pub time_ms: f64,
+    /// Things looked at: candidates (FOT), iterations (RRT*), neighbours (Hybrid A*).
+    pub work: u64,
+    /// Length of the path, metres; zero without.
+    pub length_m: f64,
+    /// Cost by the original's formula; the length where it has none; zero without a path.
+    pub cost: f64,
+    /// Distance of the outline to the nearest obstacle along the path, looked at every 0.1 m, metres; capped at
+    /// [`CLEARANCE_CAP_M`] so that it is a number without obstacles; zero without a path.
+    pub clearance_m: f64,
+    /// Largest curvature, 1/m.
+    pub curvature_max: f64,
+    /// x and y in metres, heading in radians, seconds from the start.
+    pub path: Vec<[f64; 4]>,
+}
+
+/// Largest clearance that is reported, metres.
+pub const CLEARANCE_CAP_M: f64 = 1000.0;
+
+impl Solution {
+    /// No path.
+    pub fn not_found(id: &str, reason: &str, work: u64) -> Self {
+        Self { id: id.to_owned(), reason: reason.to_owned(), work, ..Self::default() }
+    }
+}
+
+/// Length of a path of points, metres.
+pub fn path_length_m(path: &[[f64; 4]]) -> f64 {
+    path.windows(2).map(|p| swerve_geom::math::hypot(p[1][0] - p[0][0], p[1][1] - p[0][1])).sum()
+}
+
+/// How a search ended.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Outcome {
+    /// There is a path.
+    Found,
+    /// A number of the problem or of its settings is not finite or out of range.
+    Invalid,
+    /// The start touches an obstacle or lies outside the bounds.
+    StartBlocked,
+    /// The goal does.
+    GoalBlocked,
+    /// The search ended without a path.
+    NoPath,
+}
+
+impl Outcome {
+    /// In words; empty for [`Outcome::Found`].
+    pub fn reason(self) -> &'static str {
+        match self {
+            Self::Found => "",
+            Self::Invalid => "a number is not finite or out of range",
+            Self::StartBlocked => "the start is not free",
+            Self::GoalBlocked => "the goal is not free",
+            Self::NoPath => "no path within the budget",
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! A point among boxes that stand.
+
+use swerve_core::Rng;
+use swerve_geom::{Point2, Pose2};
+
+use crate::posed::AxisBox;
+use swerve_planning::rrt_star::tree::Space;
+
+/// Axis-aligned boxes, grown, within bounds. Their borders may be touched.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Boxes {
+    boxes: Vec<AxisBox>,
+    bounds: AxisBox,
+}
+
+/// How far a way may enter a box before that counts, metres: rounding.
+const TOUCH_M: f64 = 1e-9;
+
+impl Boxes {
+    /// Replaces the content by `boxes` grown by `by_m`, keeping the storage.
+    pub(crate) fn set(&mut self, boxes: &[AxisBox], by_m: f64, bounds: AxisBox) {
+        self.boxes.clear();
+        self.boxes.extend(boxes.iter().map(|b| [b[0] - by_m, b[1] - by_m, b[2] + by_m, b[3] + by_m]));
+        self.bounds = bounds;
+    }
+
+    /// Whether a point is within bounds and in no box.
+    pub(crate) fn point_free(&self, p: Point2) -> bool {
+        let b = &self.bounds;
+        let within = b[0] <= p.x_m && p.x_m <= b[2] && b[1] <= p.y_m && p.y_m <= b[3];
+        within && !self.boxes.iter().any(|b| inside(b, p))
+    }
+
+    /// Whether the straight way between two points within bounds enters no box.
+    pub(crate) fn segment_free(&self, from: Point2, to: Point2) -> bool {
+        let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+        !self.boxes.iter().any(|b| {
+            // The part of the way between the box's two verticals and two horizontals.
+            let x = between(from.x_m, dx, b[0] + TOUCH_M, b[2] - TOUCH_M);
+            let y = between(from.y_m, dy, b[1] + TOUCH_M, b[3] - TOUCH_M);
+            x.0.max(y.0).max(0.0) < x.1.min(y.1).min(1.0)
+        })
+    }
+
+    /// The corners of the boxes that the point may be at: shortest ways bend nowhere else.
+    pub(crate) fn corners(&self, corners: &mut Vec<Pose2>) {
+        corners.clear();
+        for b in &self.boxes {
+            for (x, y) in [(b[0], b[1]), (b[2], b[1]), (b[2], b[3]), (b[0], b[3])] {
+                if self.point_free(Point2::new(x, y)) {
+                    corners.push(Pose2::new(x, y, 0.0));
+                }
+            }
+        }
+    }
+}
+
+fn inside(b: &AxisBox, p: Point2) -> bool {
+    let t = TOUCH_M;
+    b[0] + t < p.x_m && p.x_m < b[2] - t && b[1] + t < p.y_m && p.y_m < b[3] - t
+}
+
+/// The range of `u` for which `from + u * by` lies strictly between `low` and `high`; empty ranges run backwards.
+fn between(from: f64, by: f64, low: f64, high: f64) -> (f64, f64) {
+    if by == 0.0 {
+        return if low < from && from < high { (f64::NEG_INFINITY, f64::INFINITY) } else { (1.0, 0.0) };
+    }
+    let (a, b) = ((low - from) / by, (high - from) / by);
+    (a.min(b), a.max(b))
+}
+
+impl Space for Boxes {
+    fn draw(&self, rng: &mut Rng) -> Pose2 {
+        let b = &self.bounds;
+        Pose2::new(rng.uniform(b[0], b[2]), rng.uniform(b[1], b[3]), 0.0)
+    }
+
+    fn length_m(&self, from: Pose2, to: Pose2) -> f64 {
+        from.point().distance(to.point())
+    }
+
+    fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
+        let way = to.point() - from.point();
+        let length_m = way.norm();
+        if length_m <= step_m {
+            return to;
+        }
+        let point = from.point() + way * (step_m / length_m);
+        Pose2::new(point.x_m, point.y_m, 0.0)
+    }
+
+    fn free(&self, from: Pose2, to: Pose2, _: f64) -> bool {
+        self.segment_free(from.point(), to.point())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn borders_may_be_touched_and_insides_not() {
+        let mut boxes = Boxes::default();
+        boxes.set(&[[1.0, 1.0, 2.0, 2.0]], 0.0, [0.0, 0.0, 4.0, 4.0]);
+        let check = |a: (f64, f64), b: (f64, f64), free: bool| {
+            let (a, b) = (Point2::new(a.0, a.1), Point2::new(b.0, b.1));
+            assert_eq!(boxes.segment_free(a, b), free, "{a:?} {b:?}");
+            assert_eq!(boxes.segment_free(b, a), free, "{b:?} {a:?}");
+        };
+        check((0.0, 0.0), (3.0, 3.0), false);
+        check((0.0, 1.0), (3.0, 1.0), true);
+        check((0.0, 2.0), (1.0, 3.0), true);
+        check((0.0, 3.0), (3.0, 0.0), false);
+        check((1.0, 3.0), (3.0, 1.0), true);
+        check((1.5, 1.5), (1.5, 1.6), false);
+        check((1.5, 0.0), (1.5, 1.0), true);
+        check((1.5, 0.0), (1.5, 1.1), false);
+        check((0.0, 1.5), (0.9, 1.5), true);
+        assert!(!boxes.point_free(Point2::new(1.5, 1.5)));
+        assert!(boxes.point_free(Point2::new(1.0, 1.5)));
+        assert!(!boxes.point_free(Point2::new(-0.1, 1.5)));
+    }
+}
