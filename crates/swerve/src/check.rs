@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use swerve_render::gpu::{self, AdapterKind};
-use swerve_render::lidar::LidarEngine;
+use swerve_gpu::{self as gpu, AdapterKind};
+use swerve_lidar::LidarEngine;
 
 use crate::config::Config;
 use crate::config::text::{Document, Problem};

@@ -2,12 +2,13 @@
 
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
-use swerve_geom::{Ego, Transform, math};
-use swerve_render::gpu::{AdapterKind, Adapters};
-use swerve_render::{
+use swerve_camera::{
     Backend, Camera, CameraError, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions,
-    Renderer, SensorNoise, Shutter, WeatherPreset, mount,
+    Renderer, SensorNoise, Shutter, mount,
 };
+use swerve_geom::{Ego, Transform, math};
+use swerve_gpu::{AdapterKind, Adapters};
+use swerve_scene::WeatherPreset;
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
 

@@ -1,12 +1,12 @@
 use std::sync::Arc;
 
+use swerve_camera::{Camera, FrameMut, Outputs, View};
 use swerve_core::Rng;
 use swerve_flow::{Context, Every, Latest, Operator, Port};
 use swerve_geom::{Ego, Transform};
 use swerve_msg::block::Memory;
 use swerve_msg::truth::WorldState;
 use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Pixels};
-use swerve_render::{Camera, FrameMut, Outputs, View};
 
 use super::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
 use crate::config::Config;

@@ -4,11 +4,11 @@ use anyhow::Context as _;
 use swerve_core::{Rng, Span, Time};
 use swerve_flow::{At, Context, Operator, Port};
 use swerve_geom::{Ego, Lidar, Map, Transform};
+use swerve_gpu::{AdapterKind, Gpu};
+use swerve_lidar::{CloudMut, Firing, LidarEngine, Sweeper, TruthMut};
 use swerve_msg::block::Memory;
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{Packed, PointCloud};
-use swerve_render::gpu::{AdapterKind, Gpu};
-use swerve_render::lidar::{CloudMut, Firing, LidarEngine, Sweeper, TruthMut};
 
 use super::phase;
 use super::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
