@@ -9,10 +9,10 @@ use swerve_scene::town::town;
 /// A whole turn of a sensor at rest.
 fn turn(spec: LidarSpec, tree: &SceneTree, pose: Transform<Map, Lidar>) -> Cloud {
     let mut cloud = Cloud::new(&spec, true);
-    let mut sweeper = Sweeper::new(spec, 1).unwrap();
+    let mut sweeper = Sweeper::new(spec, 1).expect("the description is fine");
     let firing = Firing::turn_at_rest(&sweeper, pose);
     sweeper.begin_turn(5, &mut cloud.as_mut());
-    sweeper.fire(tree, &firing, &mut cloud.as_mut()).unwrap();
+    sweeper.fire(tree, &firing, &mut cloud.as_mut()).expect("pose and room are fine");
     cloud
 }
 
