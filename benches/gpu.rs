@@ -5,13 +5,13 @@
 //! processor, without goals and in one round: to try the bench out.
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
-use swerve_geom::{Ego, Map, Point, Transform};
-use swerve_render::gpu::{AdapterKind, probe};
-use swerve_render::town::town;
-use swerve_render::{
-    Backend, Camera, CameraSpec, Frame, FrameMut, Instance, Outputs, RenderOptions, Renderer, Scene, View,
-    WeatherPreset, mount,
+use swerve_camera::{
+    Backend, Camera, CameraSpec, Frame, FrameMut, Outputs, RenderOptions, Renderer, View, mount,
 };
+use swerve_geom::{Ego, Map, Point, Transform};
+use swerve_gpu::{AdapterKind, probe};
+use swerve_scene::town::town;
+use swerve_scene::{Instance, Scene, WeatherPreset};
 
 /// Length of one measurement, seconds.
 const LENGTH_S: f64 = 0.8;

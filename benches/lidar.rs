@@ -10,10 +10,10 @@ use std::sync::Arc;
 use rapier3d::prelude::{ColliderBuilder, PhysicsWorld, Pose, QueryFilter, Ray, Rotation, Vector};
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_geom::{Lidar, Map, Point, Transform};
-use swerve_render::gpu::{AdapterKind, Gpu, NoAdapter};
-use swerve_render::lidar::{Cloud, Firing, LidarPreset, LidarSpec, RayMemory, SceneTree, Sweeper};
-use swerve_render::town::town;
-use swerve_render::{Instance, Scene, WeatherPreset};
+use swerve_gpu::{AdapterKind, Gpu, NoAdapter};
+use swerve_lidar::{Cloud, Firing, LidarPreset, LidarSpec, RayMemory, SceneTree, Sweeper};
+use swerve_scene::town::town;
+use swerve_scene::{Instance, Scene, WeatherPreset};
 
 /// Where the sensor stands in the town.
 const SENSOR_M: [f64; 3] = [0.0, -1.9, 1.9];

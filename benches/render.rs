@@ -6,12 +6,13 @@
 //! The town has about 64,000 triangles, a quarter of them moving; colour means textures, shadows, reflections.
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
-use swerve_geom::{Ego, Map, Point, Transform};
-use swerve_render::town::town;
-use swerve_render::{
-    Backend, Camera, CameraSpec, Distortion, Frame, Outputs, RenderOptions, Renderer, Scene, SensorNoise,
-    View, WeatherPreset, mount,
+use swerve_camera::{
+    Backend, Camera, CameraSpec, Distortion, Frame, Outputs, RenderOptions, Renderer, SensorNoise, View,
+    mount,
 };
+use swerve_geom::{Ego, Map, Point, Transform};
+use swerve_scene::town::town;
+use swerve_scene::{Scene, WeatherPreset};
 
 /// Frames of one measurement.
 const FRAMES: usize = 5;

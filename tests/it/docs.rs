@@ -196,7 +196,7 @@ fn every_setting_shown_is_sound() {
         let file = folder.join(format!("my_{i}.toml"));
         std::fs::write(&file, &block.text).unwrap();
         let check = cli::parse([Path::new("swerve"), Path::new("check"), &file]).unwrap();
-        let checked = cli::main(&check);
+        let checked = cli::main(&check, &swerve::Registry::standard());
         assert!(checked.is_ok(), "{}: {:#}\n(the problems are above)", block.place, checked.unwrap_err());
         seen += 1;
     }

@@ -2,13 +2,14 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use swerve_camera::Renderer;
 use swerve_core::Time;
+use swerve_gpu as gpu;
+use swerve_lidar::{LidarEngine, SceneTree, Sweeper, TreeError};
 use swerve_msg::block::Memory;
 use swerve_msg::truth::WorldState;
-use swerve_render::gpu;
-use swerve_render::lidar::{LidarEngine, SceneTree, Sweeper, TreeError};
-use swerve_render::{Renderer, Scene};
 use swerve_scenario::Scenario;
+use swerve_scene::Scene;
 use swerve_vehicle::Shape;
 
 use crate::config::Config;

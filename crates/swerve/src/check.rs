@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use swerve_render::gpu::{self, AdapterKind};
-use swerve_render::lidar::LidarEngine;
+use swerve_gpu::{self as gpu, AdapterKind};
+use swerve_lidar::LidarEngine;
 use swerve_stack::Registry;
 use swerve_text::{Document, Problems};
 

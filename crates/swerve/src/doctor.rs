@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use swerve_render::gpu::{self, AdapterKind, Adapters};
+use swerve_gpu::{self as gpu, AdapterKind, Adapters};
 
 use crate::config::camera::RenderBackend;
 use crate::output;
@@ -69,7 +69,7 @@ fn shared_memory(folder: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
-    use swerve_render::gpu::AdapterReport;
+    use swerve_gpu::AdapterReport;
 
     use super::*;
 

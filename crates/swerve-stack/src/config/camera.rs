@@ -2,13 +2,14 @@
 
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
+use swerve_camera::{
+    Backend, Camera, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
+    SensorNoise, Shutter, mount,
+};
 use swerve_core::ParamError;
 use swerve_geom::{Ego, Transform, math};
-use swerve_render::gpu::{AdapterKind, Adapters};
-use swerve_render::{
-    Backend, Camera, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
-    SensorNoise, Shutter, WeatherPreset, mount,
-};
+use swerve_gpu::{AdapterKind, Adapters};
+use swerve_scene::WeatherPreset;
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
 

@@ -4,7 +4,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use swerve_core::{ParamError, Span};
 use swerve_geom::{Ego, Lidar, Point, Transform};
-use swerve_render::lidar::{Beam, LidarEngine, LidarPreset, LidarSpec};
+use swerve_lidar::{Beam, LidarEngine, LidarPreset, LidarSpec};
 use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTiming};
 use swerve_text::{nearest, number};
 use swerve_vehicle::{Shape, VehicleParams};

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use swerve_camera::{Camera, FrameMut, Outputs, View};
 use swerve_core::{Rng, Span};
 use swerve_flow::{
     Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs as Ports, Port,
@@ -11,7 +12,6 @@ use swerve_geom::{Ego, Transform};
 use swerve_msg::block::Memory;
 use swerve_msg::truth::WorldState;
 use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Pixels};
-use swerve_render::{Camera, FrameMut, Outputs, View};
 
 use crate::config::Config;
 use crate::config::camera::{CameraConfig, Output};

@@ -8,11 +8,11 @@ use swerve_flow::{
     At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port, PortInfo,
 };
 use swerve_geom::{Ego, Lidar, Map, Transform};
+use swerve_gpu::{AdapterKind, Gpu};
+use swerve_lidar::{CloudMut, Firing, LidarEngine, Sweeper, TruthMut};
 use swerve_msg::block::Memory;
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{Packed, PointCloud};
-use swerve_render::gpu::{AdapterKind, Gpu};
-use swerve_render::lidar::{CloudMut, Firing, LidarEngine, Sweeper, TruthMut};
 
 use super::camera::on_its_way;
 use crate::config::sensors::LidarConfig;

@@ -12,11 +12,11 @@ use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
 use swerve_msg::{ActorKind, Signal};
-use swerve_render::{
+use swerve_scenario::{Scenario, TrafficLight};
+use swerve_scene::{
     Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps,
     road_pieces, walk_phase,
 };
-use swerve_scenario::{Scenario, TrafficLight};
 use swerve_vehicle::Shape;
 
 /// The ego's id in instance images; actors have their own.
@@ -68,7 +68,7 @@ impl Street {
         self.scene.dynamics.clear();
         self.scene.lights.truncate(self.fixed_lights);
         let ego = &world.ego;
-        let middle: Transform<swerve_geom::Ego, swerve_render::Body> =
+        let middle: Transform<swerve_geom::Ego, swerve_scene::Body> =
             Transform::from_roll_pitch_yaw(Point::new(self.ego_ahead_m, 0.0, 0.0), 0.0, 0.0, 0.0);
         let mut instance = Instance::placed(&self.ego, ego.map_from_ego * middle).with_id(EGO_INSTANCE);
         instance.motion = motion_of(ego);
@@ -170,7 +170,7 @@ fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
         0.5 * road.lane_width_m - road.lane_width_m * ((road.right_m / road.lane_width_m).floor());
     while between_m < road.left_m - 0.5 * road.lane_width_m {
         if between_m > 0.5 * road.lane_width_m - road.right_m {
-            layout.lines.push(swerve_render::LaneLine { offset_m: between_m as f32, ..dashes });
+            layout.lines.push(swerve_scene::LaneLine { offset_m: between_m as f32, ..dashes });
         }
         between_m += road.lane_width_m;
     }

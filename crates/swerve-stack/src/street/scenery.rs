@@ -2,8 +2,8 @@
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Obb, Point, Point2, Polyline, Pose2, Transform, math};
-use swerve_render::{Instance, Kind, Light, Scene, Size, ground_pieces};
 use swerve_scenario::{Direction, Motion as Leg, Scenario};
+use swerve_scene::{Instance, Kind, Light, Scene, Size, ground_pieces};
 
 /// Width of the pavements, metres.
 pub(super) const PAVEMENT_M: f64 = 2.5;
@@ -137,7 +137,7 @@ impl Row<'_> {
     }
 }
 
-fn standing(model: &swerve_render::Model, at: Point2, z_m: f64, yaw_rad: f64) -> Instance {
+fn standing(model: &swerve_scene::Model, at: Point2, z_m: f64, yaw_rad: f64) -> Instance {
     Instance::placed(
         model,
         Transform::from_roll_pitch_yaw(Point::new(at.x_m, at.y_m, z_m), 0.0, 0.0, yaw_rad),

@@ -3,8 +3,8 @@ use std::path::Path;
 use swerve_core::Span;
 use swerve_geom::{Pose2, Vector2};
 use swerve_msg::{ActorId, Extent};
-use swerve_render::SemanticClass;
 use swerve_scenario::Scenario;
+use swerve_scene::SemanticClass;
 use swerve_sim::{SimParams, Simulator};
 use swerve_vehicle::VehicleParams;
 

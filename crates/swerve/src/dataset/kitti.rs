@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use swerve_geom::{Ego, Lidar, Point, Transform, Vector, math};
 use swerve_msg::{ActorKind, Image, Pixels};
-use swerve_render::SemanticClass;
+use swerve_scene::SemanticClass;
 
 use super::sample::{Object, Sample};
 use crate::config::camera::CameraConfig;

@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
 use swerve_geom::{Ego, Lidar, Transform};
-use swerve_render::{WeatherPreset, gpu};
+use swerve_gpu as gpu;
+use swerve_scene::WeatherPreset;
 use swerve_stack::Registry;
 
 use crate::config::Config;

@@ -10,11 +10,11 @@ use embedded_graphics::prelude::{
 };
 use embedded_graphics::primitives::{Line, PrimitiveStyle, Rectangle};
 use embedded_graphics::text::Text;
+use swerve_camera::{Camera, Frame};
 use swerve_core::Time;
 use swerve_geom::{Map, Point, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorKind, Obstacle, ObstacleList, Plan};
-use swerve_render::{Camera, Frame};
 
 const PLAN: Rgb888 = Rgb888::new(60, 230, 120);
 const FALLBACK: Rgb888 = Rgb888::new(255, 170, 40);

@@ -1,7 +1,7 @@
 //! Images whose numbers are no colours, in colours.
 
 use swerve_msg::Pixels;
-use swerve_render::SemanticClass;
+use swerve_scene::SemanticClass;
 
 /// At this depth a pixel is half as bright as right before the camera, metres.
 const HALF_M: f32 = 12.0;

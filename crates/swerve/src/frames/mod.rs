@@ -12,12 +12,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use swerve_camera::{Camera, CameraSpec, Frame, Intrinsics, Outputs, Renderer, View, mount};
 use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Image, ObstacleList, Pixels, Plan};
-use swerve_render::{Camera, CameraSpec, Frame, Intrinsics, Outputs, Renderer, View, mount};
 use swerve_scenario::Scenario;
 
 use crate::config::Config;

@@ -1,0 +1,112 @@
+//! Light, shadows, blur and noise.
+
+use super::*;
+
+#[test]
+fn every_weather_looks_different() {
+    let camera = small(|_| {});
+    let mut scene = town(WeatherPreset::ClearNoon, 1, 60.0);
+    let mut renderer = renderer(1);
+    let images = WeatherPreset::ALL.map(|preset| {
+        scene.set_weather(preset);
+        let mut frame = Frame::new(&camera, Outputs::ALL);
+        let view = View::new(&camera, looking([0.0, -1.9, 1.4], 0.03, 0.0));
+        renderer.render(&scene, &view, frame.as_mut()).unwrap();
+        frame
+    });
+    for (k, image) in images.iter().enumerate() {
+        for (j, other) in images.iter().enumerate().take(k) {
+            let difference: u64 =
+                image.rgb.iter().zip(&other.rgb).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+            let mean = difference as f64 / image.rgb.len() as f64;
+            assert!(mean > 1.0, "{:?} and {:?}: {mean}", WeatherPreset::ALL[k], WeatherPreset::ALL[j]);
+            assert!(image.depth_m == other.depth_m && image.semantic == other.semantic);
+        }
+    }
+}
+
+#[test]
+fn blur_and_rolling_shutters_show_motion_and_leave_ids_sharp() {
+    let mut scene = Scene::new(WeatherPreset::ClearNoon);
+    let model = scene.meshes.model_sized(Kind::Block, Size::from_m(1.0, 1.0, 8.0), 0);
+    let mut thing = Instance::new(&model, 8.0, 0.0, 0.0).with_id(1);
+    thing.motion.linear_mps = [0.0, -20.0, 0.0];
+    scene.dynamics.push(thing);
+    let pose = looking([0.0, 0.0, 4.0], 0.0, 0.0);
+    let image = |shutter: Shutter| shot(&scene, &View::new(&small(|s| s.shutter = shutter), pose));
+    let sharp = image(Shutter::default());
+    let blurred = image(Shutter { exposure_s: 0.03, blur_samples: 5, ..Shutter::default() });
+    assert!(
+        sharp.rgb != blurred.rgb && sharp.instance == blurred.instance && sharp.depth_m == blurred.depth_m
+    );
+    let rolling = image(Shutter { readout_s: 0.05, readout_slabs: 8, ..Shutter::default() });
+    let middle = |frame: &Frame, row: usize| {
+        let hits: Vec<usize> = (0..160).filter(|c| frame.instance[row * 160 + c] == 1).collect();
+        hits.iter().sum::<usize>() as f64 / hits.len() as f64
+    };
+    // 20 m/s at 7.5 m are 10.7 pixels over all rows; between the middles of the slabs at 24 and 88, 64 rows
+    // apart, 5.7.
+    let lean = middle(&rolling, 90) - middle(&rolling, 30);
+    let upright = middle(&sharp, 90) - middle(&sharp, 30);
+    assert!(upright.abs() < 0.01 && (lean - 5.7).abs() < 1.1, "{lean}");
+}
+
+#[test]
+fn a_hidden_instance_keeps_its_shadow() {
+    let mut scene = Scene::new(WeatherPreset::ClearNoon);
+    let ground = scene.meshes.add(flat(100.0));
+    scene.add_static(instance(ground, [0.0; 3], 0.0, SemanticClass::Road));
+    let camera = small(|_| {});
+    let mut view = View::new(&camera, looking([-8.0, 0.0, 4.0], 0.4, 0.0));
+    let empty = shot(&scene, &view);
+    let model = scene.meshes.model(Kind::Van, 0);
+    scene.dynamics.push(Instance::new(&model, 2.0, 0.0, 0.0).with_id(9));
+    view.hidden_instance = Some(9);
+    let hidden = shot(&scene, &view);
+    assert!(hidden.instance == empty.instance && hidden.depth_m == empty.depth_m);
+    let darker = hidden.rgb.iter().zip(&empty.rgb).filter(|(a, b)| **a + 20 < **b).count();
+    let brighter = hidden.rgb.iter().zip(&empty.rgb).filter(|(a, b)| **a > **b + 2).count();
+    assert!(darker > 500 && brighter == 0, "{darker} {brighter}");
+    view.hidden_instance = None;
+    assert!(shot(&scene, &view).instance.contains(&9));
+}
+
+#[test]
+fn lamps_shine_when_they_are_on() {
+    let camera = small(|_| {});
+    let view = View::new(&camera, looking([-2.2, 0.0, 0.9], 0.0, 0.0));
+    let red = |on: bool| {
+        let mut scene = Scene::new(WeatherPreset::ClearNight);
+        let model = scene.meshes.model(Kind::Sedan, 1);
+        let mut car = Instance::new(&model, 2.0, 0.0, 0.0).with_id(1);
+        car.look = car.look.with_lamp(lamps::BRAKE, on);
+        scene.dynamics.push(car);
+        let frame = shot(&scene, &view);
+        frame.rgb.chunks_exact(3).filter(|p| p[0] > 200 && p[1] < 150 && p[2] < 150).count()
+    };
+    assert_eq!(red(false), 0);
+    assert!(red(true) > 10);
+}
+
+#[test]
+fn noise_has_its_size_and_follows_seed_and_frame() {
+    let mut scene = Scene::new(WeatherPreset::CloudyNoon);
+    let mesh = scene.meshes.add(flat(500.0));
+    scene.add_static(instance(mesh, [0.0; 3], 0.0, SemanticClass::Ground));
+    let clean = small(|s| s.exposure = Exposure::Factor(0.4));
+    let noisy = small(|s| {
+        s.exposure = Exposure::Factor(0.4);
+        s.noise = SensorNoise { read: 0.01, shot: 0.0, seed: 4 };
+    });
+    let pose = looking([0.0, 0.0, 2.0], 1.3, 0.0);
+    let (a, b) = (shot(&scene, &View::new(&clean, pose)), shot(&scene, &View::new(&noisy, pose)));
+    let differences: Vec<f64> =
+        a.rgb.iter().zip(&b.rgb).map(|(a, b)| f64::from(*b) - f64::from(*a)).collect();
+    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+    let deviation = (differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64).sqrt();
+    // The tone curve makes 0.01 of full scale about 6 of 255 at this grey; its bend moves the mean a little.
+    assert!(mean.abs() < 1.0 && (4.0..9.0).contains(&deviation), "{mean} {deviation}");
+    let later = shot(&scene, &View { frame: 1, ..View::new(&noisy, pose) });
+    assert!(later.rgb != b.rgb && later.depth_m == b.depth_m);
+    assert!(shot(&scene, &View::new(&noisy, pose)) == b);
+}

@@ -1,0 +1,105 @@
+//! Light of a weather: sun, sky, haze, and the exposure that a light meter would choose.
+
+use swerve_scene::Scene;
+use swerve_scene::vector::{add, dot, mix, normalized, scale};
+
+use crate::model::Exposure;
+
+/// Radiances are relative to white paper in full sun; colours linear.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Environment {
+    /// Towards the sun, map frame.
+    pub(crate) sun: [f32; 3],
+    /// Radiance of white paper that faces the sun, by the sun alone.
+    pub(crate) sunlight: [f32; 3],
+    pub(crate) zenith: [f32; 3],
+    pub(crate) horizon: [f32; 3],
+    /// Glow around the sun.
+    pub(crate) glow: [f32; 3],
+    pub(crate) cloud: [f32; 3],
+    /// Radiance of white paper by the sky alone, face up, and by the ground alone, face down.
+    pub(crate) ambient: [f32; 3],
+    pub(crate) bounce: [f32; 3],
+    pub(crate) fog: [f32; 3],
+    pub(crate) fog_1pm: f32,
+    pub(crate) cloudiness: f32,
+    pub(crate) wetness: f32,
+    pub(crate) puddles: f32,
+    pub(crate) rain: f32,
+    pub(crate) lamps_on: bool,
+    /// From radiance to the scale of the sensor.
+    pub(crate) exposure: f32,
+}
+
+const WHITE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+fn smooth(x: f32, low: f32, high: f32) -> f32 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+impl Environment {
+    /// The light of a scene as a camera with this exposure gets it.
+    pub(crate) fn new(scene: &Scene, exposure: Exposure) -> Self {
+        let (weather, sun) = (&scene.weather, scene.sun.direction().map(|x| x as f32));
+        let sun = normalized(sun);
+        let height = sun[2];
+        let (cloudiness, direct) = (weather.cloudiness as f32, weather.direct_share() as f32);
+        // Low light goes a longer way through the air and loses its blue.
+        let low = smooth(height, 0.0, 0.5);
+        let up = smooth(height, -0.03, 0.06);
+        let colour = mix([0.95, 0.42, 0.13], [1.0, 0.95, 0.85], low.sqrt());
+        let sunlight = scale(colour, up * direct);
+        let day = smooth(height, -0.16, 0.20);
+        let clear_zenith = scale(mix([0.09, 0.14, 0.30], [0.10, 0.25, 0.62], low), day);
+        let clear_horizon = scale(mix([0.58, 0.34, 0.19], [0.50, 0.66, 0.86], low), day);
+        let grey =
+            scale(mix([0.40, 0.37, 0.36], [0.60, 0.62, 0.65], low), day * (1.0 - 0.25 * weather.rain as f32));
+        let night = [0.0016, 0.0022, 0.0042];
+        let cover = smooth(cloudiness, 0.3, 1.0);
+        let zenith = add(mix(clear_zenith, scale(grey, 0.75), cover), night);
+        let horizon = add(mix(clear_horizon, grey, cover), scale(night, 2.0));
+        let glow = scale(mix([1.1, 0.50, 0.16], [0.55, 0.52, 0.48], low), up * direct);
+        // Clouds near the sun's colour in clear weather, grey in bad.
+        let cloud = add(mix(scale(add(sunlight, clear_horizon), 0.62), grey, cover), night);
+        let ambient = scale(add(scale(zenith, 0.45), scale(horizon, 0.33)), 1.0 - 0.1 * cover);
+        let lit = add(scale(sunlight, height.max(0.0)), ambient);
+        let bounce = scale(lit, 0.16);
+        // Low sun lights little of the ground, but the bright sky is in the picture too.
+        let metered = dot(lit, WHITE) + 0.25 * dot(horizon, WHITE);
+        let meter = 0.82 / metered.max(0.14);
+        let exposure = match exposure {
+            Exposure::Metered => meter,
+            Exposure::Stops(stops) => meter * libm::exp2(stops) as f32,
+            Exposure::Factor(factor) => factor as f32,
+        };
+        Self {
+            sun,
+            sunlight,
+            zenith,
+            horizon,
+            glow,
+            cloud,
+            ambient,
+            bounce,
+            fog: mix(horizon, scale(zenith, 0.9), 0.15),
+            fog_1pm: weather.fog_1pm as f32,
+            cloudiness,
+            wetness: weather.wetness as f32,
+            puddles: weather.puddles as f32,
+            rain: weather.rain as f32,
+            lamps_on: weather.lamps_on,
+            exposure,
+        }
+    }
+
+    /// Whether the sun is strong enough to cast shadows that can be seen.
+    pub(crate) fn has_shadows(&self) -> bool {
+        dot(self.sunlight, WHITE) > 0.01 * dot(self.ambient, WHITE)
+    }
+
+    /// Direction towards the sun if it casts shadows.
+    pub(crate) fn shadow_sun(&self) -> Option<[f32; 3]> {
+        self.has_shadows().then_some(self.sun)
+    }
+}

@@ -1,0 +1,21 @@
+//! The back end for graphics adapters.
+
+mod cells;
+mod encode;
+mod lens_points;
+mod maps;
+mod meshes;
+mod pipelines;
+mod plan;
+mod read_back;
+mod records;
+mod renderer;
+mod statics;
+mod sub_frames;
+mod target;
+mod upload;
+
+pub(crate) use renderer::{GpuRenderer, InFlight};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,348 @@
+//! The camera: intrinsics, lens, exposure, noise, shutter; and the closed forms of its projection.
+//!
+//! **Frame.** `Camera` of `swerve-geom`: x right, y down, z forward along the optical axis.
+//! A pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)` of the image plane; its centre is
+//! at `(column + 0.5, row + 0.5)`, and so the principal point of a symmetric camera is at half the image's
+//! size.
+
+mod distortion;
+
+pub use distortion::Distortion;
+
+use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require};
+use swerve_geom::{Ego, Point, Transform, math};
+
+/// Largest width or height of an image, pixels.
+const IMAGE_SIDE_MAX_PX: u32 = 8192;
+/// Most pixels of an image.
+const IMAGE_AREA_MAX_PX: u64 = 1 << 25;
+/// Most sub-frames of motion blur, and most slabs of a rolling shutter.
+const SUBFRAMES_MAX: u32 = 32;
+
+/// How rays belong to pixels, before the lens bends them.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Intrinsics {
+    /// Angle between the left and the right edge of the image, radians, in (0, pi); square pixels, centred.
+    HorizontalFovRad(f64),
+    /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels.
+    Matrix([[f64; 3]; 3]),
+    /// Parallel rays along the optical axis instead of rays from one point: a map when the camera looks down.
+    /// Metres per pixel, the same in both directions; centred. Takes neither lens nor vignetting.
+    OrthographicMPerPx(f64),
+}
+
+/// How brightness becomes a number.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Exposure {
+    /// Follows the light of the scene's weather: the same for every frame of one weather.
+    #[default]
+    Metered,
+    /// As metered, and then brighter by this many stops.
+    Stops(f64),
+    /// A fixed factor from radiance to full scale; radiances are relative to white paper in full sun at 1.
+    Factor(f64),
+}
+
+/// Noise of the image sensor, drawn by a hash of seed, frame and pixel.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SensorNoise {
+    /// Standard deviation of the read-out, as a share of full scale.
+    pub read: f64,
+    /// Standard deviation of the photon count at full scale, as a share of it; grows with the root of the
+    /// signal.
+    pub shot: f64,
+    /// Which noise.
+    pub seed: u64,
+}
+
+impl SensorNoise {
+    /// A small automotive sensor by day.
+    pub const TYPICAL: Self = Self { read: 0.002, shot: 0.012, seed: 0 };
+}
+
+/// When rows see the world.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Shutter {
+    /// Time that light is gathered, seconds; with `blur_samples` above 1 motion blurs the colour
+    /// image.
+    pub exposure_s: f64,
+    /// Sub-frames that make the colour image; 1 for a single one. They differ by parts of a pixel, which
+    /// smooths edges, and in their instants, spread over the exposure. Depth and ids are of one of them, at
+    /// the pixels' centres.
+    pub blur_samples: u32,
+    /// Time between the first and the last row, seconds; 0 for a global shutter.
+    pub readout_s: f64,
+    /// Slabs of rows that share an instant when `readout_s` is not 0.
+    pub readout_slabs: u32,
+}
+
+impl Default for Shutter {
+    fn default() -> Self {
+        Self { exposure_s: 0.0, blur_samples: 1, readout_s: 0.0, readout_slabs: 8 }
+    }
+}
+
+/// Description of a camera; [`Camera::new`] checks it.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraSpec {
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Field of view or matrix.
+    pub intrinsics: Intrinsics,
+    /// Lens.
+    pub distortion: Distortion,
+    /// Brightness.
+    pub exposure: Exposure,
+    /// Sensor noise; none by default.
+    pub noise: SensorNoise,
+    /// Fall-off towards the corners: 0 for none, 1 for that of a simple lens (cosine to the fourth power).
+    pub vignetting: f64,
+    /// Exposure time and read-out.
+    pub shutter: Shutter,
+    /// Nothing nearer than this along the optical axis is seen, metres.
+    pub near_m: f64,
+    /// Nothing farther than this is drawn, metres.
+    pub far_m: f64,
+}
+
+impl Default for CameraSpec {
+    /// 800 x 600, 90 degrees, a perfect lens and sensor.
+    fn default() -> Self {
+        Self {
+            width_px: 800,
+            height_px: 600,
+            intrinsics: Intrinsics::HorizontalFovRad(core::f64::consts::FRAC_PI_2),
+            distortion: Distortion::default(),
+            exposure: Exposure::default(),
+            noise: SensorNoise::default(),
+            vignetting: 0.0,
+            shutter: Shutter::default(),
+            near_m: 0.1,
+            far_m: 2000.0,
+        }
+    }
+}
+
+/// A checked camera.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Camera {
+    spec: CameraSpec,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+}
+
+impl Camera {
+    /// Checks a description.
+    ///
+    /// # Errors
+    /// The first field that is zero, not finite, out of its range or larger than the stated limits.
+    pub fn new(spec: CameraSpec) -> Result<Self, ParamError> {
+        let side = "1 to 8192 pixels";
+        for (field, px) in [("width_px", spec.width_px), ("height_px", spec.height_px)] {
+            require(field, px, (1..=IMAGE_SIDE_MAX_PX).contains(&px), side)?;
+        }
+        let area = u64::from(spec.width_px) * u64::from(spec.height_px);
+        require("width_px x height_px", area as f64, area <= IMAGE_AREA_MAX_PX, "at most 33554432 pixels")?;
+        check_optics(&spec)?;
+        check_shutter(&spec.shutter)?;
+        let (width, height) = (f64::from(spec.width_px), f64::from(spec.height_px));
+        let (fx, fy, cx, cy) = match spec.intrinsics {
+            Intrinsics::HorizontalFovRad(fov_rad) => {
+                let inside = fov_rad > 0.0 && fov_rad < core::f64::consts::PI;
+                require(
+                    "intrinsics.horizontal_fov_rad",
+                    fov_rad,
+                    inside,
+                    "an angle above 0 and below pi (180 degrees)",
+                )?;
+                let f = 0.5 * width / math::tan(0.5 * fov_rad);
+                require(
+                    "intrinsics.horizontal_fov_rad",
+                    fov_rad,
+                    f.is_finite() && f > 1e-3,
+                    "an angle below pi (180 degrees)",
+                )?;
+                (f, f, 0.5 * width, 0.5 * height)
+            }
+            Intrinsics::Matrix(matrix) => focal(&matrix)?,
+            Intrinsics::OrthographicMPerPx(m_per_px) => {
+                check_orthographic(&spec, m_per_px)?;
+                (1.0 / m_per_px, 1.0 / m_per_px, 0.5 * width, 0.5 * height)
+            }
+        };
+        let camera = Self { spec, fx, fy, cx, cy };
+        camera.check_lens()?;
+        Ok(camera)
+    }
+
+    /// The description that it was made from.
+    pub fn spec(&self) -> &CameraSpec {
+        &self.spec
+    }
+
+    /// Columns.
+    pub fn width_px(&self) -> usize {
+        self.spec.width_px as usize
+    }
+
+    /// Rows.
+    pub fn height_px(&self) -> usize {
+        self.spec.height_px as usize
+    }
+
+    /// Whether its rays are parallel.
+    pub fn is_orthographic(&self) -> bool {
+        matches!(self.spec.intrinsics, Intrinsics::OrthographicMPerPx(_))
+    }
+
+    /// Focal lengths and principal point `(fx, fy, cx, cy)`, pixels; with parallel rays, pixels per metre
+    /// instead of focal lengths.
+    pub fn focal_px(&self) -> (f64, f64, f64, f64) {
+        (self.fx, self.fy, self.cx, self.cy)
+    }
+
+    /// The 3x3 matrix, row by row: for calibration messages. With parallel rays it is applied to `(x, y, 1)`,
+    /// not to `(x, y, z)`.
+    pub fn matrix(&self) -> [[f64; 3]; 3] {
+        [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
+    }
+
+    /// Where a point appears, pixels `(column, row)` with the lens; `None` when it is not in front of the
+    /// camera. The pixel may lie outside the image.
+    pub fn project(&self, point: Point<swerve_geom::Camera>) -> Option<[f64; 2]> {
+        let p = point.coords;
+        (p.z >= self.spec.near_m).then(|| {
+            if self.is_orthographic() {
+                return [self.fx * p.x + self.cx, self.fy * p.y + self.cy];
+            }
+            let [x, y] = self.spec.distortion.distort([p.x / p.z, p.y / p.z]);
+            [self.fx * x + self.cx, self.fy * y + self.cy]
+        })
+    }
+
+    /// The ray through a point of the image, as `(x/z, y/z)` in the camera frame: of its direction, where rays
+    /// are parallel.
+    pub fn ray(&self, pixel: [f64; 2]) -> [f64; 2] {
+        if self.is_orthographic() {
+            return [0.0; 2];
+        }
+        self.spec.distortion.undistort([(pixel[0] - self.cx) / self.fx, (pixel[1] - self.cy) / self.fy])
+    }
+
+    /// Whether every pixel of the image has one ray: the lens model must not fold over inside the image.
+    fn check_lens(&self) -> Result<(), ParamError> {
+        if self.spec.distortion.is_none() {
+            return Ok(());
+        }
+        let (width, height) = (f64::from(self.spec.width_px), f64::from(self.spec.height_px));
+        for k in 0..=8 {
+            let t = f64::from(k) / 8.0;
+            for pixel in [[t * width, 0.0], [t * width, height], [0.0, t * height], [width, t * height]] {
+                let ray = self.ray(pixel);
+                let [x, y] = self.spec.distortion.distort(ray);
+                let off = math::hypot(self.fx * x + self.cx - pixel[0], self.fy * y + self.cy - pixel[1]);
+                let fine = off < 0.01 && math::hypot(ray[0], ray[1]) < 20.0;
+                require("distortion", off, fine, "a lens that gives every pixel of the image one ray")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_orthographic(spec: &CameraSpec, m_per_px: f64) -> Result<(), ParamError> {
+    let at = "intrinsics.orthographic_m_per_px";
+    require(at, m_per_px, (1e-4..=100.0).contains(&m_per_px), "0.0001 to 100 metres per pixel")?;
+    let vignetting = spec.vignetting;
+    require("vignetting", vignetting, vignetting == 0.0, "0 with orthographic intrinsics")?;
+    let bent = spec.distortion.coefficients().into_iter().find(|k| *k != 0.0);
+    require("distortion", bent.unwrap_or(0.0), bent.is_none(), "no lens with orthographic intrinsics")
+}
+
+/// Focal lengths and principal point of a matrix.
+fn focal(matrix: &[[f64; 3]; 3]) -> Result<(f64, f64, f64, f64), ParamError> {
+    let [[fx, skew, cx], [shear, fy, cy], last] = *matrix;
+    let at = "intrinsics.matrix";
+    require(at, fx, fx.is_finite() && fx > 1e-3 && fx < 1e7, "a focal length fx above 0")?;
+    require(at, fy, fy.is_finite() && fy > 1e-3 && fy < 1e7, "a focal length fy above 0")?;
+    require(at, skew, skew == 0.0, "0 in the first row's second place")?;
+    require(at, shear, shear == 0.0, "0 in the second row's first place")?;
+    require(at, last[2], last == [0.0, 0.0, 1.0], "a last row 0, 0, 1")?;
+    let side = 4.0 * f64::from(IMAGE_SIDE_MAX_PX);
+    require(at, cx, cx.abs() <= side, "a principal point within 32768 pixels")?;
+    require(at, cy, cy.abs() <= side, "a principal point within 32768 pixels")?;
+    Ok((fx, fy, cx, cy))
+}
+
+fn check_optics(spec: &CameraSpec) -> Result<(), ParamError> {
+    require("near_m", spec.near_m, (1e-3..=10.0).contains(&spec.near_m), "0.001 to 10 m")?;
+    let far_in = spec.far_m > spec.near_m && spec.far_m <= 1e5;
+    require("far_m", spec.far_m, far_in, "more than near_m, at most 100000 m")?;
+    require("vignetting", spec.vignetting, (0.0..=1.0).contains(&spec.vignetting), "a number from 0 to 1")?;
+    let share = "a share of full scale from 0 to 1";
+    require("noise.read", spec.noise.read, (0.0..=1.0).contains(&spec.noise.read), share)?;
+    require("noise.shot", spec.noise.shot, (0.0..=1.0).contains(&spec.noise.shot), share)?;
+    match spec.exposure {
+        Exposure::Metered => {}
+        Exposure::Stops(stops) => {
+            require("exposure.stops", stops, stops.abs() <= 16.0, "-16 to 16 stops")?;
+        }
+        Exposure::Factor(factor) => {
+            let fine = factor > 0.0 && factor <= 1e6;
+            require("exposure.factor", factor, fine, "a factor above 0, at most 1000000")?;
+        }
+    }
+    for (field, value) in spec.distortion.fields() {
+        require(field, value, value.abs() <= 10.0, "-10 to 10")?;
+    }
+    Ok(())
+}
+
+fn check_shutter(shutter: &Shutter) -> Result<(), ParamError> {
+    let second = "0 to 1 s";
+    require("shutter.exposure_s", shutter.exposure_s, (0.0..=1.0).contains(&shutter.exposure_s), second)?;
+    require("shutter.readout_s", shutter.readout_s, (0.0..=1.0).contains(&shutter.readout_s), second)?;
+    let samples = shutter.blur_samples;
+    let count = "1 to 32";
+    require("shutter.blur_samples", f64::from(samples), (1..=SUBFRAMES_MAX).contains(&samples), count)?;
+    let slabs = shutter.readout_slabs;
+    require("shutter.readout_slabs", f64::from(slabs), (1..=SUBFRAMES_MAX).contains(&slabs), count)
+}
+
+/// Where a camera sits on the ego vehicle.
+///
+/// Position in the ego frame; roll, pitch, yaw of the *body* of the camera (x forward, y left, z up) as for
+/// any other part: all zero looks straight ahead, positive pitch looks down, positive yaw to the left.
+pub fn mount(
+    position_m: [f64; 3],
+    roll_rad: f64,
+    pitch_rad: f64,
+    yaw_rad: f64,
+) -> Transform<Ego, swerve_geom::Camera> {
+    let [x, y, z] = position_m;
+    let ego_from_body: Transform<Ego, CameraBody> =
+        Transform::from_roll_pitch_yaw(Point::new(x, y, z), roll_rad, pitch_rad, yaw_rad);
+    ego_from_body * body_from_optical()
+}
+
+/// Frame of a camera's housing: x along the optical axis, y left, z up.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+struct CameraBody;
+
+/// From optical axes (x right, y down, z forward) to those of the housing (x forward, y left, z up).
+fn body_from_optical() -> Transform<CameraBody, swerve_geom::Camera> {
+    let quarter = core::f64::consts::FRAC_PI_2;
+    Transform::from_roll_pitch_yaw(Point::default(), -quarter, 0.0, -quarter)
+}
+
+#[cfg(test)]
+mod tests;

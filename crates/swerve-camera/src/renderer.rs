@@ -1,0 +1,299 @@
+//! One type for all back ends.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use swerve_gpu::{AdapterKind, AdapterReport, Gpu};
+use swerve_scene::Scene;
+
+use crate::check::{check, check_count};
+use crate::cpu::CpuRenderer;
+use crate::error::RenderError;
+use crate::frame::{Frame, FrameMut, Outputs};
+use crate::frontend::thread_pool;
+use crate::gpu::{GpuRenderer, InFlight};
+use crate::{Camera, View};
+
+/// Back end that computes the images.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[non_exhaustive]
+pub enum Backend {
+    /// The rasteriser in this crate: always there; the same bytes on every x86-64 machine and thread count.
+    #[default]
+    Cpu,
+    /// A graphics processor: the same bytes from run to run on one adapter and driver.
+    Gpu,
+    /// A driver that computes on the processor what a graphics processor would: for comparisons, and to test
+    /// the shaders where there is no graphics processor.
+    Software,
+}
+
+impl Backend {
+    /// Name in configurations and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+            Self::Software => "software",
+        }
+    }
+
+    /// Whether the same scene gives the same bytes on any machine.
+    pub fn is_portable(self) -> bool {
+        self == Self::Cpu
+    }
+
+    /// Kind of adapter that it needs.
+    pub fn adapter(self) -> Option<AdapterKind> {
+        match self {
+            Self::Cpu => None,
+            Self::Gpu => Some(AdapterKind::Gpu),
+            Self::Software => Some(AdapterKind::Software),
+        }
+    }
+}
+
+/// How a renderer is set up.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct RenderOptions {
+    /// Which back end.
+    pub backend: Backend,
+    /// Threads of the CPU back end. With 1 (or 0) all is done on the caller's thread; with more on that
+    /// many of the renderer's own, while the caller waits. The other back ends copy images with as many.
+    pub threads: usize,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self { backend: Backend::Cpu, threads: 1 }
+    }
+}
+
+/// Renders scenes; keeps what can be kept between passes.
+///
+/// When an adapter fails in the middle of a run, the renderer goes on with the CPU back end and says so:
+/// see [`Renderer::fell_back`].
+pub struct Renderer {
+    engine: Engine,
+    threads: usize,
+    fell_back: Option<String>,
+}
+
+/// The back end that was started.
+enum Engine {
+    Cpu(Box<CpuRenderer>),
+    Gpu(Box<GpuRenderer>),
+}
+
+/// Frames that are being drawn: see [`Renderer::submit`].
+pub struct Submission {
+    cameras: Vec<Camera>,
+    outputs: Outputs,
+    state: State,
+}
+
+enum State {
+    InFlight(InFlight),
+    Done(Vec<Frame>),
+}
+
+impl Renderer {
+    /// Starts the back end.
+    ///
+    /// # Errors
+    /// If its threads cannot be started, or if there is no such adapter.
+    pub fn new(options: RenderOptions) -> Result<Self, RenderError> {
+        match options.backend.adapter() {
+            None => {
+                let cpu = CpuRenderer::new(options.threads)?;
+                Ok(Self { engine: Engine::Cpu(Box::new(cpu)), threads: options.threads, fell_back: None })
+            }
+            Some(kind) => Self::on(Gpu::shared(kind)?, options.threads),
+        }
+    }
+
+    /// Starts the back end on a device of the caller; see [`RenderOptions`] for `threads`.
+    ///
+    /// # Errors
+    /// If its threads cannot be started, or if the device does not take what the back end needs.
+    pub fn on(gpu: Arc<Gpu>, threads: usize) -> Result<Self, RenderError> {
+        let pool = thread_pool(threads)?;
+        let started = guarded(|| GpuRenderer::new(gpu, pool));
+        let engine = started.map_err(|why| RenderError::Adapter { why })?;
+        Ok(Self { engine: Engine::Gpu(Box::new(engine)), threads, fell_back: None })
+    }
+
+    /// Which back end it is now.
+    pub fn backend(&self) -> Backend {
+        match &self.engine {
+            Engine::Cpu(_) => Backend::Cpu,
+            Engine::Gpu(gpu) => match gpu.gpu().report().kind {
+                Some(AdapterKind::Gpu) => Backend::Gpu,
+                _ => Backend::Software,
+            },
+        }
+    }
+
+    /// The adapter that is used now, if one is.
+    pub fn adapter(&self) -> Option<&AdapterReport> {
+        match &self.engine {
+            Engine::Cpu(_) => None,
+            Engine::Gpu(gpu) => Some(gpu.gpu().report()),
+        }
+    }
+
+    /// Why the renderer left its adapter for the CPU back end, if it had to.
+    pub fn fell_back(&self) -> Option<&str> {
+        self.fell_back.as_deref()
+    }
+
+    /// One pass: writes the images that `out` has.
+    ///
+    /// The images are a function of scene, view and options alone, not of earlier passes.
+    ///
+    /// # Errors
+    /// Images of the wrong size, a weather out of its range, a pose that is not finite; nothing is written
+    /// then.
+    pub fn render(&mut self, scene: &Scene, view: &View<'_>, out: FrameMut<'_>) -> Result<(), RenderError> {
+        self.render_batch(scene, core::slice::from_ref(view), &mut [out])
+    }
+
+    /// One pass for each view, all at once where the back end can; writes the images that each of `out` has.
+    ///
+    /// # Errors
+    /// As [`Self::render`], and if there are not as many frames as views.
+    pub fn render_batch(
+        &mut self,
+        scene: &Scene,
+        views: &[View<'_>],
+        out: &mut [FrameMut<'_>],
+    ) -> Result<(), RenderError> {
+        check_count(views.len(), out.len())?;
+        for (view, out) in views.iter().zip(out.iter()) {
+            out.check(view.camera)?;
+        }
+        check(scene, views)?;
+        if let Engine::Gpu(gpu) = &mut self.engine {
+            let asked: Vec<_> =
+                views.iter().zip(out.iter()).map(|(view, out)| (*view, out.outputs())).collect();
+            let drawn = guarded(|| {
+                let in_flight = gpu.submit(scene, &asked)?;
+                gpu.collect(in_flight, out)
+            });
+            match drawn {
+                Ok(()) => return Ok(()),
+                Err(why) => self.fall_back(why)?,
+            }
+        }
+        if let Engine::Cpu(cpu) = &mut self.engine {
+            for (view, out) in views.iter().zip(out) {
+                cpu.render(scene, view, out.reborrow());
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts one pass for each view and returns while the device works on them; [`Self::collect`] waits for
+    /// the images. Back ends without a device are done when this returns.
+    ///
+    /// With two submissions on the way the device always has something to do, and the processor prepares the
+    /// next one and copies images meanwhile.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn submit(
+        &mut self,
+        scene: &Scene,
+        views: &[View<'_>],
+        outputs: Outputs,
+    ) -> Result<Submission, RenderError> {
+        check(scene, views)?;
+        let cameras: Vec<Camera> = views.iter().map(|view| *view.camera).collect();
+        if let Engine::Gpu(gpu) = &mut self.engine {
+            let asked: Vec<_> = views.iter().map(|view| (*view, outputs)).collect();
+            match guarded(|| gpu.submit(scene, &asked)) {
+                Ok(in_flight) => {
+                    return Ok(Submission { cameras, outputs, state: State::InFlight(in_flight) });
+                }
+                Err(why) => self.fall_back(why)?,
+            }
+        }
+        let mut frames: Vec<Frame> = cameras.iter().map(|camera| Frame::new(camera, outputs)).collect();
+        if let Engine::Cpu(cpu) = &mut self.engine {
+            for (view, frame) in views.iter().zip(&mut frames) {
+                cpu.render(scene, view, frame.as_mut());
+            }
+        }
+        Ok(Submission { cameras, outputs, state: State::Done(frames) })
+    }
+
+    /// Waits for the images of a submission of this renderer and writes those that each of `out` has. Images
+    /// that were not submitted cannot be asked for.
+    ///
+    /// # Errors
+    /// Frames that do not fit the submission; [`RenderError::Lost`] if the adapter failed meanwhile: the
+    /// renderer has fallen back then, and the same views can be submitted again.
+    pub fn collect(&mut self, submission: Submission, out: &mut [FrameMut<'_>]) -> Result<(), RenderError> {
+        let Submission { cameras, outputs, state } = submission;
+        check_count(cameras.len(), out.len())?;
+        for (camera, out) in cameras.iter().zip(out.iter()) {
+            out.check(camera)?;
+            let asked = out.outputs();
+            let images = [
+                (asked.rgb && !outputs.rgb, "rgb"),
+                (asked.depth && !outputs.depth, "depth_m"),
+                (asked.semantic && !outputs.semantic, "semantic"),
+                (asked.instance && !outputs.instance, "instance"),
+            ];
+            if let Some((_, image)) = images.into_iter().find(|(missing, _)| *missing) {
+                return Err(RenderError::NotSubmitted { image });
+            }
+        }
+        let in_flight = match state {
+            State::Done(frames) => {
+                frames.iter().zip(out).for_each(|(frame, out)| out.copy_from(frame));
+                return Ok(());
+            }
+            State::InFlight(in_flight) => in_flight,
+        };
+        let collected = match &mut self.engine {
+            Engine::Gpu(gpu) => guarded(|| gpu.collect(in_flight, out)),
+            Engine::Cpu(_) => Err(self.fell_back.clone().unwrap_or_default()),
+        };
+        collected.or_else(|why| {
+            self.fall_back(why.clone())?;
+            Err(RenderError::Lost { why })
+        })
+    }
+
+    /// Goes on with the CPU back end.
+    fn fall_back(&mut self, why: String) -> Result<(), RenderError> {
+        if let Engine::Gpu(_) = self.engine {
+            self.engine = Engine::Cpu(Box::new(CpuRenderer::new(self.threads)?));
+            self.fell_back = Some(why);
+        }
+        Ok(())
+    }
+}
+
+/// Does something with a device; a panic of the graphics interface is an error like others.
+fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err("the graphics interface failed".to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Scenes are read and renderers are moved by worker threads; this compiles only if they can be.
+    #[test]
+    fn scenes_are_shared_and_renderers_moved() {
+        fn shared<T: Send + Sync>(_: &T) {}
+        fn moved<T: Send>(_: T) {}
+        shared(&Scene::default());
+        let renderer = Renderer::new(RenderOptions::default()).expect("no threads are needed");
+        assert_eq!((renderer.backend(), renderer.backend().name()), (Backend::Cpu, "cpu"));
+        assert!(renderer.backend().is_portable());
+        moved(renderer);
+    }
+}

@@ -1,0 +1,43 @@
+//! Drivers: why an interface offers no adapter, as far as the files of the system tell.
+
+use std::path::{Path, PathBuf};
+
+/// Why an interface (`vulkan` or `gl`) offers no adapter.
+pub(crate) fn why_absent(api: &str) -> String {
+    let (library, manifests) = match api {
+        "vulkan" => ("libvulkan.so.1", vulkan_manifests()),
+        _ => ("libEGL.so.1", None),
+    };
+    if !cfg!(target_os = "linux") {
+        return format!("{api}: no driver offers an adapter");
+    }
+    if !has_library(library) {
+        return format!("{api}: no loader: {library} is not installed");
+    }
+    match manifests {
+        Some(0) => {
+            format!("{api}: no driver: the loader {library} is there, but no driver file for it")
+        }
+        _ => format!("{api}: the loader {library} is there, but its drivers offer no adapter"),
+    }
+}
+
+/// Number of driver files that the Vulkan loader would read.
+fn vulkan_manifests() -> Option<usize> {
+    for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+        if let Some(files) = std::env::var_os(name) {
+            return Some(std::env::split_paths(&files).filter(|path| path.exists()).count());
+        }
+    }
+    let home = std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/share/vulkan/icd.d"));
+    let fixed = ["/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d"];
+    let folders = fixed.iter().map(PathBuf::from).chain(home);
+    Some(folders.filter_map(|folder| std::fs::read_dir(folder).ok()).map(Iterator::count).sum())
+}
+
+fn has_library(name: &str) -> bool {
+    let listed = std::fs::read("/etc/ld.so.cache")
+        .is_ok_and(|cache| cache.windows(name.len()).any(|window| window == name.as_bytes()));
+    let given = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
+    listed || std::env::split_paths(&given).any(|folder| Path::new(&folder).join(name).exists())
+}

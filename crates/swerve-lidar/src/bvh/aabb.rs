@@ -1,0 +1,43 @@
+//! Boxes with faces along the axes.
+
+/// A box with faces along the axes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aabb {
+    /// Smallest coordinates.
+    pub(crate) min: [f32; 3],
+    /// Largest coordinates.
+    pub(crate) max: [f32; 3],
+}
+
+impl Aabb {
+    /// The box around nothing.
+    pub(crate) const NONE: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
+
+    /// Grows to hold a point.
+    pub(crate) fn add(&mut self, point: [f32; 3]) {
+        self.join(&Self { min: point, max: point });
+    }
+
+    /// Grows to hold a box.
+    pub(crate) fn join(&mut self, other: &Self) {
+        for axis in 0..3 {
+            self.min[axis] = self.min[axis].min(other.min[axis]);
+            self.max[axis] = self.max[axis].max(other.max[axis]);
+        }
+    }
+
+    pub(crate) fn sides(&self) -> [f32; 3] {
+        let ([x0, y0, z0], [x1, y1, z1]) = (self.min, self.max);
+        [(x1 - x0).max(0.0), (y1 - y0).max(0.0), (z1 - z0).max(0.0)]
+    }
+
+    /// Half of the surface.
+    pub(crate) fn area(&self) -> f32 {
+        let [x, y, z] = self.sides();
+        x * y + y * z + z * x
+    }
+
+    pub(crate) fn centre(&self, axis: usize) -> f32 {
+        0.5 * (self.min[axis] + self.max[axis])
+    }
+}

@@ -1,0 +1,173 @@
+//! The points of one turn, in memory of the caller.
+
+use crate::spec::LidarSpec;
+
+/// The points of one turn: arrays with room for every shot, of which the first `len` are points.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Cloud {
+    /// Number of points.
+    pub len: usize,
+    /// Forward, metres, in the sensor's frame at the instant of the shot.
+    pub x_m: Vec<f32>,
+    /// Left.
+    pub y_m: Vec<f32>,
+    /// Up.
+    pub z_m: Vec<f32>,
+    /// 0 to 1.
+    pub intensity: Vec<f32>,
+    /// Position of the beam in [`LidarSpec::beams`].
+    pub ring: Vec<u16>,
+    /// Time of the shot since the turn began, seconds.
+    pub offset_s: Vec<f32>,
+    /// Truth: instance id, 0 for things that are not told apart. Empty where truth is not wanted.
+    pub instance: Vec<u32>,
+    /// Truth: Cityscapes id. Empty where truth is not wanted.
+    pub class: Vec<u8>,
+}
+
+impl Cloud {
+    /// Room for a turn.
+    pub fn new(spec: &LidarSpec, with_truth: bool) -> Self {
+        let shots = spec.beams.len() * spec.columns as usize;
+        let truth = if with_truth { shots } else { 0 };
+        Self {
+            len: 0,
+            x_m: vec![0.0; shots],
+            y_m: vec![0.0; shots],
+            z_m: vec![0.0; shots],
+            intensity: vec![0.0; shots],
+            ring: vec![0; shots],
+            offset_s: vec![0.0; shots],
+            instance: vec![0; truth],
+            class: vec![0; truth],
+        }
+    }
+
+    /// The place of a point.
+    ///
+    /// # Panics
+    /// For an index that is not below the length of the arrays.
+    pub fn point_m(&self, index: usize) -> [f32; 3] {
+        [self.x_m[index], self.y_m[index], self.z_m[index]]
+    }
+
+    /// The arrays as a turn takes them.
+    pub fn as_mut(&mut self) -> CloudMut<'_> {
+        let truth = TruthMut { instance: &mut self.instance, class: &mut self.class };
+        let truth = if truth.instance.is_empty() && truth.class.is_empty() { None } else { Some(truth) };
+        CloudMut {
+            len: &mut self.len,
+            x_m: &mut self.x_m,
+            y_m: &mut self.y_m,
+            z_m: &mut self.z_m,
+            intensity: &mut self.intensity,
+            ring: &mut self.ring,
+            offset_s: &mut self.offset_s,
+            truth,
+        }
+    }
+}
+
+/// Where a turn writes its points: any memory that can be borrowed, shared memory too.
+///
+/// All arrays have the same length. The first `len` elements are points; shots are added behind them.
+#[derive(Debug)]
+pub struct CloudMut<'a> {
+    /// Number of points.
+    pub len: &'a mut usize,
+    /// As in [`Cloud`].
+    pub x_m: &'a mut [f32],
+    /// As in [`Cloud`].
+    pub y_m: &'a mut [f32],
+    /// As in [`Cloud`].
+    pub z_m: &'a mut [f32],
+    /// As in [`Cloud`].
+    pub intensity: &'a mut [f32],
+    /// As in [`Cloud`].
+    pub ring: &'a mut [u16],
+    /// As in [`Cloud`].
+    pub offset_s: &'a mut [f32],
+    /// Truth, which only the simulator knows; written if it is there.
+    pub truth: Option<TruthMut<'a>>,
+}
+
+/// Where a turn writes what each point is of.
+#[derive(Debug)]
+pub struct TruthMut<'a> {
+    /// As in [`Cloud`].
+    pub instance: &'a mut [u32],
+    /// As in [`Cloud`].
+    pub class: &'a mut [u8],
+}
+
+/// An array has no room for the points that may come.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("the array `{array}` of the cloud has {len} elements, {expected} may be needed")]
+pub struct CloudSizeError {
+    /// Which array.
+    pub array: &'static str,
+    /// Its elements.
+    pub len: usize,
+    /// How many it must have at least.
+    pub expected: usize,
+}
+
+impl CloudMut<'_> {
+    /// Whether every array has room for so many points more.
+    pub(crate) fn check(&self, more: usize) -> Result<(), CloudSizeError> {
+        let expected = self.len.saturating_add(more);
+        let truth = self.truth.as_ref();
+        let sizes = [
+            ("x_m", self.x_m.len()),
+            ("y_m", self.y_m.len()),
+            ("z_m", self.z_m.len()),
+            ("intensity", self.intensity.len()),
+            ("ring", self.ring.len()),
+            ("offset_s", self.offset_s.len()),
+            ("truth.instance", truth.map_or(expected, |t| t.instance.len())),
+            ("truth.class", truth.map_or(expected, |t| t.class.len())),
+        ];
+        match sizes.into_iter().find(|(_, len)| *len < expected) {
+            Some((array, len)) => Err(CloudSizeError { array, len, expected }),
+            None => Ok(()),
+        }
+    }
+
+    /// Adds the points of a cloud that has truth; there is room for them.
+    pub(crate) fn append(&mut self, cloud: &Cloud) {
+        let new = *self.len..*self.len + cloud.len;
+        self.x_m[new.clone()].copy_from_slice(&cloud.x_m[..cloud.len]);
+        self.y_m[new.clone()].copy_from_slice(&cloud.y_m[..cloud.len]);
+        self.z_m[new.clone()].copy_from_slice(&cloud.z_m[..cloud.len]);
+        self.intensity[new.clone()].copy_from_slice(&cloud.intensity[..cloud.len]);
+        self.ring[new.clone()].copy_from_slice(&cloud.ring[..cloud.len]);
+        self.offset_s[new.clone()].copy_from_slice(&cloud.offset_s[..cloud.len]);
+        if let Some(truth) = &mut self.truth {
+            truth.instance[new.clone()].copy_from_slice(&cloud.instance[..cloud.len]);
+            truth.class[new.clone()].copy_from_slice(&cloud.class[..cloud.len]);
+        }
+        *self.len = new.end;
+    }
+
+    /// Adds a point; there is room for it.
+    pub(crate) fn push(&mut self, point: &Point) {
+        let at = *self.len;
+        [self.x_m[at], self.y_m[at], self.z_m[at]] = point.at_m;
+        (self.intensity[at], self.ring[at], self.offset_s[at]) =
+            (point.intensity, point.ring, point.offset_s);
+        if let Some(truth) = &mut self.truth {
+            (truth.instance[at], truth.class[at]) = (point.instance, point.class);
+        }
+        *self.len = at + 1;
+    }
+}
+
+/// One point.
+pub(crate) struct Point {
+    pub(crate) at_m: [f32; 3],
+    pub(crate) intensity: f32,
+    pub(crate) ring: u16,
+    pub(crate) offset_s: f32,
+    pub(crate) instance: u32,
+    pub(crate) class: u8,
+}

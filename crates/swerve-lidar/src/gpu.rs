@@ -1,0 +1,206 @@
+//! Lidars on a GPU: pieces of a turn wait until it is complete, go there together, and come back as points.
+
+mod caster;
+
+pub(crate) use caster::InFlight;
+
+use core::ops::Range;
+use std::sync::Arc;
+
+use swerve_gpu::Gpu;
+
+use crate::cloud::CloudMut;
+use crate::returns::Receiver;
+use crate::scene_tree::SceneTree;
+use crate::scene_tree::flat::{Batch, DynamicState, GpuScene};
+use crate::sweeper::{Piece, Sweeper};
+use caster::{Caster, Points, SETTINGS};
+
+/// The GPU's side of a sweeper.
+pub(crate) struct GpuEngine {
+    caster: Caster,
+    scene: GpuScene,
+    batch: Batch,
+    /// Pieces that wait, and memory of earlier ones behind them.
+    pieces: Vec<Waiting>,
+    waiting: usize,
+    /// The columns of those that wait.
+    order: Vec<u32>,
+    /// The columns of one that went alone.
+    alone: Vec<u32>,
+    params: Option<ShotParams>,
+}
+
+/// Parameters that all shots of a batch share.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) struct ShotParams {
+    pub(crate) receiver: Receiver,
+    pub(crate) hidden: Option<u32>,
+}
+
+/// A piece that waits, with what the CPU needs should the GPU be lost before the turn is complete.
+struct Waiting {
+    piece: Piece,
+    dynamics: DynamicState,
+}
+
+impl ShotParams {
+    fn words(&self) -> [u32; SETTINGS] {
+        let mut words = [0; SETTINGS];
+        words[0] = u32::from(self.hidden.is_some());
+        words[1] = self.hidden.unwrap_or_default();
+        words[2..].copy_from_slice(&self.receiver.words());
+        words
+    }
+}
+
+impl GpuEngine {
+    pub(crate) fn new(gpu: &Arc<Gpu>, beams: &[[f32; 3]]) -> Self {
+        Self {
+            caster: Caster::new(gpu, beams),
+            scene: GpuScene::default(),
+            batch: Batch::default(),
+            pieces: Vec::new(),
+            waiting: 0,
+            order: Vec::new(),
+            alone: Vec::new(),
+            params: None,
+        }
+    }
+
+    /// Forgets the pieces that wait.
+    pub(crate) fn forget_pieces(&mut self) {
+        self.waiting = 0;
+    }
+
+    /// Columns that wait.
+    pub(crate) fn columns_waiting(&self) -> usize {
+        if self.waiting > 0 { self.order.len() } else { 0 }
+    }
+
+    /// Whether a piece cannot go with those that wait: other weather, another hidden instance, another ground.
+    pub(crate) fn needs_flush(&self, tree: &SceneTree, params: &ShotParams) -> bool {
+        self.waiting > 0 && (self.params.as_ref() != Some(params) || self.scene.is_outdated(tree))
+    }
+
+    /// Adds a piece that can go with those that wait.
+    pub(crate) fn add(&mut self, sweeper: &Sweeper, tree: &SceneTree, params: ShotParams, piece: &Piece) {
+        if self.scene.is_outdated(tree) {
+            self.scene.clear();
+        }
+        self.scene.add_missing(tree);
+        if self.waiting == 0 {
+            self.batch.begin(tree, &self.scene);
+            self.order.clear();
+            self.params = Some(params);
+        }
+        load(&mut self.batch, sweeper, tree, &self.scene, piece);
+        self.order.extend(piece.columns.clone());
+        if self.pieces.len() == self.waiting {
+            self.pieces.push(Waiting { piece: piece.clone(), dynamics: DynamicState::default() });
+        }
+        let waiting = &mut self.pieces[self.waiting];
+        waiting.piece = piece.clone();
+        tree.save_dynamics(&mut waiting.dynamics);
+        self.waiting += 1;
+    }
+
+    /// Fires the pieces that wait and adds their points.
+    ///
+    /// # Errors
+    /// Why the GPU cannot; nothing is added then, and the pieces still wait.
+    pub(crate) fn flush(&mut self, sweeper: &Sweeper, out: &mut CloudMut<'_>) -> Result<(), String> {
+        let Some(params) = self.params.filter(|_| self.waiting > 0) else { return Ok(()) };
+        let Self { caster, scene, batch, order, .. } = self;
+        let in_flight = caster.submit(scene, batch, params.words())?;
+        caster.receive(in_flight, |points| add(sweeper, order, points, out))?;
+        self.waiting = 0;
+        Ok(())
+    }
+
+    /// Sends a piece alone.
+    ///
+    /// # Errors
+    /// Why the GPU cannot.
+    pub(crate) fn send(
+        &mut self,
+        sweeper: &Sweeper,
+        tree: &SceneTree,
+        params: ShotParams,
+        piece: &Piece,
+    ) -> Result<InFlight, String> {
+        self.forget_pieces();
+        if self.scene.is_outdated(tree) {
+            self.scene.clear();
+        }
+        self.scene.add_missing(tree);
+        self.batch.begin(tree, &self.scene);
+        load(&mut self.batch, sweeper, tree, &self.scene, piece);
+        self.caster.submit(&mut self.scene, &self.batch, params.words())
+    }
+
+    /// Waits for a piece that went alone and adds its points.
+    ///
+    /// # Errors
+    /// Why the GPU cannot; nothing is added then.
+    pub(crate) fn receive(
+        &mut self,
+        sweeper: &Sweeper,
+        in_flight: InFlight,
+        columns: Range<u32>,
+        out: &mut CloudMut<'_>,
+    ) -> Result<(), String> {
+        let Self { caster, alone, .. } = self;
+        alone.clear();
+        alone.extend(columns);
+        caster.receive(in_flight, |points| add(sweeper, alone, points, out))
+    }
+
+    /// Fires the pieces that wait on the CPU and adds their points.
+    pub(crate) fn fire_on_cpu(mut self, sweeper: &mut Sweeper, tree: &SceneTree, out: &mut CloudMut<'_>) {
+        let Some(params) = self.params else { return };
+        let mut past = tree.clone();
+        for Waiting { piece, dynamics } in self.pieces.drain(..self.waiting) {
+            past.restore_dynamics(&dynamics);
+            sweeper.fire_on_cpu(&past, &piece, params.receiver, out);
+        }
+    }
+}
+
+/// Adds a piece to a batch.
+fn load(batch: &mut Batch, sweeper: &Sweeper, tree: &SceneTree, scene: &GpuScene, piece: &Piece) {
+    let root = batch.add(tree.moving(), scene);
+    for (column, pose) in piece.columns.clone().zip(sweeper.column_poses(tree, piece)) {
+        batch.add_column(&pose, root, column, sweeper.azimuth(column));
+    }
+}
+
+/// Adds points; `order` has the columns of the batch.
+fn add(sweeper: &Sweeper, order: &[u32], points: &Points<'_>, out: &mut CloudMut<'_>) {
+    let [x, y, z, intensity, instance, what] = points.arrays();
+    let new = *out.len..*out.len + x.len();
+    for (to, from) in
+        [(&mut out.x_m, x), (&mut out.y_m, y), (&mut out.z_m, z), (&mut out.intensity, intensity)]
+    {
+        to[new.clone()].copy_from_slice(bytemuck::cast_slice(from));
+    }
+    for (ring, &what) in out.ring[new.clone()].iter_mut().zip(what) {
+        *ring = what as u16;
+    }
+    if let Some(truth) = &mut out.truth {
+        truth.instance[new.clone()].copy_from_slice(instance);
+        for (class, &what) in truth.class[new.clone()].iter_mut().zip(what) {
+            *class = (what >> 16) as u8;
+        }
+    }
+    let mut rest = &mut out.offset_s[new.clone()];
+    for (&column, &count) in order.iter().zip(points.counts) {
+        let (of_column, behind) = rest.split_at_mut(count as usize);
+        of_column.fill(sweeper.offset_s(column));
+        rest = behind;
+    }
+    *out.len = new.end;
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,366 @@
+//! The scene as rays see it: one tree for all that never moves, and a tree of trees for the rest.
+//!
+//! Static instances are put into one set of triangles in the map frame, rebuilt only when the scene's static part
+//! changes. Each mesh of a moving instance has a tree in its own frame, kept for as long as the mesh is the same;
+//! the tree over the moving instances is rebuilt for every step, and rays are turned into their frames.
+
+pub(crate) mod flat;
+mod instances;
+mod shape;
+
+use swerve_core::ParamError;
+use swerve_scene::vector::{dot, scale};
+use swerve_scene::{Instance, MeshId, MeshLibrary, Scene, SemanticClass, Weather};
+use wide::f32x8;
+
+use crate::bvh::{Builder, LANES, Packet, Ray, Stack};
+use crate::soup::{Soup, Triangle, TriangleHit};
+use instances::{InstanceTree, PlacedInstance, Query};
+use shape::{CachedShape, Pose, Shape, Surface, keep_shape};
+
+/// Static triangles beyond this number stay with their meshes, so that memory does not grow with every copy.
+const STATIC_TRIANGLES_MAX: usize = 2_000_000;
+/// Instances farther from the origin of the map than this are refused, metres.
+const REACH_MAX_M: f64 = 1e7;
+
+/// The scene cannot be made into a tree, or a ray cannot be cast.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum TreeError {
+    /// A pose is not finite or beyond all maps.
+    #[error("instance {index} of the {part} part has a pose that is not finite or beyond 10000 km")]
+    Pose {
+        /// `static` or `dynamic`.
+        part: &'static str,
+        /// Position in that part.
+        index: usize,
+    },
+    /// A mesh is not of the scene's library.
+    #[error("instance {index} of the {part} part has mesh {mesh}, the library has {meshes}")]
+    Mesh {
+        /// `static` or `dynamic`.
+        part: &'static str,
+        /// Position in that part.
+        index: usize,
+        /// Its mesh.
+        mesh: usize,
+        /// Meshes of the library.
+        meshes: usize,
+    },
+    /// The weather is out of its range.
+    #[error("weather: {0}")]
+    Weather(#[from] ParamError),
+}
+
+/// Surface that a ray met.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Hit {
+    /// Distance along the ray, metres.
+    pub distance_m: f32,
+    /// Instance id; 0 for things that are not told apart.
+    pub instance_id: u32,
+    /// Class of the surface: its material's, else its instance's.
+    pub class: SemanticClass,
+    /// Shape, an id of the scene's library.
+    pub mesh: MeshId,
+    /// Index into the materials of that mesh.
+    pub material: u16,
+    /// Diffuse reflectance of the material at 905 nm.
+    pub reflectance: f32,
+    /// Whether the material sends light back to its source.
+    pub is_retro_reflective: bool,
+    /// Unit normal of the triangle, map frame, on the side that the ray came from.
+    pub normal: [f32; 3],
+}
+
+/// Memory of one thread that casts rays.
+#[derive(Default)]
+pub struct RayMemory {
+    stacks: [Stack; 2],
+}
+
+/// Trees over a scene, for rays of lidars, radars and whoever else asks what is in the way.
+///
+/// [`SceneTree::update`] takes over a step of the scene; what did not change is kept. The answers depend on the
+/// scene alone, not on earlier updates or threads, and are the same bits on every x86-64 machine.
+#[derive(Clone, Debug)]
+pub struct SceneTree {
+    /// Origin of all coordinates here, map frame.
+    centre_m: [f64; 3],
+    static_version: Option<u64>,
+    ground: Shape,
+    far_statics: InstanceTree,
+    moving: InstanceTree,
+    shapes: Vec<CachedShape>,
+    weather: Weather,
+    builder: Builder,
+    static_triangles_max: usize,
+}
+
+impl Default for SceneTree {
+    fn default() -> Self {
+        Self::with_static_triangles(STATIC_TRIANGLES_MAX)
+    }
+}
+
+/// Triangle that was met, and in which of the trees.
+enum Found {
+    Ground(TriangleHit),
+    Far(u32, TriangleHit),
+    Moving(u32, TriangleHit),
+}
+
+impl SceneTree {
+    /// The tree of a scene.
+    ///
+    /// # Errors
+    /// Poses that are not finite or beyond 10,000 km, meshes of another library.
+    pub fn new(scene: &Scene) -> Result<Self, TreeError> {
+        let mut tree = Self::default();
+        tree.update(scene)?;
+        Ok(tree)
+    }
+
+    /// Empty; so many static triangles at most will be put into one tree.
+    pub(crate) fn with_static_triangles(most: usize) -> Self {
+        Self {
+            centre_m: [0.0; 3],
+            static_version: None,
+            ground: Shape::default(),
+            far_statics: InstanceTree::default(),
+            moving: InstanceTree::default(),
+            shapes: Vec::new(),
+            weather: Weather::default(),
+            builder: Builder::default(),
+            static_triangles_max: most,
+        }
+    }
+
+    /// Takes over a scene: what moves anew, what never moves only if it changed.
+    ///
+    /// Mesh ids of one tree are those of one library: for a scene with another library make another tree.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; the tree then stays as it was.
+    pub fn update(&mut self, scene: &Scene) -> Result<(), TreeError> {
+        let (statics, meshes) = (scene.statics(), &scene.meshes);
+        scene.weather.check()?;
+        check("dynamic", &scene.dynamics, meshes)?;
+        if self.static_version != Some(statics.version()) {
+            check("static", statics.instances(), meshes)?;
+            self.centre_m = middle(statics.instances());
+            self.build_statics(statics.instances(), meshes);
+            self.static_version = Some(statics.version());
+        }
+        if statics.instances().is_empty() {
+            self.centre_m = middle(&scene.dynamics);
+        }
+        for instance in &scene.dynamics {
+            keep_shape(&mut self.shapes, instance.mesh, meshes, &mut self.builder);
+        }
+        self.weather = scene.weather;
+        self.moving.build(scene.dynamics.iter(), meshes, self.centre_m, &mut self.builder);
+        Ok(())
+    }
+
+    fn build_statics(&mut self, instances: &[Instance], meshes: &MeshLibrary) {
+        let (mut surfaces, mut triangles): (Vec<Surface>, Vec<Triangle>) = (Vec::new(), Vec::new());
+        let mut far = Vec::new();
+        for instance in instances {
+            let mesh = meshes.get(instance.mesh);
+            if triangles.len() + mesh.triangles().len() > self.static_triangles_max {
+                far.push(instance);
+                keep_shape(&mut self.shapes, instance.mesh, meshes, &mut self.builder);
+                continue;
+            }
+            let pose = Pose::new(&instance.map_from_body, self.centre_m);
+            let first = surfaces.len() as u32;
+            surfaces.extend(
+                (0..mesh.materials().len())
+                    .map(|k| Surface::new(instance.mesh, mesh, k as u16, Some(instance))),
+            );
+            triangles.extend(mesh.triangles().iter().zip(mesh.triangle_materials()).map(
+                |(corners, &material)| Triangle {
+                    corners: corners.map(|corner| pose.apply(mesh.positions()[corner as usize])),
+                    surface: first + u32::from(material),
+                },
+            ));
+        }
+        self.ground = Shape { soup: Soup::new(&triangles, &mut self.builder), surfaces };
+        self.far_statics.build(far.into_iter(), meshes, self.centre_m, &mut self.builder);
+    }
+
+    /// The scene's weather.
+    pub fn weather(&self) -> &Weather {
+        &self.weather
+    }
+
+    /// The first surface within a range along a ray.
+    ///
+    /// Start in the map frame, metres; the direction need not have unit length. `None` when nothing is there, and
+    /// for rays that are not finite, have no direction or start beyond 10,000 km. Surfaces are met from both
+    /// sides. For many rays, keep the memory: [`Self::cast_with`].
+    pub fn cast(&self, origin_m: [f64; 3], direction: [f64; 3], range_m: f64) -> Option<Hit> {
+        self.cast_with(&mut RayMemory::default(), origin_m, direction, range_m, None)
+    }
+
+    /// As [`Self::cast`], with memory that is kept, and through all instances with the id `hidden`.
+    pub fn cast_with(
+        &self,
+        memory: &mut RayMemory,
+        origin_m: [f64; 3],
+        direction: [f64; 3],
+        range_m: f64,
+        hidden: Option<u32>,
+    ) -> Option<Hit> {
+        let [x, y, z] = direction;
+        let length = (x * x + y * y + z * z).sqrt();
+        let fine = origin_m.iter().all(|o| o.abs() <= REACH_MAX_M) && length > 1e-150 && length < 1e150;
+        if !fine || range_m.is_nan() {
+            return None;
+        }
+        let direction = [(x / length) as f32, (y / length) as f32, (z / length) as f32];
+        self.first(memory, self.local(origin_m), direction, range_m as f32, hidden)
+    }
+
+    /// A point of the map in the frame of the trees.
+    pub(crate) fn local(&self, point_m: [f64; 3]) -> [f32; 3] {
+        let ([x, y, z], [cx, cy, cz]) = (point_m, self.centre_m);
+        [(x - cx) as f32, (y - cy) as f32, (z - cz) as f32]
+    }
+
+    /// The first surface along a ray in the frame of the trees, with a direction of unit length.
+    pub(crate) fn first(
+        &self,
+        memory: &mut RayMemory,
+        origin: [f32; 3],
+        direction: [f32; 3],
+        range_m: f32,
+        hidden: Option<u32>,
+    ) -> Option<Hit> {
+        let ray = Ray::new(origin, direction);
+        let surfaces = &self.ground.surfaces;
+        let [stack, _] = &mut memory.stacks;
+        let ground = match hidden {
+            None => self.ground.soup.nearest(&ray, range_m, stack, |_| true),
+            Some(id) => {
+                let seen = |surface: u32| surfaces[surface as usize].instance_id != id;
+                self.ground.soup.nearest(&ray, range_m, stack, seen)
+            }
+        };
+        let mut found = ground.map(Found::Ground);
+        let mut reach = ground.map_or(range_m, |met| met.distance);
+        if let Some((at, met)) =
+            self.far_statics.nearest(&ray, &self.shapes, reach, hidden, &mut memory.stacks)
+        {
+            reach = met.distance;
+            found = Some(Found::Far(at, met));
+        }
+        if let Some((at, met)) = self.moving.nearest(&ray, &self.shapes, reach, hidden, &mut memory.stacks) {
+            found = Some(Found::Moving(at, met));
+        }
+        Some(self.hit(&found?, direction))
+    }
+
+    /// As [`Self::first`] for eight rays; a ray with a negative range takes no part.
+    pub(crate) fn first_of_packet(
+        &self,
+        memory: &mut RayMemory,
+        origins: [f32x8; 3],
+        directions: [f32x8; 3],
+        range_m: f32x8,
+        hidden: Option<u32>,
+    ) -> [Option<Hit>; LANES] {
+        let packet = Packet::new(origins, directions);
+        let mut reach = range_m;
+        let surfaces = &self.ground.surfaces;
+        let [stack, _] = &mut memory.stacks;
+        let ground = match hidden {
+            None => self.ground.soup.nearest_packet(&packet, &mut reach, stack, |_| true),
+            Some(id) => {
+                let seen = |surface: u32| surfaces[surface as usize].instance_id != id;
+                self.ground.soup.nearest_packet(&packet, &mut reach, stack, seen)
+            }
+        };
+        let (mut far, mut moving) = ([None; LANES], [None; LANES]);
+        let mut query = Query { reach: &mut reach, hidden, stacks: &mut memory.stacks };
+        self.far_statics.nearest_packet(&packet, &self.shapes, &mut query, &mut far);
+        self.moving.nearest_packet(&packet, &self.shapes, &mut query, &mut moving);
+        let [x, y, z] = directions.map(|d| d.to_array());
+        let mut hits = [None; LANES];
+        for ray in 0..LANES {
+            let found = match (moving[ray], far[ray], ground[ray]) {
+                (Some((at, met)), ..) => Found::Moving(at, met),
+                (None, Some((at, met)), _) => Found::Far(at, met),
+                (None, None, Some(met)) => Found::Ground(met),
+                (None, None, None) => continue,
+            };
+            hits[ray] = Some(self.hit(&found, [x[ray], y[ray], z[ray]]));
+        }
+        hits
+    }
+
+    fn hit(&self, found: &Found, direction: [f32; 3]) -> Hit {
+        let (distance_m, surface, normal) = match *found {
+            Found::Ground(met) => {
+                let (surface, normal) = self.ground.soup.describe(met);
+                (met.distance, self.ground.surfaces[surface as usize], normal)
+            }
+            Found::Far(at, met) => self.described(&self.far_statics.placed[at as usize], met),
+            Found::Moving(at, met) => self.described(&self.moving.placed[at as usize], met),
+        };
+        let normal = if dot(normal, direction) > 0.0 { scale(normal, -1.0) } else { normal };
+        Hit {
+            distance_m,
+            instance_id: surface.instance_id,
+            class: surface.class,
+            mesh: surface.mesh,
+            material: surface.material,
+            reflectance: surface.reflectance,
+            is_retro_reflective: surface.is_retro_reflective,
+            normal,
+        }
+    }
+
+    fn described(&self, placed: &PlacedInstance, met: TriangleHit) -> (f32, Surface, [f32; 3]) {
+        let shape = &self.shapes[placed.mesh.index()].shape;
+        let (surface, normal) = shape.soup.describe(met);
+        let mut surface = shape.surfaces[surface as usize];
+        surface.instance_id = placed.instance_id;
+        if !surface.keeps_class {
+            surface.class = placed.class;
+        }
+        (met.distance, surface, placed.pose.rotate(normal))
+    }
+}
+
+/// Whole metres near the middle of all origins.
+fn middle(instances: &[Instance]) -> [f64; 3] {
+    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for instance in instances {
+        let at = instance.map_from_body.origin().coords;
+        for axis in 0..3 {
+            min[axis] = min[axis].min(at[axis]);
+            max[axis] = max[axis].max(at[axis]);
+        }
+    }
+    if instances.is_empty() {
+        return [0.0; 3];
+    }
+    [0, 1, 2].map(|axis| (0.5 * (min[axis] + max[axis])).round())
+}
+
+/// Whether every instance can be placed.
+fn check(part: &'static str, instances: &[Instance], meshes: &MeshLibrary) -> Result<(), TreeError> {
+    for (index, instance) in instances.iter().enumerate() {
+        let pose = &instance.map_from_body;
+        let placed = pose.origin().coords.iter().all(|x| x.abs() <= REACH_MAX_M);
+        if !placed || !pose.rotation().coords.iter().all(|x| x.is_finite()) {
+            return Err(TreeError::Pose { part, index });
+        }
+        let (mesh, meshes) = (instance.mesh.index(), meshes.meshes().len());
+        if mesh >= meshes {
+            return Err(TreeError::Mesh { part, index, mesh, meshes });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,126 @@
+//! Descriptions of lidars, and their checks.
+
+use core::f64::consts::{FRAC_PI_2, PI};
+
+use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require};
+
+use crate::presets::LidarPreset;
+
+/// Most beams of a lidar.
+const BEAMS_MAX: usize = 512;
+/// Most columns of a turn.
+const COLUMNS_MAX: u32 = 16_384;
+/// Most shots of a turn: beams times columns.
+const SHOTS_MAX: usize = 1 << 22;
+/// Beams whose angles differ by less are one beam, radians.
+const SAME_ANGLE_RAD: f64 = 1e-6;
+
+/// One laser of a lidar.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Beam {
+    /// Angle above the plane of rotation, radians.
+    pub elevation_rad: f64,
+    /// Angle by which it leads its column, counter-clockwise seen from above, radians.
+    #[serde(default)]
+    pub azimuth_rad: f64,
+}
+
+/// Description of a lidar; [`crate::Sweeper::new`] checks it.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LidarSpec {
+    /// The lasers; the ring of a point is the position of its beam here. Presets go from the lowest to the highest.
+    pub beams: Vec<Beam>,
+    /// Columns of a turn, evenly spaced in angle and time.
+    pub columns: u32,
+    /// Turns per second.
+    pub rate_hz: f64,
+    /// Azimuth of the first column, counter-clockwise from x, radians.
+    pub first_azimuth_rad: f64,
+    /// Turns clockwise seen from above, as usual.
+    pub is_clockwise: bool,
+    /// Nothing nearer gives a return, metres.
+    pub range_min_m: f64,
+    /// Nothing farther gives a return, metres.
+    pub range_max_m: f64,
+    /// A target of 10 % reflectance that faces the sensor in clear air at this distance is seen nine times of ten,
+    /// metres.
+    pub reach_m: f64,
+    /// Standard deviation of a range, metres.
+    pub range_sigma_m: f64,
+    /// Ranges are whole multiples of this, metres; 0 for any number.
+    pub range_step_m: f64,
+    /// Share of returns that are lost whatever they come from.
+    pub dropout: f64,
+    /// A white surface that faces the sensor at this distance fills the scale of the intensity, metres.
+    pub intensity_full_m: f64,
+    /// Which noise.
+    pub seed: u64,
+}
+
+impl Default for LidarSpec {
+    fn default() -> Self {
+        LidarPreset::default().spec()
+    }
+}
+
+impl LidarSpec {
+    /// Without noise, quantisation and dropout: for tests and for perfect sensors.
+    #[must_use]
+    pub fn without_noise(self) -> Self {
+        Self { range_sigma_m: 0.0, range_step_m: 0.0, dropout: 0.0, reach_m: 1e6, ..self }
+    }
+
+    /// Whether a lidar can be like this.
+    ///
+    /// # Errors
+    /// The first field that is not finite or out of its range, and beams that are the same as others.
+    pub fn check(&self) -> Result<(), ParamError> {
+        self.check_beams()?;
+        let columns = self.columns;
+        require("columns", columns, (1..=COLUMNS_MAX).contains(&columns), "1 to 16384 columns")?;
+        let shots = self.beams.len() * columns as usize;
+        require("beams x columns", shots, shots <= SHOTS_MAX, "at most 4194304 shots per turn")?;
+        let rate = self.rate_hz;
+        require("rate_hz", rate, (0.01..=1000.0).contains(&rate), "0.01 to 1000 turns per second")?;
+        let first = self.first_azimuth_rad;
+        require("first_azimuth_rad", first, first.abs() <= 2.0 * PI, "an angle from -2 pi to 2 pi")?;
+        let (near, far) = (self.range_min_m, self.range_max_m);
+        require("range_min_m", near, (0.0..=1e4).contains(&near), "0 to 10000 m")?;
+        require("range_max_m", far, far > 0.0 && far <= 1e4, "a range above 0, at most 10000 m")?;
+        require("range_min_m", near, near < far, "less than range_max_m")?;
+        let reach = self.reach_m;
+        require("reach_m", reach, reach > 0.0 && reach <= 1e6, "a distance above 0, at most 1000000 m")?;
+        let sigma = self.range_sigma_m;
+        require("range_sigma_m", sigma, (0.0..=10.0).contains(&sigma), "0 to 10 m")?;
+        let step = self.range_step_m;
+        require("range_step_m", step, (0.0..=1.0).contains(&step), "0 to 1 m")?;
+        require("dropout", self.dropout, (0.0..=1.0).contains(&self.dropout), "a share from 0 to 1")?;
+        let full = self.intensity_full_m;
+        require("intensity_full_m", full, full > 0.0 && full <= 1e4, "a distance above 0, at most 10000 m")
+    }
+
+    fn check_beams(&self) -> Result<(), ParamError> {
+        let count = self.beams.len();
+        require("beams", "empty", count > 0, "at least one beam")?;
+        require("beams", format!("a table of {count}"), count <= BEAMS_MAX, "at most 512 beams")?;
+        for (k, beam) in self.beams.iter().enumerate() {
+            let (elevation, azimuth) = (beam.elevation_rad, beam.azimuth_rad);
+            let upright = "an angle from -pi/2 to pi/2";
+            require(format!("beams[{k}].elevation_rad"), elevation, elevation.abs() <= FRAC_PI_2, upright)?;
+            let around = "an angle from -pi to pi";
+            require(format!("beams[{k}].azimuth_rad"), azimuth, azimuth.abs() <= PI, around)?;
+        }
+        let same = |a: &Beam, b: &Beam| {
+            (a.elevation_rad - b.elevation_rad).abs() < SAME_ANGLE_RAD
+                && (a.azimuth_rad - b.azimuth_rad).abs() < SAME_ANGLE_RAD
+        };
+        let twin = |k: usize| (0..k).find(|&j| same(&self.beams[j], &self.beams[k]));
+        let Some((k, j)) = (1..count).find_map(|k| Some((k, twin(k)?))) else { return Ok(()) };
+        let twins = (1..count).filter(|&k| twin(k).is_some()).count();
+        let value = format!("at the angles of beams[{j}] ({twins} of {count} beams repeat another)");
+        require(format!("beams[{k}]"), value, false, "beams that differ in elevation or azimuth offset")
+    }
+}

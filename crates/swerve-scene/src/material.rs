@@ -1,0 +1,184 @@
+//! Materials: colour, polish and reflectance of surfaces, as cameras and lidars see them.
+
+use crate::SemanticClass;
+use crate::hash::Key;
+
+/// Patterns that mix a material's two colours; baked once into square tiles of grey, see
+/// [`Material::tile_m`].
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default)]
+#[repr(u8)]
+pub enum Texture {
+    /// One colour.
+    #[default]
+    Plain,
+    /// Fine grain with cracks and patches.
+    Asphalt,
+    /// Square slabs with joints.
+    Slabs,
+    /// Bricks in running bond; the second colour is the mortar.
+    Brick,
+    /// Rough render with stains.
+    Plaster,
+    /// Blades and tufts.
+    Grass,
+    /// Leaves in light and shade.
+    Foliage,
+    /// Vertical furrows.
+    Bark,
+    /// Rows of tiles.
+    RoofTiles,
+    /// Weave and folds of cloth.
+    Cloth,
+    /// Road paint that wear has taken in places; the second colour is what shows through.
+    WornPaint,
+    /// Corrugated sheet, ribs along the tile's second axis.
+    Corrugated,
+    /// Smudges of glass: faint large patches.
+    Glass,
+    /// The word STOP in the second colour; one tile is one sign.
+    Stop,
+    /// The number of a speed limit in the second colour; the tile of 30.
+    Limit30,
+    /// As [`Self::Limit30`], 50.
+    Limit50,
+    /// As [`Self::Limit30`], 80.
+    Limit80,
+    /// A number plate with characters in the second colour; one tile is one plate.
+    Plate,
+}
+
+impl Texture {
+    /// All textures, by number.
+    pub const ALL: [Self; 18] = [
+        Self::Plain,
+        Self::Asphalt,
+        Self::Slabs,
+        Self::Brick,
+        Self::Plaster,
+        Self::Grass,
+        Self::Foliage,
+        Self::Bark,
+        Self::RoofTiles,
+        Self::Cloth,
+        Self::WornPaint,
+        Self::Corrugated,
+        Self::Glass,
+        Self::Stop,
+        Self::Limit30,
+        Self::Limit50,
+        Self::Limit80,
+        Self::Plate,
+    ];
+}
+
+/// A surface.
+///
+/// Colours are linear (not sRGB) reflectances or radiances; white paper in full sun has radiance 1.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Material {
+    /// Diffuse reflectance where the texture is 0.
+    pub albedo: [f32; 3],
+    /// Diffuse reflectance where the texture is 1.
+    pub albedo_b: [f32; 3],
+    /// Pattern that mixes the two.
+    pub texture: Texture,
+    /// Length of one texture tile in units of the mesh's uv (metres, or 1 for a sign's face).
+    pub tile_m: f32,
+    /// 0 (mirror) to 1 (matt).
+    pub roughness: f32,
+    /// Mirror reflectance at normal incidence: 0.04 for paint and plastics, 0.6 for bare metal.
+    pub specular: f32,
+    /// Radiance of its own.
+    pub emissive: [f32; 3],
+    /// It shines only while this bit of [`crate::Look::lamps`] is set; always if `None`.
+    pub lamp: Option<u8>,
+    /// Both colours are multiplied by this entry of [`crate::Look::tints`].
+    pub tint: Option<u8>,
+    /// Class of these triangles where it is not that of the instance.
+    pub class: Option<SemanticClass>,
+    /// Lies on the ground and gets wet, with puddles.
+    pub is_ground: bool,
+    /// Seen from behind too.
+    pub is_two_sided: bool,
+    /// Diffuse reflectance at 905 nm.
+    pub reflectance: f32,
+    /// Sends light back to its source: plates, signs, road paint.
+    pub is_retro_reflective: bool,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            albedo: [0.5; 3],
+            albedo_b: [0.5; 3],
+            texture: Texture::Plain,
+            tile_m: 1.0,
+            roughness: 0.9,
+            specular: 0.04,
+            emissive: [0.0; 3],
+            lamp: None,
+            tint: None,
+            class: None,
+            is_ground: false,
+            is_two_sided: false,
+            reflectance: 0.4,
+            is_retro_reflective: false,
+        }
+    }
+}
+
+impl Material {
+    /// One matt colour.
+    pub fn matt(albedo: [f32; 3], reflectance: f32) -> Self {
+        Self { albedo, albedo_b: albedo, reflectance, ..Self::default() }
+    }
+
+    /// With two colours mixed by a texture, a tile of which has this length.
+    #[must_use]
+    pub fn textured(self, texture: Texture, albedo_b: [f32; 3], tile_m: f32) -> Self {
+        Self { texture, albedo_b, tile_m, ..self }
+    }
+
+    /// With a polished surface.
+    #[must_use]
+    pub fn glossy(self, roughness: f32, specular: f32) -> Self {
+        Self { roughness, specular, ..self }
+    }
+
+    /// Coloured by an entry of the instance's tints.
+    #[must_use]
+    pub fn tinted(self, tint: u8) -> Self {
+        Self { tint: Some(tint), ..self }
+    }
+
+    /// Shining while a lamp of the instance is on.
+    #[must_use]
+    pub fn lit(self, emissive: [f32; 3], lamp: Option<u8>) -> Self {
+        Self { emissive, lamp, ..self }
+    }
+
+    /// Of another class than the rest of the instance.
+    #[must_use]
+    pub fn with_class(self, class: SemanticClass) -> Self {
+        Self { class: Some(class), ..self }
+    }
+
+    /// Sending light back to where it came from.
+    #[must_use]
+    pub fn retro_reflective(self) -> Self {
+        Self { is_retro_reflective: true, ..self }
+    }
+
+    pub(crate) fn add_to(&self, key: &mut Key) {
+        let numbers = [self.tile_m, self.roughness, self.specular, self.reflectance];
+        for number in self.albedo.into_iter().chain(self.albedo_b).chain(self.emissive).chain(numbers) {
+            key.number(number);
+        }
+        let code = |option: Option<u8>| option.map_or(255, u32::from);
+        key.word(self.texture as u32 | code(self.lamp) << 8 | code(self.tint) << 16);
+        let flags = u32::from(self.is_ground)
+            | u32::from(self.is_two_sided) << 1
+            | u32::from(self.is_retro_reflective) << 2;
+        key.word(flags | code(self.class.map(|c| c as u8)) << 8);
+    }
+}

@@ -1,0 +1,246 @@
+//! The scene: things with a place, lights, weather. Plain data; whoever has a world fills it in.
+
+use swerve_geom::{Map, Point, Transform};
+
+use crate::SemanticClass;
+use crate::hash::Key;
+use crate::library::{MeshId, MeshLibrary, Model, RoadPiece};
+use crate::mesh::Body;
+use crate::weather::{Sun, Weather, WeatherPreset};
+
+/// Lamps of [`Look::lamps`], as bits.
+pub mod lamps {
+    /// Head lamps of a vehicle.
+    pub const HEAD: u8 = 0;
+    /// Tail lamps.
+    pub const TAIL: u8 = 1;
+    /// Brake lamps.
+    pub const BRAKE: u8 = 2;
+    /// Indicators on the left.
+    pub const LEFT: u8 = 3;
+    /// Indicators on the right.
+    pub const RIGHT: u8 = 4;
+    /// Red of a traffic light.
+    pub const RED: u8 = 0;
+    /// Yellow of a traffic light.
+    pub const YELLOW: u8 = 1;
+    /// Green of a traffic light.
+    pub const GREEN: u8 = 2;
+    /// Street lamps and lit windows: set by the scene's weather.
+    pub const NIGHT: u8 = 7;
+}
+
+/// How one instance differs from others of its mesh.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Look {
+    /// Colours that materials with a tint are multiplied by, linear.
+    pub tints: [[f32; 3]; 4],
+    /// Which lamps are on, one bit each: see [`lamps`].
+    pub lamps: u8,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { tints: [[1.0; 3]; 4], lamps: 0 }
+    }
+}
+
+impl Look {
+    /// With a lamp switched.
+    #[must_use]
+    pub fn with_lamp(mut self, lamp: u8, on: bool) -> Self {
+        if on {
+            self.lamps |= 1 << lamp;
+        } else {
+            self.lamps &= !(1 << lamp);
+        }
+        self
+    }
+}
+
+/// How something moves, for motion blur and rolling shutters; map frame.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Motion {
+    /// Velocity of its origin.
+    pub linear_mps: [f64; 3],
+    /// Turning about its origin, as a vector.
+    pub angular_radps: [f64; 3],
+}
+
+/// One thing in the scene.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Instance {
+    /// Shape, an id of the scene's own library.
+    pub mesh: MeshId,
+    /// Place.
+    pub map_from_body: Transform<Map, Body>,
+    /// Id in the instance image; 0 for things that are not told apart.
+    pub instance_id: u32,
+    /// Class of its triangles, but for those whose material has its own.
+    pub class: SemanticClass,
+    /// Colours and lamps.
+    pub look: Look,
+    /// Motion, for blur.
+    pub motion: Motion,
+}
+
+impl Instance {
+    /// A model on the ground plane: at rest, with no instance id.
+    pub fn new(model: &Model, x_m: f64, y_m: f64, yaw_rad: f64) -> Self {
+        Self::placed(model, Transform::from_roll_pitch_yaw(Point::new(x_m, y_m, 0.0), 0.0, 0.0, yaw_rad))
+    }
+
+    /// A model anywhere: at rest, with no instance id.
+    pub fn placed(model: &Model, map_from_body: Transform<Map, Body>) -> Self {
+        Self {
+            mesh: model.mesh,
+            map_from_body,
+            instance_id: 0,
+            class: model.class,
+            look: model.look,
+            motion: Motion::default(),
+        }
+    }
+
+    /// With an instance id.
+    #[must_use]
+    pub fn with_id(self, instance_id: u32) -> Self {
+        Self { instance_id, ..self }
+    }
+
+    fn add_to(&self, key: &mut Key) {
+        let origin = self.map_from_body.origin().coords;
+        let rotation = self.map_from_body.rotation();
+        for value in origin.iter().chain(rotation.coords.iter()) {
+            key.long(value.to_bits());
+        }
+        key.word(self.instance_id);
+        key.word(u32::from(self.class as u8) | u32::from(self.look.lamps) << 8);
+        self.look.tints.iter().flatten().for_each(|tint| key.number(*tint));
+    }
+}
+
+/// The part that never moves. Back ends keep what they computed from it for as long as its version stays.
+#[derive(Clone, Debug, Default)]
+pub struct StaticPart {
+    instances: Vec<Instance>,
+    version: Key,
+}
+
+impl StaticPart {
+    /// Its instances.
+    pub fn instances(&self) -> &[Instance] {
+        &self.instances
+    }
+
+    /// A hash of the content: equal versions are equal scenes.
+    pub fn version(&self) -> u64 {
+        self.version.0
+    }
+}
+
+/// A lamp that lights up its surroundings.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Light {
+    /// Place, map frame.
+    pub position_m: [f64; 3],
+    /// Axis of its cone, unit length, map frame.
+    pub direction: [f64; 3],
+    /// Radiance of white paper on the axis times its distance squared, for distances well above 3 m.
+    pub intensity: [f32; 3],
+    /// It lights nothing beyond.
+    pub range_m: f32,
+    /// Cosine of the angle from the axis up to which it is full.
+    pub cos_inner: f32,
+    /// Cosine of the angle from which on it is dark; -1 for a lamp that shines all around.
+    pub cos_outer: f32,
+}
+
+impl Light {
+    /// The pair of head lamps of a vehicle as one low beam; `front_m` is from the body's origin to the lamps.
+    pub fn head_lamps(map_from_body: &Transform<Map, Body>, front_m: f64, height_m: f64) -> Self {
+        let position = *map_from_body * Point::new(front_m + 0.1, 0.0, height_m);
+        let ahead = *map_from_body * Point::new(front_m + 1.1, 0.0, height_m - 0.045);
+        let direction = ahead - position;
+        let length = direction.norm();
+        Self {
+            position_m: position.coords.into(),
+            direction: (direction * (1.0 / length)).coords.into(),
+            intensity: [85.0, 80.0, 70.0],
+            range_m: 70.0,
+            cos_inner: 0.975,
+            cos_outer: 0.82,
+        }
+    }
+
+    /// A street lamp that shines down.
+    pub fn street_lamp(position_m: [f64; 3]) -> Self {
+        Self {
+            position_m,
+            direction: [0.0, 0.0, -1.0],
+            intensity: [13.0, 10.0, 6.2],
+            range_m: 18.0,
+            cos_inner: 0.75,
+            cos_outer: 0.15,
+        }
+    }
+}
+
+/// Everything that can be seen.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Shapes of all instances.
+    pub meshes: MeshLibrary,
+    statics: StaticPart,
+    /// Instances that move; replaced or changed before each pass.
+    pub dynamics: Vec<Instance>,
+    /// Lamps that shine on other things; used while the weather has lamps on.
+    pub lights: Vec<Light>,
+    /// Air and ground.
+    pub weather: Weather,
+    /// Where the sun stands.
+    pub sun: Sun,
+}
+
+impl Default for Sun {
+    fn default() -> Self {
+        WeatherPreset::default().sun()
+    }
+}
+
+impl Scene {
+    /// An empty scene in a weather.
+    pub fn new(preset: WeatherPreset) -> Self {
+        Self { weather: preset.weather(), sun: preset.sun(), ..Self::default() }
+    }
+
+    /// Takes over weather and sun of a preset.
+    pub fn set_weather(&mut self, preset: WeatherPreset) {
+        (self.weather, self.sun) = (preset.weather(), preset.sun());
+    }
+
+    /// The part that never moves.
+    pub fn statics(&self) -> &StaticPart {
+        &self.statics
+    }
+
+    /// Adds something that never moves.
+    pub fn add_static(&mut self, instance: Instance) {
+        instance.add_to(&mut self.statics.version);
+        self.statics.version.long(self.meshes.get(instance.mesh).key().0);
+        self.statics.instances.push(instance);
+    }
+
+    /// Adds a piece of road or ground.
+    pub fn add_piece(&mut self, piece: RoadPiece) {
+        let RoadPiece { mesh, class, map_from_body } = piece;
+        let mesh = self.meshes.add(mesh);
+        let (look, motion) = (Look::default(), Motion::default());
+        self.add_static(Instance { mesh, map_from_body, instance_id: 0, class, look, motion });
+    }
+
+    /// Takes everything away that never moves.
+    pub fn clear_statics(&mut self) {
+        self.statics = StaticPart::default();
+    }
+}
