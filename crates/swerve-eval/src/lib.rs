@@ -12,6 +12,7 @@ mod distribution;
 mod drive;
 mod evaluation;
 mod gate;
+mod ground;
 mod jerk;
 mod overlap;
 mod plan;
