@@ -84,7 +84,7 @@ impl Aeb {
         within_s: f64,
         (budget, work): (&mut dyn Budget, &mut u64),
     ) -> Option<f64> {
-        let line = &request.route.line;
+        let line = request.route.line();
         let start = &request.start;
         let FrenetPoint { s_m, d_m } = line.project(start.pose.point());
         let speed_mps = start.speed_mps.max(0.0);
@@ -124,7 +124,7 @@ impl Planner for Aeb {
         let mut work = 0;
         let plan = match self.time_to_collision_s(request, within_s, (budget, &mut work)) {
             Some(_) => {
-                let path = route_path(&request.route.line, request.start.pose, brake_length_m(request));
+                let path = route_path(request.route.line(), request.start.pose, brake_length_m(request));
                 brake_along(request, &path, PlanStatus::Brake)
             }
             None => follow_route(request, SpeedProfile::Limited, self.params.horizon_s, PlanStatus::Route),

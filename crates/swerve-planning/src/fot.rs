@@ -73,12 +73,12 @@ impl Fot {
 
     /// Takes in route and predictions.
     fn set_world(&mut self, request: &Request<'_>, collision: CollisionMode) {
-        if self.route.as_ref() != Some(&request.route.line) {
-            match line::smoothed(request.route.line.points()) {
+        if self.route.as_ref() != Some(request.route.line()) {
+            match line::smoothed(request.route.line().points()) {
                 Ok(smooth) => self.line.set(&smooth),
-                Err(_) => self.line.set(&request.route.line),
+                Err(_) => self.line.set(request.route.line()),
             }
-            self.route = Some(request.route.line.clone());
+            self.route = Some(request.route.line().clone());
         }
         self.road.set(request.route);
         let center = request.start.pose.point();
@@ -88,7 +88,7 @@ impl Fot {
     /// The start in the Frenet frame. `paper` takes speed and heading only, as the original.
     fn frenet(&self, request: &Request<'_>) -> FrenetState {
         let start = &request.start;
-        let guess_m = request.route.line.project(start.pose.point()).s_m;
+        let guess_m = request.route.project(start.pose.point()).s_m;
         let (s_m, d_m) = self.line.project(start.pose.point(), guess_m);
         let node = self.line.at(s_m);
         let turn = angle_between(math::atan2(node.sin, node.cos), start.pose.heading_rad);

@@ -223,7 +223,7 @@ pub fn follow_route(
     status: PlanStatus,
 ) -> Plan {
     let fastest_mps = request.target_speed_mps.max(request.start.speed_mps).max(1.0);
-    let path = route_path(&request.route.line, request.start.pose, fastest_mps * horizon_s);
+    let path = route_path(request.route.line(), request.start.pose, fastest_mps * horizon_s);
     let points = timed_points(&path, &request.start, request.target_speed_mps, profile, request.limits);
     Plan { stamp: request.stamp, status, points, work: 0 }
 }
@@ -252,7 +252,7 @@ pub fn fall_back(
     match fallback {
         Fallback::FollowRoute => follow_route(request, SpeedProfile::Constant, horizon_s, PlanStatus::GaveUp),
         Fallback::StopOnRoute => {
-            let path = route_path(&request.route.line, request.start.pose, brake_length_m(request));
+            let path = route_path(request.route.line(), request.start.pose, brake_length_m(request));
             let mut plan = brake_along(request, &path, PlanStatus::Stop);
             plan.points.iter_mut().for_each(|p| p.speed_mps = 0.0);
             plan

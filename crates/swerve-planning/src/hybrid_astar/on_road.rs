@@ -104,7 +104,7 @@ impl Desk {
         }
         let range_m = settings.obstacle_range_m;
         self.obstacles.set_near(request.predictions, settings.collision, start.point(), range_m);
-        let goal = route_pose_ahead(&request.route.line, start, settings.goal_ahead_m);
+        let goal = route_pose_ahead(request.route.line(), start, settings.goal_ahead_m);
         let bounds = around(&[start, goal], settings.lane_width_m);
         let speed_mps = request.target_speed_mps;
         let ground = Ground {
@@ -174,7 +174,7 @@ impl Desk {
         let start = request.start.pose;
         let FrenetPoint { s_m, d_m } = self.road.project(start.point());
         let off_rad =
-            swerve_geom::angle_between(request.route.line.at(s_m).pose.heading_rad, start.heading_rad);
+            swerve_geom::angle_between(request.route.line().at(s_m).pose.heading_rad, start.heading_rad);
         if d_m.abs() > 0.1 || off_rad.abs() > 0.02 {
             return None;
         }
@@ -230,11 +230,11 @@ impl Desk {
         at: FrenetPoint,
         budget: &mut Counted<'_>,
     ) -> Outcome {
-        let (start, line) = (request.start.pose, &request.route.line);
+        let (start, line) = (request.start.pose, request.route.line());
         let radius_m = turning_radius_m(request);
         let point = line.to_map(at);
         let goal = Pose2::new(point.x_m, point.y_m, line.at(at.s_m).pose.heading_rad);
-        let bounds = around(&[start, goal], request.route.left_m.max(request.route.right_m) + 2.0);
+        let bounds = around(&[start, goal], request.route.borders().farthest_m() + 2.0);
         let ground = Ground {
             obstacles: &self.obstacles,
             clearance_m,

@@ -138,5 +138,5 @@ fn range_counts_every_predicted_place() {
     assert!(obstacle_in_range(&world.predictions, world.start.pose, 11.0));
     assert!(!obstacle_in_range(&world.predictions, world.start.pose, 9.0));
     assert_eq!(within_range(&world.predictions, world.start.pose, 9.0).len(), 0);
-    assert_eq!(route_pose_ahead(&world.route.line, world.start.pose, 12.0), Pose2::new(12.0, 0.0, 0.0));
+    assert_eq!(route_pose_ahead(world.route.line(), world.start.pose, 12.0), Pose2::new(12.0, 0.0, 0.0));
 }
