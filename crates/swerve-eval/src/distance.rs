@@ -31,7 +31,7 @@ impl Outline {
 pub struct Clearance {
     /// The actor.
     pub actor: ActorId,
-    /// What it is.
+    /// Kind of road user or thing.
     pub kind: ActorKind,
     /// Smallest distance between the outlines, metres; zero when they touched.
     pub distance_m: f64,

@@ -39,7 +39,7 @@ impl Verdict {
 /// The first contact of the ego with anything.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Impact {
-    /// What was hit.
+    /// The actor that was hit.
     pub actor: ActorId,
     /// Instant, seconds since the run started.
     pub at_s: f64,

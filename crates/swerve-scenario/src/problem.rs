@@ -12,7 +12,7 @@ pub struct Problem {
     pub line: usize,
     /// The key, from the top of the file, as in `actor.truck.size.length_m`; empty when there is none.
     pub key: String,
-    /// What is wrong, what was expected, and the nearest valid name where there is one.
+    /// The mistake, what was expected, and the nearest valid name where there is one.
     pub message: String,
 }
 

@@ -7,9 +7,9 @@ use core::fmt;
 pub struct ParamsFault {
     /// Key below the sensor's own.
     pub key: &'static str,
-    /// What was given.
+    /// The value given.
     pub value: f64,
-    /// What is allowed, as in `0 to 100`.
+    /// The range allowed, as in `0 to 100`.
     pub must: String,
 }
 

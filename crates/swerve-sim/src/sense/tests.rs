@@ -132,9 +132,13 @@ fn a_sensor_in_the_middle_of_the_car_is_inside_it_and_the_usual_places_are_not()
     assert!(SensorMount { z_m: 1.2, ..SensorMount::roof(&shape) }.is_inside(&shape));
     assert!(SensorMount { x_m: 3.5, ..SensorMount::front(&shape) }.is_inside(&shape));
     let wrong = SensorMount { z_m: -0.1, yaw_rad: f64::INFINITY, ..SensorMount::roof(&shape) };
-    let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
-    assert_eq!(said[0], "z_m: expected 0 to 10, found -0.1");
-    assert!(said.len() == 2 && said[1].starts_with("yaw_rad: expected ") && said[1].ends_with("found inf"));
+    let problems: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+    assert_eq!(problems[0], "z_m: expected 0 to 10, found -0.1");
+    assert!(
+        problems.len() == 2
+            && problems[1].starts_with("yaw_rad: expected ")
+            && problems[1].ends_with("found inf")
+    );
 }
 
 #[test]

@@ -107,9 +107,9 @@ mod tests {
     #[test]
     fn times_that_cannot_be_are_named() {
         let wrong = SensorTiming { exposure_ms: -1.0, transfer_ms: f64::NAN, ..CAMERA };
-        let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+        let problems: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
         assert_eq!(
-            said,
+            problems,
             ["exposure_ms: expected 0 to 10000, found -1", "transfer_ms: expected 0 to 10000, found NaN"]
         );
         assert!(CAMERA.faults().is_empty());

@@ -190,9 +190,9 @@ fn parameters_that_cannot_be_are_all_named() {
         steering_noise_rad: f64::NAN,
         ..WheelOdometryParams::default()
     };
-    let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+    let problems: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
     assert_eq!(
-        said,
+        problems,
         [
             "counts_per_turn: expected 1 to 1000000, found 0",
             "radius_error: expected 0 to 0.1, found 0.5",

@@ -376,10 +376,10 @@ fn parameters_are_those_of_a_preset_but_for_what_is_given() {
     assert_eq!(changed, RadarParams { range_max_m: 80.0, occlusion: false, ..RadarPreset::Corner.params() });
     let text = serde_json::to_string(&changed).unwrap();
     assert_eq!(read(&text).unwrap(), changed, "spelled out, it needs no preset");
-    let said = |text: &str| read(text).unwrap_err().to_string();
-    assert!(said(r#"{"range_m": 80.0}"#).contains("unknown field `range_m`"));
-    assert!(said(r#"{"preset": "short"}"#).contains("expected `long_range` or `corner`"));
-    assert!(said(r#"{"fov_rad": "wide"}"#).contains("invalid type"));
+    let problem = |text: &str| read(text).unwrap_err().to_string();
+    assert!(problem(r#"{"range_m": 80.0}"#).contains("unknown field `range_m`"));
+    assert!(problem(r#"{"preset": "short"}"#).contains("expected `long_range` or `corner`"));
+    assert!(problem(r#"{"fov_rad": "wide"}"#).contains("invalid type"));
 }
 
 #[test]
@@ -397,9 +397,9 @@ fn parameters_that_cannot_be_are_all_named() {
         clutter_per_scan: -1.0,
         ..RadarParams::default()
     };
-    let said: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
+    let problems: Vec<String> = wrong.faults().iter().map(ToString::to_string).collect();
     assert_eq!(
-        said,
+        problems,
         [
             "fov_rad: expected 0.001 to 6.283185307179586, found 0",
             "false_alarm_probability: expected 0.000000000001 to 0.1, found 1",
