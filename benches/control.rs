@@ -64,7 +64,7 @@ fn plan() -> Plan {
 fn laws(criterion: &mut Criterion) {
     let plan = plan();
     let line = Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(400.0, 0.0)]).expect("two points");
-    let route = Route { line, left_m: 6.0, right_m: 6.0 };
+    let route = Route::uniform(line, 6.0, 6.0);
     let mut group = criterion.benchmark_group("control/step");
     for (name, law) in [
         ("pid", Law::Pid),

@@ -72,6 +72,7 @@ fn crates_use_only_what_the_architecture_lists() {
 fn packages_stay_behind_one_crate() {
     let owners = [
         ("rapier3d", "swerve-sim"),
+        ("parry2d-f64", "swerve-eval"),
         ("clarabel", "swerve-control"),
         ("foxglove", "swerve-foxglove"),
         ("jpeg-encoder", "swerve-foxglove"),

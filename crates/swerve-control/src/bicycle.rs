@@ -40,7 +40,7 @@ pub(crate) fn ego(pose: Pose2, speed_mps: f64) -> EgoState {
 /// A road of 600 m along x.
 pub(crate) fn road() -> Route {
     let line = Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(550.0, 0.0)]).unwrap();
-    Route { line, left_m: 6.0, right_m: 2.0 }
+    Route::uniform(line, 6.0, 2.0)
 }
 
 /// The curve `y(x)` with slope and second derivative, driven at `speed_mps` from x = 0 at instant 0.

@@ -4,7 +4,7 @@ mod params;
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
-use swerve_geom::{Pose2, math};
+use swerve_geom::{FrenetPoint, Pose2, math};
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, Route};
 use swerve_vehicle::{Limits, Shape};
 
@@ -351,10 +351,10 @@ impl Controller {
     /// Room for the ego origin to the left and right of a point of the path: the corridor within the road.
     fn room(&self, route: &Route, on_path: &PlanPoint) -> (f64, f64) {
         let mpc::Params { corridor_m, edge_m, .. } = self.params.mpc;
-        let d_m = route.line.project(on_path.pose.point()).d_m;
+        let FrenetPoint { s_m, d_m } = route.project(on_path.pose.point());
         let aside_m = 0.5 * self.shape.width_m + edge_m;
-        let left_m = (route.left_m - d_m - aside_m).min(corridor_m);
-        let right_m = (route.right_m + d_m - aside_m).min(corridor_m);
+        let left_m = (route.left_m(s_m) - d_m - aside_m).min(corridor_m);
+        let right_m = (route.right_m(s_m) + d_m - aside_m).min(corridor_m);
         (left_m, right_m)
     }
 

@@ -31,7 +31,7 @@ impl Reference {
     /// Takes the route at `speed_mps` from beside `pose`, which is reached at `now`.
     pub(crate) fn load_route(&mut self, route: &Route, pose: Pose2, speed_mps: f64, now: Time) {
         self.clear();
-        let s_m = route.line.project(pose.point()).s_m;
+        let s_m = route.project(pose.point()).s_m;
         self.push(on_route(route, s_m, 0.0, speed_mps, now));
         self.planned = 1;
     }
@@ -40,7 +40,7 @@ impl Reference {
     /// reaches at least `until_m`; they keep the last speed.
     pub(crate) fn extend(&mut self, route: &Route, until_m: f64) {
         let Some(&last) = self.points.last() else { return };
-        let from = route.line.project(last.pose.point());
+        let from = route.project(last.pose.point());
         let missing_m = until_m - self.length();
         if missing_m <= 0.0 {
             return;
@@ -147,7 +147,7 @@ impl Reference {
 }
 
 fn on_route(route: &Route, s_m: f64, d_m: f64, speed_mps: f64, at: Time) -> PlanPoint {
-    let on_line = route.line.at(s_m);
+    let on_line = route.line().at(s_m);
     let point = on_line.pose.point() + on_line.pose.direction().left() * d_m;
     let curvature_1pm = on_line.curvature_1pm / (1.0 - on_line.curvature_1pm * d_m).max(0.1);
     let pose = Pose2::new(point.x_m, point.y_m, on_line.pose.heading_rad);
@@ -177,7 +177,7 @@ mod tests {
 
     fn route() -> Route {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap();
-        Route { line, left_m: 6.0, right_m: 2.0 }
+        Route::uniform(line, 6.0, 2.0)
     }
 
     /// Points every 2 m along y = 1 from x = 10, one every 0.2 s.

@@ -55,7 +55,7 @@ fn worst(law: Law, horizon: usize) -> usize {
     let drive = Box::new(LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 });
     let mut controller = Controller::new(params, Shape::default(), Limits::default(), drive);
     let line = Polyline::new(&[Point2::new(-10.0, 0.0), Point2::new(500.0, 0.0)]).expect("two points");
-    let (plan, route) = (plan(), Route { line, left_m: 6.0, right_m: 2.0 });
+    let (plan, route) = (plan(), Route::uniform(line, 6.0, 2.0));
     let mut worst = 0;
     for k in 0..20 {
         let now = Time::ZERO + Span::from_ms(10 * k);

@@ -6,6 +6,8 @@ use swerve_geom::{Obb, Pose2};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{ActorId, ActorKind};
 
+use crate::ground;
+
 /// The ego's outline around its origin, the centre of the rear axle on the ground.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Outline {
@@ -29,7 +31,7 @@ impl Outline {
 pub struct Clearance {
     /// The actor.
     pub actor: ActorId,
-    /// What it is.
+    /// Kind of road user or thing.
     pub kind: ActorKind,
     /// Smallest distance between the outlines, metres; zero when they touched.
     pub distance_m: f64,
@@ -102,10 +104,11 @@ fn distance(ego: &Obb, actor: &Actor, known_m: f64) -> f64 {
     if ego.center.point().distance(actor.pose.point()) - ego.radius() - reach_m >= known_m {
         return known_m;
     }
+    let ego = ground::rectangle(ego);
     if circle {
-        (ego.distance_to_point(actor.pose.point()) - half_m).max(0.0)
+        ego.distance_m(&ground::circle(actor.pose, half_m))
     } else {
-        ego.distance(&footprint)
+        ego.distance_m(&ground::rectangle(&footprint))
     }
 }
 
@@ -165,8 +168,8 @@ mod tests {
             let mut state = world(i64::from(k), f64::from(k % 97));
             let at = Pose2::new(f64::from(k * 31 % 89), f64::from(k * 17 % 23) - 11.5, f64::from(k) * 0.1);
             let other = actor(1, ActorKind::Truck, at, 5.2, 2.6);
-            smallest = smallest
-                .min(EGO.footprint(state.ego.state.pose).distance(&other.extent.footprint(other.pose)));
+            let ego = ground::rectangle(&EGO.footprint(state.ego.state.pose));
+            smallest = smallest.min(ego.distance_m(&ground::rectangle(&other.extent.footprint(other.pose))));
             state.actors = vec![other];
             clearances.take(&state);
             assert_eq!(clearances.each()[0].distance_m, smallest, "{k}");

@@ -98,7 +98,7 @@ fn rank_value(sorted: &[(i64, u64)], count: u64, share: f64) -> Option<Span> {
 mod tests {
     use super::*;
 
-    fn of(values: impl IntoIterator<Item = i64>) -> Distribution {
+    fn distribution(values: impl IntoIterator<Item = i64>) -> Distribution {
         let mut distribution = Distribution::default();
         values.into_iter().for_each(|ms| distribution.take(Span::from_ms(ms)));
         distribution
@@ -107,7 +107,7 @@ mod tests {
     #[test]
     fn percentiles_are_nearest_rank() {
         // The textbook example: 15, 20, 35, 40, 50.
-        let d = of([35, 15, 50, 20, 40]);
+        let d = distribution([35, 15, 50, 20, 40]);
         for (share, ms) in [(0.0, 15), (0.05, 15), (0.3, 20), (0.4, 20), (0.5, 35), (1.0, 50)] {
             assert_eq!(d.percentile(share), Some(Span::from_ms(ms)), "{share}");
         }
@@ -115,14 +115,14 @@ mod tests {
 
     #[test]
     fn a_hundred_values_have_their_own_number_as_percentile() {
-        let s = of((1..=100).rev()).summary().unwrap();
+        let s = distribution((1..=100).rev()).summary().unwrap();
         assert_eq!((s.count, s.p50_ms, s.p90_ms, s.p99_ms, s.max_ms), (100, 50.0, 90.0, 99.0, 100.0));
     }
 
     #[test]
     fn merging_changes_no_percentile() {
         let values: Vec<i64> = (0..20_000).map(|k| k * 7919 % 10_007).collect();
-        let d = of(values.iter().copied());
+        let d = distribution(values.iter().copied());
         let mut sorted = values;
         sorted.sort_unstable();
         for (share, index) in [(0.5, 9_999), (0.9, 17_999), (0.99, 19_799), (1.0, 19_999)] {
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn equal_values_take_no_room() {
-        let d = of(std::iter::repeat_n(5, 100_000));
+        let d = distribution(std::iter::repeat_n(5, 100_000));
         assert!(d.sorted.len() == 1 && d.recent.len() < RECENT);
         assert_eq!(d.percentile(0.5), Some(Span::from_ms(5)));
     }

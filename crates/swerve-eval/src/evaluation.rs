@@ -10,7 +10,7 @@ use crate::{
     Outline, PlanMetrics, ResponseTimes, RunTimes, Summary, Verdict, seconds,
 };
 
-/// What an evaluation has to know beforehand.
+/// Facts that an evaluation has to know beforehand.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Params {
     /// The ego's outline.
@@ -48,9 +48,9 @@ pub struct Metrics {
     pub response: Option<Summary>,
     /// The actors, ordered by identity.
     pub actors: Vec<ActorMetrics>,
-    /// What the planner said.
+    /// Plans by status.
     pub plans: PlanMetrics,
-    /// What the safety gate did; absent without one.
+    /// Use of the safety gate; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<GateMetrics>,
     /// Run times per operator.
@@ -71,7 +71,7 @@ pub struct JerkMetrics {
 pub struct ActorMetrics {
     /// Identity.
     pub actor: ActorId,
-    /// What it is.
+    /// Kind of road user or thing.
     pub kind: ActorKind,
     /// Smallest distance between its outline and the ego's, metres.
     pub min_distance_m: f64,
@@ -136,7 +136,7 @@ impl Evaluation {
         }
     }
 
-    /// What a sensor saw of the actors.
+    /// Takes in a sensor's sight of the actors.
     pub fn seen(&mut self, list: &ObstacleList) {
         for obstacle in list.obstacles.iter().filter(|o| o.visible_share > 0.0) {
             if let Err(slot) = self.sights.binary_search_by_key(&obstacle.id, |s| s.actor) {

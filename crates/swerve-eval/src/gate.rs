@@ -1,4 +1,4 @@
-//! What the safety gate did in a drive.
+//! Use of the safety gate in a drive.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
@@ -46,7 +46,7 @@ pub struct GateUse {
 }
 
 impl GateUse {
-    /// What the gate said at an instant. It holds until the next.
+    /// Takes in the gate's output at an instant. It holds until the next.
     pub fn take(&mut self, at: Time, output: &GateOutput) {
         let before = self.last.map(|(_, before)| before.mode);
         if let Some((since, before)) = &self.last {

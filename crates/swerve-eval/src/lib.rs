@@ -1,4 +1,4 @@
-//! What a drive was worth: verdict, distances, impact, comfort, response times, run times.
+//! Evaluation of a drive: verdict, distances, impact, comfort, response times, run times.
 //!
 //! Every measure is a small accumulator that takes in one sample at a time, so that a run of any length is
 //! evaluated while it happens; [`Evaluation`] holds one of each and gives [`Metrics`], which serialise to
@@ -12,6 +12,7 @@ mod distribution;
 mod drive;
 mod evaluation;
 mod gate;
+mod ground;
 mod jerk;
 mod overlap;
 mod plan;

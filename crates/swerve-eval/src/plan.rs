@@ -1,4 +1,4 @@
-//! What the planner said.
+//! Plans by status, and when the first of them came.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;

@@ -5,7 +5,7 @@ use swerve_core::Span;
 
 use crate::Distribution;
 
-/// What one operator's steps took.
+/// Run times of one operator's steps.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct OperatorMetrics {
     /// Its name.

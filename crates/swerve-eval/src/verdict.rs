@@ -10,7 +10,7 @@ use crate::seconds;
 /// The first contact of the ego with anything.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Impact {
-    /// What was hit.
+    /// The actor that was hit.
     pub actor: ActorId,
     /// Instant, seconds since the run started.
     pub at_s: f64,

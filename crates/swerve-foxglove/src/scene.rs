@@ -48,15 +48,16 @@ fn transform<A, B>(at: Timestamp, parent: &str, child: String, of: &Transform<A,
 
 /// What does not change: the road's lines, and the car, which goes with its frame.
 pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
-    let line = &setup.route.line;
+    let line = setup.route.line();
     let n = (line.length() / STEP_M).ceil().max(1.0) as usize;
-    let mut lines = Vec::new();
-    for &d_m in &setup.lines_m {
-        let on = |k: usize| line.to_map(FrenetPoint { s_m: line.length() * k as f64 / n as f64, d_m });
-        let points = (0..=n).map(|k| [on(k).x_m, on(k).y_m, OVER_M]).map(point).collect();
-        let is_edge = d_m == setup.route.left_m || d_m == -setup.route.right_m;
-        lines.push(strip(points, if is_edge { WHITE } else { GREY }, 0.12));
-    }
+    let beside = |d_m: &dyn Fn(f64) -> f64, colour| {
+        let s_at = |k: usize| line.length() * k as f64 / n as f64;
+        let on = |k: usize| line.to_map(FrenetPoint { s_m: s_at(k), d_m: d_m(s_at(k)) });
+        strip((0..=n).map(|k| [on(k).x_m, on(k).y_m, OVER_M]).map(point).collect(), colour, 0.12)
+    };
+    let mut lines = vec![beside(&|s_m| -setup.route.right_m(s_m), WHITE)];
+    lines.extend(setup.lines_m.iter().map(|&d_m| beside(&|_| d_m, GREY)));
+    lines.push(beside(&|s_m| setup.route.left_m(s_m), WHITE));
     let shape = &setup.shape;
     let extent = Extent { length_m: shape.length_m, width_m: shape.width_m, height_m: shape.height_m };
     let center = Pose2::new(shape.center_ahead_m(), 0.0, 0.0);

@@ -36,7 +36,7 @@ const MEMORY: Span = Span::from_ms(1000);
 pub struct Setup {
     /// Where the ego is to go.
     pub route: Route,
-    /// The road's lines, metres to the left of the route.
+    /// The road's lines within the drivable ground, metres to the left of the route.
     pub lines_m: Vec<f64>,
     /// The ego.
     pub shape: Shape,
@@ -71,8 +71,8 @@ impl Mount {
 pub struct Foxglove {
     setup: Setup,
     topics: BTreeMap<String, Arc<str>>,
-    poses: Pace,
-    actors: Pace,
+    poses: Throttle,
+    actors: Throttle,
     /// Poses of the ego of late, oldest first.
     past: VecDeque<(Time, Transform<Map, Ego>)>,
     /// What the obstacle sensor reported of late, oldest first.
@@ -87,13 +87,13 @@ pub struct Foxglove {
     has_ended: bool,
 }
 
-/// Something at regular instants.
+/// Lets something through at regular instants.
 #[derive(Default)]
-struct Pace {
+struct Throttle {
     next: Time,
 }
 
-impl Pace {
+impl Throttle {
     /// Whether it is time again.
     fn is_due(&mut self, now: Time, period: Span) -> bool {
         let is_due = now >= self.next;
@@ -110,8 +110,8 @@ impl Foxglove {
         Self {
             setup,
             topics: BTreeMap::new(),
-            poses: Pace::default(),
-            actors: Pace::default(),
+            poses: Throttle::default(),
+            actors: Throttle::default(),
             past: VecDeque::new(),
             seen: VecDeque::new(),
             plan: None,

@@ -51,7 +51,7 @@ macro_rules! plain_value {
                 Self { coords: Vector3::new(x, y, z), frame: PhantomData }
             }
 
-            fn of(coords: Vector3<f64>) -> Self {
+            fn from_coords(coords: Vector3<f64>) -> Self {
                 Self { coords, frame: PhantomData }
             }
         }
@@ -73,7 +73,7 @@ macro_rules! plain_value {
         }
         impl<F> Default for $name<F> {
             fn default() -> Self {
-                Self::of(Vector3::zeros())
+                Self::from_coords(Vector3::zeros())
             }
         }
     };
@@ -84,42 +84,42 @@ plain_value!(Vector);
 impl<F> Sub for Point<F> {
     type Output = Vector<F>;
     fn sub(self, other: Self) -> Vector<F> {
-        Vector::of(self.coords - other.coords)
+        Vector::from_coords(self.coords - other.coords)
     }
 }
 
 impl<F> Add<Vector<F>> for Point<F> {
     type Output = Self;
     fn add(self, by: Vector<F>) -> Self {
-        Self::of(self.coords + by.coords)
+        Self::from_coords(self.coords + by.coords)
     }
 }
 
 impl<F> Add for Vector<F> {
     type Output = Self;
     fn add(self, other: Self) -> Self {
-        Self::of(self.coords + other.coords)
+        Self::from_coords(self.coords + other.coords)
     }
 }
 
 impl<F> Sub for Vector<F> {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
-        Self::of(self.coords - other.coords)
+        Self::from_coords(self.coords - other.coords)
     }
 }
 
 impl<F> Neg for Vector<F> {
     type Output = Self;
     fn neg(self) -> Self {
-        Self::of(-self.coords)
+        Self::from_coords(-self.coords)
     }
 }
 
 impl<F> Mul<f64> for Vector<F> {
     type Output = Self;
     fn mul(self, by: f64) -> Self {
-        Self::of(self.coords * by)
+        Self::from_coords(self.coords * by)
     }
 }
 
@@ -190,7 +190,7 @@ impl<To, From> Transform<To, From> {
 
     /// The origin of `From`, in `To`.
     pub fn origin(&self) -> Point<To> {
-        Point::of(self.isometry.translation.vector)
+        Point::from_coords(self.isometry.translation.vector)
     }
 
     /// The orientation of `From` in `To`.
@@ -224,14 +224,14 @@ impl<A, B, C> Mul<Transform<B, C>> for Transform<A, B> {
 impl<To, From> Mul<Point<From>> for Transform<To, From> {
     type Output = Point<To>;
     fn mul(self, point: Point<From>) -> Point<To> {
-        Point::of((self.isometry * nalgebra::Point3::from(point.coords)).coords)
+        Point::from_coords((self.isometry * nalgebra::Point3::from(point.coords)).coords)
     }
 }
 
 impl<To, From> Mul<Vector<From>> for Transform<To, From> {
     type Output = Vector<To>;
     fn mul(self, vector: Vector<From>) -> Vector<To> {
-        Vector::of(self.isometry.rotation * vector.coords)
+        Vector::from_coords(self.isometry.rotation * vector.coords)
     }
 }
 

@@ -16,7 +16,7 @@ pub struct Polyline {
     curvature_1pm: Vec<f64>,
 }
 
-/// What a line has at one arc length.
+/// A line at one arc length.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PolylinePoint {
     /// Arc length from the first point, metres.

@@ -19,7 +19,6 @@ mod packed;
 mod plan;
 mod point_cloud;
 mod radar;
-mod route;
 mod supervision;
 pub mod truth;
 
@@ -43,5 +42,5 @@ pub use packed::{Packable, Packed};
 pub use plan::{Plan, PlanPoint, PlanStatus};
 pub use point_cloud::{LidarPoint, PointCloud, PointCloudError};
 pub use radar::{RadarDetection, RadarScan};
-pub use route::Route;
 pub use supervision::{GoneProcess, Supervision};
+pub use swerve_map::Route;

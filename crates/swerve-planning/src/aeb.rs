@@ -86,7 +86,7 @@ impl Aeb {
         within_s: f64,
         budget: &mut Counted<'_>,
     ) -> Option<f64> {
-        let line = &request.route.line;
+        let line = request.route.line();
         let start = &request.start;
         let FrenetPoint { s_m, d_m } = line.project(start.pose.point());
         let speed_mps = start.speed_mps.max(0.0);
@@ -125,7 +125,7 @@ impl Planner for Aeb {
         let mut counted = Counted::new(budget);
         let plan = match self.time_to_collision_s(request, within_s, &mut counted) {
             Some(_) => {
-                let path = route_path(&request.route.line, request.start.pose, brake_length_m(request));
+                let path = route_path(request.route.line(), request.start.pose, brake_length_m(request));
                 brake_along(request, &path, PlanStatus::Brake)
             }
             None => follow_route(request, SpeedProfile::Limited, self.params.horizon_s, PlanStatus::Route),

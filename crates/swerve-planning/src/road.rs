@@ -1,7 +1,8 @@
 //! The drivable ground beside the route, in a form for many queries.
 
 use swerve_geom::{FrenetPoint, Point2};
-use swerve_msg::Route;
+use swerve_map::Borders;
+use swerve_map::Route;
 
 use crate::collision::Solid;
 
@@ -35,8 +36,7 @@ struct Chunk {
 pub struct Road {
     pieces: Vec<Piece>,
     chunks: Vec<Chunk>,
-    left_m: f64,
-    right_m: f64,
+    borders: Borders,
 }
 
 impl Road {
@@ -49,11 +49,10 @@ impl Road {
 
     /// Replaces the content, keeping the storage.
     pub fn set(&mut self, route: &Route) {
-        self.left_m = route.left_m;
-        self.right_m = route.right_m;
+        self.borders.clone_from(route.borders());
         self.pieces.clear();
         self.chunks.clear();
-        let points = route.line.points();
+        let points = route.line().points();
         let (mut from, mut s_m) = (0, 0.0);
         while from + 1 < points.len() {
             let to = furthest_straight(points, from);
@@ -104,22 +103,9 @@ impl Road {
         }
     }
 
-    /// How far the worst corner of `footprint` is inside the drivable ground, metres; negative outside.
+    /// How far the worst place of `footprint` is inside the drivable ground, metres; negative outside.
     pub fn margin_m(&self, footprint: &Solid) -> f64 {
-        footprint.corners().into_iter().fold(f64::INFINITY, |margin, corner| {
-            let d_m = self.project(corner).d_m;
-            margin.min(self.left_m - d_m).min(d_m + self.right_m)
-        })
-    }
-
-    /// Drivable ground to the left of the line, metres.
-    pub fn left_m(&self) -> f64 {
-        self.left_m
-    }
-
-    /// Drivable ground to the right of the line, metres.
-    pub fn right_m(&self) -> f64 {
-        self.right_m
+        self.borders.margin_m(footprint.corners(), |corner| self.project(corner))
     }
 }
 
@@ -158,9 +144,18 @@ fn chunk(pieces: &[Piece], first: usize, end: usize) -> Chunk {
 mod tests {
     use super::*;
     use swerve_geom::{Obb, Polyline, Pose2, math};
+    use swerve_map::{Border, Station};
 
     fn check(points: &[Point2]) {
-        let route = Route { line: Polyline::new(points).unwrap(), left_m: 6.0, right_m: 2.0 };
+        let station = |(s_m, distance_m)| Station { s_m, distance_m };
+        let narrows = Border::linear(&[(20.0, 6.0), (35.0, 1.0), (50.0, 4.0)].map(station)).unwrap();
+        for borders in [Borders::constant(6.0, 2.0), Borders::new(narrows, Border::constant(2.0))] {
+            check_between(points, borders);
+        }
+    }
+
+    fn check_between(points: &[Point2], borders: Borders) {
+        let route = Route::new(Polyline::new(points).unwrap(), borders);
         let road = Road::new(&route);
         for k in 0..400 {
             let (x, y) = (f64::from(k % 20) * 5.0 - 10.0, f64::from(k / 20) * 3.0 - 20.0);
@@ -174,7 +169,7 @@ mod tests {
     fn gives_the_routes_margin() {
         let straight: Vec<Point2> = (0..80).map(|k| Point2::new(f64::from(k), 0.0)).collect();
         check(&straight);
-        let road = Road::new(&Route { line: Polyline::new(&straight).unwrap(), left_m: 1.0, right_m: 1.0 });
+        let road = Road::new(&Route::uniform(Polyline::new(&straight).unwrap(), 1.0, 1.0));
         assert_eq!(road.pieces.len(), 1);
         let arc: Vec<Point2> = (0..80)
             .map(|k| {

@@ -2,6 +2,7 @@
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2};
+use swerve_map::{Border, Borders, Station};
 use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, PredictedPose, Prediction, Route};
 use swerve_vehicle::{Limits, Shape};
 
@@ -36,7 +37,7 @@ impl World {
         let line = Polyline::new(points).expect("a test's points make a line");
         let pose = line.at(line.project(Point2::new(0.0, 0.0)).s_m).pose;
         Self {
-            route: Route { line, left_m: 6.0, right_m: 2.0 },
+            route: Route::uniform(line, 6.0, 2.0),
             predictions: Vec::new(),
             shape: Shape::default(),
             limits: Limits::default(),
@@ -54,6 +55,16 @@ impl World {
             })
             .collect();
         Self::on(&points, speed_mps)
+    }
+
+    /// With the left border coming in to `left_m` from x = 25 to 45 m on the straight road, and going out again.
+    #[must_use]
+    pub(crate) fn narrowing(mut self, left_m: f64) -> Self {
+        let stations = [(45.0, 6.0), (55.0, left_m), (75.0, left_m), (85.0, 6.0)];
+        let station = |(s_m, distance_m)| Station { s_m, distance_m };
+        let left = Border::linear(&stations.map(station)).unwrap();
+        self.route = Route::new(self.route.line().clone(), Borders::new(left, Border::constant(2.0)));
+        self
     }
 
     /// With something of the given size that moves steadily from `from` at `velocity_mps`.
@@ -218,12 +229,13 @@ fn worlds() -> Vec<(&'static str, World)> {
         hemmed = hemmed.with(ActorKind::Car, (4.5, 2.0), (18.0, y), (0.0, 0.0));
     }
     let stub = World::on(&[Point2::new(0.0, 0.0), Point2::new(0.5, 0.0)], 8.0);
+    let person_ahead = |speed_mps| World::straight(speed_mps).with_person((35.0, 0.0), (0.0, 0.0));
     let mut touching = World::straight(10.0).with_person((3.5, 0.0), (0.0, 0.0));
     touching.start.yaw_rate_radps = 0.2;
     vec![
         ("empty", World::straight(15.0)),
         ("standing", World::straight(0.0)),
-        ("person ahead", World::straight(16.0).with_person((35.0, 0.0), (0.0, 0.0))),
+        ("person ahead", person_ahead(16.0)),
         ("person crossing", World::straight(16.0).with_person((30.0, 4.5), (0.0, -2.75))),
         (
             "car ahead standing",
@@ -233,6 +245,8 @@ fn worlds() -> Vec<(&'static str, World)> {
         ("bend", World::bend(40.0, 10.0).with_person((20.0, 8.0), (0.0, 0.0))),
         ("very short route", stub),
         ("already touching", touching),
+        ("way round in a narrow place", person_ahead(16.0).narrowing(3.2)),
+        ("no way round in a narrow place", person_ahead(16.0).narrowing(1.6)),
     ]
 }
 

@@ -157,7 +157,7 @@ impl Waypoint {
     /// the ego's corridor, and on for as long as the obstacle, braking fully from then on, would go itself. `None`
     /// where it is never in the corridor ahead of the ego.
     fn way_before_m(&self, request: &Request<'_>, prediction: &Prediction) -> Option<f64> {
-        let (line, shape) = (&request.route.line, request.shape);
+        let (line, shape) = (request.route.line(), request.shape);
         let half_m = 0.5 * shape.width_m + self.params.corridor_margin_m;
         let front_m = line.project(request.start.pose.point()).s_m + shape.length_m - shape.rear_overhang_m;
         let in_the_way = |k: &usize| {
@@ -183,7 +183,7 @@ impl Waypoint {
         if needed_mps2 >= request.limits.brake_max_mps2 {
             return brake_along(request, path, PlanStatus::Route);
         }
-        let line = &request.route.line;
+        let line = request.route.line();
         let end = line.at(line.project(request.start.pose.point()).s_m + way_m);
         let before = (way_m / PATH_STEP_M).ceil().max(1.0) as usize;
         let mut path = path[..before.min(path.len())].to_vec();
@@ -224,7 +224,7 @@ impl Extents {
 
 impl Planner for Waypoint {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
-        let line = &request.route.line;
+        let line = request.route.line();
         let target = route_pose_ahead(line, request.start.pose, self.params.direction_ahead_m);
         let direction_rad = (target.point() - request.start.pose.point()).heading();
         let (mut factor, mut work) = (1.0_f64, 0);

@@ -37,7 +37,7 @@ static COUNTING: Counting = Counting;
 #[test]
 fn a_plan_allocates_its_points_only() {
     let points: Vec<Point2> = (0..200).map(|x| Point2::new(f64::from(x), 0.0)).collect();
-    let route = Route { line: Polyline::new(&points).unwrap(), left_m: 6.0, right_m: 2.0 };
+    let route = Route::uniform(Polyline::new(&points).unwrap(), 6.0, 2.0);
     let path = (0..=50)
         .map(|k| PredictedPose {
             at: Time::ZERO + Span::from_ms(100) * k,

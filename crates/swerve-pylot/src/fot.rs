@@ -55,7 +55,7 @@ impl Planner for Fot {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
         let mut counted = Counted::new(budget);
         let params = &self.params;
-        self.line.follow(&request.route.line);
+        self.line.follow(request.route.line());
         let center: Point2 = request.start.pose.point();
         self.obstacles.set_near(request.predictions, params.collision, center, params.obstacle_range_m);
         let start = self.frenet(request);
@@ -115,7 +115,7 @@ pub(crate) fn build_all(
 
 /// Speed zero along the route.
 fn stop_on_route(request: &Request<'_>) -> Plan {
-    let path = route_path(&request.route.line, request.start.pose, brake_length_m(request));
+    let path = route_path(request.route.line(), request.start.pose, brake_length_m(request));
     let mut plan = brake_along(request, &path, PlanStatus::Stop);
     plan.points.iter_mut().for_each(|p| p.speed_mps = 0.0);
     plan

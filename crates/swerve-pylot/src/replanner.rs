@@ -68,7 +68,7 @@ impl Replanner {
             return follow_route(request, SpeedProfile::Constant, settings.horizon_s, PlanStatus::Route);
         }
         self.obstacles.set_near(request.predictions, settings.collision, start.point(), range_m);
-        let goal = route_pose_ahead(&request.route.line, start, settings.goal_ahead_m);
+        let goal = route_pose_ahead(request.route.line(), start, settings.goal_ahead_m);
         let bounds = around(&[start, goal], settings.lane_width_m);
         let speed_mps = request.target_speed_mps;
         let ground = Ground {

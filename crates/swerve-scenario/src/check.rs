@@ -1,4 +1,4 @@
-//! What no single value shows: geometry, and what refers to what.
+//! Checks that no single value allows: geometry, and what refers to what.
 
 use swerve_geom::Obb;
 use swerve_msg::ActorKind;
@@ -62,7 +62,7 @@ fn goal(scenario: &Scenario, found: &mut Vec<(String, String)>) {
 
 fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) {
     let route = scenario.road.route();
-    let footprint: Obb = shape.footprint(scenario.ego_pose(&route.line, shape));
+    let footprint: Obb = shape.footprint(scenario.ego_pose(route.line(), shape));
     let outside_m = -route.margin_m(&footprint);
     if outside_m > 0.0 {
         let message = format!("the ego starts {outside_m:.2} m outside the drivable ground");
@@ -70,8 +70,8 @@ fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) 
     }
     // A seed moves the start along the road by up to this much.
     let drawn = Obb { half_length_m: footprint.half_length_m + EGO_START_M, ..footprint };
-    for actor in scenario.actors.iter().filter(|actor| actor.distance_to(&route.line, &drawn) == 0.0) {
-        let inside = actor.distance_to(&route.line, &footprint) == 0.0;
+    for actor in scenario.actors.iter().filter(|actor| actor.distance_to(route.line(), &drawn) == 0.0) {
+        let inside = actor.distance_to(route.line(), &footprint) == 0.0;
         let how = if inside { "" } else { ", or can be as a seed draws it (within 0.5 m)," };
         let (s_m, d_m, name) = (scenario.ego.s_m, scenario.ego.d_m, &actor.name);
         let message =

@@ -13,7 +13,7 @@ use swerve_core::{Rng, Span};
 
 use crate::{Scenario, Trigger};
 
-/// What a seed changed in a scenario.
+/// Changes that a seed made in a scenario.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Draws {
     /// The seed.

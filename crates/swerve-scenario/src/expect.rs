@@ -62,7 +62,7 @@ pub struct Bound {
     pub max: Option<f64>,
 }
 
-/// What is expected of a run.
+/// Verdict and bounds that are expected of a run.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Expectation {
     /// The pipeline that this is expected of; `None`: any that has no entry of its own.

@@ -17,13 +17,13 @@ pub struct Scenario {
     pub road: Road,
     /// Where the ego starts, how fast it wants to go, where it is done.
     pub ego: EgoStart,
-    /// What else ends the run.
+    /// Other ends of the run.
     pub end: End,
     /// Everybody else, in file order; the identity of each is its place, from 1.
     pub actors: Vec<Actor>,
-    /// What is expected, per pipeline.
+    /// Expectations, per pipeline.
     pub expect: Vec<Expectation>,
-    /// What a seed changed; `None` for the scenario as written.
+    /// Changes that a seed made; `None` for the scenario as written.
     pub draws: Option<Draws>,
 }
 
@@ -51,7 +51,7 @@ impl EgoStart {
     }
 }
 
-/// What ends the run beside the goal.
+/// Ends of the run beside the goal.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct End {
     /// After this long the run ends as timed out, seconds.
@@ -78,7 +78,7 @@ pub struct Standstill {
 pub struct Actor {
     /// Unique name.
     pub name: String,
-    /// What it is.
+    /// Kind of road user or thing.
     pub kind: ActorKind,
     /// Its size; pedestrians are upright cylinders, so length and width are equal.
     pub extent: Extent,
@@ -90,9 +90,9 @@ pub struct Actor {
     pub d_m: f64,
     /// Heading relative to the road there, radians.
     pub heading_rad: f64,
-    /// What sets it off; it stands still before. `None`: the start of the run.
+    /// Event that sets it off; it stands still before. `None`: the start of the run.
     pub trigger: Option<Trigger>,
-    /// What it does then, one after the other; it stands still afterwards. Empty: it never moves.
+    /// Legs of its motion from then on, one after the other; it stands still afterwards. Empty: it never moves.
     pub motion: Vec<Motion>,
 }
 
@@ -106,7 +106,7 @@ pub enum Subject {
     Actor(usize),
 }
 
-/// What sets an actor off; judged at every step of the world, on the state of that step.
+/// Event that sets an actor off; judged at every step of the world, on the state of that step.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Trigger {
@@ -181,7 +181,7 @@ pub enum Direction {
     Back,
 }
 
-/// What a drive follows.
+/// Course of a drive.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Along {
@@ -232,7 +232,7 @@ impl Scenario {
         center.ahead(-shape.center_ahead_m())
     }
 
-    /// What is expected of the named pipeline: its own entry, else the one that names none.
+    /// The expectation of the named pipeline: its own entry, else the one that names none.
     pub fn expectation(&self, pipeline: &str) -> Option<&Expectation> {
         let own = self.expect.iter().find(|e| e.pipeline.as_deref() == Some(pipeline));
         own.or_else(|| self.expect.iter().find(|e| e.pipeline.is_none()))

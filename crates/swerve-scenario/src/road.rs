@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
-use swerve_geom::{Point2, Polyline, math};
+use swerve_geom::{FrenetPoint, Point2, Polyline, math};
+use swerve_map::{Borders, Lane, LaneId, LaneKind, Map, Neighbour};
 use swerve_msg::{RoadLine, Route, Signal};
 
 /// The road, as a chain of straight and circular pieces from the map's origin, heading along +x.
@@ -52,12 +53,12 @@ pub struct TrafficLight {
 }
 
 impl TrafficLight {
-    /// What it shows at `instant`. Each phase holds its first instant and not its last, to the nanosecond.
+    /// The signal that it shows at `instant`. Each phase holds its first instant and not its last, to the nanosecond.
     pub fn signal(&self, instant: Time) -> Signal {
         self.phase(instant).0
     }
 
-    /// What it shows at `instant`, and for how long it has.
+    /// The signal that it shows at `instant`, and for how long it has.
     pub fn phase(&self, instant: Time) -> (Signal, Span) {
         let [green, yellow, red] = [self.green_s, self.yellow_s, self.red_s].map(|s| Span::from_secs(s).ns());
         // A checked light has a cycle; one that is not checked stands at its first phase.
@@ -130,13 +131,69 @@ impl Road {
         lines
     }
 
-    /// The centre line with the drivable limits.
+    /// The way along the ego's lane, with the drivable limits as the scenario gives them.
     ///
     /// # Panics
     /// As [`line`](Self::line).
     pub fn route(&self) -> Route {
-        Route { line: self.line(), left_m: self.left_m, right_m: self.right_m }
+        Route::uniform(self.line(), self.left_m, self.right_m)
     }
+
+    /// The road as a map: the ego's lane, [`EGO_LANE`](Self::EGO_LANE), and beside it lanes of the same width and
+    /// direction as far as the drivable ground goes; where less than a lane is left, it is a shoulder.
+    ///
+    /// The route along the ego's lane over this map is [`route`](Self::route) but for the last bits of its borders.
+    ///
+    /// # Panics
+    /// As [`line`](Self::line).
+    pub fn map(&self) -> Map {
+        let half_m = 0.5 * self.lane_width_m;
+        let line = self.line();
+        let own = Borders::constant(half_m.min(self.left_m), half_m.min(self.right_m));
+        let mut lanes = vec![Lane::new(Self::EGO_LANE, line.clone(), own)];
+        for (sign, limit_m) in [(1.0, self.left_m), (-1.0, self.right_m)] {
+            self.add_lanes_beside(&mut lanes, &line, sign, limit_m);
+        }
+        Map::new(lanes).expect("lanes side by side fit together")
+    }
+
+    /// The ego's lane on its map; those to the left of it and then those to the right follow.
+    pub const EGO_LANE: LaneId = LaneId(1);
+
+    /// Adds the lanes to one side of the first, from it outwards up to `limit_m` from its centre.
+    fn add_lanes_beside(&self, lanes: &mut Vec<Lane>, line: &Polyline, sign: f64, limit_m: f64) {
+        let (mut inner_m, mut inside) = (0.5 * self.lane_width_m, 0);
+        while inner_m < limit_m - ONE_LINE_M {
+            let is_lane = limit_m - inner_m > self.lane_width_m - ONE_LINE_M;
+            let outer_m = if is_lane { (inner_m + self.lane_width_m).min(limit_m) } else { limit_m };
+            let half_m = 0.5 * (outer_m - inner_m);
+            let Some(line) = beside(line, sign * (inner_m + half_m)) else { break };
+            let id = LaneId(lanes.len() as u32 + 1);
+            let kind = if is_lane { LaneKind::Driving } else { LaneKind::Shoulder };
+            let mut lane = Lane { kind, ..Lane::new(id, line, Borders::constant(half_m, half_m)) };
+            let same_way = |lane| Some(Neighbour { lane, opposite: false });
+            let inner = &mut lanes[inside];
+            if sign > 0.0 {
+                (inner.left, lane.right) = (same_way(id), same_way(inner.id));
+            } else {
+                (inner.right, lane.left) = (same_way(id), same_way(inner.id));
+            }
+            (inner_m, inside) = (outer_m, lanes.len());
+            lanes.push(lane);
+        }
+    }
+}
+
+/// The line `d_m` to the left of another one; `None` where a bend is too narrow for it.
+fn beside(line: &Polyline, d_m: f64) -> Option<Polyline> {
+    let mut s_m = 0.0;
+    let mut last = line.points()[0];
+    let points = line.points().iter().map(|&point| {
+        s_m += point.distance(last);
+        last = point;
+        line.to_map(FrenetPoint { s_m, d_m })
+    });
+    Polyline::new(&points.collect::<Vec<_>>()).ok()
 }
 
 /// The point `s_m` along an arc that starts at `from`.
@@ -169,6 +226,43 @@ mod tests {
         // A lane that is wider than the drivable ground has no border within it.
         road.lane_width_m = 8.0;
         assert_eq!(road.lines(), [(right, -3.0), (left, 2.0)]);
+    }
+
+    #[test]
+    fn the_map_has_lanes_as_far_as_the_ground_goes() {
+        let mut road = road(&[(40.0, 0.0), (60.0, 0.01)]);
+        // 2 m to the left of the ego's lane: a shoulder. 10 m to its right: two lanes and a shoulder.
+        (road.left_m, road.right_m) = (4.0, 12.0);
+        let map = road.map();
+        let lanes: Vec<_> =
+            map.lanes().iter().map(|lane| (lane.id.0, lane.kind, lane.width_m(5.0))).collect();
+        let (driving, shoulder) = (LaneKind::Driving, LaneKind::Shoulder);
+        assert_eq!(
+            lanes,
+            [(1, driving, 4.0), (2, shoulder, 2.0), (3, driving, 4.0), (4, driving, 4.0), (5, shoulder, 2.0)]
+        );
+        let line = road.line();
+        for (s_m, d_m, id) in
+            [(70.0, 0.5, 1), (70.0, 3.0, 2), (70.0, -3.0, 3), (70.0, -9.0, 4), (70.0, -11.5, 5)]
+        {
+            let on: Vec<_> =
+                map.at(line.to_map(FrenetPoint { s_m, d_m })).map(|place| place.lane.0).collect();
+            assert_eq!(on, [id], "{d_m} m to the left");
+        }
+        assert_eq!(map.at(line.to_map(FrenetPoint { s_m: 70.0, d_m: 4.1 })).count(), 0);
+    }
+
+    #[test]
+    fn the_route_is_that_over_its_map() {
+        for (left_m, right_m) in [(6.0, 2.0), (5.3, 3.7), (1.5, 2.0), (9.1, 12.7)] {
+            let road = Road { left_m, right_m, ..road(&[(40.0, 0.0), (60.0, 0.01)]) };
+            let (stated, over_map) = (road.route(), Route::along(&road.map(), &[Road::EGO_LANE]).unwrap());
+            assert_eq!(stated.line(), over_map.line());
+            for s_m in [0.0, 50.0, 99.0] {
+                assert!((stated.left_m(s_m) - over_map.left_m(s_m)).abs() < 1e-12);
+                assert!((stated.right_m(s_m) - over_map.right_m(s_m)).abs() < 1e-12);
+            }
+        }
     }
 
     #[test]

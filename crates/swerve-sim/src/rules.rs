@@ -11,7 +11,7 @@ const STILL_MPS: f64 = 0.05;
 /// How far from its last known place along the road the ego is looked for, metres.
 const REACH_M: f64 = 15.0;
 
-/// What the rules remember from step to step.
+/// The rules, with what they remember from step to step.
 #[derive(Clone, Debug)]
 pub(crate) struct Rules {
     end: End,
@@ -36,7 +36,7 @@ impl Rules {
 
     /// Where the centre of the ego's outline is along the road; called once per step, before the others.
     pub(crate) fn follow(&mut self, route: &Route, center: Point2) {
-        self.s_m = route.line.project_near(center, self.s_m, REACH_M).s_m;
+        self.s_m = route.project_near(center, self.s_m, REACH_M).s_m;
     }
 
     /// Metres along the road of the centre of the ego's outline.
@@ -46,11 +46,8 @@ impl Rules {
 
     /// Whether the ego leaves the drivable ground in this step, having been on it before.
     pub(crate) fn leaves_road(&mut self, route: &Route, outline: &Obb) -> bool {
-        let outside = |corner: Point2| {
-            let d_m = route.line.project_near(corner, self.s_m, REACH_M).d_m;
-            d_m > route.left_m || d_m < -route.right_m
-        };
-        let off_road = outline.corners().into_iter().any(outside);
+        let near = |point: Point2| route.project_near(point, self.s_m, REACH_M);
+        let off_road = route.borders().margin_m(outline.corners(), near) < 0.0;
         let leaves = off_road && !self.off_road;
         self.off_road = off_road;
         leaves
@@ -86,5 +83,33 @@ impl Rules {
         }
         let since = *self.still_since.get_or_insert(state.stamp);
         state.stamp - since >= Span::from_secs(for_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_geom::{FrenetPoint, Pose2};
+    use swerve_map::{Border, Borders, Station};
+
+    #[test]
+    fn who_stays_where_the_road_narrows_leaves_it() {
+        let text = include_str!("../../../scenarios/lane.toml");
+        let scenario = Scenario::parse("lane.toml", text).unwrap_or_else(|p| panic!("{p:#?}"));
+        let stations = [(20.0, 6.0), (30.0, 2.0), (40.0, 2.0), (50.0, 6.0)];
+        let left = Border::linear(&stations.map(|(s_m, distance_m)| Station { s_m, distance_m })).unwrap();
+        let route = Route::new(scenario.road.line(), Borders::new(left, Border::constant(2.0)));
+        let leaves = |d_m: f64| -> Vec<i32> {
+            let mut rules = Rules::new(&scenario);
+            let at = |s: &i32| {
+                let center = route.unproject(FrenetPoint { s_m: f64::from(*s), d_m });
+                rules.follow(&route, center);
+                rules.leaves_road(&route, &Obb::new(Pose2::new(center.x_m, center.y_m, 0.0), 4.0, 2.0))
+            };
+            (0..60).filter(at).collect()
+        };
+        // 2 m to the left, its left side at 3 m: the front is outside from s = 27.5 on, the rear until 42.5.
+        assert_eq!(leaves(2.0), [26]);
+        assert_eq!(leaves(0.9), [] as [i32; 0]);
     }
 }

@@ -57,7 +57,7 @@ pub struct Simulator {
     state: WorldState,
 }
 
-/// What one actor needs beside its state.
+/// Body, script and contact of one actor, beside its state.
 #[derive(Debug)]
 struct Player {
     body: Body,
@@ -111,7 +111,7 @@ impl Simulator {
             return Err(SimError::Step(params.dt));
         }
         let route = scenario.road.route();
-        let pose = scenario.ego_pose(&route.line, &params.vehicle.shape);
+        let pose = scenario.ego_pose(route.line(), &params.vehicle.shape);
         free_road(&scenario, &route, &params.vehicle.shape.footprint(pose))?;
         let mut world = PhysicsWorld::new();
         world.gravity = Vec3::new(0.0, 0.0, -9.81);
@@ -147,8 +147,8 @@ impl Simulator {
 
     fn populate(&mut self) {
         for (i, actor) in self.scenario.actors.iter().enumerate() {
-            let script = Script::new(actor, &self.route.line);
-            let moment = script.at(None, &self.route.line);
+            let script = Script::new(actor, self.route.line());
+            let moment = script.at(None, self.route.line());
             let state = Actor {
                 id: Scenario::id(i),
                 kind: actor.kind,
@@ -169,7 +169,7 @@ impl Simulator {
         &self.scenario
     }
 
-    /// The road as the stack is told about it.
+    /// The road as the stack knows it.
     pub fn route(&self) -> &Route {
         &self.route
     }
@@ -233,7 +233,7 @@ impl Simulator {
     /// Where the script has actor `i` at `instant`.
     fn scripted(&self, i: usize, instant: Time) -> Moment {
         let player = &self.actors[i];
-        player.script.at(player.set_off.map(|t| (instant - t).as_secs()), &self.route.line)
+        player.script.at(player.set_off.map(|t| (instant - t).as_secs()), self.route.line())
     }
 
     /// Prepares actor `i` for the step that ends at the present stamp.
@@ -384,9 +384,7 @@ impl Simulator {
             Some(Trigger::Distance { to, within_m }) => self.center(to).point().distance(own) <= within_m,
             Some(Trigger::Time { at_s }) => self.state.stamp - Time::ZERO >= Span::from_secs(at_s),
             Some(Trigger::Reaches { who: Subject::Ego, s_m }) => self.rules.s_m() >= s_m,
-            Some(Trigger::Reaches { who, s_m }) => {
-                self.route.line.project(self.center(who).point()).s_m >= s_m
-            }
+            Some(Trigger::Reaches { who, s_m }) => self.route.project(self.center(who).point()).s_m >= s_m,
         }
     }
 
@@ -418,7 +416,7 @@ fn free_road(scenario: &Scenario, route: &Route, outline: &Obb) -> Result<(), Si
     if margin_m < 0.0 {
         return Err(SimError::OffRoad(-margin_m));
     }
-    match scenario.actors.iter().find(|actor| actor.distance_to(&route.line, outline) == 0.0) {
+    match scenario.actors.iter().find(|actor| actor.distance_to(route.line(), outline) == 0.0) {
         Some(actor) => Err(SimError::EgoInside(actor.name.clone())),
         None => Ok(()),
     }

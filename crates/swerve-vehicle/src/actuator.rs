@@ -6,7 +6,7 @@ use swerve_geom::math;
 
 use crate::VehicleParams;
 
-/// What is asked of the car.
+/// A demand on the car.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Controls {
     /// Wanted angle of the front road wheels, radians; positive to the left.

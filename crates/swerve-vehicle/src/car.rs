@@ -75,8 +75,8 @@ const SUBSTEP_MAX_S: f64 = 0.002;
 /// 0.1 s without chattering.
 const ABS_GAIN_PS: f64 = 20.0;
 
-/// What one wheel meets during a step of the body.
-struct Meeting {
+/// Load, ground and torques of one wheel in a step of the body.
+struct WheelInput {
     patch: PatchInput,
     drive_nm: f64,
     brake_nm: f64,
@@ -233,7 +233,7 @@ impl Car {
     fn step_wheel(&mut self, i: usize, patch: PatchInput, dt_s: f64) -> [f64; 2] {
         let (p, a) = (&self.params, &self.actuators);
         let axle = |front_share: f64| 0.5 * if i < 2 { front_share } else { 1.0 - front_share };
-        let meeting = Meeting {
+        let input = WheelInput {
             patch,
             // Open differentials: equal torque to both wheels of an axle.
             drive_nm: a.drive_nm * axle(p.drivetrain.front_share),
@@ -241,7 +241,7 @@ impl Car {
             rolling_nm: p.wheel.rolling_resistance * patch.load_n * p.wheel.radius_m,
             slip_target: p.brakes.abs.slip_target * self.peak_slip * patch.friction,
         };
-        self.wheels[i].step(p, &meeting, dt_s)
+        self.wheels[i].step(p, &input, dt_s)
     }
 }
 
@@ -253,7 +253,7 @@ fn velocity_at(motion: &BodyMotion, cg: Point<Map>, point: Point<Map>) -> Vector
 
 impl Wheel {
     /// Moves the wheel on and returns the mean force over the step, along its heading and to its left.
-    fn step(&mut self, params: &VehicleParams, meeting: &Meeting, dt_s: f64) -> [f64; 2] {
+    fn step(&mut self, params: &VehicleParams, input: &WheelInput, dt_s: f64) -> [f64; 2] {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -263,14 +263,13 @@ impl Wheel {
         let h_s = dt_s / f64::from(substeps);
         let (mut fx, mut fy) = (0.0, 0.0);
         for _ in 0..substeps {
-            let [fx_now, fy_now] = self.substep(params, meeting, h_s);
+            let [fx_now, fy_now] = self.substep(params, input, h_s);
             fx += fx_now;
             fy += fy_now;
         }
         let (fx_n, fy_n) = (fx / f64::from(substeps), fy / f64::from(substeps));
-        let slip = self.slip(params.wheel.radius_m, meeting.patch.vx_mps);
-        self.seen =
-            WheelState { load_n: meeting.patch.load_n, fx_n, fy_n, spin_radps: self.spin_radps, slip };
+        let slip = self.slip(params.wheel.radius_m, input.patch.vx_mps);
+        self.seen = WheelState { load_n: input.patch.load_n, fx_n, fy_n, spin_radps: self.spin_radps, slip };
         [fx_n, fy_n]
     }
 
@@ -281,13 +280,13 @@ impl Wheel {
 
     /// The wheel's spin is linearly implicit in the tyre force: with the tyre's stiffness behind it, the
     /// wheel is far too light for an explicit step near standstill.
-    fn substep(&mut self, params: &VehicleParams, meeting: &Meeting, h_s: f64) -> [f64; 2] {
+    fn substep(&mut self, params: &VehicleParams, input: &WheelInput, h_s: f64) -> [f64; 2] {
         let radius = params.wheel.radius_m;
-        let brake_nm = meeting.brake_nm * self.anti_lock(params, meeting, h_s) + meeting.rolling_nm;
+        let brake_nm = input.brake_nm * self.anti_lock(params, input, h_s) + input.rolling_nm;
         let tread = self.spin_radps * radius;
-        let (force, slope) = self.patch.step(&params.tyre, &meeting.patch, tread, h_s);
+        let (force, slope) = self.patch.step(&params.tyre, &input.patch, tread, h_s);
         let inertia = params.wheel.spin_inertia_kgm2 + h_s * radius * radius * slope;
-        let free = self.spin_radps + h_s * (meeting.drive_nm - radius * force.fx_n) / inertia;
+        let free = self.spin_radps + h_s * (input.drive_nm - radius * force.fx_n) / inertia;
         // Dry friction of the brake: it slows the wheel, stops it, holds it, but never turns it back.
         let most = h_s * brake_nm / inertia;
         self.spin_radps = if free.abs() <= most { 0.0 } else { free - most * free.signum() };
@@ -295,14 +294,14 @@ impl Wheel {
     }
 
     /// Share of the asked brake torque that is let through, moved on by `h_s`.
-    fn anti_lock(&mut self, params: &VehicleParams, meeting: &Meeting, h_s: f64) -> f64 {
+    fn anti_lock(&mut self, params: &VehicleParams, input: &WheelInput, h_s: f64) -> f64 {
         let abs = &params.brakes.abs;
-        let vx = meeting.patch.vx_mps;
-        if !abs.enabled || meeting.brake_nm <= 0.0 || vx < abs.speed_min_mps {
+        let vx = input.patch.vx_mps;
+        if !abs.enabled || input.brake_nm <= 0.0 || vx < abs.speed_min_mps {
             self.brake_share = 1.0;
         } else {
             let slip = -self.slip(params.wheel.radius_m, vx);
-            let error = 1.0 - slip / meeting.slip_target.max(1e-3);
+            let error = 1.0 - slip / input.slip_target.max(1e-3);
             let rate = (ABS_GAIN_PS * error).clamp(-abs.release_rate_ps, abs.apply_rate_ps);
             self.brake_share = (self.brake_share + rate * h_s).clamp(0.0, 1.0);
         }

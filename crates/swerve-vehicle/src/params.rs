@@ -16,7 +16,7 @@ use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape};
 pub struct VehicleParams {
     /// Outline and wheelbase.
     pub shape: Shape,
-    /// What planners and controllers may ask for; the steering angle and rate also bind the actuator.
+    /// Limits of what planners and controllers may ask for; the steering angle and rate also bind the actuator.
     pub limits: Limits,
     /// Mass and inertia.
     pub body: BodyParams,

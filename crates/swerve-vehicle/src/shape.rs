@@ -43,7 +43,7 @@ impl Shape {
     }
 }
 
-/// What the vehicle can do; planners and controllers stay within it.
+/// Limits of the vehicle; planners and controllers stay within them.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {

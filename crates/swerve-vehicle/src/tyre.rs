@@ -171,7 +171,7 @@ pub(crate) struct ContactPatch {
     uy_m: f64,
 }
 
-/// What the contact patch rides on in one step.
+/// Load, ground and motion of the contact patch in one step.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct PatchInput {
     /// Load, newtons.

@@ -3,7 +3,8 @@
 use swerve_core::Span;
 use swerve_foxglove::{ImageForm, Mount, Sensor, Setup};
 use swerve_geom::{Ego, Point, Transform};
-use swerve_scenario::Scenario;
+use swerve_msg::RoadLine;
+use swerve_scenario::{Road, Scenario};
 
 use crate::config::{Config, Images};
 use crate::pipeline::Pipeline;
@@ -18,11 +19,17 @@ pub(crate) fn live_views(config: &Config, scenario: &Scenario) -> Setup {
     Setup { ego_from_pose: true, mounts: mounts(config, |_| true), ..setup(config, scenario) }
 }
 
+/// The borders of the ego's lane within the drivable ground, metres to the left of its centre.
+fn lane_lines_m(road: &Road) -> Vec<f64> {
+    let inner = |line| matches!(line, RoadLine::LaneLeft | RoadLine::LaneRight);
+    road.lines().into_iter().filter(|&(line, _)| inner(line)).map(|(_, d_m)| d_m).collect()
+}
+
 fn setup(config: &Config, scenario: &Scenario) -> Setup {
     let (log, vehicle) = (&config.log, &config.sim.vehicle);
     Setup {
         route: scenario.road.route(),
-        lines_m: scenario.road.lines().into_iter().map(|(_, d_m)| d_m).collect(),
+        lines_m: lane_lines_m(&scenario.road),
         shape: vehicle.shape,
         dead_time: Span::from_secs(vehicle.dead_time_s),
         mounts: Vec::new(),

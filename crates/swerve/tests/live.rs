@@ -131,7 +131,7 @@ impl Driven {
         let lane = Scenario::read(&root().join("scenarios/lane.toml")).unwrap().road.route();
         let beside = |state: &Value| {
             let place = Point2::new(state["x"].as_f64().unwrap(), state["y"].as_f64().unwrap());
-            lane.line.project(place).d_m.abs()
+            lane.project(place).d_m.abs()
         };
         self.car.iter().map(beside).fold(0.0, f64::max)
     }

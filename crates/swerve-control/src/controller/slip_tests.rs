@@ -51,7 +51,7 @@ fn off_path(params: Params, speed_mps: f64, accel_mps2: f64) -> (f64, f64) {
             yaw_rate_radps: state.yaw_rate_radps,
             steering_rad: state.steering_rad,
         };
-        let route = Route { left_m: 9.0, right_m: 9.0, ..road() };
+        let route = Route::uniform(road().line().clone(), 9.0, 9.0);
         if k % every == 0 {
             command = controller.step(&Input { now, ego: &ego, plan: Some(&plan), route: &route }).command;
         }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::bicycle::{self, DRIVE, curve, ego, lane_change, road, slalom};
 use swerve_geom::{Point2, Polyline, Pose2};
+use swerve_map::{Border, Borders, Station};
 
 /// Time between calls: as in a vehicle, and longer for the law that takes longer to test.
 fn tick(law: Law) -> Span {
@@ -85,7 +86,7 @@ fn comes_back_to_a_straight_path_from_a_metre_beside_it() {
 fn tracks_the_slalom_at_10() {
     let plan = curve(slalom, 10.0, 20.0);
     let start = ego(plan.points[0].pose, 10.0);
-    let wide = Route { left_m: 6.0, right_m: 6.0, ..road() };
+    let wide = Route::uniform(road().line().clone(), 6.0, 6.0);
     for (law_, following, bound_m) in [
         (Law::Pid, Following::Projection, 0.05),
         (Law::PurePursuit, Following::Projection, 0.01),
@@ -213,6 +214,24 @@ fn an_unusable_state_holds_the_wheels_and_brakes() {
 }
 
 #[test]
+fn the_corridor_ends_where_the_road_narrows() {
+    let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(100.0, 0.0)]).unwrap();
+    let stations = [(20.0, 6.0), (40.0, 2.0)].map(|(s_m, distance_m)| Station { s_m, distance_m });
+    let borders = Borders::new(Border::linear(&stations).unwrap(), Border::constant(2.0));
+    let route = Route::new(line, borders);
+    let mut params = law(Law::Mpc, Following::Time);
+    (params.mpc.corridor_m, params.mpc.edge_m) = (10.0, 0.1);
+    let controller = controller(params);
+    let aside_m = 0.5 * Shape::default().width_m + 0.1;
+    for (x_m, wanted_m) in [(10.0, 6.0), (30.0, 4.0), (50.0, 2.0)] {
+        let on_path = PlanPoint { pose: Pose2::new(x_m, 0.5, 0.0), ..PlanPoint::default() };
+        let (left_m, right_m) = controller.room(&route, &on_path);
+        assert!((left_m - (wanted_m - 0.5 - aside_m)).abs() < 1e-12, "{x_m}: {left_m}");
+        assert!((right_m - (2.5 - aside_m)).abs() < 1e-12, "{x_m}: {right_m}");
+    }
+}
+
+#[test]
 fn headings_around_the_half_circle_are_nothing_special() {
     // A road to the west that bends slightly, so that its heading passes from pi to -pi.
     let points: Vec<Point2> = (0..200)
@@ -222,11 +241,11 @@ fn headings_around_the_half_circle_are_nothing_special() {
         })
         .collect();
     let line = Polyline::new(&points).unwrap();
-    let route = Route { line, left_m: 6.0, right_m: 6.0 };
+    let route = Route::uniform(line, 6.0, 6.0);
     for law_ in LAWS {
-        let start = ego(route.line.at(0.0).pose, 10.0);
+        let start = ego(route.line().at(0.0).pose, 10.0);
         let (states, _) = run(law(law_, Following::Time), start, None, &route, 15.0);
-        let worst = states.iter().map(|s| route.line.project(s.pose.point()).d_m.abs()).fold(0.0, f64::max);
+        let worst = states.iter().map(|s| route.project(s.pose.point()).d_m.abs()).fold(0.0, f64::max);
         assert!(worst < 0.1, "{law_:?}: {worst}");
         let crosses = states.iter().any(|s| s.pose.heading_rad > 3.0)
             && states.iter().any(|s| s.pose.heading_rad < -3.0);

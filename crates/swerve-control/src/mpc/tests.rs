@@ -301,7 +301,7 @@ fn drive(mpc_params: Params, limits: Limits, plan: &Plan, seconds: f64) -> f64 {
     };
     let pedals: Box<dyn AccelToPedals> = Box::new(DRIVE);
     let mut controller = Controller::new(params, Shape::default(), limits, pedals);
-    let route = Route { left_m: 9.0, right_m: 9.0, ..road() };
+    let route = Route::uniform(road().line().clone(), 9.0, 9.0);
     let points: Vec<_> = plan.points.iter().map(|p| p.pose.point()).collect();
     let line = Polyline::smooth(&points, 0.05).unwrap();
     let mut state: EgoState = ego(plan.points[0].pose, plan.points[0].speed_mps);

@@ -154,7 +154,7 @@ struct Ego {
 impl Ego {
     fn new(params: &Params, situation: &Situation<'_>) -> Self {
         let Situation { ego, route, shape, .. } = situation;
-        let center = route.line.project(shape.center(ego.pose));
+        let center = route.project(shape.center(ego.pose));
         Self {
             front_m: center.s_m + 0.5 * shape.length_m,
             d_m: center.d_m,
@@ -174,7 +174,7 @@ fn stretch(route: &Route, prediction: &Prediction, pose: Pose2) -> Stretch {
     let mut s_m = [f64::INFINITY, f64::NEG_INFINITY];
     let mut d_m = s_m;
     for corner in prediction.extent.footprint(pose).corners() {
-        let FrenetPoint { s_m: s, d_m: d } = route.line.project(corner);
+        let FrenetPoint { s_m: s, d_m: d } = route.project(corner);
         s_m = [s_m[0].min(s), s_m[1].max(s)];
         d_m = [d_m[0].min(d), d_m[1].max(d)];
     }
@@ -244,8 +244,10 @@ fn swerve_m(situation: &Situation<'_>, ego: &Ego, at: &Stretch) -> Option<f64> {
     let half_m = 0.5 * situation.shape.width_m;
     let left_m = at.d_m[1] + ego.half_m;
     let right_m = at.d_m[0] - ego.half_m;
-    let to_left = (left_m + half_m <= route.left_m).then_some(left_m - ego.d_m);
-    let to_right = (right_m - half_m >= -route.right_m).then_some(ego.d_m - right_m);
+    let to_left =
+        (left_m + half_m <= route.borders().left().min_between_m(at.s_m)).then_some(left_m - ego.d_m);
+    let to_right =
+        (right_m - half_m >= -route.borders().right().min_between_m(at.s_m)).then_some(ego.d_m - right_m);
     [to_left, to_right].into_iter().flatten().reduce(f64::min)
 }
 
@@ -256,7 +258,7 @@ fn along_mps(route: &Route, prediction: &Prediction) -> f64 {
     if dt_s <= 0.0 {
         return 0.0;
     }
-    let place_m = |pose: Pose2| route.line.project(pose.point()).s_m;
+    let place_m = |pose: Pose2| route.project(pose.point()).s_m;
     (place_m(last.pose) - place_m(first.pose)) / dt_s
 }
 

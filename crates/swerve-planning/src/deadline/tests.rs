@@ -9,7 +9,7 @@ const OVERHEAD: Overhead = Overhead { seen_s: 0.2, hidden_s: 0.4 };
 
 fn route() -> Route {
     let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(500.0, 0.0)]).unwrap();
-    Route { line, left_m: 6.0, right_m: 2.0 }
+    Route::uniform(line, 6.0, 2.0)
 }
 
 /// Something 0.5 m across, or a truck, that goes on from (s, d) with a velocity for 5 s.

@@ -68,7 +68,7 @@ impl Fot {
 
     /// Takes in route and predictions.
     fn set_world(&mut self, request: &Request<'_>, collision: CollisionMode) {
-        self.line.follow(&request.route.line);
+        self.line.follow(request.route.line());
         self.road.set(request.route);
         let center = request.start.pose.point();
         self.obstacles.set_near(request.predictions, collision, center, self.params.obstacle_range_m);

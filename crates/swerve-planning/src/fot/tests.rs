@@ -93,7 +93,7 @@ fn the_best_so_far_comes_when_the_budget_ends() {
 /// Smallest distance to truck and person.
 fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
     let line: Vec<Point2> = (0..260).map(|x| Point2::new(f64::from(x), 0.0)).collect();
-    let route = Route { line: Polyline::new(&line).unwrap(), left_m: 6.0, right_m: 2.0 };
+    let route = Route::uniform(Polyline::new(&line).unwrap(), 6.0, 2.0);
     let (shape, limits) = (Shape::default(), Limits::default());
     let mut ego = EgoState { pose: Pose2::new(60.0, 0.0, 0.0), speed_mps, ..EgoState::default() };
     let (mut planner, mut walked_from, mut least_m) = (Fot::new(params).unwrap(), None, f64::INFINITY);

@@ -120,7 +120,7 @@ impl Replanner {
     fn follow(&self, settings: &Settings, request: &Request<'_>) -> Option<Plan> {
         let start = request.start.pose;
         let FrenetPoint { s_m, d_m } = self.road.project(start.point());
-        let off_rad = angle_between(request.route.line.at(s_m).pose.heading_rad, start.heading_rad);
+        let off_rad = angle_between(request.route.line().at(s_m).pose.heading_rad, start.heading_rad);
         if d_m.abs() > 0.1 || off_rad.abs() > 0.02 {
             return None;
         }
@@ -177,11 +177,11 @@ impl Replanner {
         at: FrenetPoint,
         budget: &mut Counted<'_>,
     ) -> Outcome {
-        let (start, line) = (request.start.pose, &request.route.line);
+        let (start, line) = (request.start.pose, request.route.line());
         let radius_m = turning_radius_m(request);
         let point = line.to_map(at);
         let goal = Pose2::new(point.x_m, point.y_m, line.at(at.s_m).pose.heading_rad);
-        let bounds = around(&[start, goal], request.route.left_m.max(request.route.right_m) + 2.0);
+        let bounds = around(&[start, goal], request.route.borders().farthest_m() + 2.0);
         let ground = Ground {
             obstacles: &self.obstacles,
             clearance_m,

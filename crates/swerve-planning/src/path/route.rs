@@ -35,7 +35,7 @@ pub fn follow_route(
     status: PlanStatus,
 ) -> Plan {
     let fastest_mps = request.target_speed_mps.max(request.start.speed_mps).max(1.0);
-    let path = route_path(&request.route.line, request.start.pose, fastest_mps * horizon_s);
+    let path = route_path(request.route.line(), request.start.pose, fastest_mps * horizon_s);
     let points = timed_points(&path, &request.start, request.target_speed_mps, profile, request.limits);
     Plan { stamp: request.stamp, status, points, work: 0 }
 }
@@ -48,6 +48,6 @@ mod tests {
     #[test]
     fn ahead_is_measured_along_the_route() {
         let world = World::straight(10.0);
-        assert_eq!(route_pose_ahead(&world.route.line, world.start.pose, 12.0), Pose2::new(12.0, 0.0, 0.0));
+        assert_eq!(route_pose_ahead(&world.route.line(), world.start.pose, 12.0), Pose2::new(12.0, 0.0, 0.0));
     }
 }

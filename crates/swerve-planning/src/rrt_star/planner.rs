@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Rng;
-use swerve_geom::Pose2;
+use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::Plan;
 
 use super::space::RoadSpace;
@@ -145,7 +145,7 @@ impl PathSearch for TreeSearch {
         pieces: &mut Vec<Piece>,
     ) -> bool {
         let p = self.params;
-        let line = &task.request.route.line;
+        let line = task.request.route.line();
         let space = RoadSpace {
             ground,
             route: task.request.route,
@@ -196,7 +196,7 @@ impl TreeSearch {
     /// turned to that side: what moves across is cleared where it is worst, at the front or at the rear.
     fn place_guides(&mut self, space: &RoadSpace<'_>, ground: &Ground<'_>, task: &Task<'_>) {
         self.guides.clear();
-        let line = &task.request.route.line;
+        let line = task.request.route.line();
         let outline = &ground.outline;
         let beside_m = outline.half_width_m + ground.clearance_m + GUIDE_SPARE_M;
         for prediction in task.request.predictions {
@@ -219,7 +219,7 @@ impl TreeSearch {
             }
             for (side, worst_m) in [(1.0, d_m[0].max(d_m[1])), (-1.0, d_m[0].min(d_m[1]))] {
                 let d_m = worst_m + side * (half_m + beside_m);
-                if d_m < task.request.route.left_m && d_m > -task.request.route.right_m {
+                if task.request.route.borders().room_m(FrenetPoint { s_m, d_m }) > 0.0 {
                     self.guides.extend(GUIDE_OFF_RAD.map(|off_rad| space.beside(s_m, d_m, side * off_rad)));
                 }
             }

@@ -2,7 +2,7 @@
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Pose2};
-use swerve_msg::Route;
+use swerve_map::Route;
 
 use super::tree::Space;
 use crate::path::dubins::Dubins;
@@ -27,8 +27,8 @@ const OFF_RAD: f64 = 0.35;
 impl RoadSpace<'_> {
     /// The pose beside the line at arc length `s_m`, turned off the road's direction.
     pub(crate) fn beside(&self, s_m: f64, d_m: f64, off_rad: f64) -> Pose2 {
-        let on_line = self.route.line.at(s_m).pose;
-        let at = self.route.line.to_map(FrenetPoint { s_m, d_m });
+        let on_line = self.route.line().at(s_m).pose;
+        let at = self.route.unproject(FrenetPoint { s_m, d_m });
         Pose2::new(at.x_m, at.y_m, on_line.heading_rad + off_rad)
     }
 }
@@ -36,7 +36,8 @@ impl RoadSpace<'_> {
 impl Space for RoadSpace<'_> {
     fn draw(&self, rng: &mut Rng) -> Pose2 {
         let s_m = rng.uniform(self.from_s_m, self.to_s_m);
-        let d_m = rng.uniform(self.half_width_m - self.route.right_m, self.route.left_m - self.half_width_m);
+        let (left_m, right_m) = (self.route.left_m(s_m), self.route.right_m(s_m));
+        let d_m = rng.uniform(self.half_width_m - right_m, left_m - self.half_width_m);
         self.beside(s_m, d_m, rng.uniform(-OFF_RAD, OFF_RAD))
     }
 

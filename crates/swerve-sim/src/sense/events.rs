@@ -20,7 +20,7 @@ const CLEAR_M: f64 = 0.1;
 /// A stop line is ahead again when the front is this far behind it, metres.
 const BACK_M: f64 = 0.5;
 
-/// What the ego began to touch in the step that led to this state.
+/// Contacts of the ego that began in the step that led to this state.
 pub fn collisions(world: &WorldState) -> CollisionEvents {
     let event = |collision: &swerve_msg::truth::Collision| {
         let actor = world.actors.iter().find(|actor| actor.id == collision.actor)?;

@@ -74,7 +74,7 @@ pub(super) struct Errors {
 }
 
 impl Errors {
-    pub(super) fn of(seed: u64, sensor: &str, stamp: Time) -> Self {
+    pub(super) fn new(seed: u64, sensor: &str, stamp: Time) -> Self {
         Self {
             bias: Rng::keyed(seed, "sensor bias", &[key(sensor)]),
             noise: Rng::keyed(seed, "sensor noise", &[key(sensor), stamp.ns()]),
@@ -95,7 +95,7 @@ pub(super) fn key(sensor: &str) -> i64 {
 /// Pose and motion of the ego as a localization with these deviations reports them.
 pub fn pose(world: &WorldState, sensor: &str, params: &PoseParams, seed: u64) -> EgoState {
     let truth = world.ego.state;
-    let mut errors = Errors::of(seed, sensor, world.stamp);
+    let mut errors = Errors::new(seed, sensor, world.stamp);
     let x = errors.next(params.position_bias_m, params.position_noise_m);
     let y = errors.next(params.position_bias_m, params.position_noise_m);
     let heading = errors.next(params.heading_bias_rad, params.heading_noise_rad);
@@ -110,7 +110,7 @@ pub fn pose(world: &WorldState, sensor: &str, params: &PoseParams, seed: u64) ->
 
 /// One reading of the inertial unit at the centre of gravity.
 pub fn imu(world: &WorldState, sensor: &str, params: &ImuParams, seed: u64) -> Imu {
-    let mut errors = Errors::of(seed, sensor, world.stamp);
+    let mut errors = Errors::new(seed, sensor, world.stamp);
     let (force, rate) = (world.ego.specific_force_mps2.coords, world.ego.angular_velocity_radps.coords);
     let mut accel = |x: f64| x + errors.next(params.accel_bias_mps2, params.accel_noise_mps2);
     let accel_mps2 = [accel(force.x), accel(force.y), accel(force.z)];
@@ -126,7 +126,7 @@ pub fn imu(world: &WorldState, sensor: &str, params: &ImuParams, seed: u64) -> I
 pub fn gnss(world: &WorldState, sensor: &str, params: &GnssParams, seed: u64) -> Gnss {
     const EQUATOR_M: f64 = 6_378_137.0;
     const FLATTENING: f64 = 1.0 / 298.257_223_563;
-    let mut errors = Errors::of(seed, sensor, world.stamp);
+    let mut errors = Errors::new(seed, sensor, world.stamp);
     let at = world.ego.map_from_ego.origin().coords;
     let east = at.x + errors.next(params.bias_m, params.noise_m);
     let north = at.y + errors.next(params.bias_m, params.noise_m);

@@ -78,7 +78,7 @@ impl SensorMount {
     }
 }
 
-/// What a sensor can see.
+/// Limits of a sensor's sight.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorParams {

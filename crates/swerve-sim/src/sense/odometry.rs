@@ -89,7 +89,7 @@ struct Wheels {
 }
 
 impl Wheels {
-    fn of(vehicle: &VehicleParams) -> Self {
+    fn new(vehicle: &VehicleParams) -> Self {
         Self {
             wheelbase_m: vehicle.shape.wheelbase_m,
             half_track_m: 0.5 * vehicle.body.track_m,
@@ -116,7 +116,7 @@ impl Wheels {
 /// Speeds of the wheels if they roll without slip along their headings, rad/s: front left, front right, rear
 /// left, rear right. For where the wheels' own speeds are not at hand, as in the state of the world.
 pub fn rolling_speeds_radps(ego: &EgoTruth, vehicle: &VehicleParams) -> [f64; 4] {
-    let wheels = Wheels::of(vehicle);
+    let wheels = Wheels::new(vehicle);
     let state = &ego.state;
     let (sin, cos) = math::sin_cos(state.pose.heading_rad);
     let left_mps = ego.velocity_mps.coords.y * cos - ego.velocity_mps.coords.x * sin;
@@ -134,7 +134,7 @@ impl WheelOdometer {
         let scale = core::array::from_fn(|_| (1.0 + params.radius_error * rng.normal()).max(0.5));
         Self {
             params,
-            wheels: Wheels::of(vehicle),
+            wheels: Wheels::new(vehicle),
             sensor: sensor.to_owned(),
             seed,
             scale,
@@ -168,7 +168,7 @@ impl WheelOdometer {
         self.last = Some((world.stamp, speeds_radps, counts));
         let wheel_speeds_radps =
             core::array::from_fn(|i| (counts[i] - old_counts[i]) as f64 * per_count_rad / dt_s);
-        let mut errors = Errors::of(self.seed, &self.sensor, world.stamp);
+        let mut errors = Errors::new(self.seed, &self.sensor, world.stamp);
         let (bias, noise) = (self.params.steering_bias_rad, self.params.steering_noise_rad);
         let steering_rad = world.ego.state.steering_rad + errors.next(bias, noise);
         let (speed_mps, yaw_rate_radps) = self.motion(wheel_speeds_radps, steering_rad);

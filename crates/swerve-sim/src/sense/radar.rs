@@ -37,7 +37,7 @@ use echo::{Echo, Eye, echoes, resolved};
 pub struct Radar {
     params: RadarParams,
     mount: SensorMount,
-    /// What the world's state gives the velocity of.
+    /// The point whose velocity the world's state gives.
     center_of_gravity: Point<Ego>,
 }
 
@@ -74,7 +74,7 @@ impl Radar {
         (RadarScan { stamp: world.stamp, detections }, RadarSources { stamp: world.stamp, sources })
     }
 
-    /// What this scan makes of an echo: nothing when it stays below the threshold.
+    /// The detection that this scan makes of an echo; none when it stays below the threshold.
     fn detected(&self, echo: &Echo, mut rng: Rng) -> Option<RadarDetection> {
         let p = &self.params;
         let power = -(1.0 + echo.snr) * math::ln(1.0 - rng.unit());
@@ -83,7 +83,7 @@ impl Radar {
         let range_rate_mps = echo.range_rate_mps + p.range_rate_noise_mps * rng.normal();
         let azimuth_rad = echo.azimuth_rad + p.azimuth_noise_rad * rng.normal();
         let elevation_rad = echo.elevation_rad + p.elevation_noise_rad * rng.normal();
-        is_detected.then(|| self.detection(range_m, range_rate_mps, [azimuth_rad, elevation_rad], power))
+        is_detected.then(|| self.detection(range_m, range_rate_mps, azimuth_rad, elevation_rad, power))
     }
 
     /// Echoes of what stands beside and on the road: at rest in the map, anywhere in the field of view.
@@ -95,7 +95,7 @@ impl Radar {
             let noise = self.params.range_rate_noise_mps * rng.normal();
             let range_rate_mps = -eye.velocity_mps.dot(towards) + noise;
             let power = self.params.threshold() - math::ln(1.0 - rng.unit());
-            found.push((self.detection(range_m, range_rate_mps, [azimuth_rad, down_rad], power), None));
+            found.push((self.detection(range_m, range_rate_mps, azimuth_rad, down_rad, power), None));
         }
     }
 
@@ -107,7 +107,7 @@ impl Radar {
             let elevation_rad = p.elevation_fov_rad * (rng.unit() - 0.5);
             let range_rate_mps = rng.uniform(-p.range_rate_max_mps, p.range_rate_max_mps);
             let power = p.threshold() - math::ln(1.0 - rng.unit());
-            found.push((self.detection(range_m, range_rate_mps, [azimuth_rad, elevation_rad], power), None));
+            found.push((self.detection(range_m, range_rate_mps, azimuth_rad, elevation_rad, power), None));
         }
     }
 
@@ -121,7 +121,8 @@ impl Radar {
         &self,
         range_m: f64,
         range_rate_mps: f64,
-        [azimuth_rad, elevation_rad]: [f64; 2],
+        azimuth_rad: f64,
+        elevation_rad: f64,
         power: f64,
     ) -> RadarDetection {
         let snr = power - 1.0;
@@ -141,7 +142,7 @@ fn decibels(ratio: f64) -> f64 {
     10.0 * core::f64::consts::LOG10_E * math::ln(ratio)
 }
 
-/// What [`decibels`] come from.
+/// The ratio of a number of [`decibels`].
 fn ratio(decibels: f64) -> f64 {
     math::exp(decibels / (10.0 * core::f64::consts::LOG10_E))
 }

@@ -10,7 +10,7 @@ use swerve_vehicle::Shape;
 use crate::Simulator;
 use crate::sense::{SensorMount, SensorParams, visible_obstacles};
 
-/// What a run came to.
+/// Figures of a run.
 struct Figures {
     first_hit: Option<Collision>,
     left_road: bool,
@@ -28,9 +28,9 @@ struct Driver {
 impl Driver {
     fn command(&mut self, state: &WorldState, route: &Route) -> Command {
         let ego = &state.ego.state;
-        let place = route.line.project(ego.pose.point());
-        let line = route.line.at(place.s_m + 0.5 * ego.speed_mps);
-        let off_rad = angle_between(ego.pose.heading_rad, route.line.at(place.s_m).pose.heading_rad);
+        let place = route.project(ego.pose.point());
+        let line = route.line().at(place.s_m + 0.5 * ego.speed_mps);
+        let off_rad = angle_between(ego.pose.heading_rad, route.line().at(place.s_m).pose.heading_rad);
         let steering_rad =
             math::atan(self.shape.wheelbase_m * line.curvature_1pm) + 0.4 * off_rad - 0.05 * place.d_m;
         let seen = visible_obstacles(state, &SensorMount::roof(&self.shape), &SensorParams::default());
@@ -45,8 +45,8 @@ impl Driver {
     /// Whether it is, or within a second will be, in the lane ahead, and near enough to brake for.
     fn is_in_the_way(&self, obstacle: &Obstacle, speed_mps: f64, own_s_m: f64, route: &Route) -> bool {
         let corners = obstacle.extent.footprint(obstacle.pose).corners();
-        let now = corners.map(|corner| route.line.project(corner));
-        let soon = corners.map(|corner| route.line.project(corner + obstacle.velocity_mps));
+        let now = corners.map(|corner| route.project(corner));
+        let soon = corners.map(|corner| route.project(corner + obstacle.velocity_mps));
         let lowest = |values: [f64; 8]| values.into_iter().fold(f64::INFINITY, f64::min);
         let both = |of: fn(&FrenetPoint) -> f64| {
             core::array::from_fn(|i| of(now.iter().chain(&soon).nth(i).unwrap()))

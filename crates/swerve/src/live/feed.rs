@@ -170,7 +170,7 @@ impl Feed<'_> {
                 && memory.end.is_none()
                 && memory.mode == GateMode::Driving
             {
-                let FrenetPoint { s_m, .. } = self.goal.0.line.project(ego.pose.point());
+                let FrenetPoint { s_m, .. } = self.goal.0.project(ego.pose.point());
                 if s_m >= self.goal.1 {
                     memory.end = Some(End::new("the goal is reached", self.clock.now(), &self.lamp));
                 }

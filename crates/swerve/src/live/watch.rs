@@ -116,7 +116,7 @@ impl Outlet {
         }
         figures.speed_max_mps = figures.speed_max_mps.max(ego.speed_mps);
         if self.beside_m.len() < POSES_MAX {
-            self.beside_m.push(self.route.line.project(ego.pose.point()).d_m.abs() as f32);
+            self.beside_m.push(self.route.project(ego.pose.point()).d_m.abs() as f32);
         }
     }
 }

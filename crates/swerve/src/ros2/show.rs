@@ -80,13 +80,13 @@ enum Shown {
     Lidar(Vec<Topic>),
 }
 
-/// Something at regular instants.
+/// Lets something through at regular instants.
 #[derive(Default)]
-struct Pace {
+struct Throttle {
     next: Option<Time>,
 }
 
-impl Pace {
+impl Throttle {
     fn is_due(&mut self, now: Time, period: Span) -> bool {
         let is_due = self.next.is_none_or(|next| now >= next);
         if is_due {
@@ -114,9 +114,9 @@ pub(super) struct Show {
     told_engaged: Option<bool>,
     /// What who reads commands has to know of the car.
     driven: Option<Shared>,
-    clock: Pace,
-    reports: Pace,
-    objects: Pace,
+    clock: Throttle,
+    reports: Throttle,
+    objects: Throttle,
 }
 
 impl Show {
@@ -179,9 +179,9 @@ impl Show {
             has_odometry: config.runs("odometry"),
             told_engaged: None,
             driven: None,
-            clock: Pace::default(),
-            reports: Pace::default(),
-            objects: Pace::default(),
+            clock: Throttle::default(),
+            reports: Throttle::default(),
+            objects: Throttle::default(),
         }
     }
 

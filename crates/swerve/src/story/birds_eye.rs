@@ -39,8 +39,8 @@ fn polyline(canvas: &mut Canvas, view: &View, points: &[Point2], style: &str) {
 }
 
 fn road(canvas: &mut Canvas, story: &Story, view: &View) {
-    let (left, right) = (story.route.left_m, story.route.right_m);
-    let (a, b) = (view.beside(story, left), view.beside(story, -right));
+    let route = &story.route;
+    let (a, b) = (view.beside(story, |s_m| route.left_m(s_m)), view.beside(story, |s_m| -route.right_m(s_m)));
     let outline: Vec<At> = a.iter().chain(b.iter().rev()).map(|p| view.at(*p)).collect();
     canvas.path(outline, true, &format!("fill=\"{}\"", color::ROAD));
     if let Some(lane_m) = story.lane_width_m.filter(|w| *w > 0.5) {
@@ -50,10 +50,12 @@ fn road(canvas: &mut Canvas, story: &Story, view: &View) {
             number(3.0 * view.scale),
             number(3.0 * view.scale)
         );
+        // Only those that are on the road all the way.
+        let (left, right) = (route.borders().left().min_m(), route.borders().right().min_m());
         let inside = |d_m: &f64| *d_m < left - 0.3 && *d_m > 0.3 - right;
         let first = ((-right / lane_m) - 0.5).floor() as i64;
         let borders = (first..first + 40).map(|k| (k as f64 + 0.5) * lane_m);
-        borders.filter(inside).for_each(|d_m| polyline(canvas, view, &view.beside(story, d_m), &style));
+        borders.filter(inside).for_each(|d_m| polyline(canvas, view, &view.beside(story, |_| d_m), &style));
     }
     for edge in [&a, &b] {
         let style = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"2\"", color::ROAD_EDGE);

@@ -31,7 +31,7 @@ impl Drive {
 
     fn route(&self) -> Route {
         let points: Vec<Point2> = (0..=100).map(|k| self.map(2.0 * f64::from(k), 0.0, 0.0).point()).collect();
-        Route { line: Polyline::new(&points).unwrap(), left_m: 6.0, right_m: 2.0 }
+        Route::uniform(Polyline::new(&points).unwrap(), 6.0, 2.0)
     }
 
     /// Sideways offset and its first two derivatives over distance.

@@ -40,7 +40,7 @@ impl View {
     /// seen twice.
     pub(super) fn of(story: &Story, corner: At, width: f64) -> Option<Self> {
         let s_m = shown(story)?;
-        let line = &story.route.line;
+        let line = story.route.line();
         let (from, to) = (line.at(s_m.0).pose, line.at(s_m.1).pose);
         let heading_rad = (to.point() - from.point()).heading();
         let is_upright = angle_between(0.0, heading_rad).abs() < 0.02;
@@ -82,12 +82,13 @@ impl View {
         (self.corner.0 + dx * self.scale, self.corner.1 + dy * self.scale)
     }
 
-    /// Points of a line beside the route, at offset `d_m` to its left, over the shown part.
-    pub(super) fn beside(&self, story: &Story, d_m: f64) -> Vec<Point2> {
+    /// Points of a line beside the route over the shown part; `d_m` is how far to its left at an arc length.
+    pub(super) fn beside(&self, story: &Story, d_m: impl Fn(f64) -> f64) -> Vec<Point2> {
         let (from, to) = (self.s_m.0 - 30.0, self.s_m.1 + 30.0);
         let n = (to - from).ceil().max(1.0) as usize;
         let s_at = |k| from + (to - from) * k as f64 / n as f64;
-        (0..=n).map(|k| story.route.line.to_map(FrenetPoint { s_m: s_at(k), d_m })).collect()
+        let place = |s_m| FrenetPoint { s_m, d_m: d_m(s_m) };
+        (0..=n).map(|k| story.route.unproject(place(s_at(k)))).collect()
     }
 
     /// Takes in what has to be seen, and finds the scale.
@@ -104,14 +105,14 @@ impl View {
         let (route, (from, to)) = (&story.route, self.s_m);
         for k in 0..=50 {
             let s_m = from + (to - from) * f64::from(k) / 50.0;
-            hold(route.line.to_map(FrenetPoint { s_m, d_m: route.left_m }), BESIDE_M);
-            hold(route.line.to_map(FrenetPoint { s_m, d_m: -route.right_m }), BESIDE_M);
+            hold(route.unproject(FrenetPoint { s_m, d_m: route.left_m(s_m) }), BESIDE_M);
+            hold(route.unproject(FrenetPoint { s_m, d_m: -route.right_m(s_m) }), BESIDE_M);
         }
         let span = self.span;
         for ego in story.ego.iter().filter(|e| e.stamp >= span.0 && e.stamp <= span.1) {
             // The outline at both ends of the view may be cut, but not beside the road.
             let (x, inside) = (ego.pose, story.outline.footprint(ego.pose));
-            let s = route.line.project(x.point()).s_m;
+            let s = route.project(x.point()).s_m;
             if s > from + 5.0 && s < to - 5.0 {
                 inside.corners().into_iter().for_each(|corner| hold(corner, 0.8));
             }
@@ -127,7 +128,7 @@ impl View {
 /// The part of the route worth showing: from before the first actor to beyond the last that the ego came to,
 /// within what the ego drove.
 fn shown(story: &Story) -> Option<(f64, f64)> {
-    let line = &story.route.line;
+    let line = story.route.line();
     let (first, last) = (story.ego.first()?, story.ego.last()?);
     let front_m = story.outline.center_ahead_m + 0.5 * story.outline.length_m;
     let driven = (line.project(first.pose.point()).s_m, line.project(last.pose.point()).s_m + front_m + 2.0);
@@ -147,7 +148,7 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
 /// When the ego is within the part shown; all of the run where it never is.
 fn span(story: &Story, (from, to): (f64, f64)) -> Option<(Time, Time)> {
     let inside = |e: &&swerve_msg::EgoState| {
-        let s_m = story.route.line.project(e.pose.point()).s_m;
+        let s_m = story.route.project(e.pose.point()).s_m;
         s_m >= from - 2.0 && s_m <= to
     };
     let first = story.ego.iter().find(inside).or(story.ego.first())?.stamp;

@@ -124,7 +124,8 @@ impl<'a> Case<'a> {
     fn family(&self) -> Vec<Manoeuvre> {
         let route = self.scenario.road.route();
         let half = 0.5 * self.params.vehicle.shape.width_m;
-        let (left, right) = ((route.left_m - half).min(SHIFT_MAX_M), (route.right_m - half).min(SHIFT_MAX_M));
+        let reach = |border_m: f64| (border_m - half).min(SHIFT_MAX_M);
+        let (left, right) = (reach(route.borders().left().max_m()), reach(route.borders().right().max_m()));
         let steps = |reach: f64| (reach / SHIFT_STEP_M).floor().max(0.0) as i32;
         let mut family = Vec::new();
         for brake_mps2 in BRAKE_MPS2 {
@@ -210,7 +211,7 @@ const POINT_S: f64 = 0.02;
 impl Manoeuvre {
     /// The manoeuvre from where the ego is: a quintic shift over time, at constant deceleration.
     fn plan(self, ego: &EgoState, route: &Route) -> Plan {
-        let from = route.line.project(ego.pose.point());
+        let from = route.project(ego.pose.point());
         let speed_at = |t: f64| (ego.speed_mps - self.brake_mps2 * t).max(0.0);
         let until_s =
             if self.brake_mps2 > 0.0 { (ego.speed_mps / self.brake_mps2).min(HORIZON_S) } else { HORIZON_S };
@@ -225,11 +226,11 @@ impl Manoeuvre {
         let poses: Vec<_> = times
             .iter()
             .map(|&t| {
-                let (here, ahead) = (route.line.to_map(frenet(t)), route.line.to_map(frenet(t + 1e-4)));
+                let (here, ahead) = (route.unproject(frenet(t)), route.unproject(frenet(t + 1e-4)));
                 let heading = if speed_at(t) > 0.1 {
                     (ahead - here).heading()
                 } else {
-                    route.line.at(frenet(t).s_m).pose.heading_rad
+                    route.line().at(frenet(t).s_m).pose.heading_rad
                 };
                 swerve_geom::Pose2::new(here.x_m, here.y_m, heading)
             })

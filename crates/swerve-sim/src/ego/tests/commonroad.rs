@@ -44,7 +44,7 @@ struct Case {
     peak_yaw_rate_radps: f64,
 }
 
-/// What our car did, of its centre of gravity.
+/// Motion of our car's centre of gravity.
 #[derive(Serialize, Deserialize, Clone, Debug)]
 struct Ours {
     kind: String,

@@ -23,14 +23,14 @@ fn at(stamp: Time, x_m: f64, y_m: f64) -> WorldState {
     world
 }
 
-/// What the sensor of lines says of a car of 1.86 m width going through these offsets.
+/// Messages of the sensor of lines about a car of 1.86 m width going through these offsets.
 fn crossed(offsets: &[f64]) -> Vec<(usize, RoadLine, Side)> {
     let mut sensor = LaneInvasionSensor::new(&road(), Shape::default());
     let mut found = Vec::new();
     for (k, d) in offsets.iter().enumerate() {
-        let said = sensor.sense(&at(Time::from_ms(5 * k as i64), 20.0 + 0.1 * k as f64, *d));
-        assert_eq!(said.stamp, Time::from_ms(5 * k as i64), "a message for every step");
-        found.extend(said.events.iter().map(|event| (k, event.line, event.side)));
+        let message = sensor.sense(&at(Time::from_ms(5 * k as i64), 20.0 + 0.1 * k as f64, *d));
+        assert_eq!(message.stamp, Time::from_ms(5 * k as i64), "a message for every step");
+        found.extend(message.events.iter().map(|event| (k, event.line, event.side)));
     }
     found
 }
@@ -64,8 +64,8 @@ fn a_leap_over_a_line_is_told() {
 fn a_place_along_the_road_and_the_line_are_told() {
     let mut sensor = LaneInvasionSensor::new(&road(), Shape::default());
     sensor.sense(&at(Time::ZERO, 30.0, 0.0));
-    let said = sensor.sense(&at(Time::from_ms(5), 30.1, 1.2));
-    let event = said.events[0];
+    let message = sensor.sense(&at(Time::from_ms(5), 30.1, 1.2));
+    let event = message.events[0];
     assert_eq!(event.line_d_m, 2.0);
     assert!((event.s_m - 30.1 - Shape::default().center_ahead_m()).abs() < 1e-9, "{event:?}");
 }
@@ -125,9 +125,9 @@ fn passed(road: &Road, start: Time, fronts: &[f64]) -> Vec<RedLightEvent> {
     let mut found = Vec::new();
     for (k, s) in fronts.iter().enumerate() {
         let stamp = start + Span::from_ms(10) * k as i64;
-        let said = sensor.sense(&at(stamp, s - ahead_m, 0.0));
-        assert_eq!(said.stamp, stamp, "a message for every step");
-        found.extend(said.events);
+        let message = sensor.sense(&at(stamp, s - ahead_m, 0.0));
+        assert_eq!(message.stamp, stamp, "a message for every step");
+        found.extend(message.events);
     }
     found
 }
@@ -187,9 +187,9 @@ fn a_simulated_car_runs_a_red_light_when_its_speed_says_so() {
     let (mut events, mut messages) = (Vec::new(), 0);
     while sim.state().stamp < Time::from_ms(3500) {
         let command = keep(sim.state(), speed_mps);
-        let said = sensor.sense(sim.step(command));
+        let message = sensor.sense(sim.step(command));
         messages += 1;
-        events.extend(said.events);
+        events.extend(message.events);
     }
     // The front starts half a car's length ahead of s = 0.
     let want_s = (40.0 - 0.5 * shape.length_m) / speed_mps;
@@ -210,12 +210,12 @@ fn collisions_are_told_with_what_was_hit() {
         ego_speed_mps: 9.0,
     };
     world.collisions = vec![hit(7, 300.0), hit(4, 9000.0)];
-    let said: Vec<_> = collisions(&world)
+    let message: Vec<_> = collisions(&world)
         .events
         .iter()
         .map(|e| (e.actor.0, e.kind, e.impulse_ns, e.closing_speed_mps))
         .collect();
-    assert_eq!(said, [(4, ActorKind::Car, 9000.0, 3.5), (7, ActorKind::Pedestrian, 300.0, 3.5)]);
+    assert_eq!(message, [(4, ActorKind::Car, 9000.0, 3.5), (7, ActorKind::Pedestrian, 300.0, 3.5)]);
 }
 
 #[test]
@@ -227,10 +227,10 @@ fn a_simulated_collision_is_one_event() {
         &mut sim,
         |state| keep(state, speed_mps),
         |state| {
-            let said = collisions(state);
-            assert!(said.stamp > last);
-            last = said.stamp;
-            events.extend(said.events);
+            let message = collisions(state);
+            assert!(message.stamp > last);
+            last = message.stamp;
+            events.extend(message.events);
         },
     );
     assert_eq!(events.len(), 1, "{events:?}");

@@ -192,7 +192,7 @@ fn parameters_that_cannot_be_are_all_named() {
     };
     let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
     assert_eq!(
-        said,
+        problems,
         [
             "`counts_per_turn` is 0, expected 1 to 1000000",
             "`radius_error` is 0.5, expected 0 to 0.1",

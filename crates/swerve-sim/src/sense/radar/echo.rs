@@ -21,7 +21,7 @@ pub(super) struct Eye {
     mount: SensorMount,
 }
 
-/// What comes back from one place, before noise.
+/// Power that comes back from one place, before noise.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Echo {
     pub(super) range_m: f64,
@@ -33,6 +33,15 @@ pub(super) struct Echo {
     /// Whose the strongest part is, and which.
     pub(super) actor: ActorId,
     pub(super) part: i64,
+}
+
+/// A place from which an actor reflects.
+struct Scatterer {
+    /// Which of the actor's it is.
+    part: i64,
+    place: Point<Map>,
+    /// Share of the actor's cross-section.
+    share: f64,
 }
 
 impl Eye {
@@ -69,12 +78,13 @@ pub(super) fn echoes(world: &WorldState, eye: &Eye, params: &RadarParams) -> Vec
         let eye_on_ground = Point2::<Map>::new(eye.at.coords.x, eye.at.coords.y);
         let to_eye = eye_on_ground - actor.pose.point();
         let rcs = rcs_dbsm(actor.kind, to_eye.heading() - actor.pose.heading_rad);
-        for (part, (place, share)) in scatterers(actor, eye_on_ground).into_iter().enumerate() {
+        for scatterer in scatterers(actor, eye_on_ground) {
             let hidden = || {
                 let others = world.actors.iter().enumerate().filter(|(j, _)| *j != i);
-                params.occlusion && others.into_iter().any(|(_, other)| blocks(other, eye.at, place))
+                params.occlusion
+                    && others.into_iter().any(|(_, other)| blocks(other, eye.at, scatterer.place))
             };
-            let Some(echo) = echo(eye, actor, (part, place), rcs + decibels(share), params) else { continue };
+            let Some(echo) = echo(eye, actor, &scatterer, rcs, params) else { continue };
             if !hidden() {
                 found.push(echo);
             }
@@ -83,15 +93,15 @@ pub(super) fn echoes(world: &WorldState, eye: &Eye, params: &RadarParams) -> Vec
     found
 }
 
-/// The echo of one scatterer, if it is within the limits.
+/// The echo of one scatterer of an actor of this cross-section, if it is within the limits.
 fn echo(
     eye: &Eye,
     actor: &Actor,
-    (part, place): (usize, Point<Map>),
+    scatterer: &Scatterer,
     rcs_dbsm: f64,
     params: &RadarParams,
 ) -> Option<Echo> {
-    let to = place - eye.at;
+    let to = scatterer.place - eye.at;
     let range_m = to.norm();
     if !(params.range_min_m..=params.range_max_m).contains(&range_m) {
         return None;
@@ -101,7 +111,7 @@ fn echo(
         azimuth_rad.abs() <= 0.5 * params.fov_rad && elevation_rad.abs() <= 0.5 * params.elevation_fov_rad;
     let moves = Vector::<Map>::new(actor.velocity_mps.x, actor.velocity_mps.y, 0.0);
     let range_rate_mps = (moves - eye.velocity_mps).dot(to) / range_m;
-    let snr = params.mean_snr(rcs_dbsm, range_m, azimuth_rad);
+    let snr = params.mean_snr(rcs_dbsm + decibels(scatterer.share), range_m, azimuth_rad);
     (seen && range_rate_mps.abs() <= params.range_rate_max_mps).then_some(Echo {
         range_m,
         range_rate_mps,
@@ -109,12 +119,12 @@ fn echo(
         elevation_rad,
         snr,
         actor: actor.id,
-        part: part as i64,
+        part: scatterer.part,
     })
 }
 
-/// The places from which an actor reflects towards a sensor, with their shares; none for a sensor inside it.
-fn scatterers(actor: &Actor, eye: Point2) -> Vec<(Point<Map>, f64)> {
+/// The places from which an actor reflects towards a sensor; none for a sensor inside it.
+fn scatterers(actor: &Actor, eye: Point2) -> Vec<Scatterer> {
     let z_m = actor.z_m + (0.5 * actor.extent.height_m).min(SCATTERER_MAX_M);
     let lifted = |p: Point2| Point::new(p.x_m, p.y_m, z_m);
     if actor.is_round() {
@@ -123,7 +133,8 @@ fn scatterers(actor: &Actor, eye: Point2) -> Vec<(Point<Map>, f64)> {
         if apart <= radius_m {
             return Vec::new();
         }
-        return vec![(lifted(center + (eye - center) * (radius_m / apart)), 1.0)];
+        let place = lifted(center + (eye - center) * (radius_m / apart));
+        return vec![Scatterer { part: 0, place, share: 1.0 }];
     }
     let (l, w) = (0.5 * actor.extent.length_m, 0.5 * actor.extent.width_m);
     let local: Point2<Map> = actor.pose.to_local(eye);
@@ -140,10 +151,11 @@ fn scatterers(actor: &Actor, eye: Point2) -> Vec<(Point<Map>, f64)> {
     };
     let pose: Pose2 = actor.pose;
     let place = |(x, y): (f64, f64)| lifted(pose.from_local(Point2::<Map>::new(x, y)));
-    [nearest, corners[0], corners[1]].map(place).into_iter().zip(SHARES).collect()
+    let places = [nearest, corners[0], corners[1]].map(place).into_iter();
+    (0..).zip(places.zip(SHARES)).map(|(part, (place, share))| Scatterer { part, place, share }).collect()
 }
 
-/// What a sensor makes of echoes: those too near to a stronger one to be told apart from it add to its power.
+/// Echoes as a sensor resolves them: those too near to a stronger one to be told apart from it add to its power.
 pub(super) fn resolved(mut echoes: Vec<Echo>, params: &RadarParams) -> Vec<Echo> {
     echoes.sort_by(|a, b| b.snr.total_cmp(&a.snr).then((a.actor, a.part).cmp(&(b.actor, b.part))));
     let mut kept: Vec<Echo> = Vec::with_capacity(echoes.len());

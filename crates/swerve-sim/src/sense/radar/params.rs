@@ -1,4 +1,4 @@
-//! What a radar can do.
+//! Capabilities of a radar.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
@@ -113,7 +113,7 @@ params! {
     range_rate_max_mps: f64,
     /// Distance at which 10 dBsm on the axis are detected in every second scan, metres.
     half_range_m: f64,
-    /// What an echo loses at the left and right edges of the field of view, both ways together, decibels;
+    /// Loss of an echo at the left and right edges of the field of view, both ways together, decibels;
     /// grows from the axis with the square of the angle.
     edge_loss_db: f64,
     /// Probability with which noise alone crosses the threshold.

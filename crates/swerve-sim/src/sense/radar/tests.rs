@@ -376,10 +376,10 @@ fn parameters_are_those_of_a_preset_but_for_what_is_given() {
     assert_eq!(changed, RadarParams { range_max_m: 80.0, occlusion: false, ..RadarPreset::Corner.params() });
     let text = serde_json::to_string(&changed).unwrap();
     assert_eq!(read(&text).unwrap(), changed, "spelled out, it needs no preset");
-    let said = |text: &str| read(text).unwrap_err().to_string();
-    assert!(said(r#"{"range_m": 80.0}"#).contains("unknown field `range_m`"));
-    assert!(said(r#"{"preset": "short"}"#).contains("expected `long_range` or `corner`"));
-    assert!(said(r#"{"fov_rad": "wide"}"#).contains("invalid type"));
+    let problem = |text: &str| read(text).unwrap_err().to_string();
+    assert!(problem(r#"{"range_m": 80.0}"#).contains("unknown field `range_m`"));
+    assert!(problem(r#"{"preset": "short"}"#).contains("expected `long_range` or `corner`"));
+    assert!(problem(r#"{"fov_rad": "wide"}"#).contains("invalid type"));
 }
 
 #[test]
@@ -399,7 +399,7 @@ fn parameters_that_cannot_be_are_all_named() {
     };
     let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
     assert_eq!(
-        said,
+        problems,
         [
             "`fov_rad` is 0, expected 0.001 to 6.283185307179586",
             "`false_alarm_probability` is 1, expected 0.000000000001 to 0.1",

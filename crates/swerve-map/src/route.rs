@@ -1,0 +1,173 @@
+//! Routes: ways over lanes.
+
+use serde::{Deserialize, Serialize};
+use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, PolylineError};
+
+use crate::{Border, Borders, Lane, LaneId, Map, Neighbour};
+
+/// The way that the ego is to go, and the ground that it may use.
+///
+/// Its line is the centre of the lanes that it goes over; the borders beside it are those of the ground that may
+/// be driven on, neighbouring lanes included.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Route {
+    line: Polyline,
+    #[serde(flatten)]
+    borders: Borders,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    stretches: Vec<Stretch>,
+}
+
+/// The part of a route that is on one lane.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Stretch {
+    /// The lane.
+    pub lane: LaneId,
+    /// Where along the route it begins, metres.
+    pub begin_m: f64,
+    /// Highest speed that is allowed on it, m/s; `None`: none is known.
+    #[serde(default)]
+    pub speed_limit_mps: Option<f64>,
+}
+
+/// Why lanes do not make a route.
+#[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
+pub enum RouteError {
+    /// There is none.
+    #[error("a route needs one lane at least")]
+    Empty,
+    /// A lane is not on the map.
+    #[error("lane {} is not on the map", .0.0)]
+    Unknown(LaneId),
+    /// A lane does not go on from the one before it.
+    #[error("lane {} does not go on from lane {}", .to.0, .from.0)]
+    NoSuccessor {
+        /// The lane before.
+        from: LaneId,
+        /// The lane.
+        to: LaneId,
+    },
+    /// The lanes' lines together are none.
+    #[error(transparent)]
+    Line(#[from] PolylineError),
+}
+
+impl Route {
+    /// A way along `line` between `borders`, on no map.
+    pub const fn new(line: Polyline, borders: Borders) -> Self {
+        Self { line, borders, stretches: Vec::new() }
+    }
+
+    /// A way along `line` with the same ground to its left and right (positive) everywhere, metres; on no map.
+    pub const fn uniform(line: Polyline, left_m: f64, right_m: f64) -> Self {
+        Self::new(line, Borders::constant(left_m, right_m))
+    }
+
+    /// The way over these lanes of `map`, each a successor of the one before, with all drivable ground beside.
+    ///
+    /// # Errors
+    /// No lane, a lane that is not on the map or does not follow, or lanes without length.
+    pub fn along(map: &Map, lanes: &[LaneId]) -> Result<Self, RouteError> {
+        let lane = |&id: &LaneId| map.lane(id).ok_or(RouteError::Unknown(id));
+        let lanes = lanes.iter().map(lane).collect::<Result<Vec<&Lane>, _>>()?;
+        let Some(first) = lanes.first() else { return Err(RouteError::Empty) };
+        if let Some(two) = lanes.windows(2).find(|two| !two[0].successors.contains(&two[1].id)) {
+            return Err(RouteError::NoSuccessor { from: two[0].id, to: two[1].id });
+        }
+        let mut points: Vec<Point2> = first.line.points().to_vec();
+        // Where lanes join, the end of the one stands for the beginning of the next.
+        lanes[1..].iter().for_each(|lane| points.extend(&lane.line.points()[1..]));
+        let (mut stretches, mut left, mut right) = (Vec::new(), Vec::new(), Vec::new());
+        let mut begin_m = 0.0;
+        for lane in &lanes {
+            let borders = drivable(map, lane);
+            stretches.push(Stretch { lane: lane.id, begin_m, speed_limit_mps: lane.speed_limit_mps });
+            left.push((begin_m, borders.left().along(begin_m, 1.0)));
+            right.push((begin_m, borders.right().along(begin_m, 1.0)));
+            begin_m += lane.line.length();
+        }
+        let borders = Borders::new(Border::joined(&left, begin_m), Border::joined(&right, begin_m));
+        Ok(Self { line: Polyline::new(&points)?, borders, stretches })
+    }
+
+    /// The centre line of the lanes that it goes over.
+    pub fn line(&self) -> &Polyline {
+        &self.line
+    }
+
+    /// The borders of the drivable ground beside the line.
+    pub fn borders(&self) -> &Borders {
+        &self.borders
+    }
+
+    /// The lanes that it goes over, in order; none for a route on no map.
+    pub fn stretches(&self) -> &[Stretch] {
+        &self.stretches
+    }
+
+    /// The lane at arc length `s_m`: beyond the ends the first or last; `None` for a route on no map.
+    pub fn stretch_at(&self, s_m: f64) -> Option<&Stretch> {
+        let next = self.stretches.partition_point(|x| x.begin_m <= s_m);
+        self.stretches.get(next.max(1) - 1)
+    }
+
+    /// Drivable ground to the left of the line at arc length `s_m`, metres (positive).
+    pub fn left_m(&self, s_m: f64) -> f64 {
+        self.borders.left_m(s_m)
+    }
+
+    /// Drivable ground to the right of the line at arc length `s_m`, metres (positive).
+    pub fn right_m(&self, s_m: f64) -> f64 {
+        self.borders.right_m(s_m)
+    }
+
+    /// The place of `point` along the route: the nearest of all.
+    pub fn project(&self, point: Point2) -> FrenetPoint {
+        self.line.project(point)
+    }
+
+    /// As [`project`](Self::project), looking only at arc lengths within `reach_m` of `near_s_m`.
+    pub fn project_near(&self, point: Point2, near_s_m: f64, reach_m: f64) -> FrenetPoint {
+        self.line.project_near(point, near_s_m, reach_m)
+    }
+
+    /// The point of the map at a place along the route.
+    pub fn unproject(&self, place: FrenetPoint) -> Point2 {
+        self.line.to_map(place)
+    }
+
+    /// How far the worst place of an outline is inside the drivable ground, measured across the line, metres;
+    /// negative outside.
+    pub fn margin_m(&self, outline: &Obb) -> f64 {
+        self.borders.margin_m(outline.corners(), |point| self.project(point))
+    }
+}
+
+/// How far the ground beside a lane may be driven on: to the outer borders of its drivable neighbours.
+fn drivable(map: &Map, lane: &Lane) -> Borders {
+    let side = |own: &Border, to_left: bool| {
+        let mut border = own.clone();
+        // From lane to lane outwards; who has gone over to the other direction goes on to its right.
+        let (mut from, mut left) = (lane, to_left);
+        for _ in 0..map.lanes().len() {
+            let beside = if left { from.left } else { from.right };
+            let Some(Neighbour { lane: id, opposite }) = beside else { break };
+            let Some(next) = map.lane(id).filter(|next| next.kind.is_drivable()) else { break };
+            left ^= opposite;
+            let width = next.borders.left().plus(next.borders.right());
+            let scale = lane.line.length() / next.line.length();
+            let turned = left != to_left;
+            border = border.plus(&if turned {
+                width.along(lane.line.length(), -scale)
+            } else {
+                width.along(0.0, scale)
+            });
+            from = next;
+        }
+        border
+    };
+    Borders::new(side(lane.borders.left(), true), side(lane.borders.right(), false))
+}
+
+#[cfg(test)]
+mod tests;

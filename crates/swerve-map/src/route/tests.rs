@@ -1,0 +1,135 @@
+use super::*;
+use crate::{LaneKind, Station};
+use swerve_geom::{Pose2, math};
+
+fn border(pairs: &[(f64, f64)]) -> Border {
+    let stations: Vec<_> = pairs.iter().map(|&(s_m, distance_m)| Station { s_m, distance_m }).collect();
+    Border::linear(&stations).unwrap()
+}
+
+fn line(points: &[(f64, f64)]) -> Polyline {
+    Polyline::new(&points.iter().map(|&(x, y)| Point2::new(x, y)).collect::<Vec<_>>()).unwrap()
+}
+
+fn beside(lane: u32, opposite: bool) -> Option<Neighbour> {
+    Some(Neighbour { lane: LaneId(lane), opposite })
+}
+
+/// Lane 1 goes on to 2. Beside 1: to the left a lane the other way (3) that narrows from 4 m to 2 m against the
+/// direction of 1, beyond it a walk (4); to the right a shoulder (5).
+fn map() -> Map {
+    let lane = |id, points: &[(f64, f64)]| Lane::new(LaneId(id), line(points), Borders::constant(2.0, 2.0));
+    let narrowing = Borders::new(border(&[(0.0, 2.0), (100.0, 0.0)]), Border::constant(2.0));
+    Map::new(vec![
+        Lane {
+            left: beside(3, true),
+            right: beside(5, false),
+            successors: vec![LaneId(2)],
+            speed_limit_mps: Some(13.9),
+            ..lane(1, &[(0.0, 0.0), (60.0, 0.0), (100.0, 0.0)])
+        },
+        lane(2, &[(100.0, 0.0), (200.0, 0.0)]),
+        Lane {
+            left: beside(1, true),
+            right: beside(4, true),
+            borders: narrowing,
+            ..lane(3, &[(100.0, 4.0), (0.0, 4.0)])
+        },
+        Lane { kind: LaneKind::Walking, right: beside(3, true), ..lane(4, &[(0.0, 8.0), (100.0, 8.0)]) },
+        Lane {
+            kind: LaneKind::Shoulder,
+            left: beside(1, false),
+            borders: Borders::constant(0.5, 0.5),
+            ..lane(5, &[(0.0, -2.5), (100.0, -2.5)])
+        },
+    ])
+    .unwrap()
+}
+
+#[test]
+fn its_borders_are_those_of_the_drivable_ground_beside_its_lanes() {
+    let route = Route::along(&map(), &[LaneId(1), LaneId(2)]).unwrap();
+    assert_eq!(route.line().length(), 200.0);
+    // Lane 3 is 4 m wide where it begins, at the end of lane 1, and 2 m where it ends.
+    for (s_m, left_m, right_m) in
+        [(0.0, 4.0, 3.0), (50.0, 5.0, 3.0), (99.999_999, 6.0, 3.0), (100.0, 2.0, 2.0), (199.0, 2.0, 2.0)]
+    {
+        assert!((route.left_m(s_m) - left_m).abs() < 1e-6, "{s_m}: {}", route.left_m(s_m));
+        assert!((route.right_m(s_m) - right_m).abs() < 1e-6, "{s_m}: {}", route.right_m(s_m));
+    }
+    assert_eq!(
+        route.stretches().iter().map(|x| (x.lane.0, x.begin_m)).collect::<Vec<_>>(),
+        [(1, 0.0), (2, 100.0)]
+    );
+    let at = |s_m| route.stretch_at(s_m).map(|x| (x.lane.0, x.speed_limit_mps));
+    assert_eq!(
+        (at(-5.0), at(99.0), at(100.0)),
+        (Some((1, Some(13.9))), Some((1, Some(13.9))), Some((2, None)))
+    );
+}
+
+#[test]
+fn lanes_that_do_not_follow_are_refused() {
+    let along = |ids: &[u32]| {
+        let ids: Vec<_> = ids.iter().map(|&id| LaneId(id)).collect();
+        Route::along(&map(), &ids).unwrap_err().to_string()
+    };
+    assert_eq!(along(&[]), "a route needs one lane at least");
+    assert_eq!(along(&[1, 9]), "lane 9 is not on the map");
+    assert_eq!(along(&[2, 1]), "lane 1 does not go on from lane 2");
+}
+
+#[test]
+fn the_margin_follows_a_road_that_narrows_and_widens() {
+    let left = border(&[(40.0, 6.0), (60.0, 2.0), (80.0, 2.0), (100.0, 6.0)]);
+    let route = Route::new(line(&[(0.0, 0.0), (150.0, 0.0)]), Borders::new(left, Border::constant(2.0)));
+    let margin = |s_m: f64, d_m: f64| {
+        let center = route.unproject(FrenetPoint { s_m, d_m });
+        route.margin_m(&Obb::new(Pose2::new(center.x_m, center.y_m, 0.0), 4.0, 2.0))
+    };
+    // In the middle of a strip 8 m wide, 4 m wide, 8 m wide again.
+    for (s_m, wanted_m) in [(20.0, 3.0), (70.0, -1.0), (130.0, 3.0)] {
+        assert!((margin(s_m, 2.0) - wanted_m).abs() < 1e-9, "{s_m}: {}", margin(s_m, 2.0));
+    }
+    // Where it narrows by 1 m in 5 the front left corner decides, where it widens the rear left one.
+    assert!((margin(50.0, 2.0) - (4.0 - 0.4 - 3.0)).abs() < 1e-9);
+    assert!((margin(90.0, 2.0) - (4.0 - 0.4 - 3.0)).abs() < 1e-9);
+}
+
+/// The road as it was before borders could vary.
+fn margin_of_a_strip(line: &Polyline, left_m: f64, right_m: f64, outline: &Obb) -> f64 {
+    outline.corners().into_iter().fold(f64::INFINITY, |margin, corner| {
+        let FrenetPoint { d_m, .. } = line.project(corner);
+        margin.min(left_m - d_m).min(d_m + right_m)
+    })
+}
+
+#[test]
+fn a_strip_of_constant_width_has_the_same_bits_as_ever() {
+    let points: Vec<_> = (0..80)
+        .map(|k| {
+            let (sin, cos) = math::sin_cos(0.03 * f64::from(k));
+            (30.0 * sin, 30.0 - 30.0 * cos)
+        })
+        .collect();
+    let (line, left_m, right_m) = (line(&points), 5.3, 2.1);
+    let route = Route::uniform(line.clone(), left_m, right_m);
+    for k in 0..400 {
+        let (x, y) = (f64::from(k % 20) * 2.7 - 10.0, f64::from(k / 20) * 3.1 - 5.0);
+        let outline = Obb::new(Pose2::new(x, y, f64::from(k) * 0.1), 4.93, 1.86);
+        let (was, is) = (margin_of_a_strip(&line, left_m, right_m, &outline), route.margin_m(&outline));
+        assert_eq!(was.to_bits(), is.to_bits(), "{outline:?}");
+    }
+}
+
+#[test]
+fn text_has_a_number_for_a_constant_border_and_stations_for_another() {
+    let route = Route::uniform(line(&[(0.0, 0.0), (50.0, 0.0)]), 6.0, 2.0);
+    let text = serde_json::to_string(&route).unwrap();
+    assert!(text.ends_with("\"left_m\":6.0,\"right_m\":2.0}"), "{text}");
+    assert_eq!(serde_json::from_str::<Route>(&text).unwrap(), route);
+    let varying = Route::along(&map(), &[LaneId(1), LaneId(2)]).unwrap();
+    let text = serde_json::to_string(&varying).unwrap();
+    assert!(text.contains("\"right_m\":[[0.0,3.0],[100.0,3.0],[100.0,2.0],[200.0,2.0]]"), "{text}");
+    assert_eq!(serde_json::from_str::<Route>(&text).unwrap(), varying);
+}
