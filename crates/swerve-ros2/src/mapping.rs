@@ -24,14 +24,14 @@
 //!
 //! A topic is `enabled = false` to leave it out. Errors name the key and the nearest valid one.
 
-mod role;
-mod tables;
+pub(crate) mod role;
+pub(crate) mod tables;
 
 use std::collections::BTreeMap;
 
 use toml::{Table, Value};
 
-pub use role::{Role, Side};
+pub use role::{Purpose, Role, Side};
 pub use tables::Vehicle;
 
 use crate::env::Network;
@@ -69,13 +69,13 @@ impl Qos {
 /// One topic.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TopicMap {
-    /// What it is called here.
+    /// Its name here.
     pub name: String,
-    /// What it is for.
+    /// The use that it is of.
     pub role: Role,
-    /// What it is called in ROS.
+    /// Its name in ROS.
     pub topic: String,
-    /// What is on it.
+    /// The type of its messages.
     pub kind: Kind,
     /// How it is delivered.
     pub qos: Qos,
@@ -124,9 +124,9 @@ pub struct Mapping {
 pub struct MappingError {
     /// The key, from the top of the table: `topics.lidar.qos`.
     pub key: String,
-    /// What is wrong.
+    /// The mistake.
     pub problem: String,
-    /// What was probably meant.
+    /// The name that was probably meant.
     pub nearest: Option<String>,
 }
 

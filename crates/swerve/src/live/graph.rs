@@ -24,14 +24,11 @@ use crate::config::Config;
 use crate::config::live::LiveConfig;
 use crate::pipeline::{self, Monitored};
 
-/// Operators of this graph that a simulated drive does not have.
-pub const LIVE_OPERATORS: [&str; 4] = [names::OBJECTS, names::REPORT, names::TOPICS, "fresh"];
-
 /// A graph to be fed with what a vehicle says.
 pub struct LiveGraph {
     /// The graph; its operator `gate` says what goes to the vehicle.
     pub graph: Graph,
-    /// What feeds it.
+    /// The handles that feed it.
     pub inputs: Inputs,
     /// Where to go and what ground may be used.
     pub route: Route,
@@ -118,12 +115,13 @@ impl LiveGraph {
             clouds.insert(name.clone(), handle);
         }
         let period = |ms: f64| every(Span::from_secs(ms * 1e-3));
-        let seen = Seen::new(&live);
-        let obstacles = graph_of.add("obstacles", seen, (period(config.sensing.period_ms), objects)).out();
-        let (plan, wishes) = pipeline::drive(graph_of, config, &scenario, &route, (obstacles, pose))?;
-        let fresh = Fresh { timeout: Span::from_secs(live.plan_timeout_s), last: Time::MIN };
-        let wishes = graph_of.add("fresh", fresh, (wishes, plan)).out();
-        pipeline::live_gate(graph_of, config, wishes, report, switch)?;
+        let surroundings = Surroundings::new(&live);
+        let obstacles =
+            graph_of.add("obstacles", surroundings, (period(config.sensing.period_ms), objects)).out();
+        let (plan, commands) = pipeline::drive(graph_of, config, &scenario, &route, (obstacles, pose))?;
+        let fresh = FreshCommands { timeout: Span::from_secs(live.plan_timeout_s), last: Time::MIN };
+        let commands = graph_of.add("fresh", fresh, (commands, plan)).out();
+        pipeline::live_gate(graph_of, config, commands, report, switch)?;
         pipeline::configure(graph_of, config)?;
         let inputs = Inputs {
             pose: pose_in,
@@ -140,21 +138,21 @@ impl LiveGraph {
     }
 }
 
-/// What is around the ego at regular instants: the objects that others see, moved on by their velocities.
+/// The surroundings of the ego at regular instants: the objects that others see, moved on by their velocities.
 ///
 /// None are there as long as none were ever reported. Once there were, their silence is no empty road: nothing is
 /// said, so that no plan is made, and without plans the gate stops the car.
-struct Seen {
+struct Surroundings {
     timeout: Span,
 }
 
-impl Seen {
+impl Surroundings {
     fn new(live: &LiveConfig) -> Self {
         Self { timeout: Span::from_secs(live.objects_timeout_s) }
     }
 }
 
-impl Operator for Seen {
+impl Operator for Surroundings {
     type In = (Every, Latest<ObstacleList>);
     type Out = Port<ObstacleList>;
 
@@ -179,12 +177,12 @@ impl Operator for Seen {
 
 /// Lets commands pass that are made from a new state and a plan that is not too old. For the gate behind it the
 /// others are silence.
-struct Fresh {
+struct FreshCommands {
     timeout: Span,
     last: Time,
 }
 
-impl Operator for Fresh {
+impl Operator for FreshCommands {
     type In = (At<MotionCommand>, Latest<Plan>);
     type Out = Port<MotionCommand>;
 
