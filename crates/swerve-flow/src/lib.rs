@@ -106,7 +106,8 @@ pub use graph::{
 pub use input::{At, Connect, Every, Inputs, Latest, Ports, Slots, Source, Timer, Window, every};
 pub use message::{Header, Message};
 pub use observer::{
-    DropReason, Dropped, Event, Miss as MissEvent, Observer, Publication, Reads, StepEnd, StepStart,
+    Dispatcher, DropReason, Dropped, Event, Miss as MissEvent, Observer, Publication, Reads, StepEnd,
+    StepStart,
 };
 pub use operator::{Context, Miss, Operator, Progress};
 pub use options::RunOptions;

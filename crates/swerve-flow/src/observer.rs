@@ -1,8 +1,12 @@
 //! Observers: they are told everything that a run does, in commit order, and are readers of nothing.
 
+mod dispatch;
+
 use std::sync::Arc;
 
 use swerve_core::Time;
+
+pub use dispatch::Dispatcher;
 
 use crate::deadline::Reaction;
 use crate::decision::Decision;

@@ -1,4 +1,4 @@
-//! What cameras see: images, calibration, and what the stack believes drawn over them.
+//! Images of cameras: pixels, calibration, and what the stack believes drawn over them.
 //!
 //! Pixels count from the upper left corner of the upper left pixel, in Foxglove as in [`Intrinsics`].
 
@@ -41,7 +41,7 @@ pub(crate) struct Header {
 /// Colours, three bytes for each pixel.
 pub(crate) fn colours(header: &Header, rgb: &[u8], form: ImageForm) -> Option<CompressedImage> {
     let (data, format) = match form {
-        ImageForm::Jpeg(quality) => (jpeg(rgb, (header.width_px, header.height_px), quality)?, "jpeg"),
+        ImageForm::Jpeg(quality) => (jpeg(rgb, header.width_px, header.height_px, quality)?, "jpeg"),
         ImageForm::Png => (png(header, rgb)?, "png"),
     };
     Some(CompressedImage {
@@ -54,7 +54,7 @@ pub(crate) fn colours(header: &Header, rgb: &[u8], form: ImageForm) -> Option<Co
 
 /// Colours, three bytes for each pixel, as JPEG of a quality from 1 to 100; `None` for more pixels than a file of
 /// that kind can have, or other bytes than that.
-pub fn jpeg(rgb: &[u8], (width_px, height_px): (u32, u32), quality: u8) -> Option<Vec<u8>> {
+pub fn jpeg(rgb: &[u8], width_px: u32, height_px: u32, quality: u8) -> Option<Vec<u8>> {
     let (width, height) = (u16::try_from(width_px).ok()?, u16::try_from(height_px).ok()?);
     let mut data = Vec::with_capacity(rgb.len() / 8);
     Encoder::new(&mut data, quality).encode(rgb, width, height, ColorType::Rgb).ok()?;
@@ -119,7 +119,7 @@ pub(crate) fn annotations(
     believed: &[Believed],
 ) -> ImageAnnotations {
     let stamp = Some(timestamp(header.stamp));
-    let lens = Lens::of(header);
+    let lens = Lens::new(header);
     let mut shown = ImageAnnotations { timestamp: stamp, ..ImageAnnotations::default() };
     for one in believed {
         let at = |[x, y, z]: [f64; 3]| {
@@ -167,7 +167,7 @@ struct Lens {
 }
 
 impl Lens {
-    fn of(header: &Header) -> Self {
+    fn new(header: &Header) -> Self {
         let intrinsics = header.info.intrinsics;
         let bends = intrinsics.distortion.iter().any(|k| *k != 0.0);
         let mut lens = Self { intrinsics, bends, x: [f64::INFINITY, -f64::INFINITY], y: [0.0; 2] };
@@ -197,7 +197,7 @@ impl Lens {
         ray
     }
 
-    /// What the lens makes of a ray, as [`Intrinsics`] says.
+    /// A ray behind the lens, as [`Intrinsics`] says.
     fn bent(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [k1, k2, p1, p2, k3] = self.intrinsics.distortion;
         let r2 = x * x + y * y;
@@ -314,7 +314,7 @@ mod tests {
 
     #[test]
     fn a_ray_through_the_lens_comes_back() {
-        let lens = Lens::of(&header([-0.2, 0.05, 0.001, -0.002, 0.0]));
+        let lens = Lens::new(&header([-0.2, 0.05, 0.001, -0.002, 0.0]));
         for pixel in [[0.0, 0.0], [640.0, 200.0], [100.0, 350.0]] {
             let [x, y] = lens.ray(pixel);
             let back = lens.pixel([x, y, 1.0]);

@@ -1,4 +1,4 @@
-//! What lidars and radars measure: `foxglove.PointCloud`.
+//! Points of lidars and radars: `foxglove.PointCloud`.
 
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{PackedElementField, PointCloud as Shown, Pose, Quaternion};
@@ -23,7 +23,7 @@ const STRIDE: usize = 16;
 /// from where the sensor was then.
 pub(crate) fn lidar(sensor: &str, cloud: &PointCloud, motion: &Motion) -> Option<Shown> {
     cloud.check().ok()?;
-    let moves = Moves::of(cloud.stamp, motion);
+    let moves = Moves::new(cloud.stamp, motion);
     let mut data = Vec::with_capacity(STRIDE * cloud.len());
     for k in 0..cloud.len() {
         let point = cloud.get(k)?;
@@ -85,7 +85,7 @@ fn shown(sensor: &str, stamp: Time, fields: Vec<PackedElementField>, stride: usi
 struct Moves(Vec<(f32, [[f32; 4]; 3])>);
 
 impl Moves {
-    fn of(stamp: Time, motion: &Motion) -> Self {
+    fn new(stamp: Time, motion: &Motion) -> Self {
         let matrix = |at: &Transform<Sensor, Sensor>| {
             let origin = at.origin();
             let axis = |x, y, z| (*at * Point::<Sensor>::new(x, y, z) - origin).coords;

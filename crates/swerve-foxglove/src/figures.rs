@@ -7,7 +7,7 @@ use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use swerve_geom::{Obb, Vector2};
 
-/// What a drive is judged by, over time. What there is none of is not a number.
+/// Figures that a drive is judged by, over time; one that there is none of is not a number.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Figures {
     /// Speed of the ego origin along its heading, m/s.

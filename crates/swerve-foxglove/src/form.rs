@@ -1,12 +1,14 @@
-//! What all messages have in common: topics, stamps, places, colours.
+//! Parts that all messages have in common: topics, stamps, places, colours.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use foxglove::messages::{Color, Point3, Pose, Quaternion, Timestamp, Vector3};
 use foxglove::{Encode, Schema};
 use swerve_core::Time;
+use swerve_flow::Publication;
 use swerve_geom::{Point, Pose2, Transform, math};
-use swerve_log::{View, ViewSchema};
+use swerve_log::{View, ViewSchema, ViewTopic};
 use swerve_msg::ActorKind;
 
 /// The frame of everything that is not fixed to the car.
@@ -26,31 +28,63 @@ pub(crate) struct When {
     pub(crate) stamp: Time,
 }
 
-/// A message of a topic. `make` is called on the writer's thread; `bytes` is about what it holds until then.
-pub(crate) fn view<T: Encode>(
-    topic: &Arc<str>,
-    when: When,
-    bytes: usize,
-    make: impl FnOnce() -> Option<T> + Send + 'static,
-) -> View {
-    View {
-        topic: topic.clone(),
-        schema: schema::<T>,
-        visible_at: when.visible_at,
-        stamp: when.stamp,
-        bytes,
-        encode: Box::new(move |out| {
+impl When {
+    pub(crate) fn new(publication: &Publication<'_>) -> Self {
+        let visible_at = publication.visible_at;
+        Self { visible_at, stamp: publication.stamp.unwrap_or(visible_at) }
+    }
+}
+
+/// Messages on their way to the log, and the topics that there were so far.
+#[derive(Default)]
+pub(crate) struct Outbox {
+    topics: BTreeMap<String, Arc<ViewTopic>>,
+    pub(crate) views: Vec<View>,
+}
+
+impl Outbox {
+    /// Has a message of one of Foxglove's types, or one like them, logged below `/view`. `make` is called on the
+    /// writer's thread; `bytes` is about what it holds until then.
+    pub(crate) fn show<T: Encode>(
+        &mut self,
+        topic: &str,
+        when: When,
+        bytes: usize,
+        make: impl FnOnce() -> Option<T> + Send + 'static,
+    ) {
+        let encode = move |out: &mut Vec<u8>| {
             if let Some(message) = make() {
                 out.reserve(message.encoded_len().unwrap_or(0));
                 message.encode(out).expect("messages are plain data, and memory takes all");
             }
-        }),
+        };
+        self.post(topic, schema::<T>, when, bytes, Box::new(encode));
+    }
+
+    /// Has a message of any form logged below `/view`; `schema` is asked once for a topic.
+    pub(crate) fn post(
+        &mut self,
+        topic: &str,
+        schema: impl FnOnce() -> ViewSchema,
+        When { visible_at, stamp }: When,
+        bytes: usize,
+        encode: swerve_log::Encode,
+    ) {
+        let topic = match self.topics.get(topic) {
+            Some(known) => known.clone(),
+            None => {
+                let new = Arc::new(ViewTopic { name: format!("/view/{topic}"), schema: schema() });
+                self.topics.insert(topic.into(), new.clone());
+                new
+            }
+        };
+        self.views.push(View { topic, visible_at, stamp, bytes, encode });
     }
 }
 
 fn schema<T: Encode>() -> ViewSchema {
     let Schema { name, data, .. } = T::get_schema().expect("every message of Foxglove's has a schema");
-    ViewSchema { name: name.into(), encoding: "protobuf", data }
+    ViewSchema { name: name.into(), message_encoding: "protobuf", encoding: "protobuf", data }
 }
 
 /// An instant of the run; the run starts at zero.

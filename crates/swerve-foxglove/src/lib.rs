@@ -5,13 +5,15 @@
 //! frames as `foxglove.FrameTransforms`, cameras as `foxglove.CompressedImage`, `foxglove.RawImage`,
 //! `foxglove.CameraCalibration` and `foxglove.ImageAnnotations`, lidars and radars as `foxglove.PointCloud`,
 //! the satellite receiver as `foxglove.LocationFix`, what happens as `foxglove.Log`, and figures to plot as
-//! [`Figures`]. All times are instants of the run, which starts at zero: the same run gives the same messages.
+//! [`Figures`]. Messages of somebody else's types are shown as JSON, as a [`Drawing`] or in any other form that is
+//! registered: [`Foxglove::with`] and its like. All times are instants of the run, which starts at zero: the same run gives the same messages.
 //! Absences: no file, no clock, no configuration, no simulator; nothing here is read by the stack.
 
 mod camera;
 mod cloud;
 mod figures;
 mod form;
+mod own;
 mod scene;
 mod watch;
 mod words;
@@ -19,4 +21,5 @@ mod words;
 pub use camera::{ImageForm, jpeg};
 pub use cloud::Sensor;
 pub use figures::Figures;
+pub use own::Drawing;
 pub use watch::{Foxglove, Mount, Setup};

@@ -46,7 +46,7 @@ fn transform<A, B>(at: Timestamp, parent: &str, child: String, of: &Transform<A,
     }
 }
 
-/// What does not change: the road's lines, and the car, which goes with its frame.
+/// The scene that does not change: the road's lines, and the car, which goes with its frame.
 pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
     let line = setup.route.line();
     let n = (line.length() / STEP_M).ceil().max(1.0) as usize;
@@ -79,7 +79,7 @@ pub(crate) fn actors(at: Time, actors: &[Actor]) -> SceneUpdate {
     anew(at, actors.iter().map(of).collect())
 }
 
-/// What the stack follows: a box, the way so far, and where it goes within the next second.
+/// The tracks of the stack: a box, the way so far, and where it goes within the next second.
 pub(crate) fn tracks(list: &TrackList) -> SceneUpdate {
     let of = |track: &swerve_msg::Track| {
         let colour = colour_of(track.kind, 255);
@@ -110,7 +110,7 @@ pub(crate) fn predictions(list: &PredictionList) -> SceneUpdate {
     anew(list.stamp, list.predictions.iter().enumerate().map(of).collect())
 }
 
-/// What the stack means to do; orange where the planner found nothing and falls back.
+/// The plan of the stack; orange where the planner found nothing and falls back.
 pub(crate) fn plan(plan: &Plan) -> SceneUpdate {
     let path = plan.points.iter().map(|p| [p.pose.x_m, p.pose.y_m, 2.0 * OVER_M]).map(point).collect();
     let line = strip(path, if plan.status.is_fallback() { ORANGE } else { GREEN }, 0.3);
@@ -118,7 +118,7 @@ pub(crate) fn plan(plan: &Plan) -> SceneUpdate {
 }
 
 /// These entities instead of all that the topic showed before.
-fn anew(at: Time, entities: Vec<SceneEntity>) -> SceneUpdate {
+pub(crate) fn anew(at: Time, entities: Vec<SceneEntity>) -> SceneUpdate {
     let all = SceneEntityDeletion {
         timestamp: Some(timestamp(at)),
         r#type: Deletion::All as i32,
@@ -127,7 +127,7 @@ fn anew(at: Time, entities: Vec<SceneEntity>) -> SceneUpdate {
     SceneUpdate { deletions: vec![all], entities }
 }
 
-fn entity(at: Time, id: &str) -> SceneEntity {
+pub(crate) fn entity(at: Time, id: &str) -> SceneEntity {
     SceneEntity {
         timestamp: Some(timestamp(at)),
         frame_id: MAP.into(),
@@ -138,7 +138,7 @@ fn entity(at: Time, id: &str) -> SceneEntity {
 }
 
 /// A box that stands at height `bottom_m`.
-fn cube(pose: Pose2, bottom_m: f64, extent: Extent, color: Color) -> CubePrimitive {
+pub(crate) fn cube(pose: Pose2, bottom_m: f64, extent: Extent, color: Color) -> CubePrimitive {
     CubePrimitive {
         pose: Some(upright(pose, bottom_m + 0.5 * extent.height_m)),
         size: Some(vector([extent.length_m, extent.width_m, extent.height_m])),
@@ -146,7 +146,7 @@ fn cube(pose: Pose2, bottom_m: f64, extent: Extent, color: Color) -> CubePrimiti
     }
 }
 
-fn text(pose: Pose2, z_m: f64, words: String) -> TextPrimitive {
+pub(crate) fn text(pose: Pose2, z_m: f64, words: String) -> TextPrimitive {
     TextPrimitive {
         pose: Some(upright(pose, z_m)),
         billboard: true,
@@ -157,7 +157,7 @@ fn text(pose: Pose2, z_m: f64, words: String) -> TextPrimitive {
     }
 }
 
-fn strip(points: Vec<Point3>, color: [u8; 4], thickness: f64) -> LinePrimitive {
+pub(crate) fn strip(points: Vec<Point3>, color: [u8; 4], thickness: f64) -> LinePrimitive {
     let identity = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
     LinePrimitive {
         r#type: LineType::LineStrip as i32,
@@ -188,7 +188,7 @@ pub(crate) fn box_edges(pose: Pose2, extent: Extent) -> [[[f64; 3]; 2]; 12] {
     })
 }
 
-/// What an obstacle is called in an image.
+/// The words beside an obstacle in an image.
 pub(crate) fn label(kind: ActorKind, distance_m: f64) -> String {
     format!("{} {distance_m:.0} m", name_of(kind))
 }

@@ -1,13 +1,12 @@
-//! The run, watched: which of its messages are shown, how often, under which topics.
+//! The run, watched: each type of payload in the form in which it is shown, how often, under which topic.
 
-use std::any::Any;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use foxglove::messages::LocationFix;
 use foxglove::messages::location_fix::PositionCovarianceType;
 use swerve_core::{Span, Time};
-use swerve_flow::{Event, Publication};
+use swerve_flow::{Dispatcher, Event, Payload, Publication};
 use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector2};
 use swerve_log::{View, Views};
 use swerve_msg::truth::WorldState;
@@ -20,7 +19,7 @@ use swerve_vehicle::Shape;
 use crate::camera::{self, Believed, Header, ImageForm};
 use crate::cloud::{self, Motion, Sensor};
 use crate::figures::{Figures, time_to_contact_s};
-use crate::form::{MAP, When, timestamp, view};
+use crate::form::{MAP, Outbox, When, timestamp};
 use crate::words::Line;
 use crate::{scene, words};
 
@@ -31,7 +30,7 @@ const ACTORS_PERIOD: Span = Span::from_ms(50);
 /// How long what was is remembered, for images and points that come later than what they show.
 const MEMORY: Span = Span::from_ms(1000);
 
-/// What does not change in a run.
+/// Facts that do not change in a run.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// Where the ego is to go.
@@ -69,13 +68,18 @@ impl Mount {
 
 /// Watches a run.
 pub struct Foxglove {
+    watch: Dispatcher<Watch>,
+}
+
+/// The run so far, and the messages that come of it.
+pub(crate) struct Watch {
     setup: Setup,
-    topics: BTreeMap<String, Arc<str>>,
+    pub(crate) out: Outbox,
     poses: Throttle,
     actors: Throttle,
     /// Poses of the ego of late, oldest first.
     past: VecDeque<(Time, Transform<Map, Ego>)>,
-    /// What the obstacle sensor reported of late, oldest first.
+    /// Reports of the obstacle sensor of late, oldest first.
     seen: VecDeque<Arc<ObstacleList>>,
     plan: Option<Plan>,
     status: Option<PlanStatus>,
@@ -107,9 +111,41 @@ impl Throttle {
 impl Foxglove {
     /// For a run in which this does not change.
     pub fn new(setup: Setup) -> Self {
+        let watch = Dispatcher::new(Watch::new(setup))
+            .on::<WorldState>(Watch::world)
+            .on::<EgoState>(Watch::localized)
+            .on::<Command>(Watch::command)
+            .on::<GateOutput>(Watch::gate)
+            .on::<ObstacleList>(Watch::obstacles)
+            .on::<Plan>(Watch::plan)
+            .on::<TrackList>(|watch, p, list| watch.scene("tracks", list, scene::tracks, When::new(p)))
+            .on::<PredictionList>(|watch, p, list| {
+                watch.scene("predictions", list, scene::predictions, When::new(p));
+            })
+            .on::<Gnss>(|watch, p, fix| {
+                let fix = *fix;
+                watch.out.show("gnss", When::new(p), 0, move || Some(location(&fix)));
+            })
+            .on::<RadarScan>(Watch::radar)
+            .on::<PointCloud>(Watch::lidar)
+            .on::<Image>(Watch::image);
+        Self { watch }
+    }
+
+    /// Has a type of payload looked at as well: one that is not of this project, or one that is, in another way.
+    pub(crate) fn also<T: Payload>(
+        self,
+        handler: impl FnMut(&mut Watch, &Publication<'_>, &T) + Send + 'static,
+    ) -> Self {
+        Self { watch: self.watch.on::<T>(handler) }
+    }
+}
+
+impl Watch {
+    fn new(setup: Setup) -> Self {
         Self {
             setup,
-            topics: BTreeMap::new(),
+            out: Outbox::default(),
             poses: Throttle::default(),
             actors: Throttle::default(),
             past: VecDeque::new(),
@@ -124,67 +160,38 @@ impl Foxglove {
         }
     }
 
-    fn topic(&mut self, name: &str) -> Arc<str> {
-        if let Some(known) = self.topics.get(name) {
-            return known.clone();
-        }
-        let topic: Arc<str> = format!("/view/{name}").into();
-        self.topics.insert(name.into(), topic.clone());
-        topic
+    fn command(&mut self, p: &Publication<'_>, command: &Command) {
+        self.command = *command;
+        self.waiting.push_back((p.visible_at, p.origin));
     }
 
-    fn publication(&mut self, p: &Publication<'_>, out: &mut Vec<View>) {
-        let (Some(stamp), Some(payload)) = (p.stamp, p.payload.map(|payload| payload.as_any())) else {
-            return;
-        };
-        let when = When { visible_at: p.visible_at, stamp };
-        if let Some(world) = payload.downcast_ref::<WorldState>() {
-            self.world(world, when, out);
-        } else if let Some(ego) = payload.downcast_ref::<EgoState>().filter(|_| self.setup.ego_from_pose) {
-            self.localized(ego, when, out);
-        } else if let Some(command) = payload.downcast_ref::<Command>() {
-            self.command = *command;
-            self.waiting.push_back((p.visible_at, p.origin));
-        } else if let Some(GateOutput { mode, .. }) = payload.downcast_ref::<GateOutput>() {
-            if self.gate.replace(*mode) != Some(*mode) {
-                self.line(words::gate(stamp, *mode), p.visible_at, out);
-            }
-        } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
-            self.seen.push_back(Arc::new(list.clone()));
-            while self.seen.front().is_some_and(|old| stamp - old.stamp > MEMORY) {
-                self.seen.pop_front();
-            }
-        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
-            self.plan(plan, when, out);
-        } else if let Some(list) = payload.downcast_ref::<TrackList>() {
-            self.scene("tracks", list, scene::tracks, when, out);
-        } else if let Some(list) = payload.downcast_ref::<PredictionList>() {
-            self.scene("predictions", list, scene::predictions, when, out);
-        } else if let Some(fix) = payload.downcast_ref::<Gnss>() {
-            let (topic, fix) = (self.topic("gnss"), *fix);
-            out.push(view(&topic, when, 0, move || Some(location(&fix))));
-        } else {
-            self.surroundings(p.operator, payload, when, out);
+    fn gate(&mut self, p: &Publication<'_>, gate: &GateOutput) {
+        if self.gate.replace(gate.mode) != Some(gate.mode) {
+            self.line(words::gate(p.operator, When::new(p).stamp, gate.mode), p.visible_at);
         }
     }
 
-    /// What the big sensors measure.
-    fn surroundings(&mut self, sensor: &str, payload: &dyn Any, when: When, out: &mut Vec<View>) {
-        if let Some(scan) = payload.downcast_ref::<RadarScan>() {
-            let (topic, scan, sensor) =
-                (self.topic(&format!("{sensor}/points")), scan.clone(), sensor.to_owned());
-            out.push(view(&topic, when, 0, move || Some(cloud::radar(&sensor, &scan))));
+    fn obstacles(&mut self, p: &Publication<'_>, list: &ObstacleList) {
+        let stamp = When::new(p).stamp;
+        self.seen.push_back(Arc::new(list.clone()));
+        while self.seen.front().is_some_and(|old| stamp - old.stamp > MEMORY) {
+            self.seen.pop_front();
+        }
+    }
+
+    fn radar(&mut self, p: &Publication<'_>, scan: &RadarScan) {
+        let (scan, sensor) = (scan.clone(), p.operator.to_owned());
+        let topic = format!("{sensor}/points");
+        self.out.show(&topic, When::new(p), 0, move || Some(cloud::radar(&sensor, &scan)));
+    }
+
+    fn lidar(&mut self, p: &Publication<'_>, cloud: &PointCloud) {
+        if self.setup.images.is_none() {
             return;
         }
-        let Some(form) = self.setup.images else { return };
-        if let Some(cloud) = payload.downcast_ref::<PointCloud>() {
-            let (topic, motion) = (self.topic(&format!("{sensor}/points")), self.motion(sensor, cloud));
-            let (cloud, sensor) = (cloud.clone(), sensor.to_owned());
-            let bytes = 22 * cloud.len();
-            out.push(view(&topic, when, bytes, move || cloud::lidar(&sensor, &cloud, &motion)));
-        } else if let Some(image) = payload.downcast_ref::<Image>() {
-            self.image(sensor, image, (form, when), out);
-        }
+        let (cloud, sensor, motion) = (cloud.clone(), p.operator.to_owned(), self.motion(p.operator, cloud));
+        let (topic, bytes) = (format!("{sensor}/points"), 22 * cloud.len());
+        self.out.show(&topic, When::new(p), bytes, move || cloud::lidar(&sensor, &cloud, &motion));
     }
 
     fn scene<T: Clone + Send + 'static>(
@@ -193,32 +200,33 @@ impl Foxglove {
         of: &T,
         show: fn(&T) -> foxglove::messages::SceneUpdate,
         when: When,
-        out: &mut Vec<View>,
     ) {
-        let (topic, of) = (self.topic(name), of.clone());
-        out.push(view(&topic, when, 0, move || Some(show(&of))));
+        let of = of.clone();
+        self.out.show(name, when, 0, move || Some(show(&of)));
     }
 
     /// The ego where localization says that it is.
-    fn localized(&mut self, ego: &EgoState, when: When, out: &mut Vec<View>) {
+    fn localized(&mut self, p: &Publication<'_>, ego: &EgoState) {
+        if !self.setup.ego_from_pose {
+            return;
+        }
+        let when = When::new(p);
         let place = Point::new(ego.pose.x_m, ego.pose.y_m, 0.0);
         let pose = Transform::from_roll_pitch_yaw(place, 0.0, 0.0, ego.pose.heading_rad);
-        self.is_at(pose, when, out);
+        self.is_at(pose, when);
         if self.poses.is_due(when.stamp, POSE_PERIOD) {
-            let (frames, figures) = (self.topic("ego"), self.topic("figures"));
-            out.push(view(&frames, when, 0, move || Some(scene::map_from_ego(when.stamp, pose))));
+            self.out.show("ego", when, 0, move || Some(scene::map_from_ego(when.stamp, pose)));
             let row = self.figures_of(ego, when.stamp);
-            out.push(view(&figures, when, 0, move || Some(row)));
+            self.out.show("figures", when, 0, move || Some(row));
         }
     }
 
     /// Remembers where the ego is; before the first place, what does not move is shown.
-    fn is_at(&mut self, pose: Transform<Map, Ego>, when: When, out: &mut Vec<View>) {
+    fn is_at(&mut self, pose: Transform<Map, Ego>, when: When) {
         if self.past.is_empty() {
-            let (ground, frames) = (self.topic("ground"), self.topic("sensors"));
             let (setup, mounts, stamp) = (self.setup.clone(), self.setup.mounts.clone(), when.stamp);
-            out.push(view(&ground, when, 0, move || Some(scene::ground(stamp, &setup))));
-            out.push(view(&frames, when, 0, move || Some(scene::ego_from_sensors(stamp, &mounts))));
+            self.out.show("ground", when, 0, move || Some(scene::ground(stamp, &setup)));
+            self.out.show("sensors", when, 0, move || Some(scene::ego_from_sensors(stamp, &mounts)));
         }
         self.past.push_back((when.stamp, pose));
         while self.past.front().is_some_and(|(old, _)| when.stamp - *old > MEMORY) {
@@ -226,26 +234,25 @@ impl Foxglove {
         }
     }
 
-    fn world(&mut self, world: &WorldState, when: When, out: &mut Vec<View>) {
-        let pose = world.ego.map_from_ego;
-        self.is_at(pose, when, out);
+    fn world(&mut self, p: &Publication<'_>, world: &WorldState) {
+        let (when, pose) = (When::new(p), world.ego.map_from_ego);
+        self.is_at(pose, when);
         let taken = self.waiting.partition_point(|(visible_at, _)| *visible_at < when.stamp);
         if let Some((_, Some(origin))) = self.waiting.drain(..taken).next_back() {
             self.response_ms = (when.stamp + self.setup.dead_time - origin).as_ms();
         }
         if self.poses.is_due(when.stamp, POSE_PERIOD) {
-            let (frames, figures) = (self.topic("ego"), self.topic("figures"));
-            out.push(view(&frames, when, 0, move || Some(scene::map_from_ego(when.stamp, pose))));
+            self.out.show("ego", when, 0, move || Some(scene::map_from_ego(when.stamp, pose)));
             let row = self.figures(world);
-            out.push(view(&figures, when, 0, move || Some(row)));
+            self.out.show("figures", when, 0, move || Some(row));
         }
         if self.actors.is_due(when.stamp, ACTORS_PERIOD) {
-            let (topic, actors) = (self.topic("actors"), world.actors.clone());
-            out.push(view(&topic, when, 0, move || Some(scene::actors(when.stamp, &actors))));
+            let actors = world.actors.clone();
+            self.out.show("actors", when, 0, move || Some(scene::actors(when.stamp, &actors)));
         }
-        let lines = words::world(world, self.has_ended);
+        let lines = words::world(p.operator, world, self.has_ended);
         self.has_ended |= world.ended.is_some();
-        lines.into_iter().for_each(|line| self.line(line, when.visible_at, out));
+        lines.into_iter().for_each(|line| self.line(line, when.visible_at));
     }
 
     fn figures(&self, world: &WorldState) -> Figures {
@@ -282,50 +289,47 @@ impl Foxglove {
         }
     }
 
-    fn plan(&mut self, plan: &Plan, when: When, out: &mut Vec<View>) {
-        self.scene("plan", plan, scene::plan, when, out);
+    fn plan(&mut self, p: &Publication<'_>, plan: &Plan) {
+        let when = When::new(p);
+        self.scene("plan", plan, scene::plan, when);
         if self.status != Some(plan.status) {
-            self.line(words::plan(when.stamp, plan.status), when.visible_at, out);
+            self.line(words::plan(p.operator, when.stamp, plan.status), when.visible_at);
         }
         self.status = Some(plan.status);
         self.plan = Some(plan.clone());
     }
 
-    fn line(&mut self, line: Line, visible_at: Time, out: &mut Vec<View>) {
-        let (topic, when) = (self.topic("log"), When { visible_at, stamp: line.stamp });
-        out.push(view(&topic, when, 0, move || Some(line.message())));
+    fn line(&mut self, line: Line, visible_at: Time) {
+        let when = When { visible_at, stamp: line.stamp };
+        self.out.show("log", when, 0, move || Some(line.message()));
     }
 
-    fn image(&mut self, camera: &str, image: &Image, (form, when): (ImageForm, When), out: &mut Vec<View>) {
-        if image.check().is_err() {
-            return;
-        }
+    fn image(&mut self, p: &Publication<'_>, image: &Image) {
+        let Some(form) = self.setup.images.filter(|_| image.check().is_ok()) else { return };
+        let (camera, when) = (p.operator, When::new(p));
         let (width_px, height_px, info) = (image.width_px, image.height_px, image.camera);
         let header = Header { camera: camera.to_owned(), stamp: image.stamp, width_px, height_px, info };
         let bytes = image.pixels.bytes().len();
         match &image.pixels {
             Pixels::Rgb8(rgb) => {
-                let calibration = self.topic(&format!("{camera}/calibration"));
-                let annotations = self.topic(&format!("{camera}/annotations"));
-                let colours = self.topic(&format!("{camera}/image"));
+                let topic = |what: &str| format!("{camera}/{what}");
                 let (rgb, of) = (rgb.to_vec(), header.clone());
-                out.push(view(&colours, when, bytes, move || camera::colours(&of, &rgb, form)));
+                self.out.show(&topic("image"), when, bytes, move || camera::colours(&of, &rgb, form));
                 let of = header.clone();
-                out.push(view(&calibration, when, 0, move || camera::calibration(&of)));
+                self.out.show(&topic("calibration"), when, 0, move || camera::calibration(&of));
                 let map_from_ego = self.pose_at(image.stamp);
                 let believed = self.believed(image.stamp, map_from_ego);
                 let camera_from_map = (map_from_ego * info.ego_from_camera).inverse();
                 let show = move || Some(camera::annotations(&header, &camera_from_map, &believed));
-                out.push(view(&annotations, when, 0, show));
+                self.out.show(&topic("annotations"), when, 0, show);
             }
             Pixels::DepthF32M(_) | Pixels::ClassU8(_) if self.setup.raw_images => {
                 let (name, encoding) = match image.encoding() {
                     Encoding::DepthF32M => ("depth", "32FC1"),
                     _ => ("classes", "mono8"),
                 };
-                let topic = self.topic(&format!("{camera}/{name}"));
-                let numbers = image.pixels.bytes().to_vec();
-                out.push(view(&topic, when, bytes, move || Some(camera::raw(&header, encoding, numbers))));
+                let (topic, numbers) = (format!("{camera}/{name}"), image.pixels.bytes().to_vec());
+                self.out.show(&topic, when, bytes, move || Some(camera::raw(&header, encoding, numbers)));
             }
             // Identities are what the simulator alone knows, and no encoding of Foxglove's holds their numbers.
             Pixels::DepthF32M(_) | Pixels::ClassU8(_) | Pixels::InstanceU32(_) => {}
@@ -342,7 +346,7 @@ impl Foxglove {
         )
     }
 
-    /// What the newest report not after an instant makes of that instant: everyone keeps the velocity.
+    /// The others at an instant, by the newest report not after it: everyone keeps the velocity.
     fn believed(&self, instant: Time, map_from_ego: Transform<Map, Ego>) -> Vec<Believed> {
         let after = self.seen.partition_point(|list| list.stamp <= instant);
         let Some(list) = self.seen.get(after.saturating_sub(1)) else { return Vec::new() };
@@ -381,14 +385,15 @@ impl Foxglove {
 impl Views for Foxglove {
     fn event(&mut self, event: &Event<'_>, out: &mut Vec<View>) {
         match event {
-            Event::Publication(publication) => self.publication(publication, out),
+            Event::Publication(publication) => self.watch.publication(publication),
             Event::Miss(miss) => {
                 let line = words::miss(miss.operator, miss.stamp, miss.at, miss.reaction);
-                self.line(line, miss.at, out);
+                self.watch.state_mut().line(line, miss.at);
             }
-            Event::Drop(dropped) => self.line(words::dropped(dropped), dropped.at, out),
+            Event::Drop(dropped) => self.watch.state_mut().line(words::dropped(dropped), dropped.at),
             Event::StepStart(_) | Event::StepEnd(_) | Event::Decision(_) | Event::End(_) => {}
         }
+        out.append(&mut self.watch.state_mut().out.views);
     }
 }
 

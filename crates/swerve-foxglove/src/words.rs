@@ -1,4 +1,4 @@
-//! What happens, in words: `foxglove.Log`.
+//! Events in words: `foxglove.Log`.
 
 use foxglove::messages::Log;
 use foxglove::messages::log::Level;
@@ -34,9 +34,9 @@ impl Line {
     }
 }
 
-/// What a step of the world brought.
-pub(crate) fn world(world: &WorldState, has_ended: bool) -> Vec<Line> {
-    let line = |level, words: String| Line::new(world.stamp, level, "world", words);
+/// The collisions, infractions and end that a step of the world brought.
+pub(crate) fn world(operator: &str, world: &WorldState, has_ended: bool) -> Vec<Line> {
+    let line = |level, words: String| Line::new(world.stamp, level, operator, words);
     let mut lines = Vec::new();
     for hit in &world.collisions {
         let words = format!("collision with actor {} at {:.1} m/s", hit.actor.0, hit.ego_speed_mps);
@@ -61,7 +61,7 @@ pub(crate) fn world(world: &WorldState, has_ended: bool) -> Vec<Line> {
 }
 
 /// A plan that came about in another way than the one before.
-pub(crate) fn plan(stamp: Time, status: PlanStatus) -> Line {
+pub(crate) fn plan(operator: &str, stamp: Time, status: PlanStatus) -> Line {
     let words = match status {
         PlanStatus::Route => "nothing to plan for: along the route",
         PlanStatus::Found => "a path was found",
@@ -71,18 +71,18 @@ pub(crate) fn plan(stamp: Time, status: PlanStatus) -> Line {
         PlanStatus::GaveUp => "no path found: along the route regardless",
     };
     let level = if status.is_fallback() { Level::Warning } else { Level::Info };
-    Line::new(stamp, level, "planner", words)
+    Line::new(stamp, level, operator, words)
 }
 
 /// The safety gate is in another mode.
-pub(crate) fn gate(stamp: Time, mode: GateMode) -> Line {
+pub(crate) fn gate(operator: &str, stamp: Time, mode: GateMode) -> Line {
     let (level, words) = match mode {
         GateMode::Manual => (Level::Info, "the driver drives".to_owned()),
         GateMode::Driving => (Level::Info, "the stack drives".to_owned()),
         GateMode::Stopping(cause) => (Level::Warning, format!("the car is stopped: {}", cause.words())),
         GateMode::Holding(cause) => (Level::Info, format!("the car is held: {}", cause.words())),
     };
-    Line::new(stamp, level, "gate", words)
+    Line::new(stamp, level, operator, words)
 }
 
 /// The deadline of the frame of `stamp` passed at `at`.

@@ -104,7 +104,7 @@ impl Bag {
                     continue;
                 }
                 Some(Ok(LinearReadEvent::Record { data, opcode })) => {
-                    let taken = Record::of(opcode, data);
+                    let taken = Record::parse(opcode, data);
                     match taken.ok_or_else(|| format!("expected {} within its length", op_name(opcode))) {
                         Ok(record) => match self.take(record) {
                             Some(message) => return Ok(Some(message)),
@@ -150,7 +150,7 @@ impl Bag {
     }
 }
 
-/// What a record of the file says.
+/// A record of the file.
 enum Record {
     Schema(u16, String),
     Channel(mcap_record::Channel),
@@ -160,7 +160,7 @@ enum Record {
 
 impl Record {
     /// `None` where the record does not hold what its kind has to.
-    fn of(opcode: u8, body: &[u8]) -> Option<Self> {
+    fn parse(opcode: u8, body: &[u8]) -> Option<Self> {
         Some(match opcode {
             op::SCHEMA => {
                 let (id, name) = mcap_record::schema(body)?;

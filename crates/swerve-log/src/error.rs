@@ -1,4 +1,4 @@
-//! What can go wrong with a log.
+//! Errors of reading and writing logs.
 
 use std::io;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ pub enum LogError {
     Create {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// Writing failed; what was written before is readable.
@@ -21,7 +21,7 @@ pub enum LogError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         reason: String,
     },
     /// The file could not be opened, or the system failed to read it.
@@ -29,7 +29,7 @@ pub enum LogError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// The file is truncated or corrupted.
@@ -41,9 +41,9 @@ pub enum LogError {
         offset: u64,
         /// Length of the file.
         size: u64,
-        /// What stands there, as far as it can be told.
+        /// The content there, as far as it can be told.
         record: String,
-        /// What was expected, and what is there instead.
+        /// The expectation, and what is there instead.
         problem: String,
         /// How many records were read before.
         records: u64,
@@ -63,7 +63,7 @@ pub enum LogError {
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What was expected.
+        /// The form that was expected.
         problem: String,
     },
     /// Somebody else's recording is truncated or corrupted.
@@ -71,7 +71,7 @@ pub enum LogError {
     CutOff {
         /// The file.
         path: PathBuf,
-        /// What was expected, and what is there instead.
+        /// The expectation, and what is there instead.
         problem: String,
         /// How many messages were read before.
         messages: u64,
@@ -85,7 +85,7 @@ pub enum LogError {
         seq: u64,
         /// The type asked for.
         type_name: &'static str,
-        /// What does not fit.
+        /// The mismatch.
         reason: String,
     },
 }

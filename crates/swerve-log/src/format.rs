@@ -59,7 +59,7 @@ impl Kind {
         }
     }
 
-    pub(crate) fn of(name: &str) -> Option<Self> {
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
         [Self::Stream, Self::View].into_iter().chain(Self::SINGLE).find(|kind| kind.name() == name)
     }
 

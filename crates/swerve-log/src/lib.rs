@@ -30,7 +30,7 @@ pub use record::{
 };
 pub use recorder::{LeavesOut, Recorder};
 pub use trace::TraceWriter;
-pub use view::{Encode, View, ViewSchema, Views};
+pub use view::{Encode, View, ViewSchema, ViewTopic, Views};
 
 #[cfg(test)]
 mod tests;

@@ -16,9 +16,9 @@ use crate::record::{
 /// A log, read whole: replay and comparison need all of it anyway. [`Reader`] goes record by record.
 #[derive(Clone, Debug, Default)]
 pub struct Log {
-    /// What was known when the run started.
+    /// The head: all that was known when the run started.
     pub start: RunStart,
-    /// What was known when it ended; `None` where it was cut off.
+    /// The end: all that was known when it ended; `None` where it was cut off.
     pub end: Option<RunEnd>,
     /// The streams that carried messages, in the order of their first one.
     pub streams: Vec<Arc<StreamInfo>>,
@@ -99,7 +99,7 @@ impl Log {
         times
     }
 
-    /// What an operator published, watermarks included, to be published again: for
+    /// All that an operator published, watermarks included, to be published again: for
     /// [`swerve_flow::Graph::playback`].
     pub fn playback(&self, operator: &str) -> Vec<PlaybackRecord> {
         let of = |record: &Record| match record {

@@ -72,7 +72,7 @@ pub(crate) fn metadata(body: &[u8]) -> Option<(String, BTreeMap<String, String>)
     Some((cursor.text()?, cursor.map()?))
 }
 
-/// What is left of a record; every read is `None` past its end.
+/// The rest of a record; every read is `None` past its end.
 struct Cursor<'a>(&'a [u8]);
 
 impl<'a> Cursor<'a> {

@@ -114,8 +114,7 @@ impl<W: Write> Observer for TraceWriter<W> {
             Event::Publication(p) => {
                 if let Some(stamp) = p.stamp {
                     // A repeat derives from what the repeated step read, not from its own stamp.
-                    let stamps = (stamp, p.origin);
-                    self.message(p.operator, p.stream, stamps, p.visible_at, p.reads.iter());
+                    self.message(p.operator, p.stream, stamp, p.origin, p.visible_at, p.reads.iter());
                 }
             }
             Event::StepStart(e) => self.step_start(e.operator, e.stamp, e.at, e.reads.iter()),

@@ -28,7 +28,7 @@ pub struct Reader {
     over: bool,
 }
 
-/// What was read so far.
+/// The state of reading.
 #[derive(Default)]
 struct Context {
     start: Option<RunStart>,
@@ -46,7 +46,7 @@ enum Channel {
     View,
 }
 
-/// What is wrong with a file.
+/// The mistake in a file.
 enum Fault {
     Mcap(McapError),
     Content(String),
@@ -99,12 +99,12 @@ impl Reader {
         Ok(None)
     }
 
-    /// What was known when the run started.
+    /// The head: all that was known when the run started.
     pub fn run_start(&self) -> &RunStart {
         self.context.start.as_ref().expect("`open` gives no reader without it")
     }
 
-    /// What was known when the run ended; `None` until all records were read.
+    /// The end: all that was known when the run ended; `None` until all records were read.
     pub fn run_end(&self) -> Option<&RunEnd> {
         self.context.end.as_ref()
     }
@@ -259,7 +259,7 @@ impl Context {
         }
         let foreign = |key: &str| Fault::Foreign(format!("expected channels with an entry `{key}`"));
         let mut metadata = channel.metadata;
-        let kind = metadata.get(format::KIND).and_then(|kind| Kind::of(kind));
+        let kind = metadata.get(format::KIND).and_then(|kind| Kind::from_name(kind));
         let of = match kind.ok_or_else(|| foreign(format::KIND))? {
             Kind::View => Channel::View,
             _ if channel.encoding != format::ENCODING => {
@@ -282,7 +282,7 @@ impl Context {
         Ok(())
     }
 
-    /// What a message is; `None` for what is there to be looked at alone.
+    /// The record that a message holds; `None` for one that is there to be looked at alone.
     fn message(&self, id: u16, data: &[u8]) -> Result<Option<Record>, String> {
         let record = match self
             .channels

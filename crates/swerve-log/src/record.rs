@@ -1,4 +1,4 @@
-//! What a log holds, record by record.
+//! Records of a log.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use swerve_core::{Digest, Time};
 
 use crate::LogError;
 
-/// What is known when a run starts; the first record of a log.
+/// All that is known when a run starts; the first record of a log.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct RunStart {
     /// Version of the program.
@@ -22,7 +22,7 @@ pub struct RunStart {
     pub extra: BTreeMap<String, String>,
 }
 
-/// What is known when a run has ended; the last record of a log. A log without it was cut off.
+/// All that is known when a run has ended; the last record of a log. A log without it was cut off.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct RunEnd {
     /// The run's digest.
@@ -74,7 +74,7 @@ pub struct PublicationRecord {
     pub stream: Arc<StreamInfo>,
     /// When and whence.
     pub header: MessageHeader,
-    /// What it carries, CBOR, the bytes as they were written.
+    /// The payload in CBOR, the bytes as they were written.
     pub payload_cbor: Arc<[u8]>,
 }
 
@@ -138,7 +138,7 @@ pub struct MissRecord<S = String> {
     pub deadline: Time,
     /// When it was handled.
     pub at: Time,
-    /// What answered.
+    /// The reaction that answered.
     pub reaction: S,
     /// Whether the step had started.
     pub started: bool,

@@ -83,7 +83,7 @@ impl Item {
 pub(crate) struct Batch {
     pub(crate) items: Vec<Item>,
     pub(crate) bytes: Vec<u8>,
-    /// What waits with its views.
+    /// Bytes that wait with its views.
     views_bytes: usize,
     since: Option<Time>,
 }
@@ -345,7 +345,7 @@ impl Recorder {
         self.thread.take().map(|thread| self.written(thread))
     }
 
-    /// What the writer thread came to.
+    /// The result of the writer thread.
     fn written(&self, thread: JoinHandle<Result<u64, LogError>>) -> Result<u64, LogError> {
         let panicked =
             |_| Err(LogError::Write { path: self.path.clone(), reason: "the writer panicked".into() });

@@ -138,12 +138,12 @@ impl<W: Write> TraceWriter<W> {
         &mut self,
         operator: &str,
         stream: &str,
-        stamps: (Time, Option<Time>),
+        stamp: Time,
+        origin: Option<Time>,
         at: Time,
         reads: impl Iterator<Item = (&'a str, Option<Time>)>,
     ) {
         self.reach(at);
-        let (stamp, origin) = stamps;
         if let Some(arrow) = self.arrows.message(operator, stream, stamp, origin, reads) {
             let index = self.operator(operator);
             let (tid, from) = self.slice_of(index, stamp, at);

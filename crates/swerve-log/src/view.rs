@@ -9,7 +9,7 @@ use swerve_flow::Event;
 /// Turns what happens in a run into messages for other programs. It changes nothing in the run, and a log's
 /// reader passes over what it says.
 pub trait Views {
-    /// What there is to show of an event, appended to `out`. This is the run's own thread: copy what is needed,
+    /// Appends what there is to show of an event to `out`. This is the run's own thread: copy what is needed,
     /// and leave the work to [`View::encode`].
     fn event(&mut self, event: &Event<'_>, out: &mut Vec<View>);
 }
@@ -17,15 +17,22 @@ pub trait Views {
 /// Appends a message to what there is.
 pub type Encode = Box<dyn FnOnce(&mut Vec<u8>) + Send>;
 
+/// A topic of another program's: every message of it has one form.
+#[derive(Clone, Debug)]
+pub struct ViewTopic {
+    /// Its name, beginning with a slash.
+    pub name: String,
+    /// The form of its messages.
+    pub schema: ViewSchema,
+}
+
 /// A message of a topic of another program's.
 pub struct View {
-    /// The topic; every message of a topic has one schema.
-    pub topic: Arc<str>,
-    /// The form of its messages.
-    pub schema: fn() -> ViewSchema,
+    /// The topic.
+    pub topic: Arc<ViewTopic>,
     /// When it is known.
     pub visible_at: Time,
-    /// What it describes.
+    /// The instant that it describes.
     pub stamp: Time,
     /// How much memory waits with it, bytes, roughly.
     pub bytes: usize,
@@ -34,10 +41,13 @@ pub struct View {
 }
 
 /// The form of a topic's messages, as MCAP's registry has them (<https://mcap.dev/spec/registry>).
+#[derive(Clone, Debug)]
 pub struct ViewSchema {
     /// Its name.
     pub name: Cow<'static, str>,
-    /// Encoding of the schema and of the messages: `protobuf`.
+    /// Encoding of the messages: `protobuf`, `json`.
+    pub message_encoding: &'static str,
+    /// Encoding of the schema: `protobuf`, `jsonschema`.
     pub encoding: &'static str,
     /// The schema itself.
     pub data: Cow<'static, [u8]>,

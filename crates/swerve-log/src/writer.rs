@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use mcap::records::{MessageHeader as McapHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions};
@@ -28,7 +27,7 @@ pub(crate) struct LogWriter<W: Write + Seek> {
     singles: [u16; Kind::SINGLE.len()],
     streams: Vec<u16>,
     /// Of each topic of views its channel, and how many messages it has.
-    views: BTreeMap<Arc<str>, (u16, u32)>,
+    views: BTreeMap<String, (u16, u32)>,
     scratch: Vec<u8>,
     records: u64,
     flushed_at: Time,
@@ -76,7 +75,7 @@ impl<W: Write + Seek> LogWriter<W> {
         })
     }
 
-    /// What an error leaves.
+    /// The state after an error.
     fn cut_off(&self, error: &McapError) -> LogError {
         let (path, flushed) = (self.path.clone(), self.flushed_at.as_secs());
         let reason = format!(
@@ -137,18 +136,18 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 
     fn view(&mut self, view: View) -> Result<(), McapError> {
-        let View { topic, schema, visible_at, stamp, encode, .. } = view;
+        let View { topic, visible_at, stamp, encode, .. } = view;
         self.scratch.clear();
         encode(&mut self.scratch);
         let Some(mcap) = self.mcap.as_mut().filter(|_| !self.scratch.is_empty()) else { return Ok(()) };
-        let (channel, count) = match self.views.get_mut(&topic) {
+        let (channel, count) = match self.views.get_mut(&topic.name) {
             Some(known) => known,
             None => {
-                let form = schema();
+                let form = &topic.schema;
                 let schema = mcap.add_schema(&form.name, form.encoding, &form.data)?;
                 let metadata = BTreeMap::from([(format::KIND.into(), Kind::View.name().into())]);
-                let channel = mcap.add_channel(schema, &topic, form.encoding, &metadata)?;
-                self.views.entry(topic).or_insert((channel, 0))
+                let channel = mcap.add_channel(schema, &topic.name, form.message_encoding, &metadata)?;
+                self.views.entry(topic.name.clone()).or_insert((channel, 0))
             }
         };
         let (channel, seq) = (*channel, *count);

@@ -12,8 +12,9 @@
 //! - a reliable topic may block its publisher: it waits [`PUBLISH_WAIT`] at most, and the message is counted;
 //! - shutting down may hang after malformed datagrams: [`Bridge::stop`] has a deadline;
 //! - `ROS_DOMAIN_ID` and its like are not read: [`crate::env`];
-//! - a reader that lost fragments floods the log: [`crate::logging`].
+//! - a reader that lost fragments floods the log: a program that installs a logger silences `rustdds::structure`.
 
+mod options;
 mod receive;
 mod service;
 mod statistics;
@@ -29,14 +30,14 @@ use ros2_client::dds::{Context, Node, Publisher, Subscription};
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
 use ros2_client::{MessageTypeName, Name, NodeName, NodeOptions, WriteError};
 
+pub use self::options::{Direction, Endpoint, Options};
 use self::receive::{Local, State};
 use self::service::{ControlModeClient, ControlModeServer};
 pub use self::service::{ServiceError, ServiceSide};
 pub use self::statistics::{Latency, Refused, TopicStatistics};
 use crate::cdr::Padded;
-use crate::clock::{ClockParams, StampVerdict};
-use crate::env::Network;
-use crate::mapping::{Mapping, Qos, ServiceMap, Side};
+use crate::clock::StampVerdict;
+use crate::mapping::Qos;
 use crate::message::{AnyMessage, Kind};
 
 /// How long publishing on a reliable topic may wait for readers that are slow.
@@ -44,93 +45,6 @@ pub const PUBLISH_WAIT: Duration = Duration::from_millis(10);
 
 /// How long [`Bridge`] takes for its end when it is dropped without [`Bridge::stop`].
 const DROP_DEADLINE: Duration = Duration::from_secs(2);
-
-/// Which way a topic goes.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Direction {
-    /// From the others to us.
-    Receive,
-    /// From us to the others.
-    Send,
-}
-
-/// One topic of a bridge.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Endpoint {
-    /// What it is called here.
-    pub name: String,
-    /// What it is called in ROS.
-    pub topic: String,
-    /// What is on it.
-    pub kind: Kind,
-    /// How it is delivered.
-    pub qos: Qos,
-    /// Which way.
-    pub direction: Direction,
-    /// Faster than this is a flood; `None` for any.
-    pub rate_max_hz: Option<f64>,
-}
-
-/// What a bridge is made of.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Options {
-    /// Name of the node.
-    pub node: String,
-    /// Namespace of the node, beginning with a slash.
-    pub namespace: String,
-    /// Where to look for others.
-    pub network: Network,
-    /// Judge the stamps of what comes by the host's clock; `None` where the stamps are simulated time.
-    pub judge_stamps: Option<ClockParams>,
-    /// How services are mapped.
-    pub service_map: ServiceMap,
-    /// Call or offer Autoware's service for the control mode, of this name.
-    pub control_mode_service: Option<(ServiceSide, String)>,
-    /// The topics.
-    pub endpoints: Vec<Endpoint>,
-}
-
-impl Options {
-    /// The topics of a mapping as seen from one side: it sends its own and receives the other's.
-    ///
-    /// Small messages are always sent reliably: a reader that does not want that takes them too, but one that does
-    /// would not be matched otherwise (REP 2003 has sensors publish so).
-    pub fn from_mapping(mapping: &Mapping, side: Side) -> Self {
-        let endpoint = |topic: &crate::mapping::TopicMap| {
-            let direction = if topic.role.side() == side { Direction::Send } else { Direction::Receive };
-            let large = matches!(topic.kind, Kind::Image | Kind::CompressedImage | Kind::PointCloud2);
-            let reliable = topic.qos.reliable || (direction == Direction::Send && !large);
-            Endpoint {
-                name: topic.name.clone(),
-                topic: topic.topic.clone(),
-                kind: topic.kind,
-                qos: Qos { reliable, ..topic.qos },
-                direction,
-                rate_max_hz: topic.rate_max_hz,
-            }
-        };
-        Self {
-            node: mapping.node.clone(),
-            namespace: mapping.namespace.clone(),
-            network: mapping.network,
-            judge_stamps: None,
-            service_map: mapping.service_map,
-            control_mode_service: None,
-            endpoints: mapping.topics.iter().map(endpoint).collect(),
-        }
-    }
-}
-
-impl Options {
-    /// The same with these endpoints sent, whoever sends them else: a simulator that shows its own stack's plan.
-    #[must_use]
-    pub fn sending(mut self, names: &[&str]) -> Self {
-        for endpoint in self.endpoints.iter_mut().filter(|endpoint| names.contains(&endpoint.name.as_str())) {
-            endpoint.direction = Direction::Send;
-        }
-        self
-    }
-}
 
 /// Which endpoint: its place in [`Options::endpoints`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -145,7 +59,7 @@ pub struct Received {
     pub received_ns: i64,
     /// When its writer says that it wrote it, by the writer's clock.
     pub source_ns: Option<i64>,
-    /// What its stamp is worth; `None` where it has none or stamps are not judged.
+    /// The worth of its stamp; `None` where it has none or stamps are not judged.
     pub stamp: Option<StampVerdict>,
 }
 
@@ -165,7 +79,7 @@ pub enum BridgeError {
     Transport {
         /// For what.
         at: String,
-        /// What it says.
+        /// Its own words.
         reason: String,
     },
     /// No thread.
@@ -217,7 +131,7 @@ pub struct Bridge {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What belongs to DDS, to be dropped together.
+/// The parts that belong to DDS, to be dropped together.
 struct NodeParts {
     publishers: Vec<Option<Publisher<Padded>>>,
     client: Option<ControlModeClient>,
@@ -232,7 +146,7 @@ struct Sent {
     failed: AtomicU64,
 }
 
-/// What the receiving thread and the readers share.
+/// The state that the receiving thread and the readers share.
 struct Shared {
     state: Mutex<State>,
     news: Condvar,
@@ -378,7 +292,7 @@ impl Bridge {
         Ok(server.ok_or(ServiceError::NotOpen)?.serve(take))
     }
 
-    /// What happened so far, by endpoint.
+    /// Counts so far, by endpoint.
     pub fn statistics(&self) -> Vec<TopicStatistics> {
         let state = self.shared.lock();
         let both = self.endpoints.iter().zip(&self.sent).enumerate();
@@ -478,30 +392,4 @@ fn profile(qos: Qos) -> QosProfile {
 /// Below 4 MiB, messages of a megabyte arrive with losses: raise `net.core.rmem_max` and `net.core.rmem_default`.
 pub fn receive_buffer_max() -> Option<u64> {
     std::fs::read_to_string("/proc/sys/net/core/rmem_max").ok()?.trim().parse().ok()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::mapping::Vehicle;
-
-    #[test]
-    fn each_side_sends_what_the_other_receives() {
-        let mapping = Mapping::of(Vehicle::Autoware, Network::default());
-        let [vehicle, stack] = [Side::Vehicle, Side::Stack].map(|side| Options::from_mapping(&mapping, side));
-        assert_eq!(vehicle.endpoints.len(), stack.endpoints.len());
-        for (ours, theirs) in vehicle.endpoints.iter().zip(&stack.endpoints) {
-            assert_eq!((&ours.topic, ours.kind), (&theirs.topic, theirs.kind));
-            assert_ne!(ours.direction, theirs.direction);
-            let [writer, reader] =
-                if ours.direction == Direction::Send { [ours, theirs] } else { [theirs, ours] };
-            assert!(writer.qos.reliable || !reader.qos.reliable, "{} would never match", ours.topic);
-        }
-        let imu = vehicle.endpoints.iter().find(|endpoint| endpoint.name == "imu").unwrap();
-        let lidar = vehicle.endpoints.iter().find(|endpoint| endpoint.name == "lidar").unwrap();
-        assert!(imu.qos.reliable && !lidar.qos.reliable);
-        let shown = vehicle.sending(&["trajectory"]);
-        let direction = |name: &str| shown.endpoints.iter().find(|e| e.name == name).unwrap().direction;
-        assert_eq!((direction("trajectory"), direction("command")), (Direction::Send, Direction::Receive));
-    }
 }

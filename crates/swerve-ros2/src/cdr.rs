@@ -18,7 +18,7 @@ use crate::message::{AnyMessage, Kind, RosMessage};
 
 /// Bytes in front of a payload: the representation and its options.
 pub const HEADER_BYTES: usize = 4;
-/// What may lie behind the last field of a payload: padding to a multiple of four, of eight at most.
+/// Bytes behind the last field of a payload: padding to a multiple of four, of eight at most.
 const TRAILING_BYTES_MAX: usize = 7;
 const CDR_BIG_ENDIAN: [u8; 2] = [0, 0];
 const CDR_LITTLE_ENDIAN: [u8; 2] = [0, 1];
@@ -35,15 +35,15 @@ pub enum DecodeError {
     /// The fields are not there.
     #[error("the payload is no {kind}: {reason}")]
     Malformed {
-        /// What was expected.
+        /// The form that was expected.
         kind: Kind,
-        /// What was found.
+        /// The form that was found.
         reason: String,
     },
     /// Bytes are left: another message, or a newer version of it.
     #[error("{bytes} bytes are left behind the last field of {kind}")]
     Trailing {
-        /// What was expected.
+        /// The form that was expected.
         kind: Kind,
         /// How many are left.
         bytes: usize,
@@ -51,9 +51,9 @@ pub enum DecodeError {
     /// The fields are there, but cannot be true.
     #[error("a {kind} is refused: {invalid}")]
     Invalid {
-        /// What it is.
+        /// Its type.
         kind: Kind,
-        /// What is wrong with it.
+        /// The mistake in it.
         invalid: Invalid,
     },
 }

@@ -5,10 +5,9 @@
 //! finite and of a plausible size, nanoseconds below a billion, names short and printable, sizes consistent,
 //! enumerations within their values.
 
-mod fields;
+pub(crate) mod parts;
 mod walk;
 
-pub(crate) use fields::{bytes_per_pixel, field_bytes};
 pub use walk::check_numbers;
 
 /// No coordinate, speed, covariance or the like is beyond this.
@@ -24,11 +23,17 @@ pub const POINTS_MAX: u64 = 1 << 24;
 
 /// Checks beyond those that hold for every message: ranges, sizes, enumerations.
 pub trait Check {
+    /// Fields that may be not-a-number, where the writer has no such number.
+    const MAY_BE_NAN: &[&str] = &[];
+
     /// Whether its fields fit one another.
     ///
     /// # Errors
     /// The first field that does not.
     fn check(&self) -> Result<(), Invalid>;
+
+    /// Sets the fields that have to fit one another, in an example of arbitrary values.
+    fn fit(&mut self) {}
 }
 
 /// A field of a message that is not as it has to be.
@@ -37,11 +42,11 @@ pub trait Check {
 pub struct Invalid {
     /// Which: `pose.pose.position.x`.
     pub field: String,
-    /// What is wrong.
+    /// The mistake.
     pub why: Why,
 }
 
-/// What is wrong with a field.
+/// The mistake in a field.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum Why {
     /// Not-a-number or infinite.

@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 
 use swerve_core::Span;
 
-/// What is plausible.
+/// Limits of what is plausible.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ClockParams {
     /// Length of a bucket.
@@ -47,7 +47,7 @@ impl Default for ClockParams {
     }
 }
 
-/// What a stamp is worth.
+/// The worth of a stamp.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum StampVerdict {
     /// It fits what came before it.
@@ -201,7 +201,7 @@ impl ClockEstimator {
         self.minima.iter().map(|(_, least)| *least).min()
     }
 
-    /// What is known; `None` before the first stamp.
+    /// The offset, as far as it is known; `None` before the first stamp.
     pub fn offset(&self) -> Option<ClockOffset> {
         let offset_ns = self.offset_ns()?;
         let most = self.minima.iter().map(|(_, least)| *least).max()?;

@@ -25,7 +25,7 @@ use crate::msg::builtin_interfaces as builtin;
 use crate::msg::std_msgs::Header;
 
 pub use actuation::{
-    Dataspeed, Raptor, SteeringGear, control_from_ros, control_to_ros, dataspeed_speed_from_ros,
+    AccelLimits, Dataspeed, Raptor, SteeringGear, control_from_ros, control_to_ros, dataspeed_speed_from_ros,
     dataspeed_steering_from_ros, driver_active, raptor_speed_from_ros,
 };
 pub use cloud::{cloud_from_ros, cloud_to_ros};
@@ -36,8 +36,8 @@ pub use pose::{Sensor, edge_to_ros, pose_from_ros, pose_to_ros, transform_from_r
 pub use report::{VehicleState, accel_to_ros, report_to_ros};
 pub use show::{obstacles_to_markers, plan_to_marker};
 pub use state::{
-    ego_from_pose, ego_from_ros, ego_to_ros, ego_to_transform, gnss_from_ros, gnss_to_ros, imu_from_ros,
-    imu_to_ros, steering_to_ros, velocity_to_ros, wheels_from_ros,
+    Beside, ego_from_pose, ego_from_ros, ego_to_ros, ego_to_transform, gnss_from_ros, gnss_to_ros,
+    imu_from_ros, imu_to_ros, steering_to_ros, velocity_to_ros,
 };
 
 /// Which instant of ROS's clock the run's time zero is.

@@ -1,4 +1,4 @@
-//! What the environment says, which the transport does not read itself.
+//! Settings from the environment, which the transport does not read itself.
 
 use std::net::{IpAddr, Ipv4Addr};
 
@@ -20,9 +20,9 @@ pub struct Network {
 pub struct EnvError {
     /// Its name.
     pub variable: &'static str,
-    /// What it says.
+    /// Its value.
     pub value: String,
-    /// What it may say.
+    /// The values that it can have.
     pub expected: &'static str,
 }
 
@@ -61,14 +61,6 @@ impl Network {
             };
         }
         Ok(network)
-    }
-
-    /// From the environment of this process.
-    ///
-    /// # Errors
-    /// As [`Network::from_variables`].
-    pub fn from_environment() -> Result<Self, EnvError> {
-        Self::from_variables(|name| std::env::var(name).ok())
     }
 
     /// The addresses to use; `None` for all.

@@ -1,4 +1,4 @@
-//! What waits to be read of one topic: never more than its depth, never faster than its rate, always the newest.
+//! The queue of one topic's messages: never more than its depth, never faster than its rate, always the newest.
 
 use std::collections::VecDeque;
 

@@ -24,15 +24,15 @@
 //!
 //! A topic is `enabled = false` to leave it out. Problems name the key and the nearest valid one.
 
-mod role;
-mod tables;
+pub(crate) mod role;
+pub(crate) mod tables;
 
 use std::collections::BTreeMap;
 
 use swerve_text::{Problems, Range, Reading, TableReader, did_you_mean};
 use toml::{Table, Value};
 
-pub use role::{Role, Side};
+pub use role::{Purpose, Role, Side};
 pub use tables::Vehicle;
 
 use crate::env::Network;
@@ -70,13 +70,13 @@ impl Qos {
 /// One topic.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TopicMap {
-    /// What it is called here.
+    /// Its name here.
     pub name: String,
-    /// What it is for.
+    /// The use that it is of.
     pub role: Role,
-    /// What it is called in ROS.
+    /// Its name in ROS.
     pub topic: String,
-    /// What is on it.
+    /// The type of its messages.
     pub kind: Kind,
     /// How it is delivered.
     pub qos: Qos,

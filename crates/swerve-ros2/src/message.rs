@@ -1,12 +1,11 @@
-//! Every message that the bridge knows, behind one type.
+//! Every message that the bridge knows, behind one type; which there are is in [`crate::catalogue`].
 
 use core::fmt;
 
-use serde::de::DeserializeSeed;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
-use crate::check::{Check, Invalid, check_numbers};
-use crate::msg::*;
+pub use crate::catalogue::{AnyMessage, Kind};
+use crate::check::Check;
 
 /// A message with a ROS type name.
 pub trait RosMessage:
@@ -22,10 +21,15 @@ pub trait RosMessage:
     fn from_any(any: AnyMessage) -> Option<Self>;
 }
 
+/// Makes `Kind` and `AnyMessage` of a table of messages. A row says all that is known of a message beside its fields:
+/// none of it can be left out.
 macro_rules! messages {
-    (@nan) => { &[] };
-    (@nan $nan:expr) => { $nan };
-    ($($variant:ident = $package:ident :: $name:ident $(, may_be_nan $nan:expr)?;)*) => {
+    (@stamp $message:ident header) => { Some($message.header.stamp) };
+    (@stamp $message:ident own) => { Some($message.stamp) };
+    (@stamp $message:ident none) => {{ let _none = $message; None }};
+    (@large small) => { false };
+    (@large large) => { true };
+    ($($variant:ident = $package:ident :: $name:ident : $stamp:ident, $size:ident;)*) => {
         /// Which message: its ROS package and name.
         #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
         pub enum Kind { $(#[doc = concat!("`", stringify!($package), "/", stringify!($name), "`.")] $variant,)* }
@@ -49,6 +53,11 @@ macro_rules! messages {
                 match self { $(Self::$variant => stringify!($name),)* }
             }
 
+            /// Whether its messages are so large that many datagrams make one.
+            pub fn is_large(self) -> bool {
+                match self { $(Self::$variant => messages!(@large $size),)* }
+            }
+
             /// A message of this kind with nothing in it.
             pub fn empty(self) -> AnyMessage {
                 match self { $(Self::$variant => AnyMessage::$variant(Default::default()),)* }
@@ -61,15 +70,25 @@ macro_rules! messages {
                 match self { $(Self::$variant(_) => Kind::$variant,)* }
             }
 
+            /// The instant that it describes, by its writer's clock; `None` where it says none or several.
+            pub fn stamp(&self) -> Option<builtin_interfaces::Time> {
+                match self { $(Self::$variant(message) => messages!(@stamp message $stamp),)* }
+            }
+
             /// Whether a reader may rely on its numbers, sizes and names.
             ///
             /// # Errors
             /// The first field that is not as it has to be.
             pub fn check(&self) -> Result<(), Invalid> {
                 match self { $(Self::$variant(message) => {
-                    check_numbers(message, messages!(@nan $($nan)?))?;
+                    check_numbers(message, <$package::$name as Check>::MAY_BE_NAN)?;
                     message.check()
                 })* }
+            }
+
+            /// Sets the fields that have to fit one another, in an example of arbitrary values.
+            pub(crate) fn fit(&mut self) {
+                match self { $(Self::$variant(message) => message.fit(),)* }
             }
         }
 
@@ -96,94 +115,7 @@ macro_rules! messages {
         })*
     };
 }
-
-/// What Dataspeed's vehicles leave out is not-a-number.
-const NOT_MEASURED: &[&str] = &[
-    "steering_wheel_angle",
-    "steering_column_torque",
-    "cmd",
-    "limit_rate",
-    "limit_value",
-    "pressure_input",
-    "pressure_cmd",
-    "pressure_output",
-    "torque_input",
-    "torque_cmd",
-    "torque_output",
-    "accel_cmd",
-    "accel_output",
-    "percent_input",
-    "percent_cmd",
-    "percent_output",
-    "brake_available_duration",
-    "vel_ref",
-    "vel_meas",
-    "accel_ref",
-    "accel_meas",
-    "vehicle_velocity_brake",
-    "vehicle_velocity_propulsion",
-    "front_left",
-    "front_right",
-    "rear_left",
-    "rear_right",
-];
-
-messages! {
-    Image = sensor_msgs::Image;
-    CompressedImage = sensor_msgs::CompressedImage;
-    CameraInfo = sensor_msgs::CameraInfo;
-    PointCloud2 = sensor_msgs::PointCloud2;
-    Imu = sensor_msgs::Imu;
-    NavSatFix = sensor_msgs::NavSatFix, may_be_nan &["altitude"];
-    Odometry = nav_msgs::Odometry;
-    Path = nav_msgs::Path;
-    PoseStamped = geometry_msgs::PoseStamped;
-    PoseWithCovarianceStamped = geometry_msgs::PoseWithCovarianceStamped;
-    TwistStamped = geometry_msgs::TwistStamped;
-    TwistWithCovarianceStamped = geometry_msgs::TwistWithCovarianceStamped;
-    AccelWithCovarianceStamped = geometry_msgs::AccelWithCovarianceStamped;
-    TransformStamped = geometry_msgs::TransformStamped;
-    Tf = tf2_msgs::TFMessage;
-    Clock = rosgraph_msgs::Clock;
-    MarkerArray = visualization_msgs::MarkerArray;
-    Bool = std_msgs::Bool;
-    Empty = std_msgs::Empty;
-    Control = autoware_control_msgs::Control;
-    VelocityReport = autoware_vehicle_msgs::VelocityReport;
-    SteeringReport = autoware_vehicle_msgs::SteeringReport;
-    ControlModeReport = autoware_vehicle_msgs::ControlModeReport;
-    GearCommand = autoware_vehicle_msgs::GearCommand;
-    GearReport = autoware_vehicle_msgs::GearReport;
-    TurnIndicatorsCommand = autoware_vehicle_msgs::TurnIndicatorsCommand;
-    TurnIndicatorsReport = autoware_vehicle_msgs::TurnIndicatorsReport;
-    HazardLightsCommand = autoware_vehicle_msgs::HazardLightsCommand;
-    HazardLightsReport = autoware_vehicle_msgs::HazardLightsReport;
-    Engage = autoware_vehicle_msgs::Engage;
-    Trajectory = autoware_planning_msgs::Trajectory;
-    PredictedObjects = autoware_perception_msgs::PredictedObjects;
-    DataspeedSteeringCmd = ds_dbw_msgs::SteeringCmd;
-    DataspeedBrakeCmd = ds_dbw_msgs::BrakeCmd;
-    DataspeedThrottleCmd = ds_dbw_msgs::ThrottleCmd;
-    DataspeedUlcCmd = ds_dbw_msgs::UlcCmd;
-    DataspeedGearCmd = ds_dbw_msgs::GearCmd;
-    DataspeedSteeringReport = ds_dbw_msgs::SteeringReport, may_be_nan NOT_MEASURED;
-    DataspeedBrakeReport = ds_dbw_msgs::BrakeReport, may_be_nan NOT_MEASURED;
-    DataspeedThrottleReport = ds_dbw_msgs::ThrottleReport, may_be_nan NOT_MEASURED;
-    DataspeedUlcReport = ds_dbw_msgs::UlcReport, may_be_nan NOT_MEASURED;
-    DataspeedGearReport = ds_dbw_msgs::GearReport;
-    DataspeedVehicleVelocity = ds_dbw_msgs::VehicleVelocity, may_be_nan NOT_MEASURED;
-    DataspeedWheelSpeeds = ds_dbw_msgs::WheelSpeeds, may_be_nan NOT_MEASURED;
-    RaptorAcceleratorPedalCmd = raptor_dbw_msgs::AcceleratorPedalCmd;
-    RaptorBrakeCmd = raptor_dbw_msgs::BrakeCmd;
-    RaptorSteeringCmd = raptor_dbw_msgs::SteeringCmd;
-    RaptorGearCmd = raptor_dbw_msgs::GearCmd;
-    RaptorGlobalEnableCmd = raptor_dbw_msgs::GlobalEnableCmd;
-    RaptorSteeringReport = raptor_dbw_msgs::SteeringReport;
-    RaptorAcceleratorPedalReport = raptor_dbw_msgs::AcceleratorPedalReport;
-    RaptorBrakeReport = raptor_dbw_msgs::BrakeReport;
-    RaptorMiscReport = raptor_dbw_msgs::MiscReport;
-    RaptorWheelSpeedReport = raptor_dbw_msgs::WheelSpeedReport;
-}
+pub(crate) use messages;
 
 impl Kind {
     /// `package/msg/Name`, as ROS tools write it.
@@ -201,47 +133,6 @@ impl Kind {
         let (package, name) = type_name.split_once('/')?;
         let name = name.strip_prefix("msg/").unwrap_or(name);
         Self::ALL.iter().copied().find(|kind| kind.package() == package && kind.name() == name)
-    }
-}
-
-impl AnyMessage {
-    /// The instant that it describes, by its writer's clock; `None` where it says none or several.
-    pub fn stamp(&self) -> Option<builtin_interfaces::Time> {
-        Some(match self {
-            Self::Image(m) => m.header.stamp,
-            Self::CompressedImage(m) => m.header.stamp,
-            Self::CameraInfo(m) => m.header.stamp,
-            Self::PointCloud2(m) => m.header.stamp,
-            Self::Imu(m) => m.header.stamp,
-            Self::NavSatFix(m) => m.header.stamp,
-            Self::Odometry(m) => m.header.stamp,
-            Self::Path(m) => m.header.stamp,
-            Self::PoseStamped(m) => m.header.stamp,
-            Self::PoseWithCovarianceStamped(m) => m.header.stamp,
-            Self::TwistStamped(m) => m.header.stamp,
-            Self::TwistWithCovarianceStamped(m) => m.header.stamp,
-            Self::AccelWithCovarianceStamped(m) => m.header.stamp,
-            Self::Control(m) => m.stamp,
-            Self::VelocityReport(m) => m.header.stamp,
-            Self::SteeringReport(m) => m.stamp,
-            Self::ControlModeReport(m) => m.stamp,
-            Self::GearReport(m) => m.stamp,
-            Self::Trajectory(m) => m.header.stamp,
-            Self::PredictedObjects(m) => m.header.stamp,
-            Self::DataspeedSteeringReport(m) => m.header.stamp,
-            Self::DataspeedBrakeReport(m) => m.header.stamp,
-            Self::DataspeedThrottleReport(m) => m.header.stamp,
-            Self::DataspeedUlcReport(m) => m.header.stamp,
-            Self::DataspeedGearReport(m) => m.header.stamp,
-            Self::DataspeedVehicleVelocity(m) => m.header.stamp,
-            Self::DataspeedWheelSpeeds(m) => m.header.stamp,
-            Self::RaptorSteeringReport(m) => m.header.stamp,
-            Self::RaptorAcceleratorPedalReport(m) => m.header.stamp,
-            Self::RaptorBrakeReport(m) => m.header.stamp,
-            Self::RaptorMiscReport(m) => m.header.stamp,
-            Self::RaptorWheelSpeedReport(m) => m.header.stamp,
-            _ => return None,
-        })
     }
 }
 

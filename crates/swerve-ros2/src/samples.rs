@@ -10,59 +10,14 @@ use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 use serde::forward_to_deserialize_any;
 
 use crate::message::{AnyMessage, Kind};
-use crate::msg::sensor_msgs::{Image, PointCloud2, PointField};
+pub use crate::msg::sensor_msgs::large_cloud;
 
 /// The example of this kind; it passes its own check.
 pub fn sample(kind: Kind) -> AnyMessage {
     let mut message =
         kind.deserialize(&mut Filler { count: 0, field: "" }).expect("the filler refuses nothing");
-    match &mut message {
-        AnyMessage::Image(image) => fit_image(image),
-        AnyMessage::PointCloud2(cloud) => fit_cloud(cloud, 4, 2),
-        AnyMessage::CameraInfo(info) => {
-            info.distortion_model = "plumb_bob".to_owned();
-            info.d = vec![-0.25, 0.125, 0.0, 0.5, 0.0625];
-        }
-        AnyMessage::DataspeedThrottleCmd(cmd) => cmd.cmd_type = 14,
-        _ => {}
-    }
+    message.fit();
     message
-}
-
-fn fit_image(image: &mut Image) {
-    (image.width, image.height, image.step, image.is_bigendian) = (3, 2, 12, 0);
-    image.encoding = "rgb8".to_owned();
-    image.data = (0..24).collect();
-}
-
-/// Makes `cloud` one of `height` rows of `width` points: places, intensity, ring; 18 bytes a point.
-fn fit_cloud(cloud: &mut PointCloud2, width: u32, height: u32) {
-    let field =
-        |name: &str, offset, datatype| PointField { name: name.to_owned(), offset, datatype, count: 1 };
-    cloud.fields = vec![
-        field("x", 0, PointField::FLOAT32),
-        field("y", 4, PointField::FLOAT32),
-        field("z", 8, PointField::FLOAT32),
-        field("intensity", 12, PointField::FLOAT32),
-        field("ring", 16, PointField::UINT16),
-    ];
-    (cloud.width, cloud.height, cloud.point_step, cloud.row_step) = (width, height, 18, 18 * width);
-    cloud.is_bigendian = false;
-    cloud.data = (0..width * height)
-        .flat_map(|i| {
-            let numbers = [1.0, 2.0, 3.0, 0.5].map(|n| n + 0.25 * (i % 64) as f32);
-            let place = numbers.into_iter().flat_map(f32::to_le_bytes);
-            place.chain(((i % 32) as u16).to_le_bytes()).collect::<Vec<u8>>()
-        })
-        .collect();
-}
-
-/// A cloud of `points` points, for tests with payloads that take many datagrams.
-pub fn large_cloud(points: u32) -> PointCloud2 {
-    let mut cloud = PointCloud2 { is_dense: true, ..PointCloud2::default() };
-    cloud.header.frame_id = "lidar".to_owned();
-    fit_cloud(&mut cloud, points, 1);
-    cloud
 }
 
 struct Filler {

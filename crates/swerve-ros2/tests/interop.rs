@@ -21,7 +21,7 @@ use swerve_ros2::bridge::{
     Bridge, Direction, Endpoint, EndpointId, Options, ServiceSide, Stopped, receive_buffer_max,
 };
 use swerve_ros2::clock::ClockParams;
-use swerve_ros2::convert::{Dataspeed, Epoch, control_to_ros, ego_from_ros};
+use swerve_ros2::convert::{AccelLimits, Beside, Dataspeed, Epoch, control_to_ros, ego_from_ros};
 use swerve_ros2::env::Network;
 use swerve_ros2::mapping::{Mapping, Qos, ServiceMap, Side, Vehicle};
 use swerve_ros2::msg::autoware_vehicle_msgs::Engage;
@@ -245,7 +245,7 @@ fn every_kind(name: &str, command: &[&Path], network: Network) {
     assert_eq!(all.stop(PATIENCE), Stopped::Clean);
 }
 
-/// What is latched before the peer is there reaches it, and comes back.
+/// A latched message from before the peer is there reaches it, and comes back.
 fn late_joiner(name: &str, command: &[&Path], network: Network) {
     let kinds = [Kind::Tf];
     let first = bridge(network, Qos::LATCHED, &kinds);
@@ -299,7 +299,8 @@ fn cyclone_dds_in_python_understands_every_kind() {
         "Cyclone DDS, Python",
         &[Path::new(&python), &server],
         network(0),
-        ("cyclone", ServiceMap::Cyclone),
+        "cyclone",
+        ServiceMap::Cyclone,
     );
 }
 
@@ -333,11 +334,11 @@ fn fast_dds_understands_every_kind() {
     run(compile.args(["-lfastrtps", "-lfastcdr"]).current_dir(&folder));
     talk("Fast DDS", &[&folder.join("echo")], 2);
     noise(&folder.join("echo"), network(2));
-    service("Fast DDS", &[&folder.join("echo")], network(2), ("service", ServiceMap::Enhanced));
+    service("Fast DDS", &[&folder.join("echo")], network(2), "service", ServiceMap::Enhanced);
 }
 
 /// The peer takes the modes 1 and 4, and no other.
-fn service(name: &str, command: &[&Path], network: Network, (argument, map): (&str, ServiceMap)) {
+fn service(name: &str, command: &[&Path], network: Network, argument: &str, map: ServiceMap) {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let _peer = Peer::start(command, network, argument, &[]);
     let start = |service_map| {
@@ -400,7 +401,7 @@ fn noise(peer: &Path, network: Network) {
     assert_eq!(all.stop(PATIENCE), Stopped::Clean);
 }
 
-/// What a stack does at each pose of the car: sends a wish, in the words of the car's interface.
+/// The part of a stack at each pose of the car: sends a command, in the words of the car's interface.
 type Send = fn(&Bridge, MotionCommand);
 
 fn send_autoware(stack: &Bridge, wish: MotionCommand) {
@@ -416,7 +417,7 @@ fn send_dataspeed(stack: &Bridge, wish: MotionCommand) {
     let car = Dataspeed::default();
     let steering = car.steering(wish.stamp, wish.steering_rad, true, false);
     stack.publish(endpoint("steering_command"), AnyMessage::DataspeedSteeringCmd(steering)).unwrap();
-    let speed = car.speed(&wish, (2.0, 3.0), true, false);
+    let speed = car.speed(&wish, AccelLimits { accel_mps2: 2.0, decel_mps2: 3.0 }, true, false);
     stack.publish(endpoint("speed_command"), AnyMessage::DataspeedUlcCmd(speed)).unwrap();
     stack.publish(endpoint("enable"), AnyMessage::Empty(Empty::default())).unwrap();
 }
@@ -450,7 +451,8 @@ fn drive_emulated(interface: &str, vehicle: Vehicle, endpoints: &[&str], send: S
                 continue;
             }
             let AnyMessage::Odometry(message) = received.message else { unreachable!() };
-            let ego = ego_from_ros(&message, Epoch::default(), ("map", "base_link"), (0.0, 0.0)).unwrap();
+            let ego =
+                ego_from_ros(&message, Epoch::default(), "map", "base_link", Beside::default()).unwrap();
             if until(&ego) {
                 return ego;
             }

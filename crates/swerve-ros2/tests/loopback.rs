@@ -297,7 +297,7 @@ fn noise_on_the_sockets_ends_nothing() {
     }
 }
 
-/// What the transport sends in real life goes with `/clock` as ROS has it.
+/// Our clock goes with `/clock` as ROS has it.
 #[test]
 fn simulated_time_is_a_topic_like_any_other() {
     let network = network(8);

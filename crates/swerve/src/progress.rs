@@ -81,7 +81,7 @@ impl LiveLine {
     }
 }
 
-impl crate::live::feed::Teller for LiveLine {
+impl crate::live::feed::StatusSink for LiveLine {
     fn progress(&mut self, line: &str) {
         self.bar.set_message(line.to_owned());
         self.bar.tick();

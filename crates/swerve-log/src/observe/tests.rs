@@ -228,12 +228,15 @@ impl crate::Views for Shown {
         let is_image = self.0.is_multiple_of(10);
         let bytes = if is_image { 1 << 20 } else { 8 };
         out.push(crate::View {
-            topic: if is_image { "/view/image" } else { "/view/command" }.into(),
-            schema: || crate::ViewSchema {
-                name: "Shown".into(),
-                encoding: "protobuf",
-                data: [1_u8][..].into(),
-            },
+            topic: std::sync::Arc::new(crate::ViewTopic {
+                name: if is_image { "/view/image" } else { "/view/command" }.into(),
+                schema: crate::ViewSchema {
+                    name: "Shown".into(),
+                    message_encoding: "protobuf",
+                    encoding: "protobuf",
+                    data: vec![1].into(),
+                },
+            }),
             visible_at: p.visible_at,
             stamp: p.visible_at,
             bytes,

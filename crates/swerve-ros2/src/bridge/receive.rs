@@ -61,7 +61,7 @@ struct Writer {
 pub(super) struct State {
     topics: Vec<Topic>,
     /// Where the next search for a message begins.
-    turn: usize,
+    search_from: usize,
 }
 
 impl State {
@@ -73,7 +73,7 @@ impl State {
             writers: BTreeMap::new(),
             matched: BTreeSet::new(),
         };
-        Self { topics: endpoints.iter().map(topic).collect(), turn: 0 }
+        Self { topics: endpoints.iter().map(topic).collect(), search_from: 0 }
     }
 
     pub(super) fn take(&mut self, id: usize) -> Option<Received> {
@@ -86,9 +86,9 @@ impl State {
     pub(super) fn take_any(&mut self) -> Option<(usize, Received)> {
         let n = self.topics.len();
         for i in 0..n {
-            let id = (self.turn + i) % n;
+            let id = (self.search_from + i) % n;
             if let Some(received) = self.take(id) {
-                self.turn = (id + 1) % n;
+                self.search_from = (id + 1) % n;
                 return Some((id, received));
             }
         }
@@ -225,7 +225,7 @@ fn refuse(topic: &mut Topic, error: &ReadError) {
     topic.counters.last_refusal = Some(error.to_string());
 }
 
-/// What discovery says of a writer's type; `None` where it does not know the writer.
+/// A writer's type, by discovery; `None` where it does not know the writer.
 fn discovered_type(participant: &DomainParticipant, gid: EndpointGid) -> Option<String> {
     let writers = participant.discovered_writers();
     let writer = writers.into_iter().find(|w| name(w.publication_topic_data.key) == gid)?;

@@ -5,14 +5,14 @@ use super::receive::Newest;
 use crate::clock::{ClockOffset, StampVerdict};
 use crate::message::Kind;
 
-/// What happened on a topic.
+/// Counts of a topic.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TopicStatistics {
-    /// What it is called here.
+    /// Its name here.
     pub name: String,
-    /// What it is called in ROS.
+    /// Its name in ROS.
     pub topic: String,
-    /// What is on it.
+    /// The type of its messages.
     pub kind: Kind,
     /// How many others read or write it now.
     pub matched: usize,

@@ -5,7 +5,7 @@ use swerve_geom::{Point, Transform};
 use super::*;
 use crate::check::Why;
 use crate::convert::{
-    Epoch, Identities, cloud_from_ros, control_from_ros, ego_from_ros, gnss_from_ros, image_from_ros,
+    Beside, Epoch, Identities, cloud_from_ros, control_from_ros, ego_from_ros, gnss_from_ros, image_from_ros,
     imu_from_ros, objects_from_ros, objects_to_ros, plan_from_ros,
 };
 use crate::msg::geometry_msgs::Vector3;
@@ -168,7 +168,7 @@ fn bytes_that_are_left_or_missing_are_told() {
     assert_eq!(decode_any(Kind::Control, &other), Err(DecodeError::Representation([0, 3])));
 }
 
-/// What is done with a message that passed its check: nothing of it may panic either.
+/// The use that is made of a message that passed its check: nothing of it may panic either.
 fn use_it(message: &AnyMessage) {
     let (epoch, mut names) = (Epoch { ns: 1_000 }, Identities::default());
     let place = Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0);
@@ -184,7 +184,7 @@ fn use_it(message: &AnyMessage) {
         AnyMessage::Imu(m) => drop(imu_from_ros(m, epoch, &place)),
         AnyMessage::NavSatFix(m) => drop(gnss_from_ros(m, epoch)),
         AnyMessage::Odometry(m) => {
-            drop(ego_from_ros(m, epoch, (&m.header.frame_id, &m.child_frame_id), (0.0, 0.0)));
+            drop(ego_from_ros(m, epoch, &m.header.frame_id, &m.child_frame_id, Beside::default()));
         }
         AnyMessage::Trajectory(m) => drop(plan_from_ros(m, epoch, &m.header.frame_id)),
         AnyMessage::PredictedObjects(m) => {

@@ -31,7 +31,7 @@ pub fn control_to_ros(command: &MotionCommand, epoch: Epoch) -> Control {
     }
 }
 
-/// What Autoware's control message asks for; an acceleration that it does not define is zero.
+/// The motion that Autoware's control message asks for; an acceleration that it does not define is zero.
 pub fn control_from_ros(control: &Control, epoch: Epoch) -> MotionCommand {
     let longitudinal = &control.longitudinal;
     let accel = if longitudinal.is_defined_acceleration { longitudinal.acceleration } else { 0.0 };
@@ -71,6 +71,15 @@ impl SteeringGear {
     pub fn steering_rad(&self, wheel_deg: f64) -> f64 {
         (wheel_deg / self.ratio).to_radians()
     }
+}
+
+/// The accelerations that a vehicle's own controller keeps within; both are positive.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct AccelLimits {
+    /// When it gets faster, m/s².
+    pub accel_mps2: f64,
+    /// When it gets slower, m/s².
+    pub decel_mps2: f64,
 }
 
 /// Commands for a vehicle with Dataspeed's interface. `ignore` is never set: the driver always wins.
@@ -135,15 +144,15 @@ impl Dataspeed {
     pub fn speed(
         &self,
         command: &MotionCommand,
-        limits: (f64, f64),
+        limits: AccelLimits,
         enable: bool,
         clear: bool,
     ) -> ds_dbw_msgs::UlcCmd {
         ds_dbw_msgs::UlcCmd {
             header: self.epoch.header(command.stamp, ""),
             cmd: command.speed_mps.max(0.0) as f32,
-            limit_accel: limits.0 as f32,
-            limit_decel: limits.1 as f32,
+            limit_accel: limits.accel_mps2 as f32,
+            limit_decel: limits.decel_mps2 as f32,
             cmd_type: ds_dbw_msgs::UlcCmd::CMD_VELOCITY,
             enable,
             clear,

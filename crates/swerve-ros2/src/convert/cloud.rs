@@ -1,7 +1,7 @@
 use swerve_msg::{LidarPoint, PointCloud};
 
 use super::{ConvertError, Epoch};
-use crate::check::field_bytes;
+use crate::msg::sensor_msgs::field_bytes;
 use crate::msg::sensor_msgs::{PointCloud2, PointField};
 
 /// The strongest echo in ROS's clouds.
@@ -56,7 +56,7 @@ struct Reader {
 }
 
 impl Reader {
-    fn of(cloud: &PointCloud2, names: &[&str]) -> Option<Self> {
+    fn find(cloud: &PointCloud2, names: &[&str]) -> Option<Self> {
         let field = cloud.fields.iter().find(|field| names.contains(&field.name.as_str()))?;
         Some(Self { offset: field.offset as usize, datatype: field.datatype, big_endian: cloud.is_bigendian })
     }
@@ -95,12 +95,12 @@ enum PointTime {
 }
 
 impl PointTime {
-    fn of(cloud: &PointCloud2) -> Self {
+    fn new(cloud: &PointCloud2) -> Self {
         let is_float = |r: &Reader| matches!(r.datatype, PointField::FLOAT32 | PointField::FLOAT64);
-        if let Some(reader) = Reader::of(cloud, &["timestamp"]).filter(is_float) {
+        if let Some(reader) = Reader::find(cloud, &["timestamp"]).filter(is_float) {
             return Self::Absolute(reader, cloud.header.stamp.ns() as f64 * 1e-9);
         }
-        match Reader::of(cloud, &["time", "t", "time_stamp", "timestamp"]) {
+        match Reader::find(cloud, &["time", "t", "time_stamp", "timestamp"]) {
             None => Self::None,
             Some(reader) if is_float(&reader) => Self::Seconds(reader),
             Some(reader) => Self::Nanoseconds(reader),
@@ -126,14 +126,14 @@ impl PointTime {
 /// There are no coordinates in single or double precision.
 pub fn cloud_from_ros(cloud: &PointCloud2, epoch: Epoch) -> Result<PointCloud, ConvertError> {
     let place = |name: &'static str| {
-        Reader::of(cloud, &[name])
+        Reader::find(cloud, &[name])
             .filter(|r| matches!(r.datatype, PointField::FLOAT32 | PointField::FLOAT64))
             .ok_or(ConvertError::Field(name))
     };
     let place = [place("x")?, place("y")?, place("z")?];
-    let intensity = Reader::of(cloud, &["intensity", "i", "reflectivity"]);
-    let ring = Reader::of(cloud, &["ring", "channel", "line"]);
-    let time = PointTime::of(cloud);
+    let intensity = Reader::find(cloud, &["intensity", "i", "reflectivity"]);
+    let ring = Reader::find(cloud, &["ring", "channel", "line"]);
+    let time = PointTime::new(cloud);
     let (step, row_step) = ((cloud.point_step as usize).max(1), (cloud.row_step as usize).max(1));
     let rows = cloud.data.chunks_exact(row_step).take(cloud.height as usize);
     let mut ours = PointCloud { stamp: epoch.time(cloud.header.stamp), ..PointCloud::default() };

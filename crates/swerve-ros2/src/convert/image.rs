@@ -2,8 +2,8 @@ use swerve_geom::{Camera, Ego, Transform};
 use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Pixels};
 
 use super::{ConvertError, Epoch};
-use crate::check::bytes_per_pixel;
 use crate::msg::sensor_msgs as sm;
+use crate::msg::sensor_msgs::bytes_per_pixel;
 use crate::msg::{Matrix, std_msgs::Header};
 
 /// Half a pixel: from the centre of the first pixel, ROS's origin, to its corner, ours.
@@ -70,11 +70,7 @@ fn depth(pixel: &[u8], big_endian: bool) -> f32 {
 }
 
 /// A camera as `sensor_msgs/CameraInfo`: `plumb_bob`, not rectified.
-pub fn camera_to_ros(
-    camera: &CameraInfo,
-    (width_px, height_px): (u32, u32),
-    header: Header,
-) -> sm::CameraInfo {
+pub fn camera_to_ros(camera: &CameraInfo, width_px: u32, height_px: u32, header: Header) -> sm::CameraInfo {
     let Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion, is_parallel: _ } = camera.intrinsics;
     let (cx, cy) = (cx_px - HALF_PX, cy_px - HALF_PX);
     sm::CameraInfo {

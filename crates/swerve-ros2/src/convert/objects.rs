@@ -173,7 +173,7 @@ fn label(kind: ActorKind) -> u8 {
     }
 }
 
-/// What is most likely; what we have no word for (animals, hazards) cannot be relied on to move away.
+/// The most likely kind; one that we have no word for (animals, hazards) cannot be relied on to move away.
 fn kind(classification: &[Label]) -> ActorKind {
     let likeliest = classification.iter().reduce(|a, b| if b.probability > a.probability { b } else { a });
     match likeliest.map_or(Label::UNKNOWN, |one| one.label) {

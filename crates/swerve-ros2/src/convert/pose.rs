@@ -44,7 +44,8 @@ pub fn transform_from_ros<To, From>(transform: &geo::Transform) -> Transform<To,
 /// The edge from `parent` to `child`, for `/tf` and `/tf_static`: `parent_from_child` at `at`.
 pub fn edge_to_ros<To, From>(
     parent_from_child: &Transform<To, From>,
-    (parent, child): (&str, &str),
+    parent: &str,
+    child: &str,
     at: swerve_core::Time,
     epoch: Epoch,
 ) -> geo::TransformStamped {

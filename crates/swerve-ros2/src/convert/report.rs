@@ -12,7 +12,7 @@ const LIGHTS_OFF: u8 = 1;
 /// Dataspeed's and Raptor's word for forward.
 const GEAR_DRIVE: u8 = 4;
 
-/// What a vehicle has to say of itself.
+/// The state that a vehicle reports of itself.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct VehicleState {
     /// Speed, yaw rate, steering angle and wheels, with their stamp.
@@ -33,7 +33,7 @@ pub fn accel_to_ros(ego: &EgoState, epoch: Epoch, base_link: &str) -> geo::Accel
     message
 }
 
-/// What the vehicle's report of this kind says; `None` for what is no report.
+/// The vehicle's report of this kind; `None` where the kind is no report.
 pub fn report_to_ros(
     kind: Kind,
     state: &VehicleState,
@@ -96,7 +96,7 @@ pub fn report_to_ros(
     })
 }
 
-/// What steering, pedals and gear of a vehicle driven by wire say.
+/// Reports of steering, pedals and gear of a vehicle driven by wire.
 fn by_wire(kind: Kind, state: &VehicleState, gear: &SteeringGear, epoch: Epoch) -> Option<AnyMessage> {
     let VehicleState { wheels, pedals, is_engaged } = *state;
     let header = epoch.header(wheels.stamp, "");

@@ -1,4 +1,4 @@
-use swerve_geom::{Ego, Transform, Vector, math};
+use swerve_geom::{Ego, Transform, Vector};
 use swerve_msg::{EgoState, Gnss, Imu, WheelOdometry};
 
 use super::pose::Sensor;
@@ -6,7 +6,7 @@ use super::{ConvertError, Epoch, expect_frame, pose_from_ros, pose_to_ros};
 use crate::msg::std_msgs::Header;
 use crate::msg::{Matrix, autoware_vehicle_msgs, geometry_msgs as geo, nav_msgs, sensor_msgs, tf2_msgs};
 
-/// What a fix that does not say how good it is, is taken for: plain GPS in a street, metres.
+/// Deviation of a fix that does not say how good it is: plain GPS in a street, metres.
 const UNKNOWN_DEVIATION_M: f64 = 10.0;
 
 /// A reading as `sensor_msgs/Imu`: no orientation, unknown covariances. Both sides hold specific force, so that
@@ -105,6 +105,15 @@ pub fn ego_to_ros(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str) -> n
     }
 }
 
+/// Parts of the ego's state that an odometry message does not have.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Beside {
+    /// Acceleration along the heading, m/s².
+    pub accel_mps2: f64,
+    /// Angle of the front road wheels, radians, positive to the left.
+    pub steering_rad: f64,
+}
+
 /// The ego as localization reports it, with what the vehicle reports beside it: an odometry message has neither
 /// acceleration nor steering angle.
 ///
@@ -113,8 +122,9 @@ pub fn ego_to_ros(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str) -> n
 pub fn ego_from_ros(
     odometry: &nav_msgs::Odometry,
     epoch: Epoch,
-    (map, base_link): (&str, &str),
-    (accel_mps2, steering_rad): (f64, f64),
+    map: &str,
+    base_link: &str,
+    Beside { accel_mps2, steering_rad }: Beside,
 ) -> Result<EgoState, ConvertError> {
     expect_frame(&odometry.header.frame_id, map)?;
     expect_frame(&odometry.child_frame_id, base_link)?;
@@ -167,7 +177,7 @@ pub fn ego_to_transform(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str
     tf2_msgs::TFMessage { transforms: vec![geo::TransformStamped { header, child_frame_id, transform }] }
 }
 
-/// What the wheels say as Autoware's velocity report.
+/// The wheels' odometry as Autoware's velocity report.
 pub fn velocity_to_ros(
     wheels: &WheelOdometry,
     epoch: Epoch,
@@ -185,29 +195,4 @@ pub fn velocity_to_ros(
 pub fn steering_to_ros(wheels: &WheelOdometry, epoch: Epoch) -> autoware_vehicle_msgs::SteeringReport {
     let stamp = epoch.stamp(wheels.stamp);
     autoware_vehicle_msgs::SteeringReport { stamp, steering_tire_angle: wheels.steering_rad as f32 }
-}
-
-/// Autoware's two reports as wheel odometry: without counts, the wheels' speeds from the car's motion.
-///
-/// A wheel at `(x, y)` from the rear axle's centre rolls at `v - ω y` along the car (its angle left out), radius
-/// `wheel_radius_m`, half the track `half_track_m`.
-pub fn wheels_from_ros(
-    velocity: &autoware_vehicle_msgs::VelocityReport,
-    steering: Option<&autoware_vehicle_msgs::SteeringReport>,
-    epoch: Epoch,
-    (wheel_radius_m, half_track_m): (f64, f64),
-) -> WheelOdometry {
-    let speed_mps = f64::from(velocity.longitudinal_velocity);
-    let yaw_rate_radps = f64::from(velocity.heading_rate);
-    let steering_rad = steering.map_or(0.0, |report| f64::from(report.steering_tire_angle));
-    let wheel = |left: f64| (speed_mps - yaw_rate_radps * left * half_track_m) / wheel_radius_m;
-    let front = 1.0 / math::cos(steering_rad).max(0.1);
-    WheelOdometry {
-        stamp: epoch.time(velocity.header.stamp),
-        counts: [0; 4],
-        wheel_speeds_radps: [wheel(1.0) * front, wheel(-1.0) * front, wheel(1.0), wheel(-1.0)],
-        speed_mps,
-        yaw_rate_radps,
-        steering_rad,
-    }
 }

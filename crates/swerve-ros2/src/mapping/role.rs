@@ -1,6 +1,8 @@
 use super::Qos;
 use crate::message::Kind;
 
+pub use crate::catalogue::Role;
+
 /// Who publishes a topic.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Side {
@@ -10,233 +12,68 @@ pub enum Side {
     Stack,
 }
 
-/// What a topic is for.
+/// The part that a topic plays in a drive.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-#[expect(missing_docs, reason = "each is described in the table below, beside its types and its side")]
-pub enum Role {
-    Camera,
-    CameraCompressed,
-    CameraInfo,
-    Lidar,
-    Imu,
-    Gnss,
-    Odometry,
-    Acceleration,
-    Velocity,
-    WheelSpeeds,
-    Steering,
-    Brake,
-    Throttle,
-    ControlMode,
-    Gear,
-    TurnIndicators,
-    HazardLights,
-    Enabled,
-    Emergency,
-    Miscellaneous,
-    Clock,
-    Tf,
-    TfStatic,
-    Objects,
-    Command,
-    SteeringCommand,
-    BrakeCommand,
-    ThrottleCommand,
-    SpeedCommand,
-    GearCommand,
-    TurnIndicatorsCommand,
-    HazardLightsCommand,
-    Enable,
-    Disable,
-    Trajectory,
-    Path,
-    Markers,
+pub enum Purpose {
+    /// A measurement of a sensor.
+    Sensor,
+    /// The ego's place and motion, by localization.
+    Localization,
+    /// The vehicle's report of itself.
+    Report,
+    /// A person's say in who drives.
+    Switch,
+    /// Time and frames.
+    Frames,
+    /// The other road users, by somebody else's perception.
+    Perception,
+    /// A command that moves the vehicle.
+    Motion,
+    /// A command that goes with motion: gear and lights.
+    Auxiliary,
+    /// The stack's intention, for the eye.
+    Display,
 }
 
-struct Description {
-    role: Role,
-    name: &'static str,
-    side: Side,
+/// All that is known of a role.
+pub(crate) struct Description {
+    pub(crate) name: &'static str,
+    pub(crate) side: Side,
+    pub(crate) purpose: Purpose,
     /// Types that it can have; the first where none is given.
-    kinds: &'static [Kind],
-    qos: Qos,
-    /// Five times what is usual.
-    rate_max_hz: Option<f64>,
+    pub(crate) kinds: &'static [Kind],
+    pub(crate) qos: Qos,
+    /// Five times the usual rate.
+    pub(crate) rate_max_hz: f64,
 }
 
-const fn is(
-    role: Role,
-    name: &'static str,
-    side: Side,
-    kinds: &'static [Kind],
-    qos: Qos,
-    rate_max_hz: f64,
-) -> Description {
-    Description { role, name, side, kinds, qos, rate_max_hz: Some(rate_max_hz) }
+/// Makes `Role` of a table of roles.
+macro_rules! roles {
+    ($($role:ident = $name:literal: $side:ident, $purpose:ident, [$($kind:ident),+], $qos:expr, $rate:literal;)*) => {
+        /// The use that a topic is of.
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+        pub enum Role { $(#[doc = concat!("`", $name, "`.")] $role,)* }
+
+        impl Role {
+            /// All of them, in the order of the table.
+            pub const ALL: &[Self] = &[$(Self::$role,)*];
+
+            pub(crate) fn description(self) -> &'static Description {
+                match self { $(Self::$role => const { &Description {
+                    name: $name,
+                    side: Side::$side,
+                    purpose: Purpose::$purpose,
+                    kinds: &[$(Kind::$kind),+],
+                    qos: $qos,
+                    rate_max_hz: $rate,
+                } },)* }
+            }
+        }
+    };
 }
-
-use Side::{Stack, Vehicle};
-
-const ROLES: [Description; 37] = [
-    // Pictures, raw and as files, and how the camera sees.
-    is(Role::Camera, "camera", Vehicle, &[Kind::Image], Qos::SENSOR, 200.0),
-    is(Role::CameraCompressed, "camera_compressed", Vehicle, &[Kind::CompressedImage], Qos::SENSOR, 200.0),
-    is(Role::CameraInfo, "camera_info", Vehicle, &[Kind::CameraInfo], Qos::SENSOR, 200.0),
-    is(Role::Lidar, "lidar", Vehicle, &[Kind::PointCloud2], Qos::SENSOR, 100.0),
-    is(Role::Imu, "imu", Vehicle, &[Kind::Imu], Qos::SENSOR, 2000.0),
-    is(Role::Gnss, "gnss", Vehicle, &[Kind::NavSatFix], Qos::SENSOR, 100.0),
-    // Where the ego is, by localization.
-    is(
-        Role::Odometry,
-        "odometry",
-        Vehicle,
-        &[Kind::Odometry, Kind::PoseStamped, Kind::PoseWithCovarianceStamped],
-        Qos::DEFAULT,
-        500.0,
-    ),
-    is(Role::Acceleration, "acceleration", Vehicle, &[Kind::AccelWithCovarianceStamped], Qos::DEFAULT, 500.0),
-    // What the vehicle reports of itself.
-    is(
-        Role::Velocity,
-        "velocity",
-        Vehicle,
-        &[
-            Kind::VelocityReport,
-            Kind::TwistStamped,
-            Kind::TwistWithCovarianceStamped,
-            Kind::DataspeedVehicleVelocity,
-            Kind::DataspeedUlcReport,
-        ],
-        Qos::VEHICLE,
-        500.0,
-    ),
-    is(
-        Role::WheelSpeeds,
-        "wheel_speeds",
-        Vehicle,
-        &[Kind::DataspeedWheelSpeeds, Kind::RaptorWheelSpeedReport],
-        Qos::DEFAULT,
-        500.0,
-    ),
-    is(
-        Role::Steering,
-        "steering",
-        Vehicle,
-        &[Kind::SteeringReport, Kind::DataspeedSteeringReport, Kind::RaptorSteeringReport],
-        Qos::VEHICLE,
-        500.0,
-    ),
-    is(
-        Role::Brake,
-        "brake",
-        Vehicle,
-        &[Kind::DataspeedBrakeReport, Kind::RaptorBrakeReport],
-        Qos::DEFAULT,
-        500.0,
-    ),
-    is(
-        Role::Throttle,
-        "throttle",
-        Vehicle,
-        &[Kind::DataspeedThrottleReport, Kind::RaptorAcceleratorPedalReport],
-        Qos::DEFAULT,
-        500.0,
-    ),
-    is(Role::ControlMode, "control_mode", Vehicle, &[Kind::ControlModeReport], Qos::VEHICLE, 500.0),
-    is(Role::Gear, "gear", Vehicle, &[Kind::GearReport, Kind::DataspeedGearReport], Qos::VEHICLE, 500.0),
-    is(Role::TurnIndicators, "turn_indicators", Vehicle, &[Kind::TurnIndicatorsReport], Qos::VEHICLE, 500.0),
-    is(Role::HazardLights, "hazard_lights", Vehicle, &[Kind::HazardLightsReport], Qos::VEHICLE, 500.0),
-    is(Role::Enabled, "enabled", Vehicle, &[Kind::Bool], Qos::LATCHED, 100.0),
-    is(Role::Emergency, "emergency", Vehicle, &[Kind::Bool], Qos::DEFAULT, 500.0),
-    is(Role::Miscellaneous, "miscellaneous", Vehicle, &[Kind::RaptorMiscReport], Qos::DEFAULT, 500.0),
-    // Simulated time and frames.
-    is(Role::Clock, "clock", Vehicle, &[Kind::Clock], Qos::SENSOR, 5000.0),
-    is(Role::Tf, "tf", Vehicle, &[Kind::Tf], Qos { depth: 100, ..Qos::DEFAULT }, 5000.0),
-    is(Role::TfStatic, "tf_static", Vehicle, &[Kind::Tf], Qos::LATCHED, 100.0),
-    // Others, where somebody else sees them.
-    is(Role::Objects, "objects", Vehicle, &[Kind::PredictedObjects], Qos::DEFAULT, 100.0),
-    // What the stack asks for.
-    is(Role::Command, "command", Stack, &[Kind::Control], Qos::VEHICLE, 500.0),
-    is(
-        Role::SteeringCommand,
-        "steering_command",
-        Stack,
-        &[Kind::DataspeedSteeringCmd, Kind::RaptorSteeringCmd],
-        Qos::VEHICLE,
-        500.0,
-    ),
-    is(
-        Role::BrakeCommand,
-        "brake_command",
-        Stack,
-        &[Kind::DataspeedBrakeCmd, Kind::RaptorBrakeCmd],
-        Qos::VEHICLE,
-        500.0,
-    ),
-    is(
-        Role::ThrottleCommand,
-        "throttle_command",
-        Stack,
-        &[Kind::DataspeedThrottleCmd, Kind::RaptorAcceleratorPedalCmd],
-        Qos::VEHICLE,
-        500.0,
-    ),
-    is(Role::SpeedCommand, "speed_command", Stack, &[Kind::DataspeedUlcCmd], Qos::VEHICLE, 500.0),
-    is(
-        Role::GearCommand,
-        "gear_command",
-        Stack,
-        &[Kind::GearCommand, Kind::DataspeedGearCmd, Kind::RaptorGearCmd],
-        Qos::VEHICLE,
-        500.0,
-    ),
-    is(
-        Role::TurnIndicatorsCommand,
-        "turn_indicators_command",
-        Stack,
-        &[Kind::TurnIndicatorsCommand],
-        Qos::VEHICLE,
-        500.0,
-    ),
-    is(
-        Role::HazardLightsCommand,
-        "hazard_lights_command",
-        Stack,
-        &[Kind::HazardLightsCommand],
-        Qos::VEHICLE,
-        500.0,
-    ),
-    is(
-        Role::Enable,
-        "enable",
-        Stack,
-        &[Kind::Engage, Kind::Empty, Kind::RaptorGlobalEnableCmd],
-        Qos::DEFAULT,
-        500.0,
-    ),
-    is(Role::Disable, "disable", Stack, &[Kind::Empty], Qos::DEFAULT, 500.0),
-    // What the stack shows.
-    is(Role::Trajectory, "trajectory", Stack, &[Kind::Trajectory], Qos::DEFAULT, 500.0),
-    is(Role::Path, "path", Stack, &[Kind::Path], Qos::DEFAULT, 500.0),
-    is(Role::Markers, "markers", Stack, &[Kind::MarkerArray], Qos::DEFAULT, 500.0),
-];
+pub(crate) use roles;
 
 impl Role {
-    /// All of them, in the order of the table.
-    pub const ALL: [Self; 37] = {
-        let mut all = [Self::Camera; 37];
-        let mut i = 0;
-        while i < all.len() {
-            all[i] = ROLES[i].role;
-            i += 1;
-        }
-        all
-    };
-
-    fn description(self) -> &'static Description {
-        &ROLES[self as usize]
-    }
-
     /// As it is written in a table.
     pub fn name(self) -> &'static str {
         self.description().name
@@ -245,6 +82,11 @@ impl Role {
     /// Who publishes it.
     pub fn side(self) -> Side {
         self.description().side
+    }
+
+    /// The part that it plays.
+    pub fn purpose(self) -> Purpose {
+        self.description().purpose
     }
 
     /// Types that it can have.
@@ -257,23 +99,10 @@ impl Role {
     }
 
     pub(super) fn rate_max_hz(self) -> Option<f64> {
-        self.description().rate_max_hz
+        Some(self.description().rate_max_hz)
     }
 }
 
 pub(super) fn names() -> Vec<(&'static str, Role)> {
-    ROLES.iter().map(|description| (description.name, description.role)).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_table_is_in_the_order_of_the_roles() {
-        for (i, role) in Role::ALL.iter().enumerate() {
-            assert_eq!(*role as usize, i, "{}", role.name());
-            assert!(!role.kinds().is_empty());
-        }
-    }
+    Role::ALL.iter().map(|role| (role.name(), *role)).collect()
 }

@@ -5,6 +5,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::builtin_interfaces::Time;
+use crate::check::parts::{ACCEL_MAX_MPS2, SPEED_MAX_MPS, TIRE_ANGLE_MAX_RAD};
+use crate::check::{Check, Invalid, within};
 
 /// Angle of the front road wheels, radians, positive to the left, and its rate.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -28,11 +30,23 @@ pub struct Longitudinal {
     pub is_defined_jerk: bool,
 }
 
-/// What the vehicle is to do.
+/// The motion that is asked of the vehicle.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Control {
     pub stamp: Time,
     pub control_time: Time,
     pub lateral: Lateral,
     pub longitudinal: Longitudinal,
+}
+
+impl Check for Control {
+    fn check(&self) -> Result<(), Invalid> {
+        let (lateral, longitudinal) = (&self.lateral, &self.longitudinal);
+        let angle = f64::from(lateral.steering_tire_angle);
+        within("lateral.steering_tire_angle", angle, -TIRE_ANGLE_MAX_RAD, TIRE_ANGLE_MAX_RAD)?;
+        let speed = f64::from(longitudinal.velocity);
+        within("longitudinal.velocity", speed, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+        let accel = f64::from(longitudinal.acceleration);
+        within("longitudinal.acceleration", accel, -ACCEL_MAX_MPS2, ACCEL_MAX_MPS2)
+    }
 }

@@ -9,6 +9,8 @@ use super::geometry_msgs::{
     AccelWithCovariance, Polygon, Pose, PoseWithCovariance, TwistWithCovariance, Vector3,
 };
 use super::std_msgs::Header;
+use crate::check::parts::{frame, pose, twist};
+use crate::check::{Check, Invalid, within};
 
 /// Sixteen bytes that name a thing.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -16,7 +18,7 @@ pub struct UUID {
     pub uuid: [u8; 16],
 }
 
-/// What it may be, and how likely.
+/// A class that it may be of, and how likely.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ObjectClassification {
     pub label: u8,
@@ -83,4 +85,39 @@ pub struct PredictedObject {
 pub struct PredictedObjects {
     pub header: Header,
     pub objects: Vec<PredictedObject>,
+}
+
+impl Check for PredictedObjects {
+    fn check(&self) -> Result<(), Invalid> {
+        frame("header.frame_id", &self.header.frame_id)?;
+        for (i, object) in self.objects.iter().enumerate() {
+            let at = |part: &str| format!("objects[{i}].{part}");
+            within(&at("existence_probability"), f64::from(object.existence_probability), 0.0, 1.0)?;
+            for label in &object.classification {
+                within(&at("classification.label"), f64::from(label.label), 0.0, 11.0)?;
+                within(&at("classification.probability"), f64::from(label.probability), 0.0, 1.0)?;
+            }
+            let kinematics = &object.kinematics;
+            pose(
+                &at("kinematics.initial_pose_with_covariance.pose"),
+                &kinematics.initial_pose_with_covariance.pose,
+            )?;
+            twist(
+                &at("kinematics.initial_twist_with_covariance.twist"),
+                &kinematics.initial_twist_with_covariance.twist,
+            )?;
+            for path in &kinematics.predicted_paths {
+                within(&at("kinematics.predicted_paths.confidence"), f64::from(path.confidence), 0.0, 1.0)?;
+                for one in &path.path {
+                    pose(&at("kinematics.predicted_paths.path"), one)?;
+                }
+            }
+            within(&at("shape.type"), f64::from(object.shape.type_), 0.0, 2.0)?;
+            let size = &object.shape.dimensions;
+            for (axis, v) in [("x", size.x), ("y", size.y), ("z", size.z)] {
+                within(&at(&format!("shape.dimensions.{axis}")), v, 0.0, 1000.0)?;
+            }
+        }
+        Ok(())
+    }
 }

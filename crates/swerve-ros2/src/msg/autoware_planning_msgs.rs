@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::builtin_interfaces::Duration;
 use super::geometry_msgs::Pose;
 use super::std_msgs::Header;
+use crate::check::parts::{SPEED_MAX_MPS, TIRE_ANGLE_MAX_RAD, frame, pose};
+use crate::check::{Check, Invalid, within};
 
 /// Where base_link is to be, when, and how it moves there.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -26,4 +28,19 @@ pub struct TrajectoryPoint {
 pub struct Trajectory {
     pub header: Header,
     pub points: Vec<TrajectoryPoint>,
+}
+
+impl Check for Trajectory {
+    fn check(&self) -> Result<(), Invalid> {
+        frame("header.frame_id", &self.header.frame_id)?;
+        for (i, point) in self.points.iter().enumerate() {
+            let at = |part: &str| format!("points[{i}].{part}");
+            pose(&at("pose"), &point.pose)?;
+            let speed = f64::from(point.longitudinal_velocity_mps);
+            within(&at("longitudinal_velocity_mps"), speed, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+            let angle = f64::from(point.front_wheel_angle_rad);
+            within(&at("front_wheel_angle_rad"), angle, -TIRE_ANGLE_MAX_RAD, TIRE_ANGLE_MAX_RAD)?;
+        }
+        Ok(())
+    }
 }

@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::builtin_interfaces::Time;
 use super::std_msgs::Header;
+use crate::check::parts::{SPEED_MAX_MPS, TIRE_ANGLE_MAX_RAD, TURN_MAX_RADPS};
+use crate::check::{Check, Invalid, within};
 
 /// Speed of base_link forward and to the left (m/s), and yaw rate (rad/s, positive to the left).
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -109,4 +111,69 @@ pub struct ControlModeCommandRequest {
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ControlModeCommandResponse {
     pub success: bool,
+}
+
+impl Check for VelocityReport {
+    fn check(&self) -> Result<(), Invalid> {
+        let speed = f64::from(self.longitudinal_velocity);
+        within("longitudinal_velocity", speed, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+        within("lateral_velocity", f64::from(self.lateral_velocity), -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+        within("heading_rate", f64::from(self.heading_rate), -TURN_MAX_RADPS, TURN_MAX_RADPS)
+    }
+}
+
+impl Check for SteeringReport {
+    fn check(&self) -> Result<(), Invalid> {
+        let angle = f64::from(self.steering_tire_angle);
+        within("steering_tire_angle", angle, -TIRE_ANGLE_MAX_RAD, TIRE_ANGLE_MAX_RAD)
+    }
+}
+
+impl Check for ControlModeReport {
+    fn check(&self) -> Result<(), Invalid> {
+        within("mode", f64::from(self.mode), 0.0, 6.0)
+    }
+}
+
+impl Check for GearCommand {
+    fn check(&self) -> Result<(), Invalid> {
+        let last = f64::from(GearReport::LAST);
+        within("command", f64::from(self.command), 0.0, last)
+    }
+}
+
+impl Check for GearReport {
+    fn check(&self) -> Result<(), Invalid> {
+        within("report", f64::from(self.report), 0.0, f64::from(Self::LAST))
+    }
+}
+
+impl Check for TurnIndicatorsCommand {
+    fn check(&self) -> Result<(), Invalid> {
+        within("command", f64::from(self.command), 0.0, 3.0)
+    }
+}
+
+impl Check for TurnIndicatorsReport {
+    fn check(&self) -> Result<(), Invalid> {
+        within("report", f64::from(self.report), 0.0, 3.0)
+    }
+}
+
+impl Check for HazardLightsCommand {
+    fn check(&self) -> Result<(), Invalid> {
+        within("command", f64::from(self.command), 0.0, 2.0)
+    }
+}
+
+impl Check for HazardLightsReport {
+    fn check(&self) -> Result<(), Invalid> {
+        within("report", f64::from(self.report), 0.0, 2.0)
+    }
+}
+
+impl Check for Engage {
+    fn check(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
 }

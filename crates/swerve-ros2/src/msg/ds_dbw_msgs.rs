@@ -6,6 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::std_msgs::Header;
+use crate::check::parts::{SPEED_MAX_MPS, WHEEL_ANGLE_MAX_DEG, WHEEL_SPEED_MAX_RADPS};
+use crate::check::{Check, Invalid, one_of, within, within_if_any};
 
 /// Steering: `cmd_rate` in degrees/s, 0 for the vehicle's default.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -270,4 +272,148 @@ pub struct WheelSpeeds {
     pub front_right: f32,
     pub rear_left: f32,
     pub rear_right: f32,
+}
+
+/// Numbers that Dataspeed's vehicles may leave out: they are not-a-number then.
+const NOT_MEASURED: &[&str] = &[
+    "steering_wheel_angle",
+    "steering_column_torque",
+    "cmd",
+    "limit_rate",
+    "limit_value",
+    "pressure_input",
+    "pressure_cmd",
+    "pressure_output",
+    "torque_input",
+    "torque_cmd",
+    "torque_output",
+    "accel_cmd",
+    "accel_output",
+    "percent_input",
+    "percent_cmd",
+    "percent_output",
+    "brake_available_duration",
+    "vel_ref",
+    "vel_meas",
+    "accel_ref",
+    "accel_meas",
+    "vehicle_velocity_brake",
+    "vehicle_velocity_propulsion",
+    "front_left",
+    "front_right",
+    "rear_left",
+    "rear_right",
+];
+
+impl Check for SteeringCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        one_of("cmd_type", self.cmd_type, &[0, 1, 2, 3, 4, 14, 15])?;
+        within("cmd", f64::from(self.cmd), -WHEEL_ANGLE_MAX_DEG, WHEEL_ANGLE_MAX_DEG)?;
+        within("cmd_rate", f64::from(self.cmd_rate), 0.0, 2000.0)
+    }
+}
+
+impl Check for BrakeCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        one_of("cmd_type", self.cmd_type, &[0, 1, 2, 8, 9, 10, 13, 14])
+    }
+}
+
+impl Check for ThrottleCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        one_of("cmd_type", self.cmd_type, &[0, 13, 14])
+    }
+
+    fn fit(&mut self) {
+        self.cmd_type = Self::CMD_PERCENT;
+    }
+}
+
+impl Check for UlcCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        one_of("cmd_type", self.cmd_type, &[0, 1, 2])?;
+        within("cmd", f64::from(self.cmd), -SPEED_MAX_MPS, SPEED_MAX_MPS)
+    }
+}
+
+impl Check for GearCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        dataspeed_gear("cmd.value", self.cmd)
+    }
+}
+
+impl Check for SteeringReport {
+    const MAY_BE_NAN: &[&str] = NOT_MEASURED;
+
+    fn check(&self) -> Result<(), Invalid> {
+        let most = WHEEL_ANGLE_MAX_DEG;
+        within_if_any("steering_wheel_angle", self.steering_wheel_angle, -most, most)?;
+        within("cmd_type", f64::from(self.cmd_type), 0.0, 15.0)
+    }
+}
+
+impl Check for BrakeReport {
+    const MAY_BE_NAN: &[&str] = NOT_MEASURED;
+
+    fn check(&self) -> Result<(), Invalid> {
+        within("cmd_type", f64::from(self.cmd_type), 0.0, 15.0)?;
+        within_if_any("percent_input", self.percent_input, -1.0, 110.0)?;
+        within_if_any("percent_output", self.percent_output, -1.0, 110.0)
+    }
+}
+
+impl Check for ThrottleReport {
+    const MAY_BE_NAN: &[&str] = NOT_MEASURED;
+
+    fn check(&self) -> Result<(), Invalid> {
+        within("cmd_type", f64::from(self.cmd_type), 0.0, 15.0)?;
+        within_if_any("percent_input", self.percent_input, -1.0, 110.0)?;
+        within_if_any("percent_output", self.percent_output, -1.0, 110.0)
+    }
+}
+
+impl Check for UlcReport {
+    const MAY_BE_NAN: &[&str] = NOT_MEASURED;
+
+    fn check(&self) -> Result<(), Invalid> {
+        within("cmd_type", f64::from(self.cmd_type), 0.0, 15.0)?;
+        within_if_any("vel_meas", self.vel_meas, -SPEED_MAX_MPS, SPEED_MAX_MPS)
+    }
+}
+
+impl Check for GearReport {
+    fn check(&self) -> Result<(), Invalid> {
+        for (field, gear) in
+            [("gear.value", self.gear), ("cmd.value", self.cmd), ("driver.value", self.driver)]
+        {
+            dataspeed_gear(field, gear)?;
+        }
+        within("reject.value", f64::from(self.reject.value), 0.0, 15.0)
+    }
+}
+
+impl Check for VehicleVelocity {
+    const MAY_BE_NAN: &[&str] = NOT_MEASURED;
+
+    fn check(&self) -> Result<(), Invalid> {
+        let most = SPEED_MAX_MPS;
+        within_if_any("vehicle_velocity_brake", self.vehicle_velocity_brake, -most, most)?;
+        within_if_any("vehicle_velocity_propulsion", self.vehicle_velocity_propulsion, -most, most)
+    }
+}
+
+impl Check for WheelSpeeds {
+    const MAY_BE_NAN: &[&str] = NOT_MEASURED;
+
+    fn check(&self) -> Result<(), Invalid> {
+        let most = WHEEL_SPEED_MAX_RADPS;
+        within_if_any("front_left", self.front_left, -most, most)?;
+        within_if_any("front_right", self.front_right, -most, most)?;
+        within_if_any("rear_left", self.rear_left, -most, most)?;
+        within_if_any("rear_right", self.rear_right, -most, most)
+    }
+}
+
+fn dataspeed_gear(field: &str, gear: Gear) -> Result<(), Invalid> {
+    one_of(field, gear.value, &[0, 1, 2, 3, 4, 5, 6, 7, 15])
 }

@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Matrix;
 use super::std_msgs::Header;
+use crate::check::parts::{ACCEL_MAX_MPS2, frame, pose, transform, twist, variances};
+use crate::check::{Check, Invalid, within};
 
 /// A place, metres.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -143,4 +145,50 @@ pub struct TransformStamped {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Polygon {
     pub points: Vec<Point32>,
+}
+
+impl Check for PoseStamped {
+    fn check(&self) -> Result<(), Invalid> {
+        frame("header.frame_id", &self.header.frame_id)?;
+        pose("pose", &self.pose)
+    }
+}
+
+impl Check for PoseWithCovarianceStamped {
+    fn check(&self) -> Result<(), Invalid> {
+        frame("header.frame_id", &self.header.frame_id)?;
+        pose("pose.pose", &self.pose.pose)?;
+        variances("pose.covariance", &self.pose.covariance.0, 6)
+    }
+}
+
+impl Check for TwistStamped {
+    fn check(&self) -> Result<(), Invalid> {
+        twist("twist", &self.twist)
+    }
+}
+
+impl Check for TwistWithCovarianceStamped {
+    fn check(&self) -> Result<(), Invalid> {
+        twist("twist.twist", &self.twist.twist)?;
+        variances("twist.covariance", &self.twist.covariance.0, 6)
+    }
+}
+
+impl Check for AccelWithCovarianceStamped {
+    fn check(&self) -> Result<(), Invalid> {
+        let a = &self.accel.accel.linear;
+        for (axis, v) in [("x", a.x), ("y", a.y), ("z", a.z)] {
+            within(&format!("accel.accel.linear.{axis}"), v, -ACCEL_MAX_MPS2, ACCEL_MAX_MPS2)?;
+        }
+        variances("accel.covariance", &self.accel.covariance.0, 6)
+    }
+}
+
+impl Check for TransformStamped {
+    fn check(&self) -> Result<(), Invalid> {
+        frame("header.frame_id", &self.header.frame_id)?;
+        frame("child_frame_id", &self.child_frame_id)?;
+        transform("transform", &self.transform)
+    }
 }

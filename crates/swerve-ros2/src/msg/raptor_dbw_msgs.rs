@@ -6,6 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::std_msgs::Header;
+use crate::check::parts::{SPEED_MAX_MPS, WHEEL_ANGLE_MAX_DEG, WHEEL_SPEED_MAX_RADPS};
+use crate::check::{Check, Invalid, one_of, within};
 
 /// How a command is followed: 0 open loop, 1 closed at the actuator, 2 closed at the vehicle, 255 none.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -163,4 +165,84 @@ pub struct WheelSpeedReport {
     pub front_right: f32,
     pub rear_left: f32,
     pub rear_right: f32,
+}
+
+impl Check for AcceleratorPedalCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        within("pedal_cmd", f64::from(self.pedal_cmd), 0.0, 100.0)?;
+        within("speed_cmd", f64::from(self.speed_cmd), 0.0, SPEED_MAX_MPS)?;
+        raptor_mode("control_type.value", self.control_type)
+    }
+}
+
+impl Check for BrakeCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        within("pedal_cmd", f64::from(self.pedal_cmd), 0.0, 100.0)?;
+        within("park_brake_cmd.status", f64::from(self.park_brake_cmd.status), 0.0, 3.0)?;
+        raptor_mode("control_type.value", self.control_type)
+    }
+}
+
+impl Check for SteeringCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        within("angle_cmd", f64::from(self.angle_cmd), -WHEEL_ANGLE_MAX_DEG, WHEEL_ANGLE_MAX_DEG)?;
+        within("angle_velocity", f64::from(self.angle_velocity), 0.0, 2000.0)?;
+        raptor_mode("control_type.value", self.control_type)
+    }
+}
+
+impl Check for GearCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        within("cmd.gear", f64::from(self.cmd.gear), 0.0, 8.0)
+    }
+}
+
+impl Check for GlobalEnableCmd {
+    fn check(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
+}
+
+impl Check for SteeringReport {
+    fn check(&self) -> Result<(), Invalid> {
+        let angle = f64::from(self.steering_wheel_angle);
+        within("steering_wheel_angle", angle, -WHEEL_ANGLE_MAX_DEG, WHEEL_ANGLE_MAX_DEG)?;
+        raptor_mode("control_type.value", self.control_type)
+    }
+}
+
+impl Check for AcceleratorPedalReport {
+    fn check(&self) -> Result<(), Invalid> {
+        within("pedal_output", f64::from(self.pedal_output), -1.0, 110.0)?;
+        raptor_mode("control_type.value", self.control_type)
+    }
+}
+
+impl Check for BrakeReport {
+    fn check(&self) -> Result<(), Invalid> {
+        within("pedal_output", f64::from(self.pedal_output), -1.0, 110.0)?;
+        within("parking_brake.status", f64::from(self.parking_brake.status), 0.0, 3.0)?;
+        raptor_mode("control_type.value", self.control_type)
+    }
+}
+
+impl Check for MiscReport {
+    fn check(&self) -> Result<(), Invalid> {
+        within("vehicle_speed", f64::from(self.vehicle_speed), -500.0, 500.0)?;
+        within("fuel_level", f64::from(self.fuel_level), -1.0, 110.0)
+    }
+}
+
+impl Check for WheelSpeedReport {
+    fn check(&self) -> Result<(), Invalid> {
+        let most = WHEEL_SPEED_MAX_RADPS;
+        within("front_left", f64::from(self.front_left), -most, most)?;
+        within("front_right", f64::from(self.front_right), -most, most)?;
+        within("rear_left", f64::from(self.rear_left), -most, most)?;
+        within("rear_right", f64::from(self.rear_right), -most, most)
+    }
+}
+
+fn raptor_mode(field: &str, mode: ActuatorControlMode) -> Result<(), Invalid> {
+    one_of(field, mode.value, &[0, 1, 2, 255])
 }

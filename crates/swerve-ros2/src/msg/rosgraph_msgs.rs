@@ -5,9 +5,16 @@
 use serde::{Deserialize, Serialize};
 
 use super::builtin_interfaces::Time;
+use crate::check::{Check, Invalid, within};
 
 /// Simulated time.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Clock {
     pub clock: Time,
+}
+
+impl Check for Clock {
+    fn check(&self) -> Result<(), Invalid> {
+        within("clock.sec", f64::from(self.clock.sec), 0.0, f64::from(i32::MAX))
+    }
 }

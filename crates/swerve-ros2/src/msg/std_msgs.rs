@@ -5,6 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::builtin_interfaces::Time;
+use crate::check::{Check, Invalid};
 
 /// When, and in which frame.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -32,4 +33,16 @@ pub struct Bool {
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Empty {
     pub structure_needs_at_least_one_member: u8,
+}
+
+impl Check for Bool {
+    fn check(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
+}
+
+impl Check for Empty {
+    fn check(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
 }

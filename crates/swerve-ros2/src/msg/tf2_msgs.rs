@@ -5,9 +5,19 @@
 use serde::{Deserialize, Serialize};
 
 use super::geometry_msgs::TransformStamped;
+use crate::check::{Check, Invalid};
 
 /// Edges of the tree of frames.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TFMessage {
     pub transforms: Vec<TransformStamped>,
+}
+
+impl Check for TFMessage {
+    fn check(&self) -> Result<(), Invalid> {
+        for (i, edge) in self.transforms.iter().enumerate() {
+            edge.check().map_err(|e| Invalid { field: format!("transforms[{i}].{}", e.field), ..e })?;
+        }
+        Ok(())
+    }
 }

@@ -8,6 +8,7 @@ use super::builtin_interfaces::Duration;
 use super::geometry_msgs::{Point, Pose, Vector3};
 use super::sensor_msgs::CompressedImage;
 use super::std_msgs::{ColorRGBA, Header};
+use crate::check::{Check, Invalid, within};
 
 /// A place in a texture.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -65,4 +66,14 @@ impl Marker {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct MarkerArray {
     pub markers: Vec<Marker>,
+}
+
+impl Check for MarkerArray {
+    fn check(&self) -> Result<(), Invalid> {
+        for (i, marker) in self.markers.iter().enumerate() {
+            within(&format!("markers[{i}].type"), f64::from(marker.type_), 0.0, 12.0)?;
+            within(&format!("markers[{i}].action"), f64::from(marker.action), 0.0, 3.0)?;
+        }
+        Ok(())
+    }
 }

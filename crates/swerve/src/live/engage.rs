@@ -1,4 +1,4 @@
-//! From a person's wish to the edge of the gate's switch.
+//! From a person's request to the edge of the gate's switch.
 //!
 //! The gate takes a rising edge for an act, and wants all to be well at that instant. A vehicle takes a moment until
 //! it listens, and says so in its reports. So the edge comes when the vehicle listens, no driver acts, and all topics
@@ -9,19 +9,19 @@
 use swerve_core::{Span, Time};
 use swerve_msg::{GateMode, Switch};
 
-use super::intake::Wish;
+use super::intake::Request;
 use crate::config::live::EnableBy;
 
 /// Between two requests to the vehicle.
 const ASK_EVERY: Span = Span::from_ms(200);
-/// Wishes to drive that come closer than this are one act: a button that is held, a topic that is repeated.
+/// Requests to drive that come closer than this are one act: a button that is held, a topic that is repeated.
 const ACT_GAP: Span = Span::from_ms(1000);
 /// For so long at least the switch is off before it goes on, so that the gate sees an edge.
 const OFF_MIN: Span = Span::from_ms(100);
 /// How long the gate may take to follow the edge.
 const EDGE_MAX: Span = Span::from_ms(300);
 
-/// What is known at an instant.
+/// The state of vehicle, person and gate at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Situation {
     /// The instant.
@@ -32,13 +32,13 @@ pub struct Situation {
     pub listens: Option<bool>,
     /// Whether the driver acts.
     pub driver: bool,
-    /// What the gate does.
+    /// The gate's mode.
     pub mode: GateMode,
 }
 
-/// What is to be done.
+/// The next action.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Deed {
+pub struct Action {
     /// For the gate.
     pub switch: Switch,
     /// Ask the vehicle to listen.
@@ -64,7 +64,7 @@ pub struct Engagement {
     /// The start of the program is an act that has not been done yet.
     at_start: bool,
     phase: Phase,
-    last_wish: Option<Time>,
+    last_request: Option<Time>,
     emergency: bool,
     over: bool,
     was_engaged: bool,
@@ -77,7 +77,7 @@ impl Engagement {
             timeout,
             at_start: by == EnableBy::AtStart,
             phase: Phase::Idle,
-            last_wish: None,
+            last_request: None,
             emergency: false,
             over: false,
             was_engaged: false,
@@ -89,22 +89,22 @@ impl Engagement {
         self.over = true;
     }
 
-    /// Takes in what persons wished.
-    pub fn step(&mut self, wishes: &[Wish], at: &Situation) -> Deed {
+    /// Takes in what persons requested.
+    pub fn step(&mut self, requests: &[Request], at: &Situation) -> Action {
         let mut note = None;
-        for wish in wishes {
-            match *wish {
-                Wish::Emergency(stop) => self.emergency = stop,
-                Wish::Drive(false) => {
-                    self.last_wish = None;
+        for request in requests {
+            match *request {
+                Request::Emergency(stop) => self.emergency = stop,
+                Request::Drive(false) => {
+                    self.last_request = None;
                     if self.phase != Phase::Idle {
                         note = Some("the switch was released");
                     }
                     self.phase = Phase::Idle;
                 }
-                Wish::Drive(true) => {
-                    let is_act = self.last_wish.is_none_or(|last| at.now - last > ACT_GAP);
-                    self.last_wish = Some(at.now);
+                Request::Drive(true) => {
+                    let is_act = self.last_request.is_none_or(|last| at.now - last > ACT_GAP);
+                    self.last_request = Some(at.now);
                     if is_act {
                         note = self.press(at).or(note);
                     }
@@ -120,7 +120,7 @@ impl Engagement {
         }
         let (ask, said) = self.advance(at);
         let enable = matches!(self.phase, Phase::On { .. });
-        Deed { switch: Switch { enable, emergency: self.emergency }, ask, note: said.or(note) }
+        Action { switch: Switch { enable, emergency: self.emergency }, ask, note: said.or(note) }
     }
 
     /// A person acts.
@@ -208,24 +208,24 @@ mod tests {
         }
 
         /// Steps every 20 ms; the gate follows the switch.
-        fn run(&mut self, ms: i64, wishes: &[Wish]) -> Deed {
-            let mut deed = Deed::default();
-            let mut wishes = wishes;
+        fn run(&mut self, ms: i64, requests: &[Request]) -> Action {
+            let mut action = Action::default();
+            let mut requests = requests;
             for _ in 0..ms / 20 {
                 self.at.now += Span::from_ms(20);
-                deed = self.engagement.step(wishes, &self.at);
-                wishes = &[];
-                self.at.mode = match (deed.switch.enable, self.at.driver) {
+                action = self.engagement.step(requests, &self.at);
+                requests = &[];
+                self.at.mode = match (action.switch.enable, self.at.driver) {
                     (true, false) => GateMode::Driving,
                     _ => GateMode::Manual,
                 };
             }
-            deed
+            action
         }
 
         fn driving() -> Self {
             let mut bench = Self::new(EnableBy::Topic);
-            assert!(bench.run(20, &[Wish::Drive(true)]).ask);
+            assert!(bench.run(20, &[Request::Drive(true)]).ask);
             (bench.at.listens, bench.at.driver) = (Some(true), false);
             assert!(bench.run(140, &[]).switch.enable);
             bench
@@ -235,8 +235,8 @@ mod tests {
     #[test]
     fn the_edge_comes_when_the_vehicle_listens() {
         let mut bench = Bench::new(EnableBy::Topic);
-        assert!(!bench.run(1000, &[]).ask, "nobody wished");
-        assert!(bench.run(20, &[Wish::Drive(true)]).ask);
+        assert!(!bench.run(1000, &[]).ask, "nobody asked for it");
+        assert!(bench.run(20, &[Request::Drive(true)]).ask);
         assert!(!bench.run(1000, &[]).switch.enable, "it does not listen");
         (bench.at.listens, bench.at.driver) = (Some(true), false);
         assert!(bench.run(20, &[]).switch.enable);
@@ -266,37 +266,37 @@ mod tests {
         let mut held = Bench::driving();
         for ms in 0..100 {
             held.at.driver = (20..40).contains(&ms);
-            let on = held.run(100, &[Wish::Drive(true)]).switch.enable;
+            let on = held.run(100, &[Request::Drive(true)]).switch.enable;
             assert_eq!(on, ms < 20, "{ms}");
         }
         assert!(held.run(1500, &[]).switch == Switch::default());
-        assert!(held.run(140, &[Wish::Drive(true)]).switch.enable);
+        assert!(held.run(140, &[Request::Drive(true)]).switch.enable);
     }
 
     #[test]
     fn letting_go_and_emergencies_reach_the_gate() {
         let mut bench = Bench::driving();
-        assert!(bench.run(20, &[Wish::Emergency(true)]).switch.emergency);
-        assert!(!bench.run(20, &[Wish::Emergency(false)]).switch.emergency);
-        assert!(!bench.run(20, &[Wish::Drive(false)]).switch.enable);
-        assert!(bench.run(140, &[Wish::Drive(true)]).switch.enable, "a new act");
+        assert!(bench.run(20, &[Request::Emergency(true)]).switch.emergency);
+        assert!(!bench.run(20, &[Request::Emergency(false)]).switch.emergency);
+        assert!(!bench.run(20, &[Request::Drive(false)]).switch.enable);
+        assert!(bench.run(140, &[Request::Drive(true)]).switch.enable, "a new act");
         bench.engagement.end();
         assert!(!bench.run(20, &[]).switch.enable);
-        assert!(!bench.run(2000, &[Wish::Drive(true)]).switch.enable, "it is over");
+        assert!(!bench.run(2000, &[Request::Drive(true)]).switch.enable, "it is over");
     }
 
     #[test]
     fn an_edge_that_the_gate_did_not_take_is_given_again() {
         let mut bench = Bench::driving();
-        bench.engagement.step(&[Wish::Drive(false)], &bench.at);
+        bench.engagement.step(&[Request::Drive(false)], &bench.at);
         bench.at.mode = GateMode::Manual;
         let mut edges = 0;
         let mut before = false;
-        let mut wish = &[Wish::Drive(true)][..];
+        let mut request = &[Request::Drive(true)][..];
         for _ in 0..100 {
             bench.at.now += Span::from_ms(20);
-            let on = bench.engagement.step(wish, &bench.at).switch.enable;
-            wish = &[];
+            let on = bench.engagement.step(request, &bench.at).switch.enable;
+            request = &[];
             edges += i32::from(on && !before);
             before = on;
         }

@@ -14,8 +14,8 @@ use swerve_msg::{
 use swerve_ros2::AnyMessage;
 use swerve_ros2::clock::{ClockParams, StampVerdict};
 use swerve_ros2::convert::{
-    self, ConvertError, Epoch, Identities, camera_from_ros, cloud_from_ros, ego_from_pose, ego_from_ros,
-    gnss_from_ros, image_from_ros, imu_from_ros, objects_from_ros,
+    self, Beside, ConvertError, Epoch, Identities, camera_from_ros, cloud_from_ros, ego_from_pose,
+    ego_from_ros, gnss_from_ros, image_from_ros, imu_from_ros, objects_from_ros,
 };
 use swerve_ros2::mapping::{Mapping, Role};
 use swerve_ros2::msg::geometry_msgs as geo;
@@ -32,12 +32,12 @@ const ACCEL_SHARE: f64 = 0.2;
 /// Accelerations are not told from speeds that are further apart than this.
 const ACCEL_GAP: Span = Span::from_ms(500);
 
-/// What a topic brought.
+/// A topic's message as the graph takes it in.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Input {
     /// Where the ego is.
     Pose(EgoState),
-    /// What others see around it.
+    /// The objects around it, as others see them.
     Objects(ObstacleList),
     /// An inertial reading.
     Imu(Imu),
@@ -47,9 +47,9 @@ pub enum Input {
     Image(String, Image),
     /// A point cloud of the lidar of this name.
     Cloud(String, PointCloud),
-    /// What the vehicle says of itself.
+    /// The vehicle's report of itself.
     Report(VehicleReport),
-    /// What a person wants.
+    /// The person's switch.
     Switch(Switch),
     /// How the topics are, for the log.
     Topics(Vec<TopicState>),
@@ -80,7 +80,7 @@ pub struct Arrived {
     pub at: Time,
     /// Which instant it describes, later than that of the one before it on its stream.
     pub stamp: Time,
-    /// What it is.
+    /// The message.
     pub input: Input,
 }
 
@@ -152,7 +152,7 @@ impl Refusals {
     }
 }
 
-/// What became of a topic's messages.
+/// Counts of a topic's messages.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct TopicTally {
     /// Messages that came here.
@@ -167,7 +167,20 @@ pub struct TopicTally {
     pub heard: Option<Time>,
 }
 
-/// What is known of a topic.
+/// A topic's counts and clock.
+#[derive(Clone, Copy)]
+pub struct TopicSummary<'a> {
+    /// Its name in the mapping.
+    pub name: &'a str,
+    /// Its role.
+    pub role: Role,
+    /// Counts of its messages.
+    pub tally: &'a TopicTally,
+    /// The clock of its stamps.
+    pub clock: &'a TopicClock,
+}
+
+/// The state of a topic.
 struct Topic {
     role: Role,
     frame: String,
@@ -175,9 +188,9 @@ struct Topic {
     tally: TopicTally,
 }
 
-/// A person's wish that a topic brought.
+/// A person's request that a topic brought.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Wish {
+pub enum Request {
     /// The stack is to drive, or no longer.
     Drive(bool),
     /// The car is to be stopped at once, or no longer.
@@ -197,13 +210,13 @@ pub struct Intake {
     cameras: BTreeMap<String, CameraInfo>,
     lidars: Vec<String>,
     accel: Acceleration,
-    wishes: Vec<Wish>,
+    requests: Vec<Request>,
 }
 
-/// The ego's acceleration, from where it is told or from its speeds.
+/// The ego's acceleration, from where it is reported or from its speeds.
 #[derive(Default)]
 struct Acceleration {
-    told: Option<(Time, f64)>,
+    reported: Option<(Time, f64)>,
     before: Option<(Time, f64)>,
     from_speeds_mps2: f64,
 }
@@ -222,7 +235,7 @@ impl Acceleration {
                 self.from_speeds_mps2 += ACCEL_SHARE * (new - self.from_speeds_mps2);
             }
         }
-        match self.told {
+        match self.reported {
             Some((at, accel_mps2)) if now - at <= ACCEL_GAP => accel_mps2,
             _ => self.from_speeds_mps2,
         }
@@ -274,11 +287,11 @@ impl Intake {
             cameras: config.camera.iter().filter_map(camera).collect(),
             lidars: config.lidar.keys().cloned().collect(),
             accel: Acceleration::default(),
-            wishes: Vec::new(),
+            requests: Vec::new(),
         }
     }
 
-    /// What is known of the vehicle, shared with who talks to it.
+    /// The state of the vehicle, shared with who talks to it.
     pub fn car(&self) -> Arc<Mutex<Car>> {
         self.car.clone()
     }
@@ -293,14 +306,17 @@ impl Intake {
         Epoch { ns: self.epoch_ns }
     }
 
-    /// What became of the messages, by topic.
-    pub fn tallies(&self) -> impl Iterator<Item = (&str, Role, &TopicTally, &TopicClock)> {
-        self.topics.iter().map(|(name, topic)| (name.as_str(), topic.role, &topic.tally, &topic.clock))
+    /// Counts of the messages, by topic.
+    pub fn tallies(&self) -> impl Iterator<Item = TopicSummary<'_>> {
+        self.topics.iter().map(|(name, topic)| {
+            let Topic { role, tally, clock, .. } = topic;
+            TopicSummary { name, role: *role, tally, clock }
+        })
     }
 
-    /// What persons wished since the last call.
-    pub fn wishes(&mut self) -> Vec<Wish> {
-        std::mem::take(&mut self.wishes)
+    /// Requests of persons since the last call.
+    pub fn requests(&mut self) -> Vec<Request> {
+        std::mem::take(&mut self.requests)
     }
 
     /// Takes in a message of the topic called `name` in the mapping, received at `now`; what it comes to is added
@@ -309,7 +325,7 @@ impl Intake {
         let Some(mut topic) = self.topics.remove(name) else { return };
         topic.tally.received += 1;
         let taken = self.judge(&mut topic, message, now).and_then(|stamp| {
-            self.convert((name, &topic), message, (now, stamp), out).map_err(|error| {
+            self.convert(name, &topic, message, now, stamp, out).map_err(|error| {
                 topic.tally.refused.not_usable += 1;
                 error.to_string()
             })
@@ -348,24 +364,26 @@ impl Intake {
 
     fn convert(
         &mut self,
-        (name, topic): (&str, &Topic),
+        name: &str,
+        topic: &Topic,
         message: &AnyMessage,
-        (at, stamp): (Time, Time),
+        at: Time,
+        stamp: Time,
         out: &mut Vec<Arrived>,
     ) -> Result<(), ConvertError> {
-        self.hear_vehicle(topic.role, message, (at, stamp), out);
+        self.take_vehicle(topic.role, message, at, stamp, out);
         let input = match message {
             AnyMessage::Odometry(odometry) => {
                 let speed_mps = odometry.twist.twist.linear.x;
-                let beside = (self.accel.at(stamp, speed_mps), self.steering_rad());
-                let frames = (self.map.as_str(), self.base_link.as_str());
-                let ego = ego_from_ros(odometry, self.epoch(), frames, beside)?;
+                let accel_mps2 = self.accel.at(stamp, speed_mps);
+                let beside = Beside { accel_mps2, steering_rad: self.steering_rad() };
+                let ego = ego_from_ros(odometry, self.epoch(), &self.map, &self.base_link, beside)?;
                 Input::Pose(EgoState { stamp, ..ego })
             }
             AnyMessage::PoseStamped(pose) => self.pose(&pose.header, &pose.pose, stamp)?,
             AnyMessage::PoseWithCovarianceStamped(pose) => self.pose(&pose.header, &pose.pose.pose, stamp)?,
             AnyMessage::AccelWithCovarianceStamped(accel) => {
-                self.accel.told = Some((stamp, accel.accel.accel.linear.x));
+                self.accel.reported = Some((stamp, accel.accel.accel.linear.x));
                 return Ok(());
             }
             AnyMessage::PredictedObjects(objects) => {
@@ -417,22 +435,23 @@ impl Intake {
         Ok(())
     }
 
-    /// What the vehicle and the person say.
-    fn hear_vehicle(
+    /// Takes in reports of the vehicle and requests of persons.
+    fn take_vehicle(
         &mut self,
         role: Role,
         message: &AnyMessage,
-        (at, stamp): (Time, Time),
+        at: Time,
+        stamp: Time,
         out: &mut Vec<Arrived>,
     ) {
         match (role, message) {
-            (Role::Enable, AnyMessage::Empty(_)) => self.wishes.push(Wish::Drive(true)),
-            (Role::Enable, AnyMessage::Engage(engage)) => self.wishes.push(Wish::Drive(engage.engage)),
+            (Role::Enable, AnyMessage::Empty(_)) => self.requests.push(Request::Drive(true)),
+            (Role::Enable, AnyMessage::Engage(engage)) => self.requests.push(Request::Drive(engage.engage)),
             (Role::Enable, AnyMessage::RaptorGlobalEnableCmd(switch)) => {
-                self.wishes.push(Wish::Drive(switch.global_enable));
+                self.requests.push(Request::Drive(switch.global_enable));
             }
-            (Role::Disable, _) => self.wishes.push(Wish::Drive(false)),
-            (Role::Emergency, AnyMessage::Bool(stop)) => self.wishes.push(Wish::Emergency(stop.data)),
+            (Role::Disable, _) => self.requests.push(Request::Drive(false)),
+            (Role::Emergency, AnyMessage::Bool(stop)) => self.requests.push(Request::Emergency(stop.data)),
             _ => {}
         }
         let facts = self.vehicle.facts(message);

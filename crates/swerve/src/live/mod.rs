@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`intake`] | from ROS messages, live or recorded, to what the graph takes in |
 //! | [`time`] | from a sensor's clock to the time of the run |
-//! | [`vehicle`] | what a vehicle says and is told: one small trait for each interface |
+//! | [`vehicle`] | a vehicle's reports, and commands in its words: one small trait for each interface |
 //! | [`graph`] | the graph, with sources in the place of the simulated world |
 //! | [`wire`] | how messages come and go: the bridge, or what stands in for it |
 //! | [`feed`] | the thread from the wire to the graph; the switch, by [`engage`] |
@@ -59,7 +59,7 @@ use crate::run::{left_out_of_logs, problems_error, read_scenario};
 use crate::views::live_views;
 
 use engage::Engagement;
-use feed::{Fed, Feed, Teller, Wanted};
+use feed::{ControlFlags, Feed, FeedReport, Goal, StatusSink};
 use graph::LiveGraph;
 
 use crate::pipeline::Pipeline;
@@ -97,7 +97,7 @@ pub struct LiveArgs {
 /// How long the transport may take for its end.
 const BRIDGE_END: Duration = Duration::from_secs(3);
 
-/// What a drive is made of, checked.
+/// The parts of a drive, checked.
 pub struct Drive {
     /// The configuration.
     pub config: Config,
@@ -141,23 +141,56 @@ pub(crate) fn route_file(config: &Path, live: &LiveConfig) -> PathBuf {
     config.parent().unwrap_or(Path::new("")).join(&live.route)
 }
 
-/// What drives how long, and who is told.
-pub struct Terms {
+/// How long a drive lasts, on how many threads, and who is told.
+pub struct DriveOptions {
     /// Until then.
     pub until: Option<Time>,
     /// Worker threads.
     pub threads: usize,
     /// Who is told how it goes.
-    pub teller: Box<dyn Teller>,
+    pub status_sink: Box<dyn StatusSink>,
 }
 
-/// What a drive came to.
+/// The log and the trace of a drive, as they are written.
+struct DriveFiles {
+    recorder: Recorder,
+    trace: TraceWriter,
+    /// The folder that they are in.
+    folder: PathBuf,
+}
+
+/// The files of a drive that are complete, under the names of parts.
+struct Finished(PathBuf);
+
+impl DriveFiles {
+    /// Completes the files; what was recorded until a failure is kept, readable.
+    fn finish(self) -> anyhow::Result<Finished> {
+        self.recorder.finish()?;
+        self.trace.finish()?;
+        Ok(Finished(self.folder))
+    }
+}
+
+impl Finished {
+    /// Gives the files their names, now that they are whole; returns their folder.
+    fn name_whole(self) -> anyhow::Result<PathBuf> {
+        let Self(folder) = self;
+        for name in ["log.partial.mcap", "trace.partial.json"] {
+            let whole = name.replace(".partial", "");
+            std::fs::rename(folder.join(name), folder.join(&whole))
+                .with_context(|| format!("writing {whole}"))?;
+        }
+        Ok(folder)
+    }
+}
+
+/// The result of a drive.
 pub struct Driven {
     /// The engine's report, or why it failed.
     pub report: Result<RunReport, RunError>,
-    /// What came in.
-    pub fed: Fed,
-    /// What went out.
+    /// The report of the feed.
+    pub feed: FeedReport,
+    /// The report of the sink.
     pub sink: SinkReport,
     /// Figures of the drive.
     pub figures: DriveFigures,
@@ -167,12 +200,13 @@ pub struct Driven {
 pub fn drive(
     drive: &Drive,
     wire: &dyn Wire,
-    (terms, wanted): (Terms, &Wanted),
+    options: DriveOptions,
+    flags: &ControlFlags,
     observers: &mut [&mut dyn Observer],
     clock: HostClock,
 ) -> anyhow::Result<Driven> {
     let graph = LiveGraph::build(&drive.config, &drive.scenario)?;
-    drive_graph(drive, graph, wire, (terms, wanted), observers, clock)
+    drive_graph(drive, graph, wire, options, flags, observers, clock)
 }
 
 /// As [`drive`](self::drive), with a graph that is already built.
@@ -180,7 +214,8 @@ fn drive_graph(
     drive: &Drive,
     LiveGraph { pipeline: Pipeline { graph, route, .. }, inputs }: LiveGraph,
     wire: &dyn Wire,
-    (terms, wanted): (Terms, &Wanted),
+    options: DriveOptions,
+    flags: &ControlFlags,
     observers: &mut [&mut dyn Observer],
     clock: HostClock,
 ) -> anyhow::Result<Driven> {
@@ -188,7 +223,7 @@ fn drive_graph(
     let interface = || vehicle::interface(mapping.vehicle, config);
     let intake = Intake::new(mapping, interface(), config, clock.epoch_ns());
     let (orders, received) = mpsc::channel();
-    let lamp = Arc::new(Mutex::new(watch::Lamp::default()));
+    let status = Arc::new(Mutex::new(watch::DriveStatus::default()));
     let stop_max = Span::from_secs(live.stop_timeout_s);
     let stop = config.gate_params().map_err(|message| anyhow::anyhow!("gate.params: {message}"))?;
     let sink = Sink {
@@ -201,39 +236,40 @@ fn drive_graph(
         stop_max,
         has_mode_service: !live.control_mode_service.is_empty(),
         says_enable: live.enable == EnableBy::AtStart,
-        gave_up: wanted.gave_up.clone(),
+        gave_up: flags.gave_up.clone(),
     };
-    let outlet = Outlet::new(orders.clone(), lamp.clone(), route.clone());
+    let outlet = Outlet::new(orders.clone(), status.clone(), route.clone());
     let feed = Feed {
         wire,
         intake,
         inputs,
         clock,
         engagement: Engagement::new(live.enable, Span::from_secs(live.enable_timeout_s)),
-        lamp,
+        status,
         orders: Some(orders),
         stop: graph.stop_handle(),
-        until: terms.until,
-        goal: (route, scenario.ego.end_m),
-        stop_max: (stop_max, stop),
-        wanted,
-        teller: terms.teller,
+        until: options.until,
+        goal: Goal { route, s_m: scenario.ego.end_m },
+        stop_max,
+        stop_params: stop,
+        flags,
+        status_sink: options.status_sink,
     };
-    let options = RunOptions::default().seed(config.seed).threads(terms.threads);
+    let run_options = RunOptions::default().seed(config.seed).threads(options.threads);
     std::thread::scope(|scope| {
         let sinking = scope.spawn(move || {
             // The feed goes on until then: it is what knows when the car stands.
-            let _done = Set(&wanted.done);
+            let _done = Set(&flags.done);
             sink.run(&received)
         });
         let feeding = scope.spawn(move || feed.run());
         // Whatever happens below, the other threads get to know that it is over.
-        let over = Set(&wanted.run_over);
+        let over = Set(&flags.run_over);
         let mut outlet = outlet;
         let report = {
             let mut all: Vec<&mut dyn Observer> = vec![&mut outlet];
             all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
-            run_wall(graph, &options, all)
+            run_wall(graph, &run_options, all)
         };
         let figures = outlet.conclude();
         drop(over);
@@ -242,7 +278,7 @@ fn drive_graph(
         let gone = |what: &str| anyhow::anyhow!("the thread that {what} panicked: this is a bug");
         Ok(Driven {
             report,
-            fed: fed.map_err(|_| gone("feeds the graph"))?,
+            feed: fed.map_err(|_| gone("feeds the graph"))?,
             sink: sink.map_err(|_| gone("talks to the vehicle"))?,
             figures,
         })
@@ -279,13 +315,14 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut recorder = Recorder::create(&log_part, &run_start(&drive)?)?;
     set_up(&mut recorder, &drive);
-    let mut trace = TraceWriter::create(&trace_part, &["gate"])?;
+    let trace = TraceWriter::create(&trace_part, &["gate"])?;
+    let mut files = DriveFiles { recorder, trace, folder: out };
 
     if let Some(source) = &drive.config.source {
-        return recorded::run(args, &drive, source, (recorder, trace, &out));
+        return recorded::run(args, &drive, source, files);
     }
-    let wanted = Arc::new(Wanted::default());
-    let interrupted = wanted.clone();
+    let flags = Arc::new(ControlFlags::default());
+    let interrupted = flags.clone();
     // There is a handler already where a program has run before in this process: that one stays.
     let _first = ctrlc::set_handler(move || {
         interrupted.interrupts.fetch_add(1, Ordering::Relaxed);
@@ -293,54 +330,44 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     let wire = BridgeWire::start(&drive.mapping, &drive.live)?;
     let clock = HostClock::start();
     let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
-    let teller = Box::new(LiveLine::new(!args.json));
-    let terms = Terms { until, threads: args.threads, teller };
-    let driven = self::drive(&drive, &wire, (terms, &wanted), &mut [&mut recorder, &mut trace], clock);
+    let status_sink = Box::new(LiveLine::new(!args.json));
+    let options = DriveOptions { until, threads: args.threads, status_sink };
+    let driven =
+        self::drive(&drive, &wire, options, &flags, &mut [&mut files.recorder, &mut files.trace], clock);
     let topics = wire.statistics();
     let stopped = wire.stop(BRIDGE_END);
-    let told = conclude(args, &drive, (recorder, trace, &out), driven, &topics);
+    let concluded = conclude(args, &drive, files, driven, &topics);
     if stopped == Stopped::Hanging {
         // The transport does not end by itself: all files are written, so the process is ended.
-        if let Err(error) = &told {
+        if let Err(error) = &concluded {
             eprintln!("error: {}", crate::cli::message(error));
         }
-        std::process::exit(i32::from(told.is_err()));
+        std::process::exit(i32::from(concluded.is_err()));
     }
-    told
+    concluded
 }
 
 /// Ends the files and tells what it came to.
 fn conclude(
     args: &LiveArgs,
     drive: &Drive,
-    (recorder, trace, out): (Recorder, TraceWriter, &Path),
+    files: DriveFiles,
     driven: anyhow::Result<Driven>,
     topics: &[swerve_ros2::bridge::TopicStatistics],
 ) -> anyhow::Result<()> {
-    // What was recorded until a failure is kept, readable.
-    recorder.finish()?;
-    trace.finish()?;
+    let part = files.finish()?;
     let driven = driven?;
-    name_whole(out)?;
-    let summary = Summary::of(drive, &driven, topics);
+    let out = part.name_whole()?;
+    let summary = Summary::new(drive, &driven, topics);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     crate::files::write_whole(&out.join("metrics.json"), json.as_bytes())?;
-    crate::output::print(&if args.json { json } else { summary.text(out) })?;
+    crate::output::print(&if args.json { json } else { summary.text(&out) })?;
     driven.report.context("the car was stopped by what talks to it, and the run ended")?;
     anyhow::ensure!(
-        driven.fed.was_ready || args.seconds.is_none(),
+        driven.feed.was_ready || args.seconds.is_none(),
         "not all topics that are needed were there: {}",
         summary.missing()
     );
-    Ok(())
-}
-
-/// Gives the files their names, now that they are whole.
-fn name_whole(out: &Path) -> anyhow::Result<()> {
-    for name in ["log.partial.mcap", "trace.partial.json"] {
-        let whole = name.replace(".partial", "");
-        std::fs::rename(out.join(name), out.join(&whole)).with_context(|| format!("writing {whole}"))?;
-    }
     Ok(())
 }
 

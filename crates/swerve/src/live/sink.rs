@@ -16,7 +16,7 @@ use swerve_ros2::convert::Epoch;
 use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
 
 use super::intake::lock;
-use super::vehicle::{Car, Telling, VehicleInterface};
+use super::vehicle::{Car, Outgoing, VehicleInterface};
 use super::wire::{HostClock, Sent, Wire};
 
 /// Without a word from the gate for so long the car is stopped from here.
@@ -32,12 +32,12 @@ const HOLD: Span = Span::from_ms(500);
 /// How long the vehicle's service may take to answer.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
 
-/// What a controlled stop from this speed takes at most: half as long again as it should, and a reserve.
+/// The time that a controlled stop from this speed takes at most: half as long again as it should, and a reserve.
 pub(super) fn stop_takes(speed_mps: f64, stop: &GateParams) -> Span {
     Span::from_secs((1.5 * speed_mps.abs() / stop.stop_decel_mps2).min(600.0) + 3.0)
 }
 
-/// What the sink is to do.
+/// An order to the sink.
 #[derive(Clone, Copy, Debug)]
 pub enum Order {
     /// Say this.
@@ -46,7 +46,7 @@ pub enum Order {
     Ask,
 }
 
-/// What the sink did.
+/// Counts of what the sink did.
 #[derive(Clone, Copy, PartialEq, Debug, Default, serde::Serialize)]
 pub struct SinkReport {
     /// Messages that were sent.
@@ -63,13 +63,13 @@ pub struct SinkReport {
     pub stood_at_end: Option<bool>,
 }
 
-/// What a sink is made of.
+/// The parts of a sink.
 pub struct Sink<'a> {
     /// How messages go.
     pub wire: &'a dyn Wire,
     /// How the vehicle is talked to.
     pub interface: Box<dyn VehicleInterface>,
-    /// What is known of the vehicle.
+    /// The state of the vehicle.
     pub car: Arc<Mutex<Car>>,
     /// The time of the run.
     pub clock: HostClock,
@@ -87,7 +87,7 @@ pub struct Sink<'a> {
     pub gave_up: Arc<AtomicBool>,
 }
 
-/// What is between two orders.
+/// The sink's state between two orders.
 struct State {
     last: GateOutput,
     heard: Time,
@@ -204,16 +204,16 @@ impl Sink<'_> {
     }
 
     fn command(&mut self, output: &GateOutput, state: &mut State) {
-        let mut telling = self.telling();
-        self.interface.command(output, &mut telling);
-        self.send(telling, state);
+        let mut outgoing = self.outgoing();
+        self.interface.command(output, &mut outgoing);
+        self.send(outgoing, state);
     }
 
     fn ask(&mut self, on: bool, state: &mut State) {
         if self.says_enable || !on {
-            let mut telling = self.telling();
-            self.interface.enable(on, &mut telling);
-            self.send(telling, state);
+            let mut outgoing = self.outgoing();
+            self.interface.enable(on, &mut outgoing);
+            self.send(outgoing, state);
         }
         if self.has_mode_service {
             let mode = if on { ControlModeReport::AUTONOMOUS } else { ControlModeReport::MANUAL };
@@ -222,13 +222,13 @@ impl Sink<'_> {
         }
     }
 
-    fn telling(&self) -> Telling {
+    fn outgoing(&self) -> Outgoing {
         let speed_mps = lock(&self.car).speed_mps.unwrap_or(0.0);
-        Telling::new(self.clock.now(), self.epoch, speed_mps)
+        Outgoing::new(self.clock.now(), self.epoch, speed_mps)
     }
 
-    fn send(&self, telling: Telling, state: &mut State) {
-        for (role, message) in telling.messages {
+    fn send(&self, outgoing: Outgoing, state: &mut State) {
+        for (role, message) in outgoing.messages {
             match self.wire.send(role, message) {
                 Sent::Done => state.report.sent += 1,
                 Sent::Failed => state.report.not_sent += 1,

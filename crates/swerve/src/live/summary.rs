@@ -1,4 +1,4 @@
-//! What a drive came to, as `metrics.json` and the terminal say it.
+//! The summary of a drive, for `metrics.json` and the terminal.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,14 +11,14 @@ use swerve_ros2::bridge::{Refused, TopicStatistics};
 use swerve_ros2::mapping::Role;
 
 use super::feed::mode_words;
-use super::intake::TopicTally;
+use super::intake::{TopicSummary, TopicTally};
 use super::sink::SinkReport;
 use super::time::TopicClock;
 use super::watch::DriveFigures;
 use super::{Drive, Driven};
 use crate::output::align;
 
-/// What a drive came to.
+/// The result of a drive.
 #[derive(Serialize, Debug)]
 pub struct Summary {
     configuration: String,
@@ -55,7 +55,7 @@ struct Operator {
     mean_ms: f64,
 }
 
-/// What became of a topic.
+/// Counts of a topic.
 #[derive(Serialize, Debug)]
 struct Topic {
     name: String,
@@ -93,7 +93,7 @@ struct RefusedBy {
 }
 
 impl RefusedBy {
-    fn of(wire: Refused, tally: &TopicTally) -> Self {
+    fn new(wire: Refused, tally: &TopicTally) -> Self {
         let here = tally.refused;
         Self {
             malformed: wire.malformed,
@@ -130,7 +130,7 @@ impl RefusedBy {
 struct Clock {
     /// Host's clock minus the stamps' clock, ms: of the fastest message.
     offset_ms: f64,
-    /// What is not known of that.
+    /// The uncertainty of that.
     spread_ms: f64,
     /// Median of what messages were slower than the fastest.
     delay_ms: f64,
@@ -141,7 +141,7 @@ struct Clock {
 }
 
 impl Clock {
-    fn of(clock: &TopicClock) -> Option<Self> {
+    fn from_topic(clock: &TopicClock) -> Option<Self> {
         let known = clock.offset()?;
         Some(Self {
             offset_ms: known.offset.as_ms(),
@@ -155,9 +155,9 @@ impl Clock {
 
 impl Summary {
     /// Sums up a drive.
-    pub fn of(drive: &Drive, driven: &Driven, statistics: &[TopicStatistics]) -> Self {
-        let needs = driven.fed.intake.needs();
-        let topic = |(name, role, tally, clock): (&str, Role, &TopicTally, &TopicClock)| {
+    pub fn new(drive: &Drive, driven: &Driven, statistics: &[TopicStatistics]) -> Self {
+        let needs = driven.feed.intake.needs();
+        let topic = |TopicSummary { name, role, tally, clock }: TopicSummary<'_>| {
             let wire = statistics.iter().find(|s| s.name == name);
             let ms = |latency: Option<Span>| latency.map(|latency| latency.as_ms());
             let latency = wire.and_then(|s| s.latency);
@@ -176,15 +176,15 @@ impl Summary {
                 lost: wire.map_or(0, |s| s.lost),
                 overwritten: wire.map_or(0, |s| s.overwritten),
                 over_rate: wire.map_or(0, |s| s.over_rate),
-                refused: RefusedBy::of(wire.map_or_else(Refused::default, |s| s.refused), tally),
+                refused: RefusedBy::new(wire.map_or_else(Refused::default, |s| s.refused), tally),
                 last_refusal: tally
                     .last_refusal
                     .clone()
                     .or_else(|| wire.and_then(|s| s.last_refusal.clone())),
-                clock: Clock::of(clock),
+                clock: Clock::from_topic(clock),
             }
         };
-        let topics = driven.fed.intake.tallies().map(topic).collect();
+        let topics = driven.feed.intake.tallies().map(topic).collect();
         let report = driven.report.as_ref().ok();
         let operators: &[OperatorReport] = report.map_or(&[], |report| &report.operators);
         let timer = |o: &OperatorReport| Some(Timer { operator: o.name.clone(), ticks: o.ticks? });
@@ -198,15 +198,15 @@ impl Summary {
             configuration: drive.route.display().to_string(),
             vehicle: drive.mapping.vehicle.name(),
             ended: match &driven.report {
-                Ok(_) => driven.fed.why.to_owned(),
+                Ok(_) => driven.feed.why.to_owned(),
                 Err(error) => error.to_string(),
             },
             digest: report.map(|report| report.digest.to_string()),
             seconds: report.map_or(0.0, |report| report.at.as_secs()),
-            was_ready: driven.fed.was_ready,
+            was_ready: driven.feed.was_ready,
             drive: driven.figures.clone(),
             sink: driven.sink,
-            not_taken: driven.fed.not_taken,
+            not_taken: driven.feed.not_taken,
             topics,
             timers: operators.iter().filter_map(timer).collect(),
             operators: operators.iter().filter(|o| o.steps > 0).map(operator).collect(),
@@ -216,8 +216,8 @@ impl Summary {
     /// The topics that are needed and never brought anything that could be used.
     pub fn missing(&self) -> String {
         let missing = self.topics.iter().filter(|topic| topic.needed && topic.used == 0);
-        let told: Vec<String> = missing.map(|topic| format!("{} ({})", topic.name, topic.topic)).collect();
-        if told.is_empty() { "not at the same time".into() } else { told.join(", ") }
+        let missing: Vec<String> = missing.map(|topic| format!("{} ({})", topic.name, topic.topic)).collect();
+        if missing.is_empty() { "not at the same time".into() } else { missing.join(", ") }
     }
 
     /// For the terminal.

@@ -19,7 +19,7 @@ use swerve_ros2::msg::std_msgs::Bool;
 use swerve_ros2::samples::sample;
 use swerve_ros2::{AnyMessage, Kind};
 
-use super::intake::lock;
+use super::intake::{TopicSummary, lock};
 use super::wire::{Sent, Taken};
 use super::*;
 
@@ -29,7 +29,7 @@ struct Lane {
     news: Condvar,
     clock: HostClock,
     sent: AtomicU64,
-    /// What is done to the messages of each round before they are there.
+    /// The change that is made to the messages of each round before they are there.
     spoil: Spoil,
 }
 
@@ -78,7 +78,7 @@ impl LaneState {
         // Without commands it brakes by itself, without an engagement it rolls.
         let (steering_rad, accel) = match (self.engaged, young) {
             (false, _) => (self.ego.steering_rad, 0.0),
-            (true, Some((_, wish))) => (wish.steering_rad, wish.accel_mps2),
+            (true, Some((_, command))) => (command.steering_rad, command.accel_mps2),
             (true, None) => (self.ego.steering_rad, -3.0),
         };
         let ego = &mut self.ego;
@@ -133,10 +133,10 @@ impl Wire for Lane {
             AnyMessage::Engage(engage) => state.engaged = engage.engage,
             AnyMessage::Control(control) => {
                 let epoch = Epoch { ns: self.clock.epoch_ns() };
-                let wish = control_from_ros(&control, epoch);
+                let command = control_from_ros(&control, epoch);
                 let speed_mps = state.ego.speed_mps;
-                state.command = Some((now, wish));
-                state.commands.push((now, wish, speed_mps));
+                state.command = Some((now, command));
+                state.commands.push((now, command, speed_mps));
             }
             _ => {}
         }
@@ -155,7 +155,7 @@ impl Wire for Lane {
 /// Says nothing.
 struct Quiet;
 
-impl Teller for Quiet {
+impl StatusSink for Quiet {
     fn progress(&mut self, _: &str) {}
     fn note(&mut self, _: Time, _: &str) {}
 }
@@ -187,20 +187,20 @@ fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) 
     let clock = HostClock::start();
     let lane = Lane::new(clock, 3.0, spoil);
     let until = Some(Time::ZERO + Span::from_secs(seconds));
-    let terms = Terms { until, threads: 2, teller: Box::new(Quiet) };
-    let wanted = Wanted::default();
-    let driven = drive_graph(&drive, graph, &lane, (terms, &wanted), &mut [], clock).unwrap();
+    let options = DriveOptions { until, threads: 2, status_sink: Box::new(Quiet) };
+    let flags = ControlFlags::default();
+    let driven = drive_graph(&drive, graph, &lane, options, &flags, &mut [], clock).unwrap();
     lane.advance();
     (driven, lane.state.into_inner().unwrap())
 }
 
 /// All commands are numbers, within what a car can do.
 fn assert_sane(lane: &LaneState) {
-    for (at, wish, _) in &lane.commands {
-        let MotionCommand { steering_rad, speed_mps, accel_mps2, .. } = *wish;
+    for (at, command, _) in &lane.commands {
+        let MotionCommand { steering_rad, speed_mps, accel_mps2, .. } = *command;
         let sane =
             steering_rad.abs() <= 0.62 && (0.0..=30.0).contains(&speed_mps) && accel_mps2.abs() <= 13.0;
-        assert!(sane, "{at:?}: {wish:?}");
+        assert!(sane, "{at:?}: {command:?}");
     }
 }
 
@@ -213,7 +213,7 @@ fn a_sound_drive_ends_at_rest_and_released() {
     let (driven, lane) = ride(3.0, None, |_, _| {});
     assert!(driven.report.is_ok());
     assert_sane(&lane);
-    assert_eq!(driven.fed.why, "the time is over");
+    assert_eq!(driven.feed.why, "the time is over");
     let released = StopCause::Released;
     let expected =
         [GateMode::Manual, GateMode::Driving, GateMode::Stopping(released), GateMode::Holding(released)];
@@ -234,7 +234,8 @@ fn a_panic_in_the_stack_is_a_stop_and_not_the_last_command() {
     // The car was commanded to stop all the way: its own time-out had nothing to do.
     let gaps = lane.commands.windows(2).map(|pair| pair[1].0 - pair[0].0);
     assert!(gaps.max().unwrap() < Span::from_ms(200));
-    let mut braking = lane.commands.iter().filter(|(_, wish, speed)| wish.speed_mps == 0.0 && *speed > 0.5);
+    let mut braking =
+        lane.commands.iter().filter(|(_, command, speed)| command.speed_mps == 0.0 && *speed > 0.5);
     assert!(braking.clone().count() > 20);
     assert!(braking.next_back().unwrap().1.accel_mps2 <= -1.4);
 }
@@ -302,7 +303,7 @@ fn what_is_not_plausible_is_counted_and_the_commands_stay_sane() {
     assert_sane(&lane);
     assert_eq!((lane.ego.speed_mps, lane.engaged), (0.0, false));
     let tally =
-        |wanted: &str| driven.fed.intake.tallies().find(|(name, ..)| *name == wanted).unwrap().2.clone();
+        |wanted: &str| driven.feed.intake.tallies().find(|topic| topic.name == wanted).unwrap().tally.clone();
     let (velocity, odometry) = (tally("velocity").refused, tally("odometry").refused);
     assert!(velocity.implausible > 100 && velocity.behind > 100 && velocity.ahead > 100, "{velocity:?}");
     assert!(odometry.implausible > 100 && odometry.not_usable > 100, "{odometry:?}");
@@ -324,8 +325,8 @@ fn a_flood_is_lived_through() {
     });
     assert!(driven.report.is_ok());
     assert_sane(&lane);
-    assert_eq!((lane.ego.speed_mps, lane.engaged, driven.fed.not_taken), (0.0, false, 0));
-    let (_, _, odometry, _) = driven.fed.intake.tallies().find(|(name, ..)| *name == "odometry").unwrap();
+    assert_eq!((lane.ego.speed_mps, lane.engaged, driven.feed.not_taken), (0.0, false, 0));
+    let odometry = driven.feed.intake.tallies().find(|topic| topic.name == "odometry").unwrap().tally;
     assert!(odometry.refused.backwards > 1000, "{odometry:?}");
 }
 
@@ -345,14 +346,15 @@ fn a_clock_that_is_set_is_followed_and_the_car_stays_on_its_lane() {
         }
     });
     assert_sane(&lane);
-    for (name, _, tally, clock) in driven.fed.intake.tallies().filter(|(_, _, tally, _)| tally.received > 0) {
+    let heard = driven.feed.intake.tallies().filter(|topic| topic.tally.received > 0);
+    for TopicSummary { name, tally, clock, .. } in heard {
         assert_eq!((tally.refused.ahead, clock.offset().unwrap().jumps), (4, 1), "{name}");
     }
     // Four rounds without a message are 80 ms: nobody has to stop for that.
     assert!(driven.figures.driving_s > 3.0, "{:?}", driven.figures);
 }
 
-/// What a recorded drive with the configuration of this name comes to, in virtual time.
+/// Runs a recorded drive with the configuration of this name, in virtual time.
 fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Seen {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
     let drive = Drive::load(&Registry::standard(), &folder.join(name).with_extension("toml"), &[]).unwrap();
@@ -362,7 +364,7 @@ fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Se
     for (ms, name, message) in messages {
         intake.take(name, message, Time::from_ms(*ms), &mut arrived);
     }
-    for (name, _, tally, _) in intake.tallies() {
+    for TopicSummary { name, tally, .. } in intake.tallies() {
         assert_eq!(tally.refused.total(), 0, "{name}: {:?}", tally.last_refusal);
     }
     let LiveGraph { pipeline: Pipeline { mut graph, .. }, .. } =
@@ -379,7 +381,7 @@ fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Se
 #[derive(Default)]
 struct Seen {
     health: Vec<(String, SensorHealth)>,
-    wishes: Vec<MotionCommand>,
+    commands: Vec<MotionCommand>,
     plans: Vec<Plan>,
 }
 
@@ -392,7 +394,7 @@ impl Observer for Seen {
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             self.plans.push(plan.clone());
         } else if publication.operator == "fresh" {
-            self.wishes.extend(payload.downcast_ref::<MotionCommand>());
+            self.commands.extend(payload.downcast_ref::<MotionCommand>());
         }
     }
 }
@@ -464,16 +466,16 @@ fn objects_are_driven_by_and_their_silence_is_no_empty_road() {
     messages.sort_by_key(|(ms, ..)| *ms);
     let blocked = recorded("autoware", &messages, until);
     let slowest = |seen: &Seen| {
-        let before = |wish: &&MotionCommand| wish.stamp < Time::from_ms(1500);
-        seen.wishes.iter().filter(before).map(|wish| wish.accel_mps2).fold(f64::INFINITY, f64::min)
+        let before = |command: &&MotionCommand| command.stamp < Time::from_ms(1500);
+        seen.commands.iter().filter(before).map(|command| command.accel_mps2).fold(f64::INFINITY, f64::min)
     };
     assert!(slowest(&free) > -0.5 && slowest(&blocked) < -1.0, "{} {}", slowest(&free), slowest(&blocked));
     // 500 ms after the last objects no plan is made any more, and 500 ms after the last plan nothing is asked for.
     let last_plan = |seen: &Seen| seen.plans.last().unwrap().stamp;
     assert!((1900..=2000).contains(&(last_plan(&blocked).ns() / 1_000_000)), "{:?}", last_plan(&blocked));
     assert!(last_plan(&free) > Time::from_ms(3400));
-    let last_wish = |seen: &Seen| seen.wishes.last().unwrap().stamp;
-    assert!(last_wish(&blocked) < Time::from_ms(2550) && last_wish(&free) > Time::from_ms(3400));
+    let last_command = |seen: &Seen| seen.commands.last().unwrap().stamp;
+    assert!(last_command(&blocked) < Time::from_ms(2550) && last_command(&free) > Time::from_ms(3400));
 }
 
 #[test]

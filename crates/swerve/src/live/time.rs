@@ -58,7 +58,7 @@ impl TopicClock {
         time
     }
 
-    /// What is known of the clock.
+    /// The clock's offset, as far as it is known.
     pub fn offset(&self) -> Option<ClockOffset> {
         self.estimator.offset()
     }

@@ -1,4 +1,4 @@
-//! What a vehicle says and is told, in the words of its interface.
+//! Interfaces of vehicles: their reports, and commands in their words.
 //!
 //! A [`VehicleInterface`] is the whole of what a new vehicle needs in Rust: which of its messages says what, and how
 //! the gate's output is said to it. Topics and types are a table of the mapping.
@@ -21,7 +21,7 @@ use swerve_ros2::{AnyMessage, Kind};
 
 use crate::config::Config;
 
-/// What one message says of the vehicle.
+/// Facts of the vehicle that one message reports.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Facts {
     /// Speed along the heading, m/s.
@@ -38,7 +38,7 @@ pub struct Facts {
 
 /// Messages on their way to the vehicle.
 #[derive(Debug)]
-pub struct Telling {
+pub struct Outgoing {
     /// The present instant.
     pub now: Time,
     /// Which instant of the host's clock the run's time zero is.
@@ -49,14 +49,14 @@ pub struct Telling {
     pub messages: Vec<(Role, AnyMessage)>,
 }
 
-impl Telling {
+impl Outgoing {
     /// With nothing said yet.
     pub fn new(now: Time, epoch: Epoch, speed_mps: f64) -> Self {
         Self { now, epoch, speed_mps, messages: Vec::new() }
     }
 
     /// Says something on the topic of a role; it is left out where the mapping has none.
-    pub fn say(&mut self, role: Role, message: AnyMessage) {
+    pub fn push(&mut self, role: Role, message: AnyMessage) {
         self.messages.push((role, message));
     }
 }
@@ -66,14 +66,14 @@ pub trait VehicleInterface: Send {
     /// The topics without which too little is known of the vehicle to drive it.
     fn needs(&self) -> &'static [Role];
 
-    /// What a message says of the vehicle.
+    /// The facts that a message reports of the vehicle.
     fn facts(&self, message: &AnyMessage) -> Facts;
 
     /// Says to the vehicle what the gate lets through; called at the gate's rate, in manual mode too.
-    fn command(&mut self, gate: &GateOutput, telling: &mut Telling);
+    fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing);
 
     /// Asks the vehicle to listen to commands, or to listen no longer.
-    fn enable(&mut self, on: bool, telling: &mut Telling);
+    fn enable(&mut self, on: bool, outgoing: &mut Outgoing);
 }
 
 /// The interface of the vehicle that the mapping names.
@@ -86,7 +86,7 @@ pub fn interface(vehicle: Vehicle, config: &Config) -> Box<dyn VehicleInterface>
     }
 }
 
-/// What is known of the vehicle, from all that it said.
+/// The state of the vehicle, from all its reports.
 #[derive(Clone, Debug, Default)]
 pub struct Car {
     /// Speed along the heading, m/s.

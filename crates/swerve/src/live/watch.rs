@@ -1,20 +1,20 @@
-//! What an observer sees of a drive: the gate's words on their way to the sink, and the figures.
+//! An observer of a drive: it takes the gate's words on their way to the sink, and the figures.
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
-use swerve_core::{Span, Time};
-use swerve_flow::{Event, Observer};
+use swerve_core::Span;
+use swerve_flow::{Dispatcher, Event, Observer, Publication};
 use swerve_msg::{EgoState, GateMode, GateOutput, Plan, PlanStatus, Refusals, Route};
 
-use super::intake::{lock, names};
+use super::intake::lock;
 use super::sink::Order;
 
-/// What is known of the drive at the moment, for the other threads.
+/// The drive at the moment, for the other threads.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Lamp {
-    /// What the gate does.
+pub struct DriveStatus {
+    /// The gate's mode.
     pub mode: GateMode,
     /// The ego's speed, m/s.
     pub speed_mps: f64,
@@ -27,7 +27,7 @@ pub struct Lamp {
 pub struct ModeChange {
     /// When, seconds of the run.
     pub at_s: f64,
-    /// What it does from then on.
+    /// The mode from then on.
     pub mode: GateMode,
 }
 
@@ -57,9 +57,12 @@ pub struct DriveFigures {
 }
 
 /// Takes the gate's outputs to the sink, and counts.
-pub struct Outlet {
+pub struct Outlet(Dispatcher<Watch>);
+
+/// The drive so far.
+struct Watch {
     orders: Sender<Order>,
-    lamp: Arc<Mutex<Lamp>>,
+    status: Arc<Mutex<DriveStatus>>,
     route: Route,
     mode: Option<GateMode>,
     figures: DriveFigures,
@@ -71,14 +74,25 @@ pub struct Outlet {
 const POSES_MAX: usize = 1_000_000;
 
 impl Outlet {
-    /// Into `orders`, with `lamp` for the other threads.
-    pub fn new(orders: Sender<Order>, lamp: Arc<Mutex<Lamp>>, route: Route) -> Self {
+    /// Into `orders`, with `status` for the other threads.
+    pub fn new(orders: Sender<Order>, status: Arc<Mutex<DriveStatus>>, route: Route) -> Self {
         let figures = DriveFigures::default();
-        Self { orders, lamp, route, mode: None, figures, beside_m: Vec::new(), before: None }
+        let watch = Watch { orders, status, route, mode: None, figures, beside_m: Vec::new(), before: None };
+        let watch = Dispatcher::new(watch)
+            .on::<GateOutput>(Watch::gate)
+            .on::<EgoState>(Watch::pose)
+            .on::<Plan>(|watch, _, plan| lock(&watch.status).plan = Some(plan.status));
+        Self(watch)
     }
 
     /// The figures so far. The orders end here: the sink stops what still drives.
-    pub fn conclude(mut self) -> DriveFigures {
+    pub fn conclude(self) -> DriveFigures {
+        self.0.into_state().conclude()
+    }
+}
+
+impl Watch {
+    fn conclude(mut self) -> DriveFigures {
         self.beside_m.sort_by(f32::total_cmp);
         let at = |share: f64| {
             let n = self.beside_m.len();
@@ -90,20 +104,20 @@ impl Outlet {
         self.figures
     }
 
-    fn gate(&mut self, output: &GateOutput, at: Time) {
+    fn gate(&mut self, publication: &Publication<'_>, output: &GateOutput) {
         // It fails where the sink is gone, which only happens after the orders' end.
         let _ = self.orders.send(Order::Gate(*output));
         if self.mode.replace(output.mode) != Some(output.mode) {
-            self.figures.modes.push(ModeChange { at_s: at.as_secs(), mode: output.mode });
-            lock(&self.lamp).mode = output.mode;
+            self.figures.modes.push(ModeChange { at_s: publication.visible_at.as_secs(), mode: output.mode });
+            lock(&self.status).mode = output.mode;
         }
         self.figures.refused = output.refusals;
         self.figures.limited += u64::from(output.limited);
         self.figures.outputs += 1;
     }
 
-    fn pose(&mut self, ego: &EgoState) {
-        lock(&self.lamp).speed_mps = ego.speed_mps;
+    fn pose(&mut self, _: &Publication<'_>, ego: &EgoState) {
+        lock(&self.status).speed_mps = ego.speed_mps;
         let before = self.before.replace(*ego);
         if self.mode != Some(GateMode::Driving) {
             return;
@@ -123,16 +137,6 @@ impl Outlet {
 
 impl Observer for Outlet {
     fn event(&mut self, event: &Event<'_>) {
-        let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
-        if let Some(output) = payload.downcast_ref::<GateOutput>() {
-            self.gate(output, publication.visible_at);
-        } else if let Some(ego) =
-            payload.downcast_ref::<EgoState>().filter(|_| publication.operator == names::POSE)
-        {
-            self.pose(ego);
-        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
-            lock(&self.lamp).plan = Some(plan.status);
-        }
+        self.0.event(event);
     }
 }

@@ -30,7 +30,7 @@ impl HostClock {
         Self { begin: Instant::now(), epoch_ns: unix_ns() }
     }
 
-    /// What the host's clock showed at the beginning, nanoseconds since the Unix epoch.
+    /// The host's time at the beginning, nanoseconds since the Unix epoch.
     pub fn epoch_ns(&self) -> i64 {
         self.epoch_ns
     }
@@ -43,7 +43,7 @@ impl HostClock {
     }
 
     /// The time of the run at which something happened that the host's clock gave this time.
-    pub fn of_host(&self, host_ns: i64) -> Time {
+    pub fn at_host(&self, host_ns: i64) -> Time {
         let age = Span::from_ns(unix_ns().saturating_sub(host_ns)).clamp(Span::ZERO, AGE_MAX);
         self.now() - age
     }
@@ -62,11 +62,11 @@ pub struct Taken<'a> {
     pub name: &'a str,
     /// The message.
     pub message: AnyMessage,
-    /// What the host's clock showed when it came, nanoseconds since the Unix epoch.
+    /// The host's time when it came, nanoseconds since the Unix epoch.
     pub received_ns: i64,
 }
 
-/// What became of a message.
+/// The fate of a message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Sent {
     /// It is on its way.
@@ -94,7 +94,7 @@ pub trait Wire: Sync {
     /// Nobody answered.
     fn ask_mode(&self, mode: u8, timeout: Duration) -> Result<bool, String>;
 
-    /// What happened on the topics.
+    /// Counts of the topics.
     fn statistics(&self) -> Vec<TopicStatistics>;
 }
 
@@ -126,7 +126,7 @@ impl BridgeWire {
     }
 }
 
-/// What is added to the name of a topic on which a person is heard, for what we say there ourselves.
+/// Suffix of the name of a topic on which a person is heard, for our own messages there.
 const OWN: &str = " (own)";
 
 /// The stack's side of a mapping. Where a person has the switch, its topics are heard as well.

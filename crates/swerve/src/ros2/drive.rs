@@ -1,4 +1,4 @@
-//! What another stack says on the command topics, on its way to the safety gate.
+//! Commands of another stack, from its topics to the safety gate.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,7 +19,7 @@ use swerve_vehicle::{Pedals, VehicleParams, accel_for_pedals};
 
 use crate::config::live::EnableBy;
 use crate::live::engage::{Engagement, Situation};
-use crate::live::intake::Wish;
+use crate::live::intake::Request;
 use crate::live::time::TopicClock;
 use crate::pipeline::Pipeline;
 
@@ -29,12 +29,12 @@ const TICK: Duration = Duration::from_millis(20);
 const AT_ONCE: usize = 256;
 /// Steering and pedals come in messages of their own: together they are a command only within this time.
 const TOGETHER: Span = Span::from_ms(200);
-/// How long a wish to drive waits for commands that can be driven.
+/// How long a request to drive waits for commands that can be driven.
 const ENABLE_WITHIN: Span = Span::from_ms(5000);
 /// Speed into acceleration where only the speed is told, 1/s.
 const SPEED_GAIN_PER_S: f64 = 2.0;
 
-/// What a stack outside says, on its way into the pipeline.
+/// Inputs of the pipeline by which a stack outside drives.
 pub(super) struct DriverInputs {
     /// What it asks of the vehicle.
     pub(super) commands: SourceHandle<MotionCommand>,
@@ -50,7 +50,7 @@ impl DriverInputs {
     }
 }
 
-/// What the run says of the car, for who reads commands.
+/// The car's state in the run, for the reader of commands.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moment {
     pub(super) now: Time,
@@ -66,9 +66,9 @@ pub(super) fn lock(shared: &Mutex<Moment>) -> MutexGuard<'_, Moment> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What was heard of the other stack.
+/// Counts of the other stack's commands.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Heard {
+pub(super) struct ListenerReport {
     /// Commands that went to the gate.
     pub(super) commands: u64,
     /// Commands that did not, for want of a plausible stamp.
@@ -77,19 +77,19 @@ pub(super) struct Heard {
     pub(super) clock: Option<ClockOffset>,
 }
 
-/// Reads commands and wishes until it is stopped.
+/// Reads commands and requests until it is stopped.
 pub(super) struct Listener {
     inputs: DriverInputs,
     shared: Shared,
     clock: TopicClock,
     engagement: Engagement,
-    wishes: Vec<Wish>,
-    /// Since when a wish to drive waits for commands.
+    requests: Vec<Request>,
+    /// Since when a request to drive waits for commands.
     waits_since: Option<Time>,
     switch: Option<Switch>,
     wire: Wire,
     last: Option<Time>,
-    heard: Heard,
+    report: ListenerReport,
 }
 
 impl Listener {
@@ -99,16 +99,16 @@ impl Listener {
             shared,
             clock: TopicClock::new(ClockParams::default()),
             engagement: Engagement::new(EnableBy::Topic, ENABLE_WITHIN),
-            wishes: Vec::new(),
+            requests: Vec::new(),
             waits_since: None,
             switch: None,
             wire: Wire::new(vehicle),
             last: None,
-            heard: Heard::default(),
+            report: ListenerReport::default(),
         }
     }
 
-    pub(super) fn run(mut self, bridge: &Bridge, mapping: &Mapping, stop: &AtomicBool) -> Heard {
+    pub(super) fn run(mut self, bridge: &Bridge, mapping: &Mapping, stop: &AtomicBool) -> ListenerReport {
         while !stop.load(Ordering::Relaxed) {
             bridge.wait(TICK);
             for (id, received) in std::iter::from_fn(|| bridge.take_any()).take(AT_ONCE) {
@@ -117,78 +117,78 @@ impl Listener {
                     self.take(role, &received.message);
                 }
             }
-            let wishes = &mut self.wishes;
+            let requests = &mut self.requests;
             // Only Autoware's vehicles have the service.
             let _none = bridge.serve_control_mode(|mode| {
                 let drive = mode == ControlModeReport::AUTONOMOUS;
-                wishes.push(Wish::Drive(drive));
+                requests.push(Request::Drive(drive));
                 drive || mode == ControlModeReport::MANUAL
             });
             self.advance_switch();
         }
-        self.heard.clock = self.clock.offset();
-        self.heard
+        self.report.clock = self.clock.offset();
+        self.report
     }
 
     fn advance_switch(&mut self) {
         let Moment { now, mode, .. } = *lock(&self.shared);
         let ready = self.last.is_some_and(|last| now - last < TOGETHER);
-        let mut wishes = std::mem::take(&mut self.wishes);
-        // A wish to drive and the first commands come in any order.
-        if wishes.contains(&Wish::Drive(false)) {
+        let mut requests = std::mem::take(&mut self.requests);
+        // A request to drive and the first commands come in any order.
+        if requests.contains(&Request::Drive(false)) {
             self.waits_since = None;
-        } else if !ready && wishes.contains(&Wish::Drive(true)) {
+        } else if !ready && requests.contains(&Request::Drive(true)) {
             self.waits_since = Some(now);
-            wishes.retain(|wish| *wish != Wish::Drive(true));
+            requests.retain(|request| *request != Request::Drive(true));
         } else if ready && self.waits_since.take().is_some_and(|since| now - since < ENABLE_WITHIN) {
-            wishes.push(Wish::Drive(true));
+            requests.push(Request::Drive(true));
         }
         let at = Situation { now, ready, listens: None, driver: false, mode };
-        let deed = self.engagement.step(&wishes, &at);
-        if self.switch.replace(deed.switch) != Some(deed.switch) {
+        let action = self.engagement.step(&requests, &at);
+        if self.switch.replace(action.switch) != Some(action.switch) {
             // A run that is over has nobody to be told.
-            let _over = self.inputs.switch.send_now(deed.switch);
+            let _over = self.inputs.switch.send_now(action.switch);
         }
     }
 
     fn take(&mut self, role: Role, message: &AnyMessage) {
         let Moment { now, speed_mps, .. } = *lock(&self.shared);
         match (role, message) {
-            (Role::Enable, AnyMessage::Engage(engage)) => self.wishes.push(Wish::Drive(engage.engage)),
+            (Role::Enable, AnyMessage::Engage(engage)) => self.requests.push(Request::Drive(engage.engage)),
             (Role::Enable, AnyMessage::RaptorGlobalEnableCmd(all)) => {
-                self.wishes.push(Wish::Drive(all.global_enable));
+                self.requests.push(Request::Drive(all.global_enable));
             }
-            (Role::Enable, AnyMessage::Empty(_)) => self.wishes.push(Wish::Drive(true)),
-            (Role::Disable, AnyMessage::Empty(_)) => self.wishes.push(Wish::Drive(false)),
+            (Role::Enable, AnyMessage::Empty(_)) => self.requests.push(Request::Drive(true)),
+            (Role::Disable, AnyMessage::Empty(_)) => self.requests.push(Request::Drive(false)),
             (_, AnyMessage::Control(control)) => {
-                let mut wish = control_from_ros(control, Epoch::default());
+                let mut command = control_from_ros(control, Epoch::default());
                 if !control.longitudinal.is_defined_acceleration {
-                    wish.accel_mps2 = SPEED_GAIN_PER_S * (wish.speed_mps - speed_mps);
+                    command.accel_mps2 = SPEED_GAIN_PER_S * (command.speed_mps - speed_mps);
                 }
-                self.send(now, Some(control.stamp), wish);
+                self.send(now, Some(control.stamp), command);
             }
             (_, message) => {
-                if let Some((stamp, wish)) = self.wire.take(message, now, speed_mps) {
-                    self.send(now, stamp, wish);
+                if let Some((stamp, command)) = self.wire.take(message, now, speed_mps) {
+                    self.send(now, stamp, command);
                 }
             }
         }
     }
 
     /// Hands a command to the gate, with its stamp as an instant of the run.
-    fn send(&mut self, now: Time, stamp: Option<builtin::Time>, wish: MotionCommand) {
+    fn send(&mut self, now: Time, stamp: Option<builtin::Time>, command: MotionCommand) {
         let stamp = match stamp.map(|stamp| self.clock.time(stamp.ns(), now, 0)) {
             None => self.clock.unstamped(now),
             Some(Ok(stamp)) => stamp,
             Some(Err(_)) => {
-                self.heard.implausible += 1;
+                self.report.implausible += 1;
                 return;
             }
         };
-        self.heard.commands += 1;
+        self.report.commands += 1;
         self.last = Some(now);
         // A run that is over has nobody to be told.
-        let _over = self.inputs.commands.send(stamp, MotionCommand { stamp, ..wish });
+        let _over = self.inputs.commands.send(stamp, MotionCommand { stamp, ..command });
     }
 }
 
@@ -256,7 +256,7 @@ impl Wire {
             }
             _ => return None,
         };
-        let lately = |told: Option<(Time, f64)>| told.filter(|(at, _)| now - *at < TOGETHER).map(|(_, x)| x);
+        let lately = |said: Option<(Time, f64)>| said.filter(|(at, _)| now - *at < TOGETHER).map(|(_, x)| x);
         let pedals = || {
             // One of the two may be left out, but not both.
             let (throttle, brake) = (lately(self.throttle), lately(self.brake));
@@ -266,15 +266,15 @@ impl Wire {
         };
         let accel_mps2 = lately(self.accel_mps2).or_else(pedals)?;
         let steering_rad = self.gear.steering_rad(f64::from(wheel_deg));
-        let wish = MotionCommand { stamp: now, steering_rad, speed_mps: self.speed_mps, accel_mps2 };
-        Some((stamp, wish))
+        let command = MotionCommand { stamp: now, steering_rad, speed_mps: self.speed_mps, accel_mps2 };
+        Some((stamp, command))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use swerve_msg::Command;
-    use swerve_ros2::convert::{Dataspeed, Raptor};
+    use swerve_ros2::convert::{AccelLimits, Dataspeed, Raptor};
     use swerve_vehicle::pedals_for_accel;
 
     use super::*;
@@ -289,11 +289,12 @@ mod tests {
         let car = Dataspeed::default();
         let steering = AnyMessage::DataspeedSteeringCmd(car.steering(at(10), 0.1, true, false));
         assert!(wire.take(&steering, at(10), 5.0).is_none(), "nothing was said of speed");
+        let limits = AccelLimits { accel_mps2: 1.5, decel_mps2: 3.0 };
         let faster = MotionCommand { speed_mps: 9.0, ..MotionCommand::default() };
-        let speed = AnyMessage::DataspeedUlcCmd(car.speed(&faster, (1.5, 3.0), true, false));
+        let speed = AnyMessage::DataspeedUlcCmd(car.speed(&faster, limits, true, false));
         assert!(wire.take(&speed, at(20), 5.0).is_none());
-        let (_, wish) = wire.take(&steering, at(30), 5.0).unwrap();
-        assert!((wish.steering_rad - 0.1).abs() < 1e-6 && wish.accel_mps2 == 1.5, "{wish:?}");
+        let (_, command) = wire.take(&steering, at(30), 5.0).unwrap();
+        assert!((command.steering_rad - 0.1).abs() < 1e-6 && command.accel_mps2 == 1.5, "{command:?}");
         assert!(wire.take(&steering, at(20 + TOGETHER.ns() / 1_000_000), 5.0).is_none(), "the speed is old");
         let off = AnyMessage::DataspeedSteeringCmd(car.steering(at(30), 0.1, false, false));
         assert!(wire.take(&off, at(30), 5.0).is_none(), "not enabled");
@@ -311,8 +312,10 @@ mod tests {
             assert!(wire.take(&AnyMessage::RaptorAcceleratorPedalCmd(throttle), at(0), 8.0).is_none());
             assert!(wire.take(&AnyMessage::RaptorBrakeCmd(brake), at(0), 8.0).is_none());
             let steering = AnyMessage::RaptorSteeringCmd(car.steering(-0.2, true, 1));
-            let (_, wish) = wire.take(&steering, at(5), 8.0).unwrap();
-            assert!((wish.accel_mps2 - accel_mps2).abs() < 1e-3 && (wish.steering_rad + 0.2).abs() < 1e-6);
+            let (_, command) = wire.take(&steering, at(5), 8.0).unwrap();
+            assert!(
+                (command.accel_mps2 - accel_mps2).abs() < 1e-3 && (command.steering_rad + 0.2).abs() < 1e-6
+            );
         }
     }
 }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `show` | sensors, reports and plans go out: an observer of the run, which changes nothing in it |
 //! | `drive` | commands of another stack come in, where that drives: a source of the run |
+//! | `streams` | which streams' messages readers get, by the graph |
 //! | `mounts` | which sensor is on which topics, and where it sits |
 //!
 //! Messages are made and sent on two threads of their own, one for images and point clouds, one for all else. Each
@@ -12,6 +13,7 @@
 mod drive;
 mod mounts;
 mod show;
+mod streams;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,15 +26,15 @@ use serde::Serialize;
 use swerve_flow::Observer;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Bridge, Direction, EndpointId, Options, ServiceSide, Stopped};
-use swerve_ros2::mapping::{Mapping, Role, Side, Vehicle};
+use swerve_ros2::mapping::{Mapping, Purpose, Role, Side, Vehicle};
 
 use crate::config::Config;
 use crate::output::align;
 use crate::pipeline::Pipeline;
-use drive::DriverInputs;
-use drive::{Heard, Listener};
+use drive::{DriverInputs, Listener, ListenerReport};
 use mounts::Mounts;
 use show::Show;
+use streams::Streams;
 
 /// Small messages that may wait: a second of all of them.
 const SMALL_MAX: usize = 1000;
@@ -44,18 +46,6 @@ const STOP_WITHIN: Duration = Duration::from_secs(2);
 /// Makes a message; nothing where it cannot be said in ROS.
 type Make = Box<dyn FnOnce() -> Option<AnyMessage> + Send>;
 
-/// What our own stack shows of itself. Where another drives it is markers only: of what is on the road.
-const STACK: [&str; 3] = ["markers", "path", "trajectory"];
-/// What another stack may say to the car.
-const COMMANDS: [Role; 7] = [
-    Role::Command,
-    Role::SteeringCommand,
-    Role::BrakeCommand,
-    Role::ThrottleCommand,
-    Role::SpeedCommand,
-    Role::Enable,
-    Role::Disable,
-];
 /// Autoware's service that asks a vehicle to follow commands.
 const CONTROL_MODE_SERVICE: &str = "/control/control_mode_request";
 
@@ -102,7 +92,7 @@ pub struct Ros2Car {
     bridge: Arc<Bridge>,
     show: Show,
     threads: Vec<JoinHandle<()>>,
-    listener: Option<(JoinHandle<Heard>, Arc<AtomicBool>)>,
+    listener: Option<(JoinHandle<ListenerReport>, Arc<AtomicBool>)>,
 }
 
 impl Ros2Car {
@@ -113,12 +103,13 @@ impl Ros2Car {
     /// When the transport does not start.
     pub fn start(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
         let mapping = config.ros2_mapping()?;
-        let mounts = Mounts::of(config, &mapping);
+        let mounts = Mounts::new(config, &mapping);
         for sensor in mounts.without_topic() {
             eprintln!("{sensor} is on no topic: name one in [ros2.topics.{sensor}]");
         }
         let driver = DriverInputs::take(pipeline);
-        let options = options(config, &mapping, &mounts, driver.is_some());
+        let streams = Streams::new(&pipeline.graph.describe()?);
+        let options = options(config, &streams, &mapping, &mounts, driver.is_some());
         let bridge = Arc::new(Bridge::start(&options)?);
         let (mut queues, mut threads) = (Vec::new(), Vec::new());
         for (name, places) in [("swerve-ros2-small", SMALL_MAX), ("swerve-ros2-large", LARGE_MAX)] {
@@ -131,7 +122,7 @@ impl Ros2Car {
         let queues = queues.try_into().expect("two were made");
         let outbox =
             Outbox { bridge: Arc::clone(&bridge), queues, dropped: vec![0; options.endpoints.len()] };
-        let mut show = Show::new(config, pipeline, &mapping, &mounts, outbox);
+        let mut show = Show::new(config, pipeline, &mapping, &mounts, streams, outbox);
         let mut listener = None;
         if let Some(inputs) = driver {
             let one = Listener::new(inputs, &pipeline.vehicle, show.is_driven());
@@ -157,7 +148,7 @@ impl Ros2Car {
             // A panic there has been told by then; what was counted is still true.
             let _told = thread.join();
         }
-        let heard = listener.and_then(|(thread, stop)| {
+        let report = listener.and_then(|(thread, stop)| {
             stop.store(true, Ordering::Relaxed);
             thread.join().ok()
         });
@@ -177,18 +168,28 @@ impl Ros2Car {
         {
             eprintln!("ROS 2's transport does not end in order; it goes with the program");
         }
-        Ros2Report { topics, driver: heard.map(Ros2Driver::of) }
+        Ros2Report { topics, driver: report.map(Ros2Driver::new) }
     }
 }
 
-/// What the bridge is made of.
-fn options(config: &Config, mapping: &Mapping, mounts: &Mounts, is_driven: bool) -> Options {
-    let shown = if is_driven { &STACK[..1] } else { &STACK };
-    let mut options = Options::from_mapping(mapping, Side::Vehicle).sending(shown);
+/// The settings of the bridge: the car's side of the mapping, and what our own stack shows of itself. Where another
+/// stack drives that is markers only, of what is on the road.
+fn options(
+    config: &Config,
+    streams: &Streams,
+    mapping: &Mapping,
+    mounts: &Mounts,
+    is_driven: bool,
+) -> Options {
+    let shown = mapping.topics.iter().filter(|topic| {
+        topic.role.purpose() == Purpose::Display && (topic.role == Role::Markers || !is_driven)
+    });
+    let shown: Vec<&str> = shown.map(|topic| topic.name.as_str()).collect();
+    let mut options = Options::from_mapping(mapping, Side::Vehicle).sending(&shown);
     let role = |name: &str| mapping.topic(name).map(|topic| topic.role);
     options.endpoints.retain(|endpoint| match endpoint.direction {
-        Direction::Send => show::is_fed(config, mapping, mounts, &endpoint.name),
-        Direction::Receive => is_driven && role(&endpoint.name).is_some_and(|role| COMMANDS.contains(&role)),
+        Direction::Send => show::is_fed(config, streams, mapping, mounts, &endpoint.name),
+        Direction::Receive => is_driven && role(&endpoint.name).is_some_and(is_command),
     });
     if is_driven && mapping.vehicle == Vehicle::Autoware {
         options.control_mode_service = Some((ServiceSide::Server, CONTROL_MODE_SERVICE.to_owned()));
@@ -196,7 +197,12 @@ fn options(config: &Config, mapping: &Mapping, mounts: &Mounts, is_driven: bool)
     options
 }
 
-/// What became of ROS 2's topics, and of who drove by them.
+/// Whether another stack may say this to the car.
+fn is_command(role: Role) -> bool {
+    role.side() == Side::Stack && matches!(role.purpose(), Purpose::Motion | Purpose::Switch)
+}
+
+/// Counts of ROS 2's topics, and of the stack that drove by them.
 #[derive(Serialize, Clone, Debug)]
 pub struct Ros2Report {
     /// The topics.
@@ -205,7 +211,7 @@ pub struct Ros2Report {
     pub driver: Option<Ros2Driver>,
 }
 
-/// What was heard of a stack that drove.
+/// Counts of the commands of a stack that drove.
 #[derive(Serialize, Clone, Debug)]
 pub struct Ros2Driver {
     /// Commands that went to the safety gate.
@@ -221,8 +227,8 @@ pub struct Ros2Driver {
 }
 
 impl Ros2Driver {
-    fn of(heard: Heard) -> Self {
-        let Heard { commands, implausible, clock } = heard;
+    fn new(report: ListenerReport) -> Self {
+        let ListenerReport { commands, implausible, clock } = report;
         Self {
             commands,
             implausible,
@@ -233,7 +239,7 @@ impl Ros2Driver {
     }
 }
 
-/// What became of a topic.
+/// Counts of a topic.
 #[derive(Serialize, Clone, Debug)]
 pub struct Ros2Topic {
     /// Its name in ROS.

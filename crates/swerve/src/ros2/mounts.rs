@@ -28,7 +28,7 @@ pub(super) struct Mounts {
 }
 
 impl Mounts {
-    pub(super) fn of(config: &Config, mapping: &Mapping) -> Self {
+    pub(super) fn new(config: &Config, mapping: &Mapping) -> Self {
         let shape = &config.sim.vehicle.shape;
         let cameras = config.camera.iter().filter(|(name, camera)| config.runs(name) && camera.wanted().rgb);
         let cameras = cameras.map(|(name, camera)| (name.as_str(), unnamed(camera.ego_from_camera())));
@@ -70,7 +70,7 @@ impl Mounts {
     pub(super) fn edges(&self, base_link: &str, at: Time, epoch: Epoch) -> TFMessage {
         let mounts = self.cameras.iter().chain(&self.lidars).chain(&self.others);
         let edges = mounts.filter(|mount| mount.frame != base_link);
-        let edge = |mount: &Mount| edge_to_ros(&mount.ego_from_sensor, (base_link, &mount.frame), at, epoch);
+        let edge = |mount: &Mount| edge_to_ros(&mount.ego_from_sensor, base_link, &mount.frame, at, epoch);
         TFMessage { transforms: edges.map(edge).collect() }
     }
 }
@@ -127,7 +127,7 @@ mod tests {
     fn mounts(text: &str) -> Mounts {
         let config =
             Config::from_document(&Document::parse("c.toml", text.to_owned()).unwrap(), &[]).unwrap();
-        Mounts::of(&config, &config.ros2_mapping().unwrap())
+        Mounts::new(&config, &config.ros2_mapping().unwrap())
     }
 
     #[test]

@@ -1,9 +1,8 @@
-use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use swerve_core::{Span, Time};
-use swerve_flow::{Event, Observer, Publication};
+use swerve_flow::{Dispatcher, Event, Observer, Payload};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{
     Command, EgoState, GateOutput, Gnss, Image, Imu, Obstacle, ObstacleList, Pixels, Plan, PointCloud,
@@ -15,7 +14,7 @@ use swerve_ros2::convert::{
     ego_to_transform, gnss_to_ros, image_to_ros, imu_to_ros, objects_to_ros, obstacles_to_markers,
     plan_to_marker, plan_to_ros, report_to_ros,
 };
-use swerve_ros2::mapping::{Mapping, Role, Side};
+use swerve_ros2::mapping::{Mapping, Purpose, Role, Side};
 use swerve_ros2::msg::geometry_msgs as geo;
 use swerve_ros2::msg::rosgraph_msgs::Clock;
 use swerve_ros2::msg::sensor_msgs::CompressedImage;
@@ -24,9 +23,10 @@ use swerve_ros2::{AnyMessage, Kind};
 use swerve_sim::sense::rolling_speeds_radps;
 use swerve_vehicle::VehicleParams;
 
+use super::Outbox;
 use super::drive::{Moment, Shared, lock};
 use super::mounts::{Mount, Mounts, frame_of};
-use super::{Outbox, STACK};
+use super::streams::Streams;
 use crate::config::Config;
 use crate::pipeline::Pipeline;
 
@@ -40,17 +40,23 @@ const OBJECTS_PERIOD: Span = Span::from_ms(100);
 const EPOCH: Epoch = Epoch { ns: 0 };
 
 /// Whether there is something to say on a topic in a run of this configuration.
-pub(super) fn is_fed(config: &Config, mapping: &Mapping, mounts: &Mounts, topic: &str) -> bool {
-    match mapping.topic(topic).map(|topic| topic.role) {
-        Some(Role::Camera | Role::CameraCompressed | Role::CameraInfo | Role::Lidar) => mounts.feed(topic),
-        Some(Role::Gnss) => config.runs("gnss"),
+pub(super) fn is_fed(
+    config: &Config,
+    streams: &Streams,
+    mapping: &Mapping,
+    mounts: &Mounts,
+    topic: &str,
+) -> bool {
+    let Some(role) = mapping.topic(topic).map(|topic| topic.role) else { return false };
+    match (role, role.purpose()) {
+        (Role::Imu, _) => true,
+        (Role::Gnss, _) => streams.carry::<Gnss>(),
+        (_, Purpose::Sensor) => mounts.feed(topic),
         // Nobody presses it in a simulated car.
-        Some(Role::Emergency) => false,
-        Some(role) => {
-            role.side() == Side::Vehicle
-                || (STACK.contains(&role.name()) && (role == Role::Markers || !config.is_driven_over_ros2()))
-        }
-        None => false,
+        (_, Purpose::Switch) => false,
+        // Of another stack's plans nothing is known here.
+        (_, Purpose::Display) => role == Role::Markers || !config.is_driven_over_ros2(),
+        _ => role.side() == Side::Vehicle,
     }
 }
 
@@ -63,24 +69,7 @@ struct Topic {
     frame: Arc<str>,
 }
 
-/// What an operator's messages are shown as.
-#[derive(Clone, Debug)]
-enum Shown {
-    World,
-    Pose,
-    Imu,
-    Gnss,
-    Odometry,
-    Plan,
-    Command,
-    Gate,
-    /// Colour images, on these topics.
-    Camera(Vec<Topic>),
-    /// Point clouds, on these topics.
-    Lidar(Vec<Topic>),
-}
-
-/// Lets something through at regular instants.
+/// Something at regular instants.
 #[derive(Default)]
 struct Throttle {
     next: Option<Time>,
@@ -97,22 +86,26 @@ impl Throttle {
 }
 
 /// Says on ROS 2's topics what happens in a run.
-pub(super) struct Show {
+pub(super) struct Show(Dispatcher<Car>);
+
+/// The simulated car as its topics show it.
+struct Car {
     outbox: Outbox,
     mapping: Mapping,
     mounts: Mounts,
     vehicle: VehicleParams,
     jpeg_quality: u8,
-    /// By operator.
-    shown: BTreeMap<String, Shown>,
+    streams: Streams,
+    /// The topics of each camera and lidar.
+    sensors: BTreeMap<String, Vec<Topic>>,
     topics: BTreeMap<Role, Vec<Topic>>,
     gear: SteeringGear,
     state: VehicleState,
     has_begun: bool,
     /// Whether the vehicle's reports are made from its wheel odometry.
     has_odometry: bool,
-    told_engaged: Option<bool>,
-    /// What who reads commands has to know of the car.
+    engaged_before: Option<bool>,
+    /// The state that the reader of commands has to know.
     driven: Option<Shared>,
     clock: Throttle,
     reports: Throttle,
@@ -125,6 +118,59 @@ impl Show {
         pipeline: &Pipeline,
         mapping: &Mapping,
         mounts: &Mounts,
+        streams: Streams,
+        outbox: Outbox,
+    ) -> Self {
+        let car = Car::new(config, pipeline, mapping, mounts, streams, outbox);
+        // Where faults befall a stream, what is shown is what its readers get.
+        let watch = Watch(Dispatcher::new(car));
+        let watch = watch
+            .on::<WorldState>(|car, _, world| car.world(world))
+            .on::<EgoState>(|car, _, ego| car.pose(*ego))
+            .on::<Imu>(|car, _, imu| car.imu(*imu))
+            .on::<Gnss>(|car, _, fix| car.gnss(*fix))
+            .on::<WheelOdometry>(|car, _, wheels| car.report(*wheels))
+            .on::<Plan>(|car, _, plan| car.plan(plan))
+            .on::<Command>(|car, _, command| car.state.pedals = *command)
+            .on::<GateOutput>(|car, _, gate| car.gate(gate))
+            .on::<Image>(Car::image)
+            .on::<PointCloud>(Car::cloud);
+        Self(watch.0)
+    }
+
+    /// Has another stack drive: tells it of the car from here on.
+    pub(super) fn is_driven(&mut self) -> Shared {
+        let car = self.0.state_mut();
+        car.state.is_engaged = false;
+        Arc::clone(car.driven.insert(Shared::default()))
+    }
+
+    /// No more comes; how many messages were dropped, by endpoint.
+    pub(super) fn finish(self) -> Vec<u64> {
+        self.0.into_state().outbox.dropped
+    }
+}
+
+/// Registers what is shown of a type: messages of streams that readers get, with the operator that they come from.
+struct Watch(Dispatcher<Car>);
+
+impl Watch {
+    fn on<T: Payload>(self, show: impl Fn(&mut Car, &str, &T) + Send + 'static) -> Self {
+        Self(self.0.on::<T>(move |car, publication, payload| {
+            if let Some(source) = car.streams.source(publication.stream).map(str::to_owned) {
+                show(car, &source, payload);
+            }
+        }))
+    }
+}
+
+impl Car {
+    fn new(
+        config: &Config,
+        pipeline: &Pipeline,
+        mapping: &Mapping,
+        mounts: &Mounts,
+        streams: Streams,
         outbox: Outbox,
     ) -> Self {
         let topic = |name: &str| {
@@ -138,62 +184,28 @@ impl Show {
                 topics.entry(topic.role).or_default().push(topic);
             }
         }
-        // Where faults befall a stream, what is shown is what its readers get.
-        let shown_by = |stream: &str, operator: &str| {
-            config.faults_of(stream).last().map_or(operator, |(fault, _)| fault).to_owned()
-        };
-        let mut shown = BTreeMap::new();
-        for (operator, what) in [
-            ("world", Shown::World),
-            ("pose", Shown::Pose),
-            ("imu", Shown::Imu),
-            ("gnss", Shown::Gnss),
-            ("odometry", Shown::Odometry),
-            ("planner", Shown::Plan),
-            ("controller", Shown::Command),
-            ("pedals", Shown::Command),
-            ("gate", Shown::Gate),
-        ] {
-            shown.insert(shown_by(operator, operator), what);
-        }
-        let of = |mount: &Mount| mount.topics.iter().filter_map(|name| topic(name)).collect::<Vec<_>>();
-        for mount in &mounts.cameras {
-            let stream = format!("{}.rgb", mount.sensor);
-            shown.insert(shown_by(&stream, &mount.sensor), Shown::Camera(of(mount)));
-        }
-        for mount in &mounts.lidars {
-            let stream = format!("{}.points", mount.sensor);
-            shown.insert(shown_by(&stream, &mount.sensor), Shown::Lidar(of(mount)));
-        }
+        let of = |mount: &Mount| mount.topics.iter().filter_map(|name| topic(name)).collect();
+        let sensors = mounts.cameras.iter().chain(&mounts.lidars);
+        let sensors = sensors.map(|mount| (mount.sensor.clone(), of(mount))).collect();
         Self {
             outbox,
             mapping: mapping.clone(),
             mounts: mounts.clone(),
             vehicle: pipeline.vehicle.clone(),
             jpeg_quality: config.log.jpeg_quality,
-            shown,
+            has_odometry: streams.carry::<WheelOdometry>(),
+            streams,
+            sensors,
             topics,
             gear: SteeringGear::default(),
             state: VehicleState { is_engaged: true, ..VehicleState::default() },
             has_begun: false,
-            has_odometry: config.runs("odometry"),
-            told_engaged: None,
+            engaged_before: None,
             driven: None,
             clock: Throttle::default(),
             reports: Throttle::default(),
             objects: Throttle::default(),
         }
-    }
-
-    /// Another stack drives: tells it of the car from here on.
-    pub(super) fn is_driven(&mut self) -> Shared {
-        self.state.is_engaged = false;
-        Arc::clone(self.driven.insert(Shared::default()))
-    }
-
-    /// No more comes; how many messages were dropped, by endpoint.
-    pub(super) fn finish(self) -> Vec<u64> {
-        self.outbox.dropped
     }
 
     /// Has a small message sent on every topic of a role; `make` is called for each on the sender's thread.
@@ -207,25 +219,14 @@ impl Show {
         }
     }
 
-    fn take(&mut self, what: &Shown, payload: &dyn Any) {
-        match what {
-            Shown::World => payload.downcast_ref().map(|world| self.world(world)),
-            Shown::Pose => payload.downcast_ref().map(|ego| self.pose(*ego)),
-            Shown::Imu => payload.downcast_ref().copied().map(|imu: Imu| {
-                self.say(Role::Imu, move |topic| Some(AnyMessage::Imu(imu_to_ros(&imu, EPOCH, &topic.frame))))
-            }),
-            Shown::Gnss => payload.downcast_ref().copied().map(|fix: Gnss| {
-                self.say(Role::Gnss, move |topic| {
-                    Some(AnyMessage::NavSatFix(gnss_to_ros(&fix, EPOCH, &topic.frame)))
-                })
-            }),
-            Shown::Odometry => payload.downcast_ref().map(|wheels| self.report(*wheels)),
-            Shown::Plan => payload.downcast_ref().map(|plan| self.plan(plan)),
-            Shown::Command => payload.downcast_ref().map(|command: &Command| self.state.pedals = *command),
-            Shown::Gate => payload.downcast_ref().map(|gate| self.gate(gate)),
-            Shown::Camera(topics) => payload.downcast_ref().map(|image| self.image(image, topics)),
-            Shown::Lidar(topics) => payload.downcast_ref().map(|cloud| self.cloud(cloud, topics)),
-        };
+    fn imu(&mut self, imu: Imu) {
+        self.say(Role::Imu, move |topic| Some(AnyMessage::Imu(imu_to_ros(&imu, EPOCH, &topic.frame))));
+    }
+
+    fn gnss(&mut self, fix: Gnss) {
+        self.say(Role::Gnss, move |topic| {
+            Some(AnyMessage::NavSatFix(gnss_to_ros(&fix, EPOCH, &topic.frame)))
+        });
     }
 
     fn gate(&mut self, gate: &GateOutput) {
@@ -319,13 +320,14 @@ impl Show {
         self.say(Role::Tf, move |_| Some(AnyMessage::Tf(ego_to_transform(&ego, EPOCH, &map, &base))));
     }
 
-    /// What the vehicle says of itself, in the words of its interface.
+    /// Sends the reports of the vehicle, in the words of its interface.
     fn report(&mut self, wheels: WheelOdometry) {
         self.state.wheels = wheels;
         let (state, gear) = (self.state, self.gear);
         let base = self.mapping.base_frame.clone();
-        let is_news = self.told_engaged.replace(state.is_engaged) != Some(state.is_engaged);
-        let reports: Vec<Role> = self.topics.keys().copied().filter(|role| is_report(*role)).collect();
+        let is_news = self.engaged_before.replace(state.is_engaged) != Some(state.is_engaged);
+        let reports = self.topics.keys().copied().filter(|role| role.purpose() == Purpose::Report);
+        let reports: Vec<Role> = reports.collect();
         for role in reports {
             // Who comes late gets the newest of it: it need not be said again.
             if role == Role::Enabled && !is_news {
@@ -352,32 +354,32 @@ impl Show {
         });
     }
 
-    /// The topics that anybody reads: what costs is not made for nobody.
-    fn with_readers<'t>(&self, topics: &'t [Topic]) -> Vec<&'t Topic> {
-        topics.iter().filter(|topic| self.outbox.bridge.matched(topic.id) > 0).collect()
+    /// The topics of a sensor that anybody reads: what costs is not made for nobody.
+    fn with_readers(&self, sensor: &str) -> Vec<Topic> {
+        let topics = self.sensors.get(sensor).into_iter().flatten();
+        topics.filter(|topic| self.outbox.bridge.matched(topic.id) > 0).cloned().collect()
     }
 
-    fn image(&mut self, image: &Image, topics: &[Topic]) {
+    fn image(&mut self, camera: &str, image: &Image) {
         if !matches!(image.pixels, Pixels::Rgb8(_)) {
             return;
         }
         let mut shared: Option<Arc<Image>> = None;
-        for topic in self.with_readers(topics) {
-            let frame = Arc::clone(&topic.frame);
-            if topic.kind == Kind::CameraInfo {
-                let (info, size) = (image.camera, (image.width_px, image.height_px));
+        for Topic { id, kind, frame, .. } in self.with_readers(camera) {
+            if kind == Kind::CameraInfo {
+                let (info, [width_px, height_px]) = (image.camera, [image.width_px, image.height_px]);
                 let header = EPOCH.header(image.stamp, &frame);
-                self.outbox.small(topic.id, move || {
-                    Some(AnyMessage::CameraInfo(camera_to_ros(&info, size, header)))
+                self.outbox.small(id, move || {
+                    Some(AnyMessage::CameraInfo(camera_to_ros(&info, width_px, height_px, header)))
                 });
                 continue;
             }
             let image = Arc::clone(shared.get_or_insert_with(|| Arc::new(image.clone())));
-            let (kind, quality) = (topic.kind, self.jpeg_quality);
-            self.outbox.large(topic.id, move || match kind {
+            let quality = self.jpeg_quality;
+            self.outbox.large(id, move || match kind {
                 Kind::CompressedImage => {
-                    let size = (image.width_px, image.height_px);
-                    let data = swerve_foxglove::jpeg(image.pixels.bytes(), size, quality)?;
+                    let bytes = image.pixels.bytes();
+                    let data = swerve_foxglove::jpeg(bytes, image.width_px, image.height_px, quality)?;
                     let header = EPOCH.header(image.stamp, &frame);
                     let format = "rgb8; jpeg compressed bgr8".to_owned();
                     Some(AnyMessage::CompressedImage(CompressedImage { header, format, data }))
@@ -387,28 +389,17 @@ impl Show {
         }
     }
 
-    fn cloud(&mut self, cloud: &PointCloud, topics: &[Topic]) {
+    fn cloud(&mut self, lidar: &str, cloud: &PointCloud) {
         let mut shared: Option<Arc<PointCloud>> = None;
-        for topic in self.with_readers(topics) {
+        for Topic { id, frame, .. } in self.with_readers(lidar) {
             let cloud = Arc::clone(shared.get_or_insert_with(|| Arc::new(cloud.clone())));
-            let frame = Arc::clone(&topic.frame);
-            self.outbox
-                .large(topic.id, move || Some(AnyMessage::PointCloud2(cloud_to_ros(&cloud, EPOCH, &frame))));
+            self.outbox.large(id, move || Some(AnyMessage::PointCloud2(cloud_to_ros(&cloud, EPOCH, &frame))));
         }
     }
 }
 
-/// Whether a topic of this role is the vehicle's report of itself.
-fn is_report(role: Role) -> bool {
-    (Role::Velocity..=Role::Miscellaneous).contains(&role) && role != Role::Emergency
-}
-
 impl Observer for Show {
     fn event(&mut self, event: &Event<'_>) {
-        let Event::Publication(Publication { operator, payload: Some(payload), .. }) = event else { return };
-        // Taken out while it is looked at, so that all else may change.
-        let Some((operator, what)) = self.shown.remove_entry(*operator) else { return };
-        self.take(&what, payload.as_any());
-        self.shown.insert(operator, what);
+        self.0.event(event);
     }
 }

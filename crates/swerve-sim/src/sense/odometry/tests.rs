@@ -190,7 +190,7 @@ fn parameters_that_cannot_be_are_all_named() {
         steering_noise_rad: f64::NAN,
         ..WheelOdometryParams::default()
     };
-    let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
+    let problems: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
     assert_eq!(
         problems,
         [

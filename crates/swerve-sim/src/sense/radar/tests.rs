@@ -397,7 +397,7 @@ fn parameters_that_cannot_be_are_all_named() {
         clutter_per_scan: -1.0,
         ..RadarParams::default()
     };
-    let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
+    let problems: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
     assert_eq!(
         problems,
         [

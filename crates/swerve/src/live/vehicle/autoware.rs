@@ -6,7 +6,7 @@ use swerve_ros2::msg::autoware_vehicle_msgs::{
     Engage, GearCommand, GearReport, HazardLightsCommand, TurnIndicatorsCommand,
 };
 
-use super::{Facts, Telling, VehicleInterface};
+use super::{Facts, Outgoing, VehicleInterface};
 
 /// Autoware's vehicle interface: angle of the road wheels, speed and acceleration.
 pub(super) struct Autoware;
@@ -35,24 +35,24 @@ impl VehicleInterface for Autoware {
         facts
     }
 
-    fn command(&mut self, gate: &GateOutput, telling: &mut Telling) {
-        let stamp = telling.epoch.stamp(telling.now);
-        telling.say(Role::Command, AnyMessage::Control(control_to_ros(&gate.command, telling.epoch)));
+    fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
+        let stamp = outgoing.epoch.stamp(outgoing.now);
+        outgoing.push(Role::Command, AnyMessage::Control(control_to_ros(&gate.command, outgoing.epoch)));
         let gear = if gate.engaged { GearReport::DRIVE } else { GearReport::NONE };
-        telling.say(Role::GearCommand, AnyMessage::GearCommand(GearCommand { stamp, command: gear }));
+        outgoing.push(Role::GearCommand, AnyMessage::GearCommand(GearCommand { stamp, command: gear }));
         let indicators = TurnIndicatorsCommand { stamp, command: OFF };
-        telling.say(Role::TurnIndicatorsCommand, AnyMessage::TurnIndicatorsCommand(indicators));
+        outgoing.push(Role::TurnIndicatorsCommand, AnyMessage::TurnIndicatorsCommand(indicators));
         // Who stops without having been asked to, warns.
         let warns = match gate.mode {
             GateMode::Stopping(cause) | GateMode::Holding(cause) => cause != StopCause::Released,
             GateMode::Manual | GateMode::Driving => false,
         };
         let hazard = HazardLightsCommand { stamp, command: if warns { ON } else { OFF } };
-        telling.say(Role::HazardLightsCommand, AnyMessage::HazardLightsCommand(hazard));
+        outgoing.push(Role::HazardLightsCommand, AnyMessage::HazardLightsCommand(hazard));
     }
 
-    fn enable(&mut self, on: bool, telling: &mut Telling) {
-        let engage = Engage { stamp: telling.epoch.stamp(telling.now), engage: on };
-        telling.say(Role::Enable, AnyMessage::Engage(engage));
+    fn enable(&mut self, on: bool, outgoing: &mut Outgoing) {
+        let engage = Engage { stamp: outgoing.epoch.stamp(outgoing.now), engage: on };
+        outgoing.push(Role::Enable, AnyMessage::Engage(engage));
     }
 }

@@ -1,13 +1,14 @@
 use swerve_msg::{Command, GateMode, GateOutput};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::convert::{
-    Dataspeed, SteeringGear, dataspeed_speed_from_ros, dataspeed_steering_from_ros, driver_active,
+    AccelLimits, Dataspeed, SteeringGear, dataspeed_speed_from_ros, dataspeed_steering_from_ros,
+    driver_active,
 };
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::std_msgs::Empty;
 use swerve_vehicle::{VehicleParams, pedals_for_accel};
 
-use super::{Facts, Telling, VehicleInterface};
+use super::{Facts, Outgoing, VehicleInterface};
 use crate::config::Config;
 use crate::config::live::Longitudinal;
 
@@ -54,35 +55,38 @@ impl VehicleInterface for DataspeedInterface {
         facts
     }
 
-    fn command(&mut self, gate: &GateOutput, telling: &mut Telling) {
-        let car = Dataspeed { gear: self.gear, epoch: telling.epoch };
+    fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
+        let car = Dataspeed { gear: self.gear, epoch: outgoing.epoch };
         let (enable, clear) = (gate.engaged, gate.engaged && !self.engaged_before);
         self.engaged_before = gate.engaged;
-        let steering = car.steering(telling.now, gate.command.steering_rad, enable, clear);
-        telling.say(Role::SteeringCommand, AnyMessage::DataspeedSteeringCmd(steering));
-        let mut wish = gate.command;
+        let steering = car.steering(outgoing.now, gate.command.steering_rad, enable, clear);
+        outgoing.push(Role::SteeringCommand, AnyMessage::DataspeedSteeringCmd(steering));
+        let mut motion = gate.command;
         match self.longitudinal {
             Longitudinal::Speed => {
                 // A stop asks for a speed of zero: what the vehicle said of its speed may be out of date.
                 if gate.mode == GateMode::Driving {
-                    wish.speed_mps = (telling.speed_mps + PREVIEW_S * wish.accel_mps2).max(0.0);
+                    motion.speed_mps = (outgoing.speed_mps + PREVIEW_S * motion.accel_mps2).max(0.0);
                 }
-                let limits = (wish.accel_mps2.max(LIMIT_MIN_MPS2), (-wish.accel_mps2).max(LIMIT_MIN_MPS2));
-                let speed = car.speed(&wish, limits, enable, clear);
-                telling.say(Role::SpeedCommand, AnyMessage::DataspeedUlcCmd(speed));
+                let limits = AccelLimits {
+                    accel_mps2: motion.accel_mps2.max(LIMIT_MIN_MPS2),
+                    decel_mps2: (-motion.accel_mps2).max(LIMIT_MIN_MPS2),
+                };
+                let speed = car.speed(&motion, limits, enable, clear);
+                outgoing.push(Role::SpeedCommand, AnyMessage::DataspeedUlcCmd(speed));
             }
             Longitudinal::Pedals => {
-                let pedals = pedals_for_accel(&self.vehicle, telling.speed_mps, wish.accel_mps2);
+                let pedals = pedals_for_accel(&self.vehicle, outgoing.speed_mps, motion.accel_mps2);
                 let command = Command { steering_rad: 0.0, throttle: pedals.throttle, brake: pedals.brake };
-                let (throttle, brake) = car.pedals(telling.now, &command, enable, clear);
-                telling.say(Role::ThrottleCommand, AnyMessage::DataspeedThrottleCmd(throttle));
-                telling.say(Role::BrakeCommand, AnyMessage::DataspeedBrakeCmd(brake));
+                let (throttle, brake) = car.pedals(outgoing.now, &command, enable, clear);
+                outgoing.push(Role::ThrottleCommand, AnyMessage::DataspeedThrottleCmd(throttle));
+                outgoing.push(Role::BrakeCommand, AnyMessage::DataspeedBrakeCmd(brake));
             }
         }
     }
 
-    fn enable(&mut self, on: bool, telling: &mut Telling) {
+    fn enable(&mut self, on: bool, outgoing: &mut Outgoing) {
         let role = if on { Role::Enable } else { Role::Disable };
-        telling.say(role, AnyMessage::Empty(Empty::default()));
+        outgoing.push(role, AnyMessage::Empty(Empty::default()));
     }
 }

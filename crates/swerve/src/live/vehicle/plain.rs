@@ -2,7 +2,7 @@ use swerve_msg::GateOutput;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::mapping::Role;
 
-use super::{Facts, Telling, VehicleInterface};
+use super::{Facts, Outgoing, VehicleInterface};
 
 /// No drive-by-wire: the stack watches, and shows what it would do.
 pub(super) struct Plain;
@@ -26,7 +26,7 @@ impl VehicleInterface for Plain {
         }
     }
 
-    fn command(&mut self, _: &GateOutput, _: &mut Telling) {}
+    fn command(&mut self, _: &GateOutput, _: &mut Outgoing) {}
 
-    fn enable(&mut self, _: bool, _: &mut Telling) {}
+    fn enable(&mut self, _: bool, _: &mut Outgoing) {}
 }

@@ -5,7 +5,7 @@ use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::raptor_dbw_msgs::{Gear, GearCmd, GlobalEnableCmd};
 use swerve_vehicle::{VehicleParams, pedals_for_accel};
 
-use super::{Facts, Telling, VehicleInterface};
+use super::{Facts, Outgoing, VehicleInterface};
 use crate::config::Config;
 
 const DRIVE: u8 = 4;
@@ -43,23 +43,23 @@ impl VehicleInterface for RaptorInterface {
         facts
     }
 
-    fn command(&mut self, gate: &GateOutput, telling: &mut Telling) {
+    fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
         let (enable, counter) = (gate.engaged, u32::from(gate.heartbeat));
         let steering = self.raptor.steering(gate.command.steering_rad, enable, counter);
-        let pedals = pedals_for_accel(&self.vehicle, telling.speed_mps, gate.command.accel_mps2);
+        let pedals = pedals_for_accel(&self.vehicle, outgoing.speed_mps, gate.command.accel_mps2);
         let command = Command { steering_rad: 0.0, throttle: pedals.throttle, brake: pedals.brake };
         let (accelerator, brake) = self.raptor.pedals(&command, enable, counter);
-        telling.say(Role::SteeringCommand, AnyMessage::RaptorSteeringCmd(steering));
-        telling.say(Role::ThrottleCommand, AnyMessage::RaptorAcceleratorPedalCmd(accelerator));
-        telling.say(Role::BrakeCommand, AnyMessage::RaptorBrakeCmd(brake));
+        outgoing.push(Role::SteeringCommand, AnyMessage::RaptorSteeringCmd(steering));
+        outgoing.push(Role::ThrottleCommand, AnyMessage::RaptorAcceleratorPedalCmd(accelerator));
+        outgoing.push(Role::BrakeCommand, AnyMessage::RaptorBrakeCmd(brake));
         let gear = GearCmd { cmd: Gear { gear: DRIVE }, enable, rolling_counter: (counter % 256) as u8 };
-        telling.say(Role::GearCommand, AnyMessage::RaptorGearCmd(gear));
+        outgoing.push(Role::GearCommand, AnyMessage::RaptorGearCmd(gear));
     }
 
-    fn enable(&mut self, on: bool, telling: &mut Telling) {
+    fn enable(&mut self, on: bool, outgoing: &mut Outgoing) {
         self.counter = self.counter.wrapping_add(1);
         let rolling_counter = (self.counter % 256) as u8;
         let switch = GlobalEnableCmd { global_enable: on, rolling_counter, ..GlobalEnableCmd::default() };
-        telling.say(Role::Enable, AnyMessage::RaptorGlobalEnableCmd(switch));
+        outgoing.push(Role::Enable, AnyMessage::RaptorGlobalEnableCmd(switch));
     }
 }

@@ -4,7 +4,7 @@ use swerve_ros2::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
 
 use super::*;
 
-/// What the page on new vehicles says: an interface is at most this long, its imports and comments included.
+/// The promise of the page on new vehicles: an interface is at most this long, its imports and comments included.
 const LINES_MAX: usize = 100;
 
 #[test]
@@ -21,7 +21,8 @@ fn an_interface_is_no_longer_than_the_page_says() {
         assert!(lines <= LINES_MAX, "{name}: {lines} lines");
     }
     // What else there is of it: its name, its topics, a line that chooses it.
-    let tables = include_str!("../../../../swerve-ros2/src/mapping/tables.rs");
+    let catalogue = include_str!("../../../../swerve-ros2/src/catalogue.rs");
+    let (_, tables) = catalogue.split_once("const COMMON").expect("vehicles come after messages and roles");
     let own = |text: &str| text.lines().filter(|line| line.to_lowercase().contains("raptor")).count();
     let raptor = include_str!("raptor.rs").lines().count();
     assert!(page.contains(&format!("all {raptor} lines")), "the page shows the {raptor} lines of Raptor's");
@@ -41,20 +42,21 @@ fn gate(accel_mps2: f64) -> GateOutput {
     GateOutput { mode: GateMode::Driving, engaged: true, command, heartbeat: 300, ..GateOutput::default() }
 }
 
-/// What is said with the car at 4 m/s.
-fn said(vehicle: &mut dyn VehicleInterface, gate: &GateOutput) -> BTreeMap<Role, AnyMessage> {
-    let mut telling = Telling::new(Time::from_ms(1500), Epoch { ns: 10_000_000_000 }, 4.0);
-    vehicle.command(gate, &mut telling);
-    for (_, message) in &telling.messages {
+/// The messages to a car at 4 m/s.
+fn messages(vehicle: &mut dyn VehicleInterface, gate: &GateOutput) -> BTreeMap<Role, AnyMessage> {
+    let mut outgoing = Outgoing::new(Time::from_ms(1500), Epoch { ns: 10_000_000_000 }, 4.0);
+    vehicle.command(gate, &mut outgoing);
+    for (_, message) in &outgoing.messages {
         assert_eq!(message.check(), Ok(()), "{message:?}");
     }
-    telling.messages.into_iter().collect()
+    outgoing.messages.into_iter().collect()
 }
 
 #[test]
 fn a_dataspeed_car_is_asked_for_a_speed_within_limits() {
     let mut car = interface(Vehicle::Dataspeed, &config(""));
-    let ulc = |car: &mut dyn VehicleInterface, accel| match &said(car, &gate(accel))[&Role::SpeedCommand] {
+    let ulc = |car: &mut dyn VehicleInterface, accel| match &messages(car, &gate(accel))[&Role::SpeedCommand]
+    {
         AnyMessage::DataspeedUlcCmd(cmd) => cmd.clone(),
         other => panic!("{other:?}"),
     };
@@ -66,18 +68,19 @@ fn a_dataspeed_car_is_asked_for_a_speed_within_limits() {
     // A stop is one whatever speed was reported last.
     let mut stopping = gate(-1.5);
     (stopping.mode, stopping.command.speed_mps) = (GateMode::Stopping(StopCause::ReportTimeout), 0.0);
-    let AnyMessage::DataspeedUlcCmd(stop) = &said(&mut *car, &stopping)[&Role::SpeedCommand] else {
+    let AnyMessage::DataspeedUlcCmd(stop) = &messages(&mut *car, &stopping)[&Role::SpeedCommand] else {
         panic!("none")
     };
     assert_eq!((stop.cmd, stop.limit_decel), (0.0, 1.5));
-    let AnyMessage::DataspeedSteeringCmd(steering) = &said(&mut *car, &gate(0.0))[&Role::SteeringCommand]
+    let AnyMessage::DataspeedSteeringCmd(steering) = &messages(&mut *car, &gate(0.0))[&Role::SteeringCommand]
     else {
         panic!("no steering")
     };
     assert!((f64::from(steering.cmd) - 0.1_f64.to_degrees() * 14.8).abs() < 1e-3);
     assert_eq!((steering.header.stamp.sec, steering.header.stamp.nanosec), (11, 500_000_000));
     let manual = GateOutput { mode: GateMode::Manual, engaged: false, ..gate(0.0) };
-    let AnyMessage::DataspeedSteeringCmd(steering) = &said(&mut *car, &manual)[&Role::SteeringCommand] else {
+    let AnyMessage::DataspeedSteeringCmd(steering) = &messages(&mut *car, &manual)[&Role::SteeringCommand]
+    else {
         panic!("no steering")
     };
     assert!(!steering.enable && !steering.ignore);
@@ -88,8 +91,8 @@ fn pedals_are_never_pressed_together() {
     for (vehicle, live) in [(Vehicle::Dataspeed, "longitudinal = \"pedals\"\n"), (Vehicle::Raptor, "")] {
         let mut car = interface(vehicle, &config(live));
         for (accel, is_brake) in [(1.0, false), (-2.0, true)] {
-            let said = said(&mut *car, &gate(accel));
-            let pedal = |role| match &said[&role] {
+            let sent = messages(&mut *car, &gate(accel));
+            let pedal = |role| match &sent[&role] {
                 AnyMessage::DataspeedThrottleCmd(cmd) => cmd.cmd,
                 AnyMessage::DataspeedBrakeCmd(cmd) => cmd.cmd,
                 AnyMessage::RaptorAcceleratorPedalCmd(cmd) => cmd.pedal_cmd,
@@ -105,12 +108,12 @@ fn pedals_are_never_pressed_together() {
 #[test]
 fn raptors_counters_are_the_gates_heartbeat() {
     let mut car = interface(Vehicle::Raptor, &config(""));
-    let said = said(&mut *car, &gate(0.0));
-    let AnyMessage::RaptorSteeringCmd(steering) = &said[&Role::SteeringCommand] else {
+    let sent = messages(&mut *car, &gate(0.0));
+    let AnyMessage::RaptorSteeringCmd(steering) = &sent[&Role::SteeringCommand] else {
         panic!("no steering")
     };
     assert_eq!((steering.rolling_counter, steering.enable), (44, true));
-    let AnyMessage::RaptorGearCmd(gear) = &said[&Role::GearCommand] else { panic!("no gear") };
+    let AnyMessage::RaptorGearCmd(gear) = &sent[&Role::GearCommand] else { panic!("no gear") };
     assert_eq!(gear.cmd.gear, 4);
 }
 
@@ -123,12 +126,12 @@ fn autoware_warns_where_nobody_asked_for_the_stop() {
         (GateMode::Stopping(StopCause::ReportTimeout), 2),
         (GateMode::Holding(StopCause::Emergency), 2),
     ] {
-        let said = said(&mut *car, &GateOutput { mode, ..gate(0.0) });
-        let AnyMessage::HazardLightsCommand(hazard) = said[&Role::HazardLightsCommand] else {
+        let sent = messages(&mut *car, &GateOutput { mode, ..gate(0.0) });
+        let AnyMessage::HazardLightsCommand(hazard) = sent[&Role::HazardLightsCommand] else {
             panic!("none")
         };
         assert_eq!(hazard.command, warns, "{mode:?}");
-        assert!(matches!(said[&Role::Command], AnyMessage::Control(_)));
+        assert!(matches!(sent[&Role::Command], AnyMessage::Control(_)));
     }
 }
 

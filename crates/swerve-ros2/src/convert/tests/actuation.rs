@@ -1,0 +1,80 @@
+use super::*;
+
+#[test]
+fn commands_reach_road_wheels_and_steering_wheels() {
+    let command =
+        MotionCommand { stamp: Time::from_ms(30), steering_rad: 0.125, speed_mps: 10.0, accel_mps2: -1.5 };
+    let control = control_to_ros(&command, EPOCH);
+    passes(&control);
+    assert_eq!(control_from_ros(&control, EPOCH), command);
+
+    let gear = SteeringGear { ratio: 16.0, wheel_max_deg: 450.0, wheel_rate_degps: 300.0 };
+    // A 32th of a half turn, times 16: a quarter turn of the steering wheel.
+    assert_eq!(gear.wheel_deg(PI / 32.0), 90.0);
+    assert_eq!(gear.wheel_deg(-FRAC_PI_4), -450.0);
+    assert!((gear.steering_rad(90.0) - PI / 32.0).abs() < 1e-15);
+    let dataspeed = Dataspeed { gear, epoch: EPOCH };
+    let steering = dataspeed.steering(Time::ZERO, PI / 32.0, true, false);
+    passes(&steering);
+    assert_eq!(
+        (steering.cmd, steering.cmd_rate, steering.cmd_type, steering.ignore),
+        (90.0, 300.0, 2, false)
+    );
+    let pedals = Command { steering_rad: 0.0, throttle: 0.25, brake: 2.0 };
+    let (throttle, brake) = dataspeed.pedals(Time::ZERO, &pedals, true, false);
+    passes(&throttle);
+    passes(&brake);
+    assert_eq!((throttle.cmd, throttle.cmd_type, brake.cmd, brake.cmd_type), (25.0, 14, 100.0, 14));
+    let speed = dataspeed.speed(&command, AccelLimits { accel_mps2: 2.0, decel_mps2: 3.0 }, true, true);
+    passes(&speed);
+    assert_eq!((speed.cmd, speed.limit_decel, speed.clear), (10.0, 3.0, true));
+
+    let raptor = Raptor { gear };
+    let steering = raptor.steering(PI / 32.0, true, 258);
+    passes(&steering);
+    assert_eq!((steering.angle_cmd, steering.rolling_counter, steering.control_type.value), (90.0, 2, 1));
+    let (accelerator, brake) = raptor.pedals(&pedals, true, 3);
+    passes(&accelerator);
+    passes(&brake);
+    assert_eq!((accelerator.pedal_cmd, brake.pedal_cmd), (25.0, 100.0));
+}
+
+#[test]
+fn reports_in_degrees_and_kilometres_per_hour_are_si_here() {
+    let gear = SteeringGear { ratio: 16.0, ..SteeringGear::default() };
+    let mut report =
+        crate::msg::ds_dbw_msgs::SteeringReport { steering_wheel_angle: 90.0, ..Default::default() };
+    assert!((dataspeed_steering_from_ros(&report, &gear).unwrap() - PI / 32.0).abs() < 1e-12);
+    report.steering_wheel_angle = f32::NAN;
+    assert_eq!(AnyMessage::DataspeedSteeringReport(report.clone()).check(), Ok(()));
+    assert!(dataspeed_steering_from_ros(&report, &gear).is_err());
+    let mut speed = crate::msg::ds_dbw_msgs::VehicleVelocity {
+        vehicle_velocity_brake: 3.5,
+        vehicle_velocity_propulsion: 3.25,
+        ..Default::default()
+    };
+    assert_eq!(dataspeed_speed_from_ros(&speed), Ok(3.5));
+    speed.vehicle_velocity_brake = f32::NAN;
+    assert_eq!(dataspeed_speed_from_ros(&speed), Ok(3.25));
+    speed.vehicle_velocity_propulsion = f32::NAN;
+    assert!(dataspeed_speed_from_ros(&speed).is_err());
+    let misc = crate::msg::raptor_dbw_msgs::MiscReport { vehicle_speed: 36.0, ..Default::default() };
+    assert_eq!(raptor_speed_from_ros(&misc), 10.0);
+}
+
+#[test]
+fn a_driver_who_acts_is_seen_in_every_interface() {
+    use crate::msg::autoware_vehicle_msgs::ControlModeReport;
+    use crate::msg::{ds_dbw_msgs, raptor_dbw_msgs};
+    let mode = |mode| AnyMessage::ControlModeReport(ControlModeReport { mode, ..Default::default() });
+    assert_eq!(driver_active(&mode(ControlModeReport::AUTONOMOUS)), Some(false));
+    for other in [0, 2, 3, 4, 5, 6] {
+        assert_eq!(driver_active(&mode(other)), Some(true), "{other}");
+    }
+    let brake = |override_active| ds_dbw_msgs::BrakeReport { override_active, ..Default::default() };
+    assert_eq!(driver_active(&AnyMessage::DataspeedBrakeReport(brake(true))), Some(true));
+    assert_eq!(driver_active(&AnyMessage::DataspeedBrakeReport(brake(false))), Some(false));
+    let steering = raptor_dbw_msgs::SteeringReport { driver_activity: true, ..Default::default() };
+    assert_eq!(driver_active(&AnyMessage::RaptorSteeringReport(steering)), Some(true));
+    assert_eq!(driver_active(&AnyMessage::Empty(Default::default())), None);
+}

@@ -1,0 +1,74 @@
+//! From the recorder's time to the time of the run.
+
+use swerve_core::{Span, Time};
+
+/// A message this much earlier than the newest before it came out of turn; one that is earlier still has no true time.
+const EARLIER_MAX: Span = Span::from_ms(1000);
+/// No more than this lies between two messages of a drive.
+const GAP_MAX: Span = Span::from_ms(60_000);
+/// So many messages in a row whose times agree with one another are a clock that was set, or a pause.
+const AGREE: u32 = 20;
+/// From the recorder's time to the time of the run, which never runs backwards.
+#[derive(Default)]
+pub(super) struct Clock {
+    /// The recorder's time at the run's time zero, ns; nothing before the first message.
+    zero_ns: Option<i128>,
+    newest_ns: i128,
+    /// The newest time that could not be, and how many before it agreed with it.
+    odd: Option<(i128, u32)>,
+    /// Messages that came out of turn.
+    pub(super) earlier: u64,
+    /// How often the clock was set, or the recording paused.
+    pub(super) jumps: u64,
+}
+
+impl Clock {
+    /// When a message comes; nothing where its time cannot be true.
+    pub(super) fn time(&mut self, received_ns: u64) -> Option<Time> {
+        let received_ns = i128::from(received_ns);
+        let zero_ns = *self.zero_ns.get_or_insert(received_ns);
+        let lead_ns = received_ns - zero_ns - self.newest_ns;
+        let may_be = -i128::from(EARLIER_MAX.ns())..=i128::from(GAP_MAX.ns());
+        if may_be.contains(&lead_ns) {
+            self.odd = None;
+            self.earlier += u64::from(lead_ns < 0);
+            self.newest_ns += lead_ns.max(0);
+        } else {
+            let agreeing = match self.odd {
+                Some((before_ns, n)) if may_be.contains(&(received_ns - before_ns)) => n + 1,
+                _ => 1,
+            };
+            self.odd = Some((received_ns, agreeing));
+            if agreeing < AGREE {
+                return None;
+            }
+            self.odd = None;
+            self.jumps += 1;
+            self.zero_ns = Some(received_ns - self.newest_ns);
+        }
+        i64::try_from(self.newest_ns).ok().map(Time::from_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: u64 = 1_000_000_000;
+
+    #[test]
+    fn time_never_runs_backwards_and_goes_on_after_a_jump() {
+        let mut clock = Clock::default();
+        let mut at = |ns: u64| clock.time(ns).map(|time| time.as_secs());
+        assert_eq!(at(100 * S), Some(0.0));
+        assert_eq!(at(102 * S), Some(2.0));
+        assert_eq!(at(101 * S + S / 2), Some(2.0), "out of turn");
+        assert_eq!((at(90 * S), at(u64::MAX), at(0)), (None, None, None));
+        assert_eq!(at(103 * S), Some(3.0));
+        // An hour later, and it stays so.
+        let later: Vec<_> = (0..25).map(|i| at(3700 * S + i * S)).collect();
+        assert!(later[..19].iter().all(Option::is_none), "{later:?}");
+        assert_eq!((later[19], later[24]), (Some(3.0), Some(8.0)));
+        assert_eq!((clock.earlier, clock.jumps), (1, 1));
+    }
+}
