@@ -1,9 +1,4 @@
-//! What a pass allocates, counted. One test in a program of its own: nothing else runs beside it.
-
-#![expect(unsafe_code, reason = "a counting allocator has to implement an unsafe trait")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+//! What a pass allocates, counted.
 
 use swerve_geom::{Ego, Map, Point, Transform};
 use swerve_render::town::town;
@@ -12,26 +7,7 @@ use swerve_render::{
     mount,
 };
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is passed on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        // SAFETY: `place` came from `alloc` with this layout.
-        unsafe { System.dealloc(place, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+use crate::counting::allocations;
 
 #[test]
 fn passes_into_used_memory_allocate_nothing() {
@@ -49,11 +25,11 @@ fn passes_into_used_memory_allocate_nothing() {
     let mut frame = Frame::new(&cameras[0], Outputs::ALL);
     for round in 0..3 {
         for camera in &cameras {
-            let before = ALLOCATIONS.load(Ordering::Relaxed);
+            let before = allocations();
             renderer
                 .render(&scene, &View::new(camera, pose), frame.as_mut())
                 .expect("scene and view are fine");
-            let count = ALLOCATIONS.load(Ordering::Relaxed) - before;
+            let count = allocations() - before;
             assert!(round < 2 || count == 0, "{count} allocations");
         }
     }

@@ -1,41 +1,16 @@
-//! What a search allocates once its memory has grown, counted. One test in a program of its own: nothing else runs
-//! beside it.
-
-#![expect(unsafe_code, reason = "a counting allocator has to implement an unsafe trait")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+//! What a search allocates once its memory has grown, counted.
 
 use swerve_planning::posed::{HybridAstarConfig, HybridAstarProblem, RrtStarConfig, RrtStarProblem};
 use swerve_planning::{Preset, Unlimited, hybrid_astar, rrt_star};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is passed on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        // SAFETY: `place` came from `alloc` with this layout.
-        unsafe { System.dealloc(place, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+use crate::counting::allocations;
 
 /// Allocations of the second call.
 fn second(mut call: impl FnMut() -> hybrid_astar::Outcome) -> usize {
     assert_eq!(call(), hybrid_astar::Outcome::Found);
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let before = allocations();
     assert_eq!(call(), hybrid_astar::Outcome::Found);
-    ALLOCATIONS.load(Ordering::Relaxed) - before
+    allocations() - before
 }
 
 #[test]

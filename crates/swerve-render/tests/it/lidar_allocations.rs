@@ -1,35 +1,11 @@
-//! What a turn of a lidar allocates, counted. One test in a program of its own: nothing else runs beside it.
-
-#![expect(unsafe_code, reason = "a counting allocator has to implement an unsafe trait")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+//! What a turn of a lidar allocates, counted.
 
 use swerve_geom::{Lidar, Map, Point, Transform};
 use swerve_render::WeatherPreset;
 use swerve_render::lidar::{Cloud, Firing, LidarPreset, LidarSpec, SceneTree, Sweeper};
 use swerve_render::town::town;
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is passed on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        // SAFETY: `place` came from `alloc` with this layout.
-        unsafe { System.dealloc(place, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+use crate::counting::allocations;
 
 #[test]
 fn turns_into_used_memory_allocate_nothing() {
@@ -42,7 +18,7 @@ fn turns_into_used_memory_allocate_nothing() {
         Transform::from_roll_pitch_yaw(Point::new(0.0, -1.9, 1.9), 0.0, 0.0, 0.0);
     let rest = Firing::turn_at_rest(&sweeper, pose);
     for turn in 0..3_u64 {
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         sweeper.begin_turn(turn, &mut cloud.as_mut());
         for step in 0..20_i64 {
             for instance in &mut scene.dynamics {
@@ -56,7 +32,7 @@ fn turns_into_used_memory_allocate_nothing() {
                 .fire(&tree, &Firing { begin_ns, end_ns, ..rest }, &mut cloud.as_mut())
                 .expect("pose and room are fine");
         }
-        let count = ALLOCATIONS.load(Ordering::Relaxed) - before;
+        let count = allocations() - before;
         assert!(turn < 1 || count == 0, "{count} allocations in turn {turn}");
         assert!(cloud.len > 5000, "{}", cloud.len);
     }
