@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    calibrate, check, dataset, doctor, graph, live, plan, process, replay, run, scenarios, study, timing,
+    calibrate, check, dataset, doctor, graph, live, new, plan, process, replay, run, scenarios, study, timing,
 };
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
@@ -40,7 +40,9 @@ enum Command {
     Dataset(dataset::DatasetArgs),
     /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
-    /// List the scenarios of a folder
+    /// Make a folder to begin in: a scenario, a configuration, and what is what
+    New(new::NewArgs),
+    /// List the scenarios of a folder, and those that are in the program
     Scenarios(scenarios::ScenariosArgs),
     /// Take steps for a run in another process, which starts this one
     #[command(hide = true)]
@@ -79,6 +81,7 @@ pub fn main(cli: &Cli) -> anyhow::Result<()> {
         Command::Calibrate(args) => calibrate::run(args),
         Command::Dataset(args) => dataset::run(args),
         Command::Doctor(args) => doctor::run(args),
+        Command::New(args) => new::run(args),
         Command::Scenarios(args) => scenarios::run(args),
         Command::Worker => process::run_worker(),
     }

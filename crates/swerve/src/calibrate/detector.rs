@@ -24,6 +24,7 @@ use crate::config::words::nearest;
 use crate::pipeline::sensors::Obstacles;
 use crate::progress::Progress;
 use crate::run::{drive_observed, problems_error, read_scenario};
+use crate::shipped::Kind;
 
 /// `swerve calibrate detector`.
 #[derive(clap::Args, Debug)]
@@ -90,7 +91,8 @@ const CLOSE: f64 = 0.002;
 /// Runs `swerve calibrate detector`.
 pub(crate) fn run(args: &DetectorArgs) -> anyhow::Result<()> {
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
-    let base = Config::load(args.config.as_deref(), &sets?).map_err(|problems| problems_error(&problems))?;
+    let base =
+        Kind::Config.config(args.config.as_deref(), &sets?).map_err(|problems| problems_error(&problems))?;
     if let Some(path) = &args.out {
         crate::files::refuse_unwritable(path)?;
     }

@@ -21,6 +21,7 @@ use crate::config::sensors::LidarConfig;
 use crate::files::write_whole;
 use crate::progress::Progress;
 use crate::run::{drive_observed, problems_error, read_scenario};
+use crate::shipped::Kind;
 use coco::Coco;
 use kitti::Kitti;
 use sample::{Collector, Sample};
@@ -89,7 +90,7 @@ pub fn run(args: &DatasetArgs) -> anyhow::Result<()> {
 fn base(args: &DatasetArgs) -> anyhow::Result<Config> {
     let sets: Result<Vec<_>, _> = args.set.iter().map(|s| crate::config::text::parse_assignment(s)).collect();
     let mut config =
-        Config::load(args.config.as_deref(), &sets?).map_err(|problems| problems_error(&problems))?;
+        Kind::Config.config(args.config.as_deref(), &sets?).map_err(|problems| problems_error(&problems))?;
     if args.config.is_none() && config.camera.is_empty() {
         let (camera, lidar) = KITTI_LIKE;
         config.camera.insert(camera.into(), kitti_camera());

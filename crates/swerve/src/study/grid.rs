@@ -9,6 +9,7 @@ use super::ranking::Ranking;
 use crate::config::faults::is_within;
 use crate::config::text::{Document, Problem};
 use crate::config::words::number;
+use crate::shipped::Kind;
 
 /// A study as its file says it.
 #[derive(Clone, PartialEq, Debug, Deserialize)]
@@ -191,8 +192,8 @@ impl Study {
     /// # Errors
     /// All that is wrong with the file itself; its cells are not looked at.
     pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Vec<Problem>> {
-        let document = Document::read(path).map_err(|problem| vec![problem])?;
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let document = Kind::Study.document(path).map_err(|problem| vec![problem])?;
+        let folder = Kind::Study.place(path).parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
         Self::from_document(&document, folder, stem, sets)
     }
@@ -289,7 +290,7 @@ fn beside(folder: &Path, path: &Path) -> PathBuf {
         }
     }
     // Through a symbolic link, `a/..` may be elsewhere.
-    let same = joined.canonicalize().is_ok_and(|there| short.canonicalize().is_ok_and(|here| here == there));
+    let same = joined.canonicalize().ok() == short.canonicalize().ok();
     if same { short } else { joined }
 }
 

@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 
 use crate::config::text::{Document, Problem};
+use crate::shipped::Kind;
 
 pub use pipeline::{BlackBox, Pipeline, Resource, Timer};
 pub use trace::{Mark, Publication, Step, Trace};
@@ -68,7 +69,7 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
 /// # Errors
 /// When the file cannot be read, or all that is wrong with it: file, line, key and what was expected.
 pub fn read_file(path: &Path) -> Result<Pipeline, Vec<Problem>> {
-    read::pipeline(&Document::read(path).map_err(|problem| vec![problem])?)
+    read::pipeline(&Kind::Timing.document(path).map_err(|problem| vec![problem])?)
 }
 
 /// The pipeline that `text` describes; `name` stands for its file in messages.
