@@ -89,10 +89,13 @@ fn calls(line: &str) -> Vec<Vec<String>> {
     let call = |part: &[String]| {
         let at = part.iter().position(|word| word == "swerve")?;
         let rest = &part[at + 1..];
-        // As in `cargo run -p swerve -- run`, but not `cargo test -p swerve`.
+        // As in `cargo run -p swerve -- run`, but not `cargo test -p swerve -- --ignored`.
+        let cargo = part[..at].iter().position(|word| word == "cargo");
+        if cargo.is_some_and(|cargo| part[cargo + 1] != "run") {
+            return None;
+        }
         let rest = match rest.iter().position(|word| word == "--") {
             Some(dashes) => &rest[dashes + 1..],
-            None if part[0] == "cargo" => return None,
             None => rest,
         };
         Some(std::iter::once("swerve".to_owned()).chain(rest.iter().cloned()).collect())

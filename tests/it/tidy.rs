@@ -123,6 +123,62 @@ fn every_licence_is_permissive() {
     }
 }
 
+/// A test binary links all that its crate uses, and what links it all costs half a minute: a new subject is a module of
+/// one that is there, and a new crate has its tests beside its code.
+#[test]
+fn test_binaries_are_few() {
+    let expected = [
+        ("swerve", "it"),
+        ("swerve-control", "it"),
+        ("swerve-flow", "it"),
+        ("swerve-ipc", "places"), // with a `main` of its own: it is the other process, too
+        ("swerve-planning", "it"),
+        ("swerve-render", "it"),
+        ("swerve-ros2", "it"),
+        ("swerve-tests", "it"),
+    ];
+    let metadata = metadata();
+    let mut found = Vec::new();
+    for package in metadata["packages"].as_array().unwrap().iter().filter(|p| p["source"].is_null()) {
+        for target in package["targets"].as_array().unwrap() {
+            let (kind, runs) = (target["kind"][0].as_str().unwrap(), target["test"] == true);
+            let name = package["name"].as_str().unwrap();
+            match kind {
+                "test" => found.push((name, target["name"].as_str().unwrap())),
+                "bin" | "bench" => {
+                    assert!(!runs, "{name}: a {kind} is linked once more for tests it has none of")
+                }
+                _ => {}
+            }
+        }
+    }
+    found.sort_unstable();
+    assert_eq!(found, expected);
+}
+
+/// What is optimised in a build for tests takes several times as long to compile: each has its reason in numbers, in
+/// docs/performance.md.
+#[test]
+fn few_packages_are_optimised_for_tests() {
+    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    let manifest: toml::Table = manifest.parse().unwrap();
+    let profiles = manifest["profile"].as_table().unwrap();
+    let metadata = metadata();
+    let packages = metadata["packages"].as_array().unwrap();
+    for (profile, settings) in profiles {
+        let overrides = settings.get("package").and_then(toml::Value::as_table).into_iter().flatten();
+        let named: Vec<&String> =
+            overrides.filter(|(_, set)| set.get("opt-level").is_some()).map(|(name, _)| name).collect();
+        for name in named.iter().filter(|name| **name != "*") {
+            assert!(packages.iter().any(|p| p["name"] == name.as_str()), "{profile}: no package {name}");
+        }
+        assert!(named.len() <= OPTIMISED_MAX, "{profile}: {} packages have an opt-level", named.len());
+    }
+}
+
+/// Packages with an opt-level of their own in one profile, at most.
+const OPTIMISED_MAX: usize = 30;
+
 #[test]
 fn pages_keep_their_length() {
     for (page, lines_max) in [("README.md", 150), ("ARCHITECTURE.md", 250)] {

@@ -6,8 +6,8 @@ use clap::{Parser, Subcommand};
 use swerve_stack::Registry;
 
 use crate::{
-    calibrate, check, dataset, doctor, graph, live, operators, plan, process, replay, run, scenarios, study,
-    timing,
+    calibrate, check, dataset, doctor, graph, live, new, operators, plan, process, replay, run, scenarios,
+    study, timing,
 };
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
@@ -44,7 +44,9 @@ enum Command {
     Dataset(dataset::DatasetArgs),
     /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
-    /// List the scenarios of a folder
+    /// Make a folder to begin in: a scenario, a configuration, and what is what
+    New(new::NewArgs),
+    /// List the scenarios of a folder, and those that are in the program
     Scenarios(scenarios::ScenariosArgs),
     /// Take steps for a run in another process, which starts this one
     #[command(hide = true)]
@@ -84,6 +86,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Calibrate(args) => calibrate::run(args, registry),
         Command::Dataset(args) => dataset::run(args, registry),
         Command::Doctor(args) => doctor::run(args),
+        Command::New(args) => new::run(args),
         Command::Scenarios(args) => scenarios::run(args),
         Command::Worker => process::run_worker(registry),
     }

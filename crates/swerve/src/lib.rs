@@ -9,6 +9,7 @@ pub mod files;
 pub mod frames;
 pub mod graph;
 pub mod live;
+pub mod new;
 pub mod operators;
 pub mod output;
 pub mod plan;
@@ -21,6 +22,7 @@ pub mod ros2;
 pub mod run;
 pub mod rungs;
 pub mod scenarios;
+pub mod shipped;
 pub mod story;
 pub mod study;
 #[cfg(test)]

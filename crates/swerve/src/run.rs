@@ -33,15 +33,16 @@ use crate::realtime::{Obtained, Realtime};
 use crate::recording::Recording;
 use crate::ros2::{Ros2Car, Ros2Report};
 use crate::rungs::{Budgets, RungCount, Rungs};
+use crate::shipped::Kind;
 use crate::story::{Story, draw};
 use crate::views::views_of;
 
 /// What is driven, by what.
 #[derive(clap::Args, Clone, Debug)]
 pub struct RunInput {
-    /// Scenario file (TOML)
+    /// Scenario file (TOML), or the name of one that is in the program: `swerve scenarios`
     pub scenario: PathBuf,
-    /// Configuration file (TOML); every key that it leaves out has a default
+    /// Configuration file (TOML), or a name such as best; every key that it leaves out has a default
     #[arg(short, long)]
     pub config: Option<PathBuf>,
     /// Set a configuration key, such as planning.planner=rrt_star
@@ -112,9 +113,10 @@ pub fn problems_error<P: ToString>(problems: &[P]) -> anyhow::Error {
     anyhow!(lines.join("\n"))
 }
 
-/// Reads a scenario file; all its problems in one error.
+/// Reads a scenario, from a file or by its name; all its problems in one error.
 pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
-    let scenario = Scenario::read(path).map_err(|problems| problems_error(&problems))?;
+    let (file, text) = (path.display().to_string(), Kind::Scenario.text(path)?);
+    let scenario = Scenario::parse(&file, &text).map_err(|problems| problems_error(&problems))?;
     let names: Vec<String> = Config::pipeline_names().collect();
     let known = |name: &&String| names.contains(name);
     let unknown: Vec<&String> =
@@ -122,7 +124,7 @@ pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
     if unknown.is_empty() {
         return Ok(scenario);
     }
-    let document = Document::read(path)?;
+    let document = Document::parse(&file, text.into_owned())?;
     let problem = |name: &&String| {
         let near = nearest(name, names.iter().map(String::as_str));
         let hint = near.map_or_else(|| names.join(", "), |near| format!("did you mean `{near}`?"));
@@ -138,7 +140,8 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Sc
     if let Some(seed) = input.seed {
         sets.push(("seed".into(), toml::Value::Integer(seed)));
     }
-    let config = Config::load_with(registry, input.config.as_deref(), &sets)
+    let config = Kind::Config
+        .config(registry, input.config.as_deref(), &sets)
         .map_err(|problems| problems_error(&problems))?;
     Ok((config, read_scenario(&input.scenario)?))
 }
@@ -401,8 +404,7 @@ fn start_processes(
     if config.process.is_empty() {
         return Ok(None);
     }
-    let text =
-        std::fs::read_to_string(scenario).with_context(|| format!("reading {}", scenario.display()))?;
+    let text = Kind::Scenario.text(scenario)?;
     let program = std::env::current_exe().context("finding this program")?;
     Ok(Some(Processes::start(&program, config, &text, pipeline)?))
 }
@@ -482,8 +484,7 @@ pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
 
 /// The head of a log: all that it takes to run again without the files.
 pub fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
-    let text =
-        std::fs::read_to_string(scenario).with_context(|| format!("reading {}", scenario.display()))?;
+    let text = Kind::Scenario.text(scenario)?.into_owned();
     Ok(RunStart {
         version: env!("CARGO_PKG_VERSION").into(),
         seed: config.seed,

@@ -1,32 +1,51 @@
 //! `swerve scenarios`: what there is to drive.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use swerve_scenario::Scenario;
 
 use crate::output::align;
+use crate::run::{problems_error, read_scenario};
+use crate::shipped::Kind;
+
+/// Where scenarios are looked for.
+const FOLDER: &str = "scenarios";
 
 /// `swerve scenarios`.
 #[derive(clap::Args, Debug)]
 pub struct ScenariosArgs {
-    /// Folder of scenario files
-    #[arg(default_value = "scenarios")]
-    folder: PathBuf,
+    /// Folder of scenario files [default: scenarios, if it is there]
+    folder: Option<PathBuf>,
 }
 
-/// Lists the scenarios of a folder with what they are about.
+/// Lists the scenarios of a folder, then those that are in the program, each with what it is about.
 pub fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
+    let folder = match &args.folder {
+        Some(folder) => Some(folder.as_path()),
+        None => Some(Path::new(FOLDER)).filter(|folder| folder.is_dir()),
+    };
     let mut lines = Vec::new();
-    for path in crate::files::toml_files(&args.folder)? {
-        let scenario = crate::run::read_scenario(&path)?;
-        let about = scenario.description.lines().next().unwrap_or_default().to_owned();
-        lines.push(vec![path.display().to_string(), format!("  {about}")]);
+    if let Some(folder) = folder {
+        for path in crate::files::toml_files(folder)? {
+            lines.push(line(path.display().to_string(), &read_scenario(&path)?));
+        }
+        anyhow::ensure!(!lines.is_empty(), "{}: no .toml file in this folder", folder.display());
     }
-    anyhow::ensure!(!lines.is_empty(), "{}: no .toml file in this folder", args.folder.display());
+    for (name, file) in Kind::Scenario.all() {
+        let scenario = Scenario::parse(file.path, file.text).map_err(|problems| problems_error(&problems))?;
+        lines.push(line(name.to_owned(), &scenario));
+    }
     crate::output::print(&left(&lines))
 }
 
-fn left(lines: &[Vec<String>]) -> String {
+/// What is typed to drive a scenario, and what it is about.
+fn line(typed: String, scenario: &Scenario) -> [String; 2] {
+    [typed, scenario.description.lines().next().unwrap_or_default().to_owned()]
+}
+
+fn left(lines: &[[String; 2]]) -> String {
     // `align` pads the last column to the left; sentences read better as they are.
-    let names: Vec<Vec<String>> = lines.iter().map(|l| vec![l[0].clone()]).collect();
+    let names: Vec<Vec<String>> = lines.iter().map(|[name, _]| vec![name.clone()]).collect();
     let width = align(&names).lines().map(|l| l.chars().count()).max().unwrap_or(0);
-    lines.iter().map(|l| format!("{:width$}{}\n", l[0], l[1])).collect()
+    lines.iter().map(|[name, about]| format!("{name:width$}  {about}\n")).collect()
 }

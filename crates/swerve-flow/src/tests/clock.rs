@@ -416,6 +416,7 @@ impl Operator for Count {
 }
 
 #[test]
+#[ignore = "real clock"]
 fn a_source_far_faster_than_its_readers_is_bounded_and_counted() {
     /// Takes every message, for as long as ten of them take to come.
     struct Slow;

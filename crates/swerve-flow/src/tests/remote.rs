@@ -231,6 +231,7 @@ impl Observer for Recorder {
 }
 
 #[test]
+#[ignore = "real clock"]
 fn s9_under_wall_clock_a_loss_is_said_and_replays() {
     let mut moved = graph();
     remote(&mut moved, &There::new(graph, &["mixer"], 8..12));

@@ -22,6 +22,7 @@ use crate::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, pu
 use crate::config::perception::{CUSTOM, Calibration, TRUTH, image_camera};
 use crate::progress::Progress;
 use crate::run::{drive_observed, problems_error, read_scenario};
+use crate::shipped::Kind;
 use swerve_stack::{ObstacleSight, Registry};
 
 /// `swerve calibrate detector`.
@@ -89,7 +90,8 @@ const CLOSE: f64 = 0.002;
 /// Runs `swerve calibrate detector`.
 pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()> {
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
-    let base = Config::load_with(registry, args.config.as_deref(), &sets?)
+    let base = Kind::Config
+        .config(registry, args.config.as_deref(), &sets?)
         .map_err(|problems| problems_error(&problems))?;
     if let Some(path) = &args.out {
         crate::files::refuse_unwritable(path)?;

@@ -23,6 +23,7 @@ use crate::config::sensors::LidarConfig;
 use crate::files::write_whole;
 use crate::progress::Progress;
 use crate::run::{drive_observed, problems_error, read_scenario};
+use crate::shipped::Kind;
 use coco::Coco;
 use kitti::Kitti;
 use sample::{Collector, Sample};
@@ -90,7 +91,8 @@ pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
 
 fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
     let sets: Result<Vec<_>, _> = args.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
-    let mut config = Config::load_with(registry, args.config.as_deref(), &sets?)
+    let mut config = Kind::Config
+        .config(registry, args.config.as_deref(), &sets?)
         .map_err(|problems| problems_error(&problems))?;
     if args.config.is_none() && config.camera.is_empty() {
         let (camera, lidar) = KITTI_LIKE;

@@ -56,6 +56,7 @@ use crate::config::live::EnableBy;
 use crate::config::{Config, LiveConfig};
 use crate::progress::LiveLine;
 use crate::run::{left_out_of_logs, problems_error, read_scenario};
+use crate::shipped::Kind;
 use crate::views::live_views;
 
 use engage::Engagement;
@@ -72,7 +73,7 @@ use wire::{BridgeWire, HostClock, Wire};
 /// `swerve live`.
 #[derive(clap::Args, Debug)]
 pub struct LiveArgs {
-    /// Configuration file (TOML) with `[live]` and `[ros2]`
+    /// Configuration file (TOML) with `[live]` and `[ros2]`, or a name such as autoware
     config: PathBuf,
     /// Stop the car and end after so many seconds; else with Ctrl-C, or at the goal
     #[arg(long)]
@@ -121,7 +122,7 @@ impl Drive {
         let wall = ("clock.source".to_owned(), toml::Value::from("wall"));
         let sets: Vec<_> = std::iter::once(wall).chain(sets.iter().cloned()).collect();
         let mut config =
-            Config::load_with(registry, Some(file), &sets).map_err(|problems| problems_error(&problems))?;
+            Kind::Live.config(registry, Some(file), &sets).map_err(|problems| problems_error(&problems))?;
         if config.source.is_some() {
             // What was recorded does not wait for anybody.
             config.clock.source = Clock::Virtual;
@@ -129,7 +130,7 @@ impl Drive {
         let live = config.live.clone().with_context(|| {
             format!("{}: there is no `[live]`: expected at least its key `route`", file.display())
         })?;
-        let route = route_file(file, &live);
+        let route = route_file(Kind::Live.place(file), &live);
         let scenario = read_scenario(&route).context("live.route")?;
         let mapping = config.ros2_mapping()?;
         Ok(Self { config, live, mapping, scenario, route })

@@ -29,6 +29,10 @@ const PERIOD: Duration = Duration::from_millis(20);
 const STANDSTILL_MPS: f64 = 0.1;
 /// How long a car that stands is held before it is released.
 const HOLD: Span = Span::from_ms(500);
+/// How often a vehicle is told that it is released, at least: a message may get lost.
+const RELEASES_MIN: u32 = 3;
+/// And at most, one each [`PERIOD`]: three seconds, in which a vehicle that says whether it listens has to say no.
+const RELEASES_MAX: u32 = 150;
 /// How long the vehicle's service may take to answer.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
 
@@ -61,6 +65,8 @@ pub struct SinkReport {
     pub stop_commands: u64,
     /// Whether the car stood when it was released; none where it was not driven at the end.
     pub stood_at_end: Option<bool>,
+    /// Whether the car said that it listens no longer; none where it says nothing of that.
+    pub released: Option<bool>,
 }
 
 /// The parts of a sink.
@@ -191,15 +197,26 @@ impl Sink<'_> {
         }
         if state.report.stood_at_end == Some(false) {
             // Released, it would roll on. Without commands the vehicle's own time-out brakes it.
+            state.report.released = Some(false);
             return;
         }
-        // Released, three times: a message may get lost.
-        for _ in 0..3 {
-            state.last.engaged = false;
-            state.last.mode = GateMode::Manual;
+        self.release(state);
+    }
+
+    /// Gives the car back, again and again until it says that it listens no longer: the transport ends with this
+    /// program, and with it every message that nobody has taken yet.
+    fn release(&mut self, state: &mut State) {
+        state.last.engaged = false;
+        state.last.mode = GateMode::Manual;
+        for said in 1..=RELEASES_MAX {
             let output = state.last;
             self.command(&output, state);
             self.ask(false, state);
+            std::thread::park_timeout(PERIOD);
+            state.report.released = lock(&self.car).listens.map(|listens| !listens);
+            if said >= RELEASES_MIN && state.report.released != Some(false) {
+                return;
+            }
         }
     }
 
@@ -235,5 +252,89 @@ impl Sink<'_> {
                 Sent::NoTopic => {}
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicU32;
+    use std::sync::mpsc;
+
+    use swerve_ros2::bridge::TopicStatistics;
+    use swerve_ros2::mapping::{Role, Vehicle};
+    use swerve_ros2::{AnyMessage, Kind};
+
+    use super::super::vehicle::{self, Facts};
+    use super::super::wire::Taken;
+    use super::*;
+    use crate::config::Config;
+
+    /// A wire to a car that stands, which loses the first messages that release it.
+    struct Lossy {
+        car: Arc<Mutex<Car>>,
+        lost: AtomicU32,
+        releases: AtomicU32,
+    }
+
+    impl Wire for Lossy {
+        fn wait(&self, _: Duration) -> bool {
+            false
+        }
+
+        fn take(&self) -> Option<Taken<'_>> {
+            None
+        }
+
+        fn send(&self, _: Role, message: AnyMessage) -> Sent {
+            if matches!(message, AnyMessage::Engage(engage) if !engage.engage)
+                && self.releases.fetch_add(1, Ordering::Relaxed) >= self.lost.load(Ordering::Relaxed)
+            {
+                let mut car = lock(&self.car);
+                car.listens = car.listens.map(|_| false);
+            }
+            Sent::Done
+        }
+
+        fn ask_mode(&self, _: u8, _: Duration) -> Result<bool, String> {
+            Ok(true)
+        }
+
+        fn statistics(&self) -> Vec<TopicStatistics> {
+            Vec::new()
+        }
+    }
+
+    /// How often a car is told that it is released, and whether it said so, where it loses the first `lost` of that.
+    fn released(listens: Option<bool>, lost: u32) -> (u32, Option<bool>) {
+        let mut car = Car::default();
+        let stands = Facts { speed_mps: Some(0.0), listens, ..Facts::default() };
+        car.hear(Role::ControlMode, Kind::ControlModeReport, Time::ZERO, stands);
+        let car = Arc::new(Mutex::new(car));
+        let wire = Lossy { car: car.clone(), lost: lost.into(), releases: 0.into() };
+        let clock = HostClock::start();
+        let sink = Sink {
+            wire: &wire,
+            interface: vehicle::interface(Vehicle::Autoware, &Config::default()),
+            car,
+            clock,
+            epoch: Epoch { ns: clock.epoch_ns() },
+            stop: GateParams::default(),
+            stop_max: Span::from_secs(20.0),
+            has_mode_service: false,
+            says_enable: true,
+            gave_up: Arc::default(),
+        };
+        let (orders, received) = mpsc::channel();
+        drop(orders);
+        let report = sink.run(&received);
+        (wire.releases.into_inner(), report.released)
+    }
+
+    #[test]
+    fn a_car_is_told_that_it_is_released_until_it_says_so() {
+        assert_eq!(released(Some(true), 0), (RELEASES_MIN, Some(true)));
+        assert_eq!(released(Some(true), 20), (21, Some(true)));
+        assert_eq!(released(Some(true), u32::MAX), (RELEASES_MAX, Some(false)), "not for ever");
+        assert_eq!(released(None, 0), (RELEASES_MIN, None), "one that says nothing of it");
     }
 }

@@ -243,7 +243,8 @@ impl Summary {
         let changes = modes.iter().map(|change| format!("{:.2} s {}", change.at_s, mode_words(change.mode)));
         row("gate", changes.collect::<Vec<_>>().join(", "));
         row("commands", format!("{outputs}, {} refused, {limited} limited", refused.total()));
-        let SinkReport { sent, not_sent, skipped, silences, stop_commands, stood_at_end } = self.sink;
+        let SinkReport { sent, not_sent, skipped, silences, stop_commands, stood_at_end, released } =
+            self.sink;
         row("to the vehicle", format!("{sent} messages sent, {not_sent} not, {skipped} outputs skipped"));
         if silences > 0 || stop_commands > 0 {
             let stood = match stood_at_end {
@@ -252,6 +253,9 @@ impl Summary {
                 None => "",
             };
             row("without the gate", format!("{silences} silences, {stop_commands} commands to stop{stood}"));
+        }
+        if released == Some(false) {
+            row("", "the vehicle never said that it was released".into());
         }
         if modes.iter().all(|change| change.mode == GateMode::Manual) {
             row("", "the stack never drove".into());

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use swerve_text::{Document, Problem, Problems, is_within, number};
 
 use super::ranking::Ranking;
+use crate::shipped::Kind;
 
 /// A study as its file says it.
 #[derive(Clone, PartialEq, Debug, Deserialize)]
@@ -189,8 +190,8 @@ impl Study {
     /// # Errors
     /// All that is wrong with the file itself; its cells are not looked at.
     pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
-        let document = Document::read(path)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let document = Kind::Study.document(path)?;
+        let folder = Kind::Study.place(path).parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
         Self::from_document(&document, folder, stem, sets)
     }
@@ -287,7 +288,7 @@ fn beside(folder: &Path, path: &Path) -> PathBuf {
         }
     }
     // Through a symbolic link, `a/..` may be elsewhere.
-    let same = joined.canonicalize().is_ok_and(|there| short.canonicalize().is_ok_and(|here| here == there));
+    let same = joined.canonicalize().ok() == short.canonicalize().ok();
     if same { short } else { joined }
 }
 

@@ -27,6 +27,7 @@ use swerve_text::{Document, Problem};
 use crate::config::Config;
 use crate::files::write_whole;
 use crate::run::{Outcome, drive, problems_error};
+use crate::shipped::Kind;
 use cells::{CellResult, CellStore, Runner, Shard};
 use grid::{Cell, Study};
 
@@ -36,7 +37,7 @@ use grid::{Cell, Study};
 pub struct StudyArgs {
     #[command(subcommand)]
     command: Option<StudyCommand>,
-    /// Study file (TOML)
+    /// Study file (TOML), or the name of one that is in the program
     #[arg(required = true)]
     file: Option<PathBuf>,
     /// Output folder [default: out/ and the study's name]
@@ -163,13 +164,13 @@ impl Bench {
         for path in study.scenarios() {
             match crate::run::read_scenario(path) {
                 Ok(scenario) => {
-                    scenarios.insert(path.to_owned(), (scenario, std::fs::read_to_string(path)?));
+                    scenarios.insert(path.to_owned(), (scenario, Kind::Scenario.text(path)?.into_owned()));
                 }
                 Err(error) => unread.push(error.to_string()),
             }
         }
         let base = match &study.config {
-            Some(path) => Document::read(path),
+            Some(path) => Kind::Config.document(path),
             None => Document::parse("defaults", String::new()),
         };
         // What is wrong is told before the first cell runs.

@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use swerve_text::{Document, Problems};
 
+use crate::shipped::Kind;
+
 pub use pipeline::{BlackBox, Pipeline, Resource, Timer};
 pub use trace::{Mark, Publication, Step, Trace};
 
@@ -67,7 +69,7 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
 /// # Errors
 /// When the file cannot be read, or all that is wrong with it: file, line, key and what was expected.
 pub fn read_file(path: &Path) -> Result<Pipeline, Problems> {
-    read::pipeline(&Document::read(path)?)
+    read::pipeline(&Kind::Timing.document(path)?)
 }
 
 /// The pipeline that `text` describes; `name` stands for its file in messages.

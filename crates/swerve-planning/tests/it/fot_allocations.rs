@@ -1,10 +1,4 @@
-//! What FOT allocates once its memory has grown, counted: the plan that it hands out and nothing else. One test in
-//! a program of its own: nothing else runs beside it.
-
-#![expect(unsafe_code, reason = "a counting allocator has to implement an unsafe trait")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+//! What FOT allocates once its memory has grown, counted: the plan that it hands out and nothing else.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2};
@@ -13,26 +7,7 @@ use swerve_planning::fot::{Fot, Params};
 use swerve_planning::{Planner, Request, Unlimited};
 use swerve_vehicle::{Limits, Shape};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is passed on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        // SAFETY: `place` came from `alloc` with this layout.
-        unsafe { System.dealloc(place, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+use crate::counting::allocations;
 
 #[test]
 fn a_plan_allocates_its_points_only() {
@@ -65,9 +40,9 @@ fn a_plan_allocates_its_points_only() {
     for params in [Params::fast(), Params::slow()] {
         let mut planner = Fot::new(params).unwrap();
         assert_eq!(planner.plan(&request, &mut Unlimited::default()).status, PlanStatus::Found);
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         let plan = planner.plan(&request, &mut Unlimited::default());
-        let count = ALLOCATIONS.load(Ordering::Relaxed) - before;
+        let count = allocations() - before;
         assert_eq!(plan.status, PlanStatus::Found);
         // The vector of the points, sized at once.
         assert!(count <= 1, "{count} allocations for {} points", plan.points.len());

@@ -1,4 +1,4 @@
-//! Ctrl-C in the middle of a study. Needs real time and real processes: with SWERVE_SLOW=1 only.
+//! Ctrl-C in the middle of a study.
 
 use std::process::{Command, Stdio};
 
@@ -25,11 +25,8 @@ fn interrupted(bench: &Bench, args: &[&str], cells: usize) -> Said {
 }
 
 #[test]
+#[ignore = "other processes' timing"]
 fn a_stopped_study_keeps_its_cells_and_goes_on() {
-    if std::env::var_os("SWERVE_SLOW").is_none() {
-        println!("skipped: set SWERVE_SLOW=1 to run it");
-        return;
-    }
     let bench = Bench::new();
     let seeds: Vec<String> = (1..=CELLS).map(|seed| seed.to_string()).collect();
     let values = seeds.join(", ");

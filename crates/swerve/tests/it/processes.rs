@@ -228,9 +228,9 @@ enum Moment {
     After(Duration),
 }
 
-/// Drives until a worker of the run is killed; checks that this is noticed, told, logged and cleaned up. Says whether
-/// the run was not over before.
-fn lose_one(config: &Config, which: usize, moment: Moment) -> bool {
+/// Drives until a worker of the run is killed; checks that this is told, logged and cleaned up. Gives how long it took
+/// to be noticed, unless the run was over before.
+fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
     let Run { pipeline, processes, seed } = start(config, Time::from_ms(600_000));
@@ -254,26 +254,29 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> bool {
         other.unwrap().join().unwrap();
         drop(processes);
         assert_eq!(left_over(&prefix), [""; 0]);
-        return false;
+        return None;
     };
     let error = error.to_string();
     let killed = other.map(|other| other.join().unwrap()).or(killer.killed).unwrap();
-    // Between the kill and the next call of that process lie steps of others.
-    let noticed = ended - killed;
-    assert!(noticed < Duration::from_millis(500), "noticed after {noticed:?}");
     assert!(error.contains(&format!("process `{name}` ended (signal: 9")), "{error}");
     let log = Log::read(&log).unwrap();
     assert!(log.records.len() > 10 || matches!(moment, Moment::Publications(..10)));
     assert_eq!(log.end.unwrap().reason, format!("failed: {error}"));
     drop(processes);
     assert_eq!(left_over(&prefix), [""; 0]);
-    true
+    Some(ended - killed)
 }
 
 #[test]
 fn a_killed_process_ends_a_virtual_run_with_its_log_whole() {
     let config = config("two_processes", &[]);
-    assert!(lose_one(&config, 0, Moment::Publications(300)));
+    assert!(lose_one(&config, 0, Moment::Publications(300)).is_some());
+}
+
+#[test]
+#[ignore = "real clock"]
+fn a_process_killed_at_any_moment_is_noticed_within_half_a_second() {
+    let config = config("two_processes", &[]);
     let kills = std::env::var("SWERVE_KILLS").map_or(1, |n| n.parse().unwrap());
     let mut rng = Rng::keyed(2, "kills", &[]);
     let watched = watched(&["eye", "ear", "planner"]);
@@ -284,12 +287,16 @@ fn a_killed_process_ends_a_virtual_run_with_its_log_whole() {
             0 => Moment::Publications(1 + rng.bits() % 2000),
             _ => Moment::After(Duration::from_micros(rng.bits() % 100_000)),
         };
-        in_time += u64::from(lose_one(config, (rng.bits() % 2) as usize, moment));
+        let Some(noticed) = lose_one(config, (rng.bits() % 2) as usize, moment) else { continue };
+        // Between the kill and the next call of that process lie steps of others.
+        assert!(noticed < Duration::from_millis(500), "noticed after {noticed:?}");
+        in_time += 1;
     }
     assert!(2 * in_time >= kills, "{in_time} of {kills} kills came before the end of the run");
 }
 
 #[test]
+#[ignore = "real clock"]
 fn a_process_killed_while_it_is_waited_for_is_noticed_within_100_ms() {
     let config = config("two_processes", &[]);
     let Run { mut pipeline, processes, seed } = start(&config, Time::from_ms(60_000));
@@ -308,6 +315,7 @@ fn a_process_killed_while_it_is_waited_for_is_noticed_within_100_ms() {
 }
 
 #[test]
+#[ignore = "other processes' timing"]
 fn a_killed_coordinator_takes_its_workers_along_and_the_next_run_cleans_up() {
     let out = tempfile::tempdir().unwrap();
     let mut coordinator = Command::new(PROGRAM)
@@ -391,6 +399,7 @@ fn lose_one_under_wall_clock(on_loss: OnLoss, until: Time) -> Watcher {
 }
 
 #[test]
+#[ignore = "real clock"]
 fn under_wall_clock_a_loss_brings_the_ego_to_a_stop() {
     let watcher = lose_one_under_wall_clock(OnLoss::Stop, Time::from_ms(2000));
     let [(_, told)] = &watcher.supervision[..] else { panic!("{:?}", watcher.supervision) };
@@ -400,6 +409,7 @@ fn under_wall_clock_a_loss_brings_the_ego_to_a_stop() {
 }
 
 #[test]
+#[ignore = "real clock"]
 fn under_wall_clock_a_lost_process_is_started_again() {
     let watcher = lose_one_under_wall_clock(OnLoss::Restart, Time::from_ms(4000));
     let told: Vec<usize> = watcher.supervision.iter().map(|(_, told)| told.gone.len()).collect();
@@ -416,6 +426,7 @@ fn tunnel() -> Option<PathBuf> {
 }
 
 #[test]
+#[ignore = "iceoryx2's tunnel"]
 fn a_run_over_two_hosts_is_that_of_one_process() {
     let Some(tunnel) = tunnel() else {
         println!("skipped: there is no iceoryx2 tunnel, see docs/howto/two_hosts.md");
@@ -478,6 +489,7 @@ impl Called {
 }
 
 #[test]
+#[ignore = "other processes' timing"]
 fn an_interrupted_virtual_run_ends_in_order_and_leaves_nothing() {
     let file = root().join("configs/two_processes.toml");
     let called = Called::start(&["-c", file.to_str().unwrap()]);
@@ -493,6 +505,7 @@ fn an_interrupted_virtual_run_ends_in_order_and_leaves_nothing() {
 }
 
 #[test]
+#[ignore = "real clock"]
 fn a_suspended_run_counts_what_it_missed_and_goes_on() {
     let called = Called::start(&["--clock", "wall", "--json"]);
     let process = called.child.id();
@@ -570,6 +583,7 @@ fn a_full_disk_ends_a_virtual_run_with_what_was_written_readable() {
 }
 
 #[test]
+#[ignore = "real clock"]
 fn a_full_disk_does_not_stop_a_drive_against_the_real_clock() {
     let small = tempfile::tempdir().unwrap();
     let out = small.path().join("out");

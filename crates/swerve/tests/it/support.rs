@@ -1,9 +1,16 @@
-//! A folder to call the program in.
+//! A folder to call the program in, and time for oneself.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::TempDir;
+
+/// One at a time of those that keep time.
+pub(crate) fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Three seconds past somebody who stands beside the lane; short, so that many runs take little time.
 pub(crate) const SHORT: &str = r#"name = "short"

@@ -116,6 +116,7 @@ fn ask() {
 }
 
 #[test]
+#[ignore = "two hosts: network namespaces"]
 fn two_hosts_on_one_network_find_each_other() {
     match std::env::var(ROLE).as_deref() {
         Ok("answer") => return answer(),

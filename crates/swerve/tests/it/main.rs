@@ -1,0 +1,18 @@
+//! The program as its users call it: one binary, one module a subject. Tests that are ignored need a machine that has
+//! time for them, or other makers' programs: `cargo test -- --ignored` runs them.
+#![expect(clippy::unwrap_used, reason = "a failed test says where")]
+
+mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
+mod decoders; // bytes from outside never make a decoder panic
+mod interrupt; // Ctrl-C in a study
+mod live; // a car of another make, driven over ROS 2's topics
+mod names; // what goes by its name, and a folder to begin in
+mod output; // what goes where, and which options change it
+mod processes; // runs over several processes: the same digest, and what is lost is noticed
+mod ray; // shards on Ray workers
+mod ros2; // the simulated car on ROS 2's topics, recorded drives
+mod sensors; // a rig from a file, its log, its faults
+mod slurm; // the shards of a Slurm array, simulated
+mod study; // cells, resuming, shards, failing cells, repeating a cell
+mod support; // a folder to call the program in
+mod timing; // the engine against the reference model

@@ -1,0 +1,121 @@
+//! What is in the program goes by its name, where no file does; `swerve new` makes a folder to begin in.
+
+use crate::support::{Bench, SHORT};
+
+/// The digest that a run prints.
+fn digest(said: &str) -> &str {
+    said.lines().find_map(|line| line.trim().strip_prefix("digest")).expect("a run prints its digest").trim()
+}
+
+#[test]
+fn a_scenario_and_a_configuration_go_by_their_names() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let (scenario, config) =
+        (format!("{root}/scenarios/person_crossing.toml"), format!("{root}/configs/best.toml"));
+    let bench = Bench::new();
+    let by_path = bench.good(&["run", &scenario, "-c", &config, "--out", "o"]);
+    for (scenario, config) in
+        [("person_crossing", "best"), ("scenarios/person_crossing.toml", "configs/best.toml")]
+    {
+        let by_name = bench.good(&["run", scenario, "-c", config]);
+        assert_eq!(digest(&by_name), digest(&by_path), "{scenario}");
+    }
+    bench.good(&["replay", "out/person_crossing/log.mcap", "--verify"]);
+    bench.good(&["graph", "lane", "-c", "live/autoware"]);
+    bench.good(&["timing", "av"]);
+}
+
+#[test]
+fn what_a_named_study_names_is_found_too() {
+    let bench = Bench::new();
+    bench.good(&["study", "planners", "--shard", "1/240", "--out", "o"]);
+    let commands = bench.read("o/commands.txt");
+    let first = commands.lines().next().unwrap();
+    assert!(
+        first.starts_with("swerve run scenarios/person_behind_truck.toml -c configs/paper.toml "),
+        "{first}"
+    );
+    let said = bench.shell(first);
+    assert_eq!(said.code, Some(0), "{said:?}");
+}
+
+#[test]
+fn a_file_goes_before_a_name() {
+    let bench = Bench::new();
+    bench.write("lane", SHORT);
+    assert!(bench.good(&["run", "lane"]).starts_with("short, "));
+    std::fs::remove_file(bench.path("lane")).unwrap();
+    // A folder is no scenario.
+    std::fs::create_dir(bench.path("person_crossing")).unwrap();
+    assert!(bench.good(&["run", "person_crossing"]).starts_with("person_crossing, "));
+}
+
+#[test]
+fn an_unknown_name_is_met_with_the_nearest() {
+    let bench = Bench::new();
+    for (args, says) in [
+        (&["run", "person_behind_trukc"][..], "did you mean the scenario `person_behind_truck`"),
+        (&["run", "short.toml", "-c", "bets"], "did you mean the configuration `best`"),
+        (&["study", "planers"], "did you mean the study `planners`"),
+        (&["live", "autowear"], "did you mean the configuration `autoware`"),
+    ] {
+        let said = bench.swerve(args);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        let is_told = said.stderr.contains("cannot be read: ") && said.stderr.contains(says);
+        assert!(is_told && said.stderr.lines().count() == 1, "{args:?}: {}", said.stderr);
+    }
+}
+
+#[test]
+fn scenarios_of_the_folder_and_of_the_program_are_listed() {
+    let bench = Bench::new();
+    let shipped = bench.good(&["scenarios"]);
+    assert!(shipped.lines().any(|line| line.starts_with("person_behind_truck ")), "{shipped}");
+    std::fs::create_dir(bench.path("scenarios")).unwrap();
+    bench.write("scenarios/mine.toml", &SHORT.replace("\"short\"", "\"mine\"\ndescription = \"My own.\""));
+    let both = bench.good(&["scenarios"]);
+    let first = both.lines().next().unwrap();
+    assert!(first.starts_with("scenarios/mine.toml ") && first.ends_with("  My own."), "{both}");
+    assert_eq!(both.lines().count(), 1 + shipped.lines().count(), "{both}");
+}
+
+/// Everything that the README of a new folder shows.
+#[test]
+fn a_new_folder_runs_at_once() {
+    let bench = Bench::new();
+    let said = bench.good(&["new", "begin/here"]);
+    assert!(said.contains("cd begin/here\n  swerve run scenario.toml -c config.toml"), "{said}");
+    let readme = bench.read("begin/here/README.md");
+    let mut seen = 0;
+    for block in readme.split("```sh\n").skip(1) {
+        for line in block.split("```").next().unwrap().lines() {
+            let said = bench.shell(&format!("cd begin/here && {line}"));
+            assert_eq!(said.code, Some(0), "{line}: {said:?}");
+            match seen {
+                0 => assert!(
+                    said.stdout.contains("AVOIDED") && said.stdout.contains("as the scenario"),
+                    "{said:?}"
+                ),
+                1 => assert!(said.stdout.contains("COLLISION"), "{said:?}"),
+                _ => {}
+            }
+            seen += 1;
+        }
+    }
+    assert!(seen >= 8, "only {seen} commands found");
+    bench.good(&["check", "begin/here"]);
+}
+
+#[test]
+fn a_new_folder_takes_nobodys_place() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("empty")).unwrap();
+    bench.good(&["new", "empty"]);
+    for place in ["empty", ".", "short.toml"] {
+        let said = bench.swerve(&["new", place]);
+        assert_eq!((said.code, said.stdout.as_str()), (Some(1), ""), "{place}");
+        assert!(said.stderr.starts_with("error: ") && said.stderr.lines().count() == 1, "{said:?}");
+    }
+    assert_eq!(bench.read("short.toml"), SHORT);
+    assert_eq!(bench.read("empty/README.md"), include_str!("../../template/README.md"));
+}
