@@ -336,3 +336,13 @@ proptest! {
         let _either_way = worker.answer(&call, &mut Vec::new()).is_ok();
     }
 }
+
+#[test]
+fn s9_a_restart_in_an_older_log_reads_as_one() {
+    let read = |name: &str| {
+        let json = format!(r#"{{"decision":"{name}","operator":"mixer","stamp":5}}"#);
+        serde_json::from_str::<Decision>(&json).unwrap()
+    };
+    let restarted = Decision::Restarted { operator: "mixer".into(), stamp: Time::from_ns(5) };
+    assert_eq!([read("restarted"), read("afresh")], [restarted.clone(), restarted]);
+}
