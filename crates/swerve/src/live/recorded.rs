@@ -453,7 +453,7 @@ mod tests {
 
     fn drive() -> Drive {
         let text = "[live]\nroute = \"lane.toml\"\n[control]\ncontroller = \"stanley\"\n[camera.camera]\n[lidar.lidar]\n";
-        let config = Config::from_document(&Document::parse("c.toml", text.into()).unwrap(), &[]).unwrap();
+        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
         let mapping = config.ros2_mapping().unwrap();
         let live = config.live.clone().unwrap();
         let route = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/lane.toml"));
