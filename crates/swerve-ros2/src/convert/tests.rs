@@ -180,24 +180,3 @@ fn wheel_odometry_is_a_velocity_and_an_angle() {
     let steering = steering_to_ros(&wheels, EPOCH);
     assert_eq!((steering.stamp, steering.steering_tire_angle), (velocity.header.stamp, 0.25));
 }
-
-#[test]
-fn what_is_shown_is_where_it_is() {
-    let (tracks, _) = tracks();
-    let track = &tracks.tracks[0];
-    let obstacle = swerve_msg::Obstacle {
-        id: track.id,
-        kind: ActorKind::Pedestrian,
-        pose: track.pose,
-        extent: track.extent,
-        velocity_mps: track.velocity_mps,
-        visible_share: 1.0,
-    };
-    let list = ObstacleList { stamp: tracks.stamp, obstacles: vec![obstacle] };
-    let mut markers = obstacles_to_markers(&list, EPOCH, "map");
-    markers.markers.push(plan_to_marker(&plan(), EPOCH, "map"));
-    passes(&markers);
-    let first = &markers.markers[0];
-    assert_eq!((first.pose.position.x, first.pose.position.z, first.scale.x), (20.0, 0.75, 4.5));
-    assert_eq!(markers.markers[1].points.len(), 5);
-}

@@ -134,3 +134,24 @@ fn names_keep_their_number_and_are_forgotten_oldest_first() {
     assert_eq!(names.id(name(7)), ActorId(1), "used later than the other");
     assert_ne!(names.id(name(8)), ActorId(2), "forgotten, and its number is not used again");
 }
+
+#[test]
+fn what_is_shown_is_where_it_is() {
+    let (tracks, _) = tracks();
+    let track = &tracks.tracks[0];
+    let obstacle = swerve_msg::Obstacle {
+        id: track.id,
+        kind: ActorKind::Pedestrian,
+        pose: track.pose,
+        extent: track.extent,
+        velocity_mps: track.velocity_mps,
+        visible_share: 1.0,
+    };
+    let list = ObstacleList { stamp: tracks.stamp, obstacles: vec![obstacle] };
+    let mut markers = obstacles_to_markers(&list, EPOCH, "map");
+    markers.markers.push(plan_to_marker(&plan(), EPOCH, "map"));
+    passes(&markers);
+    let first = &markers.markers[0];
+    assert_eq!((first.pose.position.x, first.pose.position.z, first.scale.x), (20.0, 0.75, 4.5));
+    assert_eq!(markers.markers[1].points.len(), 5);
+}
