@@ -14,6 +14,7 @@ pub use check::GraphError;
 pub(crate) use check::ranks;
 pub use describe::{GraphInfo, InputInfo, InputKind, OperatorInfo};
 
+use crate::any::PayloadType;
 use crate::deadline::{Deadline, Length};
 use crate::elsewhere::{Elsewhere, Remote, Workbench, Workshop};
 use crate::input::{Connect, Edge, PortSpec, Ports};
@@ -119,6 +120,13 @@ pub(crate) struct StreamSpec {
     pub(crate) producer: usize,
 }
 
+impl StreamSpec {
+    /// What it carries.
+    pub(crate) fn payload(&self) -> PayloadType {
+        PayloadType { name: self.type_name, decode: self.decode, from_wire: self.from_wire }
+    }
+}
+
 pub(crate) struct FeedbackSpec {
     pub(crate) name: String,
     pub(crate) stream: Option<usize>,
@@ -185,6 +193,38 @@ impl Graph {
         let index = self.operators.len();
         let mut declared = Declaration { first: self.streams.len(), types: Vec::new() };
         let streams = Out::declare(&mut declared);
+        self.push_declared(name, ports, body, declared);
+        OperatorRef { graph: self, index, streams }
+    }
+
+    /// Adds an operator whose types are known at run time only; gives the first of its streams.
+    pub(crate) fn push_any(
+        &mut self,
+        name: &str,
+        ports: Vec<PortSpec>,
+        body: Box<dyn Body>,
+        types: &[PayloadType],
+    ) -> usize {
+        let first = self.streams.len();
+        let types = types.iter().map(|payload| (payload.name, payload.decode, payload.from_wire)).collect();
+        // Nothing is offered without a type, so a reaction of its own has nothing to choose from.
+        let body = BodySpec::Operator(body, |_, _| {});
+        self.push_declared(name.into(), ports, body, Declaration { first, types });
+        first
+    }
+
+    /// Gives an operator that has steps another body.
+    pub(crate) fn set_body(&mut self, name: &str, new: Box<dyn Body>) -> Result<(), GraphError> {
+        let index = self.index_of(name)?;
+        match &mut self.operators[index].body {
+            BodySpec::Operator(body, _) => *body = new,
+            BodySpec::Feed(_) => return Err(GraphError::UnknownOperator { operator: name.into() }),
+        }
+        Ok(())
+    }
+
+    fn push_declared(&mut self, name: Arc<str>, ports: Vec<PortSpec>, body: BodySpec, declared: Declaration) {
+        let index = self.operators.len();
         let n = declared.types.len();
         for (i, (type_name, decode, from_wire)) in declared.types.into_iter().enumerate() {
             let name = if n == 1 { name.clone() } else { format!("{name}.{i}").into() };
@@ -205,7 +245,6 @@ impl Graph {
             body,
             spares: Vec::new(),
         });
-        OperatorRef { graph: self, index, streams }
     }
 
     /// A feedback edge, to be given to its reader now and connected to its stream later.
@@ -312,7 +351,7 @@ impl Graph {
         }
     }
 
-    fn index_of(&self, name: &str) -> Result<usize, GraphError> {
+    pub(crate) fn index_of(&self, name: &str) -> Result<usize, GraphError> {
         self.operators
             .iter()
             .position(|operator| &*operator.name == name)

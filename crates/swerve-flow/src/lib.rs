@@ -67,9 +67,13 @@
 //! A loop is closed by `let commands = graph.feedback::<Command>("commands")`, given to its reader, and
 //! `graph.connect(commands, stream)` later.
 //!
+//! A [`Session`] runs a graph in virtual time step by step, for a caller who looks and answers in between. Operators
+//! whose types are known at run time only are [`AnyOperator`]s.
+//!
 //! An operator's steps can be taken by another process: [`Elsewhere`] carries them there, a [`Workshop`] of the
 //! same graph takes them, and the run comes out the same.
 
+mod any;
 mod deadline;
 mod decision;
 mod elsewhere;
@@ -87,11 +91,15 @@ mod playback;
 mod policy;
 mod report;
 mod runtime;
+mod session;
 #[cfg(test)]
 mod tests;
 mod virtual_time;
 mod wall;
 
+pub use any::{
+    AnyInput, AnyMessage, AnyOperator, AnyOutputError, AnyOutputs, AnySource, AnyStream, PayloadType,
+};
 pub use deadline::{Anchor, Deadline, Reaction};
 pub use decision::{Decision, Replay};
 pub use elsewhere::{Answered, Call, CallError, Elsewhere, Lost, Workshop};
@@ -113,5 +121,6 @@ pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Policy};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
+pub use session::{Reached, Session, Watched};
 pub use virtual_time::{run_replay, run_virtual};
 pub use wall::{SendError, SourceHandle, StopHandle, run_wall};

@@ -1,5 +1,6 @@
 //! The rules of `docs/execution.md`, each pinned by a test named after its section.
 
+mod any;
 mod clock;
 mod deadlines;
 mod elsewhere;
@@ -7,6 +8,7 @@ mod loops;
 mod net;
 mod ports;
 mod runtimes;
+mod session;
 mod sweep;
 mod throughput;
 mod words;

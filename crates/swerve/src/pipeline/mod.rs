@@ -1,5 +1,6 @@
 //! The driving pipeline: thin operators around the pure algorithms, and the graph that joins them.
 
+pub mod agent;
 mod camera;
 mod controller;
 mod deadline;
@@ -24,7 +25,7 @@ use anyhow::Context as _;
 use swerve_core::{Span, Time};
 use swerve_flow::{Graph, Policy, RuntimeModel, SourceHandle, Stream, Timer, every};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Command, EgoState, MotionCommand, Route, Supervision, Switch};
+use swerve_msg::{Command, EgoState, MotionCommand, PredictionList, Route, Supervision, Switch};
 use swerve_scenario::{Scenario, sensor_phase};
 use swerve_sim::sense::{LaneInvasionSensor, RedLightSensor, WheelOdometer};
 use swerve_sim::{SimParams, Simulator};
@@ -35,6 +36,7 @@ use crate::config::camera::Output;
 use crate::config::clock::Clock;
 use crate::config::execution::{Runtime, parse_policy, span_ms};
 
+use agent::Agent;
 use faulty::faulty;
 use stage::SharedStage;
 
@@ -83,7 +85,15 @@ impl Pipeline {
     /// # Errors
     /// When what the configuration asks for is not to be had.
     pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
-        let pipeline = Self::build_without_stage(config, scenario)?;
+        Self::build_for(config, scenario, None)
+    }
+
+    /// The same with an agent outside in the place of a part of the stack.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_for(config: &Config, scenario: &Scenario, agent: Option<&Agent>) -> anyhow::Result<Self> {
+        let pipeline = Self::assemble(config, scenario, agent)?;
         if let Some(stage) = &pipeline.stage {
             let raised = stage::with(stage, |stage| stage.raise(config, &pipeline.scenario));
             raised.context("building the pipeline")?;
@@ -96,6 +106,10 @@ impl Pipeline {
     /// # Errors
     /// As [`build`](Self::build).
     pub fn build_without_stage(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+        Self::assemble(config, scenario, None)
+    }
+
+    fn assemble(config: &Config, scenario: &Scenario, agent: Option<&Agent>) -> anyhow::Result<Self> {
         let scenario = drawn(config, scenario);
         let vehicle = config.sim.vehicle.clone();
         let route = scenario.road.route();
@@ -104,7 +118,7 @@ impl Pipeline {
         let supervised = clock == Clock::Wall && !config.process.is_empty();
         let (processes, supervisor) = supervised.then(|| graph.source(SUPERVISOR)).unzip();
         let (driver, inputs) = config.is_driven_over_ros2().then(|| driver(&mut graph)).unzip();
-        let outside = (processes, driver);
+        let outside = Outside { processes, driver, agent };
         let (memory, stage) =
             connect(&mut graph, config, &scenario, &route, outside).context("building the pipeline")?;
         configure(&mut graph, config)?;
@@ -125,6 +139,13 @@ fn driver(graph: &mut Graph) -> (Driver, DriverInputs) {
     let (commands, commands_in) = graph.source("commands");
     let (switch, switch_in) = graph.source("switch");
     ((commands, switch), DriverInputs { commands: commands_in, switch: switch_in })
+}
+
+/// Who else has a say in the graph.
+struct Outside<'a> {
+    processes: Option<Stream<Supervision>>,
+    driver: Option<Driver>,
+    agent: Option<&'a Agent>,
 }
 
 /// The first step of the world at which the scenario's time is over.
@@ -167,7 +188,7 @@ fn connect(
     config: &Config,
     scenario: &Scenario,
     route: &Route,
-    (processes, driver): (Option<Stream<Supervision>>, Option<Driver>),
+    Outside { processes, driver, agent }: Outside<'_>,
 ) -> anyhow::Result<Surroundings> {
     let sensing = &config.sensing;
     let dt = ms(config.sim.dt_ms);
@@ -189,7 +210,13 @@ fn connect(
     let surroundings = sense_surroundings(graph, config, world)?;
     let commands = match driver {
         Some((wishes, switch)) => gate::before_world(graph, config, wishes, measured, Some(switch))?,
-        None => own_stack(graph, config, (scenario, route), processes, (sight, pose, measured))?,
+        None => match agent {
+            Some(agent @ Agent::Command(seat)) => {
+                perceive(graph, config, sight, pose)?;
+                agent::commands(graph, config, seat, agent)?
+            }
+            _ => own_stack(graph, config, (scenario, route), (processes, agent), (sight, pose, measured))?,
+        },
     };
     graph.connect(command, commands);
     Ok(surroundings)
@@ -200,17 +227,23 @@ fn own_stack(
     graph: &mut Graph,
     config: &Config,
     (scenario, route): (&Scenario, &Route),
-    processes: Option<Stream<Supervision>>,
+    (processes, agent): (Option<Stream<Supervision>>, Option<&Agent>),
     (sight, pose, measured): (perception::Sight, Stream<EgoState>, Stream<EgoState>),
 ) -> anyhow::Result<Stream<Command>> {
-    let tracks = perception::tracks(graph, config, sight, pose)?;
-    let tracks = faulty(graph, config, "tracker", tracks)?;
-    let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
-    let predictions = faulty(graph, config, "predictor", predictions)?;
-    let planner = planner::PlannerOperator::new(config, scenario, route)?;
-    let deadline = deadline::set_deadlines(graph, config, (predictions, pose, route))?;
-    let plan = planner::planner(graph, config, planner, (predictions, pose, deadline))?;
-    let plan = faulty(graph, config, "planner", plan)?;
+    let predictions = perceive(graph, config, sight, pose)?;
+    let decided = match agent {
+        Some(agent) => agent::plans(graph, config, agent, route, pose)?,
+        None => None,
+    };
+    let plan = match decided {
+        Some(plan) => plan,
+        None => {
+            let planner = planner::PlannerOperator::new(config, scenario, route)?;
+            let deadline = deadline::set_deadlines(graph, config, (predictions, pose, route))?;
+            let plan = planner::planner(graph, config, planner, (predictions, pose, deadline))?;
+            faulty(graph, config, "planner", plan)?
+        }
+    };
     let driver = controller::Driver::new(config, route);
     let processes: Vec<_> = processes.into_iter().map(swerve_flow::Source::from).collect();
     let inputs = (every(ms(config.control.period_ms)), pose, plan, processes);
@@ -222,6 +255,19 @@ fn own_stack(
         let pedals = graph.add("controller", controller::PedalController(driver), inputs).out();
         faulty(graph, config, "controller", pedals)
     }
+}
+
+/// From what is seen to what is going to happen.
+fn perceive(
+    graph: &mut Graph,
+    config: &Config,
+    sight: perception::Sight,
+    pose: Stream<EgoState>,
+) -> anyhow::Result<Stream<PredictionList>> {
+    let tracks = perception::tracks(graph, config, sight, pose)?;
+    let tracks = faulty(graph, config, "tracker", tracks)?;
+    let predictions = graph.add("predictor", perception::Predictor::new(config), (tracks,)).out();
+    faulty(graph, config, "predictor", predictions)
 }
 
 /// Sensors of the ego's own motion, and of what happens to it, that run only where they are asked for.

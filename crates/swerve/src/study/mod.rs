@@ -25,6 +25,7 @@ use swerve_scenario::Scenario;
 use crate::config::Config;
 use crate::config::text::{Document, Problem};
 use crate::files::write_whole;
+use crate::program::Program;
 use crate::run::{Outcome, drive, problems_error};
 use cells::{CellResult, CellStore, Runner, Shard};
 use grid::{Cell, Study};
@@ -223,7 +224,7 @@ impl Bench {
 
 /// One number for the running executable.
 fn program() -> anyhow::Result<Digest> {
-    let path = std::env::current_exe().context("finding the running program")?;
+    let path = Program::this()?.code;
     let mut hasher = Hasher::new();
     hasher.bytes(&std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
     Ok(hasher.digest())
