@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, final
 
 __version__: str
-__file__: str
 
 _Path = str | os.PathLike[str]
 
