@@ -2,6 +2,7 @@
 
 mod commit;
 mod due;
+mod held;
 mod node;
 mod pool;
 mod reports;
@@ -75,23 +76,40 @@ impl Engine<'_> {
 
     /// Settles the instant `now`: every operator that has something to do takes its turn, in rank order.
     pub(crate) fn sweep(&mut self, now: Time) {
+        self.begin(now);
+        self.go_on(None);
+    }
+
+    /// Begins the sweep of the instant `now`.
+    pub(crate) fn begin(&mut self, now: Time) {
         self.now = now;
         self.pass = 0;
         self.instants += 1;
-        loop {
-            self.due.mark(now, &mut self.ready);
+        self.due.mark(now, &mut self.ready);
+    }
+
+    /// Goes on with a sweep to its end, or to before the turn at which a frame opens for the operator of rank
+    /// `held`; says whether that turn is next.
+    pub(crate) fn go_on(&mut self, held: Option<usize>) -> bool {
+        while self.failure.is_none() {
             while let Some(rank) = self.ready.pop() {
+                if held == Some(rank) && self.nodes[rank].opens_frame(self.now) {
+                    self.ready.insert(rank);
+                    return true;
+                }
                 self.turn(rank);
                 if self.failure.is_some() {
-                    return;
+                    return false;
                 }
             }
             self.pass += 1;
             self.share_resources();
-            if self.failure.is_some() || (self.ready.is_empty() && self.due.next() > now) {
-                return;
+            if self.failure.is_some() || (self.ready.is_empty() && self.due.next() > self.now) {
+                return false;
             }
+            self.due.mark(self.now, &mut self.ready);
         }
+        false
     }
 
     /// Tells the observers.

@@ -187,8 +187,41 @@ impl Graph {
         let index = self.operators.len();
         let mut declared = Declaration { first: self.streams.len(), types: Vec::new() };
         let streams = Out::declare(&mut declared);
+        self.push_declared(name, ports, body, declared);
+        OperatorRef { graph: self, index, streams }
+    }
+
+    /// Adds an operator whose types are known at run time only; gives the first of its streams.
+    pub(crate) fn push_any(
+        &mut self,
+        name: &str,
+        ports: Vec<PortSpec>,
+        body: Box<dyn Body>,
+        types: &[PayloadType],
+    ) -> usize {
+        let first = self.streams.len();
+        let types = types.iter().map(|payload| Declared { port: None, payload: *payload }).collect();
+        // Nothing is offered without a type, so a reaction of its own has nothing to choose from.
+        let body = BodySpec::Operator(body, |_, _| {});
+        self.push_declared(name.into(), ports, body, Declaration { first, types });
+        first
+    }
+
+    /// Gives an operator that has steps another body.
+    pub(crate) fn set_body(&mut self, name: &str, new: Box<dyn Body>) -> Result<(), GraphError> {
+        let index = self.index_of(name)?;
+        match &mut self.operators[index].body {
+            BodySpec::Operator(body, _) => *body = new,
+            BodySpec::Feed(_) => return Err(GraphError::UnknownOperator { operator: name.into() }),
+        }
+        Ok(())
+    }
+
+    fn push_declared(&mut self, name: Arc<str>, ports: Vec<PortSpec>, body: BodySpec, declared: Declaration) {
+        let index = self.operators.len();
         let n = declared.types.len();
-        for (i, Declared { port, payload, decode, from_wire }) in declared.types.into_iter().enumerate() {
+        for (i, Declared { port, payload }) in declared.types.into_iter().enumerate() {
+            let PayloadType { decode, from_wire, .. } = payload;
             let name = match port {
                 _ if n == 1 => name.clone(),
                 Some(port) => format!("{name}.{port}").into(),
@@ -211,7 +244,6 @@ impl Graph {
             body,
             spares: Vec::new(),
         });
-        OperatorRef { graph: self, index, streams }
     }
 
     /// A feedback edge, to be given to its reader now and connected to its stream later.
@@ -314,7 +346,7 @@ impl Graph {
         }
     }
 
-    fn index_of(&self, name: &str) -> Result<usize, GraphError> {
+    pub(crate) fn index_of(&self, name: &str) -> Result<usize, GraphError> {
         self.operators
             .iter()
             .position(|operator| &*operator.name == name)

@@ -67,6 +67,9 @@
 //! A loop is closed by `let commands = graph.feedback::<Command>("commands")`, given to its reader, and
 //! `graph.connect(commands, stream)` later.
 //!
+//! A [`Session`] runs a graph in virtual time step by step, for a caller who looks and answers in between. Operators
+//! whose types are known at run time only are [`AnyOperator`]s.
+//!
 //! An operator's steps can be taken by another process: [`RemoteExecutor`] carries them there, a [`Worker`] of the
 //! same graph takes them, and the run comes out the same.
 
@@ -74,6 +77,7 @@
 #[cfg(test)]
 extern crate self as swerve_flow;
 
+mod any;
 mod deadline;
 mod decision;
 mod engine;
@@ -92,11 +96,13 @@ mod port;
 mod remote;
 mod report;
 mod runtime;
+mod session;
 #[cfg(test)]
 mod tests;
 mod virtual_time;
 mod wall;
 
+pub use any::{AnyInput, AnyMessage, AnyOperator, AnyOutputError, AnyOutputs, AnySource};
 pub use deadline::{Anchor, Deadline, Reaction};
 pub use decision::{Decision, Replay};
 pub use graph::{
@@ -121,6 +127,7 @@ pub use port::{InputPort, NamedInputs, NamedOutputs, OutputInfo, OutputPort, Por
 pub use remote::{Answered, Call, CallError, Lost, RemoteExecutor, Worker};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};
 pub use runtime::{RecordedTimes, RuntimeModel};
+pub use session::{Reached, Session, Watched};
 pub use swerve_flow_derive::{Inputs, Outputs};
 pub use virtual_time::{run_replay, run_virtual};
 pub use wall::{SendError, SourceHandle, StopHandle, run_wall};

@@ -13,13 +13,14 @@ use crate::decision::Decision;
 use crate::payload::ErasedPayload;
 use crate::report::RunReport;
 
-/// Is told everything that happens in a run, in commit order: a recorder, a table, a test.
-pub trait Observer {
+/// Is told everything that happens in a run, in commit order: a recorder, a table, a test. It goes along where its run
+/// is moved to another thread.
+pub trait Observer: Send {
     /// One event.
     fn event(&mut self, event: &Event<'_>);
 }
 
-impl<F: FnMut(&Event<'_>)> Observer for F {
+impl<F: FnMut(&Event<'_>) + Send> Observer for F {
     fn event(&mut self, event: &Event<'_>) {
         self(event);
     }

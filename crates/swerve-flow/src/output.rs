@@ -6,7 +6,7 @@ use swerve_core::{Digest, digest_of};
 
 use crate::graph::Stream;
 use crate::message::Message;
-use crate::payload::{Decode, FromWire, Outs, Payload, PayloadType, Sent, decode, from_wire};
+use crate::payload::{Outs, Payload, PayloadType, Sent};
 
 /// The outputs of an operator: `()`, a [`Port`], a tuple of up to four ports, or a struct of ports with
 /// `#[derive(Outputs)]`.
@@ -37,14 +37,12 @@ pub(crate) struct Declared {
     /// The name of its port, where that has one.
     pub(crate) port: Option<&'static str>,
     pub(crate) payload: PayloadType,
-    pub(crate) decode: Decode,
-    pub(crate) from_wire: FromWire,
 }
 
 impl Declaration {
     pub(crate) fn stream<T: Payload>(&mut self, port: Option<&'static str>) -> Stream<T> {
         let payload = PayloadType::of::<T>();
-        self.types.push(Declared { port, payload, decode: decode::<T>, from_wire: from_wire::<T> });
+        self.types.push(Declared { port, payload });
         Stream::new(self.first + self.types.len() - 1)
     }
 }

@@ -77,18 +77,33 @@ impl Sent {
 }
 
 /// The type of a payload, while the program runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug)]
 pub struct PayloadType {
     /// What tells it from all others in this process.
     pub id: TypeId,
     /// Its name with the paths of its modules.
     pub full_name: &'static str,
+    pub(crate) decode: Decode,
+    pub(crate) from_wire: FromWire,
 }
+
+impl PartialEq for PayloadType {
+    fn eq(&self, other: &Self) -> bool {
+        self.id == other.id
+    }
+}
+
+impl Eq for PayloadType {}
 
 impl PayloadType {
     /// The type `T`.
     pub fn of<T: Payload>() -> Self {
-        Self { id: TypeId::of::<T>(), full_name: core::any::type_name::<T>() }
+        Self {
+            id: TypeId::of::<T>(),
+            full_name: core::any::type_name::<T>(),
+            decode: decode::<T>,
+            from_wire: from_wire::<T>,
+        }
     }
 
     /// Its name without the paths of its modules.

@@ -1,5 +1,6 @@
 //! The rules of `docs/execution.md`, each pinned by a test named after its section.
 
+mod any;
 mod clock;
 mod deadlines;
 mod loops;
@@ -8,6 +9,7 @@ mod net;
 mod ports;
 mod remote;
 mod runtimes;
+mod session;
 mod sweep;
 mod throughput;
 mod words;

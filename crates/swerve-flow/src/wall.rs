@@ -86,6 +86,18 @@ impl Inbox {
         Ok(())
     }
 
+    /// Takes out what was reported.
+    pub(crate) fn take(&self) -> VecDeque<Arrival> {
+        core::mem::take(&mut self.lock().arrivals)
+    }
+
+    /// Takes no more reports.
+    pub(crate) fn close(&self) {
+        let mut state = self.lock();
+        state.closed = true;
+        state.arrivals.clear();
+    }
+
     fn ring(&self) {
         self.lock().rung = true;
         self.bell.notify_one();
@@ -239,11 +251,7 @@ pub fn run_wall(
     let mut engine = Engine::new(graph, options, None, observers, Some((pace, doorbell as _)))?;
     engine.decide(|| Decision::Begin { wall_clock: true });
     let end = pursue(&mut engine, options.until.unwrap_or(Time::MAX), pace, &inbox);
-    {
-        let mut state = inbox.lock();
-        state.closed = true;
-        state.arrivals.clear();
-    }
+    inbox.close();
     let at = engine.now();
     engine.decide(|| Decision::End { at });
     engine.finish(end)

@@ -108,7 +108,7 @@ impl Recorder {
     }
 }
 
-impl<W: Write> Observer for TraceWriter<W> {
+impl<W: Write + Send> Observer for TraceWriter<W> {
     fn event(&mut self, event: &Event<'_>) {
         match event {
             Event::Publication(p) => {

@@ -8,7 +8,7 @@ use swerve_flow::Event;
 
 /// Turns what happens in a run into messages for other programs. It changes nothing in the run, and a log's
 /// reader passes over what it says.
-pub trait Views {
+pub trait Views: Send {
     /// Appends what there is to show of an event to `out`. This is the run's own thread: copy what is needed,
     /// and leave the work to [`View::encode`].
     fn event(&mut self, event: &Event<'_>, out: &mut Vec<View>);

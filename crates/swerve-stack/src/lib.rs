@@ -4,6 +4,7 @@
 //! adapter to an algorithm. A [`Registry`] has them all. An [`Assembly`] says which of them a configuration asks for and
 //! what each reads; a [`pipeline::Pipeline`] is the graph of that.
 
+pub mod agent;
 pub mod assembly;
 pub mod config;
 pub mod faults;

@@ -10,6 +10,7 @@ use swerve_msg::Route;
 use swerve_scenario::Scenario;
 use swerve_vehicle::VehicleParams;
 
+use crate::agent::Agent;
 use crate::assembly::{Assembly, Placed};
 use crate::config::Config;
 use crate::config::clock::Clock;
@@ -56,6 +57,14 @@ impl Pipeline {
             raised.context("building the pipeline")?;
         }
         Ok(pipeline)
+    }
+
+    /// The same with an agent outside in the place of a part of the stack.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_for(config: &Config, scenario: &Scenario, agent: &Agent) -> anyhow::Result<Self> {
+        Self::build(&agent.placed_in(config)?, scenario)
     }
 
     /// The same for who steps no camera and no lidar.

@@ -14,6 +14,7 @@ pub mod operators;
 pub mod output;
 pub mod plan;
 pub mod process;
+pub mod program;
 pub mod progress;
 pub mod realtime;
 pub mod recording;

@@ -28,6 +28,7 @@ use crate::frames::Frames;
 use crate::output::align;
 use crate::pipeline::Pipeline;
 use crate::process::Processes;
+use crate::program::Program;
 use crate::progress::Progress;
 use crate::realtime::{Obtained, Realtime};
 use crate::recording::Recording;
@@ -405,8 +406,7 @@ fn start_processes(
         return Ok(None);
     }
     let text = Kind::Scenario.text(scenario)?;
-    let program = std::env::current_exe().context("finding this program")?;
-    Ok(Some(Processes::start(&program, config, &text, pipeline)?))
+    Ok(Some(Processes::start(&Program::this()?, config, &text, pipeline)?))
 }
 
 /// Against the real clock each process needs a thread that waits for it, beside those that were asked for.
@@ -452,7 +452,7 @@ fn title(config: &Config, scenario: &Scenario) -> String {
 }
 
 /// The picture of the run, to be filled in while it drives.
-fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
+pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     let lane_width_m = Some(scenario.road.lane_width_m);
     Story::new(
         title(config, scenario),

@@ -10,7 +10,7 @@ use crate::port::{NamedInputs, NamedOutputs, PortInfo, PortMode, Wire};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AnyStream {
     pub(crate) id: usize,
-    payload: PayloadType,
+    pub(crate) payload: PayloadType,
 }
 
 /// A [`Feedback`] edge whose type is known to the running program only.

@@ -79,7 +79,7 @@ impl<S> Dispatcher<S> {
     }
 }
 
-impl<S> Observer for Dispatcher<S> {
+impl<S: Send> Observer for Dispatcher<S> {
     fn event(&mut self, event: &Event<'_>) {
         if let Event::Publication(publication) = event {
             self.publication(publication);

@@ -1,7 +1,6 @@
 //! Black boxes to build test graphs of, and a list of what they publish.
 
-use core::cell::RefCell;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 
 use swerve_core::{Span, Time};
 
@@ -129,11 +128,11 @@ struct Lines {
 
 /// All that observers were told.
 #[derive(Clone, Default)]
-pub(super) struct Log(Rc<RefCell<Lines>>);
+pub(super) struct Log(Arc<Mutex<Lines>>);
 
 impl Observer for Log {
     fn event(&mut self, event: &Event<'_>) {
-        let mut log = self.0.borrow_mut();
+        let mut log = self.0.lock().unwrap();
         if let Event::Publication(p) = event {
             let ns = |time: Time| time.ns();
             log.published.push(Published {
@@ -175,12 +174,12 @@ impl Log {
     pub(super) fn messages(&self, operator: &str) -> Vec<(i64, i64)> {
         let of = |p: &&Published| p.operator == operator;
         let ms = |p: &Published| p.stamp.map(|stamp| (stamp / 1_000_000, p.visible_at / 1_000_000));
-        self.0.borrow().published.iter().filter(of).filter_map(ms).collect()
+        self.0.lock().unwrap().published.iter().filter(of).filter_map(ms).collect()
     }
 
     /// The publications of an operator.
     pub(super) fn published(&self, operator: &str) -> Vec<Published> {
-        self.0.borrow().published.iter().filter(|p| p.operator == operator).cloned().collect()
+        self.0.lock().unwrap().published.iter().filter(|p| p.operator == operator).cloned().collect()
     }
 
     /// All publications of an operator, as (stamp, watermark, instant) in ns.
@@ -206,16 +205,16 @@ impl Log {
     /// The lines about an operator.
     pub(super) fn lines(&self, operator: &str) -> Vec<String> {
         let prefix = format!("{operator} ");
-        self.0.borrow().lines.iter().filter(|line| line.starts_with(&prefix)).cloned().collect()
+        self.0.lock().unwrap().lines.iter().filter(|line| line.starts_with(&prefix)).cloned().collect()
     }
 
     /// All lines.
     pub(super) fn all(&self) -> Vec<String> {
-        self.0.borrow().lines.clone()
+        self.0.lock().unwrap().lines.clone()
     }
 
     pub(super) fn report(&self) -> RunReport {
-        self.0.borrow().report.clone().expect("the run is over")
+        self.0.lock().unwrap().report.clone().expect("the run is over")
     }
 
     pub(super) fn tally(&self, operator: &str) -> OperatorReport {

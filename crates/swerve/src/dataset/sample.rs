@@ -63,7 +63,7 @@ pub(super) struct Collector<'a> {
     worlds: VecDeque<WorldState>,
     images: BTreeMap<&'static str, Image>,
     cloud: Option<PointCloud>,
-    write: &'a mut dyn FnMut(&Sample<'_>) -> anyhow::Result<()>,
+    write: &'a mut (dyn FnMut(&Sample<'_>) -> anyhow::Result<()> + Send),
     failure: Option<anyhow::Error>,
 }
 
@@ -71,7 +71,7 @@ impl<'a> Collector<'a> {
     pub(super) fn new(
         camera: &str,
         lidar: Option<(String, Transform<Ego, Lidar>)>,
-        write: &'a mut dyn FnMut(&Sample<'_>) -> anyhow::Result<()>,
+        write: &'a mut (dyn FnMut(&Sample<'_>) -> anyhow::Result<()> + Send),
     ) -> Self {
         Self {
             camera: camera.to_owned(),

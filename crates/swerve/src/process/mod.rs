@@ -4,13 +4,11 @@
 //! operators that `[process.NAME]` names taken by the process of that name.
 
 use core::time::Duration;
-use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
-use swerve_flow::SourceHandle;
+use swerve_flow::{Graph, SourceHandle};
 use swerve_ipc::{OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerSpec, work};
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
@@ -19,6 +17,7 @@ use swerve_text::Document;
 
 use crate::config::Config;
 use crate::pipeline::Pipeline;
+use crate::program::Program;
 use crate::run::problems_error;
 
 /// The operator that tells the stack what becomes of processes.
@@ -76,7 +75,7 @@ impl Processes {
     /// # Errors
     /// When there is no shared memory, or a process does not come up.
     pub fn start(
-        program: &Path,
+        program: &Program,
         config: &Config,
         scenario: &str,
         pipeline: &mut Pipeline,
@@ -96,8 +95,14 @@ impl Processes {
         let on_event = on_event(pipeline.take_source(SUPERVISOR));
         for (name, process) in &config.process {
             let start = match process.start.split_first() {
-                Some((program, arguments)) => (program.into(), arguments.to_vec()),
-                None => (program.to_owned(), vec!["worker".to_owned()]),
+                Some((path, arguments)) => {
+                    Program { path: path.into(), arguments: arguments.to_vec(), ..program.clone() }
+                }
+                None => {
+                    let worker = ["worker".to_owned()];
+                    let arguments = program.arguments.iter().cloned().chain(worker).collect();
+                    Program { arguments, ..program.clone() }
+                }
             };
             let spec = WorkerSpec {
                 process: name.clone(),
@@ -106,12 +111,7 @@ impl Processes {
                 streams: read.iter().filter(|(by, _)| by == name).map(|(_, stream)| stream.clone()).collect(),
                 on_loss: process.on_loss,
                 spin: process.spin(),
-                command: Box::new(move || {
-                    let (program, arguments): &(PathBuf, Vec<String>) = &start;
-                    let mut command = Command::new(program);
-                    command.args(arguments);
-                    command
-                }),
+                command: Box::new(move || start.command()),
             };
             workers.start(spec, on_event.clone())?;
         }
@@ -138,6 +138,17 @@ impl Processes {
 
 /// What a process of a run does: it takes the steps that it is called for.
 pub fn run_worker(registry: &Registry) -> anyhow::Result<()> {
+    run_worker_with(registry, |_, graph| Ok(graph))
+}
+
+/// The same, after `prepare` has had a hand in the graph whose operators' steps it takes.
+///
+/// # Errors
+/// When it was not started by a run, or the run's shared memory is not there; or as `prepare`.
+pub fn run_worker_with(
+    registry: &Registry,
+    prepare: impl FnOnce(&Setup, Graph) -> anyhow::Result<Graph>,
+) -> anyhow::Result<()> {
     let setup = Setup::read(std::io::stdin().lock())
         .context("reading from standard input what to do: `swerve worker` is started by `swerve run`")?;
     let texts: Texts = serde_json::from_slice(&setup.payload)?;
@@ -148,6 +159,6 @@ pub fn run_worker(registry: &Registry) -> anyhow::Result<()> {
         .map_err(|problems| problems_error(&problems))?;
     // Neither cameras nor lidars are stepped here.
     let pipeline = Pipeline::build_without_stage(&config, &scenario)?;
-    let worker = pipeline.graph.into_worker(&setup.operators)?;
+    let worker = prepare(&setup, pipeline.graph)?.into_worker(&setup.operators)?;
     Ok(work(&setup, worker)?)
 }

@@ -26,6 +26,7 @@ use swerve_text::{Document, Problem};
 
 use crate::config::Config;
 use crate::files::write_whole;
+use crate::program::Program;
 use crate::run::{Outcome, drive, problems_error};
 use crate::shipped::Kind;
 use cells::{CellResult, CellStore, Runner, Shard};
@@ -225,7 +226,7 @@ impl Bench {
 
 /// One number for the running executable.
 fn program() -> anyhow::Result<Digest> {
-    let path = std::env::current_exe().context("finding the running program")?;
+    let path = Program::this()?.code;
     let mut hasher = Hasher::new();
     hasher.bytes(&std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
     Ok(hasher.digest())

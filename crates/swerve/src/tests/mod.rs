@@ -1,5 +1,6 @@
 //! Drives whose operators are looked at from outside.
 
+mod agent;
 mod deadlines;
 mod faults;
 mod gate;

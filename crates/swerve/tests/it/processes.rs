@@ -13,6 +13,7 @@ use swerve::config::Config;
 use swerve::config::process::ProcessConfig;
 use swerve::pipeline::Pipeline;
 use swerve::process::Processes;
+use swerve::program::Program;
 use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start};
 use swerve_core::{Digest, Rng, Time};
 use swerve_flow::{Event, Observer};
@@ -25,6 +26,10 @@ use tempfile::TempDir;
 /// The program whose other end the workers are.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_swerve");
 const SCENARIO: &str = "person_behind_truck";
+
+fn program() -> Program {
+    Program { path: PROGRAM.into(), arguments: Vec::new(), code: PROGRAM.into() }
+}
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -76,7 +81,7 @@ fn start(config: &Config, until: Time) -> Run {
     let mut pipeline = Pipeline::build(config, &read_scenario(&scenario_file()).unwrap()).unwrap();
     pipeline.until = until;
     let text = std::fs::read_to_string(scenario_file()).unwrap();
-    let processes = Processes::start(Path::new(PROGRAM), config, &text, &mut pipeline).unwrap();
+    let processes = Processes::start(&program(), config, &text, &mut pipeline).unwrap();
     Run { pipeline, processes, seed: config.seed }
 }
 

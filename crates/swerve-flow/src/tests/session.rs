@@ -1,0 +1,147 @@
+//! A run that is stepped from outside comes out as one that is not, and what is said in between is said at once.
+
+use std::sync::{Arc, Mutex};
+
+use super::net::*;
+use crate::*;
+
+/// A camera, a planner that takes 30 ms of a shared resource, a controller that joins nothing.
+fn net() -> Net {
+    let mut net = Net::new();
+    let gpu = net.graph.resource("gpu", 1);
+    let camera = net.stage("camera", tick(20)).origin().out();
+    let planner = net.stage("planner", join(&[camera])).runtime(fixed(30)).uses(gpu).out();
+    let other = net.stage("other", join(&[camera])).runtime(fixed(5)).uses(gpu).out();
+    net.stage("controller", tick(10).latest(planner).latest(other)).out();
+    net
+}
+
+#[test]
+fn a_session_comes_out_as_a_run_however_it_is_stepped() {
+    let whole = net().run(1000);
+    let stepped = |step: &mut dyn FnMut(&mut Session<'_>)| {
+        let log = Log::default();
+        let mut recorder = log.clone();
+        let options = RunOptions::until(at(1000));
+        let mut session = Session::new(net().graph, &options, vec![&mut recorder]).unwrap();
+        step(&mut session);
+        session.finish().unwrap();
+        log
+    };
+    let at_once = stepped(&mut |session| assert_eq!(session.advance(), Reached::End));
+    let by_instants = stepped(&mut |session| {
+        let mut reached = Vec::new();
+        for ms in (0..=1000).step_by(7) {
+            reached.push(session.advance_to(at(ms)));
+            assert!(session.now() <= at(ms));
+        }
+        assert!(reached.iter().all(|reached| *reached == Reached::Instant), "{reached:?}");
+        assert_eq!(session.advance(), Reached::End);
+    });
+    let mut held = 0;
+    let by_turns = stepped(&mut |session| {
+        session.hold_before("controller").unwrap();
+        session.watch("camera", 1).unwrap();
+        while session.advance() == Reached::Held {
+            assert_eq!(session.now(), at(10 * held));
+            held += 1;
+        }
+    });
+    assert_eq!(held, 101);
+    for other in [at_once, by_instants, by_turns] {
+        assert_eq!(other.all(), whole.all());
+        assert_eq!(other.report(), whole.report());
+    }
+}
+
+#[test]
+fn what_is_said_while_it_holds_is_read_in_that_very_turn() {
+    struct Asks(Arc<Mutex<i64>>);
+    impl Operator for Asks {
+        type In = Every;
+        type Out = Port<i64>;
+        fn step(&mut self, _: &mut Context<'_>, _: &Every, out: &mut Port<i64>) {
+            out.send(*self.0.lock().unwrap());
+        }
+    }
+    let mut net = Net::new();
+    let said = Arc::new(Mutex::new(0));
+    let (wishes, handle) = net.graph.source::<i64>("wishes");
+    let asked = net.graph.add("agent", Asks(said.clone()), every(ms(10))).out();
+    net.stage("late", join(&[asked]).latest(wishes)).out();
+    let log = Log::default();
+    let mut recorder = log.clone();
+    let mut session = Session::new(net.graph, &RunOptions::until(at(50)), vec![&mut recorder]).unwrap();
+    session.hold_before("agent").unwrap();
+    assert!(session.hold_before("nobody").is_err());
+    let (agent, none) = (session.watch("agent", 2).unwrap(), session.watch("nobody", 1));
+    assert!(none.is_none());
+    for k in 0..=5 {
+        assert_eq!(session.advance(), Reached::Held);
+        *said.lock().unwrap() = 100 + k;
+        handle.send_now(k).unwrap();
+        let newest = session
+            .newest(agent)
+            .map(|(header, payload)| (header.stamp, *(**payload).as_any().downcast_ref::<i64>().unwrap()));
+        assert_eq!(newest, (k > 0).then(|| (at(10 * (k - 1)), 99 + k)), "the answer to the one before");
+    }
+    assert_eq!(session.advance(), Reached::End);
+    assert_eq!(session.recent(agent).count(), 2);
+    session.finish().unwrap();
+    assert_eq!(handle.send_now(1), Err(SendError::Over));
+    assert_eq!(log.messages("wishes"), (0..=5).map(|k| (10 * k, 10 * k)).collect::<Vec<_>>());
+    assert_eq!(
+        log.reads("late", 30)[1],
+        ("wishes".into(), Some(30)),
+        "taken in before the turns that follow"
+    );
+}
+
+#[test]
+fn what_is_said_between_two_instants_comes_just_after_the_last() {
+    let mut net = Net::new();
+    let (wishes, handle) = net.graph.source::<i64>("wishes");
+    net.stage("reader", join(&[wishes])).out();
+    net.stage("clock", tick(10)).out();
+    let log = Log::default();
+    let mut recorder = log.clone();
+    let mut session = Session::new(net.graph, &RunOptions::until(at(100)), vec![&mut recorder]).unwrap();
+    assert_eq!(session.advance_to(at(20)), Reached::Instant);
+    handle.send_now(7).unwrap();
+    assert_eq!(session.advance_to(at(20) + swerve_core::Span::from_ns(1)), Reached::Instant);
+    session.finish().unwrap();
+    let published = log.published("reader");
+    assert_eq!(published.iter().find_map(|p| p.stamp), Some(20_000_001));
+}
+
+#[test]
+fn a_panic_ends_a_session_with_the_operators_name() {
+    struct Bomb;
+    impl Operator for Bomb {
+        type In = Every;
+        type Out = ();
+        fn step(&mut self, cx: &mut Context<'_>, _: &Every, _: &mut ()) {
+            assert!(cx.stamp() < at(30), "boom");
+        }
+    }
+    let mut graph = Graph::new();
+    graph.add("bomb", Bomb, every(ms(10))).out();
+    let mut session = Session::new(graph, &RunOptions::until(at(100)), vec![]).unwrap();
+    session.hold_before("bomb").unwrap();
+    (0..4).for_each(|_| assert_eq!(session.advance(), Reached::Held));
+    assert!(session.failure().is_none());
+    assert_eq!(session.advance(), Reached::End);
+    assert!(session.failure().unwrap().to_string().contains("boom"));
+    assert!(session.finish().unwrap_err().to_string().contains("`bomb`"));
+}
+
+#[test]
+fn a_session_may_go_to_another_thread() {
+    let mut session = Session::new(net().graph, &RunOptions::until(at(1000)), vec![]).unwrap();
+    session.advance_to(at(500));
+    let there = std::thread::spawn(move || {
+        session.advance();
+        session.finish().unwrap()
+    });
+    assert_eq!(there.join().unwrap().digest, net().run(1000).report().digest);
+}

@@ -1,0 +1,267 @@
+//! An agent outside in the place of a part of the stack: what it decides goes into the graph by an operator under the
+//! name of the one whose place it takes, with what the configuration says of that one's run time, delay and faults.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use swerve_core::Span;
+use swerve_flow::{
+    Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Payload, Port, PortInfo,
+    RuntimeModel, every,
+};
+use swerve_geom::{FrenetPoint, Pose2, math};
+use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, Route};
+use swerve_vehicle::Limits;
+
+use crate::config::Config;
+use crate::kind::{Heavy, Node, OperatorKind, Settings, span_of_ms};
+use crate::site::Site;
+
+/// What an agent decides, and in whose place.
+#[derive(Clone)]
+pub enum Agent {
+    /// Pedals and steering, for the controller, once a control period.
+    Command(Seat<Command>),
+    /// A plan, for the planner, once a frame of the obstacle sensor.
+    Plan(Seat<Plan>),
+    /// How fast to go and how far beside the route, from which a plan is made; for the planner.
+    Target(Seat<Target>),
+}
+
+/// How fast to go, and where beside the route.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Target {
+    /// Wanted speed, m/s.
+    pub speed_mps: f64,
+    /// Wanted distance to the left of the route's centre line, metres.
+    pub offset_m: f64,
+}
+
+/// Where the agent's newest decision lies for its operator, which repeats it until there is another.
+pub struct Seat<T>(Arc<Mutex<Option<T>>>);
+
+impl<T> Clone for Seat<T> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl<T> Default for Seat<T> {
+    fn default() -> Self {
+        Self(Arc::default())
+    }
+}
+
+impl<T: Clone> Seat<T> {
+    /// Decides.
+    pub fn set(&self, decision: T) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(decision);
+    }
+
+    fn get(&self) -> Option<T> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Agent {
+    /// The operator whose place it takes.
+    pub fn operator(&self) -> &'static str {
+        match self {
+            Self::Command(_) => "controller",
+            Self::Plan(_) | Self::Target(_) => "planner",
+        }
+    }
+
+    /// From one decision to the next.
+    pub fn period(&self, config: &Config) -> Span {
+        span_of_ms(match self {
+            Self::Command(_) => config.control.period_ms,
+            Self::Plan(_) | Self::Target(_) => config.sensing.period_ms,
+        })
+    }
+
+    /// The configuration with the agent in the place of its operator, and without those that have no use then.
+    ///
+    /// # Errors
+    /// A safety gate before pedals: it takes motion.
+    pub(crate) fn placed_in(&self, config: &Config) -> anyhow::Result<Config> {
+        anyhow::ensure!(
+            !(config.gate.enabled && matches!(self, Self::Command(_))),
+            "gate.enabled: the gate takes motion, an agent in the place of the controller gives pedals; \
+             expected false, or an agent in the place of the planner"
+        );
+        let mut config = config.clone();
+        config.registry = config.registry.clone().with_kind(AgentKind(self.clone()));
+        let place = config.operator.entry(self.operator().to_owned()).or_default();
+        place.kind = Some(KIND.to_owned());
+        let unused: &[&str] = match self {
+            Self::Command(_) => &["planner", "deadlines"],
+            Self::Plan(_) | Self::Target(_) => &["deadlines"],
+        };
+        for name in unused {
+            config.operator.entry((*name).to_owned()).or_default().enabled = Some(false);
+        }
+        Ok(config)
+    }
+}
+
+/// The kind of the operator in whose place an agent is.
+const KIND: &str = "agent";
+
+/// An agent as the assembly sees it.
+struct AgentKind(Agent);
+
+/// When the agent decides.
+#[derive(Inputs)]
+struct DecidedIn {
+    /// The period of its decisions.
+    tick: Every,
+}
+
+/// When it decides, and from where.
+#[derive(Inputs)]
+struct TargetIn {
+    /// The period of its decisions.
+    tick: Every,
+    /// Where the ego is.
+    ego: Latest<EgoState>,
+}
+
+impl OperatorKind for AgentKind {
+    fn node(&self) -> Node {
+        Node::new(KIND, "an agent outside, in the place of a part of the stack")
+            .stays("it is asked from outside")
+            .heavy(Heavy::No)
+    }
+
+    fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
+        match self.0 {
+            Agent::Command(_) => <Port<Command> as NamedOutputs>::ports(),
+            Agent::Plan(_) | Agent::Target(_) => <Port<Plan> as NamedOutputs>::ports(),
+        }
+    }
+
+    fn inputs(&self, _: &Settings<'_>) -> Vec<PortInfo> {
+        match self.0 {
+            Agent::Command(_) | Agent::Plan(_) => DecidedIn::ports(),
+            Agent::Target(_) => TargetIn::ports(),
+        }
+    }
+
+    fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
+        let in_place_of = settings.config.registry.kind(self.0.operator());
+        in_place_of.map_or(Ok(RuntimeModel::Zero), |kind| kind.runtime(settings))
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let timer = Some(every(self.0.period(site.config())));
+        match &self.0 {
+            Agent::Command(seat) => site.add(Decided(seat.clone()), timer),
+            Agent::Plan(seat) => site.add(Decided(seat.clone()), timer),
+            Agent::Target(seat) => {
+                let limits = site.config().sim.vehicle.limits;
+                let route = site.surroundings().route.clone();
+                site.add(TargetPlanner { seat: seat.clone(), route, limits }, timer)
+            }
+        }
+    }
+}
+
+/// Publishes what the agent decided last.
+struct Decided<T>(Seat<T>);
+
+impl<T: Payload + Clone> Operator for Decided<T> {
+    type In = DecidedIn;
+    type Out = Port<T>;
+
+    fn step(&mut self, _: &mut Context<'_>, _: &DecidedIn, out: &mut Port<T>) {
+        if let Some(decision) = self.0.get() {
+            out.send(decision);
+        }
+    }
+}
+
+/// Makes a plan of a target: along the route, over to the offset, up or down to the speed.
+struct TargetPlanner {
+    seat: Seat<Target>,
+    route: Route,
+    limits: Limits,
+}
+
+impl TargetPlanner {
+    /// How far a plan reaches, and from point to point.
+    const HORIZON: Span = Span::from_ms(3000);
+    const STEP: Span = Span::from_ms(100);
+    /// A change of offset lasts so long, s.
+    const SWERVE_S: f64 = 1.5;
+    /// Share of what the car can do that a change of speed asks for.
+    const EASE: f64 = 0.6;
+
+    fn plan(&self, ego: &EgoState, target: Target) -> Plan {
+        let line = self.route.line();
+        let start = line.project(ego.pose.point());
+        let accel = if target.speed_mps >= ego.speed_mps {
+            Self::EASE * self.limits.accel_max_mps2
+        } else {
+            -Self::EASE * self.limits.brake_max_mps2
+        };
+        let step_s = Self::STEP.as_secs();
+        let (mut speed, mut s_m) = (ego.speed_mps.max(0.0), start.s_m);
+        let mut points: Vec<PlanPoint> = Vec::new();
+        for i in 0..=Self::HORIZON.ns() / Self::STEP.ns() {
+            let t = i as f64 * step_s;
+            let d_m = start.d_m + (target.offset_m - start.d_m) * blend(t / Self::SWERVE_S);
+            let point = line.to_map(FrenetPoint { s_m, d_m });
+            let along = line.at(s_m);
+            let next = clamp_towards(speed, accel * step_s, target.speed_mps.max(0.0));
+            points.push(PlanPoint {
+                at: ego.stamp + Self::STEP * i,
+                pose: Pose2::new(point.x_m, point.y_m, along.pose.heading_rad),
+                curvature_1pm: along.curvature_1pm,
+                speed_mps: speed,
+                accel_mps2: (next - speed) / step_s,
+            });
+            s_m += 0.5 * (speed + next) * step_s;
+            speed = next;
+        }
+        turn_along(&mut points);
+        Plan { stamp: ego.stamp, status: PlanStatus::Found, points, work: 0 }
+    }
+}
+
+/// From 0 to 1 and at rest at both ends.
+fn blend(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * t * (10.0 - t * (15.0 - 6.0 * t))
+}
+
+fn clamp_towards(from: f64, change: f64, to: f64) -> f64 {
+    if change >= 0.0 { (from + change).min(to) } else { (from + change).max(to) }
+}
+
+/// Headings and curvatures of the path itself, where the points are far enough from each other to tell.
+fn turn_along(points: &mut [PlanPoint]) {
+    const TELLS_M: f64 = 0.05;
+    for i in 1..points.len() {
+        let between = points[i].pose.point() - points[i - 1].pose.point();
+        let length = between.norm();
+        if length < TELLS_M {
+            points[i].pose.heading_rad = points[i - 1].pose.heading_rad;
+            continue;
+        }
+        points[i].pose.heading_rad = math::atan2(between.y, between.x);
+        let turn = swerve_geom::angle_between(points[i - 1].pose.heading_rad, points[i].pose.heading_rad);
+        points[i].curvature_1pm = turn / length;
+    }
+}
+
+impl Operator for TargetPlanner {
+    type In = TargetIn;
+    type Out = Port<Plan>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &TargetIn, out: &mut Port<Plan>) {
+        let Some(ego) = input.ego.get().filter(|ego| ego.is_plausible()) else { return };
+        if let Some(target) = self.seat.get() {
+            out.send(self.plan(ego, target));
+        }
+    }
+}

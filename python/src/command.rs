@@ -1,0 +1,34 @@
+//! The command line, from Python.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use swerve::program::Program;
+
+/// Says which program this module is a part of, and in which file it is.
+#[pyfunction]
+pub(crate) fn host(path: PathBuf, arguments: Vec<String>, code: PathBuf) {
+    Program { path, arguments, code }.is_part_of();
+}
+
+/// Runs a command line, the program's name first; gives the exit code.
+#[pyfunction]
+pub(crate) fn main(py: Python<'_>, words: Vec<String>) -> i32 {
+    py.detach(|| {
+        let cli = match swerve::cli::parse(words) {
+            Ok(cli) => cli,
+            Err(error) => {
+                // Where nobody reads what is wrong, the exit code still tells.
+                let _unread = error.print();
+                return error.exit_code();
+            }
+        };
+        match swerve::cli::main(&cli) {
+            Ok(()) => 0,
+            Err(error) => {
+                eprintln!("error: {}", swerve::cli::message(&error));
+                1
+            }
+        }
+    })
+}

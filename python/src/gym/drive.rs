@@ -1,0 +1,306 @@
+//! One drive that an agent steps.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, bail, ensure};
+use swerve::config::Config;
+use swerve::pipeline::Pipeline;
+use swerve_core::Time;
+use swerve_flow::{Reached, RunOptions, Session, Watched};
+use swerve_geom::{FrenetPoint, angle_between};
+use swerve_msg::truth::{EndReason, WorldState};
+use swerve_msg::{EgoState, Route};
+use swerve_scenario::Scenario;
+
+use super::action::{Level, Wheel};
+use super::observe::{Form, From};
+use crate::numbers::{Numbers, image};
+
+/// What is told of the true drive at each decision, beside what is observed: for rewards.
+pub(crate) const FACTS: [&str; 11] = [
+    "time_s",
+    "s_m",
+    "d_m",
+    "heading_error_rad",
+    "speed_mps",
+    "accel_mps2",
+    "lateral_accel_mps2",
+    "target_speed_mps",
+    "collided",
+    "left_road",
+    "ended",
+];
+
+/// How far the ego may come from one look at its place along the route to the next, metres.
+const REACH_M: f64 = 30.0;
+
+/// What all drives share.
+pub(crate) struct Task {
+    config: Config,
+    scenario: Scenario,
+    level: Level,
+    observed: Vec<Observed>,
+    /// At most so many things in a list.
+    rows: usize,
+}
+
+struct Observed {
+    /// What the user calls it.
+    name: String,
+    /// The stream that it is made of.
+    stream: String,
+    form: Form,
+    /// Of an image.
+    shape: Option<(Vec<usize>, &'static str)>,
+}
+
+impl Task {
+    pub(crate) fn new(
+        config: Config,
+        scenario: Scenario,
+        level: Level,
+        observe: &[String],
+        rows: usize,
+    ) -> anyhow::Result<Self> {
+        let (agent, _) = level.agent();
+        let pipeline = Pipeline::build_for(&config, &scenario, Some(&agent))?;
+        let described = pipeline.graph.describe()?;
+        let streams: BTreeMap<_, _> = described.operators.into_iter().flat_map(|o| o.outputs).collect();
+        ensure!(streams.contains_key("world"), "the scenario has no world");
+        let observed: anyhow::Result<_> =
+            observe.iter().map(|name| observed(name, &streams, &config)).collect();
+        ensure!((1..=1000).contains(&rows), "rows: expected 1 to 1000, found {rows}");
+        Ok(Self { observed: observed?, config, scenario, level, rows })
+    }
+
+    /// What is observed, in order: name, shape, kind of numbers, their names.
+    pub(crate) fn observations(&self) -> Vec<(String, Vec<usize>, &'static str, Vec<String>)> {
+        let of = |observed: &Observed| {
+            let names = observed.form.names();
+            let (shape, kind) = match &observed.shape {
+                Some((shape, kind)) => (shape.clone(), *kind),
+                None if observed.form.has_rows() => (vec![self.rows, names.len()], "<f4"),
+                None => (vec![names.len()], "<f4"),
+            };
+            (observed.name.clone(), shape, kind, names)
+        };
+        self.observed.iter().map(of).collect()
+    }
+
+    /// How many numbers an observation has, images apart.
+    pub(crate) fn numbers(&self) -> usize {
+        let size = |observed: &Observed| {
+            observed.form.names().len() * if observed.form.has_rows() { self.rows } else { 1 }
+        };
+        self.observed.iter().map(size).sum()
+    }
+
+    pub(crate) fn actions(&self) -> Vec<(f64, f64, String)> {
+        self.level.numbers(&self.config)
+    }
+
+    pub(crate) fn actions_len(&self) -> usize {
+        self.actions().len()
+    }
+
+    pub(crate) fn period_s(&self) -> f64 {
+        self.level.agent().0.period(&self.config).as_secs()
+    }
+}
+
+/// How a stream of this name is observed.
+fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Config) -> anyhow::Result<Observed> {
+    if name == "route" {
+        return Ok(Observed { name: name.into(), stream: "pose".into(), form: Form::Route, shape: None });
+    }
+    let Some(type_name) = streams.get(name) else {
+        let known: Vec<&str> = streams.keys().map(String::as_str).chain(["route"]).collect();
+        let near = swerve::config::words::nearest(name, known.iter().copied());
+        let hint = near.map_or_else(|| known.join(", "), |near| format!("did you mean `{near}`?"));
+        bail!("observe: unknown stream `{name}` ({hint})");
+    };
+    let form = Form::of(type_name)
+        .with_context(|| format!("observe: messages of `{name}` ({type_name}) have no form as numbers"))?;
+    let shape = match form {
+        Form::Image => Some(image_shape(name, config)?),
+        _ => None,
+    };
+    Ok(Observed { name: name.into(), stream: name.into(), form, shape })
+}
+
+/// The shape of a camera's images, and their kind of numbers as NumPy calls it.
+fn image_shape(stream: &str, config: &Config) -> anyhow::Result<(Vec<usize>, &'static str)> {
+    let (camera, output) = stream.rsplit_once('.').with_context(|| format!("`{stream}` is no camera's"))?;
+    let camera = config.camera.get(camera).with_context(|| format!("`{stream}` is no camera's"))?;
+    let (rows, columns) = (camera.height_px as usize, camera.width_px as usize);
+    Ok(match output {
+        "rgb" => (vec![rows, columns, 3], "|u1"),
+        "depth" => (vec![rows, columns], "<f4"),
+        "semantic" => (vec![rows, columns], "|u1"),
+        _ => (vec![rows, columns], "<u4"),
+    })
+}
+
+/// One drive under way.
+pub(crate) struct Drive {
+    session: Session<'static>,
+    wheel: Wheel,
+    route: Route,
+    target_speed_mps: f64,
+    until: Time,
+    world: Watched,
+    pose: Watched,
+    watched: Vec<Watched>,
+    /// The ego as localization reported it last.
+    ego: EgoState,
+    truth: EgoState,
+    place: FrenetPoint,
+    collided: bool,
+    left_road: bool,
+    ended: Option<EndReason>,
+    /// No decision comes after this.
+    over: bool,
+}
+
+impl Drive {
+    /// Begins a drive; it is at its first decision then.
+    pub(crate) fn begin(task: &Task, seed: i64) -> anyhow::Result<Self> {
+        let mut config = task.config.clone();
+        config.seed = seed.unsigned_abs();
+        let (agent, wheel) = task.level.agent();
+        let Pipeline { graph, scenario, route, until, .. } =
+            Pipeline::build_for(&config, &task.scenario, Some(&agent))?;
+        let options = RunOptions::until(until).seed(config.seed);
+        let mut session = Session::new(graph, &options, Vec::new())?;
+        session.hold_before(agent.operator())?;
+        let steps = (agent.period(&config).as_secs() * 1e3 / config.sim.dt_ms).ceil() as usize;
+        let mut watch = |name: &str, depth: usize| {
+            session.watch(name, depth).with_context(|| format!("there is no stream `{name}`"))
+        };
+        let (world, pose) = (watch("world", steps + 1)?, watch("pose", 1)?);
+        let watched: anyhow::Result<_> =
+            task.observed.iter().map(|observed| watch(&observed.stream, 1)).collect();
+        let mut drive = Self {
+            session,
+            wheel,
+            target_speed_mps: scenario.ego.target_speed_mps,
+            route,
+            until,
+            world,
+            pose,
+            watched: watched?,
+            ego: EgoState::default(),
+            truth: EgoState { stamp: Time::from_ns(-1), ..EgoState::default() },
+            place: FrenetPoint::default(),
+            collided: false,
+            left_road: false,
+            ended: None,
+            over: false,
+        };
+        drive.go_on()?;
+        Ok(drive)
+    }
+
+    /// Decides, and goes on to the next decision or the end.
+    pub(crate) fn step(&mut self, task: &Task, action: &[f64]) -> anyhow::Result<()> {
+        ensure!(
+            action.iter().all(|number| number.is_finite()),
+            "an action of the level {:?} has a number that is none: {action:?}",
+            task.level
+        );
+        self.wheel.take(action, &self.ego);
+        self.go_on()
+    }
+
+    fn go_on(&mut self) -> anyhow::Result<()> {
+        self.over = self.session.advance() == Reached::End;
+        if let Some(failure) = self.session.failure() {
+            bail!("{failure}");
+        }
+        self.look();
+        Ok(())
+    }
+
+    /// Takes in what happened in the world, and where localization says that the ego is.
+    fn look(&mut self) {
+        let first = self.truth.stamp < Time::ZERO;
+        for (header, payload) in self.session.recent(self.world) {
+            let Some(world) = (**payload).as_any().downcast_ref::<WorldState>() else { continue };
+            if header.stamp <= self.truth.stamp {
+                continue;
+            }
+            self.truth = world.ego.state;
+            self.collided |= !world.collisions.is_empty();
+            self.left_road |= !world.infractions.is_empty();
+            self.ended = self.ended.or(world.ended);
+        }
+        let point = self.truth.pose.point();
+        self.place = match first {
+            true => self.route.line.project(point),
+            false => self.route.line.project_near(point, self.place.s_m, REACH_M),
+        };
+        let pose =
+            self.session.newest(self.pose).and_then(|(_, p)| (**p).as_any().downcast_ref::<EgoState>());
+        // Before the first measurement the agent knows as much as the car does at its start.
+        self.ego = pose.copied().unwrap_or(self.truth);
+    }
+
+    pub(crate) fn is_over(&self) -> bool {
+        self.over || self.ended.is_some() || self.session.now() >= self.until
+    }
+
+    pub(crate) fn ended(&self) -> Option<&'static str> {
+        match self.ended {
+            Some(EndReason::Goal) => Some("goal"),
+            Some(EndReason::Stopped) => Some("stopped"),
+            Some(EndReason::Collision) => Some("collision"),
+            Some(EndReason::Timeout) => Some("timeout"),
+            None => self.is_over().then_some("timeout"),
+        }
+    }
+
+    /// What is observed at this moment, images apart.
+    pub(crate) fn observe(&self, task: &Task, numbers: &mut Vec<f32>) {
+        let (ego, route) = (&self.ego, &self.route);
+        let from = From { ego, ahead: ego.pose.direction(), route, rows: task.rows };
+        for (observed, stream) in task.observed.iter().zip(&self.watched) {
+            let newest = self.session.newest(*stream).map(|(_, payload)| payload);
+            from.numbers(observed.form, newest, numbers);
+        }
+    }
+
+    /// The newest image of a stream.
+    pub(crate) fn image(&self, task: &Task, stream: &str) -> Option<Numbers> {
+        let index = task.observed.iter().position(|observed| observed.name == stream)?;
+        image(self.session.newest(self.watched[index])?.1)
+    }
+
+    /// What is told of the true drive: as many numbers as [`FACTS`] has names.
+    pub(crate) fn tell(&self, facts: &mut Vec<f64>) {
+        let on_line = self.route.line.at(self.place.s_m);
+        let flag = |yes: bool| f64::from(u8::from(yes));
+        let ended = match self.ended {
+            None if self.is_over() => 4.0,
+            None => 0.0,
+            Some(EndReason::Goal) => 1.0,
+            Some(EndReason::Stopped) => 2.0,
+            Some(EndReason::Collision) => 3.0,
+            Some(EndReason::Timeout) => 4.0,
+        };
+        let truth = &self.truth;
+        let told: [f64; FACTS.len()] = [
+            truth.stamp.as_secs(),
+            self.place.s_m,
+            self.place.d_m,
+            angle_between(on_line.pose.heading_rad, truth.pose.heading_rad),
+            truth.speed_mps,
+            truth.accel_mps2,
+            truth.lateral_accel_mps2,
+            self.target_speed_mps,
+            flag(self.collided),
+            flag(self.left_road),
+            ended,
+        ];
+        facts.extend(told);
+    }
+}

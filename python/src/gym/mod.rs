@@ -1,0 +1,207 @@
+//! Drives that an agent outside steps: one or many at once, as Gymnasium's environments need them.
+
+mod action;
+mod drive;
+mod observe;
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyByteArray, PyDict};
+use rayon::prelude::*;
+use swerve_core::Rng;
+
+use crate::convert::error;
+use crate::numbers::Numbers;
+use crate::run::{FileOr, Inputs};
+use action::Level;
+use drive::{Drive, FACTS, Task};
+
+/// Several drives of one scenario, each with an agent of its own.
+#[pyclass(frozen, module = "swerve._swerve")]
+pub(crate) struct Drives {
+    task: Task,
+    drives: Mutex<Vec<Lane>>,
+    pool: Option<rayon::ThreadPool>,
+}
+
+/// One of the drives, and what its next one begins with.
+struct Lane {
+    drive: Option<Drive>,
+    seed: i64,
+    /// Drives so far under that seed.
+    count: i64,
+    over: bool,
+}
+
+impl Lane {
+    fn reset(&mut self, task: &Task) -> anyhow::Result<()> {
+        let seed = match self.count {
+            0 => self.seed,
+            count => Rng::keyed(self.seed.cast_unsigned(), "drive", &[count]).bits().cast_signed() & i64::MAX,
+        };
+        self.count += 1;
+        self.over = false;
+        self.drive = Some(Drive::begin(task, seed)?);
+        Ok(())
+    }
+
+    /// Goes on to the next decision, or, where the drive is over, begins the next one.
+    fn step(&mut self, task: &Task, action: &[f64]) -> anyhow::Result<()> {
+        match &mut self.drive {
+            Some(drive) if !self.over => {
+                drive.step(task, action)?;
+                self.over = drive.is_over();
+                Ok(())
+            }
+            _ => self.reset(task),
+        }
+    }
+}
+
+/// What a step came to: observations (32-bit numbers of all drives), facts (64-bit numbers of all drives).
+type Stepped<'py> = (Bound<'py, PyByteArray>, Bound<'py, PyByteArray>);
+
+#[pymethods]
+impl Drives {
+    #[new]
+    #[pyo3(signature = (scenario, level, observe, *, config=None, set=None, count=1, threads=1, rows=8))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn new(
+        scenario: FileOr<'_>,
+        level: &str,
+        observe: Vec<String>,
+        config: Option<FileOr<'_>>,
+        set: Option<Bound<'_, PyDict>>,
+        count: usize,
+        threads: usize,
+        rows: usize,
+    ) -> PyResult<Self> {
+        let Inputs { config, scenario, .. } = Inputs::load(&scenario, config.as_ref(), set.as_ref(), None)?;
+        let level = Level::named(level).map_err(PyValueError::new_err)?;
+        let task = Task::new(config, scenario, level, &observe, rows).map_err(error)?;
+        let lane = |_| Lane { drive: None, seed: 0, count: 0, over: true };
+        let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
+        let pool = pool.transpose().map_err(|e| error(e.into()))?;
+        Ok(Self { task, drives: Mutex::new((0..count).map(lane).collect()), pool })
+    }
+
+    /// What is observed, in order: the stream's name, its shape, its kind of numbers, and what they are called.
+    fn observations(&self) -> Vec<(String, Vec<usize>, &'static str, Vec<String>)> {
+        self.task.observations()
+    }
+
+    /// The least and the greatest of each number of an action, and what it is called.
+    fn actions(&self) -> Vec<(f64, f64, String)> {
+        self.task.actions()
+    }
+
+    /// What the numbers of the facts are called.
+    #[staticmethod]
+    fn facts() -> Vec<&'static str> {
+        FACTS.to_vec()
+    }
+
+    /// From one decision to the next, seconds.
+    fn period_s(&self) -> f64 {
+        self.task.period_s()
+    }
+
+    /// Begins the drive at `index` anew under a seed; all of them, each under a seed of its own drawn from it, where
+    /// there is no index.
+    #[pyo3(signature = (seed, index=None))]
+    fn reset<'py>(&self, py: Python<'py>, seed: i64, index: Option<usize>) -> PyResult<Stepped<'py>> {
+        py.detach(|| {
+            let mut lanes = self.lanes();
+            let several = lanes.len() > 1;
+            for (i, lane) in lanes.iter_mut().enumerate().filter(|(i, _)| index.is_none_or(|one| one == *i)) {
+                lane.seed = match several && index.is_none() {
+                    true => {
+                        Rng::keyed(seed.cast_unsigned(), "lane", &[i as i64]).bits().cast_signed() & i64::MAX
+                    }
+                    false => seed,
+                };
+                lane.count = 0;
+            }
+            self.each(&mut lanes, |i, lane| match index.is_none_or(|one| one == i) {
+                true => lane.reset(&self.task),
+                false => Ok(()),
+            })?;
+            Ok(())
+        })
+        .map_err(error)?;
+        self.told(py)
+    }
+
+    /// Goes on to the next decision under actions (64-bit numbers of all drives, one behind the other). A drive that
+    /// is over begins anew instead.
+    fn step<'py>(&self, py: Python<'py>, actions: Vec<f64>) -> PyResult<Stepped<'py>> {
+        let size = self.task.actions_len();
+        py.detach(|| {
+            let mut lanes = self.lanes();
+            anyhow::ensure!(
+                actions.len() == size * lanes.len(),
+                "{} numbers of actions, expected {size} for each of {} drives",
+                actions.len(),
+                lanes.len()
+            );
+            self.each(&mut lanes, |i, lane| lane.step(&self.task, &actions[i * size..(i + 1) * size]))
+        })
+        .map_err(error)?;
+        self.told(py)
+    }
+
+    /// The newest image of a stream that is observed, of the drive at `index`; none before the first.
+    fn image(&self, index: usize, stream: &str) -> Option<Numbers> {
+        self.lanes().get(index)?.drive.as_ref()?.image(&self.task, stream)
+    }
+
+    /// How the drive at `index` ended, if it did: `goal`, `stopped`, `collision`, `timeout`.
+    fn ended(&self, index: usize) -> Option<&'static str> {
+        self.lanes().get(index)?.drive.as_ref()?.ended()
+    }
+}
+
+impl Drives {
+    fn lanes(&self) -> MutexGuard<'_, Vec<Lane>> {
+        self.drives.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Does something with each drive, on several threads where there are any.
+    fn each(
+        &self,
+        lanes: &mut [Lane],
+        with: impl Fn(usize, &mut Lane) -> anyhow::Result<()> + Sync,
+    ) -> anyhow::Result<()> {
+        match &self.pool {
+            Some(pool) if lanes.len() > 1 => {
+                pool.install(|| lanes.par_iter_mut().enumerate().try_for_each(|(i, lane)| with(i, lane)))
+            }
+            _ => lanes.iter_mut().enumerate().try_for_each(|(i, lane)| with(i, lane)),
+        }
+    }
+
+    fn told<'py>(&self, py: Python<'py>) -> PyResult<Stepped<'py>> {
+        let lanes = self.lanes();
+        let mut numbers: Vec<f32> = Vec::with_capacity(lanes.len() * self.task.numbers());
+        let mut facts: Vec<f64> = Vec::with_capacity(lanes.len() * FACTS.len());
+        for lane in lanes.iter() {
+            let drive = lane.drive.as_ref();
+            let drive = drive.ok_or_else(|| PyValueError::new_err("reset() comes before step()"))?;
+            drive.observe(&self.task, &mut numbers);
+            drive.tell(&mut facts);
+        }
+        Ok((bytes(py, &numbers, |x| x.to_le_bytes()), bytes(py, &facts, |x| x.to_le_bytes())))
+    }
+}
+
+/// Numbers as bytes that NumPy may write to.
+fn bytes<'py, T: Copy, const N: usize>(
+    py: Python<'py>,
+    numbers: &[T],
+    bytes: impl Fn(T) -> [u8; N],
+) -> Bound<'py, PyByteArray> {
+    let all: Vec<u8> = numbers.iter().flat_map(|number| bytes(*number)).collect();
+    PyByteArray::new(py, &all)
+}

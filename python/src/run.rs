@@ -1,0 +1,207 @@
+//! `swerve.run`: one drive.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use anyhow::Context as _;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use swerve::config::Config;
+use swerve::config::text::Document;
+use swerve::pipeline::Pipeline;
+use swerve::process::Processes;
+use swerve::program::Program;
+use swerve::run::{Summary, drive_pipeline, problems_error, read_scenario, set_up, story};
+use swerve::story::draw;
+use swerve_flow::{EndReason, Event, Observer, StopHandle};
+use swerve_log::{Recorder, RunStart};
+use swerve_scenario::Scenario;
+
+use crate::background::do_in_background;
+use crate::convert::{error, sets, toml_table};
+use crate::streams::{Capture, Streams};
+
+/// A path, or the content of such a file as a dictionary.
+#[derive(FromPyObject)]
+pub(crate) enum FileOr<'py> {
+    Content(Bound<'py, PyDict>),
+    File(PathBuf),
+}
+
+/// What is driven, by what.
+pub(crate) struct Inputs {
+    pub(crate) config: Config,
+    pub(crate) scenario: Scenario,
+    scenario_text: String,
+    scenario_file: String,
+}
+
+impl Inputs {
+    /// Reads and checks what was given.
+    pub(crate) fn load(
+        scenario: &FileOr<'_>,
+        config: Option<&FileOr<'_>>,
+        set: Option<&Bound<'_, PyDict>>,
+        seed: Option<i64>,
+    ) -> PyResult<Self> {
+        let mut sets = sets(set)?;
+        sets.extend(seed.map(|seed| ("seed".to_owned(), seed.into())));
+        let config = match config {
+            None => Config::load(None, &sets),
+            Some(FileOr::File(path)) => Config::load(Some(path), &sets),
+            Some(FileOr::Content(dict)) => Document::parse("config", text(dict)?)
+                .map_err(|problem| vec![problem])
+                .and_then(|document| Config::from_document(&document, &sets)),
+        };
+        let config = config.map_err(|problems| error(problems_error(&problems)))?;
+        let (scenario, scenario_text, scenario_file) = match scenario {
+            FileOr::File(path) => {
+                let scenario = read_scenario(path).map_err(error)?;
+                (scenario, std::fs::read_to_string(path)?, path.display().to_string())
+            }
+            FileOr::Content(dict) => {
+                let text = text(dict)?;
+                let scenario = Scenario::parse("scenario", &text)
+                    .map_err(|problems| error(problems_error(&problems)))?;
+                (scenario, text, "scenario".into())
+            }
+        };
+        Ok(Self { config, scenario, scenario_text, scenario_file })
+    }
+}
+
+fn text(dict: &Bound<'_, PyDict>) -> PyResult<String> {
+    Ok(toml_table(dict)?.to_string())
+}
+
+/// What else a run is asked for.
+struct Wanted {
+    threads: usize,
+    streams: Option<Vec<String>>,
+    log: Option<PathBuf>,
+}
+
+/// Says how far a run came, and ends it.
+#[derive(Clone, Default)]
+struct Reins {
+    reached_ns: Arc<AtomicI64>,
+    stop: Arc<Mutex<Option<StopHandle>>>,
+}
+
+impl Observer for Reins {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::Publication(publication) = event {
+            self.reached_ns.store(publication.visible_at.ns(), Ordering::Relaxed);
+        }
+    }
+}
+
+impl Reins {
+    fn stop(&self) {
+        if let Some(stop) = &*self.stop.lock().unwrap_or_else(PoisonError::into_inner) {
+            stop.stop();
+        }
+    }
+}
+
+/// What a run came to.
+struct Driven {
+    metrics: String,
+    story: String,
+    streams: Streams,
+    config: String,
+    scenario: String,
+}
+
+fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Driven> {
+    let Inputs { config, scenario, scenario_text, scenario_file } = inputs;
+    let mut pipeline = Pipeline::build(config, scenario)?;
+    *reins.stop.lock().unwrap_or_else(PoisonError::into_inner) = Some(pipeline.graph.stop_handle());
+    let mut capture = Capture::new(wanted.streams);
+    let mut told = reins.clone();
+    let mut story = story(config, scenario, &pipeline);
+    let mut recorder = match &wanted.log {
+        Some(path) => {
+            let start = RunStart {
+                version: env!("CARGO_PKG_VERSION").into(),
+                seed: config.seed,
+                config: config.to_text(),
+                extra: [
+                    ("scenario".to_owned(), scenario_text.clone()),
+                    ("scenario_file".to_owned(), scenario_file.clone()),
+                ]
+                .into(),
+            };
+            Some(recorder(path, &start, config, &pipeline)?)
+        }
+        None => None,
+    };
+    let processes = match config.process.is_empty() {
+        true => None,
+        false => Some(Processes::start(&Program::this()?, config, scenario_text, &mut pipeline)?),
+    };
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut capture, &mut told, &mut story];
+    observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
+    let outcome = drive_pipeline(pipeline, config.seed, wanted.threads, &mut observers);
+    drop(processes);
+    let recorded = recorder.map_or(Ok(()), |recorder| recorder.finish().map(drop));
+    let outcome = outcome?;
+    recorded.context("writing the log")?;
+    anyhow::ensure!(
+        outcome.report.end != EndReason::Interrupted,
+        "interrupted at {:.2} s",
+        outcome.report.at.as_secs()
+    );
+    story.conclude(&outcome.metrics);
+    Ok(Driven {
+        metrics: serde_json::to_string(&Summary::of(config, scenario, &outcome))?,
+        story: draw(&story),
+        streams: capture.streams,
+        config: config.to_text(),
+        scenario: scenario_text.clone(),
+    })
+}
+
+fn recorder(path: &Path, start: &RunStart, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Recorder> {
+    let mut recorder = Recorder::create(path, start)?;
+    set_up(&mut recorder, config, pipeline);
+    Ok(recorder)
+}
+
+/// Drives a scenario; gives what it came to as a dictionary.
+#[pyfunction]
+#[pyo3(signature = (scenario, config=None, set=None, seed=None, *, threads=1, streams=None, log=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+pub(crate) fn run<'py>(
+    py: Python<'py>,
+    scenario: FileOr<'py>,
+    config: Option<FileOr<'py>>,
+    set: Option<Bound<'py, PyDict>>,
+    seed: Option<i64>,
+    threads: usize,
+    streams: Option<Vec<String>>,
+    log: Option<PathBuf>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let inputs = Inputs::load(&scenario, config.as_ref(), set.as_ref(), seed)?;
+    let until_s = inputs.scenario.end.timeout_s;
+    let reins = Reins::default();
+    let (told, stopper) = (reins.clone(), reins.clone());
+    let wanted = Wanted { threads: threads.max(1), streams, log };
+    let look = |_: Python<'_>| match &progress {
+        Some(call) => {
+            let now_s = told.reached_ns.load(Ordering::Relaxed) as f64 * 1e-9;
+            call.call1((now_s, until_s)).map(drop)
+        }
+        None => Ok(()),
+    };
+    let driven = do_in_background(py, move || drive(&inputs, wanted, &reins), look, move || stopper.stop())?;
+    let result = PyDict::new(py);
+    result.set_item("metrics", driven.metrics)?;
+    result.set_item("story", driven.story)?;
+    result.set_item("config", driven.config)?;
+    result.set_item("scenario", driven.scenario)?;
+    result.set_item("streams", driven.streams.into_dict(py)?)?;
+    Ok(result)
+}

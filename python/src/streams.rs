@@ -1,0 +1,297 @@
+//! The messages of a stream: as columns of numbers, and one by one.
+
+use ciborium::Value;
+use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyList};
+use swerve_core::Time;
+use swerve_flow::{Event, Observer, Publication};
+use swerve_log::PublicationRecord;
+use swerve_msg::truth::PointInstances;
+use swerve_msg::{Image, PointCloud};
+
+/// The messages of one stream.
+#[pyclass(frozen, module = "swerve._swerve")]
+#[derive(Default)]
+pub(crate) struct StreamData {
+    /// The stream's name.
+    #[pyo3(get)]
+    name: String,
+    /// The operator that publishes it.
+    #[pyo3(get)]
+    operator: String,
+    /// The Rust type of its messages.
+    #[pyo3(get)]
+    type_name: String,
+    stamps: Vec<i64>,
+    visible_at: Vec<i64>,
+    origins: Vec<i64>,
+    /// All payloads, CBOR, one behind the other.
+    bytes: Vec<u8>,
+    /// Where each ends.
+    ends: Vec<usize>,
+}
+
+/// Stands for an origin that is not there.
+const NO_ORIGIN: i64 = i64::MIN;
+
+/// Arrays of no more numbers than this are columns of their own.
+const ARRAY_MAX: usize = 8;
+
+fn ns(time: Time) -> i64 {
+    time.ns()
+}
+
+impl StreamData {
+    fn new(name: &str, operator: &str, type_name: &str) -> Self {
+        Self { name: name.into(), operator: operator.into(), type_name: type_name.into(), ..Self::default() }
+    }
+
+    fn push_header(&mut self, stamp: Time, visible_at: Time, origin: Option<Time>) {
+        self.stamps.push(ns(stamp));
+        self.visible_at.push(ns(visible_at));
+        self.origins.push(origin.map_or(NO_ORIGIN, ns));
+        self.ends.push(self.bytes.len());
+    }
+
+    fn payload(&self, index: usize) -> &[u8] {
+        let begin = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.bytes[begin..self.ends[index]]
+    }
+}
+
+/// The streams of a run or a log, in the order of their first message.
+#[derive(Default)]
+pub(crate) struct Streams(Vec<StreamData>);
+
+impl Streams {
+    fn of(&mut self, name: &str, operator: &str, type_name: impl FnOnce() -> String) -> &mut StreamData {
+        let index = self.0.iter().position(|stream| stream.name == name).unwrap_or_else(|| {
+            self.0.push(StreamData::new(name, operator, &type_name()));
+            self.0.len() - 1
+        });
+        &mut self.0[index]
+    }
+
+    /// Takes in a message of a log.
+    pub(crate) fn take(&mut self, record: &PublicationRecord) {
+        let info = &record.stream;
+        let stream = self.of(&info.stream, &info.operator, || info.type_name.clone());
+        stream.bytes.extend_from_slice(&record.payload_cbor);
+        let header = &record.header;
+        stream.push_header(header.stamp, header.visible_at, header.origin);
+    }
+
+    /// By their names.
+    pub(crate) fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let dict = PyDict::new(py);
+        for stream in self.0 {
+            dict.set_item(stream.name.clone(), Bound::new(py, stream)?)?;
+        }
+        Ok(dict)
+    }
+}
+
+/// Keeps the messages of a run.
+pub(crate) struct Capture {
+    pub(crate) streams: Streams,
+    /// Which streams; all where there is no list.
+    wanted: Option<Vec<String>>,
+}
+
+impl Capture {
+    pub(crate) fn new(wanted: Option<Vec<String>>) -> Self {
+        Self { streams: Streams::default(), wanted }
+    }
+
+    /// Images and point clouds are big: they are kept where they are asked for by name.
+    fn wants(&self, publication: &Publication<'_>) -> bool {
+        match (&self.wanted, publication.payload) {
+            (_, None) => false,
+            (Some(names), _) => names.iter().any(|name| name == publication.stream),
+            (None, Some(payload)) => {
+                let any = payload.as_any();
+                !(any.is::<Image>() || any.is::<PointCloud>() || any.is::<PointInstances>())
+            }
+        }
+    }
+}
+
+impl Observer for Capture {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        if !self.wants(publication) {
+            return;
+        }
+        let (Some(payload), Some(stamp)) = (publication.payload, publication.stamp) else { return };
+        let type_name = || payload.type_name().to_owned();
+        let stream = self.streams.of(publication.stream, publication.operator, type_name);
+        payload.to_cbor(&mut stream.bytes);
+        stream.push_header(stamp, publication.visible_at, publication.origin);
+    }
+}
+
+/// One entry of a column.
+enum Cell {
+    Nothing,
+    Bool(bool),
+    Int(i64),
+    Float(f64),
+    Text(String),
+}
+
+/// Columns by name, in the order in which they were met.
+#[derive(Default)]
+struct Columns(Vec<(String, Vec<Cell>)>);
+
+impl Columns {
+    /// Notes an entry of a row; rows before that had none are filled.
+    fn note(&mut self, name: &str, row: usize, cell: Cell) {
+        let index = self.0.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
+            self.0.push((name.to_owned(), Vec::new()));
+            self.0.len() - 1
+        });
+        let cells = &mut self.0[index].1;
+        cells.resize_with(row, || Cell::Nothing);
+        cells.push(cell);
+    }
+
+    fn walk(&mut self, name: &str, row: usize, value: &Value) {
+        match value {
+            Value::Null => {}
+            Value::Bool(yes) => self.note(name, row, Cell::Bool(*yes)),
+            Value::Integer(number) => match i64::try_from(*number) {
+                Ok(number) => self.note(name, row, Cell::Int(number)),
+                Err(_) => self.note(name, row, Cell::Text(format!("{:016x}", i128::from(*number)))),
+            },
+            Value::Float(number) => self.note(name, row, Cell::Float(*number)),
+            Value::Text(text) => self.note(name, row, Cell::Text(text.clone())),
+            Value::Bytes(bytes) => self.note(&within(name, "bytes"), row, Cell::Int(bytes.len() as i64)),
+            Value::Map(entries) => {
+                for (key, value) in entries {
+                    let Value::Text(key) = key else { continue };
+                    self.walk(&within(name, key), row, value);
+                }
+            }
+            Value::Array(values) => {
+                let number = |value: &Value| matches!(value, Value::Float(_) | Value::Integer(_));
+                if !values.is_empty() && values.len() <= ARRAY_MAX && values.iter().all(number) {
+                    for (i, value) in values.iter().enumerate() {
+                        self.walk(&within(name, &i.to_string()), row, value);
+                    }
+                } else {
+                    self.note(&within(name, "count"), row, Cell::Int(values.len() as i64));
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn within(name: &str, key: &str) -> String {
+    if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") }
+}
+
+/// The little-endian bytes of numbers.
+pub(crate) fn bytes_of<'py, const N: usize, T>(
+    py: Python<'py>,
+    numbers: impl IntoIterator<Item = T>,
+    bytes: impl Fn(T) -> [u8; N],
+) -> Bound<'py, PyBytes> {
+    let all: Vec<u8> = numbers.into_iter().flat_map(bytes).collect();
+    PyBytes::new(py, &all)
+}
+
+/// What kind of numbers a column holds, for NumPy, and their bytes; texts as a list.
+fn column<'py>(py: Python<'py>, cells: &[Cell]) -> PyResult<(&'static str, Bound<'py, PyAny>)> {
+    if cells.iter().any(|cell| matches!(cell, Cell::Text(_))) {
+        let text = |cell: &Cell| match cell {
+            Cell::Text(text) => Some(text.clone()),
+            Cell::Int(number) => Some(number.to_string()),
+            Cell::Float(number) => Some(number.to_string()),
+            Cell::Bool(yes) => Some(yes.to_string()),
+            Cell::Nothing => None,
+        };
+        return Ok(("O", PyList::new(py, cells.iter().map(text))?.into_any()));
+    }
+    if cells.iter().all(|cell| matches!(cell, Cell::Bool(_))) {
+        let bytes = bytes_of(py, cells, |cell| [u8::from(matches!(cell, Cell::Bool(true)))]);
+        return Ok(("?", bytes.into_any()));
+    }
+    if cells.iter().all(|cell| matches!(cell, Cell::Int(_))) {
+        let bytes = bytes_of(py, cells, |cell| match cell {
+            Cell::Int(number) => number.to_le_bytes(),
+            _ => [0; 8],
+        });
+        return Ok(("<i8", bytes.into_any()));
+    }
+    let bytes = bytes_of(py, cells, |cell| {
+        let number = match cell {
+            Cell::Int(number) => *number as f64,
+            Cell::Float(number) => *number,
+            Cell::Bool(yes) => f64::from(u8::from(*yes)),
+            Cell::Nothing | Cell::Text(_) => f64::NAN,
+        };
+        number.to_le_bytes()
+    });
+    Ok(("<f8", bytes.into_any()))
+}
+
+#[pymethods]
+impl StreamData {
+    fn __len__(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// The instants that the messages describe, nanoseconds, as 64-bit integers.
+    fn stamps<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        bytes_of(py, &self.stamps, |ns| ns.to_le_bytes())
+    }
+
+    /// The instants at which they were published, nanoseconds.
+    fn visible_at<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        bytes_of(py, &self.visible_at, |ns| ns.to_le_bytes())
+    }
+
+    /// The stamps of the sensor frames that they derive from, nanoseconds; the least integer where there is none.
+    fn origins<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        bytes_of(py, &self.origins, |ns| ns.to_le_bytes())
+    }
+
+    /// The CBOR bytes of a message.
+    fn cbor<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
+        if index >= self.ends.len() {
+            return Err(PyIndexError::new_err(format!("message {index} of {}", self.ends.len())));
+        }
+        Ok(PyBytes::new(py, self.payload(index)))
+    }
+
+    /// A message as plain Python.
+    fn plain<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
+        if index >= self.ends.len() {
+            return Err(PyIndexError::new_err(format!("message {index} of {}", self.ends.len())));
+        }
+        crate::convert::read_cbor(py, self.payload(index))
+    }
+
+    /// All numbers, texts and truth values of the messages, by dotted name: what NumPy calls their kind, and their
+    /// bytes or (kind `O`) a list. A list of messages is the column of its length, `name.count`.
+    fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let rows = self.ends.len();
+        let columns = py.detach(|| {
+            let mut columns = Columns::default();
+            for row in 0..rows {
+                let value: Value = ciborium::from_reader(self.payload(row))
+                    .map_err(|error| PyValueError::new_err(error.to_string()))?;
+                columns.walk("", row, &value);
+            }
+            columns.0.iter_mut().for_each(|(_, cells)| cells.resize_with(rows, || Cell::Nothing));
+            Ok::<_, PyErr>(columns)
+        })?;
+        let dict = PyDict::new(py);
+        for (name, cells) in &columns.0 {
+            dict.set_item(name, column(py, cells)?)?;
+        }
+        Ok(dict)
+    }
+}

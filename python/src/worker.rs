@@ -1,0 +1,139 @@
+//! Operators written in Python, in a process of their own.
+//!
+//! The other end is a run, which started this process and has the steps of its operators taken here. What an operator
+//! reads comes as plain Python, the numbers of images and point clouds where their sensor wrote them; what it answers
+//! goes back in CBOR, and is checked against the type of its stream.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use swerve::process::run_worker_with;
+use swerve_core::Time;
+use swerve_flow::{
+    AnyInput, AnyMessage, AnyOperator, AnyOutputs, Context, Graph, Header, InputKind, OperatorInfo,
+};
+use swerve_ipc::Setup;
+
+use crate::convert::{cbor, error};
+use crate::numbers;
+
+/// An operator whose steps Python takes.
+struct PythonOperator {
+    /// Called with the facts of a frame and its inputs; gives an output or none for each port.
+    step: Py<PyAny>,
+    /// Which of the ports are timers.
+    timers: Vec<bool>,
+}
+
+impl AnyOperator for PythonOperator {
+    fn step(&mut self, cx: &mut Context<'_>, inputs: Vec<AnyInput>, out: &mut AnyOutputs<'_>) {
+        let stepped = Python::attach(|py| {
+            let outputs = self.call(py, cx, &inputs).and_then(|answer| send(py, &answer, out));
+            outputs.map_err(|error| told(py, &error))
+        });
+        if let Err(why) = stepped {
+            // Goes to the run as what this operator panicked with, without a report of the panic here.
+            std::panic::resume_unwind(Box::new(why));
+        }
+    }
+}
+
+impl PythonOperator {
+    fn call<'py>(
+        &self,
+        py: Python<'py>,
+        cx: &Context<'_>,
+        inputs: &[AnyInput],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let facts = PyDict::new(py);
+        facts.set_item("operator", cx.name())?;
+        facts.set_item("now", cx.now().ns())?;
+        facts.set_item("stamp", cx.stamp().ns())?;
+        facts.set_item("deadline", cx.deadline().map(Time::ns))?;
+        let ports = PyList::empty(py);
+        for (input, _) in inputs.iter().zip(&self.timers).filter(|(_, timer)| !**timer) {
+            let messages: &[AnyMessage] = match input {
+                AnyInput::Tick | AnyInput::Nothing => &[],
+                AnyInput::Message(message) => core::slice::from_ref(message),
+                AnyInput::Window(messages) => messages,
+            };
+            let list = PyList::empty(py);
+            for message in messages {
+                list.append((header(py, &message.header)?, numbers::plain(py, message)?))?;
+            }
+            ports.append(list)?;
+        }
+        self.step.bind(py).call1((facts, ports))
+    }
+}
+
+fn header<'py>(py: Python<'py>, header: &Header) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("stamp", header.stamp.ns())?;
+    dict.set_item("visible_at", header.visible_at.ns())?;
+    dict.set_item("seq", header.seq)?;
+    dict.set_item("watermark", header.watermark.ns())?;
+    dict.set_item("reused_from", header.reused_from.map(Time::ns))?;
+    dict.set_item("origin", header.origin.map(Time::ns))?;
+    Ok(dict)
+}
+
+/// Publishes what a step answered: a list with a plain value or `None` for each port.
+fn send(py: Python<'_>, answer: &Bound<'_, PyAny>, out: &mut AnyOutputs<'_>) -> PyResult<()> {
+    for (port, value) in answer.try_iter()?.enumerate() {
+        let value = value?;
+        if value.is_none() {
+            continue;
+        }
+        let bytes = cbor(&value)?;
+        let sent = py.detach(|| out.send_cbor(port, &bytes));
+        sent.map_err(|error| PyValueError::new_err(error.to_string()))?;
+    }
+    Ok(())
+}
+
+/// An exception with where it came from.
+fn told(py: Python<'_>, error: &PyErr) -> String {
+    let trace = error.traceback(py).and_then(|trace| trace.format().ok()).unwrap_or_default();
+    format!("{error}\n{trace}").trim_end().to_owned()
+}
+
+/// What an operator reads: for each input but timers how, of which stream, and the type of its messages.
+fn ports(graph: &Graph, operator: &OperatorInfo) -> Vec<(String, String, String)> {
+    let of = |input: &swerve_flow::InputInfo| {
+        let stream = input.stream.clone()?;
+        let kind = match input.kind {
+            InputKind::At => "at".to_owned(),
+            InputKind::Latest { depth: 1, .. } => "latest".to_owned(),
+            InputKind::Latest { depth, .. } => format!("window({depth})"),
+            InputKind::Every { .. } => return None,
+        };
+        let type_name = graph.stream(&stream)?.payload().name().to_owned();
+        Some((kind, stream, type_name))
+    };
+    operator.inputs.iter().filter_map(of).collect()
+}
+
+/// Takes steps until the run that started this process is over. `make` is called once for each operator, with its
+/// name, inputs (how, stream, Rust type) and outputs (stream, Rust type), and gives what is called for each frame.
+#[pyfunction]
+pub(crate) fn work(py: Python<'_>, make: Py<PyAny>) -> PyResult<()> {
+    let prepare = |setup: &Setup, mut graph: Graph| {
+        let described = graph.describe()?;
+        for name in &setup.operators {
+            let Some(operator) = described.operators.iter().find(|operator| operator.name == *name) else {
+                continue;
+            };
+            let inputs = ports(&graph, operator);
+            let timers = operator.inputs.iter().map(|input| input.stream.is_none()).collect();
+            let step = Python::attach(|py| {
+                let outputs: Vec<_> = operator.outputs.clone();
+                make.call1(py, (name.as_str(), inputs, outputs)).map_err(|error| told(py, &error))
+            });
+            let step = step.map_err(anyhow::Error::msg)?;
+            graph.replace(name, PythonOperator { step, timers })?;
+        }
+        Ok(graph)
+    };
+    py.detach(|| run_worker_with(prepare)).map_err(error)
+}

@@ -1,0 +1,42 @@
+"""Swerve from Python: drives, studies and logs; environments to learn in; operators of the stack.
+
+>>> import swerve
+>>> result = swerve.run("person_behind_truck", set={"planning.planner": "rrt_star"})
+>>> result.verdict, result.digest
+>>> result.streams["pose"]["speed_mps"]
+
+`swerve.gym` has the environments, `swerve.messages` what streams carry, `swerve.Operator` is what an operator is made of.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from . import _swerve, messages
+from ._files import CONFIGS, SCENARIOS, scenarios
+from .logs import Log, read_log
+from .operators import Frame, Operator
+from .runs import Result, run
+from .streams import Stream
+from .studies import StudyResult, study
+
+__version__: str = _swerve.__version__
+
+# Processes of a run are this interpreter with this package.
+_swerve.host(sys.executable, ["-m", "swerve"], _swerve.__file__)
+
+__all__ = [
+    "CONFIGS",
+    "SCENARIOS",
+    "Frame",
+    "Log",
+    "Operator",
+    "Result",
+    "Stream",
+    "StudyResult",
+    "messages",
+    "read_log",
+    "run",
+    "scenarios",
+    "study",
+]

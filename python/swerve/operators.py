@@ -1,0 +1,168 @@
+"""Operators of the stack, written in Python.
+
+An operator is a class in a file of its own:
+
+    class Watcher(swerve.Operator):
+        inputs = {"image": messages.Image}
+        outputs = {"health": messages.SensorHealth}
+
+        def step(self, frame: swerve.Frame) -> messages.SensorHealth:
+            image = frame["image"]
+            ...
+
+It runs in a process of the run, which the configuration starts in the place of the operator's own:
+
+    [process.watch]
+    operators = ["eye"]
+    start = ["python", "-m", "swerve", "worker", "watcher.py:Watcher"]
+
+What images and point clouds consist of is read where their sensor wrote it, in shared memory: nothing is copied, and the
+arrays cannot be written to. They are valid as long as they are held.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from . import _swerve
+from .messages import Message
+from .streams import message_class
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """When a message describes the world, when it could be read, and where it comes from. Nanoseconds."""
+
+    stamp: int
+    visible_at: int
+    seq: int
+    watermark: int
+    reused_from: int | None
+    origin: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """What a step is given: the newest message of each input by its name, and when it is."""
+
+    operator: str
+    """The operator's name in the graph."""
+    now: int
+    """The present instant, nanoseconds."""
+    stamp: int
+    """The instant that the frame describes, nanoseconds."""
+    deadline: int | None
+    """When it has to be answered, nanoseconds."""
+    windows: Mapping[str, Sequence[tuple[Header, Any]]] = field(repr=False)
+    """All messages of each input, oldest first, with their headers; one at most where the input is no window."""
+
+    def __getitem__(self, name: str) -> Any:
+        """The newest message of an input; none where there is none yet."""
+        messages = self.windows[name]
+        return messages[-1][1] if messages else None
+
+    def header(self, name: str) -> Header | None:
+        """The header of that message."""
+        messages = self.windows[name]
+        return messages[-1][0] if messages else None
+
+
+class Operator:
+    """One component of the stack: a step from inputs to outputs, with state of its own.
+
+    A step reads no clock, no file and no global: what it needs is in its frame and its state. It is made anew with each
+    start of its process, without arguments.
+    """
+
+    inputs: ClassVar[Mapping[str, type[Message]]] = {}
+    """The inputs by names of its own, in the order of the operator's ports, timers left out."""
+    outputs: ClassVar[Mapping[str, type[Message]]] = {}
+    """The outputs, in their order."""
+
+    def step(self, frame: Frame) -> Message | Mapping[str, Message | None] | None:
+        """Answers one frame: a message, or messages by the names of the outputs; none where it has no answer."""
+        raise NotImplementedError
+
+
+_Ports = Sequence[tuple[str, ...]]
+
+
+def _check(what: str, operator: str, declared: Mapping[str, type[Message]], ports: _Ports) -> None:
+    """Compares what a class declares with what the graph has."""
+    wanted = [message_class(port[-1]) for port in ports]
+    if list(declared.values()) != wanted:
+        has = ", ".join(f"{port[-2]}: {kind.__name__}" for port, kind in zip(ports, wanted))
+        says = ", ".join(f"{name}: {kind.__name__}" for name, kind in declared.items())
+        raise TypeError(f"{what} of operator `{operator}` are ({has}), the class declares ({says})")
+
+
+def stepper(operator: Operator, name: str, inputs: _Ports, outputs: _Ports) -> Callable[..., list[Any]]:
+    """What is called for each frame with plain values, and answers with plain values, an output or none a port."""
+    _check("inputs", name, operator.inputs, inputs)
+    _check("outputs", name, operator.outputs, outputs)
+    ports = list(operator.inputs.items())
+    out = list(operator.outputs)
+
+    def step(facts: dict[str, Any], read: list[list[tuple[dict[str, Any], dict[str, Any]]]]) -> list[Any]:
+        windows = {
+            name: [(Header(**header), kind.from_plain(plain)) for header, plain in messages]
+            for (name, kind), messages in zip(ports, read, strict=True)
+        }
+        answer = operator.step(Frame(windows=windows, **facts))
+        if answer is None:
+            return []
+        if isinstance(answer, Message):
+            if len(out) != 1:
+                raise TypeError(f"one message, expected a dictionary of the outputs {', '.join(out)}")
+            answer = {out[0]: answer}
+        unknown = answer.keys() - set(out)
+        if unknown:
+            raise KeyError(f"no output is called {', '.join(sorted(unknown))}; there are {', '.join(out)}")
+        messages = [answer.get(name) for name in out]
+        return [None if message is None else message.to_plain() for message in messages]
+
+    return step
+
+
+def load(where: str) -> type[Operator]:
+    """The class that `FILE.py:Class` names."""
+    file, _, name = where.rpartition(":")
+    if not file:
+        raise ValueError(f"expected FILE.py:Class, found `{where}`")
+    path = Path(file).resolve()
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise FileNotFoundError(f"{file}: expected a Python file with the class `{name}`")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    # What lies beside the file is imported as if it were run.
+    sys.path.insert(0, str(path.parent))
+    spec.loader.exec_module(module)
+    found = getattr(module, name, None)
+    if not (isinstance(found, type) and issubclass(found, Operator)):
+        classes = [k for k, v in vars(module).items() if isinstance(v, type) and issubclass(v, Operator)]
+        raise TypeError(f"{file} has no operator `{name}`, only {', '.join(classes) or 'none'}")
+    return found
+
+
+def work(words: list[str]) -> int:
+    """Takes steps for the run that started this process: `[NAME=]FILE.py:Class`, one for all its operators or each."""
+    places = dict(word.split("=", 1) if "=" in word else ("", word) for word in words)
+
+    def make(name: str, inputs: _Ports, outputs: _Ports) -> Callable[..., list[Any]]:
+        where = places.get(name, places.get(""))
+        if where is None:
+            raise KeyError(f"no class is named for operator `{name}`")
+        return stepper(load(where)(), name, inputs, outputs)
+
+    try:
+        _swerve.work(make)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
