@@ -23,7 +23,7 @@ pub(crate) fn main(py: Python<'_>, words: Vec<String>) -> i32 {
                 return error.exit_code();
             }
         };
-        match swerve::cli::main(&cli) {
+        match swerve::cli::main(&cli, &swerve::Registry::standard()) {
             Ok(()) => 0,
             Err(error) => {
                 eprintln!("error: {}", swerve::cli::message(&error));

@@ -8,7 +8,7 @@ use anyhow::Context as _;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use swerve::config::Config;
-use swerve::config::text::Document;
+use swerve_text::Document;
 use swerve::pipeline::Pipeline;
 use swerve::process::Processes;
 use swerve::program::Program;

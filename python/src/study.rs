@@ -61,7 +61,7 @@ pub(crate) fn study<'py>(
     threads: usize,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let bench = py.detach(|| Bench::open(&file, &set)).map_err(error)?;
+    let bench = py.detach(|| Bench::open(&swerve::Registry::standard(), &file, &set)).map_err(error)?;
     let count = bench.study.cells.len();
     let reins = Reins::default();
     let (told, stopper) = (reins.clone(), reins.clone());

@@ -108,7 +108,7 @@ fn ports(graph: &Graph, operator: &OperatorInfo) -> Vec<(String, String, String)
             InputKind::Latest { depth, .. } => format!("window({depth})"),
             InputKind::Every { .. } => return None,
         };
-        let type_name = graph.stream(&stream)?.payload().name().to_owned();
+        let type_name = graph.stream(&stream)?.payload().full_name.to_owned();
         Some((kind, stream, type_name))
     };
     operator.inputs.iter().filter_map(of).collect()
@@ -135,5 +135,5 @@ pub(crate) fn work(py: Python<'_>, make: Py<PyAny>) -> PyResult<()> {
         }
         Ok(graph)
     };
-    py.detach(|| run_worker_with(prepare)).map_err(error)
+    py.detach(|| run_worker_with(&swerve::Registry::standard(), prepare)).map_err(error)
 }

@@ -33,7 +33,7 @@ pub mod timing;
 mod views;
 
 pub use swerve_stack::Registry;
-pub use swerve_stack::{config, pipeline, street};
+pub use swerve_stack::{agent, config, pipeline, street};
 
 /// The command line, with the operators of a registry: what a binary with operators of one's own calls.
 pub fn main(registry: Registry) -> std::process::ExitCode {

@@ -63,7 +63,7 @@ impl Task {
         rows: usize,
     ) -> anyhow::Result<Self> {
         let (agent, _) = level.agent();
-        let pipeline = Pipeline::build_for(&config, &scenario, Some(&agent))?;
+        let pipeline = Pipeline::build_for(&config, &scenario, &agent)?;
         let described = pipeline.graph.describe()?;
         let streams: BTreeMap<_, _> = described.operators.into_iter().flat_map(|o| o.outputs).collect();
         ensure!(streams.contains_key("world"), "the scenario has no world");
@@ -115,7 +115,7 @@ fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Config) -> 
     }
     let Some(type_name) = streams.get(name) else {
         let known: Vec<&str> = streams.keys().map(String::as_str).chain(["route"]).collect();
-        let near = swerve::config::words::nearest(name, known.iter().copied());
+        let near = swerve_text::nearest(name, known.iter().copied());
         let hint = near.map_or_else(|| known.join(", "), |near| format!("did you mean `{near}`?"));
         bail!("observe: unknown stream `{name}` ({hint})");
     };
@@ -169,7 +169,7 @@ impl Drive {
         config.seed = seed.unsigned_abs();
         let (agent, wheel) = task.level.agent();
         let Pipeline { graph, scenario, route, until, .. } =
-            Pipeline::build_for(&config, &task.scenario, Some(&agent))?;
+            Pipeline::build_for(&config, &task.scenario, &agent)?;
         let options = RunOptions::until(until).seed(config.seed);
         let mut session = Session::new(graph, &options, Vec::new())?;
         session.hold_before(agent.operator())?;
@@ -236,8 +236,8 @@ impl Drive {
         }
         let point = self.truth.pose.point();
         self.place = match first {
-            true => self.route.line.project(point),
-            false => self.route.line.project_near(point, self.place.s_m, REACH_M),
+            true => self.route.project(point),
+            false => self.route.project_near(point, self.place.s_m, REACH_M),
         };
         let pose =
             self.session.newest(self.pose).and_then(|(_, p)| (**p).as_any().downcast_ref::<EgoState>());
@@ -277,7 +277,7 @@ impl Drive {
 
     /// What is told of the true drive: as many numbers as [`FACTS`] has names.
     pub(crate) fn tell(&self, facts: &mut Vec<f64>) {
-        let on_line = self.route.line.at(self.place.s_m);
+        let on_line = self.route.line().at(self.place.s_m);
         let flag = |yes: bool| f64::from(u8::from(yes));
         let ended = match self.ended {
             None if self.is_over() => 4.0,

@@ -165,7 +165,7 @@ impl From<'_> {
     }
 
     fn route_numbers(&self) -> Vec<f64> {
-        let line = &self.route.line;
+        let line = self.route.line();
         let place = line.project(self.ego.pose.point());
         let on_line = line.at(place.s_m);
         let error = angle_between(on_line.pose.heading_rad, self.ego.pose.heading_rad);
