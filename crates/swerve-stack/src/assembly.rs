@@ -267,3 +267,6 @@ pub(crate) fn one_of(name: &str, names: &[&str]) -> String {
     let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
     format!(", expected one of {}{near}", names.join(", "))
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,13 +1,13 @@
 //! A message that Swerve does not know.
 
 use serde::{Deserialize, Serialize};
-use swerve::core::Time;
+use swerve_core::Time;
 
-/// How far the lane ahead is clear.
+/// How far the way ahead is clear.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ClearAhead {
     /// The frame that it was found in.
     pub stamp: Time,
-    /// Along the lane from the ego's rear axle, m; that of the sensor where nothing is seen.
+    /// From the ego's rear axle, m; the detector's range where nothing is in the way.
     pub distance_m: f64,
 }

@@ -6,6 +6,8 @@ mod slow_down;
 
 use std::process::ExitCode;
 
+use swerve::Registry;
+
 fn main() -> ExitCode {
-    swerve::main(swerve::Registry::standard().with::<nearest_ahead::NearestAhead>().with::<slow_down::SlowDown>())
+    swerve::main(Registry::standard().with::<nearest_ahead::NearestAhead>().with::<slow_down::SlowDown>())
 }

@@ -1,13 +1,13 @@
-//! A detector: the nearest of what is seen in the lane ahead.
+//! A detector: the nearest of what is seen ahead.
 
 use serde::{Deserialize, Serialize};
-use swerve::flow::{At, Context, Inputs, Latest, Operator, Port};
-use swerve::msg::{EgoState, ObstacleList};
-use swerve::operator::{Kind, Node, Site};
+use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
+use swerve_msg::{EgoState, ObstacleList};
+use swerve_stack::{Kind, Node, Site};
 
-use crate::clear_ahead::ClearAhead;
+use super::clear_ahead::ClearAhead;
 
-/// Finds the nearest obstacle in the lane ahead.
+/// Finds the nearest obstacle ahead.
 pub struct NearestAhead(Table);
 
 /// Its keys in `[operator.NAME]`.
@@ -22,20 +22,21 @@ pub struct Table {
 
 impl Default for Table {
     fn default() -> Self {
-        Self { half_width_m: 1.6, range_m: 80.0 }
+        Self { half_width_m: 1.8, range_m: 80.0 }
     }
 }
 
+/// What it reads: streams are found by type.
 #[derive(Inputs)]
 pub struct In {
-    /// What is seen.
+    /// Obstacles of the frame.
     obstacles: At<ObstacleList>,
     /// Where the ego is.
     ego: Latest<EgoState>,
 }
 
 impl Kind for NearestAhead {
-    const NODE: Node = Node::new("nearest_ahead", "how far the lane ahead is clear");
+    const NODE: Node = Node::new("nearest_ahead", "how far the way ahead is clear");
     type Table = Table;
 
     fn new(table: Table, _: &Site<'_>) -> anyhow::Result<Self> {
@@ -49,9 +50,9 @@ impl Operator for NearestAhead {
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<ClearAhead>) {
         let (Some(seen), Some(ego)) = (input.obstacles.get(), input.ego.get()) else { return };
-        let ahead = seen.obstacles.iter().map(|obstacle| ego.pose.to_local(obstacle.pose.point()));
-        let in_lane = ahead.filter(|at| at.x_m > 0.0 && at.y_m.abs() < self.0.half_width_m);
-        let distance_m = in_lane.map(|at| at.x_m).fold(self.0.range_m, f64::min);
+        let ahead = seen.obstacles.iter().map(|obstacle| ego.pose.to_local::<()>(obstacle.pose.point()));
+        let in_the_way = ahead.filter(|at| at.x_m > 0.0 && at.y_m.abs() < self.0.half_width_m);
+        let distance_m = in_the_way.map(|at| at.x_m).fold(self.0.range_m, f64::min);
         out.send(ClearAhead { stamp: cx.stamp(), distance_m });
     }
 }

@@ -734,10 +734,14 @@ impl Config {
     }
 
     /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that; `ros2` where
-    /// another stack drives.
+    /// another stack drives, the kind of planner where it is none of ours.
     pub fn pipeline_name(&self) -> String {
         if self.is_driven_over_ros2() {
             return "ros2".into();
+        }
+        let planner = self.operator.get("planner").and_then(|own| own.kind.as_deref());
+        if let Some(kind) = planner.filter(|kind| *kind != "planner") {
+            return kind.to_owned();
         }
         Self::name_of(self.planning.planner, self.planning.preset)
     }

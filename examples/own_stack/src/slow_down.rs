@@ -1,0 +1,65 @@
+//! A planner: along the route, as fast as it can still stop before what is ahead.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Span;
+use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
+use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus, Route};
+use swerve_stack::{Kind, Node, Site};
+
+use super::clear_ahead::ClearAhead;
+
+/// Plans from how far the way is clear.
+pub struct SlowDown {
+    table: Table,
+    route: Route,
+    target_mps: f64,
+}
+
+/// Its keys in `[operator.NAME]`.
+#[derive(Serialize, Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub struct Table {
+    /// What is left before an obstacle, m.
+    gap_m: f64,
+}
+
+/// What it reads: streams are found by type.
+#[derive(Inputs)]
+pub struct In {
+    clear: At<ClearAhead>,
+    ego: Latest<EgoState>,
+}
+
+impl Kind for SlowDown {
+    const NODE: Node = Node::new("slow_down", "follows the route, slowly where it is not clear");
+    type Table = Table;
+
+    fn new(table: Table, site: &Site<'_>) -> anyhow::Result<Self> {
+        let around = site.surroundings();
+        Ok(Self { table, route: around.route.clone(), target_mps: around.scenario.ego.target_speed_mps })
+    }
+}
+
+impl Operator for SlowDown {
+    type In = In;
+    type Out = Port<Plan>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<Plan>) {
+        let (Some(clear), Some(ego)) = (input.clear.get(), input.ego.get()) else { return };
+        let left_m = (clear.distance_m - self.table.gap_m).max(0.0);
+        let speed_mps = self.target_mps.min((2.0 * 3.0 * left_m).sqrt()); // stops at 3 m/s2
+        let from_m = self.route.project(ego.pose.point()).s_m;
+        let point = |k: i64| {
+            let (at, s_m) = (ego.stamp + Span::from_ms(100) * k, from_m + speed_mps * 0.1 * k as f64);
+            let on_route = self.route.line().at(s_m);
+            let (pose, curvature_1pm) = (on_route.pose, on_route.curvature_1pm);
+            PlanPoint { at, pose, curvature_1pm, speed_mps, accel_mps2: 0.0 }
+        };
+        out.send(Plan {
+            stamp: cx.stamp(),
+            status: PlanStatus::Found,
+            points: (0..=30).map(point).collect(),
+            work: 1,
+        });
+    }
+}

@@ -1,0 +1,120 @@
+//! Operators of somebody else's package, `examples/own_stack`, in all that Swerve does with operators.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use swerve::Registry;
+use swerve::config::Config;
+use swerve::pipeline::Pipeline;
+use swerve::replay::replay_with;
+use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
+use swerve_core::Time;
+use swerve_flow::{Event, Observer};
+use swerve_log::{Log, Recorder};
+
+use crate::common::{root, scenario_file, sets};
+
+#[path = "../../examples/own_stack/src/clear_ahead.rs"]
+mod clear_ahead;
+#[path = "../../examples/own_stack/src/nearest_ahead.rs"]
+mod nearest_ahead;
+#[path = "../../examples/own_stack/src/slow_down.rs"]
+mod slow_down;
+
+use clear_ahead::ClearAhead;
+
+fn registry() -> Registry {
+    Registry::standard().with::<nearest_ahead::NearestAhead>().with::<slow_down::SlowDown>()
+}
+
+fn config(assignments: &[&str]) -> Config {
+    let file = root().join("examples/own_stack/own_stack.toml");
+    let config = Config::load_with(&registry(), Some(&file), &sets(assignments));
+    config.unwrap_or_else(|problems| panic!("{problems:?}"))
+}
+
+/// What the message of one's own said, and when it was there.
+#[derive(Default)]
+struct Seen(Vec<(Time, Time, f64)>);
+
+impl Observer for Seen {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let payload = publication.payload.and_then(|payload| payload.as_any().downcast_ref::<ClearAhead>());
+        if let Some(clear) = payload {
+            self.0.push((clear.stamp, publication.visible_at, clear.distance_m));
+        }
+    }
+}
+
+fn drive(config: &Config, threads: usize, log: Option<&Path>) -> (Seen, Outcome) {
+    let file = scenario_file("person_crossing");
+    let mut pipeline = Pipeline::build(config, &read_scenario(&file).unwrap()).unwrap();
+    pipeline.until = Time::from_ms(4000);
+    let mut recorder = log.map(|log| Recorder::create(log, &run_start(config, &file).unwrap()).unwrap());
+    if let Some(recorder) = &mut recorder {
+        set_up(recorder, config, &pipeline);
+    }
+    let mut seen = Seen::default();
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut seen];
+    observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
+    let outcome = drive_pipeline(pipeline, config.seed, threads, &mut observers).unwrap();
+    if let Some(recorder) = recorder {
+        recorder.finish().unwrap();
+    }
+    (seen, outcome)
+}
+
+#[test]
+fn they_drive_with_run_times_and_the_same_digest_on_any_threads() {
+    let (seen, one) = drive(&config(&[]), 1, None);
+    assert!(seen.0.len() > 60, "{}", seen.0.len());
+    let after_ms = |(stamp, at, _): &(Time, Time, f64)| (*at - *stamp).ns() / 1_000_000;
+    assert!(seen.0.iter().all(|message| after_ms(message) == 15), "the configured run time");
+    assert!(seen.0.iter().any(|(_, _, distance_m)| *distance_m < 60.0), "somebody is ahead at some time");
+    assert_eq!(drive(&config(&[]), 2, None).1.digest, one.digest);
+    let farther = drive(&config(&["operator.clear_ahead.range_m=40"]), 1, None).1.digest;
+    assert_ne!(farther, one.digest, "its own key counts");
+}
+
+#[test]
+fn their_log_replays_and_asks_what_would_have_been() {
+    let folder = tempfile::tempdir().unwrap();
+    let path: PathBuf = folder.path().join("log.mcap");
+    drive(&config(&[]), 1, Some(&path));
+    let log = Log::read(&path).unwrap();
+    let again = |from: &str, assignments: &[&str]| {
+        replay_with(&registry(), &log, from, &sets(assignments), 1).unwrap().is_same()
+    };
+    assert!(again("tracker", &[]) && again("clear_ahead", &[]) && again("planner", &[]));
+    assert!(!again("planner", &["operator.planner.gap_m=30"]));
+    let streams: BTreeMap<&str, usize> = log.all_publications().fold(BTreeMap::new(), |mut counts, p| {
+        *counts.entry(p.stream.stream.as_str()).or_default() += 1;
+        counts
+    });
+    assert!(streams["clear_ahead"] > 60, "{streams:?}");
+}
+
+#[test]
+fn faults_befall_what_they_read_and_wrong_keys_are_refused_with_their_line() {
+    let (_, sound) = drive(&config(&[]), 1, None);
+    let late = config(&["fault.late={ stream = \"obstacles\", delay_ms = 300 }"]);
+    let (seen, faulty) = drive(&late, 1, None);
+    assert_ne!(faulty.digest, sound.digest);
+    assert!(seen.0.iter().all(|(stamp, at, _)| (*at - *stamp).ns() >= 315_000_000));
+    let refused = Config::load_with(
+        &registry(),
+        Some(&root().join("examples/own_stack/own_stack.toml")),
+        &sets(&["operator.clear_ahead.rang_m=5"]),
+    );
+    let problems = refused.unwrap_err().iter().map(ToString::to_string).collect::<Vec<_>>();
+    assert!(problems[0].contains("unknown key; did you mean \"range_m\"?"), "{problems:?}");
+}
+
+#[test]
+fn each_of_their_files_is_short() {
+    for name in ["clear_ahead", "nearest_ahead", "slow_down"] {
+        let text = std::fs::read_to_string(root().join(format!("examples/own_stack/src/{name}.rs"))).unwrap();
+        assert!(text.lines().count() <= 60, "{name}");
+    }
+}
