@@ -125,7 +125,7 @@ sensor = 'front'
 [monitor.ear]
 sensor = 'roof'
 ";
-    let config = Config::from_document(&Document::parse("sensors", SENSORS.into()).unwrap(), &[]).unwrap();
+    let config = Config::from_document(&Document::parse("sensors", SENSORS).unwrap(), &[]).unwrap();
     let file = root().join("scenarios/person_behind_truck.toml");
     let mut pipeline = Pipeline::build(&config, &read_scenario(&file).unwrap()).unwrap();
     pipeline.until = Time::from_ms(400);
