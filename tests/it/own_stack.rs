@@ -1,4 +1,5 @@
 //! Operators of somebody else's package, `examples/own_stack`, in all that Swerve does with operators.
+#![expect(unreachable_pub, reason = "to a package of its own they are what it shows")]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

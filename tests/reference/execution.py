@@ -246,7 +246,8 @@ class Run:
                 result = max(finished, key=lambda step: step.stamp, default=None)
         self.resolve_up_to(op, frame.stamp, "missed")
         if result is not None:  # else as `skip`: no message; (f) carries the watermark
-            self.commit(op, frame.stamp, result.stamp, result.reads)
+            # A step's own result is no repeat of another one's.
+            self.commit(op, frame.stamp, None if result is frame.step else result.stamp, result.reads)
 
     def c_take_complete_frames(self, op):
         """(c). Section 2, rule 1: complete when the watermark of every synchronised port is >= t."""

@@ -127,7 +127,9 @@ impl<'o> Session<'o> {
         let arrivals = self.inbox.take();
         if core::mem::take(&mut self.holds) {
             self.engine.take_reports(arrivals, self.engine.now());
-            self.engine.take_held_turn();
+            if let Some(held) = self.before {
+                self.engine.take_held_turn(held);
+            }
             return None;
         }
         if !core::mem::replace(&mut self.begun, true) {

@@ -10,7 +10,7 @@ mod settings;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use swerve_flow::{OutputInfo, PayloadType, PortInfo};
+use swerve_flow::{OutputInfo, Payload, PayloadType, PortInfo};
 
 use crate::config::{Config, OperatorConfig};
 use crate::kind::{KeyProblems, Node, OperatorKind, Settings};
@@ -148,6 +148,13 @@ impl Assembly {
     pub fn stream(&self, name: &str) -> Option<(&Placed, &Output)> {
         let named = self.streams().find(|(_, output)| output.stream == name);
         named.or_else(|| self.streams().find(|(placed, _)| placed.name == name))
+    }
+
+    /// The first operator that publishes messages of this type. What faults make of them is published by others.
+    pub fn publisher<T: Payload>(&self) -> Option<&str> {
+        let payload = PayloadType::of::<T>();
+        let carries = |(_, output): &(&Placed, &Output)| output.port.payload == payload;
+        self.streams().find(carries).map(|(placed, _)| placed.name.as_str())
     }
 
     /// The pipeline as the text that makes it: every operator with its kind and what it reads.

@@ -9,6 +9,7 @@ pub mod files;
 pub mod frames;
 pub mod graph;
 pub mod live;
+mod measured;
 pub mod new;
 pub mod operators;
 pub mod output;
@@ -26,6 +27,7 @@ pub mod scenarios;
 pub mod shipped;
 pub mod story;
 pub mod study;
+mod summary;
 #[cfg(test)]
 mod tests;
 mod threads;

@@ -4,38 +4,35 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
-use serde::Serialize;
-use swerve_core::{Digest, Span};
-use swerve_eval::{Evaluation, GateMetrics, Metrics, Outline, Verdict};
+use swerve_core::Digest;
+use swerve_eval::{Metrics, Verdict};
 use swerve_flow::{
-    EndReason, Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, TickReport, run_virtual,
-    run_wall,
+    EndReason, Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, run_virtual, run_wall,
 };
 use swerve_foxglove::Foxglove;
-use swerve_ipc::Traffic;
 use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
-use swerve_msg::truth::{PointInstances, WorldState};
-use swerve_msg::{GateMode, GateOutput, Image, Imu, ObstacleList, Plan, PointCloud, Refusals, Route};
+use swerve_msg::truth::PointInstances;
+use swerve_msg::{EgoState, Image, PointCloud};
 use swerve_scenario::{Expectation, Metric, Scenario};
 use swerve_stack::{Registry, Rendered};
 use swerve_text::{Document, Problem, nearest, parse_assignment};
-use swerve_vehicle::Shape;
 
 use crate::config::clock::Clock;
 use crate::config::{Config, Images};
 use crate::files::write_whole;
 use crate::frames::Frames;
-use crate::output::align;
+use crate::measured::{Measured, outline};
 use crate::pipeline::Pipeline;
 use crate::process::Processes;
 use crate::program::Program;
 use crate::progress::Progress;
-use crate::realtime::{Obtained, Realtime};
+use crate::realtime::Realtime;
 use crate::recording::Recording;
-use crate::ros2::{Ros2Car, Ros2Report};
-use crate::rungs::{Budgets, RungCount, Rungs};
+use crate::ros2::Ros2Car;
+use crate::rungs::Rungs;
 use crate::shipped::Kind;
 use crate::story::{Story, draw};
+pub use crate::summary::Summary;
 use crate::views::views_of;
 
 /// What is driven, by what.
@@ -170,7 +167,7 @@ pub fn drive_pipeline(
     threads: usize,
     observers: &mut [&mut dyn Observer],
 ) -> anyhow::Result<Outcome> {
-    let mut measured = Measured::of(&pipeline)?;
+    let mut measured = Measured::new(&pipeline)?;
     let rendered = pipeline.rendered();
     let run = match pipeline.clock {
         Clock::Virtual => run_virtual,
@@ -192,94 +189,6 @@ pub fn drive_pipeline(
     })
 }
 
-/// Feeds the evaluation with what the engine tells.
-struct Measured {
-    evaluation: Evaluation,
-    operators: Vec<String>,
-    /// What reaches the vehicle is then what the gate lets through.
-    has_gate: bool,
-    route: Route,
-    shape: Shape,
-    road_margin_m: f64,
-    rungs: Rungs,
-}
-
-fn outline(shape: &Shape) -> Outline {
-    Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
-}
-
-impl Measured {
-    fn of(pipeline: &Pipeline) -> anyhow::Result<Self> {
-        let shape = pipeline.vehicle.shape;
-        let ego = outline(&shape);
-        let operators: Vec<String> =
-            pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
-        let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
-        let params = swerve_eval::Params { ego, dead_time, operators: operators.clone() };
-        Ok(Self {
-            evaluation: Evaluation::new(params),
-            has_gate: operators.iter().any(|operator| operator == "gate"),
-            operators,
-            route: pipeline.route.clone(),
-            shape,
-            road_margin_m: f64::INFINITY,
-            rungs: Rungs::default(),
-        })
-    }
-
-    fn operator(&self, name: &str) -> Option<usize> {
-        self.operators.iter().position(|o| o == name)
-    }
-}
-
-impl Observer for Measured {
-    fn event(&mut self, event: &Event<'_>) {
-        self.rungs.event(event);
-        match event {
-            Event::Publication(publication) => {
-                let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
-                let evaluation = &mut self.evaluation;
-                // By operator too: what a fault makes of a message is no second one.
-                let operator = publication.operator;
-                if let Some(world) = payload.downcast_ref::<WorldState>() {
-                    evaluation.world(world);
-                    let footprint = self.shape.footprint(world.ego.state.pose);
-                    self.road_margin_m = self.road_margin_m.min(self.route.margin_m(&footprint));
-                } else if let (Some(imu), "imu") = (payload.downcast_ref::<Imu>(), operator) {
-                    evaluation.imu(imu);
-                } else if let (Some(list), "obstacles") = (payload.downcast_ref::<ObstacleList>(), operator) {
-                    evaluation.seen(list);
-                } else if let (Some(plan), "planner") = (payload.downcast_ref::<Plan>(), operator) {
-                    evaluation.plan(plan);
-                } else if let Some(gate) = payload.downcast_ref::<GateOutput>() {
-                    evaluation.gate(publication.visible_at, gate);
-                    if gate.mode == GateMode::Driving {
-                        evaluation.command(publication.visible_at, publication.origin);
-                    }
-                } else if operator == "controller" && !self.has_gate {
-                    evaluation.command(publication.visible_at, publication.origin);
-                }
-            }
-            Event::StepEnd(step) => {
-                if let Some(operator) = self.operator(step.operator) {
-                    self.evaluation.runtimes().step(operator, step.end - step.start);
-                }
-            }
-            Event::Miss(miss) => {
-                if let Some(operator) = self.operator(miss.operator) {
-                    self.evaluation.runtimes().missed(operator);
-                }
-            }
-            Event::Drop(dropped) => {
-                if let Some(operator) = self.operator(dropped.operator) {
-                    self.evaluation.runtimes().dropped(operator);
-                }
-            }
-            Event::StepStart(_) | Event::Decision(_) | Event::End(_) => {}
-        }
-    }
-}
-
 /// Shows how far simulated time has come.
 struct Shown {
     progress: Progress,
@@ -288,7 +197,7 @@ struct Shown {
 impl Observer for Shown {
     fn event(&mut self, event: &Event<'_>) {
         if let Event::Publication(publication) = event
-            && publication.operator == "pose"
+            && publication.payload.is_some_and(|payload| payload.as_any().is::<EgoState>())
         {
             self.progress.simulated_to(publication.visible_at.as_secs());
         }
@@ -350,7 +259,8 @@ pub fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
             std::fs::rename(part, out.join(whole)).with_context(|| format!("writing {whole}"))?;
         }
     }
-    let summary = Summary { traffic, ros2, realtime, ..Summary::of(&config, &scenario, &outcome) };
+    let mut summary = Summary::of(&config, &scenario, &outcome);
+    (summary.traffic, summary.ros2, summary.realtime) = (traffic, ros2, realtime);
     story.conclude(&outcome.metrics);
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
     let left = ends.leave(&summary, &story).and(drawn.map(drop));
@@ -498,208 +408,6 @@ fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned())
 }
 
-/// How an operator's timers kept time on the real clock.
-#[derive(Serialize, Clone, Debug)]
-struct Timer {
-    operator: String,
-    #[serde(flatten)]
-    ticks: TickReport,
-}
-
-/// What a run came to, as `metrics.json` and `--json` say it.
-#[derive(Serialize, Debug)]
-pub struct Summary {
-    scenario: String,
-    pipeline: String,
-    seed: u64,
-    /// As everywhere else in hexadecimal digits: JSON readers keep no more than 53 bits of a number.
-    digest: String,
-    /// What computed images and point clouds: `cpu`, or an adapter; null without such sensors.
-    images_by: Option<String>,
-    /// Whether the digest holds on every machine, or for that adapter and driver alone.
-    digest_is_portable: bool,
-    /// Why the processor went on with the images, if an adapter failed.
-    adapter_lost: Option<String>,
-    /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
-    as_expected: Option<bool>,
-    not_as_expected: Vec<String>,
-    /// Run times drawn for want of a record, under recorded run times.
-    unrecorded: u64,
-    /// How timers kept time on the real clock, by operator.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    timers: Vec<Timer>,
-    /// What of processors and priority was obtained, where they were asked for.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    realtime: Option<Obtained>,
-    /// What went between the run's processes.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    traffic: Option<Traffic>,
-    /// What became of ROS 2's topics.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    ros2: Option<Ros2Report>,
-    /// The time that the deadline policy gave from a frame to its plan.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    response_budget: Option<Budgets>,
-    /// Which rungs of their ladders detector and planner took.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    rungs: Vec<RungCount>,
-    #[serde(skip)]
-    rungs_text: String,
-    #[serde(flatten)]
-    metrics: Metrics,
-}
-
-impl Summary {
-    /// Sums up a run.
-    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome) -> Self {
-        let pipeline = config.pipeline_name();
-        let expected = scenario.expectation(&pipeline);
-        let broken = expected.map(|e| outcome.broken(e));
-        Self {
-            scenario: scenario.name.clone(),
-            pipeline,
-            seed: config.seed,
-            digest: outcome.digest.to_string(),
-            images_by: outcome.rendered.as_ref().map(|r| r.by.clone()),
-            digest_is_portable: outcome.rendered.as_ref().is_none_or(|r| r.is_portable),
-            adapter_lost: outcome.rendered.as_ref().and_then(|r| r.fell_back.clone()),
-            as_expected: broken.as_ref().map(Vec::is_empty),
-            not_as_expected: broken.unwrap_or_default(),
-            unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
-            timers: timers(&outcome.report),
-            realtime: None,
-            traffic: None,
-            ros2: None,
-            response_budget: outcome.rungs.budgets(),
-            rungs: outcome.rungs.counts(),
-            rungs_text: outcome.rungs.text(),
-            metrics: outcome.metrics.clone(),
-        }
-    }
-
-    /// How time was kept, and what went between processes, where there is something to tell.
-    fn clock_text(&self) -> String {
-        let mut text = String::new();
-        if !self.timers.is_empty() {
-            let head = ["timer", "ticks", "missed", "late p50 ms", "p99 ms", "max ms"];
-            let head = head.map(str::to_owned).to_vec();
-            let lines = self.timers.iter().map(|Timer { operator, ticks }| {
-                let ms = |ns: u64| format!("{:.2}", ns as f64 * 1e-6);
-                let counts = [ticks.ticks.to_string(), ticks.missed.to_string()];
-                let late = [ticks.p50_ns, ticks.p99_ns, ticks.max_ns].map(ms);
-                std::iter::once(operator.clone()).chain(counts).chain(late).collect()
-            });
-            text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
-        }
-        if let Some(realtime) = &self.realtime {
-            text += &realtime.text();
-        }
-        if let Some(Traffic { calls, bytes, copied, in_place }) = self.traffic {
-            text += &format!(
-                "{calls} steps in other processes: {:.1} MB in messages, {in_place} big arrays read in place, \
-                 {copied} bytes of them copied\n",
-                bytes as f64 * 1e-6
-            );
-        }
-        text
-    }
-
-    /// For the terminal.
-    pub fn text(&self, out: &Path) -> String {
-        use std::fmt::Write as _;
-        let m = &self.metrics;
-        let mut text = format!("{}, {}, seed {}\n", self.scenario, self.pipeline, self.seed);
-        let verdict = m.verdict.name().to_uppercase();
-        let _ = match m.impact {
-            Some(i) => writeln!(
-                text,
-                "{verdict} at {:.2} s: ego at {:.1} m/s, closing at {:.1} m/s",
-                i.at_s, i.ego_speed_mps, i.closing_speed_mps
-            ),
-            None => writeln!(text, "{verdict}"),
-        };
-        let mut row = |name: &str, value: String| {
-            let _ = writeln!(text, "  {name:<18}{value}");
-        };
-        if let (Some(distance), Some(at)) = (m.min_distance_m, m.min_distance_at_s) {
-            row("minimum distance", format!("{distance:.2} m at {at:.2} s"));
-        }
-        let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));
-        let (raw, smooth) = (jerk(m.lateral_jerk.raw_max_mps3), jerk(m.lateral_jerk.smooth_max_mps3));
-        row("lateral jerk", format!("{raw} m/s3 raw, {smooth} m/s3 low-passed"));
-        if let Some(r) = &m.response {
-            let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
-            row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
-        }
-        if let Some(gate) = &m.gate {
-            gate_rows(gate, &mut row);
-        }
-        row("digest", self.digest.clone());
-        if let Some(by) = self.images_by.as_ref().filter(|_| !self.digest_is_portable) {
-            row("images by", format!("{by}: the digest holds for this adapter and driver alone"));
-        }
-        if let Some(why) = &self.adapter_lost {
-            row("adapter lost", format!("{why}; the processor went on: the digest is not to be had again"));
-        }
-        let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
-        let lines = m.operators.iter().map(|o| {
-            let ms = |x: f64| format!("{x:.2}");
-            vec![
-                o.operator.clone(),
-                o.steps.to_string(),
-                ms(o.p50_ms),
-                ms(o.p99_ms),
-                o.misses.to_string(),
-                o.drops.to_string(),
-            ]
-        });
-        text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
-        text += &self.rungs_text;
-        text += &self.clock_text();
-        if let Some(ros2) = &self.ros2 {
-            text += &ros2.text();
-        }
-        if self.unrecorded > 0 {
-            let _ = writeln!(
-                text,
-                "{} steps had no record and drew their run time from the recorded ones",
-                self.unrecorded
-            );
-        }
-        match self.as_expected {
-            Some(true) => text += "as the scenario expects\n",
-            Some(false) => {
-                let _ = writeln!(text, "not as the scenario expects: {}", self.not_as_expected.join("; "));
-            }
-            None => {}
-        }
-        let _ = writeln!(text, "in {}: story.svg, log.mcap, trace.json, metrics.json", out.display());
-        text
-    }
-}
-
-/// What the safety gate did.
-fn gate_rows(gate: &GateMetrics, row: &mut impl FnMut(&str, String)) {
-    let GateMetrics { manual_s, driving_s, stopping_s, holding_s, limited_s, refused, .. } = gate;
-    let mut modes = format!("driving {driving_s:.2} s, limited for {limited_s:.2} s of it");
-    for (mode, seconds) in [("manual", manual_s), ("stopping", stopping_s), ("holding", holding_s)] {
-        if *seconds > 0.0 {
-            modes += &format!(", {mode} {seconds:.2} s");
-        }
-    }
-    row("gate", modes);
-    for stop in &gate.stops {
-        row("gate stops", format!("at {:.2} s: {}", stop.at_s, stop.cause.words()));
-    }
-    if refused.total() > 0 {
-        let Refusals { not_finite, out_of_order, stale, ahead } = refused;
-        row(
-            "gate refused",
-            format!("{not_finite} not finite, {out_of_order} out of order, {stale} too old, {ahead} ahead"),
-        );
-    }
-}
-
 impl Outcome {
     /// In what way the run differs from what is expected.
     pub fn broken(&self, expected: &Expectation) -> Vec<String> {
@@ -723,10 +431,4 @@ impl Outcome {
             Metric::RoadMarginM => Some(self.road_margin_m),
         }
     }
-}
-
-/// How the timers of a run kept time, where that is known.
-fn timers(report: &RunReport) -> Vec<Timer> {
-    let of = report.operators.iter();
-    of.filter_map(|o| Some(Timer { operator: o.name.clone(), ticks: o.ticks? })).collect()
 }

@@ -50,16 +50,11 @@ impl Operator for SlowDown {
         let speed_mps = self.target_mps.min((2.0 * 3.0 * left_m).sqrt()); // stops at 3 m/s2
         let from_m = self.route.project(ego.pose.point()).s_m;
         let point = |k: i64| {
-            let (at, s_m) = (ego.stamp + Span::from_ms(100) * k, from_m + speed_mps * 0.1 * k as f64);
-            let on_route = self.route.line().at(s_m);
-            let (pose, curvature_1pm) = (on_route.pose, on_route.curvature_1pm);
-            PlanPoint { at, pose, curvature_1pm, speed_mps, accel_mps2: 0.0 }
+            let at = ego.stamp + Span::from_ms(100) * k;
+            let place = self.route.line().at(from_m + speed_mps * 0.1 * k as f64);
+            PlanPoint { at, pose: place.pose, curvature_1pm: place.curvature_1pm, speed_mps, accel_mps2: 0.0 }
         };
-        out.send(Plan {
-            stamp: cx.stamp(),
-            status: PlanStatus::Found,
-            points: (0..=30).map(point).collect(),
-            work: 1,
-        });
+        let points = (0..=30).map(point).collect();
+        out.send(Plan { stamp: cx.stamp(), status: PlanStatus::Found, points, work: 1 });
     }
 }

@@ -43,10 +43,13 @@ impl Engine<'_> {
         self.failure.as_ref()
     }
 
-    /// Takes the turn that the engine holds before.
-    pub(crate) fn take_held_turn(&mut self) {
-        if let Some(rank) = self.ready.pop() {
+    /// Takes the turn of the operator of rank `held`, behind those of sources that were reported to meanwhile.
+    pub(crate) fn take_held_turn(&mut self, held: usize) {
+        while let Some(rank) = self.ready.pop() {
             self.turn(rank);
+            if rank == held || self.failure.is_some() {
+                return;
+            }
         }
     }
 }

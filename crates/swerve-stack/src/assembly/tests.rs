@@ -171,7 +171,10 @@ fn two_cameras_have_a_detector_each_and_a_fusion_behind_them() {
 #[test]
 fn what_does_not_fit_is_refused_with_line_key_and_nearest_name() {
     let cases = [
-        ("[operator.planer]\n", "c.toml:1: operator.planer: unknown operator, expected one of world"),
+        (
+            "[operator.planer]\n",
+            "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world",
+        ),
         (
             "[operator.x]\nkind = \"linear_predicter\"\n",
             "c.toml:2: operator.x.kind: unknown kind `linear_predicter`",

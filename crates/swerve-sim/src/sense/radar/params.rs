@@ -209,7 +209,7 @@ impl RadarParams {
         let below = require(
             "range_min_m",
             self.range_min_m,
-            self.range_min_m < self.range_max_m,
+            self.range_max_m.is_nan() || self.range_min_m < self.range_max_m,
             "a number below range_max_m",
         );
         problems.extend(below.err());

@@ -129,8 +129,9 @@ fn sensors_that_are_not_there_offer_the_nearest() {
     for (name, near) in
         [("rof", "roof"), ("odometer", "odometry"), ("collision", "collisions"), ("red_light", "red_lights")]
     {
-        let start =
-            format!("c.toml:3: log.sensors[1]: unknown sensor `{name}`, expected one of gnss, odometry,");
+        let start = format!(
+            "c.toml:3: log.sensors[1]: unknown sensor `{name}`, expected one of obstacles, pose, imu, gnss, odometry,"
+        );
         told(&with(name), &start);
         assert!(problems(&with(name))[0].ends_with(&format!("(did you mean `{near}`?)")));
     }

@@ -1,0 +1,225 @@
+//! The summary of a run: `metrics.json`, and the text in the terminal.
+
+use std::path::Path;
+
+use serde::Serialize;
+use swerve_eval::{GateMetrics, Metrics};
+use swerve_flow::{RunReport, TickReport};
+use swerve_ipc::Traffic;
+use swerve_msg::Refusals;
+use swerve_scenario::Scenario;
+
+use crate::config::Config;
+use crate::output::align;
+use crate::realtime::Obtained;
+use crate::ros2::Ros2Report;
+use crate::run::Outcome;
+use crate::rungs::{Budgets, RungCount};
+
+/// How an operator's timers kept time on the real clock.
+#[derive(Serialize, Clone, Debug)]
+struct Timer {
+    operator: String,
+    #[serde(flatten)]
+    ticks: TickReport,
+}
+
+/// What a run came to, as `metrics.json` and `--json` say it.
+#[derive(Serialize, Debug)]
+pub struct Summary {
+    scenario: String,
+    pipeline: String,
+    seed: u64,
+    /// As everywhere else in hexadecimal digits: JSON readers keep no more than 53 bits of a number.
+    digest: String,
+    /// What computed images and point clouds: `cpu`, or an adapter; null without such sensors.
+    images_by: Option<String>,
+    /// Whether the digest holds on every machine, or for that adapter and driver alone.
+    digest_is_portable: bool,
+    /// Why the processor went on with the images, if an adapter failed.
+    adapter_lost: Option<String>,
+    /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
+    as_expected: Option<bool>,
+    not_as_expected: Vec<String>,
+    /// Run times drawn for want of a record, under recorded run times.
+    unrecorded: u64,
+    /// How timers kept time on the real clock, by operator.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    timers: Vec<Timer>,
+    /// What of processors and priority was obtained, where they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) realtime: Option<Obtained>,
+    /// What went between the run's processes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) traffic: Option<Traffic>,
+    /// What became of ROS 2's topics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) ros2: Option<Ros2Report>,
+    /// The time that the deadline policy gave from a frame to its plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    response_budget: Option<Budgets>,
+    /// Which rungs of their ladders detector and planner took.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    rungs: Vec<RungCount>,
+    #[serde(skip)]
+    rungs_text: String,
+    #[serde(flatten)]
+    metrics: Metrics,
+}
+
+impl Summary {
+    /// Sums up a run.
+    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome) -> Self {
+        let pipeline = config.pipeline_name();
+        let expected = scenario.expectation(&pipeline);
+        let broken = expected.map(|e| outcome.broken(e));
+        Self {
+            scenario: scenario.name.clone(),
+            pipeline,
+            seed: config.seed,
+            digest: outcome.digest.to_string(),
+            images_by: outcome.rendered.as_ref().map(|r| r.by.clone()),
+            digest_is_portable: outcome.rendered.as_ref().is_none_or(|r| r.is_portable),
+            adapter_lost: outcome.rendered.as_ref().and_then(|r| r.fell_back.clone()),
+            as_expected: broken.as_ref().map(Vec::is_empty),
+            not_as_expected: broken.unwrap_or_default(),
+            unrecorded: outcome.report.operators.iter().map(|o| o.unrecorded).sum(),
+            timers: timers(&outcome.report),
+            realtime: None,
+            traffic: None,
+            ros2: None,
+            response_budget: outcome.rungs.budgets(),
+            rungs: outcome.rungs.counts(),
+            rungs_text: outcome.rungs.text(),
+            metrics: outcome.metrics.clone(),
+        }
+    }
+
+    /// How time was kept, and what went between processes, where there is something to tell.
+    fn clock_text(&self) -> String {
+        let mut text = String::new();
+        if !self.timers.is_empty() {
+            let head = ["timer", "ticks", "missed", "late p50 ms", "p99 ms", "max ms"];
+            let head = head.map(str::to_owned).to_vec();
+            let lines = self.timers.iter().map(|Timer { operator, ticks }| {
+                let ms = |ns: u64| format!("{:.2}", ns as f64 * 1e-6);
+                let counts = [ticks.ticks.to_string(), ticks.missed.to_string()];
+                let late = [ticks.p50_ns, ticks.p99_ns, ticks.max_ns].map(ms);
+                std::iter::once(operator.clone()).chain(counts).chain(late).collect()
+            });
+            text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        }
+        if let Some(realtime) = &self.realtime {
+            text += &realtime.text();
+        }
+        if let Some(Traffic { calls, bytes, copied, in_place }) = self.traffic {
+            text += &format!(
+                "{calls} steps in other processes: {:.1} MB in messages, {in_place} big arrays read in place, \
+                 {copied} bytes of them copied\n",
+                bytes as f64 * 1e-6
+            );
+        }
+        text
+    }
+
+    /// For the terminal.
+    pub fn text(&self, out: &Path) -> String {
+        use std::fmt::Write as _;
+        let m = &self.metrics;
+        let mut text = format!("{}, {}, seed {}\n", self.scenario, self.pipeline, self.seed);
+        let verdict = m.verdict.name().to_uppercase();
+        let _ = match m.impact {
+            Some(i) => writeln!(
+                text,
+                "{verdict} at {:.2} s: ego at {:.1} m/s, closing at {:.1} m/s",
+                i.at_s, i.ego_speed_mps, i.closing_speed_mps
+            ),
+            None => writeln!(text, "{verdict}"),
+        };
+        let mut row = |name: &str, value: String| {
+            let _ = writeln!(text, "  {name:<18}{value}");
+        };
+        if let (Some(distance), Some(at)) = (m.min_distance_m, m.min_distance_at_s) {
+            row("minimum distance", format!("{distance:.2} m at {at:.2} s"));
+        }
+        let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));
+        let (raw, smooth) = (jerk(m.lateral_jerk.raw_max_mps3), jerk(m.lateral_jerk.smooth_max_mps3));
+        row("lateral jerk", format!("{raw} m/s3 raw, {smooth} m/s3 low-passed"));
+        if let Some(r) = &m.response {
+            let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
+            row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
+        }
+        if let Some(gate) = &m.gate {
+            gate_rows(gate, &mut row);
+        }
+        row("digest", self.digest.clone());
+        if let Some(by) = self.images_by.as_ref().filter(|_| !self.digest_is_portable) {
+            row("images by", format!("{by}: the digest holds for this adapter and driver alone"));
+        }
+        if let Some(why) = &self.adapter_lost {
+            row("adapter lost", format!("{why}; the processor went on: the digest is not to be had again"));
+        }
+        let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
+        let lines = m.operators.iter().map(|o| {
+            let ms = |x: f64| format!("{x:.2}");
+            vec![
+                o.operator.clone(),
+                o.steps.to_string(),
+                ms(o.p50_ms),
+                ms(o.p99_ms),
+                o.misses.to_string(),
+                o.drops.to_string(),
+            ]
+        });
+        text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        text += &self.rungs_text;
+        text += &self.clock_text();
+        if let Some(ros2) = &self.ros2 {
+            text += &ros2.text();
+        }
+        if self.unrecorded > 0 {
+            let _ = writeln!(
+                text,
+                "{} steps had no record and drew their run time from the recorded ones",
+                self.unrecorded
+            );
+        }
+        match self.as_expected {
+            Some(true) => text += "as the scenario expects\n",
+            Some(false) => {
+                let _ = writeln!(text, "not as the scenario expects: {}", self.not_as_expected.join("; "));
+            }
+            None => {}
+        }
+        let _ = writeln!(text, "in {}: story.svg, log.mcap, trace.json, metrics.json", out.display());
+        text
+    }
+}
+
+/// What the safety gate did.
+fn gate_rows(gate: &GateMetrics, row: &mut impl FnMut(&str, String)) {
+    let GateMetrics { manual_s, driving_s, stopping_s, holding_s, limited_s, refused, .. } = gate;
+    let mut modes = format!("driving {driving_s:.2} s, limited for {limited_s:.2} s of it");
+    for (mode, seconds) in [("manual", manual_s), ("stopping", stopping_s), ("holding", holding_s)] {
+        if *seconds > 0.0 {
+            modes += &format!(", {mode} {seconds:.2} s");
+        }
+    }
+    row("gate", modes);
+    for stop in &gate.stops {
+        row("gate stops", format!("at {:.2} s: {}", stop.at_s, stop.cause.words()));
+    }
+    if refused.total() > 0 {
+        let Refusals { not_finite, out_of_order, stale, ahead } = refused;
+        row(
+            "gate refused",
+            format!("{not_finite} not finite, {out_of_order} out of order, {stale} too old, {ahead} ahead"),
+        );
+    }
+}
+
+/// How the timers of a run kept time, where that is known.
+fn timers(report: &RunReport) -> Vec<Timer> {
+    let of = report.operators.iter();
+    of.filter_map(|o| Some(Timer { operator: o.name.clone(), ticks: o.ticks? })).collect()
+}
