@@ -2,7 +2,7 @@
 //!
 //! A run has one *coordinator*, which has the graph, the world and the log, and *workers*, which hold operators
 //! of the same graph in a [`Worker`](swerve_flow::Worker). The coordinator hands a worker one step at a time
-//! ([`RemoteExecutor`](swerve_flow::RemoteExecutor)): a call goes out as a message in shared memory, a [`Waker`](waker::Waker) wakes the
+//! ([`RemoteExecutor`](swerve_flow::RemoteExecutor)): a call goes out as a message in shared memory, a waker wakes the
 //! worker, the answer comes back the same way. Small messages are in the call itself. What fills images and
 //! point clouds is written by its sensor into shared memory and read there by all: the call names the place.
 //!

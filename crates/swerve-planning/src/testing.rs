@@ -62,7 +62,7 @@ impl World {
     pub(crate) fn narrowing(mut self, left_m: f64) -> Self {
         let stations = [(45.0, 6.0), (55.0, left_m), (75.0, left_m), (85.0, 6.0)];
         let station = |(s_m, distance_m)| Station { s_m, distance_m };
-        let left = Border::linear(&stations.map(station)).unwrap();
+        let left = Border::linear(&stations.map(station)).expect("stations in their order make a border");
         self.route = Route::new(self.route.line().clone(), Borders::new(left, Border::constant(2.0)));
         self
     }

@@ -97,7 +97,7 @@ impl Cut {
                 .inputs
                 .iter()
                 .flat_map(|input| &input.from)
-                .any(|edge| cut.without_data.iter().any(|source| *source == edge.stream));
+                .any(|edge| cut.without_data.contains(&edge.stream));
             let is_above = k < first && !placed.kind.node().follows_from_world;
             let played = is_source || is_blind || is_above;
             if played { &mut cut.played } else { &mut cut.computed }.push(placed.name.clone());

@@ -122,7 +122,7 @@ pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
     if unknown.is_empty() {
         return Ok(scenario);
     }
-    let document = Document::parse(&file, text.into_owned())?;
+    let document = Document::parse(&file, &text)?;
     let problem = |name: &&String| {
         let near = nearest(name, names.iter().map(String::as_str));
         let hint = near.map_or_else(|| names.join(", "), |near| format!("did you mean `{near}`?"));

@@ -153,7 +153,7 @@ impl Kind {
     /// # Errors
     /// It cannot be read, or is no TOML.
     pub fn document(self, given: &Path) -> Result<Document, Problem> {
-        Document::parse(&given.display().to_string(), self.text(given)?.into_owned())
+        Document::parse(&given.display().to_string(), self.text(given)?)
     }
 
     /// The configuration of a file, or of the shipped one of this name, under assignments; without one all defaults.

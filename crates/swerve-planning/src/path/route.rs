@@ -48,6 +48,6 @@ mod tests {
     #[test]
     fn ahead_is_measured_along_the_route() {
         let world = World::straight(10.0);
-        assert_eq!(route_pose_ahead(&world.route.line(), world.start.pose, 12.0), Pose2::new(12.0, 0.0, 0.0));
+        assert_eq!(route_pose_ahead(world.route.line(), world.start.pose, 12.0), Pose2::new(12.0, 0.0, 0.0));
     }
 }

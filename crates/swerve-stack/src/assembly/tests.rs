@@ -193,11 +193,11 @@ fn what_does_not_fit_is_refused_with_line_key_and_nearest_name() {
         ),
         (
             "[operator.second]\nkind = \"linear_predictor\"\n",
-            "c.toml: operator.planner.reads.predictions: several streams carry `PredictionList`: name one of \"predictor\", \"second\"",
+            "c.toml:1: operator.planner.reads.predictions: several streams carry `PredictionList`: name one of \"predictor\", \"second\"",
         ),
         (
             "[operator.predictor]\nenabled = false\n",
-            "c.toml: operator.planner.reads.predictions: reads `PredictionList`, and no operator of the pipeline publishes any",
+            "c.toml:1: operator.planner.reads.predictions: reads `PredictionList`, and no operator of the pipeline publishes any",
         ),
         (
             "[operator.predictor]\nhorizon = 2000\n",

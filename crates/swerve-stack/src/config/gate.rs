@@ -75,7 +75,7 @@ mod tests {
     use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {
-        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let document = Document::parse("c.toml", text).unwrap();
         let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
         problems.iter().map(ToString::to_string).collect()
     }
@@ -84,7 +84,7 @@ mod tests {
     fn limits_come_from_the_vehicle_and_single_ones_from_the_file() {
         let text =
             "[gate]\nparams = { stop_decel_mps2 = 2.5 }\n[sim.vehicle.limits]\nsteering_max_rad = 0.4\n";
-        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let document = Document::parse("c.toml", text).unwrap();
         let params = Config::from_document(&document, &[]).unwrap().gate_params().unwrap();
         assert_eq!((params.stop_decel_mps2, params.steering_max_rad), (2.5, 0.4));
         let of_car = Config::default().gate_params().unwrap();

@@ -235,7 +235,7 @@ mod tests {
     use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {
-        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let document = Document::parse("c.toml", text).unwrap();
         match Config::from_document(&document, &[]) {
             Ok(_) => Vec::new(),
             Err(problems) => problems.iter().map(ToString::to_string).collect(),

@@ -149,7 +149,7 @@ mod tests {
     use swerve_text::Document;
 
     fn told(text: &str) -> Vec<String> {
-        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let document = Document::parse("c.toml", text).unwrap();
         let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
         problems.iter().map(ToString::to_string).collect()
     }

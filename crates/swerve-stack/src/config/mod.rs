@@ -785,7 +785,7 @@ mod tests {
 
     fn problems(text: &str, sets: &[&str]) -> Vec<String> {
         let sets: Vec<_> = sets.iter().map(|s| swerve_text::parse_assignment(s).unwrap()).collect();
-        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let document = Document::parse("c.toml", text).unwrap();
         let problems = Config::from_document(&document, &sets).expect_err("wrong on purpose");
         problems.iter().map(ToString::to_string).collect()
     }

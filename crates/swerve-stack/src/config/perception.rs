@@ -216,7 +216,7 @@ mod tests {
 
     fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
         let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
-        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let document = Document::parse("c.toml", text).unwrap();
         Config::from_document(&document, &sets)
             .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
     }

@@ -77,7 +77,7 @@ mod tests {
     use crate::config::Config;
 
     fn read(text: &str) -> Result<Config, Vec<String>> {
-        let document = Document::parse("c.toml", text.to_owned()).unwrap();
+        let document = Document::parse("c.toml", text).unwrap();
         Config::from_document(&document, &[])
             .map_err(|problems| problems.iter().map(ToString::to_string).collect())
     }

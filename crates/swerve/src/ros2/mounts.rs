@@ -125,8 +125,7 @@ mod tests {
     use super::*;
 
     fn mounts(text: &str) -> Mounts {
-        let config =
-            Config::from_document(&Document::parse("c.toml", text.to_owned()).unwrap(), &[]).unwrap();
+        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
         Mounts::new(&config, &config.ros2_mapping().unwrap())
     }
 

@@ -484,7 +484,7 @@ mod tests {
     use super::*;
 
     fn study(text: &str) -> Result<Study, Problems> {
-        let document = Document::parse("s.toml", text.to_owned()).unwrap();
+        let document = Document::parse("s.toml", text).unwrap();
         Study::from_document(&document, Path::new("dir"), "s".into(), &[]).map(Study::expand)
     }
 

@@ -43,7 +43,7 @@ impl Observer for Seen {
 /// Drives the first 0.6 s.
 fn drive(text: &str) -> (Seen, Outcome) {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/person_behind_truck.toml");
-    let document = Document::parse("test", text.to_owned()).unwrap();
+    let document = Document::parse("test", text).unwrap();
     let config = Config::from_document(&document, &[]).unwrap();
     let mut pipeline = Pipeline::build(&config, &read_scenario(Path::new(file)).unwrap()).unwrap();
     pipeline.until = Time::from_ms(600);

@@ -61,7 +61,7 @@ impl Seen {
 
 fn config(sets: &[&str]) -> Config {
     let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
-    Config::from_document(&Document::parse("test", BASE.to_owned()).unwrap(), &sets).unwrap()
+    Config::from_document(&Document::parse("test", BASE).unwrap(), &sets).unwrap()
 }
 
 fn drive(sets: &[&str]) -> (Seen, Outcome) {

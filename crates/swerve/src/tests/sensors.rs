@@ -48,7 +48,7 @@ fn scenario_file() -> PathBuf {
 
 fn config(text: &str, sets: &[&str]) -> Config {
     let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
-    let document = Document::parse("test", text.to_owned()).unwrap();
+    let document = Document::parse("test", text).unwrap();
     Config::from_document(&document, &sets).unwrap()
 }
 

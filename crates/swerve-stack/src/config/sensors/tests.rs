@@ -2,7 +2,7 @@ use crate::config::Config;
 use swerve_text::Document;
 
 fn problems(text: &str) -> Vec<String> {
-    let document = Document::parse("c.toml", text.to_owned()).unwrap();
+    let document = Document::parse("c.toml", text).unwrap();
     let problems = Config::from_document(&document, &[]).err().unwrap_or_default();
     problems.iter().map(ToString::to_string).collect()
 }
@@ -35,7 +35,7 @@ rate_hz = 20
 transfer_ms = 3
 params = { columns = 512, range_sigma_m = 0 }
 ";
-    let document = Document::parse("c.toml", text.to_owned()).unwrap();
+    let document = Document::parse("c.toml", text).unwrap();
     let config = Config::from_document(&document, &[]).unwrap();
     let spec = config.lidar["roof"].spec(7).unwrap();
     assert_eq!((spec.beams.len(), spec.columns, spec.rate_hz, spec.seed), (2, 512, 20.0, 7));
