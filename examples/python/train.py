@@ -1,4 +1,4 @@
-"""Learns to steer along a lane with bends, by the cross-entropy method: no framework, a minute on one core."""
+"""Learns to steer along a lane with bends, by the cross-entropy method and without a framework."""
 
 import sys
 

@@ -227,7 +227,7 @@ def progress_rewards(
     return rewards
 
 
-class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[np.float64]]):
+class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     """Many drives at once, stepped on `threads` threads without Python in between.
 
     The other arguments are those of `DrivingEnv`, but that rewards are made of arrays, and that images are not observed. A

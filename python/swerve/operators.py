@@ -152,7 +152,7 @@ def load(where: str) -> type[Operator]:
 
 def work(words: list[str]) -> int:
     """Takes steps for the run that started this process: `[NAME=]FILE.py:Class`, one for all its operators or each."""
-    places = dict(word.split("=", 1) if "=" in word else ("", word) for word in words)
+    places = {name: where for name, _, where in (word.rpartition("=") for word in words)}
 
     def make(name: str, inputs: _Ports, outputs: _Ports) -> Callable[..., list[Any]]:
         where = places.get(name, places.get(""))
