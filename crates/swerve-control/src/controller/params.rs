@@ -32,7 +32,7 @@ pub enum Law {
     Mpc,
 }
 
-/// Parameters of a [`Controller`].
+/// Parameters of a [`Controller`](crate::Controller).
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {

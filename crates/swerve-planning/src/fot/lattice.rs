@@ -118,7 +118,7 @@ impl Lattice {
         }
     }
 
-    /// Keeps the offsets whose place in the order of refinement is below `kept`; see [`refinement`].
+    /// Keeps the offsets whose place in the order of refinement is below `kept`; see `refinement`.
     pub fn keep_offsets(&mut self, kept: usize) {
         let n = self.d_m.len();
         let mut order: Vec<usize> = refinement(n).take(kept).collect();

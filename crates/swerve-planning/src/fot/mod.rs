@@ -227,7 +227,7 @@ pub fn curvature_max_1pm(limits: &Limits, shape: &Shape) -> f64 {
     math::tan(limits.steering_max_rad) / shape.wheelbase_m
 }
 
-/// The candidate's motion with points at most [`POINT_STEP_S`] apart.
+/// The candidate's motion with points at most `POINT_STEP_S` apart.
 pub fn to_plan(task: &Task<'_>, candidate: &Candidate, request: &Request<'_>) -> Plan {
     let curvature_max = task.checks.curvature_max_1pm;
     let points = places(task, candidate, POINT_STEP_S)

@@ -154,8 +154,8 @@ impl Ground<'_> {
         }
     }
 
-    /// Whether a piece that begins at `from` after `travelled_m` is free, at looks [`LOOK_M`] apart: at obstacles not
-    /// before one can have come near since the last look, at the road every [`ROAD_LOOK_M`].
+    /// Whether a piece that begins at `from` after `travelled_m` is free, at looks `LOOK_M` apart: at obstacles not
+    /// before one can have come near since the last look, at the road every `ROAD_LOOK_M`.
     pub fn piece_free(&self, from: Pose2, piece: Piece, travelled_m: f64) -> bool {
         let need_m = self.clearance_m + SLACK_M;
         let nearing = self.nearing(piece.curvature_1pm);
