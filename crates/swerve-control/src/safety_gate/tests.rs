@@ -339,7 +339,7 @@ fn the_heartbeat_counts_every_call_and_wraps() {
 fn parameters_that_make_no_gate_are_named() {
     let wrong = GateParams { stop_decel_mps2: f64::NAN, ..GateParams::default() };
     let error = SafetyGate::new(wrong).unwrap_err();
-    assert_eq!(error.to_string(), "`stop_decel_mps2` is NaN, which is not from 0.1 to 20");
+    assert_eq!(error.to_string(), "`stop_decel_mps2` is NaN, expected 0.1 to 20");
     assert!(SafetyGate::new(GateParams { command_timeout_s: 0.0, ..GateParams::default() }).is_err());
 }
 
