@@ -8,7 +8,6 @@ use anyhow::Context as _;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use swerve::config::Config;
-use swerve_text::Document;
 use swerve::pipeline::Pipeline;
 use swerve::process::Processes;
 use swerve::program::Program;
@@ -17,6 +16,7 @@ use swerve::story::draw;
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_log::{Recorder, RunStart};
 use swerve_scenario::Scenario;
+use swerve_text::Document;
 
 use crate::background::do_in_background;
 use crate::convert::{error, sets, toml_table};

@@ -206,13 +206,10 @@ impl RadarParams {
         ];
         let mut problems: Vec<_> =
             ranges.into_iter().filter_map(|(key, x, ends)| require_within(key, x, ends).err()).collect();
-        let below = require(
-            "range_min_m",
-            self.range_min_m,
-            self.range_max_m.is_nan() || self.range_min_m < self.range_max_m,
-            "a number below range_max_m",
-        );
-        problems.extend(below.err());
+        if self.range_min_m >= self.range_max_m {
+            let below = "a number below range_max_m";
+            problems.extend(require("range_min_m", self.range_min_m, false, below).err());
+        }
         problems
     }
 }
