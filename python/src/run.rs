@@ -51,7 +51,7 @@ impl Inputs {
             None => Config::load(None, &sets),
             Some(FileOr::File(path)) => Config::load(Some(path), &sets),
             Some(FileOr::Content(dict)) => Document::parse("config", text(dict)?)
-                .map_err(|problem| vec![problem])
+                .map_err(swerve_text::Problems::from)
                 .and_then(|document| Config::from_document(&document, &sets)),
         };
         let config = config.map_err(|problems| error(problems_error(&problems)))?;

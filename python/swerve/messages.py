@@ -138,6 +138,22 @@ class EndReason(str, Enum):
     """The scenario's time is over."""
 
 
+class Verdict(str, Enum):
+    """The outcome of a run in one word; the first that holds, in the order in which `docs/conventions.md` has
+    them.
+    """
+    AVOIDED = "avoided"
+    """The ego came to the end, or to the stop asked for, touching nothing and staying on the road."""
+    COLLISION = "collision"
+    """The ego hit something, whatever else happened."""
+    LEFT_ROAD = "left_road"
+    """Part of the ego left the drivable ground, and it hit nothing."""
+    TIMEOUT = "timeout"
+    """The scenario's time was over before the ego reached its end."""
+    UNFINISHED = "unfinished"
+    """The run was ended before the scenario was."""
+
+
 @dataclass(frozen=True, slots=True)
 class GateMode(Tagged):
     """What the safety gate does."""
@@ -732,17 +748,6 @@ class RadarDetection(Message):
 
 
 @dataclass(slots=True)
-class Route(Message):
-    """The way the ego is to go, and the ground it may use."""
-    line: Polyline
-    """Centre line of the ego's lane."""
-    left_m: float
-    """Drivable ground to the left of the line, metres (positive)."""
-    right_m: float
-    """Drivable ground to the right of the line, metres (positive)."""
-
-
-@dataclass(slots=True)
 class Supervision(Message):
     """The processes of a run that are gone at the moment. Said whenever one goes or comes back."""
     gone: list[GoneProcess]
@@ -914,7 +919,6 @@ __all__ = [
     "Refusals",
     "ResponseBudget",
     "RoadLine",
-    "Route",
     "RungTaken",
     "SensorHealth",
     "Side",
@@ -931,6 +935,7 @@ __all__ = [
     "Transform",
     "Vector2",
     "VehicleReport",
+    "Verdict",
     "WheelOdometry",
     "WorldState",
 ]

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CONFIG = {
     "log": {"sensors": ["gnss", "odometry", "collisions", "lane_invasions", "red_lights"]},
     "gate": {"enabled": True},
-    "camera": {"front": {"width_px": 64, "height_px": 32, "period_ms": 500}},
+    "camera": {"front": {"width_px": 64, "height_px": 32, "period_ms": 500, "outputs": ["rgb", "depth", "semantic", "instance"]}},
     "lidar": {"roof": {"preset": "vlp_32"}},
     "radar": {"nose": {}},
     "monitor": {"eye": {"sensor": "front"}, "ear": {"sensor": "roof"}},

@@ -169,7 +169,7 @@ impl From<'_> {
         let place = line.project(self.ego.pose.point());
         let on_line = line.at(place.s_m);
         let error = angle_between(on_line.pose.heading_rad, self.ego.pose.heading_rad);
-        let sides = [self.route.left_m - place.d_m, self.route.right_m + place.d_m];
+        let sides = [self.route.left_m(place.s_m) - place.d_m, self.route.right_m(place.s_m) + place.d_m];
         let bends = AHEAD_M.map(|ahead| line.at(place.s_m + ahead).curvature_1pm);
         [place.s_m, place.d_m, error].into_iter().chain(sides).chain(bends).collect()
     }
