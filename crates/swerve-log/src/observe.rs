@@ -9,6 +9,7 @@ use swerve_flow::{
 use crate::record::{
     DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,
 };
+use crate::trace::Published;
 use crate::{Recorder, TraceWriter};
 
 /// Appends what stands in a log for a payload that it leaves out: in CBOR, a map of `left_out` to the digest.
@@ -114,7 +115,8 @@ impl<W: Write + Send> Observer for TraceWriter<W> {
             Event::Publication(p) => {
                 if let Some(stamp) = p.stamp {
                     // A repeat derives from what the repeated step read, not from its own stamp.
-                    self.message(p.operator, p.stream, stamp, p.origin, p.visible_at, p.reads.iter());
+                    let published = Published { stamp, origin: p.origin, at: p.visible_at };
+                    self.message(p.operator, p.stream, published, p.reads.iter());
                 }
             }
             Event::StepStart(e) => self.step_start(e.operator, e.stamp, e.at, e.reads.iter()),

@@ -11,6 +11,17 @@ use swerve_core::{Span, Time};
 use crate::LogError;
 use crate::arrows::{Arrow, Arrows};
 
+/// The instants of a message.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Published {
+    /// The instant that it describes.
+    pub(crate) stamp: Time,
+    /// The stamp of the newest sensor frame that it derives from.
+    pub(crate) origin: Option<Time>,
+    /// When it became visible.
+    pub(crate) at: Time,
+}
+
 /// Writes what a run's steps did, as a trace in the run's own time.
 ///
 /// - Every operator has a track, more where several of its steps run at once; each step is a slice from its
@@ -132,15 +143,12 @@ impl<W: Write> TraceWriter<W> {
         }
     }
 
-    /// A message became visible at `at`; `reads` as for the step that computed it, `origin` the newest sensor
-    /// frame that it derives from.
-    pub fn message<'a>(
+    /// A message became visible; `reads` as for the step that computed it.
+    pub(crate) fn message<'a>(
         &mut self,
         operator: &str,
         stream: &str,
-        stamp: Time,
-        origin: Option<Time>,
-        at: Time,
+        Published { stamp, origin, at }: Published,
         reads: impl Iterator<Item = (&'a str, Option<Time>)>,
     ) {
         self.reach(at);

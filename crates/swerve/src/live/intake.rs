@@ -167,6 +167,15 @@ pub struct TopicTally {
     pub heard: Option<Time>,
 }
 
+/// The instants of a message, in the time of the run.
+#[derive(Clone, Copy)]
+struct Instants {
+    /// When it came.
+    at: Time,
+    /// The instant that it describes.
+    stamp: Time,
+}
+
 /// A topic's counts and clock.
 #[derive(Clone, Copy)]
 pub struct TopicSummary<'a> {
@@ -325,7 +334,7 @@ impl Intake {
         let Some(mut topic) = self.topics.remove(name) else { return };
         topic.tally.received += 1;
         let taken = self.judge(&mut topic, message, now).and_then(|stamp| {
-            self.convert(name, &topic, message, now, stamp, out).map_err(|error| {
+            self.convert(name, &topic, message, Instants { at: now, stamp }, out).map_err(|error| {
                 topic.tally.refused.not_usable += 1;
                 error.to_string()
             })
@@ -367,11 +376,10 @@ impl Intake {
         name: &str,
         topic: &Topic,
         message: &AnyMessage,
-        at: Time,
-        stamp: Time,
+        Instants { at, stamp }: Instants,
         out: &mut Vec<Arrived>,
     ) -> Result<(), ConvertError> {
-        self.take_vehicle(topic.role, message, at, stamp, out);
+        self.take_vehicle(topic.role, message, Instants { at, stamp }, out);
         let input = match message {
             AnyMessage::Odometry(odometry) => {
                 let speed_mps = odometry.twist.twist.linear.x;
@@ -440,8 +448,7 @@ impl Intake {
         &mut self,
         role: Role,
         message: &AnyMessage,
-        at: Time,
-        stamp: Time,
+        Instants { at, stamp }: Instants,
         out: &mut Vec<Arrived>,
     ) {
         match (role, message) {

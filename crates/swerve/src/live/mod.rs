@@ -143,13 +143,15 @@ pub(crate) fn route_file(config: &Path, live: &LiveConfig) -> PathBuf {
 }
 
 /// How long a drive lasts, on how many threads, and who is told.
-pub struct DriveOptions {
+pub struct DriveOptions<'a> {
     /// Until then.
     pub until: Option<Time>,
     /// Worker threads.
     pub threads: usize,
     /// Who is told how it goes.
     pub status_sink: Box<dyn StatusSink>,
+    /// How the threads of the drive tell one another what to do.
+    pub flags: &'a ControlFlags,
 }
 
 /// The log and the trace of a drive, as they are written.
@@ -201,13 +203,12 @@ pub struct Driven {
 pub fn drive(
     drive: &Drive,
     wire: &dyn Wire,
-    options: DriveOptions,
-    flags: &ControlFlags,
+    options: DriveOptions<'_>,
     observers: &mut [&mut dyn Observer],
     clock: HostClock,
 ) -> anyhow::Result<Driven> {
     let graph = LiveGraph::build(&drive.config, &drive.scenario)?;
-    drive_graph(drive, graph, wire, options, flags, observers, clock)
+    drive_graph(drive, graph, wire, options, observers, clock)
 }
 
 /// As [`drive`](self::drive), with a graph that is already built.
@@ -215,12 +216,12 @@ fn drive_graph(
     drive: &Drive,
     LiveGraph { pipeline: Pipeline { graph, route, .. }, inputs }: LiveGraph,
     wire: &dyn Wire,
-    options: DriveOptions,
-    flags: &ControlFlags,
+    options: DriveOptions<'_>,
     observers: &mut [&mut dyn Observer],
     clock: HostClock,
 ) -> anyhow::Result<Driven> {
     let Drive { config, live, mapping, scenario, .. } = drive;
+    let DriveOptions { until, threads, status_sink, flags } = options;
     let interface = || vehicle::interface(mapping.vehicle, config);
     let intake = Intake::new(mapping, interface(), config, clock.epoch_ns());
     let (orders, received) = mpsc::channel();
@@ -249,14 +250,14 @@ fn drive_graph(
         status,
         orders: Some(orders),
         stop: graph.stop_handle(),
-        until: options.until,
+        until,
         goal: Goal { route, s_m: scenario.ego.end_m },
         stop_max,
         stop_params: stop,
         flags,
-        status_sink: options.status_sink,
+        status_sink,
     };
-    let run_options = RunOptions::default().seed(config.seed).threads(options.threads);
+    let options = RunOptions::default().seed(config.seed).threads(threads);
     std::thread::scope(|scope| {
         let sinking = scope.spawn(move || {
             // The feed goes on until then: it is what knows when the car stands.
@@ -270,7 +271,7 @@ fn drive_graph(
         let report = {
             let mut all: Vec<&mut dyn Observer> = vec![&mut outlet];
             all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
-            run_wall(graph, &run_options, all)
+            run_wall(graph, &options, all)
         };
         let figures = outlet.conclude();
         drop(over);
@@ -332,9 +333,8 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     let clock = HostClock::start();
     let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
     let status_sink = Box::new(LiveLine::new(!args.json));
-    let options = DriveOptions { until, threads: args.threads, status_sink };
-    let driven =
-        self::drive(&drive, &wire, options, &flags, &mut [&mut files.recorder, &mut files.trace], clock);
+    let options = DriveOptions { until, threads: args.threads, status_sink, flags: &flags };
+    let driven = self::drive(&drive, &wire, options, &mut [&mut files.recorder, &mut files.trace], clock);
     let topics = wire.statistics();
     let stopped = wire.stop(BRIDGE_END);
     let concluded = conclude(args, &drive, files, driven, &topics);

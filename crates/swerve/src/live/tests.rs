@@ -187,9 +187,9 @@ fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) 
     let clock = HostClock::start();
     let lane = Lane::new(clock, 3.0, spoil);
     let until = Some(Time::ZERO + Span::from_secs(seconds));
-    let options = DriveOptions { until, threads: 2, status_sink: Box::new(Quiet) };
     let flags = ControlFlags::default();
-    let driven = drive_graph(&drive, graph, &lane, options, &flags, &mut [], clock).unwrap();
+    let options = DriveOptions { until, threads: 2, status_sink: Box::new(Quiet), flags: &flags };
+    let driven = drive_graph(&drive, graph, &lane, options, &mut [], clock).unwrap();
     lane.advance();
     (driven, lane.state.into_inner().unwrap())
 }
