@@ -36,7 +36,7 @@ def box(points: np.ndarray) -> DetectedBox:
 
 
 if __name__ == "__main__":
-    camera = {"width_px": 320, "height_px": 160, "period_ms": 200}
+    camera = {"width_px": 320, "height_px": 160, "period_ms": 200, "outputs": ["depth"]}
     config = {"camera": {"front": camera}, "log": {"sensors": ["front"]}}
     images = swerve.run("person_behind_truck", config, streams=["front.depth"]).streams["front.depth"]
     detector = Detector()
