@@ -25,7 +25,10 @@ mod slow_down;
 use clear_ahead::ClearAhead;
 
 fn registry() -> Registry {
-    Registry::standard().with::<nearest_ahead::NearestAhead>().with::<slow_down::SlowDown>()
+    Registry::standard()
+        .with::<nearest_ahead::NearestAhead>()
+        .with::<slow_down::SlowDown>()
+        .with_view(clear_ahead::show)
 }
 
 fn config(assignments: &[&str]) -> Config {
@@ -94,6 +97,10 @@ fn their_log_replays_and_asks_what_would_have_been() {
         counts
     });
     assert!(streams["clear_ahead"] > 60, "{streams:?}");
+    let summary = mcap::Summary::read(&std::fs::read(&path).unwrap()).unwrap().unwrap();
+    let shown = summary.channels.values().find(|channel| channel.topic == "/view/clear_ahead");
+    let count = summary.stats.unwrap().channel_message_counts[&shown.unwrap().id];
+    assert_eq!(count, streams["clear_ahead"] as u64, "each is shown");
 }
 
 #[test]

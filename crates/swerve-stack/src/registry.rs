@@ -1,9 +1,10 @@
-//! The kinds of operators, and the messages that faults can befall.
+//! The kinds of operators, the messages that faults can befall, and how messages are shown.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
 use swerve_flow::PayloadType;
+use swerve_foxglove::Foxglove;
 
 use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered};
@@ -14,13 +15,18 @@ use crate::operators;
 pub struct Registry {
     kinds: BTreeMap<&'static str, Arc<dyn OperatorKind>>,
     corruptible: Vec<CorruptibleType>,
+    views: Vec<AddView>,
 }
+
+/// Adds to what a log holds for Foxglove.
+type AddView = Arc<dyn Fn(Foxglove) -> Foxglove + Send + Sync>;
 
 impl Registry {
     /// Swerve's own.
     pub fn standard() -> Self {
-        static STANDARD: LazyLock<Registry> =
-            LazyLock::new(|| operators::all(Registry { kinds: BTreeMap::new(), corruptible: Vec::new() }));
+        static STANDARD: LazyLock<Registry> = LazyLock::new(|| {
+            operators::all(Registry { kinds: BTreeMap::new(), corruptible: Vec::new(), views: Vec::new() })
+        });
         STANDARD.clone()
     }
 
@@ -42,6 +48,19 @@ impl Registry {
     pub fn with_corruptible<T: Corruptible>(mut self) -> Self {
         self.corruptible.push(CorruptibleType::new::<T>());
         self
+    }
+
+    /// With messages that a log also holds as Foxglove shows them: [`Foxglove::with_json`] for their fields,
+    /// [`with_drawing`](Foxglove::with_drawing) for the map, [`with`](Foxglove::with) for a schema of their own.
+    #[must_use]
+    pub fn with_view(mut self, add: impl Fn(Foxglove) -> Foxglove + Send + Sync + 'static) -> Self {
+        self.views.push(Arc::new(add));
+        self
+    }
+
+    /// Swerve's own views, and those of [`with_view`](Self::with_view).
+    pub fn with_views_of(&self, own: Foxglove) -> Foxglove {
+        self.views.iter().fold(own, |foxglove, add| add(foxglove))
     }
 
     /// The kind of this name.

@@ -29,9 +29,9 @@ pub struct ReplayArgs {
     /// Fail unless every stream below the cut comes out as logged, byte for byte
     #[arg(long)]
     verify: bool,
-    /// First operator that is computed again, with all that follow it
-    #[arg(long, default_value = "tracker", value_name = "OPERATOR")]
-    from: String,
+    /// First operator that is computed again, with all that follow it [default: tracker; the first of a pipeline without]
+    #[arg(long, value_name = "OPERATOR")]
+    from: Option<String>,
     /// Set a configuration key: what would have come out?
     #[arg(long, value_name = "KEY=VALUE", conflicts_with = "verify")]
     set: Vec<String>,
@@ -44,7 +44,7 @@ pub struct ReplayArgs {
 pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let log = Log::read(&args.log)?;
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
-    let comparison = replay_with(registry, &log, &args.from, &sets?, args.threads)?;
+    let comparison = replay_from(registry, &log, args.from.as_deref(), &sets?, args.threads)?;
     crate::output::print(&comparison.text(args.set.is_empty()))?;
     if args.verify && !comparison.is_same() {
         bail!("{}: the replay differs from the log", args.log.display());
@@ -61,18 +61,21 @@ struct Cut {
 }
 
 impl Cut {
-    /// Before the operator of this name; stages may be named instead of operators.
-    fn new(pipeline: &Pipeline, from: &str, images: Images) -> anyhow::Result<Self> {
+    /// Before the operator of this name; stages may be named instead of operators. Without a name before the tracker, or
+    /// before the first operator where there is none.
+    fn new(pipeline: &Pipeline, from: Option<&str>, images: Images) -> anyhow::Result<Self> {
         let stages = [
             ("perception", "detector"),
             ("prediction", "predictor"),
             ("planning", "planner"),
             ("control", "controller"),
         ];
-        let name = stages.iter().find(|(stage, _)| *stage == from).map_or(from, |(_, operator)| operator);
         let assembly = &pipeline.assembly;
         let in_stack = |name: &&str| assembly.node(name).is_some_and(|node| node.role == Role::Stack);
         let known: Vec<&str> = assembly.names().filter(in_stack).collect();
+        let usual = || known.iter().find(|name| **name == "tracker").or(known.first()).copied();
+        let from = from.or_else(usual).context("the pipeline has no operator to compute again")?;
+        let name = stages.iter().find(|(stage, _)| *stage == from).map_or(from, |(_, operator)| operator);
         let Some(at) = known.iter().position(|known| *known == name) else {
             let near = nearest(from, known.iter().copied())
                 .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
@@ -131,6 +134,16 @@ pub fn replay_with(
     registry: &Registry,
     log: &Log,
     from: &str,
+    sets: &[(String, toml::Value)],
+    threads: usize,
+) -> anyhow::Result<Comparison> {
+    replay_from(registry, log, Some(from), sets, threads)
+}
+
+fn replay_from(
+    registry: &Registry,
+    log: &Log,
+    from: Option<&str>,
     sets: &[(String, toml::Value)],
     threads: usize,
 ) -> anyhow::Result<Comparison> {

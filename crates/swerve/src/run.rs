@@ -388,7 +388,8 @@ pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
         recorder.leave_out(images);
     }
     if config.log.foxglove {
-        recorder.show(Box::new(Foxglove::new(views_of(config, pipeline))));
+        let own = Foxglove::new(views_of(config, pipeline));
+        recorder.show(Box::new(config.registry.with_views_of(own)));
     }
 }
 

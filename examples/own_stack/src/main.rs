@@ -9,5 +9,10 @@ use std::process::ExitCode;
 use swerve::Registry;
 
 fn main() -> ExitCode {
-    swerve::main(Registry::standard().with::<nearest_ahead::NearestAhead>().with::<slow_down::SlowDown>())
+    swerve::main(
+        Registry::standard()
+            .with::<nearest_ahead::NearestAhead>()
+            .with::<slow_down::SlowDown>()
+            .with_view(clear_ahead::show),
+    )
 }

@@ -379,7 +379,8 @@ fn set_up(recorder: &mut Recorder, drive: &Drive) {
         recorder.leave_out(images);
     }
     if config.log.foxglove {
-        recorder.show(Box::new(Foxglove::new(live_views(config, scenario))));
+        let own = Foxglove::new(live_views(config, scenario));
+        recorder.show(Box::new(config.registry.with_views_of(own)));
     }
 }
 

@@ -1,0 +1,360 @@
+//! Configuration: text, then typed, then resolved and checked, once, at start.
+//!
+//! Every key has a default; a file and `--set` change single keys. Durations in files are milliseconds and
+//! angles degrees (their names say so); resolving converts them.
+
+pub mod camera;
+mod check;
+pub mod clock;
+pub mod detectors;
+pub mod execution;
+pub mod gate;
+pub mod injection;
+pub mod live;
+pub mod model;
+pub mod monitor;
+mod operator;
+pub mod perception;
+mod planner;
+mod planning;
+pub mod process;
+mod read;
+pub mod ros2;
+pub mod sensors;
+pub mod source;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use swerve_control::Following;
+use swerve_pylot::Preset;
+use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
+use swerve_vehicle::VehicleParams;
+
+use camera::{CameraConfig, RenderConfig};
+use clock::ClockConfig;
+use gate::GateConfig;
+use injection::FaultConfig;
+pub use live::LiveConfig;
+use model::ExecutionConfig;
+use monitor::MonitorConfig;
+pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
+use perception::PerceptionConfig;
+pub use planning::{Fineness, PlannerName, PlanningConfig, StartState};
+use process::{ProcessConfig, SharedMemoryConfig};
+use ros2::EgoDriver;
+use sensors::{LidarConfig, RadarConfig};
+use source::SourceConfig;
+
+use crate::registry::Registry;
+
+/// A whole configuration: what runs, how long it takes, what is recorded.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// What moves the run.
+    pub clock: ClockConfig,
+    /// The ego vehicle.
+    pub ego: EgoConfig,
+    /// The simulator.
+    pub sim: SimConfig,
+    /// What perception starts from.
+    pub sensing: SensingConfig,
+    /// How the world is rendered.
+    pub render: RenderConfig,
+    /// Cameras on the ego, by name. Each runs where an operator reads it or `log.sensors` names it.
+    pub camera: BTreeMap<String, CameraConfig>,
+    /// Radars on the ego, by name; they run as cameras do.
+    pub radar: BTreeMap<String, RadarConfig>,
+    /// Lidars on the ego, by name; they run as cameras do.
+    pub lidar: BTreeMap<String, LidarConfig>,
+    /// What stands between the sensors and the predictor.
+    pub perception: PerceptionConfig,
+    /// Watchers of single cameras and lidars, by name.
+    pub monitor: BTreeMap<String, MonitorConfig>,
+    /// The predictor.
+    pub prediction: PredictionConfig,
+    /// The motion planner.
+    pub planning: PlanningConfig,
+    /// The controller.
+    pub control: ControlConfig,
+    /// The safety gate between the controller and the vehicle.
+    pub gate: GateConfig,
+    /// When detector and planner run, and how long they may take.
+    pub execution: ExecutionConfig,
+    /// What is recorded.
+    pub log: LogConfig,
+    /// How single operators run, by name.
+    pub operator: BTreeMap<String, OperatorConfig>,
+    /// Shared resources, by name.
+    pub resource: BTreeMap<String, ResourceConfig>,
+    /// Faults on streams, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub fault: BTreeMap<String, FaultConfig>,
+    /// Processes that take the steps of operators, by name.
+    pub process: BTreeMap<String, ProcessConfig>,
+    /// What they share.
+    pub shared_memory: SharedMemoryConfig,
+    /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    pub ros2: toml::Table,
+    /// A recorded drive in the place of a vehicle, for `swerve live`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<SourceConfig>,
+    /// A vehicle that `swerve live` drives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub live: Option<LiveConfig>,
+    /// The kinds of operators that it can name.
+    #[serde(skip)]
+    pub registry: Registry,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            clock: ClockConfig::default(),
+            ego: EgoConfig::default(),
+            sim: SimConfig::default(),
+            sensing: SensingConfig::default(),
+            render: RenderConfig::default(),
+            camera: BTreeMap::new(),
+            radar: BTreeMap::new(),
+            lidar: BTreeMap::new(),
+            perception: PerceptionConfig::default(),
+            monitor: BTreeMap::new(),
+            prediction: PredictionConfig::default(),
+            planning: PlanningConfig::default(),
+            control: ControlConfig::default(),
+            gate: GateConfig::default(),
+            execution: ExecutionConfig::default(),
+            log: LogConfig::default(),
+            operator: BTreeMap::new(),
+            resource: BTreeMap::new(),
+            fault: BTreeMap::new(),
+            process: BTreeMap::new(),
+            shared_memory: SharedMemoryConfig::default(),
+            ros2: toml::Table::new(),
+            source: None,
+            live: None,
+            registry: Registry::standard(),
+        }
+    }
+}
+
+/// The ego vehicle in the scenario.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EgoConfig {
+    /// Target and start speed, m/s; the scenario's when absent.
+    pub speed_mps: Option<f64>,
+    /// Who drives it.
+    pub driver: EgoDriver,
+}
+
+/// The simulator.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimConfig {
+    /// Step, ms: 1 to 20.
+    pub dt_ms: f64,
+    /// Draws start, speed, phases and triggers from the seed; off, all are exactly as the scenario says.
+    pub draws: bool,
+    /// The ego vehicle.
+    pub vehicle: VehicleParams,
+}
+
+impl Default for SimConfig {
+    fn default() -> Self {
+        Self { dt_ms: 5.0, draws: true, vehicle: VehicleParams::default() }
+    }
+}
+
+/// What the obstacle sensor reports.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// Simulator state cut by range, field of view and occlusion.
+    Truth,
+    /// Simulator state cut by range and field of view only.
+    TruthUnoccluded,
+}
+
+/// The sensors.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensingConfig {
+    /// What the obstacle sensor reports.
+    pub source: Source,
+    /// Period of the obstacle sensor, ms.
+    pub period_ms: f64,
+    /// Range of the obstacle sensor from the ego's centre, m.
+    pub range_m: f64,
+    /// Field of view of the obstacle sensor, degrees, symmetric around straight ahead.
+    pub fov_deg: f64,
+    /// Largest distance for people, m; that of the others when absent.
+    pub range_person_m: Option<f64>,
+    /// Where the obstacle sensor sits; the middle of the roof, 1.9 m up, when absent.
+    pub mount: Option<SensorMount>,
+    /// Period of the pose sensor, ms.
+    pub pose_period_ms: f64,
+    /// Period of the inertial sensor, ms.
+    pub imu_period_ms: f64,
+    /// Period of the satellite receiver, ms.
+    pub gnss_period_ms: f64,
+    /// Period of the wheel odometry, ms.
+    pub odometry_period_ms: f64,
+    /// Errors of the pose sensor.
+    pub pose: PoseParams,
+    /// Errors of the inertial sensor.
+    pub imu: ImuParams,
+    /// Errors of the satellite receiver.
+    pub gnss: GnssParams,
+    /// Encoders of the wheels and their errors.
+    pub odometry: WheelOdometryParams,
+}
+
+impl Default for SensingConfig {
+    fn default() -> Self {
+        Self {
+            source: Source::Truth,
+            period_ms: 50.0,
+            range_m: 100.0,
+            fov_deg: 360.0,
+            range_person_m: None,
+            mount: None,
+            pose_period_ms: 10.0,
+            imu_period_ms: 10.0,
+            gnss_period_ms: 100.0,
+            odometry_period_ms: 20.0,
+            pose: PoseParams::default(),
+            imu: ImuParams::default(),
+            gnss: GnssParams::default(),
+            odometry: WheelOdometryParams::default(),
+        }
+    }
+}
+
+/// The predictor.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PredictionConfig {
+    /// With one sighting: the reported velocity (`best`), or standing still (`paper`).
+    pub preset: Preset,
+    /// Sightings that the straight line is fitted to.
+    pub past_steps: usize,
+    /// How far ahead, ms.
+    pub horizon_ms: f64,
+    /// Between predicted poses, ms.
+    pub step_ms: f64,
+}
+
+impl Default for PredictionConfig {
+    fn default() -> Self {
+        Self { preset: Preset::Best, past_steps: 5, horizon_ms: 5000.0, step_ms: 100.0 }
+    }
+}
+
+/// Controllers by name.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ControllerName {
+    /// The paper's speed PID and steering towards a waypoint.
+    Pid,
+    /// Speed PID and pure pursuit.
+    PurePursuit,
+    /// Speed PID and the Stanley law.
+    Stanley,
+    /// Linear time-varying model predictive control.
+    Mpc,
+}
+
+/// The controller.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlConfig {
+    /// Which one.
+    pub controller: ControllerName,
+    /// How a plan is followed; the planning preset's when absent.
+    pub following: Option<Following>,
+    /// Period, ms.
+    pub period_ms: f64,
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self { controller: ControllerName::Pid, following: None, period_ms: 10.0 }
+    }
+}
+
+/// What is recorded.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogConfig {
+    /// Sensors that run although no operator reads them: `gnss`, `odometry`, `collisions`, `lane_invasions`,
+    /// `red_lights`, and cameras, radars and lidars by name.
+    pub sensors: Vec<String>,
+    /// What the log holds of images and point clouds; the digest of a run is the same with any.
+    pub images: Images,
+    /// Quality of JPEG images, 1 to 100.
+    pub jpeg_quality: u8,
+    /// Whether the log also holds the run in the forms that Foxglove shows, under `/view`.
+    pub foxglove: bool,
+}
+
+impl Default for LogConfig {
+    fn default() -> Self {
+        Self { sensors: Vec::new(), images: Images::default(), jpeg_quality: 85, foxglove: true }
+    }
+}
+
+/// What a log holds of images and point clouds.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Images {
+    /// Their fingerprints: a replay computes them again and compares.
+    #[default]
+    None,
+    /// Their fingerprints, and under `/view` colour images as JPEG and point clouds, to be looked at.
+    Jpeg,
+    /// All their bytes.
+    Lossless,
+}
+
+impl Config {
+    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that; `ros2` where
+    /// another stack drives, the kind of planner where it is none of ours.
+    pub fn pipeline_name(&self) -> String {
+        if self.is_driven_over_ros2() {
+            return "ros2".into();
+        }
+        let planner = self.operator.get("planner").and_then(|own| own.kind.as_deref());
+        if let Some(kind) = planner.filter(|kind| *kind != "planner") {
+            return kind.to_owned();
+        }
+        Self::name_of(self.planning.planner, self.planning.preset)
+    }
+
+    fn name_of(planner: PlannerName, preset: Preset) -> String {
+        match preset {
+            Preset::Paper => format!("paper_{}", planner.as_str()),
+            Preset::Best => planner.as_str().to_owned(),
+        }
+    }
+
+    /// All that [`pipeline_name`](Self::pipeline_name) may be.
+    pub fn pipeline_names() -> impl Iterator<Item = String> {
+        let of = |preset| PlannerName::ALL.into_iter().map(move |planner| Self::name_of(planner, preset));
+        of(Preset::Best).chain(of(Preset::Paper))
+    }
+
+    /// The whole configuration with every default spelled out, as TOML.
+    pub fn to_text(&self) -> String {
+        toml::to_string(self).expect("a configuration is plain tables and values")
+    }
+}
+
+#[cfg(test)]
+mod tests;

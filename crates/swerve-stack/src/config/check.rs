@@ -1,0 +1,71 @@
+//! Problems of the values, and of the pipeline that they make.
+
+use super::Config;
+use crate::assembly::Assembly;
+
+impl Config {
+    /// What is wrong with single values, by key.
+    pub(crate) fn problems_of_values(&self) -> Vec<(String, String)> {
+        let mut faults: Vec<(String, String)> = Vec::new();
+        let mut range = |key: &str, value: f64, low: f64, high: f64| {
+            if !(low..=high).contains(&value) {
+                faults.push((
+                    key.to_owned(),
+                    format!("expected {low} to {high}, found {}", swerve_text::number(value)),
+                ));
+            }
+        };
+        let sensing = &self.sensing;
+        range("ego.speed_mps", self.ego.speed_mps.unwrap_or(1.0), 0.0, 70.0);
+        range("sim.dt_ms", self.sim.dt_ms, 1.0, 20.0);
+        range("sensing.period_ms", sensing.period_ms, 1.0, 10_000.0);
+        range("sensing.range_m", sensing.range_m, 0.1, 10_000.0);
+        range("sensing.fov_deg", sensing.fov_deg, 1.0, 360.0);
+        range("sensing.pose_period_ms", sensing.pose_period_ms, 1.0, 10_000.0);
+        range("sensing.imu_period_ms", sensing.imu_period_ms, 1.0, 10_000.0);
+        range("sensing.gnss_period_ms", sensing.gnss_period_ms, 1.0, 10_000.0);
+        range("sensing.odometry_period_ms", sensing.odometry_period_ms, 1.0, 10_000.0);
+        range("prediction.horizon_ms", self.prediction.horizon_ms, 50.0, 60_000.0);
+        range("prediction.step_ms", self.prediction.step_ms, 1.0, 10_000.0);
+        range("prediction.past_steps", self.prediction.past_steps as f64, 1.0, 1000.0);
+        range("control.period_ms", self.control.period_ms, 1.0, 1000.0);
+        range("planning.added_latency_ms", self.planning.added_latency_ms, 0.0, 100_000.0);
+        range("planning.expected_ms", self.planning.expected_ms.unwrap_or(0.0), 0.0, 10_000.0);
+        if let Err(error) = self.sim.vehicle.validate() {
+            faults.push((
+                format!("sim.vehicle.{}", error.key),
+                format!("expected {}, found {}", error.expected, error.value),
+            ));
+        }
+        if let Err(message) = self.planning.planner() {
+            faults.push(("planning.params".into(), message));
+        }
+        self.check_gate(&mut faults);
+        self.check_operators(&mut faults);
+        self.check_sensors(&mut faults);
+        self.check_perception(&mut faults);
+        self.check_execution(&mut faults);
+        self.check_log(&mut faults);
+        self.check_monitors(&mut faults);
+        self.check_clock(&mut faults);
+        self.check_ros2(&mut faults);
+        self.check_source(&mut faults);
+        self.check_live(&mut faults);
+        faults
+    }
+
+    /// What is wrong with the pipeline as a whole: its operators, what they read, and what is done to them.
+    pub(super) fn check_pipeline(&self, problems: &mut Vec<(String, String)>) {
+        let (assembly, wrong) = Assembly::with_problems(self);
+        // What nobody named may come of what is wrong already.
+        let is_named = |(key, _): &(String, String)| {
+            let Some((operator, port)) = key.split_once(".reads.") else { return true };
+            let own = operator.strip_prefix("operator.").and_then(|name| self.operator.get(name));
+            own.is_some_and(|own| own.reads.contains_key(port))
+        };
+        let is_first = problems.is_empty();
+        problems.extend(wrong.into_iter().filter(|problem| is_first || is_named(problem)));
+        self.check_faults(&assembly, problems);
+        self.check_processes(&assembly, problems);
+    }
+}

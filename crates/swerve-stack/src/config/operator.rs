@@ -1,0 +1,123 @@
+//! `[operator.NAME]` and `[resource.NAME]`: what an operator is, what it reads, how it runs.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::Config;
+use super::execution::{self, Deadline, Runtime};
+
+/// One operator: what it is, what it reads, how it runs.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct OperatorConfig {
+    /// Its kind, of those that `swerve operators` lists; that of the pipeline's operator of this name when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+    /// `enabled = false` takes it out of the pipeline.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub enabled: Option<bool>,
+    /// The streams that it reads, by port; found by their type when absent.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub reads: BTreeMap<String, Reads>,
+    /// Run time; `zero` when absent (the planner: its cost; an emulated detector: the published one).
+    pub runtime: Option<Runtime>,
+    /// Busy policy; `skip_to_latest` when absent.
+    pub policy: Option<String>,
+    /// Deadline.
+    pub deadline: Option<Deadline>,
+    /// Resource that its steps hold a slot of.
+    pub uses: Option<String>,
+    /// Communication delay of what it publishes, ms.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub delay_ms: f64,
+    /// The keys of its kind, or of that kind's tables for this operator alone.
+    #[serde(flatten)]
+    pub keys: toml::Table,
+}
+
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
+}
+
+/// What a port reads.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Reads {
+    /// A stream, or the first one of an operator.
+    Stream(String),
+    /// Several, for a port that takes any number.
+    Streams(Vec<String>),
+    /// A stream, and how it is read.
+    Edge(EdgeConfig),
+}
+
+/// A stream, and how it is read.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EdgeConfig {
+    /// The stream, or the operator whose first one it is.
+    pub stream: String,
+    /// Over a feedback edge, which closes a loop; as the port has it when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub feedback: Option<bool>,
+    /// Before faults befall it; as the port has it when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before_faults: Option<bool>,
+}
+
+impl Reads {
+    /// The streams, with what is said of feedback and faults.
+    pub(crate) fn each(&self) -> Vec<(&str, Option<bool>, Option<bool>)> {
+        match self {
+            Self::Stream(stream) => vec![(stream, None, None)],
+            Self::Streams(streams) => streams.iter().map(|stream| (stream.as_str(), None, None)).collect(),
+            Self::Edge(edge) => vec![(&edge.stream, edge.feedback, edge.before_faults)],
+        }
+    }
+}
+
+/// A shared resource.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResourceConfig {
+    /// Steps that it can hold at once.
+    pub slots: usize,
+}
+
+impl Config {
+    pub(super) fn check_operators(&self, faults: &mut Vec<(String, String)>) {
+        for (name, operator) in &self.operator {
+            let key = |last: &str| format!("operator.{name}.{last}");
+            if let Some(Err(message)) = operator.runtime.as_ref().map(Runtime::model) {
+                faults.push((key("runtime"), message));
+            }
+            if let Some(Err(message)) = operator.policy.as_deref().map(execution::parse_policy) {
+                faults.push((key("policy"), message));
+            }
+            if let Some(Err(message)) = operator.deadline.as_ref().map(Deadline::deadline) {
+                faults.push((key("deadline"), message));
+            }
+            if let Err(message) = execution::span_ms(operator.delay_ms) {
+                faults.push((key("delay_ms"), message));
+            }
+            if let Some(resource) = operator.uses.as_ref().filter(|r| !self.resource.contains_key(*r)) {
+                let names: Vec<&str> = self.resource.keys().map(String::as_str).collect();
+                let message =
+                    format!("unknown resource `{resource}`, expected one of [{}]", names.join(", "));
+                faults.push((key("uses"), message));
+            }
+        }
+        for (name, _) in self.resource.iter().filter(|(_, r)| r.slots == 0) {
+            faults.push((format!("resource.{name}.slots"), "expected at least 1".into()));
+        }
+        for (planner, by_fineness) in &self.planning.cost {
+            for (fineness, cost) in by_fineness {
+                if let Err(message) = cost.model() {
+                    let key = format!("planning.cost.{}.{}", planner.as_str(), fineness.as_str());
+                    faults.push((key, message));
+                }
+            }
+        }
+    }
+}

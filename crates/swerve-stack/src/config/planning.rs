@@ -1,0 +1,160 @@
+//! The motion planner: which one, how finely it searches, and what it costs.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use serde::{Deserialize, Serialize};
+use swerve_planning::{CollisionMode, Planner};
+use swerve_pylot::Preset;
+
+use super::execution::Runtime;
+use super::planner;
+
+/// Motion planners by name.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlannerName {
+    /// Frenet optimal trajectories.
+    Fot,
+    /// RRT*.
+    RrtStar,
+    /// Hybrid A*.
+    HybridAstar,
+    /// Route following that slows and stops for what is ahead.
+    Waypoint,
+    /// Route following with emergency braking.
+    Aeb,
+}
+
+impl PlannerName {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Fot, Self::RrtStar, Self::HybridAstar, Self::Waypoint, Self::Aeb];
+
+    /// The name in files and tables.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Fot => "fot",
+            Self::RrtStar => "rrt_star",
+            Self::HybridAstar => "hybrid_astar",
+            Self::Waypoint => "waypoint",
+            Self::Aeb => "aeb",
+        }
+    }
+}
+
+/// A planner's discretisation.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fineness {
+    /// Coarse.
+    Fast,
+    /// Fine.
+    Slow,
+}
+
+impl Fineness {
+    /// The name in files and tables.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Slow => "slow",
+        }
+    }
+}
+
+/// Where a plan starts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartState {
+    /// The pose measured at the stamp.
+    Measured,
+    /// Moved on by the expected run time.
+    Predicted,
+}
+
+/// Run time by planner and discretisation.
+pub(crate) type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
+
+/// Read once: every default configuration has it.
+static BUILT_IN_COST: LazyLock<Cost> =
+    LazyLock::new(|| toml::from_str(include_str!("cost.toml")).expect("a test reads the built-in costs"));
+
+/// The motion planner.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlanningConfig {
+    /// Which one.
+    pub planner: PlannerName,
+    /// Its discretisation.
+    pub config: Fineness,
+    /// The paper's behaviour, or ours; sets the defaults of the keys below.
+    pub preset: Preset,
+    /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way), or
+    /// the original's `swept_static`.
+    pub collision: CollisionMode,
+    /// Where a plan starts; the preset's when absent.
+    pub start: Option<StartState>,
+    /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
+    pub expected_ms: Option<f64>,
+    /// Parameters of the chosen planner that differ from its preset's and discretisation's.
+    pub params: toml::Table,
+    /// A ladder of discretisations (`fot@d3`): the planner takes the finest that fits the time left until its deadline,
+    /// and as long as that takes.
+    pub ladder: Option<String>,
+    /// The ladder's highest rung that is taken, by its run time, ms; the finest of all when absent.
+    pub rung_ms: Option<f64>,
+    /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it. A file that names one
+    /// entry replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
+    pub cost: Cost,
+    /// Latency added to every plan, ms.
+    pub added_latency_ms: f64,
+}
+
+impl Default for PlanningConfig {
+    fn default() -> Self {
+        Self {
+            planner: PlannerName::Fot,
+            config: Fineness::Fast,
+            preset: Preset::Best,
+            collision: CollisionMode::TimeIndexed,
+            start: None,
+            expected_ms: None,
+            params: toml::Table::new(),
+            ladder: None,
+            rung_ms: None,
+            cost: BUILT_IN_COST.clone(),
+            added_latency_ms: 0.0,
+        }
+    }
+}
+
+impl PlanningConfig {
+    /// The planner that this names, with its parameters; what is wrong with them, if they make none.
+    pub fn planner(&self) -> Result<Box<dyn Planner>, String> {
+        self.planner_with(&self.params)
+    }
+
+    /// The same with other parameters.
+    pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+        planner::planner(self, params)
+    }
+
+    /// Run time of the chosen planner and discretisation.
+    pub fn cost_of_chosen(&self) -> Option<&Runtime> {
+        self.cost.get(&self.planner)?.get(&self.config)
+    }
+
+    /// Where a plan starts.
+    pub fn start_state(&self) -> StartState {
+        self.start.unwrap_or(match self.preset {
+            Preset::Paper => StartState::Measured,
+            Preset::Best => StartState::Predicted,
+        })
+    }
+
+    /// Expected time from a sensor frame to its plan's first effect, ms.
+    pub fn expected_ms(&self) -> f64 {
+        self.expected_ms
+            .unwrap_or_else(|| self.cost_of_chosen().map_or(0.0, Runtime::typical_ms) + self.added_latency_ms)
+    }
+}

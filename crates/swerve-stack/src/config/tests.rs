@@ -1,0 +1,56 @@
+use super::execution::Runtime;
+use super::*;
+use swerve_text::Document;
+
+fn problems(text: &str, sets: &[&str]) -> Vec<String> {
+    let sets: Vec<_> = sets.iter().map(|s| swerve_text::parse_assignment(s).unwrap()).collect();
+    let document = Document::parse("c.toml", text).unwrap();
+    let problems = Config::from_document(&document, &sets).expect_err("wrong on purpose");
+    problems.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn every_fault_is_told_with_file_line_and_key() {
+    let text = "[sim]\ndt_ms = nan\n[sensing]\nrange_m = -1\n[operator.planer]\npolicy = \"queue(0)\"\n[operator.planner]\nuses = \"gpu0\"\n";
+    let found = problems(text, &[]);
+    assert_eq!(found[0], "c.toml:2: sim.dt_ms: expected 1 to 20, found NaN");
+    assert_eq!(found[1], "c.toml:4: sensing.range_m: expected 0.1 to 10000, found -1");
+    assert!(found[2].starts_with("c.toml:5: operator.planer: unknown operator"), "{}", found[2]);
+    assert!(found[2].ends_with("(did you mean `planner`?)"), "{}", found[2]);
+    assert!(found[3].starts_with("c.toml:6: operator.planer.policy: unknown policy `queue(0)`"));
+    assert!(found[4].starts_with("c.toml:8: operator.planner.uses: unknown resource `gpu0`"));
+}
+
+#[test]
+fn unknown_names_offer_the_nearest() {
+    let unknown = &problems("[planning]\nplanner = \"rrtstar\"\n", &[])[0];
+    assert!(unknown.starts_with("c.toml:2: planning.planner: expected one of \"fot\", "), "{unknown}");
+    assert!(unknown.ends_with("found \"rrtstar\"; did you mean \"rrt_star\"?"), "{unknown}");
+    assert_eq!(
+        problems("", &["planning.planer=fot"]),
+        ["--set: planning.planer: unknown key; did you mean \"planner\"?"]
+    );
+    assert_eq!(problems("", &["sim.dt_ms=100"]), ["--set: sim.dt_ms: expected 1 to 20, found 100"]);
+}
+
+#[test]
+fn every_planner_has_a_built_in_cost() {
+    let cost = PlanningConfig::default().cost;
+    for planner in PlannerName::ALL {
+        for fineness in [Fineness::Fast, Fineness::Slow] {
+            assert!(cost[&planner][&fineness].model().is_ok(), "{} {}", planner.as_str(), fineness.as_str());
+        }
+    }
+}
+
+#[test]
+fn the_resolved_text_reads_back_as_itself() {
+    let mut config = Config::default();
+    config.operator.insert(
+        "planner".into(),
+        OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() },
+    );
+    config.planning.cost.insert(PlannerName::Fot, [(Fineness::Fast, Runtime::fixed(2.0))].into());
+    let document = Document::parse("resolved", config.to_text()).unwrap();
+    assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
+}
