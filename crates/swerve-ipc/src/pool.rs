@@ -159,7 +159,10 @@ impl WorkerPool {
         let (tell_end, ended) = sync_channel(1);
         let address = self.folder.address.clone();
         let mut watch = Watch { spec, memories, address, shared, on_event };
-        let life = watch.start().map_err(IpcError::of(format!("starting process `{process}`")))?;
+        let life = watch.start().map_err(|error| IpcError::Worker {
+            process: process.clone(),
+            why: format!("could not be started: {error}"),
+        })?;
         let shared = watch.shared.clone();
         let thread = Builder::new().name(format!("swerve-watch-{process}")).spawn(move || {
             watch.watch(life);
@@ -254,7 +257,10 @@ impl Watch {
         let (waker, there) = Waker::pair(LOOK_AROUND)?;
         // Standard output is the same: a program that hands both on, such as one that reaches another host, passes
         // through what the worker answers.
-        let child = command.stdin(OwnedFd::from(there.try_clone()?)).stdout(OwnedFd::from(there)).spawn()?;
+        let child = command.stdin(OwnedFd::from(there.try_clone()?)).stdout(OwnedFd::from(there)).spawn();
+        let program = command.get_program().to_string_lossy();
+        let child =
+            child.map_err(|error| std::io::Error::new(error.kind(), format!("`{program}`: {error}")))?;
         // The command keeps the other end for another child.
         drop(command);
         let end = pidfd_open(Pid::from_child(&child), PidfdFlags::empty())?;

@@ -199,9 +199,6 @@ fn place(
     operators: &mut Vec<Placed>,
     problems: &mut KeyProblems,
 ) {
-    if own.enabled == Some(false) {
-        return;
-    }
     let Some(kind) = &own.kind else {
         return problems.push((format!("operator.{name}"), unknown_operator(config, &name)));
     };
@@ -210,6 +207,9 @@ fn place(
         let message = format!("unknown kind `{kind}`{}", one_of(kind, &names));
         return problems.push((format!("operator.{name}.kind"), message));
     };
+    if own.enabled == Some(false) {
+        return;
+    }
     let view = settings::view(config, &name, &*kind, &own.keys);
     let view = view.unwrap_or_else(|wrong| {
         problems.extend(wrong);
@@ -226,6 +226,9 @@ fn place(
     };
     let settings = settings_of(&placed, config);
     if !placed.kind.is_there(&settings) {
+        if config.operator.get(&placed.name).is_some_and(|asked| asked.kind.is_some()) {
+            problems.push((format!("operator.{}.kind", placed.name), takes_no_part(&placed.kind.node())));
+        }
         return;
     }
     let ports = placed.kind.outputs(&settings);
@@ -254,6 +257,13 @@ fn offered(operators: &[Placed], _config: &Config) -> Arc<[PayloadType]> {
     outputs.filter(|output| !output.silent).map(|output| output.port.payload).collect()
 }
 
+/// Told where somebody asked for an operator that the other settings leave out.
+fn takes_no_part(node: &Node) -> String {
+    let sections: Vec<String> = node.sections.iter().map(|section| format!("[{section}]")).collect();
+    let by = if sections.is_empty() { "other keys".to_owned() } else { sections.join(", ") };
+    format!("`{}` takes no part in this pipeline, which is set by {by}", node.kind)
+}
+
 fn unknown_operator(config: &Config, name: &str) -> String {
     let names: Vec<String> = base::entries(config)
         .into_iter()
@@ -272,7 +282,11 @@ fn unknown_operator(config: &Config, name: &str) -> String {
 pub(crate) fn one_of(name: &str, names: &[&str]) -> String {
     let near = nearest(name, names.iter().copied());
     let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
-    format!(", expected one of {}{near}", names.join(", "))
+    if names.is_empty() {
+        ", and there is none".to_owned()
+    } else {
+        format!(", expected one of {}{near}", names.join(", "))
+    }
 }
 
 #[cfg(test)]

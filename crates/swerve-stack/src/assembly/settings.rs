@@ -1,5 +1,6 @@
 //! The configuration as it stands for one operator: what `[operator.NAME]` sets in the tables of its kind.
 
+use swerve_text::nearest;
 use toml::{Table, Value};
 
 use crate::config::Config;
@@ -36,7 +37,7 @@ pub(super) fn view(
     for (key, value) in keys {
         match with_key(&table, node.sections, key, value) {
             Ok(changed) => table = changed,
-            Err(message) => wrong.push(own((key.clone(), message))),
+            Err(message) => wrong.push(own((key.clone(), with_common_key(key, message)))),
         }
     }
     if !wrong.is_empty() {
@@ -54,6 +55,14 @@ pub(super) fn view(
     let wrong: KeyProblems =
         changed.problems_of_values().into_iter().filter(is_new).filter_map(in_section).collect();
     if wrong.is_empty() { Ok(Some(changed)) } else { Err(wrong) }
+}
+
+/// A message, which knows of a kind's own keys alone, with the key of every operator that may have been meant.
+fn with_common_key(key: &str, message: String) -> String {
+    match nearest(key, COMMON_KEYS) {
+        Some(near) if message.starts_with("unknown key") => format!("unknown key (did you mean `{near}`?)"),
+        _ => message,
+    }
 }
 
 /// A configuration's table with a key set in the first of `sections` that knows it.

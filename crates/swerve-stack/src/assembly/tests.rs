@@ -180,6 +180,18 @@ fn what_does_not_fit_is_refused_with_line_key_and_nearest_name() {
             "c.toml:2: operator.x.kind: unknown kind `linear_predicter`",
         ),
         (
+            "[operator.planer]\nenabled = false\n",
+            "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world",
+        ),
+        (
+            "[operator.d]\nkind = \"emulated_detector\"\n",
+            "c.toml:2: operator.d.kind: `emulated_detector` takes no part in this pipeline, which is set by [perception]",
+        ),
+        (
+            "[operator.tracker]\nruntme = { fixed_ms = 3 }\n",
+            "c.toml:2: operator.tracker.runtme: unknown key (did you mean `runtime`?)",
+        ),
+        (
             "[operator.predictor]\nreads = { track = \"tracker\" }\n",
             "c.toml:2: operator.predictor.reads.track: `linear_predictor` has no port of this name, expected one of tracks (did you mean `tracks`?)",
         ),
