@@ -173,6 +173,22 @@ impl PathSearch for TreeSearch {
     }
 }
 
+/// A point drawn evenly from x_min, y_min, x_max, y_max, metres.
+pub(crate) fn draw_within(bounds: &[f64; 4], rng: &mut Rng) -> Pose2 {
+    Pose2::new(rng.uniform(bounds[0], bounds[2]), rng.uniform(bounds[1], bounds[3]), 0.0)
+}
+
+/// `to`, or the point `step_m` towards it where it is farther off.
+pub(crate) fn step_toward(from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
+    let way = to.point() - from.point();
+    let length_m = way.norm();
+    if length_m <= step_m {
+        return to;
+    }
+    let point = from.point() + way * (step_m / length_m);
+    Pose2::new(point.x_m, point.y_m, 0.0)
+}
+
 /// A point that turns on the spot: the original's idea of a car.
 struct PointSpace<'a> {
     ground: &'a Ground<'a>,
@@ -181,8 +197,7 @@ struct PointSpace<'a> {
 
 impl Space for PointSpace<'_> {
     fn draw(&self, rng: &mut Rng) -> Pose2 {
-        let b = &self.bounds;
-        Pose2::new(rng.uniform(b[0], b[2]), rng.uniform(b[1], b[3]), 0.0)
+        draw_within(&self.bounds, rng)
     }
 
     fn length_m(&self, from: Pose2, to: Pose2) -> f64 {
@@ -190,13 +205,7 @@ impl Space for PointSpace<'_> {
     }
 
     fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
-        let way = to.point() - from.point();
-        let length_m = way.norm();
-        if length_m <= step_m {
-            return to;
-        }
-        let point = from.point() + way * (step_m / length_m);
-        Pose2::new(point.x_m, point.y_m, 0.0)
+        step_toward(from, to, step_m)
     }
 
     fn free(&self, from: Pose2, to: Pose2, travelled_m: f64) -> bool {

@@ -104,10 +104,10 @@ impl Assembly {
         for (name, own) in entries {
             place(config, (name, own), &mut operators, &mut problems);
         }
-        let offered: Arc<[PayloadType]> = offered(&operators, config);
+        let offered: Arc<[PayloadType]> = offered(&operators);
         for placed in &mut operators {
             placed.offered = offered.clone();
-            let settings = settings_of(placed, config);
+            let settings = placed.settings(config);
             placed.inputs = ports(&settings, &placed.kind);
         }
         links::link(&mut operators, config, &mut problems);
@@ -224,7 +224,7 @@ fn place(
         config: view.map(Arc::new),
         offered: Arc::new([]),
     };
-    let settings = settings_of(&placed, config);
+    let settings = placed.settings(config);
     if !placed.kind.is_there(&settings) {
         if config.operator.get(&placed.name).is_some_and(|asked| asked.kind.is_some()) {
             problems.push((format!("operator.{}.kind", placed.name), takes_no_part(&placed.kind.node())));
@@ -242,17 +242,12 @@ fn place(
     operators.push(placed);
 }
 
-/// As [`Placed::settings`], of one that is still being put together.
-fn settings_of<'a>(placed: &'a Placed, config: &'a Config) -> Settings<'a> {
-    placed.settings(config)
-}
-
 fn ports(settings: &Settings<'_>, kind: &Arc<dyn OperatorKind>) -> Vec<Input> {
     let port = |port| Input { port, from: Vec::new() };
     kind.inputs(settings).into_iter().map(port).collect()
 }
 
-fn offered(operators: &[Placed], _config: &Config) -> Arc<[PayloadType]> {
+fn offered(operators: &[Placed]) -> Arc<[PayloadType]> {
     let outputs = operators.iter().flat_map(|placed| &placed.outputs);
     outputs.filter(|output| !output.silent).map(|output| output.port.payload).collect()
 }

@@ -2,9 +2,10 @@
 
 use swerve_core::Rng;
 use swerve_geom::{Point2, Pose2};
+use swerve_planning::rrt_star::tree::Space;
 
 use crate::posed::AxisBox;
-use swerve_planning::rrt_star::tree::Space;
+use crate::rrt_star::{draw_within, step_toward};
 
 /// Axis-aligned boxes, grown, within bounds. Their borders may be touched.
 #[derive(Clone, Debug, Default)]
@@ -71,8 +72,7 @@ fn between(from: f64, by: f64, low: f64, high: f64) -> (f64, f64) {
 
 impl Space for Boxes {
     fn draw(&self, rng: &mut Rng) -> Pose2 {
-        let b = &self.bounds;
-        Pose2::new(rng.uniform(b[0], b[2]), rng.uniform(b[1], b[3]), 0.0)
+        draw_within(&self.bounds, rng)
     }
 
     fn length_m(&self, from: Pose2, to: Pose2) -> f64 {
@@ -80,13 +80,7 @@ impl Space for Boxes {
     }
 
     fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
-        let way = to.point() - from.point();
-        let length_m = way.norm();
-        if length_m <= step_m {
-            return to;
-        }
-        let point = from.point() + way * (step_m / length_m);
-        Pose2::new(point.x_m, point.y_m, 0.0)
+        step_toward(from, to, step_m)
     }
 
     fn free(&self, from: Pose2, to: Pose2, _: f64) -> bool {
