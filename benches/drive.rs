@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use swerve::config::Config;
-use swerve::pipeline::Pipeline;
-use swerve::run::{drive_observed, drive_pipeline, read_scenario, set_up};
-use swerve::study::Bench;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_drive::{drive_observed, drive_pipeline, read_scenario, set_up};
 use swerve_flow::Observer;
 use swerve_log::{Recorder, RunStart};
 use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+use swerve_study::Bench;
 use swerve_text::Document;
 
 const ROUNDS: usize = 5;
@@ -70,7 +70,7 @@ fn loops(rows: &mut Rows) -> anyhow::Result<()> {
                 ("log.foxglove".to_owned(), toml::Value::Boolean(foxglove)),
             ];
             let config = Config::load(Some(&root().join("configs/best.toml")), &set)
-                .map_err(|problems| swerve::run::problems_error(&problems))?;
+                .map_err(|problems| swerve_drive::problems_error(&problems))?;
             let (mut core, mut wall) = (vec![], vec![]);
             for _ in 0..ROUNDS {
                 let (per_core, per_wall) = rates(&config, &scenario, log)?;
@@ -112,7 +112,7 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
         let document = Document::parse("sensors", text)?;
         let set = vec![("log.images".to_owned(), toml::Value::String(images.into()))];
         let config = Config::from_document(&document, &set)
-            .map_err(|problems| swerve::run::problems_error(&problems))?;
+            .map_err(|problems| swerve_drive::problems_error(&problems))?;
         let (mut core, mut wall) = (vec![], vec![]);
         for _ in 0..ROUNDS {
             let (per_core, per_wall) = rates(&config, &scenario, Some(&file))?;

@@ -9,13 +9,13 @@ use std::hint::black_box;
 use std::path::Path;
 use std::sync::Arc;
 
-use swerve::output::align;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_core::{Rng, Span, Time};
 use swerve_flow::{
     At, Context, Event, Every, Graph, Latest, Observer, Operator, Policy, Port, RecordedTimes, RunOptions,
     RuntimeModel, every, run_virtual,
 };
+use swerve_report::output::align;
 
 /// Twenty minutes: 24,000 frames, so that p99.9 rests on some two dozen.
 const UNTIL_MS: i64 = 1_200_000;

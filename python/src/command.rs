@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use swerve::program::Program;
+use swerve_drive::program::Program;
 
 /// Says which program this module is a part of, and in which file it is.
 #[pyfunction]
@@ -26,7 +26,7 @@ pub(crate) fn main(py: Python<'_>, words: Vec<String>) -> i32 {
         match swerve::cli::main(&cli, &swerve::Registry::standard()) {
             Ok(()) => 0,
             Err(error) => {
-                eprintln!("error: {}", swerve::cli::message(&error));
+                eprintln!("error: {}", swerve_report::output::message(&error));
                 1
             }
         }

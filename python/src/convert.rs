@@ -7,7 +7,7 @@ use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyInt, PyList, PyString, PyT
 
 /// An error of ours as Python's, told as the terminal would.
 pub(crate) fn error(error: anyhow::Error) -> PyErr {
-    PyValueError::new_err(swerve::cli::message(&error))
+    PyValueError::new_err(swerve_report::output::message(&error))
 }
 
 /// A CBOR value as plain Python: dictionaries, lists, numbers, texts, bytes.

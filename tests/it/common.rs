@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use swerve::config::Config;
-use swerve::pipeline::Pipeline;
-use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
+use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_log::Recorder;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 use swerve_text::parse_assignment;
 
 /// The repository.

@@ -1,10 +1,10 @@
 //! One number that equal runs share, whatever the machine does meanwhile.
 
-use swerve::config::Config;
-use swerve::pipeline::Pipeline;
-use swerve::run::{drive_observed, drive_pipeline, read_scenario, record_run_times};
 use swerve_core::Digest;
+use swerve_drive::{drive_observed, drive_pipeline, read_scenario, record_run_times};
 use swerve_log::Log;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 
 use crate::common::{config, record, scenario_file};
 

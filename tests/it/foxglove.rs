@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::{Value, json};
-use swerve::config::{Config, Images};
 use swerve::replay::replay;
-use swerve::run::{drive, read_scenario};
+use swerve_drive::{drive, read_scenario};
 use swerve_foxglove::Figures;
 use swerve_log::Log;
+use swerve_stack::config::{Config, Images};
 use tempfile::TempDir;
 
 use crate::common::{config, record, root, scenario_file, sets};

@@ -4,6 +4,7 @@
 mod common; // scenarios, configurations and recorded runs for the others
 mod determinism; // the digest: threads, seeds, repeats, recorded run times
 mod docs; // pages: commands, files, code and settings that they show
+mod drives; // drives whose operators are looked at from outside
 mod foxglove; // logs opened elsewhere: layouts, readers in Python and JavaScript
 mod own_stack; // operators of a package of its own
 mod replay; // logs computed again: verified, altered, damaged

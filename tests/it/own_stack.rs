@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use swerve::Registry;
-use swerve::config::Config;
-use swerve::pipeline::Pipeline;
 use swerve::replay::replay_with;
-use swerve::run::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_core::Time;
+use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 
 use crate::common::{root, scenario_file, sets};
 

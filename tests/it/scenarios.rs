@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use swerve::config::Config;
-use swerve::run::{drive, read_scenario};
+use swerve_drive::{drive, read_scenario};
+use swerve_stack::config::Config;
 
 use crate::common::{config, root};
 
 fn files() -> Vec<PathBuf> {
-    let files = swerve::files::toml_files(&root().join("scenarios")).unwrap();
+    let files = swerve_report::files::toml_files(&root().join("scenarios")).unwrap();
     assert!(files.len() >= 7, "only {} scenarios found", files.len());
     files
 }

@@ -8,22 +8,26 @@ use swerve_lidar::LidarEngine;
 use swerve_stack::Registry;
 use swerve_text::{Document, Problems};
 
-use crate::config::Config;
-use crate::study::Bench;
+use swerve_stack::config::Config;
+use swerve_study::Bench;
 
 /// `swerve check`.
 #[derive(clap::Args, Debug)]
-pub struct CheckArgs {
+pub(crate) struct CheckArgs {
     /// Files, or folders of them
     #[arg(default_values = ["scenarios", "configs"])]
     paths: Vec<PathBuf>,
 }
 
 /// Checks files and folders.
-pub fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
+pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut files = Vec::new();
     for path in &args.paths {
-        if path.is_dir() { files.extend(crate::files::toml_files(path)?) } else { files.push(path.clone()) }
+        if path.is_dir() {
+            files.extend(swerve_report::files::toml_files(path)?)
+        } else {
+            files.push(path.clone())
+        }
     }
     anyhow::ensure!(!files.is_empty(), "no .toml file to check");
     let mut faults = Vec::new();
@@ -34,7 +38,7 @@ pub fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let files = counted(files.len(), "file");
     if faults.is_empty() {
-        return crate::output::print(&format!("{files}, no problem\n"));
+        return swerve_report::output::print(&format!("{files}, no problem\n"));
     }
     for fault in &faults {
         eprintln!("{fault}");
@@ -58,13 +62,13 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     let has = |key: &str| document.table.contains_key(key);
     let report = |problems: Problems| problems.iter().map(ToString::to_string).collect();
     if has("road") || has("expect") || has("actor") {
-        let told = crate::run::read_scenario(path).err().map(|error| error.to_string()).unwrap_or_default();
+        let told = swerve_drive::read_scenario(path).err().map(|error| error.to_string()).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
     } else if has("base") || has("axis") {
         let told = Bench::check(registry, path).err().map(|error| format!("{error:#}")).unwrap_or_default();
         told.lines().map(str::to_owned).collect()
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
-        report(crate::timing::read_file(path).err().unwrap_or_default())
+        report(swerve_timing::read_file(path).err().unwrap_or_default())
     } else {
         match Config::from_document_with(registry, &document, &[]) {
             Ok(config) => {
@@ -80,12 +84,12 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
 /// What is wrong with the route that a vehicle is to be driven along.
 fn route_problems(path: &Path, document: &Document, config: &Config) -> Vec<String> {
     let Some(live) = &config.live else { return Vec::new() };
-    let route = crate::live::route_file(path, live);
+    let route = swerve_live::route_file(path, live);
     if !route.is_file() {
         let message = format!("there is no file {}: expected a scenario", route.display());
         return vec![document.problem("live.route", message).to_string()];
     }
-    let told = crate::run::read_scenario(&route).err().map(|error| error.to_string()).unwrap_or_default();
+    let told = swerve_drive::read_scenario(&route).err().map(|error| error.to_string()).unwrap_or_default();
     told.lines().map(str::to_owned).collect()
 }
 

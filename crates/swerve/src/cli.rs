@@ -3,12 +3,11 @@
 use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
+use swerve_drive::process;
 use swerve_stack::Registry;
+use swerve_study::{calibrate, dataset};
 
-use crate::{
-    calibrate, check, dataset, doctor, graph, live, new, operators, plan, process, replay, run, scenarios,
-    study, timing,
-};
+use crate::{check, doctor, graph, new, operators, plan, replay, run, scenarios};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -23,9 +22,9 @@ enum Command {
     /// Drive a scenario: verdict, figures, pictures, log
     Run(run::RunArgs),
     /// Drive a vehicle over ROS 2's topics
-    Live(live::LiveArgs),
+    Live(swerve_live::LiveArgs),
     /// Vary a run along axes over configuration keys and seeds
-    Study(study::StudyArgs),
+    Study(swerve_study::StudyArgs),
     /// Compute a log's streams again and compare, or ask what would have been
     Replay(replay::ReplayArgs),
     /// List the kinds of operators that a configuration can name, or show one of them
@@ -33,7 +32,7 @@ enum Command {
     /// Print the dataflow of a configuration
     Graph(graph::GraphArgs),
     /// Run a pipeline of black boxes: response times, drops, misses, utilisation
-    Timing(timing::TimingArgs),
+    Timing(swerve_timing::TimingArgs),
     /// Pose planning problems of a file to a planner
     Plan(plan::PlanArgs),
     /// Check scenario, configuration, study and timing files without running them
@@ -58,29 +57,16 @@ pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> R
     Cli::try_parse_from(words)
 }
 
-/// An error with its causes, each told once: some errors already name theirs.
-pub fn message(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| {
-        if told.is_empty() {
-            cause
-        } else if told.ends_with(&cause) {
-            told
-        } else {
-            format!("{told}: {cause}")
-        }
-    })
-}
-
 /// Runs the command line.
 pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => run::run(args, registry),
-        Command::Live(args) => live::run(args, registry),
-        Command::Study(args) => study::run(args, registry),
+        Command::Live(args) => swerve_live::run(args, registry),
+        Command::Study(args) => swerve_study::run(args, registry),
         Command::Replay(args) => replay::run(args, registry),
         Command::Operators(args) => operators::run(args, registry),
         Command::Graph(args) => graph::run(args, registry),
-        Command::Timing(args) => timing::run(args),
+        Command::Timing(args) => swerve_timing::run(args),
         Command::Plan(args) => plan::run(args),
         Command::Check(args) => check::run(args, registry),
         Command::Calibrate(args) => calibrate::run(args, registry),

@@ -4,15 +4,15 @@ use std::path::Path;
 
 use swerve_gpu::{self as gpu, AdapterKind, Adapters};
 
-use crate::config::camera::RenderBackend;
-use crate::output;
+use swerve_report::output;
+use swerve_stack::config::camera::RenderBackend;
 
 /// `swerve doctor`.
 #[derive(clap::Args, Debug)]
-pub struct DoctorArgs {}
+pub(crate) struct DoctorArgs {}
 
 /// Runs `swerve doctor`.
-pub fn run(_: &DoctorArgs) -> anyhow::Result<()> {
+pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let mut lines = vec![
         line("swerve", env!("CARGO_PKG_VERSION")),

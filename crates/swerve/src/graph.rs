@@ -1,17 +1,15 @@
 //! `swerve graph`: the dataflow that a configuration makes.
 
-mod render;
-
 use std::path::PathBuf;
 
 use swerve_stack::Registry;
 
-use crate::pipeline::Pipeline;
-use crate::run::{RunInput, load};
+use swerve_drive::{RunInput, load};
+use swerve_stack::pipeline::Pipeline;
 
 /// `swerve graph`.
 #[derive(clap::Args, Debug)]
-pub struct GraphArgs {
+pub(crate) struct GraphArgs {
     #[command(flatten)]
     input: RunInput,
     /// Graphviz instead of text
@@ -26,18 +24,22 @@ pub struct GraphArgs {
 }
 
 /// Prints the graph.
-pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
+pub(crate) fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(file) = &args.svg {
-        crate::files::refuse_toml(file)?;
+        swerve_report::files::refuse_toml(file)?;
     }
     let (config, scenario) = load(registry, &args.input)?;
     let pipeline = Pipeline::build(&config, &scenario)?;
     if args.toml {
-        return crate::output::print(&pipeline.assembly.to_toml());
+        return swerve_report::output::print(&pipeline.assembly.to_toml());
     }
     let info = pipeline.graph.describe()?;
     if let Some(file) = &args.svg {
-        crate::files::write_whole(file, render::svg(&info).as_bytes())?;
+        swerve_report::files::write_whole(file, swerve_report::graph::svg(&info).as_bytes())?;
     }
-    crate::output::print(&if args.dot { render::dot(&info) } else { render::text(&info) })
+    swerve_report::output::print(&if args.dot {
+        swerve_report::graph::dot(&info)
+    } else {
+        swerve_report::graph::text(&info)
+    })
 }

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 
-use crate::shipped::{Shipped, shipped};
+use swerve_drive::shipped::{Shipped, shipped};
 
 /// `swerve new`.
 #[derive(clap::Args, Debug)]
-pub struct NewArgs {
+pub(crate) struct NewArgs {
     /// The folder: one that is not there yet, or is empty
     folder: PathBuf,
 }
@@ -24,7 +24,7 @@ static TEMPLATE: &[Shipped] = shipped! { "../template":
 ///
 /// # Errors
 /// There is something in it already, or it cannot be written.
-pub fn run(args: &NewArgs) -> anyhow::Result<()> {
+pub(crate) fn run(args: &NewArgs) -> anyhow::Result<()> {
     let folder = &args.folder;
     let making = || format!("making {}", folder.display());
     std::fs::create_dir_all(folder).with_context(making)?;
@@ -38,11 +38,11 @@ pub fn run(args: &NewArgs) -> anyhow::Result<()> {
         let path = folder.join(file.path);
         let inside = path.parent().unwrap_or(folder);
         std::fs::create_dir_all(inside).with_context(making)?;
-        crate::files::write_whole(&path, file.text.as_bytes())?;
+        swerve_report::files::write_whole(&path, file.text.as_bytes())?;
     }
     let names: Vec<&str> = TEMPLATE.iter().map(|file| file.path).collect();
     let shown = folder.display();
-    crate::output::print(&format!(
+    swerve_report::output::print(&format!(
         "{shown}: {}\n\n  cd {shown}\n  swerve run scenario.toml -c config.toml\n",
         names.join(", ")
     ))

@@ -4,13 +4,13 @@ use anyhow::bail;
 use swerve_flow::{OutputInfo, PortInfo, PortMode};
 use swerve_stack::{OperatorKind, Registry, Settings};
 
-use crate::config::Config;
-use crate::output::print;
+use swerve_report::output::print;
+use swerve_stack::config::Config;
 use swerve_text::nearest;
 
 /// `swerve operators`.
 #[derive(clap::Args, Debug)]
-pub struct OperatorsArgs {
+pub(crate) struct OperatorsArgs {
     /// Show this one: ports, messages, keys with their defaults
     kind: Option<String>,
 }
@@ -19,7 +19,7 @@ pub struct OperatorsArgs {
 ///
 /// # Errors
 /// A kind that is not there.
-pub fn run(args: &OperatorsArgs, registry: &Registry) -> anyhow::Result<()> {
+pub(crate) fn run(args: &OperatorsArgs, registry: &Registry) -> anyhow::Result<()> {
     let Some(name) = &args.kind else { return print(&list(registry)) };
     let Some(kind) = registry.kind(name) else {
         let names: Vec<&str> = registry.kinds().map(|kind| kind.node().kind).collect();

@@ -16,10 +16,10 @@ use swerve_scenario::Scenario;
 use swerve_stack::{Registry, Role};
 use swerve_text::{Document, Problem, nearest, parse_assignment};
 
-use crate::config::{Config, Images};
-use crate::live::graph::LiveGraph;
-use crate::pipeline::Pipeline;
-use crate::run::{left_out_of_logs, problems_error};
+use swerve_drive::{left_out_of_logs, problems_error};
+use swerve_live::graph::LiveGraph;
+use swerve_stack::config::{Config, Images};
+use swerve_stack::pipeline::Pipeline;
 
 /// `swerve replay`.
 #[derive(clap::Args, Debug)]
@@ -36,7 +36,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "KEY=VALUE", conflicts_with = "verify")]
     set: Vec<String>,
     /// Worker threads for heavy steps; the result does not depend on them
-    #[arg(long, default_value_t = 1, value_parser = crate::threads::parser())]
+    #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
     threads: usize,
 }
 
@@ -45,7 +45,7 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let log = Log::read(&args.log)?;
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
     let comparison = replay_from(registry, &log, args.from.as_deref(), &sets?, args.threads)?;
-    crate::output::print(&comparison.text(args.set.is_empty()))?;
+    swerve_report::output::print(&comparison.text(args.set.is_empty()))?;
     if args.verify && !comparison.is_same() {
         bail!("{}: the replay differs from the log", args.log.display());
     }
@@ -262,7 +262,7 @@ impl Comparison {
             let numbers = [c.same, c.different, c.missing, c.more].map(|n| n.to_string());
             std::iter::once(name.clone()).chain(numbers).collect()
         });
-        let mut text = crate::output::align(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
+        let mut text = swerve_report::output::align(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
         for (name, counts) in &self.streams {
             if let Some(first) = &counts.first {
                 text += &format!("{name}: first difference {first}\n");

@@ -1,59 +1,34 @@
 //! `swerve run`: a scenario driven by a pipeline, measured, recorded, drawn.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use anyhow::{Context as _, anyhow};
-use swerve_core::Digest;
-use swerve_eval::{Metrics, Verdict};
-use swerve_flow::{
-    EndReason, Event, Observer, RunOptions, RunReport, RuntimeModel, StopHandle, run_virtual, run_wall,
+use anyhow::Context as _;
+use swerve_drive::frames::Frames;
+use swerve_drive::process::Processes;
+use swerve_drive::program::Program;
+use swerve_drive::realtime::Realtime;
+use swerve_drive::shipped::Kind;
+use swerve_drive::{
+    Outcome, Recording, RunInput, drive_pipeline, load, record_run_times, run_start, set_up, story, title,
 };
-use swerve_foxglove::Foxglove;
-use swerve_log::{LeavesOut, Log, Recorder, RunStart, TraceWriter};
-use swerve_msg::truth::PointInstances;
-use swerve_msg::{EgoState, Image, PointCloud};
-use swerve_scenario::{Expectation, Metric, Scenario};
-use swerve_stack::{Registry, Rendered};
-use swerve_text::{Document, Problem, nearest, parse_assignment};
+use swerve_flow::{EndReason, Event, Observer, StopHandle};
+use swerve_live::ros2::Ros2Car;
+use swerve_log::{Log, Recorder, TraceWriter};
+use swerve_msg::EgoState;
+use swerve_report::files::write_whole;
+use swerve_report::output::print;
+use swerve_report::progress::Progress;
+use swerve_report::story::{Story, draw};
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
+use swerve_stack::config::clock::Clock;
+use swerve_stack::pipeline::Pipeline;
 
-use crate::config::clock::Clock;
-use crate::config::{Config, Images};
-use crate::files::write_whole;
-use crate::frames::Frames;
-use crate::measured::{Measured, outline};
-use crate::pipeline::Pipeline;
-use crate::process::Processes;
-use crate::program::Program;
-use crate::progress::Progress;
-use crate::realtime::Realtime;
-use crate::recording::Recording;
-use crate::ros2::Ros2Car;
-use crate::rungs::Rungs;
-use crate::shipped::Kind;
-use crate::story::{Story, draw};
-pub use crate::summary::Summary;
-use crate::views::views_of;
-
-/// What is driven, by what.
-#[derive(clap::Args, Clone, Debug)]
-pub struct RunInput {
-    /// Scenario file (TOML), or the name of one that is in the program: `swerve scenarios`
-    pub scenario: PathBuf,
-    /// Configuration file (TOML), or a name such as best; every key that it leaves out has a default
-    #[arg(short, long)]
-    pub config: Option<PathBuf>,
-    /// Set a configuration key, such as planning.planner=rrt_star
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-    /// Seed of everything random
-    #[arg(long, value_parser = clap::value_parser!(i64).range(0..))]
-    pub seed: Option<i64>,
-}
+use crate::summary::Summary;
 
 /// `swerve run`.
 #[derive(clap::Args, Debug)]
-pub struct RunArgs {
+pub(crate) struct RunArgs {
     #[command(flatten)]
     input: RunInput,
     /// Output folder [default: out/ and the scenario's name]
@@ -63,7 +38,7 @@ pub struct RunArgs {
     #[arg(long)]
     json: bool,
     /// Worker threads for heavy steps; the result does not depend on them
-    #[arg(long, default_value_t = 1, value_parser = crate::threads::parser())]
+    #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
     threads: usize,
     /// Write a picture of the drive every 50 ms into this folder
     #[arg(long, value_name = "DIR")]
@@ -88,107 +63,6 @@ enum Ros2Role {
     Drive,
 }
 
-/// What a run came to.
-#[derive(Clone, Debug)]
-pub struct Outcome {
-    /// Its measures.
-    pub metrics: Metrics,
-    /// One number that two equal runs share.
-    pub digest: Digest,
-    /// Smallest distance of the ego's outline to the edge of the drivable ground, m; negative outside.
-    pub road_margin_m: f64,
-    /// What the engine counted.
-    pub report: RunReport,
-    /// What computed the images, if there were any.
-    pub rendered: Option<Rendered>,
-    /// What deadlines made of it.
-    pub rungs: Rungs,
-}
-
-/// Several problems as one error.
-pub fn problems_error<P: ToString>(problems: &[P]) -> anyhow::Error {
-    let lines: Vec<String> = problems.iter().map(ToString::to_string).collect();
-    anyhow!(lines.join("\n"))
-}
-
-/// Reads a scenario, from a file or by its name; all its problems in one error.
-pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
-    let (file, text) = (path.display().to_string(), Kind::Scenario.text(path)?);
-    let scenario = Scenario::parse(&file, &text).map_err(|problems| problems_error(&problems))?;
-    let names: Vec<String> = Config::pipeline_names().collect();
-    let known = |name: &&String| names.contains(name);
-    let unknown: Vec<&String> =
-        scenario.expect.iter().filter_map(|e| e.pipeline.as_ref()).filter(|name| !known(name)).collect();
-    if unknown.is_empty() {
-        return Ok(scenario);
-    }
-    let document = Document::parse(&file, &text)?;
-    let problem = |name: &&String| {
-        let near = nearest(name, names.iter().map(String::as_str));
-        let hint = near.map_or_else(|| names.join(", "), |near| format!("did you mean `{near}`?"));
-        document.problem(&format!("expect.pipeline.{name}"), format!("unknown pipeline `{name}` ({hint})"))
-    };
-    Err(problems_error(&unknown.iter().map(problem).collect::<Vec<_>>()))
-}
-
-/// Reads and checks what a command line names.
-pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
-    let sets: Result<Vec<_>, Problem> = input.set.iter().map(|s| parse_assignment(s)).collect();
-    let mut sets = sets?;
-    if let Some(seed) = input.seed {
-        sets.push(("seed".into(), toml::Value::Integer(seed)));
-    }
-    let config = Kind::Config
-        .config(registry, input.config.as_deref(), &sets)
-        .map_err(|problems| problems_error(&problems))?;
-    Ok((config, read_scenario(&input.scenario)?))
-}
-
-/// Drives a scenario without leaving files.
-pub fn drive(config: &Config, scenario: &Scenario) -> anyhow::Result<Outcome> {
-    drive_observed(config, scenario, 1, &mut [])
-}
-
-/// Drives a scenario; `observers` are told everything that happens.
-pub fn drive_observed(
-    config: &Config,
-    scenario: &Scenario,
-    threads: usize,
-    observers: &mut [&mut dyn Observer],
-) -> anyhow::Result<Outcome> {
-    let pipeline = Pipeline::build(config, scenario)?;
-    drive_pipeline(pipeline, config.seed, threads, observers)
-}
-
-/// Runs a pipeline that is already built.
-pub fn drive_pipeline(
-    pipeline: Pipeline,
-    seed: u64,
-    threads: usize,
-    observers: &mut [&mut dyn Observer],
-) -> anyhow::Result<Outcome> {
-    let mut measured = Measured::new(&pipeline)?;
-    let rendered = pipeline.rendered();
-    let run = match pipeline.clock {
-        Clock::Virtual => run_virtual,
-        Clock::Wall => run_wall,
-    };
-    let options = RunOptions::until(pipeline.until).seed(seed).threads(threads);
-    let report = {
-        let mut all: Vec<&mut dyn Observer> = vec![&mut measured];
-        all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
-        run(pipeline.graph, &options, all)?
-    };
-    Ok(Outcome {
-        metrics: measured.evaluation.metrics(),
-        digest: report.digest,
-        road_margin_m: measured.road_margin_m,
-        report,
-        rendered: rendered(),
-        rungs: measured.rungs,
-    })
-}
-
 /// Shows how far simulated time has come.
 struct Shown {
     progress: Progress,
@@ -205,7 +79,7 @@ impl Observer for Shown {
 }
 
 /// Runs `swerve run`.
-pub fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
+pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut input = args.input.clone();
     anyhow::ensure!(
         args.ros2.is_none() || args.clock != Some(Clock::Virtual),
@@ -265,7 +139,7 @@ pub fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
     let left = ends.leave(&summary, &story).and(drawn.map(drop));
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    crate::output::print(&if args.json { json } else { summary.text(&out) })?;
+    print(&if args.json { json } else { summary.text(&out) })?;
     // The drive itself is over and told by now.
     recorded.and(left)
 }
@@ -333,16 +207,6 @@ fn stop_on_interrupt(stop: StopHandle) {
     let _first = ctrlc::set_handler(move || stop.stop());
 }
 
-/// Gives every operator the run times that it had in an earlier run.
-pub fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
-    for (operator, times) in log.run_times() {
-        if let Ok(node) = pipeline.graph.operator(&operator) {
-            let times = Arc::new(times.into_iter().collect());
-            let _configured = node.runtime(RuntimeModel::Recorded(times));
-        }
-    }
-}
-
 /// The pictures of the run, if they are asked for.
 fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Option<Frames>> {
     let Some(folder) = &args.frames else { return Ok(None) };
@@ -350,86 +214,6 @@ fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Resul
     Ok(Some(Frames::create(folder, title, &pipeline.scenario, config)?))
 }
 
-/// What a picture is headed with.
-fn title(config: &Config, scenario: &Scenario) -> String {
-    format!(
-        "{}: {} at {:.0} m/s, seed {}",
-        scenario.name.replace('_', " "),
-        config.pipeline_name(),
-        config.ego.speed_mps.unwrap_or(scenario.ego.target_speed_mps),
-        config.seed
-    )
-}
-
-/// The picture of the run, to be filled in while it drives.
-pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
-    let lane_width_m = Some(scenario.road.lane_width_m);
-    Story::new(
-        title(config, scenario),
-        pipeline.route.clone(),
-        lane_width_m,
-        outline(&pipeline.vehicle.shape),
-    )
-}
-
-/// The payloads of which a log holds the digest alone.
-pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
-    match images {
-        Images::None | Images::Jpeg => Some(|payload| {
-            payload.is::<Image>() || payload.is::<PointCloud>() || payload.is::<PointInstances>()
-        }),
-        Images::Lossless => None,
-    }
-}
-
-/// Has a log hold of a run what its configuration says.
-pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
-    if let Some(images) = left_out_of_logs(config.log.images) {
-        recorder.leave_out(images);
-    }
-    if config.log.foxglove {
-        let own = Foxglove::new(views_of(config, pipeline));
-        recorder.show(Box::new(config.registry.with_views_of(own)));
-    }
-}
-
-/// The head of a log: all that it takes to run again without the files.
-pub fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
-    let text = Kind::Scenario.text(scenario)?.into_owned();
-    Ok(RunStart {
-        version: env!("CARGO_PKG_VERSION").into(),
-        seed: config.seed,
-        config: config.to_text(),
-        extra: [("scenario".to_owned(), text), ("scenario_file".to_owned(), scenario.display().to_string())]
-            .into(),
-    })
-}
-
 fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned())
-}
-
-impl Outcome {
-    /// In what way the run differs from what is expected.
-    pub fn broken(&self, expected: &Expectation) -> Vec<String> {
-        if self.metrics.verdict == Verdict::Unfinished {
-            return vec!["the run was ended before the scenario was".into()];
-        }
-        expected.broken_by(self.metrics.verdict, |metric| self.figure(metric))
-    }
-
-    /// A figure that a scenario can put bounds on.
-    fn figure(&self, metric: Metric) -> Option<f64> {
-        let metrics = &self.metrics;
-        match metric {
-            Metric::MinDistanceM => metrics.min_distance_m,
-            Metric::ImpactSpeedMps => Some(metrics.impact_speed_mps),
-            Metric::ClosingSpeedMps => Some(metrics.impact.map_or(0.0, |i| i.closing_speed_mps)),
-            Metric::EndSpeedMps => Some(metrics.drive.speed_end_mps),
-            Metric::DurationS => Some(metrics.drive.duration_s),
-            Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),
-            Metric::LateralJerkMaxMps3 => metrics.lateral_jerk.raw_max_mps3,
-            Metric::RoadMarginM => Some(self.road_margin_m),
-        }
-    }
 }

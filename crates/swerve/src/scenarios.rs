@@ -4,29 +4,29 @@ use std::path::{Path, PathBuf};
 
 use swerve_scenario::Scenario;
 
-use crate::output::align;
-use crate::run::{problems_error, read_scenario};
-use crate::shipped::Kind;
+use swerve_drive::shipped::Kind;
+use swerve_drive::{problems_error, read_scenario};
+use swerve_report::output::align;
 
 /// Where scenarios are looked for.
 const FOLDER: &str = "scenarios";
 
 /// `swerve scenarios`.
 #[derive(clap::Args, Debug)]
-pub struct ScenariosArgs {
+pub(crate) struct ScenariosArgs {
     /// Folder of scenario files [default: scenarios, if it is there]
     folder: Option<PathBuf>,
 }
 
 /// Lists the scenarios of a folder, then those that are in the program, each with what it is about.
-pub fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
+pub(crate) fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
     let folder = match &args.folder {
         Some(folder) => Some(folder.as_path()),
         None => Some(Path::new(FOLDER)).filter(|folder| folder.is_dir()),
     };
     let mut lines = Vec::new();
     if let Some(folder) = folder {
-        for path in crate::files::toml_files(folder)? {
+        for path in swerve_report::files::toml_files(folder)? {
             lines.push(line(path.display().to_string(), &read_scenario(&path)?));
         }
         anyhow::ensure!(!lines.is_empty(), "{}: no .toml file in this folder", folder.display());
@@ -35,7 +35,7 @@ pub fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
         let scenario = Scenario::parse(file.path, file.text).map_err(|problems| problems_error(&problems))?;
         lines.push(line(name.to_owned(), &scenario));
     }
-    crate::output::print(&left(&lines))
+    swerve_report::output::print(&left(&lines))
 }
 
 /// What is typed to drive a scenario, and what it is about.

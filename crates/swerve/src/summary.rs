@@ -9,12 +9,12 @@ use swerve_ipc::Traffic;
 use swerve_msg::Refusals;
 use swerve_scenario::Scenario;
 
-use crate::config::Config;
-use crate::output::align;
-use crate::realtime::Obtained;
-use crate::ros2::Ros2Report;
-use crate::run::Outcome;
-use crate::rungs::{Budgets, RungCount};
+use swerve_drive::Outcome;
+use swerve_drive::realtime::Obtained;
+use swerve_drive::{Budgets, RungCount};
+use swerve_live::ros2::Ros2Report;
+use swerve_report::output::align;
+use swerve_stack::config::Config;
 
 /// How an operator's timers kept time on the real clock.
 #[derive(Serialize, Clone, Debug)]

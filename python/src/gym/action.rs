@@ -1,7 +1,7 @@
 //! What an agent decides, as numbers.
 
-use swerve::agent::{Agent, Seat, Target};
-use swerve::config::Config;
+use swerve_stack::agent::{Agent, Seat, Target};
+use swerve_stack::config::Config;
 use swerve_core::Span;
 use swerve_geom::{Pose2, Vector2, math};
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus};

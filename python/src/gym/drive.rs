@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, bail, ensure};
-use swerve::config::Config;
-use swerve::pipeline::Pipeline;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 use swerve_core::Time;
 use swerve_flow::{Reached, RunOptions, Session, Watched};
 use swerve_geom::{FrenetPoint, angle_between};

@@ -77,7 +77,7 @@ fn sources() -> Vec<(PathBuf, String)> {
         }
     }
     let mut found = Vec::new();
-    for folder in ["src", "../swerve/src"] {
+    for folder in ["src", "../swerve-live/src"] {
         read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(folder), &mut found);
     }
     found
@@ -110,7 +110,7 @@ fn a_message_is_known_in_two_files_beside_what_is_made_of_it() {
     let sources = sources();
     let is_use = |path: &Path| {
         let path = path.to_string_lossy();
-        ["/src/convert/", "swerve/src/live/", "swerve/src/ros2/"].iter().any(|part| path.contains(part))
+        ["/src/convert/", "swerve-live/src/"].iter().any(|part| path.contains(part))
     };
     let mut by_files: BTreeMap<usize, BTreeSet<Kind>> = BTreeMap::new();
     for &kind in Kind::ALL {

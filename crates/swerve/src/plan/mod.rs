@@ -17,8 +17,8 @@ use clap::ValueEnum;
 use swerve_pylot::Preset;
 use swerve_pylot::posed::Solution;
 
-use crate::files::write_whole;
-use crate::output::align;
+use swerve_report::files::write_whole;
+use swerve_report::output::align;
 
 pub use read::{Posed, read};
 pub use solve::{REPEATS, solve_all};
@@ -98,7 +98,7 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
     }
     let text =
         if args.json { serde_json::to_string_pretty(&solutions)? + "\n" } else { table(args, &solutions) };
-    crate::output::print(&text)
+    swerve_report::output::print(&text)
 }
 
 /// A file name for a problem's picture, whatever characters its name has.

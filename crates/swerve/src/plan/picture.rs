@@ -5,7 +5,7 @@ use swerve_pylot::posed::{AxisBox, ProblemFile, Solution, obb};
 use swerve_vehicle::Shape;
 
 use super::read::Posed;
-use crate::story::canvas::{Canvas, Text, color, multiples, round_step};
+use swerve_report::canvas::{Canvas, Text, color, multiples, round_step};
 
 /// Pictures are this wide, pixels.
 const WIDTH_PX: f64 = 1100.0;
@@ -149,7 +149,7 @@ pub(super) fn draw(file: &ProblemFile, posed: &Posed<'_>, k: usize, solution: &S
     let extent = sketch.extent(&solution.path);
     let scale = (WIDTH_PX / (extent[2] - extent[0])).min(HEIGHT_MAX_PX / (extent[3] - extent[1]));
     let view = View { extent, scale };
-    let mut canvas = Canvas::new();
+    let mut canvas = Canvas::default();
     titles(&mut canvas, solution);
     let size = view.size();
     canvas.begin_clip((0.0, TOP_PX), size);

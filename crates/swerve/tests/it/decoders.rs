@@ -11,12 +11,8 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;
 use serde::de::DeserializeOwned;
-use swerve::config::Config;
-use swerve::config::execution::parse_policy;
-use swerve::pipeline::Pipeline;
-use swerve::run::{drive_pipeline, read_scenario, run_start};
-use swerve::study::grid::Study;
 use swerve_core::Time;
+use swerve_drive::{drive_pipeline, read_scenario, run_start};
 use swerve_flow::{Decision, Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::{PointInstances, WorldState};
@@ -26,6 +22,10 @@ use swerve_msg::{
     TrackList, VehicleReport, WheelOdometry,
 };
 use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+use swerve_stack::config::execution::parse_policy;
+use swerve_stack::pipeline::Pipeline;
+use swerve_study::grid::Study;
 use swerve_text::{Document, parse_assignment};
 
 fn cases(short: u32) -> ProptestConfig {

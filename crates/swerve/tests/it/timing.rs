@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use swerve::timing::{self, Pipeline, Publication};
+use swerve_timing::{self, Pipeline, Publication};
 
 /// Where the cases lie; another folder may be named, for campaigns over pipelines that are not stored.
 fn folder() -> PathBuf {
@@ -38,14 +38,14 @@ fn row(p: &Publication) -> Value {
 }
 
 fn published(pipeline: &Pipeline, threads: usize) -> Vec<Value> {
-    let trace = timing::simulate(pipeline, 1, threads).expect("a checked pipeline runs");
+    let trace = swerve_timing::simulate(pipeline, 1, threads).expect("a checked pipeline runs");
     trace.publications.iter().map(row).collect()
 }
 
 /// The first publication that differs, with those before it at the same instant.
 fn difference(case: &Value) -> Option<String> {
     let toml = case["toml"].as_str().expect("a case holds its pipeline");
-    let pipeline = timing::parse("case.toml", toml).expect("a stored pipeline is good");
+    let pipeline = swerve_timing::parse("case.toml", toml).expect("a stored pipeline is good");
     let expected = case["publications"].as_array().expect("a case holds what it publishes");
     let got = published(&pipeline, 1);
     let i = (0..expected.len().max(got.len())).find(|&i| expected.get(i) != got.get(i))?;

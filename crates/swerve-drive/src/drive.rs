@@ -1,0 +1,113 @@
+//! A drive, and what it came to.
+
+use std::sync::Arc;
+
+use swerve_core::Digest;
+use swerve_eval::{Metrics, Verdict};
+use swerve_flow::{Observer, RunOptions, RunReport, RuntimeModel, run_virtual, run_wall};
+use swerve_log::Log;
+use swerve_scenario::{Expectation, Metric, Scenario};
+use swerve_stack::Rendered;
+use swerve_stack::config::Config;
+use swerve_stack::config::clock::Clock;
+use swerve_stack::pipeline::Pipeline;
+
+use crate::measured::Measured;
+use crate::rungs::Rungs;
+
+/// What a run came to.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Its measures.
+    pub metrics: Metrics,
+    /// One number that two equal runs share.
+    pub digest: Digest,
+    /// Smallest distance of the ego's outline to the edge of the drivable ground, m; negative outside.
+    pub road_margin_m: f64,
+    /// What the engine counted.
+    pub report: RunReport,
+    /// What computed the images, if there were any.
+    pub rendered: Option<Rendered>,
+    /// What deadlines made of it.
+    pub rungs: Rungs,
+}
+
+/// Drives a scenario without leaving files.
+pub fn drive(config: &Config, scenario: &Scenario) -> anyhow::Result<Outcome> {
+    drive_observed(config, scenario, 1, &mut [])
+}
+
+/// Drives a scenario; `observers` are told everything that happens.
+pub fn drive_observed(
+    config: &Config,
+    scenario: &Scenario,
+    threads: usize,
+    observers: &mut [&mut dyn Observer],
+) -> anyhow::Result<Outcome> {
+    let pipeline = Pipeline::build(config, scenario)?;
+    drive_pipeline(pipeline, config.seed, threads, observers)
+}
+
+/// Runs a pipeline that is already built.
+pub fn drive_pipeline(
+    pipeline: Pipeline,
+    seed: u64,
+    threads: usize,
+    observers: &mut [&mut dyn Observer],
+) -> anyhow::Result<Outcome> {
+    let mut measured = Measured::new(&pipeline)?;
+    let rendered = pipeline.rendered();
+    let run = match pipeline.clock {
+        Clock::Virtual => run_virtual,
+        Clock::Wall => run_wall,
+    };
+    let options = RunOptions::until(pipeline.until).seed(seed).threads(threads);
+    let report = {
+        let mut all: Vec<&mut dyn Observer> = vec![&mut measured];
+        all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
+        run(pipeline.graph, &options, all)?
+    };
+    Ok(Outcome {
+        metrics: measured.evaluation.metrics(),
+        digest: report.digest,
+        road_margin_m: measured.road_margin_m,
+        report,
+        rendered: rendered(),
+        rungs: measured.rungs,
+    })
+}
+
+/// Gives every operator the run times that it had in an earlier run.
+pub fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
+    for (operator, times) in log.run_times() {
+        if let Ok(node) = pipeline.graph.operator(&operator) {
+            let times = Arc::new(times.into_iter().collect());
+            let _configured = node.runtime(RuntimeModel::Recorded(times));
+        }
+    }
+}
+
+impl Outcome {
+    /// In what way the run differs from what is expected.
+    pub fn broken(&self, expected: &Expectation) -> Vec<String> {
+        if self.metrics.verdict == Verdict::Unfinished {
+            return vec!["the run was ended before the scenario was".into()];
+        }
+        expected.broken_by(self.metrics.verdict, |metric| self.figure(metric))
+    }
+
+    /// A figure that a scenario can put bounds on.
+    fn figure(&self, metric: Metric) -> Option<f64> {
+        let metrics = &self.metrics;
+        match metric {
+            Metric::MinDistanceM => metrics.min_distance_m,
+            Metric::ImpactSpeedMps => Some(metrics.impact_speed_mps),
+            Metric::ClosingSpeedMps => Some(metrics.impact.map_or(0.0, |i| i.closing_speed_mps)),
+            Metric::EndSpeedMps => Some(metrics.drive.speed_end_mps),
+            Metric::DurationS => Some(metrics.drive.duration_s),
+            Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),
+            Metric::LateralJerkMaxMps3 => metrics.lateral_jerk.raw_max_mps3,
+            Metric::RoadMarginM => Some(self.road_margin_m),
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! Pictures of a drive as it goes: what a driver and a follower would see, with plan and obstacles drawn in.
+//!
+//! Beside them, in a folder of its own, what each camera of the configuration publishes.
+//! An observer of the run: it changes nothing in it. Its pictures are the same bytes for the same run.
+
+mod annotate;
+mod colours;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use swerve_camera::{Camera, CameraSpec, Frame, Intrinsics, Outputs, Renderer, View, mount};
+use swerve_core::{Span, Time};
+use swerve_flow::{Event, Observer};
+use swerve_geom::{Ego, Map, Transform};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{Image, ObstacleList, Pixels, Plan};
+use swerve_scenario::Scenario;
+
+use annotate::Canvas;
+use swerve_report::files::write_png;
+use swerve_stack::config::Config;
+use swerve_stack::street::{EGO_INSTANCE, Street};
+
+/// Between two pictures.
+const PERIOD: Span = Span::from_ms(50);
+/// The picture, and the driver's view in its upper right corner, pixels.
+const WIDTH_PX: u32 = 1280;
+const HEIGHT_PX: u32 = 720;
+const INSET_WIDTH_PX: u32 = 448;
+const INSET_HEIGHT_PX: u32 = 252;
+
+/// What a picture has besides the world.
+#[derive(Default)]
+struct Seen {
+    world: Option<WorldState>,
+    plan: Option<Plan>,
+    obstacles: Option<ObstacleList>,
+}
+
+/// Writes a picture of the run into a folder every 50 ms.
+pub struct Frames {
+    folder: PathBuf,
+    title: String,
+    street: Street,
+    renderer: Renderer,
+    follower: Eye,
+    driver: Eye,
+    next: Time,
+    count: usize,
+    seen: Seen,
+    /// Of each stream of images: the camera, and how many were written.
+    cameras: BTreeMap<String, Camera>,
+    written: BTreeMap<String, usize>,
+    failure: Option<anyhow::Error>,
+}
+
+/// A camera on the ego with room for its image.
+struct Eye {
+    camera: Camera,
+    ego_from_camera: Transform<Ego, swerve_geom::Camera>,
+    frame: Frame,
+    hides_ego: bool,
+}
+
+impl Eye {
+    fn new(
+        (width_px, height_px): (u32, u32),
+        fov_deg: f64,
+        at_m: [f64; 3],
+        pitch_deg: f64,
+    ) -> anyhow::Result<Self> {
+        let intrinsics = Intrinsics::HorizontalFovRad(fov_deg.to_radians());
+        let camera = Camera::new(CameraSpec { width_px, height_px, intrinsics, ..CameraSpec::default() })?;
+        let ego_from_camera = mount(at_m, 0.0, pitch_deg.to_radians(), 0.0);
+        Ok(Self { frame: Frame::new(&camera, Outputs::RGB), camera, ego_from_camera, hides_ego: false })
+    }
+
+    fn look(
+        &mut self,
+        renderer: &mut Renderer,
+        street: &Street,
+        map_from_ego: Transform<Map, Ego>,
+    ) -> anyhow::Result<()> {
+        let mut view = View::new(&self.camera, map_from_ego * self.ego_from_camera);
+        view.hidden_instance = self.hides_ego.then_some(EGO_INSTANCE);
+        Ok(renderer.render(street.scene(), &view, self.frame.as_mut())?)
+    }
+}
+
+impl Frames {
+    /// Pictures of a scenario, to be written into `folder`, which is made.
+    ///
+    /// # Errors
+    /// A folder that cannot be made, or has pictures of an earlier run in it.
+    pub fn create(
+        folder: &Path,
+        title: String,
+        scenario: &Scenario,
+        config: &Config,
+    ) -> anyhow::Result<Self> {
+        let (shape, render) = (&config.sim.vehicle.shape, &config.render);
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        remove_pictures(folder)?;
+        let ahead_m = shape.center_ahead_m();
+        let follower = Eye::new((WIDTH_PX, HEIGHT_PX), 70.0, [ahead_m - 9.5, 0.0, 4.2], 14.0)?;
+        let eye_m = [ahead_m + 0.35, 0.36, 1.25];
+        let mut driver = Eye::new((INSET_WIDTH_PX, INSET_HEIGHT_PX), 75.0, eye_m, 2.0)?;
+        driver.hides_ego = true;
+        let cameras = config
+            .camera
+            .iter()
+            .map(|(name, camera)| Ok::<_, swerve_core::ParamError>((name.clone(), camera.camera(0)?)));
+        Ok(Self {
+            folder: folder.to_owned(),
+            title,
+            street: Street::new(scenario, shape, render.weather, config.seed),
+            renderer: render.renderer()?,
+            follower,
+            driver,
+            next: Time::ZERO,
+            count: 0,
+            seen: Seen::default(),
+            cameras: cameras.collect::<Result<_, _>>()?,
+            written: BTreeMap::new(),
+            failure: None,
+        })
+    }
+
+    /// How many pictures were written.
+    ///
+    /// # Errors
+    /// The first that could not be.
+    pub fn finish(&mut self) -> anyhow::Result<usize> {
+        self.failure.take().map_or(Ok(self.count), Err)
+    }
+
+    /// Writes an image of a camera of the configuration: colour with what the stack sees in it, others in colours.
+    fn camera(&mut self, operator: &str, stream: &str, image: &Image) -> anyhow::Result<()> {
+        let (width_px, height_px) = (image.width_px as usize, image.height_px as usize);
+        let mut frame = Frame { width_px, height_px, rgb: colours::of(&image.pixels), ..Frame::default() };
+        if let (Pixels::Rgb8(_), Some(camera), Some(world)) =
+            (&image.pixels, self.cameras.get(operator), &self.seen.world)
+        {
+            let camera_from_map = (world.ego.map_from_ego * image.camera.ego_from_camera).inverse();
+            let mut canvas = Canvas::new(&mut frame, camera, camera_from_map);
+            if let Some(list) = &self.seen.obstacles {
+                canvas.obstacles(list, world);
+            }
+        }
+        let folder = self.folder.join(stream.replace('.', "/"));
+        let count = match self.written.get(stream) {
+            Some(count) => *count,
+            None => {
+                std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+                remove_pictures(&folder)?;
+                0
+            }
+        };
+        self.written.insert(stream.to_owned(), count + 1);
+        write_picture(&folder.join(format!("{count:05}.png")), &frame)
+    }
+
+    fn take(&mut self, world: &WorldState) -> anyhow::Result<()> {
+        self.street.show(world);
+        // Roll and pitch of the body are the driver's, not the follower's.
+        let level = level(world.ego.map_from_ego);
+        self.follower.look(&mut self.renderer, &self.street, level)?;
+        self.driver.look(&mut self.renderer, &self.street, world.ego.map_from_ego)?;
+        let camera_from_map = (level * self.follower.ego_from_camera).inverse();
+        let mut canvas = Canvas::new(&mut self.follower.frame, &self.follower.camera, camera_from_map);
+        if let Some(plan) = &self.seen.plan {
+            canvas.plan(plan, world.stamp);
+        }
+        if let Some(list) = &self.seen.obstacles {
+            canvas.obstacles(list, world);
+        }
+        canvas.inset(&self.driver.frame);
+        canvas.head(&self.title, world, self.seen.plan.as_ref());
+        write_picture(&self.folder.join(format!("{:05}.png", self.count)), &self.follower.frame)?;
+        self.count += 1;
+        Ok(())
+    }
+}
+
+impl Observer for Frames {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+        if let Some(image) = payload.downcast_ref::<Image>() {
+            if self.failure.is_none() {
+                self.failure = self.camera(publication.operator, publication.stream, image).err();
+            }
+        } else if let Some(plan) = payload.downcast_ref::<Plan>() {
+            self.seen.plan = Some(plan.clone());
+        } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
+            self.seen.obstacles = Some(list.clone());
+        } else if let Some(world) = payload.downcast_ref::<WorldState>()
+            && self.failure.is_none()
+        {
+            self.seen.world = Some(world.clone());
+            if world.stamp >= self.next || world.ended.is_some() {
+                self.next = world.stamp + PERIOD;
+                self.failure = self.take(world).err();
+            }
+        }
+    }
+}
+
+/// The same place and heading without roll and pitch.
+fn level(pose: Transform<Map, Ego>) -> Transform<Map, Ego> {
+    let ahead = pose * swerve_geom::Vector::new(1.0, 0.0, 0.0);
+    let yaw_rad = swerve_geom::math::atan2(ahead.coords.y, ahead.coords.x);
+    Transform::from_roll_pitch_yaw(pose.origin(), 0.0, 0.0, yaw_rad)
+}
+
+/// Takes away the pictures of an earlier run: files named by five digits, and nothing else.
+fn remove_pictures(folder: &Path) -> anyhow::Result<()> {
+    let entries = std::fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))?;
+    for entry in entries.flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_ours =
+            name.strip_suffix(".png").is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()));
+        if is_ours {
+            std::fs::remove_file(entry.path()).with_context(|| format!("removing {name}"))?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes the colour image of a frame.
+fn write_picture(path: &Path, frame: &Frame) -> anyhow::Result<()> {
+    let size = (frame.width_px as u32, frame.height_px as u32);
+    write_png(path, size, (png::ColorType::Rgb, png::BitDepth::Eight), &frame.rgb)
+}

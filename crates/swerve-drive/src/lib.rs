@@ -1,0 +1,25 @@
+//! A pipeline driven: read, run, measured, recorded; in this process and in others.
+//!
+//! The engine and the operators do not know of files, names and processes: this is where a scenario and a configuration
+//! become a run with an [`Outcome`].
+
+mod drive;
+mod load;
+mod measured;
+mod recording;
+mod rungs;
+mod story;
+
+pub mod frames;
+pub mod process;
+pub mod program;
+pub mod realtime;
+pub mod shipped;
+pub mod threads;
+pub mod views;
+
+pub use drive::{Outcome, drive, drive_observed, drive_pipeline, record_run_times};
+pub use load::{RunInput, load, problems_error, read_scenario};
+pub use recording::{Recording, left_out_of_logs, run_start, set_up};
+pub use rungs::{Budgets, RungCount, Rungs};
+pub use story::{story, title};

@@ -1,0 +1,66 @@
+//! What a command line names, read and checked.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use swerve_scenario::Scenario;
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
+use swerve_text::{Document, Problem, nearest, parse_assignment};
+
+use crate::shipped::Kind;
+
+/// What is driven, by what.
+#[derive(clap::Args, Clone, Debug)]
+pub struct RunInput {
+    /// Scenario file (TOML), or the name of one that is in the program: `swerve scenarios`
+    pub scenario: PathBuf,
+    /// Configuration file (TOML), or a name such as best; every key that it leaves out has a default
+    #[arg(short, long)]
+    pub config: Option<PathBuf>,
+    /// Set a configuration key, such as planning.planner=rrt_star
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Seed of everything random
+    #[arg(long, value_parser = clap::value_parser!(i64).range(0..))]
+    pub seed: Option<i64>,
+}
+
+/// Several problems as one error.
+pub fn problems_error<P: ToString>(problems: &[P]) -> anyhow::Error {
+    let lines: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    anyhow!(lines.join("\n"))
+}
+
+/// Reads a scenario, from a file or by its name; all its problems in one error.
+pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
+    let (file, text) = (path.display().to_string(), Kind::Scenario.text(path)?);
+    let scenario = Scenario::parse(&file, &text).map_err(|problems| problems_error(&problems))?;
+    let names: Vec<String> = Config::pipeline_names().collect();
+    let known = |name: &&String| names.contains(name);
+    let unknown: Vec<&String> =
+        scenario.expect.iter().filter_map(|e| e.pipeline.as_ref()).filter(|name| !known(name)).collect();
+    if unknown.is_empty() {
+        return Ok(scenario);
+    }
+    let document = Document::parse(&file, &text)?;
+    let problem = |name: &&String| {
+        let near = nearest(name, names.iter().map(String::as_str));
+        let hint = near.map_or_else(|| names.join(", "), |near| format!("did you mean `{near}`?"));
+        document.problem(&format!("expect.pipeline.{name}"), format!("unknown pipeline `{name}` ({hint})"))
+    };
+    Err(problems_error(&unknown.iter().map(problem).collect::<Vec<_>>()))
+}
+
+/// Reads and checks what a command line names.
+pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
+    let sets: Result<Vec<_>, Problem> = input.set.iter().map(|s| parse_assignment(s)).collect();
+    let mut sets = sets?;
+    if let Some(seed) = input.seed {
+        sets.push(("seed".into(), toml::Value::Integer(seed)));
+    }
+    let config = Kind::Config
+        .config(registry, input.config.as_deref(), &sets)
+        .map_err(|problems| problems_error(&problems))?;
+    Ok((config, read_scenario(&input.scenario)?))
+}

@@ -1,0 +1,124 @@
+//! The measures of a run, from what the engine tells.
+
+use swerve_core::Span;
+use swerve_eval::{Evaluation, Outline};
+use swerve_flow::{Event, Observer};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{Command, GateMode, GateOutput, Imu, ObstacleList, Plan, Route};
+use swerve_stack::Assembly;
+use swerve_vehicle::Shape;
+
+use crate::rungs::Rungs;
+use swerve_stack::pipeline::Pipeline;
+
+/// The operators whose messages are measured: what a fault makes of one is no second one.
+struct Publishers {
+    imu: Option<String>,
+    obstacles: Option<String>,
+    plan: Option<String>,
+    /// Who commands the car's pedals; nobody where a gate lets commands through.
+    pedals: Option<String>,
+}
+
+impl Publishers {
+    fn new(assembly: &Assembly) -> Self {
+        let pedals = assembly.publisher::<Command>().filter(|_| assembly.publisher::<GateOutput>().is_none());
+        Self {
+            imu: assembly.publisher::<Imu>().map(str::to_owned),
+            obstacles: assembly.publisher::<ObstacleList>().map(str::to_owned),
+            plan: assembly.publisher::<Plan>().map(str::to_owned),
+            pedals: pedals.map(str::to_owned),
+        }
+    }
+}
+
+/// Feeds the evaluation with what the engine tells.
+pub(crate) struct Measured {
+    pub(crate) evaluation: Evaluation,
+    operators: Vec<String>,
+    publishers: Publishers,
+    route: Route,
+    shape: Shape,
+    pub(crate) road_margin_m: f64,
+    pub(crate) rungs: Rungs,
+}
+
+/// The outline of a vehicle as the evaluation has it.
+pub(crate) fn outline(shape: &Shape) -> Outline {
+    Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
+}
+
+impl Measured {
+    pub(crate) fn new(pipeline: &Pipeline) -> anyhow::Result<Self> {
+        let shape = pipeline.vehicle.shape;
+        let ego = outline(&shape);
+        let operators: Vec<String> =
+            pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
+        let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
+        let params = swerve_eval::Params { ego, dead_time, operators: operators.clone() };
+        Ok(Self {
+            evaluation: Evaluation::new(params),
+            operators,
+            publishers: Publishers::new(&pipeline.assembly),
+            route: pipeline.route.clone(),
+            shape,
+            road_margin_m: f64::INFINITY,
+            rungs: Rungs::default(),
+        })
+    }
+
+    fn operator(&self, name: &str) -> Option<usize> {
+        self.operators.iter().position(|o| o == name)
+    }
+}
+
+impl Observer for Measured {
+    fn event(&mut self, event: &Event<'_>) {
+        self.rungs.event(event);
+        match event {
+            Event::Publication(publication) => {
+                let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+                let evaluation = &mut self.evaluation;
+                let is_of = |publisher: &Option<String>| publisher.as_deref() == Some(publication.operator);
+                if let Some(world) = payload.downcast_ref::<WorldState>() {
+                    evaluation.world(world);
+                    let footprint = self.shape.footprint(world.ego.state.pose);
+                    self.road_margin_m = self.road_margin_m.min(self.route.margin_m(&footprint));
+                } else if let (Some(imu), true) = (payload.downcast_ref::<Imu>(), is_of(&self.publishers.imu))
+                {
+                    evaluation.imu(imu);
+                } else if let (Some(list), true) = (payload.downcast_ref(), is_of(&self.publishers.obstacles))
+                {
+                    evaluation.seen(list);
+                } else if let (Some(plan), true) =
+                    (payload.downcast_ref::<Plan>(), is_of(&self.publishers.plan))
+                {
+                    evaluation.plan(plan);
+                } else if let Some(gate) = payload.downcast_ref::<GateOutput>() {
+                    evaluation.gate(publication.visible_at, gate);
+                    if gate.mode == GateMode::Driving {
+                        evaluation.command(publication.visible_at, publication.origin);
+                    }
+                } else if is_of(&self.publishers.pedals) && payload.is::<Command>() {
+                    evaluation.command(publication.visible_at, publication.origin);
+                }
+            }
+            Event::StepEnd(step) => {
+                if let Some(operator) = self.operator(step.operator) {
+                    self.evaluation.runtimes().step(operator, step.end - step.start);
+                }
+            }
+            Event::Miss(miss) => {
+                if let Some(operator) = self.operator(miss.operator) {
+                    self.evaluation.runtimes().missed(operator);
+                }
+            }
+            Event::Drop(dropped) => {
+                if let Some(operator) = self.operator(dropped.operator) {
+                    self.evaluation.runtimes().dropped(operator);
+                }
+            }
+            Event::StepStart(_) | Event::Decision(_) | Event::End(_) => {}
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! The log of a run: what it holds, and what becomes of the run when it cannot be written any more.
+
+use std::path::Path;
+
+use swerve_flow::{Event, Observer, StopHandle};
+use swerve_foxglove::Foxglove;
+use swerve_log::{LeavesOut, LogError, Recorder, RunStart};
+use swerve_msg::truth::PointInstances;
+use swerve_msg::{Image, PointCloud};
+use swerve_stack::config::clock::Clock;
+use swerve_stack::config::{Config, Images};
+use swerve_stack::pipeline::Pipeline;
+
+use crate::shipped::Kind;
+use crate::views::views_of;
+
+/// Records a run. When that fails it is said at once, on standard error; a run in virtual time ends then, one against
+/// the real clock drives on.
+pub struct Recording {
+    recorder: Recorder,
+    /// Ends the run.
+    stop: Option<StopHandle>,
+    told: bool,
+}
+
+impl Recording {
+    /// Of a run that this clock moves.
+    pub fn new(recorder: Recorder, clock: Clock, stop: StopHandle) -> Self {
+        let stop = (clock == Clock::Virtual).then_some(stop);
+        Self { recorder, stop, told: false }
+    }
+
+    /// Waits until all is written.
+    ///
+    /// # Errors
+    /// What failed, once more.
+    pub fn finish(self) -> Result<u64, LogError> {
+        self.recorder.finish()
+    }
+
+    fn tell(&mut self) {
+        let Some(error) = self.recorder.failure() else { return };
+        self.told = true;
+        let bytes = std::fs::metadata(self.recorder.path()).map_or(0, |file| file.len());
+        let then = if self.stop.is_some() { "the run ends" } else { "the run drives on without its log" };
+        #[expect(clippy::print_stderr, reason = "it cannot wait until the end")]
+        {
+            eprintln!("warning: {error} ({bytes} bytes are written); {then}");
+        }
+        if let Some(stop) = &self.stop {
+            stop.stop();
+        }
+    }
+}
+
+impl Observer for Recording {
+    fn event(&mut self, event: &Event<'_>) {
+        self.recorder.event(event);
+        if !self.told {
+            self.tell();
+        }
+    }
+}
+
+/// The payloads of which a log holds the digest alone.
+pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
+    match images {
+        Images::None | Images::Jpeg => Some(|payload| {
+            payload.is::<Image>() || payload.is::<PointCloud>() || payload.is::<PointInstances>()
+        }),
+        Images::Lossless => None,
+    }
+}
+
+/// Has a log hold of a run what its configuration says.
+pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
+    if let Some(images) = left_out_of_logs(config.log.images) {
+        recorder.leave_out(images);
+    }
+    if config.log.foxglove {
+        let own = Foxglove::new(views_of(config, pipeline));
+        recorder.show(Box::new(config.registry.with_views_of(own)));
+    }
+}
+
+/// The head of a log: all that it takes to run again without the files.
+pub fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
+    let text = Kind::Scenario.text(scenario)?.into_owned();
+    Ok(RunStart {
+        version: env!("CARGO_PKG_VERSION").into(),
+        seed: config.seed,
+        config: config.to_text(),
+        extra: [("scenario".to_owned(), text), ("scenario_file".to_owned(), scenario.display().to_string())]
+            .into(),
+    })
+}

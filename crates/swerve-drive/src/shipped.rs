@@ -1,0 +1,241 @@
+//! Scenarios, configurations, studies that are in the program: a run by name needs no checkout.
+//!
+//! A file that is there goes first. Else a path is looked up among those that the repository had when the program was
+//! built, in the folder of its kind and with `.toml` or without: `person_behind_truck`, `live/autoware`,
+//! `configs/studies/planners.toml`.
+
+use std::borrow::Cow;
+use std::io::ErrorKind;
+use std::path::{Component, Path};
+
+use swerve_stack::Registry;
+use swerve_text::{Document, Problem, Problems, nearest};
+
+use swerve_stack::config::Config;
+
+/// A file that is in the program.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Shipped {
+    /// Its path from the root that it was taken from.
+    pub path: &'static str,
+    /// What is in it.
+    pub text: &'static str,
+}
+
+/// Takes files, by their paths from a root, into the program.
+#[macro_export]
+macro_rules! shipped {
+    ($root:literal: $($path:literal)*) => {
+        &[$($crate::shipped::Shipped { path: $path, text: include_str!(concat!($root, "/", $path)) }),*]
+    };
+}
+pub use shipped;
+
+/// Every `.toml` file of `scenarios/` and `configs/`.
+static FILES: &[Shipped] = shipped! { "../../..":
+    "scenarios/car_behind_truck.toml"
+    "scenarios/car_from_alley.toml"
+    "scenarios/lane.toml"
+    "scenarios/people_crossing.toml"
+    "scenarios/person_behind_parked_car.toml"
+    "scenarios/person_behind_truck.toml"
+    "scenarios/person_crossing.toml"
+    "scenarios/street.toml"
+    "scenarios/traffic_jam.toml"
+    "configs/best.toml"
+    "configs/deadlines.toml"
+    "configs/detector.toml"
+    "configs/live/autoware.toml"
+    "configs/live/dataspeed.toml"
+    "configs/live/plain.toml"
+    "configs/live/raptor.toml"
+    "configs/paper.toml"
+    "configs/paper_this_host.toml"
+    "configs/ros2.toml"
+    "configs/showcase.toml"
+    "configs/showcase_processes.toml"
+    "configs/studies/budget.toml"
+    "configs/studies/deadlines.toml"
+    "configs/studies/deadlines_table1.toml"
+    "configs/studies/detectors.toml"
+    "configs/studies/detectors_at_no_time.toml"
+    "configs/studies/faults.toml"
+    "configs/studies/planners.toml"
+    "configs/studies/planners_best.toml"
+    "configs/studies/planners_paper_visibility.toml"
+    "configs/studies/planners_skip_to_latest.toml"
+    "configs/studies/planners_this_host.toml"
+    "configs/timing/av.toml"
+    "configs/timing/deadlines.toml"
+    "configs/timing/policies.toml"
+    "configs/two_hosts.toml"
+    "configs/two_processes.toml"
+};
+
+/// What is asked for: where names are looked up.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    /// A scenario.
+    Scenario,
+    /// A configuration of a simulated drive.
+    Config,
+    /// A configuration of a drive with a vehicle.
+    Live,
+    /// A study.
+    Study,
+    /// A pipeline of black boxes.
+    Timing,
+}
+
+impl Kind {
+    fn folder(self) -> &'static str {
+        match self {
+            Self::Scenario => "scenarios",
+            Self::Config => "configs",
+            Self::Live => "configs/live",
+            Self::Study => "configs/studies",
+            Self::Timing => "configs/timing",
+        }
+    }
+
+    fn noun(self) -> &'static str {
+        match self {
+            Self::Scenario => "scenario",
+            Self::Config | Self::Live => "configuration",
+            Self::Study => "study",
+            Self::Timing => "timing file",
+        }
+    }
+
+    /// The shipped files of this kind with their names, in order.
+    pub fn all(self) -> impl Iterator<Item = (&'static str, &'static Shipped)> {
+        FILES.iter().filter_map(move |file| {
+            let name = file.path.strip_prefix(self.folder())?.strip_prefix('/')?.strip_suffix(".toml")?;
+            (!name.contains('/')).then_some((name, file))
+        })
+    }
+
+    /// The shipped file that `given` names.
+    fn find(self, given: &Path) -> Option<&'static Shipped> {
+        let path = plain(given)?;
+        let path = path.strip_suffix(".toml").unwrap_or(&path);
+        let is_meant = |file: &&Shipped| {
+            let whole = file.path.strip_suffix(".toml").unwrap_or(file.path);
+            let in_folder = whole.strip_prefix(self.folder()).and_then(|rest| rest.strip_prefix('/'));
+            whole == path || in_folder == Some(path)
+        };
+        FILES.iter().find(is_meant)
+    }
+
+    /// The text of a file, or of the shipped one of this name.
+    ///
+    /// # Errors
+    /// It cannot be read; where there is no such file, with the nearest name that there is.
+    pub fn text(self, given: &Path) -> Result<Cow<'static, str>, Problem> {
+        let error = match swerve_text::read_text(given) {
+            Ok(text) => return Ok(text.into()),
+            Err(error) => error,
+        };
+        let mut message = format!("cannot be read: {error}");
+        if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::IsADirectory) {
+            if let Some(file) = self.find(given) {
+                return Ok(file.text.into());
+            }
+            let stem = given.file_stem().unwrap_or_default().to_string_lossy();
+            if let Some(near) = nearest(&stem, self.all().map(|(name, _)| name)) {
+                message += &format!(" (did you mean the {} `{near}` that is in the program?)", self.noun());
+            }
+        }
+        Err(Problem { file: given.display().to_string(), line: None, key: String::new(), message })
+    }
+
+    /// As [`text`](Self::text), parsed.
+    ///
+    /// # Errors
+    /// It cannot be read, or is no TOML.
+    pub fn document(self, given: &Path) -> Result<Document, Problem> {
+        Document::parse(&given.display().to_string(), self.text(given)?)
+    }
+
+    /// The configuration of a file, or of the shipped one of this name, under assignments; without one all defaults.
+    ///
+    /// # Errors
+    /// All that is wrong with it.
+    pub fn config(
+        self,
+        registry: &Registry,
+        given: Option<&Path>,
+        sets: &[(String, toml::Value)],
+    ) -> Result<Config, Problems> {
+        let Some(given) = given else { return Config::load_with(registry, None, sets) };
+        Config::from_document_with(registry, &self.document(given)?, sets)
+    }
+
+    /// Where the file is that `given` names: what it names itself is beside that.
+    pub fn place(self, given: &Path) -> &Path {
+        match self.find(given) {
+            Some(file) if !given.is_file() => Path::new(file.path),
+            _ => given,
+        }
+    }
+}
+
+/// A relative path without detours; none for one that leads out of where it begins.
+fn plain(path: &Path) -> Option<String> {
+    let mut parts: Vec<&str> = Vec::new();
+    for part in path.components() {
+        match part {
+            Component::Normal(name) => parts.push(name.to_str()?),
+            Component::CurDir => {}
+            Component::ParentDir => {
+                parts.pop()?;
+            }
+            Component::RootDir | Component::Prefix(_) => return None,
+        }
+    }
+    Some(parts.join("/"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_file_of_the_folders_is_in_the_program() {
+        let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        let mut there = Vec::new();
+        for folder in ["scenarios", "configs"] {
+            let files = swerve_report::files::toml_files(&root.join(folder)).unwrap();
+            there.extend(files.iter().map(|file| file.strip_prefix(root).unwrap().to_path_buf()));
+        }
+        let mut shipped: Vec<_> = FILES.iter().map(|file| Path::new(file.path).to_path_buf()).collect();
+        there.sort();
+        shipped.sort();
+        assert_eq!(shipped, there, "the list at the top of shipped.rs is not that of the folders");
+        for file in FILES {
+            assert_eq!(file.text, std::fs::read_to_string(root.join(file.path)).unwrap(), "{}", file.path);
+        }
+    }
+
+    #[test]
+    fn a_name_is_found_however_it_is_written() {
+        let path = |kind: Kind, given: &str| kind.find(Path::new(given)).map(|file| file.path);
+        let lane = Some("scenarios/lane.toml");
+        for given in [
+            "lane",
+            "lane.toml",
+            "scenarios/lane.toml",
+            "./scenarios/lane",
+            "configs/live/../../scenarios/lane.toml",
+        ] {
+            assert_eq!(path(Kind::Scenario, given), lane, "{given}");
+        }
+        assert_eq!(path(Kind::Config, "best"), Some("configs/best.toml"));
+        assert_eq!(path(Kind::Config, "live/autoware"), Some("configs/live/autoware.toml"));
+        assert_eq!(path(Kind::Live, "autoware"), Some("configs/live/autoware.toml"));
+        assert_eq!(path(Kind::Study, "planners"), Some("configs/studies/planners.toml"));
+        for given in ["", "lan", "../lane", "/scenarios/lane.toml", "configs/best.toml.toml"] {
+            assert_eq!(path(Kind::Scenario, given), None, "{given}");
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! The picture of a drive, while it is driven.
+
+use swerve_report::story::Story;
+use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+
+use crate::measured::outline;
+
+/// What a picture is headed with.
+pub fn title(config: &Config, scenario: &Scenario) -> String {
+    format!(
+        "{}: {} at {:.0} m/s, seed {}",
+        scenario.name.replace('_', " "),
+        config.pipeline_name(),
+        config.ego.speed_mps.unwrap_or(scenario.ego.target_speed_mps),
+        config.seed
+    )
+}
+
+/// The picture of the run, to be filled in while it drives.
+pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
+    let lane_width_m = Some(scenario.road.lane_width_m);
+    Story::new(
+        title(config, scenario),
+        pipeline.route.clone(),
+        lane_width_m,
+        outline(&pipeline.vehicle.shape),
+    )
+}

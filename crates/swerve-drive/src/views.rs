@@ -1,0 +1,65 @@
+//! What Foxglove needs to know of a run before it begins.
+
+use swerve_core::Span;
+use swerve_foxglove::{ImageForm, Mount, Sensor, Setup};
+use swerve_geom::{Ego, Point, Transform};
+use swerve_msg::RoadLine;
+use swerve_scenario::{Road, Scenario};
+
+use swerve_stack::config::{Config, Images};
+use swerve_stack::pipeline::Pipeline;
+
+/// Road, car and sensors of a run.
+pub fn views_of(config: &Config, pipeline: &Pipeline) -> Setup {
+    Setup { mounts: mounts(config, |name| config.runs(name)), ..setup(config, &pipeline.scenario) }
+}
+
+/// Road, car and sensors of a drive with a vehicle: all sensors that have a place run.
+pub fn live_views(config: &Config, scenario: &Scenario) -> Setup {
+    Setup { ego_from_pose: true, mounts: mounts(config, |_| true), ..setup(config, scenario) }
+}
+
+/// The borders of the ego's lane within the drivable ground, metres to the left of its centre.
+fn lane_lines_m(road: &Road) -> Vec<f64> {
+    let inner = |line| matches!(line, RoadLine::LaneLeft | RoadLine::LaneRight);
+    road.lines().into_iter().filter(|&(line, _)| inner(line)).map(|(_, d_m)| d_m).collect()
+}
+
+fn setup(config: &Config, scenario: &Scenario) -> Setup {
+    let (log, vehicle) = (&config.log, &config.sim.vehicle);
+    Setup {
+        route: scenario.road.route(),
+        lines_m: lane_lines_m(&scenario.road),
+        shape: vehicle.shape,
+        dead_time: Span::from_secs(vehicle.dead_time_s),
+        mounts: Vec::new(),
+        images: match log.images {
+            Images::None => None,
+            Images::Jpeg => Some(ImageForm::Jpeg(log.jpeg_quality)),
+            Images::Lossless => Some(ImageForm::Png),
+        },
+        raw_images: log.images == Images::Lossless,
+        ego_from_pose: false,
+    }
+}
+
+/// Where the sensors that run sit.
+fn mounts(config: &Config, runs: impl Fn(&str) -> bool) -> Vec<Mount> {
+    let shape = &config.sim.vehicle.shape;
+    let runs = |name: &&String| runs(name);
+    let cameras = config.camera.keys().filter(runs).map(|name| {
+        let camera = &config.camera[name];
+        Mount::new(name, camera.ego_from_camera())
+    });
+    let lidars = config.lidar.keys().filter(runs).map(|name| {
+        let lidar = &config.lidar[name];
+        Mount::new(name, lidar.ego_from_lidar(shape))
+    });
+    let radars = config.radar.keys().filter(runs).map(|name| {
+        let at = config.radar[name].mount(shape);
+        let origin = Point::new(at.x_m, at.y_m, at.z_m);
+        let turned: Transform<Ego, Sensor> = Transform::from_roll_pitch_yaw(origin, 0.0, 0.0, at.yaw_rad);
+        Mount::new(name, turned)
+    });
+    cameras.chain(lidars).chain(radars).collect()
+}

@@ -1,0 +1,342 @@
+//! The thread between the transport and the graph: takes messages in, works the switch, tells how it goes.
+
+use core::time::Duration;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex};
+
+use serde::{Deserialize, Serialize};
+use swerve_control::safety_gate::GateParams;
+use swerve_core::{Span, Time};
+use swerve_flow::{SendError, StopHandle};
+use swerve_geom::FrenetPoint;
+use swerve_msg::{GateMode, Route, Switch};
+use swerve_report::progress::LiveLine;
+use swerve_ros2::mapping::Role;
+
+use super::engage::{Engagement, Situation};
+use super::graph::Inputs;
+use super::intake::{Arrived, Input, Intake, Request, TopicSummary, lock};
+use super::sink::{Order, stop_takes};
+use super::watch::DriveStatus;
+use super::wire::{HostClock, Wire};
+
+/// The thread wakes at least this often.
+const WAKE: Duration = Duration::from_millis(10);
+/// Between two lines of progress, and two reports on the topics in the log.
+const REPORT_EVERY: Span = Span::from_ms(1000);
+/// A topic that was not heard for so long is silent.
+const SILENT: Span = Span::from_ms(500);
+/// The car stands for so long before the run is ended.
+const HELD: Span = Span::from_ms(500);
+/// Messages taken in before the switch is looked at again: a flood does not keep it waiting.
+const AT_ONCE: usize = 256;
+
+/// The state of a topic as the log holds it, once a second.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct TopicState {
+    /// Its name here.
+    pub topic: String,
+    /// Messages that came so far.
+    pub received: u64,
+    /// Messages that were used.
+    pub used: u64,
+    /// Host's clock minus the stamps' clock, as far as it is known.
+    pub offset: Option<Span>,
+    /// The uncertainty of that.
+    pub spread: Option<Span>,
+}
+
+/// Tells the person how it goes while it drives.
+pub trait StatusSink: Send {
+    /// The line of progress, each second.
+    fn progress(&mut self, line: &str);
+    /// Something happened.
+    fn note(&mut self, at: Time, what: &str);
+}
+
+impl StatusSink for LiveLine {
+    fn progress(&mut self, line: &str) {
+        Self::progress(self, line);
+    }
+
+    fn note(&mut self, at: Time, what: &str) {
+        Self::note(self, at.as_secs(), what);
+    }
+}
+
+/// Flags by which the threads of a drive tell one another what to do.
+#[derive(Default)]
+pub struct ControlFlags {
+    /// How often somebody pressed Ctrl-C.
+    pub interrupts: AtomicUsize,
+    /// The engine runs no longer.
+    pub run_over: AtomicBool,
+    /// The sink has done its work, too.
+    pub done: AtomicBool,
+    /// The gate slept for too long: the switch is to be released.
+    pub gave_up: Arc<AtomicBool>,
+}
+
+/// Where a drive ends.
+pub struct Goal {
+    /// The route that is followed.
+    pub route: Route,
+    /// How far along it, metres.
+    pub s_m: f64,
+}
+
+/// The parts of the thread.
+pub struct Feed<'a> {
+    /// How messages come.
+    pub wire: &'a dyn Wire,
+    /// Their meaning for the graph.
+    pub intake: Intake,
+    /// Where they go.
+    pub inputs: Inputs,
+    /// The time of the run.
+    pub clock: HostClock,
+    /// The switch.
+    pub engagement: Engagement,
+    /// The drive's status, by the graph.
+    pub status: Arc<Mutex<DriveStatus>>,
+    /// Who talks to the vehicle.
+    pub orders: Option<Sender<Order>>,
+    /// Ends the run.
+    pub stop: StopHandle,
+    /// When the drive is to end.
+    pub until: Option<Time>,
+    /// Where it is to end.
+    pub goal: Goal,
+    /// How long the stop at the end may take.
+    pub stop_max: Span,
+    /// How it is driven.
+    pub stop_params: GateParams,
+    /// The other threads' flags.
+    pub flags: &'a ControlFlags,
+    /// Who tells the person.
+    pub status_sink: Box<dyn StatusSink>,
+}
+
+/// The result of the thread.
+pub struct FeedReport {
+    /// The intake, with its counts of the topics.
+    pub intake: Intake,
+    /// Messages that the engine did not take because it does not keep up.
+    pub not_taken: u64,
+    /// Why the drive was ended.
+    pub why: &'static str,
+    /// Whether all that is needed was ever there at once.
+    pub was_ready: bool,
+}
+
+/// How far the end has come.
+struct End {
+    why: &'static str,
+    since: Time,
+    speed_mps: f64,
+    stands_since: Option<Time>,
+    stopped: bool,
+}
+
+struct Memory {
+    out: Vec<Arrived>,
+    not_taken: u64,
+    end: Option<End>,
+    reported: Option<Time>,
+    switch: Option<Switch>,
+    last_switch: Time,
+    was_ready: bool,
+    mode: GateMode,
+    behind: bool,
+}
+
+impl Feed<'_> {
+    /// Feeds until it is told that all is done.
+    pub fn run(mut self) -> FeedReport {
+        let mut memory = Memory {
+            out: Vec::new(),
+            not_taken: 0,
+            end: None,
+            reported: None,
+            switch: None,
+            last_switch: Time::ZERO,
+            was_ready: false,
+            mode: GateMode::Manual,
+            behind: false,
+        };
+        while !self.flags.done.load(Ordering::Acquire) {
+            self.wire.wait(WAKE);
+            if self.flags.run_over.load(Ordering::Acquire) {
+                // Nobody orders any more: the sink gets to know.
+                self.orders = None;
+            }
+            for _ in 0..AT_ONCE {
+                let Some(taken) = self.wire.take() else { break };
+                let now = self.clock.at_host(taken.received_ns);
+                self.intake.take(taken.name, &taken.message, now, &mut memory.out);
+            }
+            self.hand_on(&mut memory);
+            self.work_the_switch(&mut memory);
+            self.look_for_the_end(&mut memory);
+            self.report(&mut memory);
+        }
+        let why = memory.end.map_or("the run ended by itself", |end| end.why);
+        FeedReport { intake: self.intake, not_taken: memory.not_taken, why, was_ready: memory.was_ready }
+    }
+
+    fn hand_on(&mut self, memory: &mut Memory) {
+        for arrived in memory.out.drain(..) {
+            if let Input::Pose(ego) = &arrived.input
+                && memory.end.is_none()
+                && memory.mode == GateMode::Driving
+            {
+                let FrenetPoint { s_m, .. } = self.goal.route.project(ego.pose.point());
+                if s_m >= self.goal.s_m {
+                    memory.end = Some(End::new("the goal is reached", self.clock.now(), &self.status));
+                }
+            }
+            memory.not_taken += u64::from(self.inputs.send(arrived) == Err(SendError::Full));
+        }
+        if memory.not_taken > 0 && !memory.behind {
+            memory.behind = true;
+            self.status_sink.note(self.clock.now(), "the engine does not keep up: messages are dropped");
+        }
+    }
+
+    fn silent(&self, now: Time) -> Vec<Role> {
+        let car = self.intake.car();
+        let since = Time::from_ns(now.ns().saturating_sub(SILENT.ns()));
+        let needs = self.intake.needs();
+        let mut silent: Vec<Role> = lock(&car).silent(needs, since).collect();
+        let pose = self.intake.tallies().any(|TopicSummary { role, tally, .. }| {
+            role == Role::Odometry && tally.heard.is_some_and(|heard| heard >= since)
+        });
+        if !pose && !silent.contains(&Role::Odometry) {
+            silent.push(Role::Odometry);
+        }
+        silent
+    }
+
+    fn work_the_switch(&mut self, memory: &mut Memory) {
+        let now = self.clock.now();
+        let mut requests = self.intake.requests();
+        if self.flags.gave_up.swap(false, Ordering::Relaxed) {
+            self.status_sink.note(now, "the gate fell silent: the car is stopped");
+            requests.push(Request::Drive(false));
+        }
+        let ready = self.silent(now).is_empty();
+        memory.was_ready |= ready;
+        let (listens, driver) = {
+            let car = self.intake.car();
+            let car = lock(&car);
+            (car.listens, car.driver())
+        };
+        let mode = lock(&self.status).mode;
+        let action = self.engagement.step(&requests, &Situation { now, ready, listens, driver, mode });
+        if let Some(note) = action.note {
+            self.status_sink.note(now, note);
+        }
+        if action.ask {
+            // It fails where the sink is gone, and then there is nobody to be asked.
+            let _ = self.orders.as_ref().map(|orders| orders.send(Order::Ask));
+        }
+        if mode != memory.mode {
+            self.status_sink.note(now, &mode_words(mode));
+            memory.mode = mode;
+        }
+        if memory.switch != Some(action.switch) {
+            memory.switch = Some(action.switch);
+            let stamp = now.max(memory.last_switch.saturating_add(Span::from_ns(1)));
+            memory.last_switch = stamp;
+            let arrived = Arrived { at: stamp, stamp, input: Input::Switch(action.switch) };
+            memory.not_taken += u64::from(self.inputs.send(arrived) == Err(SendError::Full));
+        }
+    }
+
+    fn look_for_the_end(&mut self, memory: &mut Memory) {
+        let now = self.clock.now();
+        let interrupts = self.flags.interrupts.load(Ordering::Relaxed);
+        if memory.end.is_none() {
+            let why = if interrupts > 0 {
+                Some("it was interrupted")
+            } else {
+                self.until.filter(|until| now >= *until).map(|_| "the time is over")
+            };
+            memory.end = why.map(|why| End::new(why, now, &self.status));
+        }
+        let Some(end) = &mut memory.end else { return };
+        self.engagement.end();
+        // The car is at rest, or not ours, or it does not come to rest.
+        let rests = matches!(memory.mode, GateMode::Manual | GateMode::Holding(_));
+        end.stands_since = if rests { end.stands_since.or(Some(now)) } else { None };
+        let rested = end.stands_since.is_some_and(|since| now - since >= HELD);
+        let limit = stop_takes(end.speed_mps, &self.stop_params).min(self.stop_max);
+        if !end.stopped && (rested || interrupts > 1 || now - end.since >= limit) {
+            end.stopped = true;
+            self.stop.stop();
+        }
+    }
+
+    fn report(&mut self, memory: &mut Memory) {
+        let now = self.clock.now();
+        if memory.reported.is_some_and(|before| now - before < REPORT_EVERY) {
+            return;
+        }
+        memory.reported = Some(now);
+        let state = |TopicSummary { name, tally, clock, .. }: TopicSummary<'_>| {
+            let known = clock.offset();
+            TopicState {
+                topic: name.to_owned(),
+                received: tally.received,
+                used: tally.used,
+                offset: known.map(|known| known.offset),
+                spread: known.map(|known| known.spread),
+            }
+        };
+        let states: Vec<TopicState> =
+            self.intake.tallies().filter(|topic| topic.tally.received > 0).map(state).collect();
+        let since = Time::from_ns(now.ns().saturating_sub(SILENT.ns()));
+        let alive = self
+            .intake
+            .tallies()
+            .filter(|topic| topic.tally.heard.is_some_and(|heard| heard >= since))
+            .count();
+        let arrived = Arrived { at: now, stamp: now, input: Input::Topics(states) };
+        memory.not_taken += u64::from(self.inputs.send(arrived) == Err(SendError::Full));
+        let silent = self.silent(now);
+        let status = *lock(&self.status);
+        let mut line = format!(
+            "{:6.1} s  {:5.2} m/s  {}  {alive} topics",
+            now.as_secs(),
+            status.speed_mps,
+            mode_words(status.mode)
+        );
+        if !silent.is_empty() {
+            line += &format!("  waiting for {}", listed(&silent));
+        }
+        self.status_sink.progress(&line);
+    }
+}
+
+impl End {
+    fn new(why: &'static str, since: Time, status: &Mutex<DriveStatus>) -> Self {
+        let speed_mps = lock(status).speed_mps;
+        Self { why, since, speed_mps, stands_since: None, stopped: false }
+    }
+}
+
+/// The names of roles, with commas.
+pub(super) fn listed(roles: &[Role]) -> String {
+    roles.iter().map(|role| role.name()).collect::<Vec<_>>().join(", ")
+}
+
+/// A mode in words.
+pub(super) fn mode_words(mode: GateMode) -> String {
+    match mode {
+        GateMode::Manual => "manual".into(),
+        GateMode::Driving => "driving".into(),
+        GateMode::Stopping(cause) => format!("stopping: {}", cause.words()),
+        GateMode::Holding(cause) => format!("holding: {}", cause.words()),
+    }
+}

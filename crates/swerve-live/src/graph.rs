@@ -1,0 +1,103 @@
+//! The graph that drives a vehicle: sources in the place of the simulated world's sensors, the gate at its end.
+//!
+//! ```text
+//!  objects > obstacles > tracker > predictor > planner > controller > fresh > gate -> (who talks to the vehicle)
+//!  pose ------------------------------------------^--------^                   ^
+//!  vehicle, switch ------------------------------------------------------------+
+//!  imu, gnss, cameras, lidars > monitors
+//! ```
+
+use std::collections::BTreeMap;
+
+use anyhow::Context as _;
+use swerve_flow::{Payload, SendError, SourceHandle};
+use swerve_msg::{EgoState, Gnss, Image, Imu, ObstacleList, PointCloud, Switch, VehicleReport};
+use swerve_scenario::Scenario;
+
+use super::feed::TopicState;
+use super::intake::{Arrived, Input, names};
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+
+/// A graph to be fed with what a vehicle says.
+pub struct LiveGraph {
+    /// The pipeline; its operator `gate` says what goes to the vehicle.
+    pub pipeline: Pipeline,
+    /// What feeds it.
+    pub inputs: Inputs,
+}
+
+/// The sources' handles: under wall clock they feed the graph. When they are gone its streams are closed.
+pub struct Inputs {
+    pose: SourceHandle<EgoState>,
+    objects: SourceHandle<ObstacleList>,
+    imu: SourceHandle<Imu>,
+    gnss: SourceHandle<Gnss>,
+    report: SourceHandle<VehicleReport>,
+    switch: SourceHandle<Switch>,
+    topics: SourceHandle<Vec<TopicState>>,
+    images: BTreeMap<String, SourceHandle<Image>>,
+    clouds: BTreeMap<String, SourceHandle<PointCloud>>,
+}
+
+impl Inputs {
+    /// Hands something to its source.
+    ///
+    /// # Errors
+    /// The run is over, or the engine does not keep up.
+    pub fn send(&self, arrived: Arrived) -> Result<(), SendError> {
+        let Arrived { stamp, input, .. } = arrived;
+        match input {
+            Input::Pose(x) => self.pose.send(stamp, x),
+            Input::Objects(x) => self.objects.send(stamp, x),
+            Input::Imu(x) => self.imu.send(stamp, x),
+            Input::Gnss(x) => self.gnss.send(stamp, x),
+            Input::Report(x) => self.report.send(stamp, x),
+            Input::Switch(x) => self.switch.send(stamp, x),
+            Input::Topics(x) => self.topics.send(stamp, x),
+            Input::Image(name, x) => self.images.get(&name).map_or(Ok(()), |source| source.send(stamp, x)),
+            Input::Cloud(name, x) => self.clouds.get(&name).map_or(Ok(()), |source| source.send(stamp, x)),
+        }
+    }
+}
+
+impl LiveGraph {
+    /// The graph of a configuration with `[live]`, along the road of `scenario`.
+    ///
+    /// # Errors
+    /// When what the configuration asks for is not to be had.
+    pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+        anyhow::ensure!(config.live.is_some(), "the configuration has no `[live]`");
+        let mut pipeline = Pipeline::build(config, scenario)?;
+        // What becomes of topics is read by nobody in the graph: it is there for the log.
+        let (_, topics) = pipeline.graph.source::<Vec<TopicState>>(names::TOPICS);
+        let named = |names: Vec<&String>| -> Vec<String> { names.into_iter().cloned().collect() };
+        let inputs = Inputs {
+            pose: input(&mut pipeline, names::POSE)?,
+            objects: input(&mut pipeline, names::OBJECTS)?,
+            imu: input(&mut pipeline, names::IMU)?,
+            gnss: input(&mut pipeline, names::GNSS)?,
+            report: input(&mut pipeline, names::REPORT)?,
+            switch: input(&mut pipeline, names::SWITCH)?,
+            topics,
+            images: inputs(&mut pipeline, named(config.camera.keys().collect()))?,
+            clouds: inputs(&mut pipeline, named(config.lidar.keys().collect()))?,
+        };
+        Ok(Self { pipeline, inputs })
+    }
+}
+
+/// The handle of a source of the graph.
+fn input<T: Payload>(pipeline: &mut Pipeline, name: &str) -> anyhow::Result<SourceHandle<T>> {
+    pipeline.take_source(name).with_context(|| {
+        format!("operator.{name}: a vehicle says this: expected the operator that takes it in, as it is without a configuration")
+    })
+}
+
+/// The handles of sources of one kind, by name.
+fn inputs<T: Payload>(
+    pipeline: &mut Pipeline,
+    names: Vec<String>,
+) -> anyhow::Result<BTreeMap<String, SourceHandle<T>>> {
+    names.into_iter().map(|name| input(pipeline, &name).map(|handle| (name, handle))).collect()
+}

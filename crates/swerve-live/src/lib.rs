@@ -1,0 +1,391 @@
+//! `swerve live`: a vehicle on the other side of ROS 2's topics, driven.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`intake`] | from ROS messages, live or recorded, to what the graph takes in |
+//! | [`time`] | from a sensor's clock to the time of the run |
+//! | [`vehicle`] | a vehicle's reports, and commands in its words: one small trait for each interface |
+//! | [`graph`] | the graph, with sources in the place of the simulated world |
+//! | [`wire`] | how messages come and go: the bridge, or what stands in for it |
+//! | [`feed`] | the thread from the wire to the graph; the switch, by [`engage`] |
+//! | [`sink`] | the thread from the gate to the wire; stops the car where the gate has fallen silent |
+//! | [`recorded`] | the same from a recorded drive, in virtual time |
+//! | [`watch`], [`summary`] | what is seen of the drive, and told at its end |
+//!
+//! ```text
+//!  wire --> feed (intake, engage) --> sources | engine | gate --> outlet --> sink (interface) --> wire
+//!  own thread                                 | this thread      (observer)  own thread
+//! ```
+//!
+//! The graph depends on no transport: a bridge feeds it through [`graph::Inputs`], a recorded drive through
+//! [`intake::Arrived::record`] and [`swerve_flow::Graph::playback`].
+
+pub mod engage;
+pub mod feed;
+pub mod graph;
+pub mod intake;
+pub mod recorded;
+pub mod ros2;
+pub mod sink;
+pub mod summary;
+pub mod time;
+pub mod vehicle;
+pub mod watch;
+pub mod wire;
+
+#[cfg(test)]
+mod tests;
+
+use core::time::Duration;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
+
+use anyhow::Context as _;
+use swerve_core::{Span, Time};
+use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
+use swerve_foxglove::Foxglove;
+use swerve_log::{Recorder, RunStart, TraceWriter};
+use swerve_ros2::bridge::Stopped;
+use swerve_ros2::mapping::Mapping;
+use swerve_scenario::Scenario;
+use swerve_stack::Registry;
+use swerve_text::{Problem, parse_assignment};
+
+use swerve_drive::shipped::Kind;
+use swerve_drive::views::live_views;
+use swerve_drive::{left_out_of_logs, problems_error, read_scenario};
+use swerve_report::progress::LiveLine;
+use swerve_stack::config::clock::Clock;
+use swerve_stack::config::live::EnableBy;
+use swerve_stack::config::{Config, LiveConfig};
+
+use engage::Engagement;
+use feed::{ControlFlags, Feed, FeedReport, Goal, StatusSink};
+use graph::LiveGraph;
+
+use intake::Intake;
+use sink::{Sink, SinkReport};
+use summary::Summary;
+use swerve_stack::pipeline::Pipeline;
+use watch::{DriveFigures, Outlet};
+use wire::{BridgeWire, HostClock, Wire};
+
+/// `swerve live`.
+#[derive(clap::Args, Debug)]
+pub struct LiveArgs {
+    /// Configuration file (TOML) with `[live]` and `[ros2]`, or a name such as autoware
+    config: PathBuf,
+    /// Stop the car and end after so many seconds; else with Ctrl-C, or at the goal
+    #[arg(long)]
+    seconds: Option<f64>,
+    /// Output folder [default: out/ and the configuration's name]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Who says that the stack is to drive, in place of the configuration's live.enable
+    #[arg(long)]
+    enable: Option<EnableBy>,
+    /// Set a configuration key, such as ego.speed_mps=5
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Print one JSON object and nothing else
+    #[arg(long)]
+    json: bool,
+    /// Worker threads for heavy steps
+    #[arg(long, default_value_t = 2, value_parser = swerve_drive::threads::parser())]
+    threads: usize,
+}
+
+/// How long the transport may take for its end.
+const BRIDGE_END: Duration = Duration::from_secs(3);
+
+/// The parts of a drive, checked.
+pub struct Drive {
+    /// The configuration.
+    pub config: Config,
+    /// Its `[live]`.
+    pub live: LiveConfig,
+    /// The topics.
+    pub mapping: Mapping,
+    /// Whose road is followed.
+    pub scenario: Scenario,
+    /// The file of that.
+    pub route: PathBuf,
+}
+
+impl Drive {
+    /// Reads a configuration and the route that it names.
+    ///
+    /// # Errors
+    /// All that is wrong with them.
+    pub fn load(registry: &Registry, file: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Self> {
+        // A vehicle moves in real time.
+        let wall = ("clock.source".to_owned(), toml::Value::from("wall"));
+        let sets: Vec<_> = std::iter::once(wall).chain(sets.iter().cloned()).collect();
+        let mut config =
+            Kind::Live.config(registry, Some(file), &sets).map_err(|problems| problems_error(&problems))?;
+        if config.source.is_some() {
+            // What was recorded does not wait for anybody.
+            config.clock.source = Clock::Virtual;
+        }
+        let live = config.live.clone().with_context(|| {
+            format!("{}: there is no `[live]`: expected at least its key `route`", file.display())
+        })?;
+        let route = route_file(Kind::Live.place(file), &live);
+        let scenario = read_scenario(&route).context("live.route")?;
+        let mapping = config.ros2_mapping()?;
+        Ok(Self { config, live, mapping, scenario, route })
+    }
+}
+
+/// The file of a route, named from the folder of the configuration.
+pub fn route_file(config: &Path, live: &LiveConfig) -> PathBuf {
+    config.parent().unwrap_or(Path::new("")).join(&live.route)
+}
+
+/// How long a drive lasts, on how many threads, and who is told.
+pub struct DriveOptions<'a> {
+    /// Until then.
+    pub until: Option<Time>,
+    /// Worker threads.
+    pub threads: usize,
+    /// Who is told how it goes.
+    pub status_sink: Box<dyn StatusSink>,
+    /// How the threads of the drive tell one another what to do.
+    pub flags: &'a ControlFlags,
+}
+
+/// The log and the trace of a drive, as they are written.
+struct DriveFiles {
+    recorder: Recorder,
+    trace: TraceWriter,
+    /// The folder that they are in.
+    folder: PathBuf,
+}
+
+/// The files of a drive that are complete, under the names of parts.
+struct Finished(PathBuf);
+
+impl DriveFiles {
+    /// Completes the files; what was recorded until a failure is kept, readable.
+    fn finish(self) -> anyhow::Result<Finished> {
+        self.recorder.finish()?;
+        self.trace.finish()?;
+        Ok(Finished(self.folder))
+    }
+}
+
+impl Finished {
+    /// Gives the files their names, now that they are whole; returns their folder.
+    fn name_whole(self) -> anyhow::Result<PathBuf> {
+        let Self(folder) = self;
+        for name in ["log.partial.mcap", "trace.partial.json"] {
+            let whole = name.replace(".partial", "");
+            std::fs::rename(folder.join(name), folder.join(&whole))
+                .with_context(|| format!("writing {whole}"))?;
+        }
+        Ok(folder)
+    }
+}
+
+/// The result of a drive.
+pub struct Driven {
+    /// The engine's report, or why it failed.
+    pub report: Result<RunReport, RunError>,
+    /// The report of the feed.
+    pub feed: FeedReport,
+    /// The report of the sink.
+    pub sink: SinkReport,
+    /// Figures of the drive.
+    pub figures: DriveFigures,
+}
+
+/// Drives over a wire until the end, with `observers` told everything. When this returns the car has been released.
+pub fn drive(
+    drive: &Drive,
+    wire: &dyn Wire,
+    options: DriveOptions<'_>,
+    observers: &mut [&mut dyn Observer],
+    clock: HostClock,
+) -> anyhow::Result<Driven> {
+    let graph = LiveGraph::build(&drive.config, &drive.scenario)?;
+    drive_graph(drive, graph, wire, options, observers, clock)
+}
+
+/// As [`drive`](self::drive), with a graph that is already built.
+fn drive_graph(
+    drive: &Drive,
+    LiveGraph { pipeline: Pipeline { graph, route, .. }, inputs }: LiveGraph,
+    wire: &dyn Wire,
+    options: DriveOptions<'_>,
+    observers: &mut [&mut dyn Observer],
+    clock: HostClock,
+) -> anyhow::Result<Driven> {
+    let Drive { config, live, mapping, scenario, .. } = drive;
+    let DriveOptions { until, threads, status_sink, flags } = options;
+    let interface = || vehicle::interface(mapping.vehicle, config);
+    let intake = Intake::new(mapping, interface(), config, clock.epoch_ns());
+    let (orders, received) = mpsc::channel();
+    let status = Arc::new(Mutex::new(watch::DriveStatus::default()));
+    let stop_max = Span::from_secs(live.stop_timeout_s);
+    let stop = config.gate_params().map_err(|message| anyhow::anyhow!("gate.params: {message}"))?;
+    let sink = Sink {
+        wire,
+        interface: interface(),
+        car: intake.car(),
+        clock,
+        epoch: intake.epoch(),
+        stop,
+        stop_max,
+        has_mode_service: !live.control_mode_service.is_empty(),
+        says_enable: live.enable == EnableBy::AtStart,
+        gave_up: flags.gave_up.clone(),
+    };
+    let outlet = Outlet::new(orders.clone(), status.clone(), route.clone());
+    let feed = Feed {
+        wire,
+        intake,
+        inputs,
+        clock,
+        engagement: Engagement::new(live.enable, Span::from_secs(live.enable_timeout_s)),
+        status,
+        orders: Some(orders),
+        stop: graph.stop_handle(),
+        until,
+        goal: Goal { route, s_m: scenario.ego.end_m },
+        stop_max,
+        stop_params: stop,
+        flags,
+        status_sink,
+    };
+    let options = RunOptions::default().seed(config.seed).threads(threads);
+    std::thread::scope(|scope| {
+        let sinking = scope.spawn(move || {
+            // The feed goes on until then: it is what knows when the car stands.
+            let _done = Set(&flags.done);
+            sink.run(&received)
+        });
+        let feeding = scope.spawn(move || feed.run());
+        // Whatever happens below, the other threads get to know that it is over.
+        let over = Set(&flags.run_over);
+        let mut outlet = outlet;
+        let report = {
+            let mut all: Vec<&mut dyn Observer> = vec![&mut outlet];
+            all.extend(observers.iter_mut().map(|o| &mut **o as &mut dyn Observer));
+            run_wall(graph, &options, all)
+        };
+        let figures = outlet.conclude();
+        drop(over);
+        let sink = sinking.join();
+        let fed = feeding.join();
+        let gone = |what: &str| anyhow::anyhow!("the thread that {what} panicked: this is a bug");
+        Ok(Driven {
+            report,
+            feed: fed.map_err(|_| gone("feeds the graph"))?,
+            sink: sink.map_err(|_| gone("talks to the vehicle"))?,
+            figures,
+        })
+    })
+}
+
+/// Sets a flag at its end, also where a panic passes.
+struct Set<'a>(&'a AtomicBool);
+
+impl Drop for Set<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+/// Runs `swerve live`.
+pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
+    let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
+    let mut sets = sets?;
+    if let Some(enable) = args.enable {
+        let word = match enable {
+            EnableBy::Topic => "topic",
+            EnableBy::AtStart => "at_start",
+        };
+        sets.push(("live.enable".into(), word.into()));
+    }
+    let drive = Drive::load(registry, &args.config, &sets)?;
+    if let Some(seconds) = args.seconds {
+        anyhow::ensure!(seconds > 0.0 && seconds < 1e6, "--seconds {seconds}: expected more than 0");
+    }
+    let name = args.config.file_stem().map_or_else(|| "live".into(), |s| s.to_string_lossy().into_owned());
+    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
+    std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
+    let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
+    let mut recorder = Recorder::create(&log_part, &run_start(&drive)?)?;
+    set_up(&mut recorder, &drive);
+    let trace = TraceWriter::create(&trace_part, &["gate"])?;
+    let mut files = DriveFiles { recorder, trace, folder: out };
+
+    if let Some(source) = &drive.config.source {
+        return recorded::run(args, &drive, source, files);
+    }
+    let flags = Arc::new(ControlFlags::default());
+    let interrupted = flags.clone();
+    // There is a handler already where a program has run before in this process: that one stays.
+    let _first = ctrlc::set_handler(move || {
+        interrupted.interrupts.fetch_add(1, Ordering::Relaxed);
+    });
+    let wire = BridgeWire::start(&drive.mapping, &drive.live)?;
+    let clock = HostClock::start();
+    let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
+    let status_sink = Box::new(LiveLine::new(!args.json));
+    let options = DriveOptions { until, threads: args.threads, status_sink, flags: &flags };
+    let driven = self::drive(&drive, &wire, options, &mut [&mut files.recorder, &mut files.trace], clock);
+    let topics = wire.statistics();
+    let stopped = wire.stop(BRIDGE_END);
+    let concluded = conclude(args, &drive, files, driven, &topics);
+    if stopped == Stopped::Hanging {
+        // The transport does not end by itself: all files are written, so the process is ended.
+        if let Err(error) = &concluded {
+            eprintln!("error: {}", swerve_report::output::message(error));
+        }
+        std::process::exit(i32::from(concluded.is_err()));
+    }
+    concluded
+}
+
+/// Ends the files and tells what it came to.
+fn conclude(
+    args: &LiveArgs,
+    drive: &Drive,
+    files: DriveFiles,
+    driven: anyhow::Result<Driven>,
+    topics: &[swerve_ros2::bridge::TopicStatistics],
+) -> anyhow::Result<()> {
+    let part = files.finish()?;
+    let driven = driven?;
+    let out = part.name_whole()?;
+    let summary = Summary::new(drive, &driven, topics);
+    let json = serde_json::to_string_pretty(&summary)? + "\n";
+    swerve_report::files::write_whole(&out.join("metrics.json"), json.as_bytes())?;
+    swerve_report::output::print(&if args.json { json } else { summary.text(&out) })?;
+    driven.report.context("the car was stopped by what talks to it, and the run ended")?;
+    anyhow::ensure!(
+        driven.feed.was_ready || args.seconds.is_none(),
+        "not all topics that are needed were there: {}",
+        summary.missing()
+    );
+    Ok(())
+}
+
+/// Has a log hold of a drive what its configuration says.
+fn set_up(recorder: &mut Recorder, drive: &Drive) {
+    let Drive { config, scenario, .. } = drive;
+    if let Some(images) = left_out_of_logs(config.log.images) {
+        recorder.leave_out(images);
+    }
+    if config.log.foxglove {
+        let own = Foxglove::new(live_views(config, scenario));
+        recorder.show(Box::new(config.registry.with_views_of(own)));
+    }
+}
+
+/// The head of a log: all that it takes to compute it again without the files.
+fn run_start(drive: &Drive) -> anyhow::Result<RunStart> {
+    swerve_drive::run_start(&drive.config, &drive.route)
+}

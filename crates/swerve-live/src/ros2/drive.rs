@@ -1,0 +1,321 @@
+//! Commands of another stack, from its topics to the safety gate.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use swerve_core::{Span, Time};
+use swerve_flow::SourceHandle;
+use swerve_msg::{GateMode, MotionCommand, Switch};
+use swerve_ros2::AnyMessage;
+use swerve_ros2::bridge::Bridge;
+use swerve_ros2::clock::{ClockOffset, ClockParams};
+use swerve_ros2::convert::{Epoch, SteeringGear, control_from_ros};
+use swerve_ros2::mapping::{Mapping, Role};
+use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
+use swerve_ros2::msg::builtin_interfaces as builtin;
+use swerve_ros2::msg::ds_dbw_msgs::{BrakeCmd, SteeringCmd, ThrottleCmd, UlcCmd};
+use swerve_vehicle::{Pedals, VehicleParams, accel_for_pedals};
+
+use crate::engage::{Engagement, Situation};
+use crate::intake::Request;
+use crate::time::TopicClock;
+use swerve_stack::config::live::EnableBy;
+use swerve_stack::pipeline::Pipeline;
+
+/// How often the switch is looked at.
+const TICK: Duration = Duration::from_millis(20);
+/// Messages taken in before the switch is looked at again: a flood does not keep it waiting.
+const AT_ONCE: usize = 256;
+/// Steering and pedals come in messages of their own: together they are a command only within this time.
+const TOGETHER: Span = Span::from_ms(200);
+/// How long a request to drive waits for commands that can be driven.
+const ENABLE_WITHIN: Span = Span::from_ms(5000);
+/// Speed into acceleration where only the speed is told, 1/s.
+const SPEED_GAIN_PER_S: f64 = 2.0;
+
+/// Inputs of the pipeline by which a stack outside drives.
+pub(super) struct DriverInputs {
+    /// What it asks of the vehicle.
+    pub(super) commands: SourceHandle<MotionCommand>,
+    /// Whether it is to drive.
+    pub(super) switch: SourceHandle<Switch>,
+}
+
+impl DriverInputs {
+    /// Those of a pipeline that another stack drives.
+    pub(super) fn take(pipeline: &mut Pipeline) -> Option<Self> {
+        let commands = pipeline.take_source("commands")?;
+        Some(Self { commands, switch: pipeline.take_source("switch")? })
+    }
+}
+
+/// The car's state in the run, for the reader of commands.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Moment {
+    pub(super) now: Time,
+    pub(super) speed_mps: f64,
+    pub(super) mode: GateMode,
+}
+
+/// Shared between the engine's thread and the reader's.
+pub(super) type Shared = Arc<Mutex<Moment>>;
+
+/// A panic while it was held would be a bug in plain bookkeeping: what is there is whole.
+pub(super) fn lock(shared: &Mutex<Moment>) -> MutexGuard<'_, Moment> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Counts of the other stack's commands.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ListenerReport {
+    /// Commands that went to the gate.
+    pub(super) commands: u64,
+    /// Commands that did not, for want of a plausible stamp.
+    pub(super) implausible: u64,
+    /// How its clock stands to the run's time.
+    pub(super) clock: Option<ClockOffset>,
+}
+
+/// Reads commands and requests until it is stopped.
+pub(super) struct Listener {
+    inputs: DriverInputs,
+    shared: Shared,
+    clock: TopicClock,
+    engagement: Engagement,
+    requests: Vec<Request>,
+    /// Since when a request to drive waits for commands.
+    waits_since: Option<Time>,
+    switch: Option<Switch>,
+    wire: Wire,
+    last: Option<Time>,
+    report: ListenerReport,
+}
+
+impl Listener {
+    pub(super) fn new(inputs: DriverInputs, vehicle: &VehicleParams, shared: Shared) -> Self {
+        Self {
+            inputs,
+            shared,
+            clock: TopicClock::new(ClockParams::default()),
+            engagement: Engagement::new(EnableBy::Topic, ENABLE_WITHIN),
+            requests: Vec::new(),
+            waits_since: None,
+            switch: None,
+            wire: Wire::new(vehicle),
+            last: None,
+            report: ListenerReport::default(),
+        }
+    }
+
+    pub(super) fn run(mut self, bridge: &Bridge, mapping: &Mapping, stop: &AtomicBool) -> ListenerReport {
+        while !stop.load(Ordering::Relaxed) {
+            bridge.wait(TICK);
+            for (id, received) in std::iter::from_fn(|| bridge.take_any()).take(AT_ONCE) {
+                let role = mapping.topic(&bridge.endpoints()[id.0].name).map(|topic| topic.role);
+                if let Some(role) = role {
+                    self.take(role, &received.message);
+                }
+            }
+            let requests = &mut self.requests;
+            // Only Autoware's vehicles have the service.
+            let _none = bridge.serve_control_mode(|mode| {
+                let drive = mode == ControlModeReport::AUTONOMOUS;
+                requests.push(Request::Drive(drive));
+                drive || mode == ControlModeReport::MANUAL
+            });
+            self.advance_switch();
+        }
+        self.report.clock = self.clock.offset();
+        self.report
+    }
+
+    fn advance_switch(&mut self) {
+        let Moment { now, mode, .. } = *lock(&self.shared);
+        let ready = self.last.is_some_and(|last| now - last < TOGETHER);
+        let mut requests = std::mem::take(&mut self.requests);
+        // A request to drive and the first commands come in any order.
+        if requests.contains(&Request::Drive(false)) {
+            self.waits_since = None;
+        } else if !ready && requests.contains(&Request::Drive(true)) {
+            self.waits_since = Some(now);
+            requests.retain(|request| *request != Request::Drive(true));
+        } else if ready && self.waits_since.take().is_some_and(|since| now - since < ENABLE_WITHIN) {
+            requests.push(Request::Drive(true));
+        }
+        let at = Situation { now, ready, listens: None, driver: false, mode };
+        let action = self.engagement.step(&requests, &at);
+        if self.switch.replace(action.switch) != Some(action.switch) {
+            // A run that is over has nobody to be told.
+            let _over = self.inputs.switch.send_now(action.switch);
+        }
+    }
+
+    fn take(&mut self, role: Role, message: &AnyMessage) {
+        let Moment { now, speed_mps, .. } = *lock(&self.shared);
+        match (role, message) {
+            (Role::Enable, AnyMessage::Engage(engage)) => self.requests.push(Request::Drive(engage.engage)),
+            (Role::Enable, AnyMessage::RaptorGlobalEnableCmd(all)) => {
+                self.requests.push(Request::Drive(all.global_enable));
+            }
+            (Role::Enable, AnyMessage::Empty(_)) => self.requests.push(Request::Drive(true)),
+            (Role::Disable, AnyMessage::Empty(_)) => self.requests.push(Request::Drive(false)),
+            (_, AnyMessage::Control(control)) => {
+                let mut command = control_from_ros(control, Epoch::default());
+                if !control.longitudinal.is_defined_acceleration {
+                    command.accel_mps2 = SPEED_GAIN_PER_S * (command.speed_mps - speed_mps);
+                }
+                self.send(now, Some(control.stamp), command);
+            }
+            (_, message) => {
+                if let Some((stamp, command)) = self.wire.take(message, now, speed_mps) {
+                    self.send(now, stamp, command);
+                }
+            }
+        }
+    }
+
+    /// Hands a command to the gate, with its stamp as an instant of the run.
+    fn send(&mut self, now: Time, stamp: Option<builtin::Time>, command: MotionCommand) {
+        let stamp = match stamp.map(|stamp| self.clock.time(stamp.ns(), now, 0)) {
+            None => self.clock.unstamped(now),
+            Some(Ok(stamp)) => stamp,
+            Some(Err(_)) => {
+                self.report.implausible += 1;
+                return;
+            }
+        };
+        self.report.commands += 1;
+        self.last = Some(now);
+        // A run that is over has nobody to be told.
+        let _over = self.inputs.commands.send(stamp, MotionCommand { stamp, ..command });
+    }
+}
+
+/// Commands of vehicles driven by wire: steering, and a speed or pedals, each in messages of their own.
+struct Wire {
+    vehicle: VehicleParams,
+    gear: SteeringGear,
+    /// The newest of each, and when it came.
+    accel_mps2: Option<(Time, f64)>,
+    throttle: Option<(Time, f64)>,
+    brake: Option<(Time, f64)>,
+    speed_mps: f64,
+}
+
+impl Wire {
+    fn new(vehicle: &VehicleParams) -> Self {
+        Self {
+            vehicle: vehicle.clone(),
+            gear: SteeringGear::default(),
+            accel_mps2: None,
+            throttle: None,
+            brake: None,
+            speed_mps: 0.0,
+        }
+    }
+
+    /// A command, where `message` is one for the steering wheel and something was said of speed lately. What is not
+    /// enabled says nothing.
+    fn take(
+        &mut self,
+        message: &AnyMessage,
+        now: Time,
+        speed_mps: f64,
+    ) -> Option<(Option<builtin::Time>, MotionCommand)> {
+        let percent = |x: f32| Some((now, 0.01 * f64::from(x)));
+        let (stamp, wheel_deg) = match message {
+            AnyMessage::DataspeedSteeringCmd(cmd) if cmd.enable && cmd.cmd_type == SteeringCmd::CMD_ANGLE => {
+                (Some(cmd.header.stamp), cmd.cmd)
+            }
+            AnyMessage::RaptorSteeringCmd(cmd) if cmd.enable => (None, cmd.angle_cmd),
+            AnyMessage::DataspeedUlcCmd(cmd) if cmd.enable && cmd.cmd_type == UlcCmd::CMD_VELOCITY => {
+                self.speed_mps = f64::from(cmd.cmd);
+                let wanted = SPEED_GAIN_PER_S * (self.speed_mps - speed_mps);
+                let (slower, faster) = (f64::from(cmd.limit_decel).abs(), f64::from(cmd.limit_accel).abs());
+                self.accel_mps2 = Some((now, wanted.clamp(-slower, faster)));
+                return None;
+            }
+            AnyMessage::DataspeedThrottleCmd(cmd)
+                if cmd.enable && cmd.cmd_type == ThrottleCmd::CMD_PERCENT =>
+            {
+                self.throttle = percent(cmd.cmd);
+                return None;
+            }
+            AnyMessage::DataspeedBrakeCmd(cmd) if cmd.enable && cmd.cmd_type == BrakeCmd::CMD_PERCENT => {
+                self.brake = percent(cmd.cmd);
+                return None;
+            }
+            AnyMessage::RaptorAcceleratorPedalCmd(cmd) if cmd.enable => {
+                self.throttle = percent(cmd.pedal_cmd);
+                return None;
+            }
+            AnyMessage::RaptorBrakeCmd(cmd) if cmd.enable => {
+                self.brake = percent(cmd.pedal_cmd);
+                return None;
+            }
+            _ => return None,
+        };
+        let lately = |said: Option<(Time, f64)>| said.filter(|(at, _)| now - *at < TOGETHER).map(|(_, x)| x);
+        let pedals = || {
+            // One of the two may be left out, but not both.
+            let (throttle, brake) = (lately(self.throttle), lately(self.brake));
+            throttle.or(brake)?;
+            let pedals = Pedals { throttle: throttle.unwrap_or(0.0), brake: brake.unwrap_or(0.0) };
+            Some(accel_for_pedals(&self.vehicle, speed_mps, pedals))
+        };
+        let accel_mps2 = lately(self.accel_mps2).or_else(pedals)?;
+        let steering_rad = self.gear.steering_rad(f64::from(wheel_deg));
+        let command = MotionCommand { stamp: now, steering_rad, speed_mps: self.speed_mps, accel_mps2 };
+        Some((stamp, command))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_msg::Command;
+    use swerve_ros2::convert::{AccelLimits, Dataspeed, Raptor};
+    use swerve_vehicle::pedals_for_accel;
+
+    use super::*;
+
+    fn at(ms: i64) -> Time {
+        Time::from_ms(ms)
+    }
+
+    #[test]
+    fn steering_and_speed_by_wire_are_one_command_while_both_are_young() {
+        let mut wire = Wire::new(&VehicleParams::default());
+        let car = Dataspeed::default();
+        let steering = AnyMessage::DataspeedSteeringCmd(car.steering(at(10), 0.1, true, false));
+        assert!(wire.take(&steering, at(10), 5.0).is_none(), "nothing was said of speed");
+        let limits = AccelLimits { accel_mps2: 1.5, decel_mps2: 3.0 };
+        let faster = MotionCommand { speed_mps: 9.0, ..MotionCommand::default() };
+        let speed = AnyMessage::DataspeedUlcCmd(car.speed(&faster, limits, true, false));
+        assert!(wire.take(&speed, at(20), 5.0).is_none());
+        let (_, command) = wire.take(&steering, at(30), 5.0).unwrap();
+        assert!((command.steering_rad - 0.1).abs() < 1e-6 && command.accel_mps2 == 1.5, "{command:?}");
+        assert!(wire.take(&steering, at(20 + TOGETHER.ns() / 1_000_000), 5.0).is_none(), "the speed is old");
+        let off = AnyMessage::DataspeedSteeringCmd(car.steering(at(30), 0.1, false, false));
+        assert!(wire.take(&off, at(30), 5.0).is_none(), "not enabled");
+    }
+
+    #[test]
+    fn pedals_by_wire_are_the_acceleration_that_they_give() {
+        let vehicle = VehicleParams::default();
+        for accel_mps2 in [1.0, -3.0] {
+            let mut wire = Wire::new(&vehicle);
+            let pedals = pedals_for_accel(&vehicle, 8.0, accel_mps2);
+            let command = Command { steering_rad: 0.0, throttle: pedals.throttle, brake: pedals.brake };
+            let car = Raptor::default();
+            let (throttle, brake) = car.pedals(&command, true, 1);
+            assert!(wire.take(&AnyMessage::RaptorAcceleratorPedalCmd(throttle), at(0), 8.0).is_none());
+            assert!(wire.take(&AnyMessage::RaptorBrakeCmd(brake), at(0), 8.0).is_none());
+            let steering = AnyMessage::RaptorSteeringCmd(car.steering(-0.2, true, 1));
+            let (_, command) = wire.take(&steering, at(5), 8.0).unwrap();
+            assert!(
+                (command.accel_mps2 - accel_mps2).abs() < 1e-3 && (command.steering_rad + 0.2).abs() < 1e-6
+            );
+        }
+    }
+}

@@ -1,0 +1,285 @@
+//! `swerve run --ros2`: the simulated car as a vehicle on ROS 2's topics.
+//!
+//! | module | what |
+//! |---|---|
+//! | `show` | sensors, reports and plans go out: an observer of the run, which changes nothing in it |
+//! | `drive` | commands of another stack come in, where that drives: a source of the run |
+//! | `streams` | which streams' messages readers get, by the graph |
+//! | `mounts` | which sensor is on which topics, and where it sits |
+//!
+//! Messages are made and sent on two threads of their own, one for images and point clouds, one for all else. Each
+//! has a queue with a bound; what does not fit is dropped and counted.
+
+mod drive;
+mod mounts;
+mod show;
+mod streams;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use serde::Serialize;
+use swerve_flow::Observer;
+use swerve_ros2::AnyMessage;
+use swerve_ros2::bridge::{Bridge, Direction, EndpointId, Options, ServiceSide, Stopped};
+use swerve_ros2::mapping::{Mapping, Purpose, Role, Side, Vehicle};
+
+use drive::{DriverInputs, Listener, ListenerReport};
+use mounts::Mounts;
+use show::Show;
+use streams::Streams;
+use swerve_report::output::align;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+
+/// Small messages that may wait: a second of all of them.
+const SMALL_MAX: usize = 1000;
+/// Images and point clouds that may wait.
+const LARGE_MAX: usize = 4;
+/// How long the transport may take for its end.
+const STOP_WITHIN: Duration = Duration::from_secs(2);
+
+/// Makes a message; nothing where it cannot be said in ROS.
+type Make = Box<dyn FnOnce() -> Option<AnyMessage> + Send>;
+
+/// Autoware's service that asks a vehicle to follow commands.
+const CONTROL_MODE_SERVICE: &str = "/control/control_mode_request";
+
+/// Messages on their way out.
+struct Outbox {
+    bridge: Arc<Bridge>,
+    queues: [SyncSender<(EndpointId, Make)>; 2],
+    /// Messages that found their queue full, by endpoint.
+    dropped: Vec<u64>,
+}
+
+impl Outbox {
+    /// Has a small message made and sent.
+    fn small(&mut self, id: EndpointId, make: impl FnOnce() -> Option<AnyMessage> + Send + 'static) {
+        self.post(0, id, Box::new(make));
+    }
+
+    /// Has a large message made and sent.
+    fn large(&mut self, id: EndpointId, make: impl FnOnce() -> Option<AnyMessage> + Send + 'static) {
+        self.post(1, id, Box::new(make));
+    }
+
+    fn post(&mut self, queue: usize, id: EndpointId, make: Make) {
+        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) =
+            self.queues[queue].try_send((id, make))
+        {
+            self.dropped[id.0] += 1;
+        }
+    }
+}
+
+/// Makes and sends what is in a queue until it is closed.
+fn send(bridge: &Bridge, queue: &Receiver<(EndpointId, Make)>) {
+    for (id, make) in queue {
+        if let Some(message) = make() {
+            // What is not sent is counted by the bridge.
+            let _counted = bridge.publish(id, message);
+        }
+    }
+}
+
+/// The car on ROS 2's topics, as long as it lives.
+pub struct Ros2Car {
+    bridge: Arc<Bridge>,
+    show: Show,
+    threads: Vec<JoinHandle<()>>,
+    listener: Option<(JoinHandle<ListenerReport>, Arc<AtomicBool>)>,
+}
+
+impl Ros2Car {
+    /// Opens the topics of a configuration of which there is something to say in this run; where another stack
+    /// drives, also those on which it does.
+    ///
+    /// # Errors
+    /// When the transport does not start.
+    pub fn start(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
+        let mapping = config.ros2_mapping()?;
+        let mounts = Mounts::new(config, &mapping);
+        for sensor in mounts.without_topic() {
+            eprintln!("{sensor} is on no topic: name one in [ros2.topics.{sensor}]");
+        }
+        let driver = DriverInputs::take(pipeline);
+        let streams = Streams::new(&pipeline.graph.describe()?);
+        let options = options(config, &streams, &mapping, &mounts, driver.is_some());
+        let bridge = Arc::new(Bridge::start(&options)?);
+        let (mut queues, mut threads) = (Vec::new(), Vec::new());
+        for (name, places) in [("swerve-ros2-small", SMALL_MAX), ("swerve-ros2-large", LARGE_MAX)] {
+            let (sender, queue) = sync_channel(places);
+            let bridge = Arc::clone(&bridge);
+            let thread = thread::Builder::new().name(name.into()).spawn(move || send(&bridge, &queue));
+            threads.push(thread.context("no thread for ROS 2's messages")?);
+            queues.push(sender);
+        }
+        let queues = queues.try_into().expect("two were made");
+        let outbox =
+            Outbox { bridge: Arc::clone(&bridge), queues, dropped: vec![0; options.endpoints.len()] };
+        let mut show = Show::new(config, pipeline, &mapping, &mounts, streams, outbox);
+        let mut listener = None;
+        if let Some(inputs) = driver {
+            let one = Listener::new(inputs, &pipeline.vehicle, show.is_driven());
+            let (bridge, stop) = (Arc::clone(&bridge), Arc::new(AtomicBool::new(false)));
+            let until = Arc::clone(&stop);
+            let thread = thread::Builder::new().name("swerve-ros2-commands".into());
+            let thread = thread.spawn(move || one.run(&bridge, &mapping, &until));
+            listener = Some((thread.context("no thread for ROS 2's commands")?, stop));
+        }
+        Ok(Self { bridge, show, threads, listener })
+    }
+
+    /// Who has to be told what happens in the run.
+    pub fn observer(&mut self) -> &mut dyn Observer {
+        &mut self.show
+    }
+
+    /// Sends what still waits, and leaves.
+    pub fn finish(self) -> Ros2Report {
+        let Self { bridge, show, threads, listener } = self;
+        let dropped = show.finish();
+        for thread in threads {
+            // A panic there has been told by then; what was counted is still true.
+            let _told = thread.join();
+        }
+        let report = listener.and_then(|(thread, stop)| {
+            stop.store(true, Ordering::Relaxed);
+            thread.join().ok()
+        });
+        let topics = bridge.statistics().into_iter().zip(dropped).map(|(topic, dropped)| Ros2Topic {
+            topic: topic.topic,
+            kind: topic.kind.type_name(),
+            others: topic.matched,
+            sent: topic.published,
+            not_sent: topic.not_published,
+            dropped,
+            received: topic.received,
+            refused: topic.refused.total(),
+        });
+        let topics = topics.collect();
+        if let Some(bridge) = Arc::into_inner(bridge)
+            && bridge.stop(STOP_WITHIN) == Stopped::Hanging
+        {
+            eprintln!("ROS 2's transport does not end in order; it goes with the program");
+        }
+        Ros2Report { topics, driver: report.map(Ros2Driver::new) }
+    }
+}
+
+/// The settings of the bridge: the car's side of the mapping, and what our own stack shows of itself. Where another
+/// stack drives that is markers only, of what is on the road.
+fn options(
+    config: &Config,
+    streams: &Streams,
+    mapping: &Mapping,
+    mounts: &Mounts,
+    is_driven: bool,
+) -> Options {
+    let shown = mapping.topics.iter().filter(|topic| {
+        topic.role.purpose() == Purpose::Display && (topic.role == Role::Markers || !is_driven)
+    });
+    let shown: Vec<&str> = shown.map(|topic| topic.name.as_str()).collect();
+    let mut options = Options::from_mapping(mapping, Side::Vehicle).sending(&shown);
+    let role = |name: &str| mapping.topic(name).map(|topic| topic.role);
+    options.endpoints.retain(|endpoint| match endpoint.direction {
+        Direction::Send => show::is_fed(config, streams, mapping, mounts, &endpoint.name),
+        Direction::Receive => is_driven && role(&endpoint.name).is_some_and(is_command),
+    });
+    if is_driven && mapping.vehicle == Vehicle::Autoware {
+        options.control_mode_service = Some((ServiceSide::Server, CONTROL_MODE_SERVICE.to_owned()));
+    }
+    options
+}
+
+/// Whether another stack may say this to the car.
+fn is_command(role: Role) -> bool {
+    role.side() == Side::Stack && matches!(role.purpose(), Purpose::Motion | Purpose::Switch)
+}
+
+/// Counts of ROS 2's topics, and of the stack that drove by them.
+#[derive(Serialize, Clone, Debug)]
+pub struct Ros2Report {
+    /// The topics.
+    pub topics: Vec<Ros2Topic>,
+    /// The other stack, where one drove.
+    pub driver: Option<Ros2Driver>,
+}
+
+/// Counts of the commands of a stack that drove.
+#[derive(Serialize, Clone, Debug)]
+pub struct Ros2Driver {
+    /// Commands that went to the safety gate.
+    pub commands: u64,
+    /// Commands whose stamps cannot be: these did not.
+    pub implausible: u64,
+    /// The run's time minus the time of the stack's clock, ms, for the fastest command.
+    pub clock_offset_ms: Option<f64>,
+    /// How far that is not known, ms.
+    pub clock_spread_ms: Option<f64>,
+    /// How often that clock was set.
+    pub clock_jumps: u32,
+}
+
+impl Ros2Driver {
+    fn new(report: ListenerReport) -> Self {
+        let ListenerReport { commands, implausible, clock } = report;
+        Self {
+            commands,
+            implausible,
+            clock_offset_ms: clock.map(|clock| clock.offset.as_ms()),
+            clock_spread_ms: clock.map(|clock| clock.spread.as_ms()),
+            clock_jumps: clock.map_or(0, |clock| clock.jumps),
+        }
+    }
+}
+
+/// Counts of a topic.
+#[derive(Serialize, Clone, Debug)]
+pub struct Ros2Topic {
+    /// Its name in ROS.
+    pub topic: String,
+    /// Its type in ROS.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// How many others read or write it at the end.
+    pub others: usize,
+    /// Messages that were sent.
+    pub sent: u64,
+    /// Messages that the transport did not take.
+    pub not_sent: u64,
+    /// Messages that were dropped because too many waited.
+    pub dropped: u64,
+    /// Messages that came.
+    pub received: u64,
+    /// Messages that came and were no sound ones of this type.
+    pub refused: u64,
+}
+
+impl Ros2Report {
+    /// For the terminal.
+    pub fn text(&self) -> String {
+        let head = ["topic", "others", "sent", "not sent", "dropped", "received", "refused"];
+        let row = |t: &Ros2Topic| {
+            let counts = [t.others as u64, t.sent, t.not_sent, t.dropped, t.received, t.refused];
+            std::iter::once(t.topic.clone()).chain(counts.map(|n| n.to_string())).collect()
+        };
+        let rows = std::iter::once(head.map(str::to_owned).to_vec()).chain(self.topics.iter().map(row));
+        let mut text = align(&rows.collect::<Vec<_>>());
+        if let Some(driver) = &self.driver {
+            let Ros2Driver { commands, implausible, .. } = driver;
+            text +=
+                &format!("{commands} commands of the other stack, {implausible} refused for their stamps");
+            if let (Some(offset), Some(spread)) = (driver.clock_offset_ms, driver.clock_spread_ms) {
+                text += &format!("; its clock: {offset:+.1} ms to the run's time, known to {spread:.1} ms");
+            }
+            text += "\n";
+        }
+        text
+    }
+}

@@ -1,0 +1,92 @@
+use swerve_msg::{Command, GateMode, GateOutput};
+use swerve_ros2::AnyMessage;
+use swerve_ros2::convert::{
+    AccelLimits, Dataspeed, SteeringGear, dataspeed_speed_from_ros, dataspeed_steering_from_ros,
+    driver_active,
+};
+use swerve_ros2::mapping::Role;
+use swerve_ros2::msg::std_msgs::Empty;
+use swerve_vehicle::{VehicleParams, pedals_for_accel};
+
+use super::{Facts, Outgoing, VehicleInterface};
+use swerve_stack::config::Config;
+use swerve_stack::config::live::Longitudinal;
+
+/// Least of the accelerations that the vehicle's own controller may use, m/s²: it needs some to keep a speed.
+const LIMIT_MIN_MPS2: f64 = 1.0;
+/// The speed that is asked for is what the acceleration comes to in this time, seconds: the controller answers to a
+/// difference in speed.
+const PREVIEW_S: f64 = 0.5;
+
+/// Dataspeed's drive-by-wire: angle of the steering wheel, and a speed or the pedals.
+pub(super) struct DataspeedInterface {
+    gear: SteeringGear,
+    longitudinal: Longitudinal,
+    vehicle: VehicleParams,
+    engaged_before: bool,
+}
+
+impl DataspeedInterface {
+    pub(super) fn new(config: &Config) -> Self {
+        let live = config.live.clone().unwrap_or_default();
+        let (gear, vehicle) = (live.gear(), config.sim.vehicle.clone());
+        Self { gear, longitudinal: live.longitudinal, vehicle, engaged_before: false }
+    }
+}
+
+impl VehicleInterface for DataspeedInterface {
+    fn needs(&self) -> &'static [Role] {
+        // Each of the two tells of overrides at the other actuators as well.
+        &[Role::Velocity, Role::Steering, Role::Brake]
+    }
+
+    fn facts(&self, message: &AnyMessage) -> Facts {
+        let mut facts = Facts { driver: driver_active(message), ..Facts::default() };
+        match message {
+            AnyMessage::DataspeedVehicleVelocity(report) => {
+                facts.speed_mps = dataspeed_speed_from_ros(report).ok();
+            }
+            AnyMessage::DataspeedSteeringReport(report) => {
+                facts.steering_rad = dataspeed_steering_from_ros(report, &self.gear).ok();
+                facts.listens = Some(report.enabled);
+            }
+            _ => {}
+        }
+        facts
+    }
+
+    fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
+        let car = Dataspeed { gear: self.gear, epoch: outgoing.epoch };
+        let (enable, clear) = (gate.engaged, gate.engaged && !self.engaged_before);
+        self.engaged_before = gate.engaged;
+        let steering = car.steering(outgoing.now, gate.command.steering_rad, enable, clear);
+        outgoing.push(Role::SteeringCommand, AnyMessage::DataspeedSteeringCmd(steering));
+        let mut motion = gate.command;
+        match self.longitudinal {
+            Longitudinal::Speed => {
+                // A stop asks for a speed of zero: what the vehicle said of its speed may be out of date.
+                if gate.mode == GateMode::Driving {
+                    motion.speed_mps = (outgoing.speed_mps + PREVIEW_S * motion.accel_mps2).max(0.0);
+                }
+                let limits = AccelLimits {
+                    accel_mps2: motion.accel_mps2.max(LIMIT_MIN_MPS2),
+                    decel_mps2: (-motion.accel_mps2).max(LIMIT_MIN_MPS2),
+                };
+                let speed = car.speed(&motion, limits, enable, clear);
+                outgoing.push(Role::SpeedCommand, AnyMessage::DataspeedUlcCmd(speed));
+            }
+            Longitudinal::Pedals => {
+                let pedals = pedals_for_accel(&self.vehicle, outgoing.speed_mps, motion.accel_mps2);
+                let command = Command { steering_rad: 0.0, throttle: pedals.throttle, brake: pedals.brake };
+                let (throttle, brake) = car.pedals(outgoing.now, &command, enable, clear);
+                outgoing.push(Role::ThrottleCommand, AnyMessage::DataspeedThrottleCmd(throttle));
+                outgoing.push(Role::BrakeCommand, AnyMessage::DataspeedBrakeCmd(brake));
+            }
+        }
+    }
+
+    fn enable(&mut self, on: bool, outgoing: &mut Outgoing) {
+        let role = if on { Role::Enable } else { Role::Disable };
+        outgoing.push(role, AnyMessage::Empty(Empty::default()));
+    }
+}

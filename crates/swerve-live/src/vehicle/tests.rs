@@ -1,0 +1,186 @@
+use swerve_core::Span;
+use swerve_msg::{GateMode, MotionCommand, StopCause};
+use swerve_ros2::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
+
+use super::*;
+
+/// The promise of the page on new vehicles: an interface is at most this long, its imports and comments included.
+const LINES_MAX: usize = 100;
+
+#[test]
+fn an_interface_is_no_longer_than_the_page_says() {
+    let page = include_str!("../../../../docs/howto/vehicle.md");
+    assert!(page.contains(&format!("at most {LINES_MAX} lines of Rust")));
+    for (name, text) in [
+        ("autoware", include_str!("autoware.rs")),
+        ("dataspeed", include_str!("dataspeed.rs")),
+        ("plain", include_str!("plain.rs")),
+        ("raptor", include_str!("raptor.rs")),
+    ] {
+        let lines = text.lines().count();
+        assert!(lines <= LINES_MAX, "{name}: {lines} lines");
+    }
+    // What else there is of it: its name, its topics, a line that chooses it.
+    let catalogue = include_str!("../../../swerve-ros2/src/catalogue.rs");
+    let (_, tables) = catalogue.split_once("const COMMON").expect("vehicles come after messages and roles");
+    let own = |text: &str| text.lines().filter(|line| line.to_lowercase().contains("raptor")).count();
+    let raptor = include_str!("raptor.rs").lines().count();
+    assert!(page.contains(&format!("all {raptor} lines")), "the page shows the {raptor} lines of Raptor's");
+    assert!(own(tables) >= 12);
+    let all = raptor + own(tables) + own(include_str!("../vehicle.rs"));
+    assert!(all <= LINES_MAX, "{all} lines with its topics");
+}
+
+fn config(live: &str) -> Config {
+    let text = format!("[live]\nroute = \"r.toml\"\n{live}[control]\ncontroller = \"stanley\"\n");
+    let document = swerve_text::Document::parse("c.toml", text).unwrap();
+    Config::from_document(&document, &[]).unwrap()
+}
+
+fn gate(accel_mps2: f64) -> GateOutput {
+    let command = MotionCommand { stamp: Time::ZERO, steering_rad: 0.1, speed_mps: 5.0, accel_mps2 };
+    GateOutput { mode: GateMode::Driving, engaged: true, command, heartbeat: 300, ..GateOutput::default() }
+}
+
+/// The messages to a car at 4 m/s.
+fn messages(vehicle: &mut dyn VehicleInterface, gate: &GateOutput) -> BTreeMap<Role, AnyMessage> {
+    let mut outgoing = Outgoing::new(Time::from_ms(1500), Epoch { ns: 10_000_000_000 }, 4.0);
+    vehicle.command(gate, &mut outgoing);
+    for (_, message) in &outgoing.messages {
+        assert_eq!(message.check(), Ok(()), "{message:?}");
+    }
+    outgoing.messages.into_iter().collect()
+}
+
+#[test]
+fn a_dataspeed_car_is_asked_for_a_speed_within_limits() {
+    let mut car = interface(Vehicle::Dataspeed, &config(""));
+    let ulc = |car: &mut dyn VehicleInterface, accel| match &messages(car, &gate(accel))[&Role::SpeedCommand]
+    {
+        AnyMessage::DataspeedUlcCmd(cmd) => cmd.clone(),
+        other => panic!("{other:?}"),
+    };
+    let first = ulc(&mut *car, 1.5);
+    assert_eq!((first.cmd, first.limit_accel, first.enable, first.clear), (4.75, 1.5, true, true));
+    let braking = ulc(&mut *car, -3.0);
+    assert_eq!((braking.cmd, braking.limit_decel, braking.clear), (2.5, 3.0, false));
+    assert_eq!(ulc(&mut *car, -20.0).cmd, 0.0);
+    // A stop is one whatever speed was reported last.
+    let mut stopping = gate(-1.5);
+    (stopping.mode, stopping.command.speed_mps) = (GateMode::Stopping(StopCause::ReportTimeout), 0.0);
+    let AnyMessage::DataspeedUlcCmd(stop) = &messages(&mut *car, &stopping)[&Role::SpeedCommand] else {
+        panic!("none")
+    };
+    assert_eq!((stop.cmd, stop.limit_decel), (0.0, 1.5));
+    let AnyMessage::DataspeedSteeringCmd(steering) = &messages(&mut *car, &gate(0.0))[&Role::SteeringCommand]
+    else {
+        panic!("no steering")
+    };
+    assert!((f64::from(steering.cmd) - 0.1_f64.to_degrees() * 14.8).abs() < 1e-3);
+    assert_eq!((steering.header.stamp.sec, steering.header.stamp.nanosec), (11, 500_000_000));
+    let manual = GateOutput { mode: GateMode::Manual, engaged: false, ..gate(0.0) };
+    let AnyMessage::DataspeedSteeringCmd(steering) = &messages(&mut *car, &manual)[&Role::SteeringCommand]
+    else {
+        panic!("no steering")
+    };
+    assert!(!steering.enable && !steering.ignore);
+}
+
+#[test]
+fn pedals_are_never_pressed_together() {
+    for (vehicle, live) in [(Vehicle::Dataspeed, "longitudinal = \"pedals\"\n"), (Vehicle::Raptor, "")] {
+        let mut car = interface(vehicle, &config(live));
+        for (accel, is_brake) in [(1.0, false), (-2.0, true)] {
+            let sent = messages(&mut *car, &gate(accel));
+            let pedal = |role| match &sent[&role] {
+                AnyMessage::DataspeedThrottleCmd(cmd) => cmd.cmd,
+                AnyMessage::DataspeedBrakeCmd(cmd) => cmd.cmd,
+                AnyMessage::RaptorAcceleratorPedalCmd(cmd) => cmd.pedal_cmd,
+                AnyMessage::RaptorBrakeCmd(cmd) => cmd.pedal_cmd,
+                other => panic!("{other:?}"),
+            };
+            let (throttle, brake) = (pedal(Role::ThrottleCommand), pedal(Role::BrakeCommand));
+            assert_eq!((throttle > 0.0, brake > 0.0), (!is_brake, is_brake), "{vehicle:?} {accel}");
+        }
+    }
+}
+
+#[test]
+fn raptors_counters_are_the_gates_heartbeat() {
+    let mut car = interface(Vehicle::Raptor, &config(""));
+    let sent = messages(&mut *car, &gate(0.0));
+    let AnyMessage::RaptorSteeringCmd(steering) = &sent[&Role::SteeringCommand] else {
+        panic!("no steering")
+    };
+    assert_eq!((steering.rolling_counter, steering.enable), (44, true));
+    let AnyMessage::RaptorGearCmd(gear) = &sent[&Role::GearCommand] else { panic!("no gear") };
+    assert_eq!(gear.cmd.gear, 4);
+}
+
+#[test]
+fn autoware_warns_where_nobody_asked_for_the_stop() {
+    let mut car = interface(Vehicle::Autoware, &config(""));
+    for (mode, warns) in [
+        (GateMode::Driving, 1),
+        (GateMode::Stopping(StopCause::Released), 1),
+        (GateMode::Stopping(StopCause::ReportTimeout), 2),
+        (GateMode::Holding(StopCause::Emergency), 2),
+    ] {
+        let sent = messages(&mut *car, &GateOutput { mode, ..gate(0.0) });
+        let AnyMessage::HazardLightsCommand(hazard) = sent[&Role::HazardLightsCommand] else {
+            panic!("none")
+        };
+        assert_eq!(hazard.command, warns, "{mode:?}");
+        assert!(matches!(sent[&Role::Command], AnyMessage::Control(_)));
+    }
+}
+
+#[test]
+fn reports_become_facts() {
+    let raptor = interface(Vehicle::Raptor, &config("steering_ratio = 10.0\n"));
+    let misc = raptor_dbw_msgs::MiscReport { vehicle_speed: 36.0, ..Default::default() };
+    let facts = raptor.facts(&AnyMessage::RaptorMiscReport(misc));
+    assert_eq!((facts.speed_mps, facts.driver), (Some(10.0), Some(false)));
+    let steering = raptor_dbw_msgs::SteeringReport {
+        steering_wheel_angle: 90.0,
+        driver_activity: true,
+        ..Default::default()
+    };
+    let facts = raptor.facts(&AnyMessage::RaptorSteeringReport(steering));
+    assert!((facts.steering_rad.unwrap() - 9.0_f64.to_radians()).abs() < 1e-6);
+    assert_eq!((facts.driver, facts.listens), (Some(true), Some(false)));
+    // What a Dataspeed car does not measure is no fact.
+    let dataspeed = interface(Vehicle::Dataspeed, &config(""));
+    let blind = ds_dbw_msgs::SteeringReport { steering_wheel_angle: f32::NAN, ..Default::default() };
+    assert_eq!(dataspeed.facts(&AnyMessage::DataspeedSteeringReport(blind)).steering_rad, None);
+    let autoware = interface(Vehicle::Autoware, &config(""));
+    for (mode, driver) in [(1, false), (4, true), (6, true)] {
+        let report = autoware_vehicle_msgs::ControlModeReport { mode, ..Default::default() };
+        let facts = autoware.facts(&AnyMessage::ControlModeReport(report));
+        assert_eq!((facts.driver, facts.listens), (Some(driver), Some(!driver)));
+    }
+}
+
+#[test]
+fn a_report_is_as_old_as_its_oldest_part() {
+    let needs = [Role::Velocity, Role::Steering];
+    let mut car = Car::default();
+    let at = |ms| Time::from_ms(ms);
+    let speed = Facts { speed_mps: Some(3.0), ..Facts::default() };
+    car.hear(Role::Velocity, Kind::VelocityReport, at(100), speed);
+    assert_eq!(car.report(&needs), None, "the steering is not known");
+    let angle = Facts { steering_rad: Some(0.1), ..Facts::default() };
+    car.hear(Role::Steering, Kind::SteeringReport, at(110), angle);
+    car.hear(Role::Velocity, Kind::VelocityReport, at(500), speed);
+    let report = car.report(&needs).unwrap();
+    assert_eq!((report.stamp, report.speed_mps, report.steering_rad), (at(110), 3.0, 0.1));
+    let silent: Vec<Role> = car.silent(&needs, at(500) - Span::from_ms(200)).collect();
+    assert_eq!(silent, [Role::Steering]);
+    // Of several who may say that the driver acts, one is enough.
+    let driver = |driver| Facts { driver: Some(driver), ..Facts::default() };
+    car.hear(Role::Brake, Kind::DataspeedBrakeReport, at(600), driver(true));
+    car.hear(Role::Steering, Kind::DataspeedSteeringReport, at(600), driver(false));
+    assert!(car.report(&needs).unwrap().driver_active);
+    car.hear(Role::Brake, Kind::DataspeedBrakeReport, at(610), driver(false));
+    assert!(!car.report(&needs).unwrap().driver_active);
+}

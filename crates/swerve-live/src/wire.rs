@@ -1,0 +1,201 @@
+//! How messages come and go.
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use swerve_core::{Span, Time};
+use swerve_ros2::AnyMessage;
+use swerve_ros2::bridge::{
+    Bridge, BridgeError, Direction, Endpoint, EndpointId, Options, ServiceSide, Stopped, TopicStatistics,
+};
+use swerve_ros2::mapping::{Mapping, Role, Side};
+
+use swerve_stack::config::live::{EnableBy, LiveConfig};
+
+/// The host's clock: run time counts from its making.
+#[derive(Clone, Copy, Debug)]
+pub struct HostClock {
+    begin: Instant,
+    epoch_ns: i64,
+}
+
+/// A message is not taken to be older than this when it is fetched: the host's clock may have been set meanwhile.
+const AGE_MAX: Span = Span::from_ms(1000);
+
+impl HostClock {
+    /// Begins now.
+    #[expect(clippy::disallowed_methods, reason = "a vehicle moves in real time: this is where it is read")]
+    pub fn start() -> Self {
+        Self { begin: Instant::now(), epoch_ns: unix_ns() }
+    }
+
+    /// The host's time at the beginning, nanoseconds since the Unix epoch.
+    pub fn epoch_ns(&self) -> i64 {
+        self.epoch_ns
+    }
+
+    /// The time of the run. It never jumps, whatever is done to the host's clock.
+    #[expect(clippy::disallowed_methods, reason = "a vehicle moves in real time: this is where it is read")]
+    pub fn now(&self) -> Time {
+        let passed = (Instant::now() - self.begin).as_nanos();
+        Time::from_ns(i64::try_from(passed).unwrap_or(i64::MAX))
+    }
+
+    /// The time of the run at which something happened that the host's clock gave this time.
+    pub fn at_host(&self, host_ns: i64) -> Time {
+        let age = Span::from_ns(unix_ns().saturating_sub(host_ns)).clamp(Span::ZERO, AGE_MAX);
+        self.now() - age
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "stamps of ROS are times of the day")]
+fn unix_ns() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+}
+
+/// A message that came.
+#[derive(Debug)]
+pub struct Taken<'a> {
+    /// Its topic's name in the mapping.
+    pub name: &'a str,
+    /// The message.
+    pub message: AnyMessage,
+    /// The host's time when it came, nanoseconds since the Unix epoch.
+    pub received_ns: i64,
+}
+
+/// The fate of a message.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Sent {
+    /// It is on its way.
+    Done,
+    /// It could not be sent.
+    Failed,
+    /// There is no topic for it, or only one to hear.
+    NoTopic,
+}
+
+/// A transport between the vehicle and the stack: the bridge, or what a test puts in its place.
+pub trait Wire: Sync {
+    /// Waits until a message is there; `false` when none came in time.
+    fn wait(&self, timeout: Duration) -> bool;
+
+    /// A message that waits.
+    fn take(&self) -> Option<Taken<'_>>;
+
+    /// Sends a message on the topic of a role.
+    fn send(&self, role: Role, message: AnyMessage) -> Sent;
+
+    /// Asks the vehicle for a control mode and waits for the answer: whether it takes it, or why nobody answered.
+    ///
+    /// # Errors
+    /// Nobody answered.
+    fn ask_mode(&self, mode: u8, timeout: Duration) -> Result<bool, String>;
+
+    /// Counts of the topics.
+    fn statistics(&self) -> Vec<TopicStatistics>;
+}
+
+/// The bridge as a wire.
+pub struct BridgeWire {
+    bridge: Bridge,
+    sends: BTreeMap<Role, EndpointId>,
+}
+
+impl BridgeWire {
+    /// Starts a node for the topics of a mapping.
+    ///
+    /// # Errors
+    /// The transport does not start.
+    pub fn start(mapping: &Mapping, live: &LiveConfig) -> Result<Self, BridgeError> {
+        let options = options(mapping, live);
+        let bridge = Bridge::start(&options)?;
+        let sent = options.endpoints.iter().enumerate().filter(|(_, e)| e.direction == Direction::Send);
+        let role = |(i, e): (usize, &Endpoint)| {
+            let name = e.name.strip_suffix(OWN).unwrap_or(&e.name);
+            mapping.topic(name).map(|topic| (topic.role, EndpointId(i)))
+        };
+        Ok(Self { sends: sent.filter_map(role).collect(), bridge })
+    }
+
+    /// Ends the node.
+    pub fn stop(self, deadline: Duration) -> Stopped {
+        self.bridge.stop(deadline)
+    }
+}
+
+/// Suffix of the name of a topic on which a person is heard, for our own messages there.
+const OWN: &str = " (own)";
+
+/// The stack's side of a mapping. Where a person has the switch, its topics are heard as well.
+pub(super) fn options(mapping: &Mapping, live: &LiveConfig) -> Options {
+    let mut options = Options::from_mapping(mapping, Side::Stack);
+    if live.enable == EnableBy::Topic {
+        let is_switch = |e: &&mut Endpoint| {
+            mapping.topic(&e.name).is_some_and(|t| matches!(t.role, Role::Enable | Role::Disable))
+        };
+        let mut own = Vec::new();
+        for endpoint in options.endpoints.iter_mut().filter(is_switch) {
+            own.push(Endpoint { name: endpoint.name.clone() + OWN, ..endpoint.clone() });
+            endpoint.direction = Direction::Receive;
+        }
+        options.endpoints.extend(own);
+    }
+    let service = &live.control_mode_service;
+    options.control_mode_service = (!service.is_empty()).then(|| (ServiceSide::Client, service.clone()));
+    options
+}
+
+impl Wire for BridgeWire {
+    fn wait(&self, timeout: Duration) -> bool {
+        self.bridge.wait(timeout)
+    }
+
+    fn take(&self) -> Option<Taken<'_>> {
+        let (EndpointId(id), received) = self.bridge.take_any()?;
+        let name = self.bridge.endpoints()[id].name.as_str();
+        Some(Taken { name, message: received.message, received_ns: received.received_ns })
+    }
+
+    fn send(&self, role: Role, message: AnyMessage) -> Sent {
+        match self.sends.get(&role) {
+            None => Sent::NoTopic,
+            Some(id) if self.bridge.publish(*id, message).is_ok() => Sent::Done,
+            Some(_) => Sent::Failed,
+        }
+    }
+
+    fn ask_mode(&self, mode: u8, timeout: Duration) -> Result<bool, String> {
+        self.bridge.request_control_mode(mode, timeout).map_err(|error| error.to_string())
+    }
+
+    fn statistics(&self) -> Vec<TopicStatistics> {
+        self.bridge.statistics()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_ros2::env::Network;
+    use swerve_ros2::mapping::Vehicle;
+
+    use super::*;
+
+    #[test]
+    fn a_person_is_heard_where_the_stack_only_lets_go() {
+        let mapping = Mapping::of(Vehicle::Dataspeed, Network::default());
+        let ways = |enable| {
+            let live = LiveConfig { enable, ..LiveConfig::default() };
+            let options = options(&mapping, &live);
+            let on = |topic: &str| -> Vec<Direction> {
+                options.endpoints.iter().filter(|e| e.topic == topic).map(|e| e.direction).collect()
+            };
+            [on("/vehicle/enable"), on("/vehicle/disable"), on("/vehicle/steering/cmd")]
+        };
+        use Direction::{Receive, Send};
+        assert_eq!(ways(EnableBy::Topic), [vec![Receive, Send], vec![Receive, Send], vec![Send]]);
+        assert_eq!(ways(EnableBy::AtStart), [vec![Send], vec![Send], vec![Send]]);
+    }
+}

@@ -1,0 +1,48 @@
+//! Results go to standard output in one place; everything else goes to standard error.
+
+use std::io::{ErrorKind, Write as _};
+
+use anyhow::Context as _;
+
+/// Writes to standard output. A reader that has gone away (`swerve ... | head`) is no error.
+pub fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("writing to standard output"),
+    }
+}
+
+/// An error with its causes, each told once: some errors already name theirs.
+pub fn message(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| {
+        if told.is_empty() {
+            cause
+        } else if told.ends_with(&cause) {
+            told
+        } else {
+            format!("{told}: {cause}")
+        }
+    })
+}
+
+/// Columns padded to equal width, two spaces between them; the first to the left, the others to the right.
+pub fn align(lines: &[Vec<String>]) -> String {
+    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
+    let width: Vec<usize> = (0..columns)
+        .map(|c| lines.iter().filter_map(|l| l.get(c)).map(|t| t.chars().count()).max().unwrap_or(0))
+        .collect();
+    let mut text = String::new();
+    for line in lines {
+        for (c, cell) in line.iter().enumerate() {
+            let pad = " ".repeat(width[c] - cell.chars().count());
+            let gap = if c == 0 { "" } else { "  " };
+            text += &if c == 0 { format!("{gap}{cell}{pad}") } else { format!("{gap}{pad}{cell}") };
+        }
+        while text.ends_with(' ') {
+            text.pop();
+        }
+        text.push('\n');
+    }
+    text
+}

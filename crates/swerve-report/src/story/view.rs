@@ -1,0 +1,157 @@
+//! Which part of the road the figure shows, and where.
+
+use swerve_core::Time;
+use swerve_geom::{FrenetPoint, Map, Point2, Pose2, angle_between};
+
+use super::record::Story;
+use crate::canvas::At;
+
+/// Shown before the first actor, metres along the route.
+const BEFORE_M: f64 = 40.0;
+/// Shown beyond the last actor that the ego came to, metres along the route.
+const BEYOND_M: f64 = 25.0;
+/// Shown beside the road, metres.
+const BESIDE_M: f64 = 1.6;
+/// The tallest that the bird's-eye view may become, pixels.
+const HEIGHT_MAX: f64 = 560.0;
+
+/// From map to figure: equal scales on both axes.
+pub(super) struct View {
+    /// Top left corner and size of the view, pixels.
+    pub(super) corner: At,
+    pub(super) size: (f64, f64),
+    /// Part of the route that is shown, metres along it.
+    pub(super) s_m: (f64, f64),
+    /// Time during which the ego is in that part.
+    pub(super) span: (Time, Time),
+    /// Whether the axes of the figure are those of the map.
+    pub(super) is_upright: bool,
+    /// Pixels per metre.
+    pub(super) scale: f64,
+    /// Pose in the map of the figure's axes.
+    axes: Pose2,
+    /// Smallest x, largest y of the view on these axes, metres.
+    low_x_m: f64,
+    high_y_m: f64,
+}
+
+impl View {
+    /// The view of a story, `width` pixels wide with its top left corner at `corner`. None before the ego was
+    /// seen twice.
+    pub(super) fn of(story: &Story, corner: At, width: f64) -> Option<Self> {
+        let s_m = shown(story)?;
+        let line = story.route.line();
+        let (from, to) = (line.at(s_m.0).pose, line.at(s_m.1).pose);
+        let heading_rad = (to.point() - from.point()).heading();
+        let is_upright = angle_between(0.0, heading_rad).abs() < 0.02;
+        let axes =
+            if is_upright { Pose2::new(0.0, 0.0, 0.0) } else { Pose2::new(from.x_m, from.y_m, heading_rad) };
+        let mut view = Self {
+            corner,
+            size: (width, 0.0),
+            s_m,
+            span: span(story, s_m)?,
+            is_upright,
+            scale: 1.0,
+            axes,
+            low_x_m: 0.0,
+            high_y_m: 0.0,
+        };
+        view.fit(story);
+        Some(view)
+    }
+
+    /// A point of the map in the figure.
+    pub(super) fn at(&self, point: Point2) -> At {
+        let local: Point2 = self.axes.to_local::<Map>(point);
+        (
+            self.corner.0 + (local.x_m - self.low_x_m) * self.scale,
+            self.corner.1 + (self.high_y_m - local.y_m) * self.scale,
+        )
+    }
+
+    /// Range of the axes: left, right, bottom, top, metres.
+    pub(super) fn range(&self) -> [f64; 4] {
+        let (width, height) = (self.size.0 / self.scale, self.size.1 / self.scale);
+        [self.low_x_m, self.low_x_m + width, self.high_y_m - height, self.high_y_m]
+    }
+
+    /// Pixels of a place on the axes.
+    pub(super) fn on_axes(&self, x_m: f64, y_m: f64) -> At {
+        let (dx, dy) = (x_m - self.low_x_m, self.high_y_m - y_m);
+        (self.corner.0 + dx * self.scale, self.corner.1 + dy * self.scale)
+    }
+
+    /// Points of a line beside the route over the shown part; `d_m` is how far to its left at an arc length.
+    pub(super) fn beside(&self, story: &Story, d_m: impl Fn(f64) -> f64) -> Vec<Point2> {
+        let (from, to) = (self.s_m.0 - 30.0, self.s_m.1 + 30.0);
+        let n = (to - from).ceil().max(1.0) as usize;
+        let s_at = |k| from + (to - from) * k as f64 / n as f64;
+        let place = |s_m| FrenetPoint { s_m, d_m: d_m(s_m) };
+        (0..=n).map(|k| story.route.unproject(place(s_at(k)))).collect()
+    }
+
+    /// Takes in what has to be seen, and finds the scale.
+    fn fit(&mut self, story: &Story) {
+        let axes = self.axes;
+        let local = |p: Point2| -> Point2 { axes.to_local::<Map>(p) };
+        let mut low: Point2 = Point2::new(f64::INFINITY, f64::INFINITY);
+        let mut high: Point2 = Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY);
+        let mut hold = |p: Point2, margin_m: f64| {
+            let p = local(p);
+            low = Point2::new(low.x_m.min(p.x_m), low.y_m.min(p.y_m - margin_m));
+            high = Point2::new(high.x_m.max(p.x_m), high.y_m.max(p.y_m + margin_m));
+        };
+        let (route, (from, to)) = (&story.route, self.s_m);
+        for k in 0..=50 {
+            let s_m = from + (to - from) * f64::from(k) / 50.0;
+            hold(route.unproject(FrenetPoint { s_m, d_m: route.left_m(s_m) }), BESIDE_M);
+            hold(route.unproject(FrenetPoint { s_m, d_m: -route.right_m(s_m) }), BESIDE_M);
+        }
+        let span = self.span;
+        for ego in story.ego.iter().filter(|e| e.stamp >= span.0 && e.stamp <= span.1) {
+            // The outline at both ends of the view may be cut, but not beside the road.
+            let (x, inside) = (ego.pose, story.outline.footprint(ego.pose));
+            let s = route.project(x.point()).s_m;
+            if s > from + 5.0 && s < to - 5.0 {
+                inside.corners().into_iter().for_each(|corner| hold(corner, 0.8));
+            }
+        }
+        self.scale = (self.size.0 / (high.x_m - low.x_m)).min(HEIGHT_MAX / (high.y_m - low.y_m));
+        let spare_m = self.size.0 / self.scale - (high.x_m - low.x_m);
+        self.low_x_m = low.x_m - 0.5 * spare_m;
+        self.high_y_m = high.y_m;
+        self.size.1 = (high.y_m - low.y_m) * self.scale;
+    }
+}
+
+/// The part of the route worth showing: from before the first actor to beyond the last that the ego came to,
+/// within what the ego drove.
+fn shown(story: &Story) -> Option<(f64, f64)> {
+    let line = story.route.line();
+    let (first, last) = (story.ego.first()?, story.ego.last()?);
+    let front_m = story.outline.center_ahead_m + 0.5 * story.outline.length_m;
+    let driven = (line.project(first.pose.point()).s_m, line.project(last.pose.point()).s_m + front_m + 2.0);
+    let mut places: Vec<f64> = Vec::new();
+    for actor in &story.actors {
+        let ends = [actor.poses.first(), actor.poses.last()];
+        places.extend(ends.into_iter().flatten().map(|(_, pose)| line.project(pose.point()).s_m));
+    }
+    places.retain(|s| *s >= driven.0 - 10.0 && *s <= driven.1 + 10.0);
+    let from = places.iter().copied().fold(f64::INFINITY, f64::min) - BEFORE_M;
+    let to = places.iter().copied().fold(f64::NEG_INFINITY, f64::max) + BEYOND_M;
+    let from = if from.is_finite() { from.max(driven.0) } else { driven.0 };
+    let to = if to.is_finite() { to.min(driven.1) } else { driven.1 };
+    Some((from, to.max(from + 20.0)))
+}
+
+/// When the ego is within the part shown; all of the run where it never is.
+fn span(story: &Story, (from, to): (f64, f64)) -> Option<(Time, Time)> {
+    let inside = |e: &&swerve_msg::EgoState| {
+        let s_m = story.route.project(e.pose.point()).s_m;
+        s_m >= from - 2.0 && s_m <= to
+    };
+    let first = story.ego.iter().find(inside).or(story.ego.first())?.stamp;
+    let last = story.ego.iter().rev().find(inside).or(story.ego.last())?.stamp;
+    (last > first).then_some((first, last))
+}

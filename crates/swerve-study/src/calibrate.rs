@@ -1,0 +1,122 @@
+//! `swerve calibrate`: what planning costs on this host, measured alone and frozen as percentiles; and an emulated
+//! detector's parameters, fitted to an accuracy.
+
+pub(crate) mod detector;
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use swerve_flow::{Event, Observer};
+use swerve_stack::Registry;
+
+use swerve_drive::{RunInput, drive_observed, load};
+use swerve_stack::config::execution::Runtime;
+use swerve_stack::config::{Config, Fineness, PlannerName};
+
+/// `swerve calibrate`.
+#[derive(clap::Args, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct CalibrateArgs {
+    #[command(subcommand)]
+    what: Option<What>,
+    #[command(flatten)]
+    input: Option<RunInput>,
+    /// Ego speeds to drive the scenario at, m/s
+    #[arg(long, value_delimiter = ',', default_value = "16,18,20,22", value_parser = speed)]
+    speeds: Vec<f64>,
+    /// Write the configuration, with the measured run times in it, to this file instead of standard output
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// Further things to calibrate.
+#[derive(clap::Subcommand, Debug)]
+enum What {
+    /// Fit an emulated detector to an accuracy, over the frames of the scenarios
+    Detector(detector::DetectorArgs),
+}
+
+/// Percentiles that are kept.
+const PERCENTILES: [f64; 8] = [0.0, 10.0, 25.0, 50.0, 75.0, 90.0, 99.0, 100.0];
+
+/// A speed at which a planner has something to do.
+fn speed(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(mps) if mps > 0.0 && mps <= 70.0 => Ok(mps),
+        _ => Err("expected m/s above 0 and at most 70".to_owned()),
+    }
+}
+
+/// Measures every planner and discretisation, one run at a time.
+pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
+    if let Some(What::Detector(args)) = &args.what {
+        return detector::run(args, registry);
+    }
+    let input = args.input.as_ref().context("a scenario is required")?;
+    let (base, scenario) = load(registry, input)?;
+    if let Some(path) = &args.out {
+        swerve_report::files::refuse_unwritable(path)?;
+    }
+    let mut config = base.clone();
+    for planner in PlannerName::ALL {
+        for fineness in [Fineness::Fast, Fineness::Slow] {
+            let mut host = HostTimes::default();
+            for (i, speed) in std::iter::once(&args.speeds[0]).chain(&args.speeds).enumerate() {
+                let mut cell: Config = base.clone();
+                cell.planning.planner = planner;
+                cell.planning.config = fineness;
+                cell.ego.speed_mps = Some(*speed);
+                drive_observed(&cell, &scenario, 1, &mut [&mut host])?;
+                if i == 0 {
+                    // The first run warms caches and branch predictors; its times are not the host's usual ones.
+                    host.ms.clear();
+                }
+            }
+            let runtime =
+                host.percentiles().with_context(|| format!("{} never planned", planner.as_str()))?;
+            let of = |p: usize| runtime.percentiles_ms.as_ref().map_or(0.0, |points| points[p][1]);
+            eprintln!(
+                "{:>13} {}: {} plans, median {:.3} ms, p99 {:.3} ms",
+                planner.as_str(),
+                fineness.as_str(),
+                host.ms.len(),
+                of(3),
+                of(6)
+            );
+            config.planning.cost.entry(planner).or_default().insert(fineness, runtime);
+        }
+    }
+    match &args.out {
+        Some(path) => swerve_report::files::write_whole(path, config.to_text().as_bytes()),
+        None => swerve_report::output::print(&config.to_text()),
+    }
+}
+
+/// Times of the planner's steps on this host, ms.
+#[derive(Default)]
+struct HostTimes {
+    ms: Vec<f64>,
+}
+
+impl HostTimes {
+    fn percentiles(&mut self) -> Option<Runtime> {
+        self.ms.sort_by(f64::total_cmp);
+        let last = self.ms.len().checked_sub(1)?;
+        let at = |p: f64| {
+            let ms = self.ms[(p / 100.0 * last as f64).round() as usize];
+            (ms * 1e4).round() * 1e-4
+        };
+        let points = PERCENTILES.iter().map(|&p| [p, at(p)]).collect();
+        Some(Runtime { percentiles_ms: Some(points), ..Runtime::default() })
+    }
+}
+
+impl Observer for HostTimes {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::StepEnd(step) = event
+            && step.operator == "planner"
+        {
+            self.ms.push(step.host_ns as f64 * 1e-6);
+        }
+    }
+}

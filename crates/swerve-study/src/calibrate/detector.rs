@@ -1,0 +1,488 @@
+//! `swerve calibrate detector`: the emulation of a detector fitted to a published accuracy, over the scenarios' frames.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, anyhow, ensure};
+use rayon::prelude::*;
+use swerve_core::{Rng, Span, Time};
+use swerve_eval::{AveragePrecision, Found, ground_iou, image_iou, volume_iou};
+use swerve_flow::{Event, Observer};
+use swerve_geom::{Ego, Point2, Pose2, math};
+use swerve_msg::truth::{Surroundings, WorldState};
+use swerve_msg::{ActorKind, DetectedBox, Obstacle};
+use swerve_perception::Detector;
+use swerve_perception::detector::{Params, Sensing};
+use swerve_perception::image_box::ImageCamera;
+use swerve_scenario::Scenario;
+use swerve_text::{Problem, nearest, parse_assignment};
+
+use swerve_drive::shipped::Kind;
+use swerve_drive::{drive_observed, problems_error, read_scenario};
+use swerve_report::progress::Progress;
+use swerve_stack::config::Config;
+use swerve_stack::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, published};
+use swerve_stack::config::perception::{CUSTOM, Calibration, TRUTH, image_camera};
+use swerve_stack::{ObstacleSight, Registry};
+
+/// `swerve calibrate detector`.
+#[derive(clap::Args, Debug)]
+pub(crate) struct DetectorArgs {
+    /// Published detector to emulate, such as efficientdet-d3@v100
+    #[arg(required_unless_present_any = ["all", "ap"], conflicts_with_all = ["all", "ap"])]
+    name: Option<String>,
+    /// All published detectors: writes the table of their fits
+    #[arg(long, conflicts_with = "ap")]
+    all: bool,
+    /// Average precision to meet, for a detector of one's own by camera
+    #[arg(long, value_name = "0..1", value_parser = share)]
+    ap: Option<f64>,
+    /// Configuration that the scenarios are driven with, and that the result is written into
+    #[arg(short, long)]
+    config: Option<PathBuf>,
+    /// Set a configuration key
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Folder of the scenarios
+    #[arg(long, default_value = "scenarios")]
+    scenarios: PathBuf,
+    /// Seeds to drive each scenario with
+    #[arg(long, value_delimiter = ',', default_value = "1,2")]
+    seeds: Vec<u32>,
+    /// Seed of the detector's draws
+    #[arg(long, default_value_t = 1)]
+    draws_seed: u32,
+    /// Only what is nearer counts, m
+    #[arg(long, default_value_t = 50.0, value_parser = distance)]
+    within_m: f64,
+    /// Write to this file instead of standard output
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(ap) if (0.01..=0.99).contains(&ap) => Ok(ap),
+        _ => Err("expected 0.01 to 0.99".to_owned()),
+    }
+}
+
+fn distance(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(m) if (1.0..=1000.0).contains(&m) => Ok(m),
+        _ => Err("expected 1 to 1000 m".to_owned()),
+    }
+}
+
+/// Time between two frames: neighbours tell little that is new.
+const EVERY: Span = Span::from_ms(200);
+
+/// Of what is less in sight than this nobody expects a detection (KITTI: partly occluded).
+const VISIBLE_SHARE_MIN: f64 = 1.0 / 3.0;
+
+/// Draws of the detector's errors over the same frames; the mean of their precisions is what is fitted. With one alone
+/// the mean over eleven recalls leaps where the last of them is just reached.
+const DRAWS: u32 = 16;
+
+/// A fit this close is done; what is asked for is 0.02.
+const CLOSE: f64 = 0.002;
+
+/// Runs `swerve calibrate detector`.
+pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()> {
+    let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
+    let base = Kind::Config
+        .config(registry, args.config.as_deref(), &sets?)
+        .map_err(|problems| problems_error(&problems))?;
+    if let Some(path) = &args.out {
+        swerve_report::files::refuse_unwritable(path)?;
+    }
+    let targets = targets(args)?;
+    let scenarios = scenarios(&args.scenarios)?;
+    let frames = BySensing::gather(&base, &scenarios, &args.seeds, &targets)?;
+    let unlike = unlike(&targets);
+    let progress = Progress::fits(unlike.len());
+    let fit = |target: &Target| {
+        let fitted = fit(target, frames.of(target.sensing), args.draws_seed, args.within_m);
+        let fitted = fitted.with_context(|| format!("fitting {}", target.name))?;
+        progress.tell(&format!(
+            "{:>38}: to meet {:.3}, met {:.3} (other draws {:.3}) at difficulty {:.4}",
+            target.name, target.ap, fitted.fit.ap, fitted.fit.ap_other_draws, fitted.fit.difficulty
+        ));
+        progress.one_done();
+        Ok(fitted)
+    };
+    let fitted: anyhow::Result<Vec<Fitted>> = unlike.par_iter().map(|target| fit(target)).collect();
+    progress.finish();
+    let fitted = fitted?;
+    let text = match (&targets[..], &fitted[..]) {
+        ([target], [fitted]) if !args.all => {
+            let scenarios = scenarios.iter().map(|scenario| scenario.name.clone()).collect();
+            frozen(&base, target, fitted, scenarios, args)?
+        }
+        _ => {
+            let of = |target: &Target| unlike.iter().position(|first| first.is_like(target));
+            let all = targets.iter().filter_map(|target| Some((target, &fitted[of(target)?])));
+            table(args, &all.collect::<Vec<_>>())
+        }
+    };
+    match &args.out {
+        Some(path) => swerve_report::files::write_whole(path, text.as_bytes()),
+        None => swerve_report::output::print(&text),
+    }
+}
+
+/// What is to be met.
+#[derive(Clone, PartialEq, Debug)]
+struct Target {
+    name: String,
+    ap: f64,
+    sensing: Sensing,
+    measure: Measure,
+}
+
+impl Target {
+    fn of(detector: &Published) -> Self {
+        let Published { name, ap, sensing, measure, .. } = detector;
+        Self { name: name.clone(), ap: *ap, sensing: *sensing, measure: *measure }
+    }
+}
+
+impl Target {
+    /// Whether the same fit meets both.
+    fn is_like(&self, other: &Self) -> bool {
+        (self.ap, self.sensing, self.measure) == (other.ap, other.sensing, other.measure)
+    }
+}
+
+/// One of each that are alike.
+fn unlike(targets: &[Target]) -> Vec<&Target> {
+    let is_first = |k: usize| !targets[..k].iter().any(|earlier| earlier.is_like(&targets[k]));
+    (0..targets.len()).filter(|k| is_first(*k)).map(|k| &targets[k]).collect()
+}
+
+fn targets(args: &DetectorArgs) -> anyhow::Result<Vec<Target>> {
+    if let Some(ap) = args.ap {
+        let measure = Measure::default();
+        return Ok(vec![Target { name: CUSTOM.into(), ap, sensing: Sensing::Camera, measure }]);
+    }
+    let Some(name) = &args.name else { return Ok(published().iter().map(Target::of).collect()) };
+    let unknown = || {
+        let near = nearest(name, published().iter().map(|d| d.name.as_str()));
+        anyhow!(
+            "unknown detector `{name}`{}",
+            near.map_or(String::new(), |n| format!(" (did you mean `{n}`?)"))
+        )
+    };
+    Ok(vec![Target::of(find(name).ok_or_else(unknown)?)])
+}
+
+/// Those in a folder in which there is somebody to be found.
+fn scenarios(folder: &Path) -> anyhow::Result<Vec<Scenario>> {
+    let files = swerve_report::files::toml_files(folder)?;
+    let all: Vec<Scenario> = files.iter().map(|file| read_scenario(file)).collect::<Result<_, _>>()?;
+    let peopled: Vec<Scenario> = all.into_iter().filter(|scenario| !scenario.actors.is_empty()).collect();
+    ensure!(!peopled.is_empty(), "{}: no scenarios with actors", folder.display());
+    Ok(peopled)
+}
+
+/// What there was to see, with the camera if there is one.
+#[derive(Default)]
+pub(crate) struct Frames {
+    camera: Option<ImageCamera>,
+    /// Each with the number of its drive.
+    frames: Vec<(u64, Surroundings)>,
+}
+
+impl Frames {
+    /// Drives the scenarios with perfect perception and keeps what a detector that looks with `sensing` could see.
+    pub(crate) fn gather(
+        base: &Config,
+        sensing: Sensing,
+        scenarios: &[Scenario],
+        seeds: &[u32],
+        done: impl Fn(),
+    ) -> anyhow::Result<Self> {
+        let camera = base.detector_camera(sensing);
+        let mut frames = Vec::new();
+        for (k, scenario) in scenarios.iter().enumerate() {
+            for (n, &seed) in seeds.iter().enumerate() {
+                let mut config = base.clone();
+                (config.seed, config.perception.detector) = (u64::from(seed), TRUTH.into());
+                let sensor = ObstacleSight::new(&config, camera.as_ref());
+                let mut watch = Watch { sensor, next: Time::ZERO, frames: Vec::new() };
+                drive_observed(&config, scenario, 1, &mut [&mut watch])?;
+                let drive = (k * seeds.len() + n) as u64;
+                frames.extend(watch.frames.into_iter().map(|seen| (drive, seen)));
+                done();
+            }
+        }
+        Ok(Self { camera: camera.as_ref().and_then(image_camera), frames })
+    }
+}
+
+/// Frames for what looks with a camera, and for what looks with a lidar.
+#[derive(Default)]
+struct BySensing {
+    camera: Frames,
+    lidar: Frames,
+}
+
+impl BySensing {
+    fn gather(
+        base: &Config,
+        scenarios: &[Scenario],
+        seeds: &[u32],
+        targets: &[Target],
+    ) -> anyhow::Result<Self> {
+        let asked = |sensing| targets.iter().any(|target| target.sensing == sensing);
+        let kinds = usize::from(asked(Sensing::Camera)) + usize::from(asked(Sensing::Lidar));
+        let progress = Progress::drives(kinds * scenarios.len() * seeds.len());
+        let of = |sensing| match asked(sensing) {
+            true => Frames::gather(base, sensing, scenarios, seeds, || progress.one_done()),
+            false => Ok(Frames::default()),
+        };
+        let both = Self { camera: of(Sensing::Camera)?, lidar: of(Sensing::Lidar)? };
+        progress.finish();
+        Ok(both)
+    }
+
+    fn of(&self, sensing: Sensing) -> &Frames {
+        match sensing {
+            Sensing::Camera => &self.camera,
+            Sensing::Lidar => &self.lidar,
+        }
+    }
+}
+
+/// Keeps what there is to see of a drive.
+struct Watch {
+    sensor: ObstacleSight,
+    next: Time,
+    frames: Vec<Surroundings>,
+}
+
+impl Observer for Watch {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::Publication(publication) = event
+            && let Some(payload) = publication.payload
+            && let Some(world) = payload.as_any().downcast_ref::<WorldState>()
+            && world.stamp >= self.next
+        {
+            self.next = world.stamp + EVERY;
+            self.frames.push(self.sensor.surroundings(world));
+        }
+    }
+}
+
+/// Average precision of the emulation over frames, the mean over `draws` draws of its errors; and how many things
+/// counted. `None` if nothing did.
+pub(crate) fn measured(
+    params: Params,
+    measure: Measure,
+    frames: &Frames,
+    draws: core::ops::Range<u32>,
+    within_m: f64,
+) -> anyhow::Result<Option<(f64, u64)>> {
+    let (mut sum, mut wanted, count) = (0.0, 0, f64::from(draws.end - draws.start));
+    for draw in draws {
+        let mut precision = AveragePrecision::new(0.5);
+        let mut detector: Option<(u64, Detector)> = None;
+        for (drive, seen) in &frames.frames {
+            // Drives share instants and identities, but no draws.
+            let detector = match detector.take().filter(|(of, _)| of == drive) {
+                Some(same) => detector.insert(same),
+                None => {
+                    let seed = Rng::keyed(u64::from(draw), "drive", &[*drive as i64]).bits();
+                    detector.insert((*drive, Detector::new(params, frames.camera, seed, "detector")?))
+                }
+            };
+            take(&mut precision, &detector.1, frames.camera.as_ref(), seen, measure, within_m);
+        }
+        let Some(value) = precision.value(measure.recalls) else { return Ok(None) };
+        (sum, wanted) = (sum + value, precision.wanted());
+    }
+    Ok(Some((sum / count, wanted)))
+}
+
+fn take(
+    precision: &mut AveragePrecision,
+    detector: &Detector,
+    camera: Option<&ImageCamera>,
+    seen: &Surroundings,
+    measure: Measure,
+    within_m: f64,
+) {
+    let is_asked = |kind: ActorKind| measure.kinds == Kinds::All || kind == ActorKind::Pedestrian;
+    let mut boxes = detector.detect(seen).boxes;
+    boxes.retain(|found| is_asked(found.kind));
+    let is_near = |b: &DetectedBox| b.pose.point().distance(Point2::default()) <= within_m;
+    let found: Vec<Found> = boxes.iter().map(|b| Found { score: b.score, counts: is_near(b) }).collect();
+    let there: Vec<(DetectedBox, bool)> = seen
+        .obstacles
+        .iter()
+        .filter(|obstacle| is_asked(obstacle.kind))
+        .map(|obstacle| {
+            let truth = true_box(obstacle, seen, camera);
+            let has_picture = camera.is_none() || truth.image_px.is_some();
+            let counts = is_near(&truth) && obstacle.visible_share >= VISIBLE_SHARE_MIN && has_picture;
+            (truth, counts)
+        })
+        .collect();
+    let counts: Vec<bool> = there.iter().map(|(_, counts)| *counts).collect();
+    precision.frame(&found, &counts, |f, w| overlap(measure.overlap, &boxes[f], &there[w].0));
+}
+
+/// What a detector without fault would report.
+fn true_box(obstacle: &Obstacle, seen: &Surroundings, camera: Option<&ImageCamera>) -> DetectedBox {
+    let at: Point2<Ego> = seen.ego.to_local(obstacle.pose.point());
+    let pose = Pose2::new(at.x_m, at.y_m, obstacle.pose.heading_rad - seen.ego.heading_rad);
+    let image_px = camera.and_then(|camera| camera.image_px(pose, 0.0, obstacle.extent));
+    DetectedBox { kind: obstacle.kind, score: 1.0, pose, bottom_m: 0.0, extent: obstacle.extent, image_px }
+}
+
+fn overlap(of: Overlap, a: &DetectedBox, b: &DetectedBox) -> f64 {
+    if a.kind != b.kind {
+        return 0.0;
+    }
+    match of {
+        Overlap::Image => match (a.image_px, b.image_px) {
+            (Some(a), Some(b)) => image_iou(a, b),
+            _ => 0.0,
+        },
+        Overlap::Ground => ground_iou(a, b),
+        Overlap::Volume => volume_iou(a, b),
+    }
+}
+
+/// What was found for a target.
+struct Fitted {
+    fit: Fit,
+    frames: usize,
+    wanted: u64,
+}
+
+/// The difficulty at which the emulation meets the target. Precision falls with difficulty: the secant between an end
+/// that is too good and one that is too bad, never too near to either (over the logarithm of the difficulty).
+fn fit(target: &Target, frames: &Frames, draws_seed: u32, within_m: f64) -> anyhow::Result<Fitted> {
+    let measure = |difficulty: f64, first: u32| {
+        let params = Params::of_difficulty(target.sensing, difficulty);
+        measured(params, target.measure, frames, first..first + DRAWS, within_m)?
+            .context("nothing was to be found in any frame")
+    };
+    // Between nothing wrong and nothing right: logarithm of the difficulty, and precision.
+    let (mut good, mut bad) = ((-3.0, 1.0), (3.0, 0.0));
+    let mut best: Option<(f64, f64, u64)> = None;
+    for _ in 0..20 {
+        let part = ((good.1 - target.ap) / (good.1 - bad.1)).clamp(0.15, 0.85);
+        let middle = good.0 + part * (bad.0 - good.0);
+        let difficulty = round(math::exp(middle));
+        let (ap, wanted) = measure(difficulty, draws_seed)?;
+        if best.is_none_or(|(_, before, _)| (ap - target.ap).abs() < (before - target.ap).abs()) {
+            best = Some((difficulty, ap, wanted));
+        }
+        if (ap - target.ap).abs() <= CLOSE {
+            break;
+        }
+        if ap > target.ap { good = (middle, ap) } else { bad = (middle, ap) }
+    }
+    let (difficulty, ap, wanted) = best.context("nothing was measured")?;
+    let (other, _) = measure(difficulty, draws_seed + DRAWS)?;
+    let fit = Fit { difficulty, ap: round(ap), ap_other_draws: round(other) };
+    Ok(Fitted { fit, frames: frames.frames.len(), wanted })
+}
+
+/// To four places, as it is written down.
+fn round(x: f64) -> f64 {
+    (x * 1e4).round() / 1e4
+}
+
+/// The configuration with the emulation in it, every parameter spelled out.
+fn frozen(
+    base: &Config,
+    target: &Target,
+    fitted: &Fitted,
+    scenarios: Vec<String>,
+    args: &DetectorArgs,
+) -> anyhow::Result<String> {
+    let mut config = base.clone();
+    let params = Params::of_difficulty(target.sensing, fitted.fit.difficulty);
+    let perception = &mut config.perception;
+    perception.detector.clone_from(&target.name);
+    perception.params = toml::Table::try_from(params)?;
+    perception.calibration = Some(Calibration {
+        target_ap: target.ap,
+        ap: fitted.fit.ap,
+        ap_other_draws: fitted.fit.ap_other_draws,
+        measure: target.measure,
+        difficulty: fitted.fit.difficulty,
+        within_m: args.within_m,
+        scenarios,
+        seeds: args.seeds.iter().map(|seed| u64::from(*seed)).collect(),
+        draws_seed: u64::from(args.draws_seed),
+        frames: fitted.frames,
+        wanted: fitted.wanted,
+    });
+    Ok(config.to_text())
+}
+
+/// The built-in fits.
+fn table(args: &DetectorArgs, fitted: &[(&Target, &Fitted)]) -> String {
+    let seeds: Vec<String> = args.seeds.iter().map(u32::to_string).collect();
+    let frames: BTreeMap<String, usize> =
+        fitted.iter().map(|(t, f)| (format!("{:?}", t.sensing), f.frames)).collect();
+    let frames: Vec<String> = frames.iter().map(|(sensing, n)| format!("{n} by {sensing}")).collect();
+    let mut text = format!(
+        "# Written by `swerve calibrate detector --all`: which member of the family meets each published accuracy,\n\
+         # and the average precision that it has. Drives with seeds {}, {DRAWS} draws from seed {}, everything within\n\
+         # {} m. Frames: {}.\n",
+        seeds.join(", "),
+        args.draws_seed,
+        args.within_m,
+        frames.join(", ").to_lowercase()
+    );
+    let by_name: BTreeMap<&str, Fit> = fitted.iter().map(|(t, f)| (t.name.as_str(), f.fit)).collect();
+    for (name, fit) in by_name {
+        text += &format!(
+            "\"{name}\" = {{ difficulty = {:?}, ap = {:?}, ap_other_draws = {:?} }}\n",
+            fit.difficulty, fit.ap, fit.ap_other_draws
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_stack::config::detectors::fits;
+
+    /// The shipped scenarios once each: half of what the built-in fits were made with.
+    fn frames(sensing: Sensing) -> Frames {
+        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios"));
+        let all = scenarios(folder).unwrap();
+        Frames::gather(&Config::default(), sensing, &all, &[1], || {}).unwrap()
+    }
+
+    #[test]
+    fn what_is_frozen_is_met_again_on_part_of_the_frames() {
+        let frames = frames(Sensing::Camera);
+        let mut before = 1.0;
+        for name in ["efficientdet-d7x@v100", "efficientdet-d3@v100", "ssd-mobilenet-v1@titan-x"] {
+            let detector = find(name).unwrap();
+            let fit = fits()[name];
+            let params = Params::of_difficulty(detector.sensing, fit.difficulty);
+            let (ap, wanted) = measured(params, detector.measure, &frames, 1..9, 50.0).unwrap().unwrap();
+            assert!(wanted > 300, "{wanted}");
+            assert!((ap - fit.ap).abs() < 0.03, "{name}: {ap}, frozen with {}", fit.ap);
+            assert!(ap < before, "{name}");
+            before = ap;
+        }
+        for (difficulty, least, most) in [(0.0, 1.0 - 1e-9, 1.0 + 1e-9), (50.0, 0.0, 0.05)] {
+            let params = Params::of_difficulty(Sensing::Camera, difficulty);
+            for overlap in [Overlap::Image, Overlap::Ground, Overlap::Volume] {
+                let measure = Measure { overlap, ..Measure::default() };
+                let (ap, _) = measured(params, measure, &frames, 1..2, 50.0).unwrap().unwrap();
+                assert!((least..=most).contains(&ap), "{difficulty} {overlap:?}: {ap}");
+            }
+        }
+    }
+}

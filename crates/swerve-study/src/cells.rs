@@ -1,0 +1,214 @@
+//! Runs the cells of a study: in parallel, resumable, each result kept the moment it is there.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::Context as _;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use swerve_core::{Digest, Hasher};
+
+use super::grid::{Cell, Study};
+use swerve_report::progress::Progress;
+
+/// What one cell came to.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct CellResult {
+    /// What stands in the table, one an axis.
+    pub labels: Vec<String>,
+    /// How the run ended.
+    pub verdict: String,
+    /// Smallest distance to another actor, m.
+    pub min_distance_m: Option<f64>,
+    /// Ego speed at the first impact, m/s.
+    pub impact_speed_mps: Option<f64>,
+    /// Largest raw lateral jerk, m/s³.
+    pub lateral_jerk_max: Option<f64>,
+    /// Digest of the run.
+    pub digest: Option<Digest>,
+    /// Median response time, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response_p50_ms: Option<f64>,
+    /// 99th percentile of the response time, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response_p99_ms: Option<f64>,
+    /// Deadlines missed, by all operators.
+    #[serde(default)]
+    pub misses: u64,
+    /// Largest added latency that still avoids, ms; only in latency-budget studies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget_ms: Option<f64>,
+    /// What went wrong, when the run itself failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+}
+
+impl CellResult {
+    /// A result without figures.
+    pub fn blank(cell: &Cell, verdict: &str) -> Self {
+        Self {
+            labels: cell.labels.clone(),
+            verdict: verdict.into(),
+            min_distance_m: None,
+            impact_speed_mps: None,
+            lateral_jerk_max: None,
+            digest: None,
+            response_p50_ms: None,
+            response_p99_ms: None,
+            misses: 0,
+            budget_ms: None,
+            error: None,
+        }
+    }
+
+    /// Whether the run ended without collision and on the road.
+    pub fn avoided(&self) -> bool {
+        self.verdict == "avoided"
+    }
+}
+
+/// Which part of the study this call runs.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Shard {
+    /// From 1.
+    pub index: usize,
+    /// How many there are.
+    pub count: usize,
+}
+
+impl std::str::FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match parts {
+            Some((index, count)) if index >= 1 && index <= count => Ok(Self { index, count }),
+            _ => Err(format!("expected I/N with 1 <= I <= N, found `{text}`")),
+        }
+    }
+}
+
+impl Shard {
+    /// Whether a cell is in this share.
+    pub fn holds(self, cell: &Cell) -> bool {
+        cell.index % self.count == self.index - 1
+    }
+}
+
+/// The finished cells of a study under its output folder, one file each.
+pub struct CellStore {
+    folder: PathBuf,
+}
+
+impl CellStore {
+    /// The store in `out`, made when it is not there.
+    pub fn open(out: &Path) -> anyhow::Result<Self> {
+        let folder = out.join("cells");
+        std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+        Ok(Self { folder })
+    }
+
+    /// The result of `cell`, when an earlier call finished it under the same fingerprint; an error names a file
+    /// that is not as it was written.
+    pub fn load(&self, cell: &Cell, fingerprint: Digest) -> anyhow::Result<Option<CellResult>> {
+        let path = self.path(cell, fingerprint);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),
+        };
+        let result = unsealed(&text, cell, fingerprint);
+        result.map(Some).with_context(|| format!("{}: not as it was written", path.display()))
+    }
+
+    /// Keeps a finished cell under a checksum: written beside its name first, so that a half-written file is never
+    /// taken for a result.
+    pub fn save(&self, cell: &Cell, fingerprint: Digest, result: &CellResult) -> anyhow::Result<()> {
+        let body = serde_json::to_string(result)?;
+        let sealed = format!("{HEAD}{}{BODY}{body}{TAIL}", checksum(&body, cell, fingerprint));
+        swerve_report::files::write_whole(&self.path(cell, fingerprint), sealed.as_bytes())
+    }
+
+    fn path(&self, cell: &Cell, fingerprint: Digest) -> PathBuf {
+        self.folder.join(format!("{:06}-{fingerprint}.json", cell.index))
+    }
+}
+
+// A kept cell is the JSON object `{"checksum":"...","result":{...}}`. Framed by hand, because the checksum is of
+// the result's bytes: a number that was read and written again may end in another digit.
+const HEAD: &str = "{\"checksum\":\"";
+const BODY: &str = "\",\"result\":";
+const TAIL: &str = "}\n";
+
+/// Holds for one result under one name: a file that was renamed is another's result.
+fn checksum(body: &str, cell: &Cell, fingerprint: Digest) -> Digest {
+    let mut hasher = Hasher::new();
+    hasher.number(cell.index as u64);
+    hasher.number(fingerprint.0);
+    hasher.bytes(body.as_bytes());
+    hasher.digest()
+}
+
+fn unsealed(text: &str, cell: &Cell, fingerprint: Digest) -> Option<CellResult> {
+    let (sum, body) = text.strip_prefix(HEAD)?.strip_suffix(TAIL)?.split_once(BODY)?;
+    if sum != checksum(body, cell, fingerprint).to_string() {
+        return None;
+    }
+    serde_json::from_str(body).ok()
+}
+
+/// How the cells of a study are run.
+pub struct Runner<'a> {
+    /// Finished cells.
+    pub store: &'a CellStore,
+    /// How many cells at once.
+    pub threads: usize,
+    /// Which part.
+    pub shard: Option<Shard>,
+    /// Set by Ctrl-C: no further cell is started.
+    pub stop: &'a AtomicBool,
+}
+
+impl Runner<'_> {
+    /// Runs every cell of the shard that is not finished yet. Results are in the order of the cells; a cell that
+    /// was not reached is `None`.
+    pub fn run<P, F>(&self, study: &Study, prepare: P, run: F) -> anyhow::Result<Vec<Option<CellResult>>>
+    where
+        P: Fn(&Cell) -> anyhow::Result<Digest> + Sync,
+        F: Fn(&Cell) -> anyhow::Result<CellResult> + Sync,
+    {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
+        let mine = |cell: &&Cell| self.shard.is_none_or(|shard| shard.holds(cell));
+        let progress = Progress::cells(study.cells.iter().filter(mine).count());
+        let one = |cell: &Cell| -> anyhow::Result<Option<CellResult>> {
+            if !mine(&cell) {
+                return Ok(None);
+            }
+            let fingerprint = prepare(cell)?;
+            let kept = self.store.load(cell, fingerprint).unwrap_or_else(|error| {
+                progress.tell(&format!("{error:#}; the cell is computed again"));
+                None
+            });
+            // A cell whose run failed is tried again: what was in its way may be gone.
+            let finished = kept.filter(|result| result.error.is_none());
+            let result = match finished {
+                Some(result) => result,
+                None if self.stop.load(Ordering::SeqCst) => return Ok(None),
+                None => {
+                    let result = run(cell).unwrap_or_else(|error| failed(cell, &error));
+                    self.store.save(cell, fingerprint, &result)?;
+                    result
+                }
+            };
+            progress.one_done();
+            Ok(Some(result))
+        };
+        let results = pool.install(|| study.cells.par_iter().with_max_len(1).map(one).collect());
+        progress.finish();
+        results
+    }
+}
+
+fn failed(cell: &Cell, error: &anyhow::Error) -> CellResult {
+    CellResult { error: Some(format!("{error:#}")), ..CellResult::blank(cell, "failed") }
+}

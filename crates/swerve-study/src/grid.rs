@@ -1,0 +1,483 @@
+//! A study file: a base run and axes over configuration keys, expanded to cells.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Component, Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use swerve_text::{Document, Problem, Problems, is_within, number};
+
+use super::ranking::Ranking;
+use swerve_drive::shipped::Kind;
+
+/// A study as its file says it.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyFile {
+    /// What it is for; becomes the title of its picture.
+    #[serde(default)]
+    pub description: String,
+    /// The run that the axes vary.
+    pub base: Base,
+    /// What varies, the slowest first.
+    pub axis: Vec<Axis>,
+    /// The latency budget, where that is asked for instead of a plain grid.
+    pub budget: Option<Budget>,
+    /// Whether a drive that only ran out of time counts as a good one in the picture: nobody was hurt.
+    #[serde(default)]
+    pub timeout_is_good: bool,
+    /// Combinations that are not driven: those that have, of every axis named, one of the steps named.
+    #[serde(default)]
+    pub leave_out: Vec<LeaveOut>,
+    /// Which setting is best, where that is asked for.
+    pub ranking: Option<Ranking>,
+}
+
+/// Steps by axis.
+pub type LeaveOut = BTreeMap<String, Vec<String>>;
+
+/// The run that the axes vary.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Base {
+    /// Scenario file, relative to the study's folder.
+    pub scenario: PathBuf,
+    /// Configuration file, relative to the study's folder.
+    pub config: Option<PathBuf>,
+    /// Keys set in every cell.
+    #[serde(default)]
+    pub set: toml::Table,
+}
+
+/// One thing that varies.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Axis {
+    /// Column name; the key's last part when absent.
+    pub name: Option<String>,
+    /// Dotted configuration key that takes the values. Absent when every value sets keys of its own.
+    pub key: Option<String>,
+    /// Values for `key`.
+    #[serde(default)]
+    pub values: Vec<toml::Value>,
+    /// Named settings of several keys at once, instead of `values`.
+    #[serde(default)]
+    pub settings: Vec<Setting>,
+}
+
+/// Several keys set together under one name.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setting {
+    /// Name in tables.
+    pub name: String,
+    /// Scenario file, relative to the study's folder, in the place of the base's.
+    pub scenario: Option<PathBuf>,
+    /// Keys and values.
+    #[serde(default)]
+    pub set: toml::Table,
+}
+
+/// Asks for the largest added latency at which the verdict is still good.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Budget {
+    /// Largest added latency looked at, ms.
+    pub max_ms: f64,
+    /// Step of the scan, ms.
+    #[serde(default = "Budget::scan_ms")]
+    pub scan_ms: f64,
+    /// Bisection ends at this width, ms.
+    #[serde(default = "Budget::resolution_ms")]
+    pub resolution_ms: f64,
+    /// Axis that gets one more step, `limit`: the largest reaction time at which the vehicle itself can still clear.
+    pub limit: Option<String>,
+}
+
+/// The name of the step that stands for the vehicle's own limit.
+pub const LIMIT: &str = "limit";
+
+impl Budget {
+    fn scan_ms() -> f64 {
+        50.0
+    }
+
+    fn resolution_ms() -> f64 {
+        5.0
+    }
+
+    fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
+        if let Some(axis) = self.limit.as_ref().filter(|name| !axes.contains(name)) {
+            problems.push(document.problem("budget.limit", format!("no axis of the name `{axis}`")));
+        }
+        let times =
+            [("max_ms", self.max_ms), ("scan_ms", self.scan_ms), ("resolution_ms", self.resolution_ms)];
+        for (name, ms) in times {
+            if !(ms.is_finite() && ms > 0.0 && ms <= 1e5) {
+                let message =
+                    format!("expected milliseconds above 0 and at most 100000, found {}", number(ms));
+                problems.push(document.problem(&format!("budget.{name}"), message));
+            }
+        }
+    }
+}
+
+/// A checked study.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// The study's file, as the caller named it.
+    pub file: String,
+    /// The lines of the file that set configuration keys, by key.
+    pub lines: BTreeMap<String, usize>,
+    /// The study's name: its file's stem.
+    pub name: String,
+    /// Title for pictures.
+    pub description: String,
+    /// Scenario file.
+    pub scenario: PathBuf,
+    /// Configuration file.
+    pub config: Option<PathBuf>,
+    /// Column names, one an axis.
+    pub axes: Vec<String>,
+    /// Keys that every cell sets, before those of the axes.
+    pub base: Sets,
+    /// What each axis may set.
+    pub steps: Vec<Vec<Step>>,
+    /// Every combination, the last axis fastest; none before [`expand`](Self::expand).
+    pub cells: Vec<Cell>,
+    /// The latency budget, where asked for.
+    pub budget: Option<Budget>,
+    /// Whether a drive that only ran out of time counts as a good one in the picture.
+    pub timeout_is_good: bool,
+    /// Combinations that are not driven.
+    pub leave_out: Vec<LeaveOut>,
+    /// Which setting is best, where asked for.
+    pub ranking: Option<Ranking>,
+}
+
+/// Configuration keys with their values, in the order in which they are set.
+pub type Sets = Vec<(String, toml::Value)>;
+
+/// One step of an axis.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Step {
+    /// What stands in the table.
+    pub label: String,
+    /// The scenario, where it names one.
+    pub scenario: Option<PathBuf>,
+    /// What it sets.
+    pub sets: Sets,
+}
+
+/// One combination of the axes.
+#[derive(Clone, PartialEq, Debug, Serialize)]
+pub struct Cell {
+    /// Position in the study, from 0.
+    pub index: usize,
+    /// What stands in the table, one an axis.
+    pub labels: Vec<String>,
+    /// The scenario, where it is not the base's.
+    pub scenario: Option<PathBuf>,
+    /// Keys set on top of the base configuration, in order.
+    pub sets: Sets,
+}
+
+/// More cells than this is a mistake.
+const CELLS_MAX: usize = 1_000_000;
+
+impl Study {
+    /// Reads a study file. `sets` go after the keys that its base sets, before the axes.
+    ///
+    /// # Errors
+    /// All that is wrong with the file itself; its cells are not looked at.
+    pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
+        let document = Kind::Study.document(path)?;
+        let folder = Kind::Study.place(path).parent().unwrap_or(Path::new(""));
+        let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
+        Self::from_document(&document, folder, stem, sets)
+    }
+
+    fn from_document(
+        document: &Document,
+        folder: &Path,
+        name: String,
+        sets: &[(String, toml::Value)],
+    ) -> Result<Self, Problems> {
+        let file: StudyFile = document.to()?;
+        let mut problems = Problems::new();
+        let (axes, steps) = read_axes(document, (&file, folder), sets, &mut problems);
+        if let Some(budget) = &file.budget {
+            budget.check(document, &axes, &mut problems);
+        }
+        if let Some(ranking) = &file.ranking {
+            ranking.check(document, &axes, &mut problems);
+        }
+        check_left_out(document, &file.leave_out, (&axes, &steps), &mut problems);
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let mut base = Vec::new();
+        flatten("", &file.base.set, &mut base);
+        base.extend_from_slice(sets);
+        Ok(Self {
+            file: document.file.clone(),
+            lines: lines(document, &file),
+            name,
+            description: file.description,
+            scenario: beside(folder, &file.base.scenario),
+            config: file.base.config.as_ref().map(|config| beside(folder, config)),
+            axes,
+            base,
+            steps,
+            cells: Vec::new(),
+            budget: file.budget,
+            timeout_is_good: file.timeout_is_good,
+            leave_out: file.leave_out,
+            ranking: file.ranking,
+        })
+    }
+
+    /// Makes the cells.
+    #[must_use]
+    pub fn expand(mut self) -> Self {
+        let mut cells = vec![Cell { index: 0, labels: Vec::new(), scenario: None, sets: self.base.clone() }];
+        for steps in &self.steps {
+            cells = cells.iter().flat_map(|cell| steps.iter().map(move |step| cell.and(step))).collect();
+        }
+        cells.retain(|cell| !left_out(&self.leave_out, &self.axes, &cell.labels));
+        for (index, cell) in cells.iter_mut().enumerate() {
+            cell.index = index;
+        }
+        self.cells = cells;
+        self
+    }
+
+    /// The scenario of a cell.
+    pub fn scenario<'a>(&'a self, cell: &'a Cell) -> &'a Path {
+        cell.scenario.as_deref().unwrap_or(&self.scenario)
+    }
+
+    /// All scenario files, each once.
+    pub fn scenarios(&self) -> BTreeSet<&Path> {
+        let named = self.steps.iter().flatten().filter_map(|step| step.scenario.as_deref());
+        named.chain([self.scenario.as_path()]).collect()
+    }
+
+    /// The command line that repeats one cell.
+    pub fn command(&self, cell: &Cell) -> String {
+        let mut line = format!("swerve run {}", quoted(&self.scenario(cell).display().to_string()));
+        if let Some(config) = &self.config {
+            line += &format!(" -c {}", quoted(&config.display().to_string()));
+        }
+        for (key, value) in &cell.sets {
+            line += &format!(" --set {}", quoted(&format!("{key}={value}")));
+        }
+        line
+    }
+}
+
+/// `path` as seen from where `folder` is, without the detours (`configs/../scenarios`) that lead to the same file.
+fn beside(folder: &Path, path: &Path) -> PathBuf {
+    let joined = folder.join(path);
+    let mut short = PathBuf::new();
+    for part in joined.components() {
+        match (part, short.components().next_back()) {
+            (Component::ParentDir, Some(Component::Normal(_))) => {
+                short.pop();
+            }
+            _ => short.push(part),
+        }
+    }
+    // Through a symbolic link, `a/..` may be elsewhere.
+    let same = joined.canonicalize().ok() == short.canonicalize().ok();
+    if same { short } else { joined }
+}
+
+/// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
+fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Option<Problem> {
+    let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| is_within(key, k)));
+    let (key, _) = sets.iter().find(|(key, _)| varied(key))?;
+    Some(Problem {
+        file: "--set".to_owned(),
+        line: None,
+        key: key.clone(),
+        message: format!("the axis `{axis}` of the study varies it"),
+    })
+}
+
+/// Whether a combination, one label an axis, is one of those that are not driven.
+fn left_out(all: &[LeaveOut], axes: &[String], labels: &[String]) -> bool {
+    let has = |(axis, steps): (&String, &Vec<String>)| {
+        axes.iter().zip(labels).any(|(name, label)| name == axis && steps.contains(label))
+    };
+    all.iter().any(|out| out.iter().all(has))
+}
+
+fn check_left_out(
+    document: &Document,
+    all: &[LeaveOut],
+    (axes, steps): (&[String], &[Vec<Step>]),
+    problems: &mut Problems,
+) {
+    let mut all_of_every_axis = false;
+    for (i, out) in all.iter().enumerate() {
+        let mut wrong = |message| problems.push(document.problem(&format!("leave_out[{i}]"), message));
+        for (name, labels) in out {
+            let Some(axis) = axes.iter().position(|axis| axis == name) else {
+                wrong(format!("no axis of the name `{name}`"));
+                continue;
+            };
+            let known = |label: &&String| steps[axis].iter().any(|step| step.label == **label);
+            for label in labels.iter().filter(|label| !known(label)) {
+                wrong(format!("`{name}` has no step `{label}`"));
+            }
+        }
+        let whole = |(name, labels): (&String, &Vec<String>)| {
+            let axis = axes.iter().position(|axis| axis == name);
+            axis.is_some_and(|axis| steps[axis].iter().all(|step| labels.contains(&step.label)))
+        };
+        all_of_every_axis |= out.iter().all(whole);
+    }
+    if all_of_every_axis {
+        problems.push(document.problem("leave_out", "nothing is left"));
+    }
+}
+
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "./_-=+:,".contains(c);
+    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
+
+/// Names and steps of the axes; what is wrong with them goes to `problems`.
+fn read_axes(
+    document: &Document,
+    (file, folder): (&StudyFile, &Path),
+    sets: &[(String, toml::Value)],
+    problems: &mut Problems,
+) -> (Vec<String>, Vec<Vec<Step>>) {
+    let (mut axes, mut all): (Vec<String>, Vec<Vec<Step>>) = (Vec::new(), Vec::new());
+    if file.axis.is_empty() {
+        problems.push(document.problem("axis", "expected at least one axis"));
+    }
+    for (i, axis) in file.axis.iter().enumerate() {
+        let mut wrong = |message| problems.push(document.problem(&format!("axis[{i}]"), message));
+        let (name, mut steps) = match axis.steps(folder) {
+            Ok(read) => read,
+            Err(message) => {
+                wrong(message);
+                continue;
+            }
+        };
+        if file.budget.as_ref().and_then(|b| b.limit.as_ref()) == Some(&name) {
+            steps.push(Step { label: LIMIT.into(), scenario: None, sets: Vec::new() });
+        }
+        if axes.contains(&name) {
+            wrong(format!("a second axis of the name `{name}`"));
+        }
+        let before: usize = all.iter().map(Vec::len).product();
+        if before <= CELLS_MAX && before.saturating_mul(steps.len()) > CELLS_MAX {
+            wrong(format!("more than {CELLS_MAX} cells"));
+        }
+        problems.extend(overridden(sets, &steps, &name));
+        axes.push(name);
+        all.push(steps);
+    }
+    (axes, all)
+}
+
+impl Cell {
+    fn and(&self, step: &Step) -> Self {
+        let mut cell = self.clone();
+        cell.labels.push(step.label.clone());
+        cell.scenario = step.scenario.clone().or(cell.scenario);
+        cell.sets.extend(step.sets.iter().cloned());
+        cell
+    }
+
+    /// The label of the axis at `axis`.
+    pub fn label(&self, axis: usize) -> &str {
+        &self.labels[axis]
+    }
+}
+
+impl Axis {
+    fn steps(&self, folder: &Path) -> Result<(String, Vec<Step>), String> {
+        let from_values = self.values.iter().map(|value| {
+            let key = self.key.clone().ok_or("`values` need a `key`")?;
+            Ok(Step { label: label_of(value), scenario: None, sets: vec![(key, value.clone())] })
+        });
+        let from_settings = self.settings.iter().map(|setting| {
+            let mut sets = Vec::new();
+            flatten("", &setting.set, &mut sets);
+            let scenario = setting.scenario.as_ref().map(|path| beside(folder, path));
+            Ok(Step { label: setting.name.clone(), scenario, sets })
+        });
+        let steps: Vec<Step> = from_values.chain(from_settings).collect::<Result<_, &str>>()?;
+        if steps.is_empty() {
+            return Err("expected `values` or `settings` that are not empty".into());
+        }
+        let mut labels = BTreeSet::new();
+        if let Some(twice) = steps.iter().find(|step| !labels.insert(&step.label)) {
+            return Err(format!("`{}` stands twice", twice.label));
+        }
+        let last_part = self.key.as_deref().map(|key| key.rsplit('.').next().unwrap_or(key).to_owned());
+        let name = self.name.clone().or(last_part).ok_or("an axis without `key` needs a `name`")?;
+        Ok((name, steps))
+    }
+}
+
+/// Where the file sets which key.
+fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
+    let mut lines = BTreeMap::new();
+    let mut at = |place: &str, key: &str| {
+        lines.extend(document.problem(place, "").line.map(|line| (key.to_owned(), line)));
+    };
+    let mut all_of = |place: &str, table: &toml::Table| {
+        let mut sets = Vec::new();
+        flatten("", table, &mut sets);
+        for (key, _) in &sets {
+            at(&format!("{place}.{key}"), key);
+        }
+    };
+    all_of("base.set", &file.base.set);
+    for (i, axis) in file.axis.iter().enumerate() {
+        for (j, setting) in axis.settings.iter().enumerate() {
+            all_of(&format!("axis[{i}].settings[{j}].set"), &setting.set);
+        }
+    }
+    for (i, axis) in file.axis.iter().enumerate() {
+        if let Some(key) = &axis.key {
+            at(&format!("axis[{i}].values"), key);
+        }
+    }
+    lines
+}
+
+fn label_of(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(s) => s.clone(),
+        toml::Value::Float(x) if x.abs() >= 1e15 => number(*x),
+        other => other.to_string(),
+    }
+}
+
+/// Nested tables as dotted keys; keys that already hold dots stay as written.
+fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, toml::Value)>) {
+    for (name, value) in table {
+        let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+        match value {
+            toml::Value::Table(inner) if !inner.is_empty() && prefix_is_section(&key) => {
+                flatten(&key, inner, out)
+            }
+            _ => out.push((key, value.clone())),
+        }
+    }
+}
+
+/// Run-time models, deadlines and the like are values in the shape of tables: they replace what was there whole.
+fn prefix_is_section(key: &str) -> bool {
+    let last = key.rsplit('.').next().unwrap_or(key);
+    !matches!(last, "runtime" | "deadline")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,251 @@
+//! What is wrong with the configurations of a study's cells, without looking at every cell.
+//!
+//! Whether a value is right depends on few other keys: that of a key of a planner on which planner it is, that of a
+//! resource's name on the resources. Axes over keys that have nothing to do with each other are looked at one
+//! after the other; only those that have are looked at in all their combinations.
+
+use std::collections::BTreeMap;
+
+use super::grid::{Step, Study};
+use swerve_report::progress::Progress;
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
+use swerve_text::{Document, Problem, Problems, is_within};
+
+/// Keys whose values are checked together; `*` is any one name. What [`Config`] checks across keys has to be here.
+const JOINT: [&[&str]; 5] = [
+    &["planning.planner", "planning.config", "planning.preset", "planning.collision", "planning.params"],
+    &["execution", "perception", "planning", "operator.*.deadline", "operator.*.runtime"],
+    &["sim.vehicle"],
+    &["resource", "operator.*.uses"],
+    &["fault", "log.sensors", "camera", "radar", "lidar", "perception"],
+];
+
+/// What is wrong, each fault once, with the first cell that has it, in the order of these cells.
+pub(super) fn problems(study: &Study, base: &Document, registry: &Registry) -> Problems {
+    // The file's own faults are told with their lines; what is left is a fault of what cells set.
+    if let Err(problems) = Config::from_document_with(registry, base, &[]) {
+        return problems;
+    }
+    let classes = classes(&study.steps);
+    let mut found = Found { study, base, first: BTreeMap::new() };
+    // A value of a wrong form is one in every combination: once told, it needs no combining.
+    let mut good: Vec<Vec<usize>> = study.steps.iter().map(|steps| (0..steps.len()).collect()).collect();
+    for &axis in classes.iter().filter(|class| class.len() > 1).flatten() {
+        good[axis].retain(|&step| {
+            found.look(&[(axis, step)], |document, sets| Config::formed(registry, document, sets))
+        });
+    }
+    let size = |class: &[usize]| class.iter().map(|&axis| good[axis].len()).product::<usize>();
+    let progress = Progress::checks(classes.iter().map(|class| size(class)).sum());
+    for class in &classes {
+        for place in 0..size(class) {
+            found.look(&chosen(&good, class, place), |document, sets| {
+                Config::with_sets(registry, document, sets)
+            });
+            progress.one_done();
+        }
+    }
+    progress.finish();
+    let mut found: Vec<(Problem, usize)> = found.first.into_iter().collect();
+    found.sort_by_key(|(_, cell)| *cell);
+    found.into_iter().map(|(problem, cell)| in_cell(study, problem, cell)).collect()
+}
+
+/// The faults so far, each with the first cell that has it.
+struct Found<'a> {
+    study: &'a Study,
+    base: &'a Document,
+    first: BTreeMap<Problem, usize>,
+}
+
+impl Found<'_> {
+    /// Looks at one combination of axes and steps; whether nothing is wrong with it.
+    fn look(
+        &mut self,
+        chosen: &[(usize, usize)],
+        read: impl Fn(&Document, &[(String, toml::Value)]) -> Result<Config, Problems>,
+    ) -> bool {
+        let mut sets = self.study.base.clone();
+        sets.extend(
+            chosen.iter().flat_map(|&(axis, step)| self.study.steps[axis][step].sets.iter().cloned()),
+        );
+        let Err(problems) = read(self.base, &sets) else { return true };
+        let cell = index_of(self.study, chosen);
+        for problem in problems {
+            let first = self.first.entry(located(self.study, problem)).or_insert(cell);
+            *first = cell.min(*first);
+        }
+        false
+    }
+}
+
+/// The axes in groups of those that have to do with each other.
+fn classes(steps: &[Vec<Step>]) -> Vec<Vec<usize>> {
+    let mut classes: Vec<Vec<usize>> = Vec::new();
+    for axis in 0..steps.len() {
+        let is_joined =
+            |class: &Vec<usize>| class.iter().any(|&other| are_joint(&steps[axis], &steps[other]));
+        let (joined, apart): (Vec<_>, Vec<_>) = classes.into_iter().partition(is_joined);
+        let mut class = joined.concat();
+        class.push(axis);
+        class.sort_unstable();
+        classes = apart;
+        classes.push(class);
+    }
+    classes
+}
+
+fn keys(steps: &[Step]) -> Vec<&str> {
+    let mut keys: Vec<&str> = steps.iter().flat_map(|s| s.sets.iter().map(|(key, _)| key.as_str())).collect();
+    keys.sort_unstable();
+    keys.dedup();
+    keys
+}
+
+fn are_joint(a: &[Step], b: &[Step]) -> bool {
+    let (a, b) = (keys(a), keys(b));
+    let related = |a: &str, b: &str| is_within(a, b) || is_within(b, a);
+    let touches = |keys: &[&str], group: &[&str]| {
+        keys.iter().any(|key| group.iter().any(|pattern| is_on_the_way(key, pattern)))
+    };
+    a.iter().any(|a| b.iter().any(|b| related(a, b)))
+        || JOINT.iter().any(|group| touches(&a, group) && touches(&b, group))
+}
+
+/// Whether a key is the pattern's, within it, or has it within.
+fn is_on_the_way(key: &str, pattern: &str) -> bool {
+    key.split('.').zip(pattern.split('.')).all(|(name, wanted)| wanted == "*" || name == wanted)
+}
+
+/// The combination at `place` of a class: axis and one of its `steps`, the last axis fastest.
+fn chosen(steps: &[Vec<usize>], class: &[usize], mut place: usize) -> Vec<(usize, usize)> {
+    let mut chosen: Vec<(usize, usize)> = class
+        .iter()
+        .rev()
+        .map(|&axis| {
+            let n = steps[axis].len();
+            let step = steps[axis][place % n];
+            place /= n;
+            (axis, step)
+        })
+        .collect();
+    chosen.reverse();
+    chosen
+}
+
+/// The first cell with these steps: the other axes stand at their first.
+fn index_of(study: &Study, chosen: &[(usize, usize)]) -> usize {
+    let step_of = |axis| chosen.iter().find(|(a, _)| *a == axis).map_or(0, |(_, step)| *step);
+    (0..study.steps.len()).fold(0, |index, axis| index * study.steps[axis].len() + step_of(axis))
+}
+
+/// A fault of what the study sets, at the line that sets it.
+fn located(study: &Study, mut problem: Problem) -> Problem {
+    let sets = study.lines.iter().filter(|(key, _)| is_within(&problem.key, key));
+    if let Some((_, line)) = sets.max_by_key(|(key, _)| key.len()).filter(|_| problem.file == "--set") {
+        problem.file.clone_from(&study.file);
+        problem.line = Some(*line);
+    }
+    problem
+}
+
+/// A problem with the first cell that has it.
+fn in_cell(study: &Study, problem: Problem, mut cell: usize) -> Problem {
+    let mut labels: Vec<&str> = Vec::new();
+    for steps in study.steps.iter().rev() {
+        labels.push(&steps[cell % steps.len()].label);
+        cell /= steps.len();
+    }
+    labels.reverse();
+    let message = format!("{}, in the cell [{}]", problem.message, labels.join(" "));
+    Problem { message, ..problem }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Faults of single values, of two values together, and values that are right only together.
+    const STUDY: &str = r#"
+        base = { scenario = "a.toml", set = { "operator.tracker.uses" = "gpu" , "resource.gpu.slots" = 1 } }
+        [[axis]]
+        key = "planning.planner"
+        values = ["fot", "rrt_star", "fott"]
+        [[axis]]
+        key = "seed"
+        values = [1, 2, -3]
+        [[axis]]
+        name = "params"
+        [[axis.settings]]
+        name = "none"
+        set = { sim.dt_ms = 5 }
+        [[axis.settings]]
+        name = "rrt"
+        set = { planning.params.goal_share = 0.2, control.period_ms = 0 }
+        [[axis]]
+        key = "operator.planner.uses"
+        values = ["gpu", "tpu", "npu"]
+        [[axis]]
+        name = "tpu"
+        [[axis.settings]]
+        name = "without"
+        set = {}
+        [[axis.settings]]
+        name = "with"
+        set = { resource.tpu.slots = 1 }
+        [[axis]]
+        name = "vehicle"
+        key = "sim.vehicle.limits.steering_max_rad"
+        values = [0.5, 9.0]
+    "#;
+
+    fn study() -> (Study, Document) {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("s.toml");
+        std::fs::write(&file, STUDY).unwrap();
+        (Study::read(&file, &[]).unwrap(), Document::parse("defaults", String::new()).unwrap())
+    }
+
+    #[test]
+    fn as_much_is_found_as_by_looking_at_every_cell() {
+        let (study, base) = study();
+        let by_class = problems(&study, &base, &Registry::standard());
+        let expanded = study.clone().expand();
+        assert_eq!(expanded.cells.len(), 216);
+        let mut by_cell: Vec<Problem> = Vec::new();
+        for cell in &expanded.cells {
+            let problems =
+                Config::with_sets(&Registry::standard(), &base, &cell.sets).err().unwrap_or_default();
+            by_cell.extend(problems.into_iter().map(|p| located(&study, p)));
+        }
+        let bare = |p: &Problem| (p.key.clone(), p.message.split(", in the cell").next().unwrap().to_owned());
+        let mut by_cell: Vec<_> = by_cell.iter().map(bare).collect();
+        by_cell.sort();
+        by_cell.dedup();
+        let mut found: Vec<_> = by_class.iter().map(bare).collect();
+        found.sort();
+        assert_eq!(found, by_cell);
+        assert!(found.len() >= 7, "{found:#?}");
+    }
+
+    #[test]
+    fn only_axes_that_have_to_do_with_each_other_are_combined() {
+        let (study, _) = study();
+        assert_eq!(classes(&study.steps), [vec![1], vec![0, 2], vec![3, 4], vec![5]]);
+    }
+
+    #[test]
+    fn the_first_cell_with_a_fault_is_named() {
+        let (study, base) = study();
+        let said: Vec<String> =
+            problems(&study, &base, &Registry::standard()).iter().map(Problem::to_string).collect();
+        let of =
+            |key: &str| said.iter().find(|s| s.contains(key)).unwrap_or_else(|| panic!("{key}: {said:#?}"));
+        assert!(of("sim.vehicle.limits").ends_with("in the cell [fot 1 none gpu without 9.0]"), "{said:#?}");
+        assert!(of("`tpu`").ends_with("in the cell [fot 1 none tpu without 0.5]"), "{said:#?}");
+        assert!(
+            of("seed").contains("s.toml:8: seed: expected a whole number that is not negative, found -3")
+        );
+    }
+}

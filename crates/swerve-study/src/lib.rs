@@ -1,0 +1,324 @@
+//! Studies: a base run varied along axes over configuration keys, with one result a cell.
+//!
+//! Cells run in parallel, each on one thread; what is finished is kept, so that a second call goes on where the
+//! first one was stopped. Shards need no coordination: cell `k` belongs to shard `k mod n`.
+
+mod budget;
+pub mod calibrate;
+pub mod dataset;
+mod joint;
+mod limit;
+
+pub mod cells;
+pub mod grid;
+pub mod heatmap;
+pub mod ranking;
+pub mod table;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context as _, bail};
+use swerve_core::{Digest, Hasher};
+use swerve_scenario::Scenario;
+use swerve_stack::Registry;
+use swerve_text::{Document, Problem};
+
+use cells::{CellResult, CellStore, Runner, Shard};
+use grid::{Cell, Study};
+use swerve_drive::program::Program;
+use swerve_drive::shipped::Kind;
+use swerve_drive::{Outcome, drive, problems_error};
+use swerve_report::files::write_whole;
+use swerve_stack::config::Config;
+
+/// `swerve study`.
+#[derive(clap::Args, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct StudyArgs {
+    #[command(subcommand)]
+    command: Option<StudyCommand>,
+    /// Study file (TOML), or the name of one that is in the program
+    #[arg(required = true)]
+    file: Option<PathBuf>,
+    /// Output folder [default: out/ and the study's name]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Cells run at once [default: one a core]
+    #[arg(long, value_parser = swerve_drive::threads::parser())]
+    threads: Option<usize>,
+    /// Run only this share of the cells: 2/4 is the second of four
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Set a configuration key in every cell
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum StudyCommand {
+    /// Join the finished cells of shards into one table
+    Merge {
+        /// Output folders of the shards
+        #[arg(required = true)]
+        folders: Vec<PathBuf>,
+        /// Study file (TOML)
+        #[arg(long)]
+        study: PathBuf,
+        /// Output folder [default: out/ and the study's name]
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Set a configuration key in every cell, as in the shards' calls
+        #[arg(long, value_name = "KEY=VALUE")]
+        set: Vec<String>,
+    },
+}
+
+/// Runs or merges a study.
+pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
+    match (&args.command, &args.file) {
+        (Some(StudyCommand::Merge { folders, study, out, set }), _) => {
+            merge(registry, study, folders, out.as_deref(), set)
+        }
+        (None, Some(file)) => {
+            let bench = Bench::open(registry, file, &args.set)?;
+            // Only now is there something to finish in order; until here a signal ends the program at once.
+            let stop = Arc::new(AtomicBool::new(false));
+            let on_signal = stop.clone();
+            ctrlc::set_handler(move || on_signal.store(true, Ordering::SeqCst))
+                .context("listening for Ctrl-C")?;
+            let out = out_folder(&bench.study, args.out.as_deref());
+            let store = CellStore::open(&out)?;
+            let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);
+            let runner = Runner { store: &store, threads, shard: args.shard, stop: &stop };
+            let results =
+                runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
+            report(&bench.study, &results, &out)?;
+            finish(&bench.study, &results, args.shard, &stop)
+        }
+        (None, None) => bail!("expected a study file"),
+    }
+}
+
+fn finish(
+    study: &Study,
+    results: &[Option<CellResult>],
+    shard: Option<Shard>,
+    stop: &AtomicBool,
+) -> anyhow::Result<()> {
+    if let Some((cell, error)) =
+        study.cells.iter().zip(results).find_map(|(c, r)| Some((c, r.as_ref()?.error.as_ref()?)))
+    {
+        let failed = results.iter().flatten().filter(|r| r.error.is_some()).count();
+        bail!(
+            "{failed} cells failed, the first of them [{}]: {error}\n  {}",
+            cell.labels.join(" "),
+            study.command(cell)
+        );
+    }
+    let mine = |cell: &Cell| shard.is_none_or(|shard| shard.holds(cell));
+    let missing =
+        study.cells.iter().zip(results).filter(|(cell, result)| result.is_none() && mine(cell)).count();
+    if stop.load(Ordering::SeqCst) && missing > 0 {
+        bail!("stopped with {missing} cells to go; the same command goes on from here");
+    }
+    Ok(())
+}
+
+fn out_folder(study: &Study, out: Option<&Path>) -> PathBuf {
+    out.map_or_else(|| Path::new("out").join(&study.name), Path::to_path_buf)
+}
+
+/// A study with everything its cells share.
+pub struct Bench {
+    /// The study.
+    pub study: Study,
+    /// Each with its text, by its file.
+    scenarios: BTreeMap<PathBuf, (Scenario, String)>,
+    base: Document,
+    registry: Registry,
+    /// The program itself: what another build finished is not taken for its result.
+    program: Digest,
+}
+
+impl Bench {
+    /// Reads a study, its scenario and its base configuration; `sets` apply to every cell, before the axes.
+    ///
+    /// # Errors
+    /// All that is wrong with the study, its scenario, its configuration and those of its cells.
+    pub fn open(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let mut bench = Self::unexpanded(registry, file, sets)?;
+        bench.study = bench.study.expand();
+        Ok(bench)
+    }
+
+    /// As [`open`](Self::open), with nothing but the result of the checks.
+    pub fn check(registry: &Registry, file: &Path) -> anyhow::Result<()> {
+        Self::unexpanded(registry, file, &[]).map(|_| ())
+    }
+
+    fn unexpanded(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
+        let sets: Result<Vec<_>, Problem> = sets.iter().map(|s| swerve_text::parse_assignment(s)).collect();
+        let study = Study::read(file, &sets?).map_err(|problems| problems_error(&problems))?;
+        let mut scenarios = BTreeMap::new();
+        let mut unread = Vec::new();
+        for path in study.scenarios() {
+            match swerve_drive::read_scenario(path) {
+                Ok(scenario) => {
+                    scenarios.insert(path.to_owned(), (scenario, Kind::Scenario.text(path)?.into_owned()));
+                }
+                Err(error) => unread.push(error.to_string()),
+            }
+        }
+        let base = match &study.config {
+            Some(path) => Kind::Config.document(path),
+            None => Document::parse("defaults", String::new()),
+        };
+        // What is wrong is told before the first cell runs.
+        let problems = match &base {
+            Ok(base) => joint::problems(&study, base, registry),
+            Err(problem) => problem.clone().into(),
+        };
+        match base {
+            Ok(base) if problems.is_empty() && unread.is_empty() => {
+                Ok(Self { study, scenarios, base, registry: registry.clone(), program: program()? })
+            }
+            _ => {
+                let problems = problems.iter().map(Problem::to_string);
+                Err(problems_error(&unread.into_iter().chain(problems).collect::<Vec<_>>()))
+            }
+        }
+    }
+
+    /// The scenario of a cell, and its text.
+    fn scenario(&self, cell: &Cell) -> (&Scenario, &str) {
+        let (scenario, text) = &self.scenarios[self.study.scenario(cell)];
+        (scenario, text)
+    }
+
+    fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
+        Config::from_document_with(&self.registry, &self.base, &cell.sets).map_err(|problems| {
+            problems_error(&problems).context(format!("cell [{}] of the study", cell.labels.join(" ")))
+        })
+    }
+
+    /// What a cell's result depends on, in one number.
+    pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
+        let mut hasher = Hasher::new();
+        hasher.value(&(self.program, self.config(cell)?.to_text(), self.scenario(cell).1));
+        hasher
+            .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
+        Ok(hasher.digest())
+    }
+
+    /// Runs one cell.
+    pub fn run_cell(&self, cell: &Cell) -> anyhow::Result<CellResult> {
+        let (config, (scenario, _)) = (self.config(cell)?, self.scenario(cell));
+        match &self.study.budget {
+            Some(budget) if cell.labels.iter().any(|l| l == grid::LIMIT) => {
+                limit::largest_reaction(cell, &config, scenario, budget)
+            }
+            Some(budget) => budget::largest_latency(cell, &config, scenario, budget),
+            None => Ok(summary(cell, &drive(&config, scenario)?)),
+        }
+    }
+}
+
+/// One number for the running executable.
+fn program() -> anyhow::Result<Digest> {
+    let path = Program::this()?.code;
+    let mut hasher = Hasher::new();
+    hasher.bytes(&std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
+    Ok(hasher.digest())
+}
+
+fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
+    let metrics = &outcome.metrics;
+    CellResult {
+        labels: cell.labels.clone(),
+        verdict: metrics.verdict.name().to_owned(),
+        min_distance_m: metrics.min_distance_m,
+        impact_speed_mps: Some(metrics.impact_speed_mps),
+        lateral_jerk_max: metrics.lateral_jerk.raw_max_mps3,
+        digest: Some(outcome.digest),
+        response_p50_ms: metrics.response.as_ref().map(|response| response.p50_ms),
+        response_p99_ms: metrics.response.as_ref().map(|response| response.p99_ms),
+        misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
+        budget_ms: None,
+        error: None,
+    }
+}
+
+fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::Result<()> {
+    let grid = table::Grid::of(study, results);
+    let title = if study.description.is_empty() { &study.name } else { &study.description };
+    write_whole(&out.join("cells.csv"), table::csv(study, results).as_bytes())?;
+    write_whole(&out.join("heatmap.svg"), heatmap::draw(&grid, title).as_bytes())?;
+    let commands: String = study.cells.iter().map(|cell| study.command(cell) + "\n").collect();
+    write_whole(&out.join("commands.txt"), commands.as_bytes())?;
+    let done = results.iter().flatten().count();
+    let mut ranked = String::new();
+    if let Some(ranking) = &study.ranking {
+        let settings = ranking::settings(study, ranking, results);
+        write_whole(&out.join("ranking.csv"), ranking::csv(ranking, &settings).as_bytes())?;
+        ranked = ranking::text(ranking, &settings) + "\n";
+    }
+    swerve_report::output::print(&format!(
+        "{}\n{ranked}{done} of {} cells in {}: cells.csv, heatmap.svg, commands.txt (one line repeats each cell)\n",
+        grid.text(),
+        study.cells.len(),
+        out.display()
+    ))
+}
+
+fn merge(
+    registry: &Registry,
+    file: &Path,
+    folders: &[PathBuf],
+    out: Option<&Path>,
+    sets: &[String],
+) -> anyhow::Result<()> {
+    let bench = Bench::open(registry, file, sets)?;
+    let out = out_folder(&bench.study, out);
+    for folder in folders {
+        anyhow::ensure!(
+            folder.join("cells").is_dir(),
+            "{}: no folder `cells` of a study in it",
+            folder.display()
+        );
+    }
+    let stores: Vec<CellStore> = folders.iter().map(|f| CellStore::open(f)).collect::<Result<_, _>>()?;
+    let mut found = Vec::new();
+    let mut damaged = Vec::new();
+    for cell in &bench.study.cells {
+        let fingerprint = bench.fingerprint(cell)?;
+        let mut result = None;
+        for store in &stores {
+            match store.load(cell, fingerprint) {
+                Ok(loaded) => result = result.or(loaded),
+                Err(error) => damaged.push(format!("{error:#}")),
+            }
+        }
+        found.push((fingerprint, result));
+    }
+    if !damaged.is_empty() {
+        return Err(problems_error(&damaged).context("run the shards of these cells again, then merge again"));
+    }
+    let joined = CellStore::open(&out)?;
+    let mut results = Vec::new();
+    for (cell, (fingerprint, result)) in bench.study.cells.iter().zip(found) {
+        if let Some(result) = &result {
+            joined.save(cell, fingerprint, result)?;
+        }
+        results.push(result);
+    }
+    report(&bench.study, &results, &out)?;
+    let missing = results.iter().filter(|r| r.is_none()).count();
+    anyhow::ensure!(
+        missing == 0,
+        "{missing} cells are in none of the folders (run the missing shards, then merge again)"
+    );
+    Ok(())
+}

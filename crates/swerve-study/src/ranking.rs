@@ -1,0 +1,264 @@
+//! Which setting is best: cells pooled over all axes but some, and compared with each other.
+
+use std::cmp::Ordering;
+use std::fmt::Write as _;
+
+use serde::Deserialize;
+use swerve_text::{Document, Problems};
+
+use super::cells::CellResult;
+use super::grid::Study;
+use super::table::field;
+use swerve_report::output::align;
+
+/// Asks for the comparison.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ranking {
+    /// The axes whose combinations are settings; all others are pooled.
+    pub settings: Vec<String>,
+    /// One of them: the best setting of each of its values is told, and compared with the best of the others.
+    pub best_of: Option<String>,
+}
+
+impl Ranking {
+    /// What is wrong with it, given the names of the axes.
+    pub(super) fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
+        if self.settings.is_empty() {
+            problems.push(document.problem("ranking.settings", "expected at least one axis"));
+        }
+        for name in self.settings.iter().filter(|name| !axes.contains(name)) {
+            problems.push(document.problem("ranking.settings", format!("no axis of the name `{name}`")));
+        }
+        if let Some(name) = self.best_of.as_ref().filter(|name| !self.settings.contains(name)) {
+            let message = format!("`{name}` is not one of `settings`");
+            problems.push(document.problem("ranking.best_of", message));
+        }
+    }
+}
+
+/// What one setting came to, over all cells that have it.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Setting {
+    /// Its labels, in the order of `settings`.
+    pub labels: Vec<String>,
+    /// Finished runs.
+    pub runs: usize,
+    /// Of these, collisions.
+    pub collisions: usize,
+    /// Of these, neither avoided nor hit.
+    pub others: usize,
+    /// Sum of the impact speeds, m/s.
+    pub impact_sum_mps: f64,
+    /// Of the runs' median response times, the median; ms.
+    pub response_p50_ms: Option<f64>,
+    /// Of the runs' 99th percentiles of the response time, the median; ms.
+    pub response_p99_ms: Option<f64>,
+    /// Deadlines missed in all runs.
+    pub misses: u64,
+}
+
+impl Setting {
+    fn of<'a>(labels: Vec<String>, results: impl Iterator<Item = &'a CellResult> + Clone) -> Self {
+        let hit = |result: &&CellResult| result.verdict == "collision";
+        let collisions = results.clone().filter(hit).count();
+        let avoided = results.clone().filter(|result| result.avoided()).count();
+        let runs = results.clone().count();
+        Self {
+            labels,
+            runs,
+            collisions,
+            others: runs - collisions - avoided,
+            impact_sum_mps: results.clone().filter(hit).filter_map(|r| r.impact_speed_mps).sum(),
+            response_p50_ms: median(results.clone().filter_map(|r| r.response_p50_ms)),
+            response_p99_ms: median(results.clone().filter_map(|r| r.response_p99_ms)),
+            misses: results.map(|r| r.misses).sum(),
+        }
+    }
+
+    /// Share of runs that hit, 0 to 1.
+    fn hit_share(&self) -> f64 {
+        self.collisions as f64 / self.runs.max(1) as f64
+    }
+
+    /// Fewer collisions first; then slower ones; then fewer that did not end well in another way.
+    fn better_than(&self, other: &Self) -> Ordering {
+        let slow = self.impact_sum_mps / self.runs.max(1) as f64;
+        let other_slow = other.impact_sum_mps / other.runs.max(1) as f64;
+        let ended = |s: &Self| s.others as f64 / s.runs.max(1) as f64;
+        self.hit_share()
+            .total_cmp(&other.hit_share())
+            .then(slow.total_cmp(&other_slow))
+            .then(ended(self).total_cmp(&ended(other)))
+    }
+
+    fn columns(&self) -> Vec<String> {
+        let impact = match self.collisions {
+            0 => "-".into(),
+            n => format!("{:.1}", self.impact_sum_mps / n as f64),
+        };
+        let ms = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| format!("{x:.0}"));
+        let counts = [self.runs, self.collisions].map(|n| n.to_string());
+        let rest = [impact, self.others.to_string(), ms(self.response_p50_ms), ms(self.response_p99_ms)];
+        counts.into_iter().chain(rest).chain([self.misses.to_string()]).collect()
+    }
+}
+
+const COLUMNS: [&str; 7] =
+    ["runs", "collisions", "impact m/s", "others", "response p50 ms", "p99 ms", "misses"];
+
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// All settings, the best first.
+pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]) -> Vec<Setting> {
+    let axes: Vec<usize> =
+        ranking.settings.iter().filter_map(|name| study.axes.iter().position(|axis| axis == name)).collect();
+    let labels_of = |result: &CellResult| -> Vec<String> {
+        axes.iter().filter_map(|&axis| result.labels.get(axis).cloned()).collect()
+    };
+    let mut by_labels: Vec<(Vec<String>, Vec<&CellResult>)> = Vec::new();
+    for result in results.iter().flatten() {
+        let labels = labels_of(result);
+        match by_labels.iter_mut().find(|(known, _)| *known == labels) {
+            Some((_, pooled)) => pooled.push(result),
+            None => by_labels.push((labels, vec![result])),
+        }
+    }
+    let mut settings: Vec<Setting> =
+        by_labels.into_iter().map(|(labels, pooled)| Setting::of(labels, pooled.into_iter())).collect();
+    settings.sort_by(Setting::better_than);
+    settings
+}
+
+/// `ranking.csv`: all settings, the best first.
+pub fn csv(ranking: &Ranking, settings: &[Setting]) -> String {
+    let mut text = String::new();
+    for axis in &ranking.settings {
+        let _ = write!(text, "{},", field(axis));
+    }
+    text += "runs,collisions,impact_mean_mps,others,response_p50_ms,response_p99_ms,misses\n";
+    for setting in settings {
+        let cells = setting.labels.iter().cloned().chain(setting.columns());
+        text += &cells.map(|cell| field(&cell)).collect::<Vec<_>>().join(",");
+        text.push('\n');
+    }
+    text
+}
+
+/// For the terminal: the best setting of each value of `best_of`, else the ten best.
+pub fn text(ranking: &Ranking, settings: &[Setting]) -> String {
+    let place = ranking.best_of.as_ref().and_then(|name| ranking.settings.iter().position(|s| s == name));
+    let mut seen: Vec<&str> = Vec::new();
+    let shown: Vec<&Setting> = match place {
+        None => settings.iter().take(10).collect(),
+        Some(place) => settings
+            .iter()
+            .filter(|setting| {
+                let label = setting.labels[place].as_str();
+                !seen.contains(&label) && {
+                    seen.push(label);
+                    true
+                }
+            })
+            .collect(),
+    };
+    let mut head: Vec<String> = ranking.settings.clone();
+    head.extend(COLUMNS.map(str::to_owned));
+    let mut lines = vec![head];
+    lines.extend(
+        shown.iter().map(|setting| setting.labels.iter().cloned().chain(setting.columns()).collect()),
+    );
+    let mut text = match &ranking.best_of {
+        Some(name) => format!("the best setting of each {name}\n"),
+        None => "the best settings\n".to_owned(),
+    };
+    text += &align(&lines);
+    if let (Some(place), [best, next, ..]) = (place, &shown[..])
+        && next.hit_share() > 0.0
+    {
+        let fewer = 100.0 * (1.0 - best.hit_share() / next.hit_share());
+        let _ = writeln!(
+            text,
+            "{}: {fewer:.0} % fewer collisions than {} at its best",
+            best.labels[place], next.labels[place]
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    const STUDY: &str = "base = { scenario = \"a.toml\" }\n\
+        [ranking]\nsettings = [\"model\", \"period\"]\nbest_of = \"model\"\n\
+        [[leave_out]]\nmodel = [\"b\"]\nperiod = [\"2\", \"3\"]\n\
+        [[axis]]\nname = \"model\"\n[[axis.settings]]\nname = \"a\"\n[[axis.settings]]\nname = \"b\"\n\
+        [[axis]]\nname = \"period\"\nkey = \"sensing.period_ms\"\nvalues = [1, 2, 3]\n\
+        [[axis]]\nkey = \"seed\"\nvalues = [1, 2]\n";
+
+    fn study(text: &str) -> Result<Study, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("s.toml");
+        std::fs::write(&file, text).unwrap();
+        let said =
+            |problems: Problems| problems.iter().map(|p| p.message.clone()).collect::<Vec<_>>().join("\n");
+        Study::read(Path::new(&file), &[]).map(Study::expand).map_err(said)
+    }
+
+    fn results(study: &Study, hits: impl Fn(&[String]) -> Option<f64>) -> Vec<Option<CellResult>> {
+        let one = |cell: &super::super::grid::Cell| {
+            let impact = hits(&cell.labels);
+            let verdict = if impact.is_some() { "collision" } else { "avoided" };
+            let blank = CellResult::blank(cell, verdict);
+            Some(CellResult { impact_speed_mps: impact, response_p50_ms: Some(100.0), misses: 1, ..blank })
+        };
+        study.cells.iter().map(one).collect()
+    }
+
+    #[test]
+    fn the_best_setting_of_each_value_is_found() {
+        let study = study(STUDY).unwrap();
+        // What is left out is not driven: one period under b, three under a.
+        assert_eq!(study.cells.len(), (3 + 1) * 2);
+        assert!(study.cells.iter().enumerate().all(|(index, cell)| cell.index == index));
+        let ranking = study.ranking.clone().unwrap();
+        // Under a: period 1 hits twice, 2 once at 5 m/s, 3 once at 4 m/s. Under b never.
+        let results = results(&study, |labels| match [&*labels[0], &*labels[1], &*labels[2]] {
+            ["a", "1", _] => Some(9.0),
+            ["a", "2", "1"] => Some(5.0),
+            ["a", "3", "1"] => Some(4.0),
+            _ => None,
+        });
+        let settings = settings(&study, &ranking, &results);
+        let order: Vec<String> = settings.iter().map(|s| s.labels.join(" ")).collect();
+        assert_eq!(order, ["b 1", "a 3", "a 2", "a 1"]);
+        assert_eq!((settings[3].collisions, settings[3].runs, settings[3].misses), (2, 2, 2));
+        let text = text(&ranking, &settings);
+        assert!(text.ends_with("b: 100 % fewer collisions than a at its best\n"), "{text}");
+        assert!(!text.contains("a      2"), "{text}");
+        assert_eq!(csv(&ranking, &settings).lines().nth(2).unwrap(), "a,3,2,1,4.0,0,100,-,2");
+    }
+
+    #[test]
+    fn what_is_not_there_is_refused() {
+        let wrong = |from: &str, to: &str| study(&STUDY.replace(from, to)).unwrap_err();
+        assert_eq!(
+            wrong("[\"model\", \"period\"]", "[\"modell\", \"period\"]"),
+            "no axis of the name `modell`\n`model` is not one of `settings`"
+        );
+        assert_eq!(wrong("best_of = \"model\"", "best_of = \"seed\""), "`seed` is not one of `settings`");
+        assert_eq!(wrong("model = [\"b\"]", "modle = [\"b\"]"), "no axis of the name `modle`");
+        assert_eq!(wrong("period = [\"2\", \"3\"]", "period = [\"2\", \"4\"]"), "`period` has no step `4`");
+        assert_eq!(
+            wrong("model = [\"b\"]\nperiod = [\"2\", \"3\"]", "model = [\"a\", \"b\"]"),
+            "nothing is left"
+        );
+    }
+}

@@ -1,0 +1,105 @@
+//! `swerve timing`: sizes a pipeline before any of it is written.
+//!
+//! A file describes operators of which only the timing is known: what they read, how long their steps take, what
+//! happens while they are busy, until when they have to answer, and what they share. The engine runs them over a
+//! span in virtual time, under the rules of `docs/execution.md`; out come response times, losses and utilisation,
+//! every publication as JSON, and a chart.
+
+mod gantt;
+mod json;
+mod pipeline;
+mod read;
+mod simulate;
+mod table;
+mod trace;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use swerve_text::{Document, Problems};
+
+use swerve_drive::shipped::Kind;
+
+pub use pipeline::{BlackBox, Pipeline, Resource, Timer};
+pub use trace::{Mark, Publication, Step, Trace};
+
+/// Runs a pipeline of black boxes and prints its response times, losses and utilisation.
+#[derive(Clone, Debug, clap::Args)]
+pub struct TimingArgs {
+    /// The pipeline, as TOML.
+    pub file: PathBuf,
+    /// Draw a chart of all steps, publications, misses and drops into this file.
+    #[arg(long, value_name = "FILE")]
+    pub svg: Option<PathBuf>,
+    /// Print every publication, in commit order, as one JSON array and nothing else.
+    #[arg(long)]
+    pub json: bool,
+    /// Seed of the random run times.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Worker threads; the result does not depend on them.
+    #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
+    pub threads: usize,
+}
+
+/// Runs `swerve timing`.
+///
+/// # Errors
+/// When the file cannot be read or has problems (all of them, with line and key), the run fails (a full queue
+/// under `fail`), or the chart cannot be written.
+pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
+    if let Some(path) = &args.svg {
+        swerve_report::files::refuse_toml(path)?;
+    }
+    let pipeline = read_file(&args.file).map_err(|problems| swerve_drive::problems_error(&problems))?;
+    let trace =
+        simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
+    if let Some(path) = &args.svg {
+        swerve_report::files::write_whole(path, svg(&pipeline, &trace).as_bytes())?;
+    }
+    let text = if args.json { json(&pipeline, &trace) } else { table(&pipeline, &trace) };
+    swerve_report::output::print(&text)
+}
+
+/// The pipeline that a file describes.
+///
+/// # Errors
+/// When the file cannot be read, or all that is wrong with it: file, line, key and what was expected.
+pub fn read_file(path: &Path) -> Result<Pipeline, Problems> {
+    read::pipeline(&Kind::Timing.document(path)?)
+}
+
+/// The pipeline that `text` describes; `name` stands for its file in messages.
+///
+/// # Errors
+/// As [`read_file`].
+pub fn parse(name: &str, text: &str) -> Result<Pipeline, Problems> {
+    read::pipeline(&Document::parse(name, text)?)
+}
+
+/// Runs `pipeline` over its span, the end included.
+///
+/// # Errors
+/// When the engine refuses the graph or the run fails.
+pub fn simulate(pipeline: &Pipeline, seed: u64, threads: usize) -> anyhow::Result<Trace> {
+    simulate::simulate(pipeline, seed, threads)
+}
+
+/// Response times, losses and utilisation as aligned text.
+pub fn table(pipeline: &Pipeline, trace: &Trace) -> String {
+    table::table(pipeline, trace)
+}
+
+/// A Gantt chart as SVG.
+pub fn svg(pipeline: &Pipeline, trace: &Trace) -> String {
+    gantt::svg(pipeline, trace)
+}
+
+/// Every publication in commit order, as a JSON array of
+/// `{operator, stamp_ns, watermark_ns, visible_at_ns, reused_from_ns, reads}`.
+pub fn json(pipeline: &Pipeline, trace: &Trace) -> String {
+    json::json(pipeline, trace)
+}

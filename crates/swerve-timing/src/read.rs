@@ -1,0 +1,248 @@
+//! Timing files: text to a checked [`Pipeline`].
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use swerve_core::Span;
+use swerve_flow::{Policy, Reaction};
+use swerve_text::{Document, Problems, nearest, number};
+
+use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
+use swerve_stack::config::execution::{Deadline, Runtime, parse_policy, span_ms};
+
+/// More ticks than this would not end in a sensible time.
+const TICKS_MAX: i64 = 2_000_000;
+const SLOTS_MAX: usize = 1_000_000;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    span_ms: f64,
+    operator: Vec<OperatorTable>,
+    #[serde(default)]
+    resource: BTreeMap<String, ResourceTable>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OperatorTable {
+    name: String,
+    every_ms: Option<f64>,
+    phase_ms: Option<f64>,
+    #[serde(default)]
+    at: Vec<String>,
+    #[serde(default)]
+    latest: Vec<String>,
+    #[serde(default)]
+    feedback: Vec<String>,
+    runtime: Runtime,
+    policy: Option<String>,
+    deadline: Option<Deadline>,
+    uses: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ResourceTable {
+    slots: usize,
+}
+
+/// The pipeline that a file describes, or all that is wrong with it; of its form first.
+pub(crate) fn pipeline(document: &Document) -> Result<Pipeline, Problems> {
+    let file: File = document.to()?;
+    let mut reader = Reader { document, file: &file, problems: Problems::new() };
+    let span = reader.above_zero("span_ms", file.span_ms);
+    if file.operator.is_empty() {
+        reader.problem("operator", "expected at least one [[operator]]");
+    }
+    let resources = file.resource.iter().map(|(name, table)| reader.resource(name, table)).collect();
+    let operators: Vec<BlackBox> =
+        file.operator.iter().enumerate().map(|(i, table)| reader.operator(i, table, span)).collect();
+    if reader.problems.is_empty() {
+        reader.cycle(&operators);
+    }
+    reader.problems.or(Pipeline { span, operators, resources })
+}
+
+/// Reads tables, keeping the problems on the way: a value with a problem stands as a harmless one.
+struct Reader<'a> {
+    document: &'a Document,
+    file: &'a File,
+    problems: Problems,
+}
+
+impl Reader<'_> {
+    fn problem(&mut self, key: &str, message: impl Into<String>) {
+        self.problems.push(self.document.problem(key, message));
+    }
+
+    fn keep<T>(&mut self, key: &str, read: Result<T, String>) -> Option<T> {
+        read.map_err(|message| self.problem(key, message)).ok()
+    }
+
+    fn above_zero(&mut self, key: &str, ms: f64) -> Span {
+        let span = self.keep(key, span_ms(ms));
+        if span == Some(Span::ZERO) {
+            let message =
+                format!("expected milliseconds above zero, at least a nanosecond, found {}", number(ms));
+            self.problem(key, message);
+        }
+        span.unwrap_or(Span::ZERO)
+    }
+
+    fn resource(&mut self, name: &str, table: &ResourceTable) -> Resource {
+        if !(1..=SLOTS_MAX).contains(&table.slots) {
+            let message = format!("expected a whole number from 1 to {SLOTS_MAX}, found {}", table.slots);
+            self.problem(&format!("resource.{name}.slots"), message);
+        }
+        Resource { name: name.to_owned(), slots: table.slots }
+    }
+
+    fn operator(&mut self, index: usize, table: &OperatorTable, span: Span) -> BlackBox {
+        let key = |name: &str| format!("operator[{index}].{name}");
+        self.name(index, &table.name);
+        if table.every_ms.is_none() && table.at.is_empty() {
+            let message = format!(
+                "nothing makes \"{}\" fire: expected `every_ms`, or `at` with an operator",
+                table.name
+            );
+            self.problem(&format!("operator[{index}]"), message);
+        }
+        let mut seen = Vec::new();
+        let mut inputs = |reader: &mut Self, name, list| reader.inputs(&key(name), list, &mut seen);
+        let at = inputs(self, "at", &table.at);
+        let latest = inputs(self, "latest", &table.latest);
+        let feedback = inputs(self, "feedback", &table.feedback);
+        let policy = table.policy.as_deref().map_or(Ok(Policy::SkipToLatest), parse_policy);
+        let deadline = table.deadline.map(|deadline| match deadline.reaction {
+            Reaction::OnDeadline => {
+                Err("a black box has no handler: expected reaction skip or reuse_last".to_owned())
+            }
+            Reaction::Skip | Reaction::ReuseLast => deadline.deadline(),
+        });
+        BlackBox {
+            name: table.name.clone(),
+            timer: self.timer(index, table, span),
+            at,
+            latest,
+            feedback,
+            runtime: self.keep(&key("runtime"), runtime(&table.runtime)).unwrap_or_default(),
+            policy: self.keep(&key("policy"), policy).unwrap_or_default(),
+            deadline: deadline.and_then(|deadline| self.keep(&key("deadline"), deadline)),
+            uses: table.uses.as_deref().and_then(|name| self.uses(&key("uses"), name)),
+        }
+    }
+
+    fn name(&mut self, index: usize, name: &str) {
+        let key = format!("operator[{index}].name");
+        if name.trim().is_empty() || name.chars().any(char::is_control) {
+            self.problem(&key, format!("expected a name to be read, found {name:?}"));
+        }
+        if self.file.operator[..index].iter().any(|other| other.name == name) {
+            self.problem(&key, format!("another operator is called \"{name}\": expected a name of its own"));
+        }
+    }
+
+    fn timer(&mut self, index: usize, table: &OperatorTable, span: Span) -> Option<Timer> {
+        let key = |name: &str| format!("operator[{index}].{name}");
+        let Some(every_ms) = table.every_ms else {
+            if table.phase_ms.is_some() {
+                self.problem(&key("phase_ms"), "a phase without a timer: expected `every_ms` beside it");
+            }
+            return None;
+        };
+        let period = self.above_zero(&key("every_ms"), every_ms);
+        let ticks = span.ns().checked_div(period.ns()).unwrap_or(0);
+        if ticks > TICKS_MAX {
+            let message = format!("ticks {ticks} times within `span_ms`, expected at most {TICKS_MAX} times");
+            self.problem(&key("every_ms"), message);
+        }
+        let phase = self.keep(&key("phase_ms"), span_ms(table.phase_ms.unwrap_or(0.0)));
+        Some(Timer { period, phase: phase.unwrap_or(Span::ZERO) })
+    }
+
+    /// The indices of the operators in one list of inputs; each once per operator, whatever the list.
+    fn inputs(&mut self, key: &str, names: &[String], seen: &mut Vec<usize>) -> Vec<usize> {
+        let operators = &self.file.operator;
+        let mut read = Vec::new();
+        for (i, name) in names.iter().enumerate() {
+            let key = format!("{key}[{i}]");
+            match operators.iter().position(|operator| operator.name == *name) {
+                None => {
+                    let known = operators.iter().map(|operator| operator.name.as_str());
+                    self.problem(&key, unknown("operator", name, known));
+                }
+                Some(input) if seen.contains(&input) => {
+                    self.problem(&key, format!("\"{name}\" is an input already: expected each input once"));
+                }
+                Some(input) => {
+                    seen.push(input);
+                    read.push(input);
+                }
+            }
+        }
+        read
+    }
+
+    fn uses(&mut self, key: &str, name: &str) -> Option<usize> {
+        let names = self.file.resource.keys().map(String::as_str);
+        let index = names.clone().position(|known| known == name);
+        if index.is_none() {
+            self.problem(key, unknown("resource", name, names));
+        }
+        index
+    }
+
+    /// Refuses operators that wait for each other (a cycle of `at` and `latest`).
+    fn cycle(&mut self, operators: &[BlackBox]) {
+        let waits_for = |i: usize| operators[i].at.iter().chain(&operators[i].latest).copied();
+        let mut ranked = vec![false; operators.len()];
+        while let Some(i) = (0..ranked.len()).find(|&i| !ranked[i] && waits_for(i).all(|input| ranked[input]))
+        {
+            ranked[i] = true;
+        }
+        // Every operator without rank waits for another one: following them comes back to a visited one.
+        let Some(first) = ranked.iter().position(|done| !done) else { return };
+        let mut path = vec![first];
+        let start = loop {
+            let last = path[path.len() - 1];
+            let next =
+                waits_for(last).find(|&input| !ranked[input]).expect("with all inputs ranked it has a rank");
+            if let Some(start) = path.iter().position(|&visited| visited == next) {
+                break start;
+            }
+            path.push(next);
+        };
+        let reader = path[start];
+        let input = *path.get(start + 1).unwrap_or(&reader);
+        let names: Vec<&str> = path[start..].iter().rev().map(|&i| operators[i].name.as_str()).collect();
+        let message = format!(
+            "a cycle without feedback: {} -> {}; expected `feedback` instead of `at` or `latest` somewhere in it",
+            names.join(" -> "),
+            names[0]
+        );
+        let at = operators[reader].at.iter().position(|&i| i == input).map(|i| format!("at[{i}]"));
+        let latest =
+            || operators[reader].latest.iter().position(|&i| i == input).map(|i| format!("latest[{i}]"));
+        let list = at.or_else(latest).expect("the reader waits for this input");
+        self.problem(&format!("operator[{reader}].{list}"), message);
+    }
+}
+
+fn runtime(table: &Runtime) -> Result<swerve_flow::RuntimeModel, String> {
+    if table.work.is_some() || table.measured.is_some() {
+        return Err(
+            "a black box does no work to be counted or measured: expected one of zero, fixed_ms, cycle_ms, \
+                    normal_ms, log_normal_ms, percentiles_ms"
+                .to_owned(),
+        );
+    }
+    table.model()
+}
+
+fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str> + Clone) -> String {
+    let listed: Vec<String> = known.clone().map(|name| format!("\"{name}\"")).collect();
+    let listed = if listed.is_empty() { "none: there is none".to_owned() } else { listed.join(", ") };
+    let hint = nearest(name, known).map_or_else(String::new, |name| format!(" (did you mean \"{name}\"?)"));
+    format!("unknown {what} \"{name}\", expected one of {listed}{hint}")
+}

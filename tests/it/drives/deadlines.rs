@@ -1,0 +1,210 @@
+//! Deadlines, ladders and timers of detector and planner.
+
+use std::path::{Path, PathBuf};
+
+use swerve_core::{Digest, Span, Time};
+use swerve_flow::{Event, Observer};
+use swerve_log::{Log, Recorder};
+use swerve_msg::{ActorKind, Detections, PredictionList, ResponseBudget, RungTaken};
+
+use swerve::replay::replay;
+use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start};
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+use swerve_text::{Document, parse_assignment};
+
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name)
+}
+
+fn config(sets: &[&str]) -> Config {
+    let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+    Config::from_document(&Document::read(&file("configs/deadlines.toml")).unwrap(), &sets).unwrap()
+}
+
+/// What became of deadlines.
+#[derive(Default)]
+struct Seen {
+    /// Operator, stamp, rung.
+    rungs: Vec<(String, Time, String)>,
+    budgets: Vec<ResponseBudget>,
+    /// Stamp of the frame, and publication.
+    boxes: Vec<(Time, Time)>,
+    /// Operator, start and run time of every step.
+    steps: Vec<(String, Time, Span)>,
+    /// When a person was tracked first.
+    person_at: Option<Time>,
+}
+
+impl Seen {
+    fn steps_of(&self, operator: &str) -> impl Iterator<Item = (Time, Span)> {
+        self.steps.iter().filter(move |(name, ..)| name == operator).map(|&(_, start, lasts)| (start, lasts))
+    }
+}
+
+impl Observer for Seen {
+    fn event(&mut self, event: &Event<'_>) {
+        match event {
+            Event::StepEnd(step) => {
+                self.steps.push((step.operator.to_owned(), step.start, step.end - step.start));
+            }
+            Event::Publication(publication) => {
+                let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+                if let Some(taken) = payload.downcast_ref::<RungTaken>() {
+                    self.rungs.push((publication.operator.to_owned(), taken.stamp, taken.rung.clone()));
+                } else if let Some(budget) = payload.downcast_ref::<ResponseBudget>() {
+                    self.budgets.push(*budget);
+                } else if let Some(boxes) = payload.downcast_ref::<Detections>() {
+                    self.boxes.push((boxes.stamp, publication.visible_at));
+                } else if let Some(all) = payload.downcast_ref::<PredictionList>() {
+                    let seen = all.predictions.iter().any(|p| p.kind == ActorKind::Pedestrian);
+                    self.person_at = self.person_at.or(seen.then_some(publication.visible_at));
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The first seconds past the truck at 12 m/s.
+fn drive(sets: &[&str], until_ms: i64, more: &mut [&mut dyn Observer]) -> (Seen, Outcome) {
+    let config = config(&[&["ego.speed_mps=12"], sets].concat());
+    let scenario = read_scenario(&file("scenarios/person_behind_truck.toml")).unwrap();
+    let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
+    pipeline.until = Time::from_ms(until_ms);
+    let mut seen = Seen::default();
+    let mut all: Vec<&mut dyn Observer> = vec![&mut seen];
+    all.extend(more.iter_mut().map(|o| &mut **o as &mut dyn Observer));
+    let outcome = drive_pipeline(pipeline, config.seed, 1, &mut all).unwrap();
+    (seen, outcome)
+}
+
+#[test]
+fn under_dynamic_deadlines_accuracy_gives_way_where_somebody_may_step_out() {
+    let (seen, outcome) = drive(&[], 12_000, &mut []);
+    let person_at = seen.person_at.expect("the person was seen");
+    let taken = |operator: &str, from: Time, to: Time| -> Vec<&str> {
+        let rungs =
+            seen.rungs.iter().filter(|(name, stamp, _)| name == operator && (from..to).contains(stamp));
+        rungs.map(|(.., rung)| rung.as_str()).collect()
+    };
+    // With nothing but road ahead there is time; as much as a period of the sensor leaves.
+    let early = (Time::ZERO, Time::from_ms(3000));
+    assert!(taken("detector", early.0, early.1).iter().all(|rung| *rung == "efficientdet-d6@d3"));
+    assert!(taken("planner", early.0, early.1).iter().all(|rung| *rung == "fot-148"));
+    // In a hurry before the person is seen, because of the truck, and after.
+    let late = (person_at - Span::from_ms(400), person_at + Span::from_ms(400));
+    let (detectors, planners) = (taken("detector", late.0, late.1), taken("planner", late.0, late.1));
+    assert!(
+        detectors.len() >= 3 && detectors.iter().all(|rung| *rung == "efficientdet-d2@d3"),
+        "{detectors:?}"
+    );
+    assert!(planners.len() >= 3 && planners.iter().all(|rung| *rung == "fot-30"), "{planners:?}");
+    let hidden = seen.budgets.iter().any(|budget| budget.hidden && budget.stamp < person_at);
+    let least = seen.budgets.iter().map(|budget| budget.response).min();
+    assert!(hidden && least == Some(Span::from_ms(50)), "{least:?}");
+    // What the log says of rungs is what they took, and the summary counts them.
+    let counted: u64 = outcome.rungs.counts().iter().map(|count| count.steps).sum();
+    assert_eq!(counted, seen.rungs.len() as u64);
+    assert!(outcome.rungs.text().contains("planner took fot-30 "), "{}", outcome.rungs.text());
+}
+
+#[test]
+fn a_run_under_dynamic_deadlines_is_the_same_again_and_replays_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let config = config(&["ego.speed_mps=12"]);
+    let scenario = file("scenarios/person_behind_truck.toml");
+    let mut recorder = Recorder::create(&path, &run_start(&config, &scenario).unwrap()).unwrap();
+    let digest = |more: &mut [&mut dyn Observer]| -> Digest { drive(&[], 10_500, more).1.digest };
+    assert_eq!(digest(&mut [&mut recorder]), digest(&mut []));
+    recorder.finish().unwrap();
+    let log = Log::read(&path).unwrap();
+    for cut in ["detector", "tracker", "deadlines", "planner"] {
+        let comparison = replay(&log, cut, &[], 2).unwrap();
+        assert!(comparison.is_same(), "from {cut}");
+    }
+}
+
+#[test]
+fn every_model_runs_the_detector_in_its_own_way() {
+    let model = |sets: &[&str]| drive(sets, 2500, &mut []).0;
+    let after = |seen: &Seen| -> Vec<f64> {
+        let mut ms: Vec<f64> = seen.boxes.iter().map(|(stamp, at)| (*at - *stamp).as_ms()).collect();
+        assert!(ms.len() >= 5, "{ms:?}");
+        ms.sort_by(f64::total_cmp);
+        ms
+    };
+    let all =
+        |seen: &Seen, ms: f64| assert!(after(seen).iter().all(|after| *after == ms), "{:?}", after(seen));
+    let d3 = "perception.detector=efficientdet-d3@d3";
+    all(&model(&["execution.model=data_driven", d3]), 50.0);
+    // The finest that fits.
+    let fixed = ["execution.model=static_deadlines", "execution.detector_ms=99", "execution.planner_ms=40"];
+    let seen = model(&fixed);
+    all(&seen, 80.0);
+    assert!(seen.steps_of("planner").all(|(_, lasts)| lasts == Span::from_ms(40)));
+    all(&model(&["execution.model=dynamic_deadlines"]), 200.0);
+    // A frame waits for the next tick of the detector's own timer.
+    let seen = model(&["execution.model=periodic", d3, "planning.rung_ms=67"]);
+    let ms = after(&seen);
+    assert!(ms[0] >= 50.0 && ms[ms.len() - 1] <= 100.0, "{ms:?}");
+    assert!(seen.boxes.windows(2).all(|two| two[0].0 < two[1].0), "no frame twice");
+    for (operator, period_ms) in [("detector", 50), ("planner", 67)] {
+        let starts: Vec<Time> = seen.steps_of(operator).map(|(start, _)| start).collect();
+        let even = |two: &[Time]| (two[1] - two[0]).ns() % Span::from_ms(period_ms).ns() == 0;
+        assert!(starts.len() > 20 && starts.windows(2).all(even), "{operator}");
+    }
+}
+
+#[test]
+fn what_is_late_is_missed_and_counted() {
+    let misses = |outcome: &Outcome, name: &str| {
+        outcome.metrics.operators.iter().find(|operator| operator.operator == name).unwrap().misses
+    };
+    // One detector that is too slow for its deadline: every frame is answered by nothing.
+    let fixed = ["execution.model=static_deadlines", "execution.detector_ms=99"];
+    let keeps = ["perception.ladder=false", "perception.detector=efficientdet-d5@d3"];
+    let (seen, outcome) = drive(&[&fixed[..], &keeps].concat(), 2500, &mut []);
+    assert!(misses(&outcome, "detector") >= 10 && seen.boxes.is_empty());
+    // With the ladder none is late.
+    let (seen, outcome) = drive(&fixed, 2500, &mut []);
+    assert!(misses(&outcome, "detector") == 0 && seen.boxes.len() >= 10);
+    // Too slow, but now and then in time: the last result stands in for what is late.
+    let sometimes = ["execution.reaction=reuse_last", "operator.detector.runtime={ cycle_ms = [50, 150] }"];
+    let (seen, outcome) = drive(&[&fixed[..], &keeps, &sometimes].concat(), 2500, &mut []);
+    let fresh = seen.boxes.windows(2).filter(|two| two[0].0 < two[1].0).count();
+    assert!(misses(&outcome, "detector") >= 5 && fresh >= 5 && seen.boxes.len() > fresh + 4);
+}
+
+#[test]
+fn a_planner_off_the_ladder_stops_early_with_the_best_so_far() {
+    let sets = |model: &'static str| {
+        [
+            model,
+            "perception.detector=efficientdet-d2@d3",
+            "operator.planner.runtime={ work = { per_unit_us = 20000 } }",
+        ]
+    };
+    let run = |model: &'static str| {
+        let text = std::fs::read_to_string(file("configs/deadlines.toml")).unwrap();
+        let text = text.replace("ladder = \"fot@d3\"\n", "");
+        let sets: Vec<_> = sets(model).iter().map(|set| parse_assignment(set).unwrap()).collect();
+        let more = parse_assignment("execution.planner_ms=60").unwrap();
+        let more = (model.ends_with("static_deadlines")).then_some(more);
+        let sets: Vec<_> = sets.into_iter().chain(more).collect();
+        let config = Config::from_document(&Document::parse("c", text).unwrap(), &sets).unwrap();
+        let scenario = read_scenario(&file("scenarios/person_behind_truck.toml")).unwrap();
+        let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
+        pipeline.until = Time::from_ms(4000);
+        let mut seen = Seen::default();
+        let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
+        let longest = seen.steps_of("planner").map(|(_, lasts)| lasts).max().unwrap();
+        (longest, outcome.metrics.plans, outcome.metrics.operators)
+    };
+    let (free, ..) = run("execution.model=data_driven");
+    let (cut, plans, operators) = run("execution.model=static_deadlines");
+    let planner = operators.iter().find(|operator| operator.operator == "planner").unwrap();
+    assert!(free > Span::from_ms(60) && cut <= Span::from_ms(60), "{free:?} {cut:?}");
+    assert!(planner.misses == 0 && planner.steps >= 10, "{planner:?} {plans:?}");
+}

@@ -1,0 +1,9 @@
+//! Drives whose operators are looked at from outside.
+
+mod agent;
+mod deadlines;
+mod faults;
+mod gate;
+mod perception;
+mod sensors;
+mod story;

@@ -1,0 +1,97 @@
+//! An emulated detector and the tracker behind it.
+
+use std::path::Path;
+
+use swerve_core::{Span, Time};
+use swerve_flow::{Event, Observer};
+use swerve_scenario::Scenario;
+
+use swerve_msg::truth::WorldState;
+use swerve_msg::{Detections, TrackList};
+
+use swerve_drive::drive_pipeline;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+use swerve_text::{Document, parse_assignment};
+
+/// Boxes with the instant of their publication, tracks, and states of the world.
+#[derive(Default)]
+struct Seen {
+    boxes: Vec<(Time, Detections)>,
+    tracks: Vec<TrackList>,
+    worlds: Vec<WorldState>,
+}
+
+impl Observer for Seen {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        if let Some(boxes) = payload.downcast_ref::<Detections>() {
+            self.boxes.push((publication.visible_at, boxes.clone()));
+        } else if let Some(tracks) = payload.downcast_ref::<TrackList>() {
+            self.tracks.push(tracks.clone());
+        } else if let Some(world) = payload.downcast_ref::<WorldState>() {
+            self.worlds.push(world.clone());
+        }
+    }
+}
+
+/// The first second with the truck near by, and what was seen of it.
+fn drive(detector: &str, sets: &[&str]) -> (Seen, swerve_core::Digest) {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
+    let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
+    let scenario = Scenario::parse("near", &text).unwrap();
+    let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+    let text = format!("[perception]\ndetector = \"{detector}\"\n");
+    let config = Config::from_document(&Document::parse("test", text).unwrap(), &sets).unwrap();
+    let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
+    pipeline.until = Time::from_ms(1000);
+    let mut seen = Seen::default();
+    let digest = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap().digest;
+    (seen, digest)
+}
+
+/// Parameters under which nothing is wrong.
+const PERFECT: [&str; 9] = [
+    "perception.params.recall_best=1",
+    "perception.params.half_distance_m=10000",
+    "perception.params.half_share=-1",
+    "perception.params.ghosts_per_frame=0",
+    "perception.params.score_gap=20",
+    "perception.params.range_noise_share=0",
+    "perception.params.bearing_noise_rad=0",
+    "perception.params.size_noise_share=0",
+    "perception.params.heading_noise_rad=0",
+];
+
+#[test]
+fn a_detector_without_fault_is_followed_where_its_truth_is() {
+    let (seen, _) = drive("custom", &PERFECT);
+    let tracks = seen.tracks.last().unwrap();
+    let world = seen.worlds.iter().find(|world| world.stamp >= tracks.stamp).unwrap();
+    let truck = &world.actors[0];
+    let track = tracks.tracks.iter().find(|track| track.kind == truck.kind).unwrap();
+    let off_m = track.pose.point().distance(truck.pose.point());
+    assert!(off_m < 0.05 && track.velocity_mps.norm() < 0.2, "{off_m} {:?}", track.velocity_mps);
+    assert!(track.history.len() > 3);
+    assert!(seen.boxes.iter().all(|(_, frame)| frame.boxes.iter().all(|b| b.image_px.is_some())));
+}
+
+#[test]
+fn boxes_come_after_the_published_run_time_or_the_configured_one() {
+    for (sets, ms) in [(&[][..], 28), (&["operator.detector.runtime={ fixed_ms = 7 }"][..], 7)] {
+        let (seen, digest) = drive("efficientdet-d3@v100", sets);
+        assert!(seen.boxes.len() >= 18, "{}", seen.boxes.len());
+        assert!(seen.boxes.iter().all(|(at, frame)| *at - frame.stamp == Span::from_ms(ms)));
+        assert!(seen.boxes.iter().any(|(_, frame)| !frame.boxes.is_empty()));
+        assert_eq!(digest, drive("efficientdet-d3@v100", sets).1);
+    }
+}
+
+#[test]
+fn a_slow_detector_drops_frames() {
+    let (seen, _) = drive("efficientdet-d7x@v100", &[]);
+    // 153 ms on frames that come every 50 ms: a new one every 153 ms.
+    assert!((5..=7).contains(&seen.boxes.len()), "{}", seen.boxes.len());
+    assert_eq!(seen.boxes.len(), seen.tracks.len());
+}
