@@ -7,15 +7,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::Context as _;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use swerve_stack::config::Config;
-use swerve_stack::pipeline::Pipeline;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::{Summary, drive_pipeline, problems_error, read_scenario, set_up, story};
-use swerve_report::story::draw;
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_log::{Recorder, RunStart};
+use swerve_report::story::draw;
 use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
 use crate::background::do_in_background;

@@ -6,9 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use swerve_study::Bench;
 use swerve_study::cells::{CellResult, CellStore, Runner};
-use swerve_study::{heatmap, table};
+use swerve_study::{Bench, heatmap, table};
 
 use crate::background::do_in_background;
 use crate::convert::error;

@@ -7,8 +7,8 @@
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use swerve_drive::process::run_worker_with;
 use swerve_core::Time;
+use swerve_drive::process::run_worker_with;
 use swerve_flow::{
     AnyInput, AnyMessage, AnyOperator, AnyOutputs, Context, Graph, Header, InputKind, OperatorInfo,
 };

@@ -6,10 +6,10 @@ use swerve_flow::{Event, Observer};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, GateMode, GateOutput, Imu, ObstacleList, Plan, Route};
 use swerve_stack::Assembly;
+use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::Shape;
 
 use crate::rungs::Rungs;
-use swerve_stack::pipeline::Pipeline;
 
 /// The operators whose messages are measured: what a fault makes of one is no second one.
 struct Publishers {

@@ -13,12 +13,12 @@ use swerve_ipc::{OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerS
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
 use crate::problems_error;
 use crate::program::Program;
-use swerve_stack::config::Config;
-use swerve_stack::pipeline::Pipeline;
 
 /// The operator that tells the stack what becomes of processes.
 const SUPERVISOR: &str = "supervisor";

@@ -9,12 +9,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rustix::thread::{CpuSet, sched_setaffinity};
 use serde::Serialize;
 use swerve_flow::{Event, Observer};
+use swerve_stack::config::clock::{Clock, ClockConfig};
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy, set_thread_priority_and_policy,
     thread_native_id,
 };
-
-use swerve_stack::config::clock::{Clock, ClockConfig};
 
 /// What of `clock.pin` and `clock.priority` was obtained.
 #[derive(Serialize, Clone, PartialEq, Eq, Debug, Default)]

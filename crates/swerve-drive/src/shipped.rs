@@ -9,9 +9,8 @@ use std::io::ErrorKind;
 use std::path::{Component, Path};
 
 use swerve_stack::Registry;
-use swerve_text::{Document, Problem, Problems, nearest};
-
 use swerve_stack::config::Config;
+use swerve_text::{Document, Problem, Problems, nearest};
 
 /// A file that is in the program.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

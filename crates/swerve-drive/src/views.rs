@@ -5,7 +5,6 @@ use swerve_foxglove::{ImageForm, Mount, Sensor, Setup};
 use swerve_geom::{Ego, Point, Transform};
 use swerve_msg::RoadLine;
 use swerve_scenario::{Road, Scenario};
-
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 

@@ -152,17 +152,20 @@ mod tests {
 
     #[test]
     fn what_a_dead_run_left_is_removed_by_the_next_and_a_live_one_is_left_alone() {
-        let alive = RunFolder::create().unwrap();
-        let base = alive.address.root.parent().unwrap().to_owned();
+        // A folder of its own: other runs on this machine remove dead ones as well.
+        let base = tempfile::tempdir().unwrap();
+        let base = base.path();
+        let alive = RunFolder::create_in(base).unwrap();
         // A run that was killed: its files are there, its lock is free.
-        let dead = Address { root: base.join("dead_0"), prefix: prefix("dead_0") };
+        let name = format!("dead_{}", std::process::id());
+        let (dead, lock) =
+            (Address { root: base.join(&name), prefix: prefix(&name) }, format!("{name}.lock"));
         fs::create_dir_all(dead.root.join("nodes")).unwrap();
         let shared = Path::new(SHARED_MEMORY).join(format!("{}x.data", dead.prefix));
         fs::write(&shared, "left").unwrap();
-        // Last: from here on whoever starts may remove them, another test too.
-        fs::write(base.join("dead_0.lock"), "").unwrap();
-        let other = RunFolder::create().unwrap();
-        assert!(!dead.root.exists() && !shared.exists() && !base.join("dead_0.lock").exists());
+        fs::write(base.join(&lock), "").unwrap();
+        let other = RunFolder::create_in(base).unwrap();
+        assert!(!dead.root.exists() && !shared.exists() && !base.join(&lock).exists());
         assert!(alive.address.root.exists() && other.address.root.exists());
         assert_ne!(alive.address, other.address);
         let roots = [alive.address.root.clone(), other.address.root.clone()];

@@ -8,9 +8,9 @@
 
 use swerve_core::{Span, Time};
 use swerve_msg::{GateMode, Switch};
+use swerve_stack::config::live::EnableBy;
 
 use super::intake::Request;
-use swerve_stack::config::live::EnableBy;
 
 /// Between two requests to the vehicle.
 const ASK_EVERY: Span = Span::from_ms(200);

@@ -13,11 +13,11 @@ use anyhow::Context as _;
 use swerve_flow::{Payload, SendError, SourceHandle};
 use swerve_msg::{EgoState, Gnss, Image, Imu, ObstacleList, PointCloud, Switch, VehicleReport};
 use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 
 use super::feed::TopicState;
 use super::intake::{Arrived, Input, names};
-use swerve_stack::config::Config;
-use swerve_stack::pipeline::Pipeline;
 
 /// A graph to be fed with what a vehicle says.
 pub struct LiveGraph {

@@ -20,12 +20,12 @@ use swerve_ros2::convert::{
 use swerve_ros2::mapping::{Mapping, Role};
 use swerve_ros2::msg::geometry_msgs as geo;
 use swerve_ros2::msg::std_msgs::Header;
+use swerve_stack::config::Config;
+use swerve_stack::config::perception::image_camera;
 
 use super::feed::TopicState;
 use super::time::TopicClock;
 use super::vehicle::{Car, VehicleInterface};
-use swerve_stack::config::Config;
-use swerve_stack::config::perception::image_camera;
 
 /// How much of a new difference of speeds goes into the acceleration: speeds are noisy.
 const ACCEL_SHARE: f64 = 0.2;

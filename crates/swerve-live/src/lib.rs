@@ -43,31 +43,29 @@ use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::shipped::Kind;
+use swerve_drive::views::live_views;
+use swerve_drive::{left_out_of_logs, problems_error, read_scenario};
 use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
 use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
+use swerve_report::progress::LiveLine;
 use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
-use swerve_text::{Problem, parse_assignment};
-
-use swerve_drive::shipped::Kind;
-use swerve_drive::views::live_views;
-use swerve_drive::{left_out_of_logs, problems_error, read_scenario};
-use swerve_report::progress::LiveLine;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::config::live::EnableBy;
 use swerve_stack::config::{Config, LiveConfig};
+use swerve_stack::pipeline::Pipeline;
+use swerve_text::{Problem, parse_assignment};
 
 use engage::Engagement;
 use feed::{ControlFlags, Feed, FeedReport, Goal, StatusSink};
 use graph::LiveGraph;
-
 use intake::Intake;
 use sink::{Sink, SinkReport};
 use summary::Summary;
-use swerve_stack::pipeline::Pipeline;
 use watch::{DriveFigures, Outlet};
 use wire::{BridgeWire, HostClock, Wire};
 

@@ -27,6 +27,7 @@ use super::watch::{DriveStatus, Outlet};
 use super::{Drive, DriveFiles, LiveArgs, wire};
 use clock::Clock;
 use summary::Operator;
+
 pub use summary::{Summary, TopicReport};
 use swerve_stack::config::source::SourceConfig;
 use swerve_stack::pipeline::Pipeline;

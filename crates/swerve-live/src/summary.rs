@@ -7,6 +7,7 @@ use serde::Serialize;
 use swerve_core::Span;
 use swerve_flow::{OperatorReport, TickReport};
 use swerve_msg::GateMode;
+use swerve_report::output::align;
 use swerve_ros2::bridge::{Refused, TopicStatistics};
 use swerve_ros2::mapping::Role;
 
@@ -16,7 +17,6 @@ use super::sink::SinkReport;
 use super::time::TopicClock;
 use super::watch::DriveFigures;
 use super::{Drive, Driven};
-use swerve_report::output::align;
 
 /// The result of a drive.
 #[derive(Serialize, Debug)]

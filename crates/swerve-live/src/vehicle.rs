@@ -18,7 +18,6 @@ use swerve_msg::{GateOutput, VehicleReport};
 use swerve_ros2::convert::Epoch;
 use swerve_ros2::mapping::{Role, Vehicle};
 use swerve_ros2::{AnyMessage, Kind};
-
 use swerve_stack::config::Config;
 
 /// Facts of the vehicle that one message reports.

@@ -10,7 +10,6 @@ use swerve_ros2::bridge::{
     Bridge, BridgeError, Direction, Endpoint, EndpointId, Options, ServiceSide, Stopped, TopicStatistics,
 };
 use swerve_ros2::mapping::{Mapping, Role, Side};
-
 use swerve_stack::config::live::{EnableBy, LiveConfig};
 
 /// The host's clock: run time counts from its making.

@@ -1,12 +1,12 @@
 //! The latency budget: the largest added latency at which a run still ends well.
 
+use swerve_drive::drive;
 use swerve_eval::Verdict;
 use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
 
 use super::cells::CellResult;
 use super::grid::{Budget, Cell};
-use swerve_drive::drive;
-use swerve_stack::config::Config;
 
 /// Finds the latency budget of one cell; a run that fails without added latency has none.
 pub(super) fn largest_latency(

@@ -6,10 +6,9 @@ pub(crate) mod detector;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
+use swerve_drive::{RunInput, drive_observed, load};
 use swerve_flow::{Event, Observer};
 use swerve_stack::Registry;
-
-use swerve_drive::{RunInput, drive_observed, load};
 use swerve_stack::config::execution::Runtime;
 use swerve_stack::config::{Config, Fineness, PlannerName};
 

@@ -7,9 +7,9 @@ use anyhow::Context as _;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Hasher};
+use swerve_report::progress::Progress;
 
 use super::grid::{Cell, Study};
-use swerve_report::progress::Progress;
 
 /// What one cell came to.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]

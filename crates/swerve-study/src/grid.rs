@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problem, Problems, is_within, number};
 
 use super::ranking::Ranking;
-use swerve_drive::shipped::Kind;
 
 /// A study as its file says it.
 #[derive(Clone, PartialEq, Debug, Deserialize)]

@@ -6,11 +6,12 @@
 
 use std::collections::BTreeMap;
 
-use super::grid::{Step, Study};
 use swerve_report::progress::Progress;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_text::{Document, Problem, Problems, is_within};
+
+use super::grid::{Step, Study};
 
 /// Keys whose values are checked together; `*` is any one name. What [`Config`] checks across keys has to be here.
 const JOINT: [&[&str]; 5] = [

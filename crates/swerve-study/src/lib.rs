@@ -22,17 +22,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
-use swerve_scenario::Scenario;
-use swerve_stack::Registry;
-use swerve_text::{Document, Problem};
-
-use cells::{CellResult, CellStore, Runner, Shard};
-use grid::{Cell, Study};
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::{Outcome, drive, problems_error};
 use swerve_report::files::write_whole;
+use swerve_scenario::Scenario;
+use swerve_stack::Registry;
 use swerve_stack::config::Config;
+use swerve_text::{Document, Problem};
+
+use cells::{CellResult, CellStore, Runner, Shard};
+use grid::{Cell, Study};
 
 /// `swerve study`.
 #[derive(clap::Args, Debug)]

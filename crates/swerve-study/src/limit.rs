@@ -14,11 +14,11 @@ use swerve_planning::path::points::with_curvature;
 use swerve_scenario::{Scenario, Trigger};
 use swerve_sim::sense::{SensorMount, SensorParams, visible_obstacles};
 use swerve_sim::{SimParams, Simulator};
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::{controller, drawn};
 
 use super::cells::CellResult;
 use super::grid::{Budget, Cell};
-use swerve_stack::config::Config;
-use swerve_stack::pipeline::{controller, drawn};
 
 /// Run-up before first sight, seconds: the clock's first instant is never before the run's.
 const RUN_UP_S: f64 = 2.0;

@@ -4,12 +4,12 @@ use std::cmp::Ordering;
 use std::fmt::Write as _;
 
 use serde::Deserialize;
+use swerve_report::output::align;
 use swerve_text::{Document, Problems};
 
 use super::cells::CellResult;
 use super::grid::Study;
 use super::table::field;
-use swerve_report::output::align;
 
 /// Asks for the comparison.
 #[derive(Clone, PartialEq, Debug, Deserialize)]

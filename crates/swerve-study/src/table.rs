@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use swerve_report::output::align;
+
 use super::cells::CellResult;
 use super::grid::Study;
-use swerve_report::output::align;
 
 /// `cells.csv`: one line a finished cell, in the order of the study.
 pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {

@@ -19,9 +19,8 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use swerve_text::{Document, Problems};
-
 use swerve_drive::shipped::Kind;
+use swerve_text::{Document, Problems};
 
 pub use pipeline::{BlackBox, Pipeline, Resource, Timer};
 pub use trace::{Mark, Publication, Step, Trace};

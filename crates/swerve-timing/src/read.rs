@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use swerve_core::Span;
 use swerve_flow::{Policy, Reaction};
+use swerve_stack::config::execution::{Deadline, Runtime, parse_policy, span_ms};
 use swerve_text::{Document, Problems, nearest, number};
 
 use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
-use swerve_stack::config::execution::{Deadline, Runtime, parse_policy, span_ms};
 
 /// More ticks than this would not end in a sensible time.
 const TICKS_MAX: i64 = 2_000_000;

@@ -6,10 +6,9 @@ use anyhow::bail;
 use swerve_gpu::{self as gpu, AdapterKind};
 use swerve_lidar::LidarEngine;
 use swerve_stack::Registry;
-use swerve_text::{Document, Problems};
-
 use swerve_stack::config::Config;
 use swerve_study::Bench;
+use swerve_text::{Document, Problems};
 
 /// `swerve check`.
 #[derive(clap::Args, Debug)]

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use swerve_gpu::{self as gpu, AdapterKind, Adapters};
-
 use swerve_report::output;
 use swerve_stack::config::camera::RenderBackend;
 

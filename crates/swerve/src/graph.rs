@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use swerve_stack::Registry;
-
 use swerve_drive::{RunInput, load};
+use swerve_stack::Registry;
 use swerve_stack::pipeline::Pipeline;
 
 /// `swerve graph`.

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-
 use swerve_drive::shipped::{Shipped, shipped};
 
 /// `swerve new`.

@@ -2,10 +2,9 @@
 
 use anyhow::bail;
 use swerve_flow::{OutputInfo, PortInfo, PortMode};
-use swerve_stack::{OperatorKind, Registry, Settings};
-
 use swerve_report::output::print;
 use swerve_stack::config::Config;
+use swerve_stack::{OperatorKind, Registry, Settings};
 use swerve_text::nearest;
 
 /// `swerve operators`.

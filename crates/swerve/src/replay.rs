@@ -8,18 +8,17 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
+use swerve_drive::{left_out_of_logs, problems_error};
 use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
+use swerve_live::graph::LiveGraph;
 use swerve_log::{LeavesOut, Log, Record, left_out};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud};
 use swerve_scenario::Scenario;
-use swerve_stack::{Registry, Role};
-use swerve_text::{Document, Problem, nearest, parse_assignment};
-
-use swerve_drive::{left_out_of_logs, problems_error};
-use swerve_live::graph::LiveGraph;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{Registry, Role};
+use swerve_text::{Document, Problem, nearest, parse_assignment};
 
 /// `swerve replay`.
 #[derive(clap::Args, Debug)]

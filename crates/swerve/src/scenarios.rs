@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use swerve_scenario::Scenario;
-
 use swerve_drive::shipped::Kind;
 use swerve_drive::{problems_error, read_scenario};
 use swerve_report::output::align;
+use swerve_scenario::Scenario;
 
 /// Where scenarios are looked for.
 const FOLDER: &str = "scenarios";

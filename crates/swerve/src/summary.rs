@@ -3,17 +3,15 @@
 use std::path::Path;
 
 use serde::Serialize;
+use swerve_drive::realtime::Obtained;
+use swerve_drive::{Budgets, Outcome, RungCount};
 use swerve_eval::{GateMetrics, Metrics};
 use swerve_flow::{RunReport, TickReport};
 use swerve_ipc::Traffic;
-use swerve_msg::Refusals;
-use swerve_scenario::Scenario;
-
-use swerve_drive::Outcome;
-use swerve_drive::realtime::Obtained;
-use swerve_drive::{Budgets, RungCount};
 use swerve_live::ros2::Ros2Report;
+use swerve_msg::Refusals;
 use swerve_report::output::align;
+use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 
 /// How an operator's timers kept time on the real clock.

@@ -1,10 +1,10 @@
 //! What an agent decides, as numbers.
 
-use swerve_stack::agent::{Agent, Seat, Target};
-use swerve_stack::config::Config;
 use swerve_core::Span;
 use swerve_geom::{Pose2, Vector2, math};
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus};
+use swerve_stack::agent::{Agent, Seat, Target};
+use swerve_stack::config::Config;
 
 /// In whose place an agent decides.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

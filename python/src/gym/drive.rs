@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, bail, ensure};
-use swerve_stack::config::Config;
-use swerve_stack::pipeline::Pipeline;
 use swerve_core::Time;
 use swerve_flow::{Reached, RunOptions, Session, Watched};
 use swerve_geom::{FrenetPoint, angle_between};
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{EgoState, Route};
 use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 
 use super::action::{Level, Wheel};
 use super::observe::{Form, From};

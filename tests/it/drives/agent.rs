@@ -1,13 +1,11 @@
 //! Drives by an agent in the place of a part of the stack.
 
 use swerve_core::Time;
+use swerve_drive::read_scenario;
 use swerve_flow::{Reached, RunOptions, Session};
 use swerve_msg::truth::WorldState;
-
 use swerve_msg::{Command, EgoState};
 use swerve_stack::agent::{Agent, Seat, Target};
-
-use swerve_drive::read_scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 

@@ -2,13 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use swerve::replay::replay;
 use swerve_core::{Digest, Span, Time};
+use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start};
 use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::{ActorKind, Detections, PredictionList, ResponseBudget, RungTaken};
-
-use swerve::replay::replay;
-use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start};
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};

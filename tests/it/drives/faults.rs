@@ -3,16 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use swerve_flow::{Event, Observer};
-use swerve_msg::{EgoState, Image, Pixels};
-use swerve_text::Document;
-
 use swerve_core::Time;
-use swerve_msg::FaultInjection;
-
 use swerve_drive::{Outcome, drive_pipeline, read_scenario};
+use swerve_flow::{Event, Observer};
+use swerve_msg::{EgoState, FaultInjection, Image, Pixels};
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
+use swerve_text::Document;
 
 /// Of each stream its messages: stamp, when visible, and payload where a test looks at it.
 #[derive(Default)]

@@ -2,20 +2,17 @@
 
 use std::path::Path;
 
+use swerve::replay::replay;
+use swerve_core::{Span, Time};
+use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start};
 use swerve_eval::Verdict;
 use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Refusals, StopCause};
-use swerve_text::{Document, parse_assignment};
-
-use swerve_core::{Span, Time};
-use swerve_msg::{Command, GateMode, GateOutput};
-
-use swerve::replay::replay;
-use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start};
+use swerve_msg::{Command, GateMode, GateOutput, Refusals, StopCause};
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
+use swerve_text::{Document, parse_assignment};
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml");
 /// A drive that goes well: round the person at 10 m/s.

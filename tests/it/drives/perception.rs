@@ -3,13 +3,11 @@
 use std::path::Path;
 
 use swerve_core::{Span, Time};
+use swerve_drive::drive_pipeline;
 use swerve_flow::{Event, Observer};
-use swerve_scenario::Scenario;
-
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Detections, TrackList};
-
-use swerve_drive::drive_pipeline;
+use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};

@@ -2,19 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use swerve::replay::replay;
 use swerve_core::{Span, Time};
+use swerve_drive::{Outcome, drive_pipeline, left_out_of_logs, read_scenario, run_start};
 use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::{PointInstances, RadarSources, WorldState};
 use swerve_msg::{ActorId, PointCloud};
-use swerve_text::{Document, parse_assignment};
-
 use swerve_scenario::Scenario;
-
-use swerve::replay::replay;
-use swerve_drive::{Outcome, drive_pipeline, left_out_of_logs, read_scenario, run_start};
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
+use swerve_text::{Document, parse_assignment};
 
 const SENSORS: &str = r#"
 [log]

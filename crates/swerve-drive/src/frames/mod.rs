@@ -18,12 +18,12 @@ use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Image, ObstacleList, Pixels, Plan};
-use swerve_scenario::Scenario;
-
-use annotate::Canvas;
 use swerve_report::files::write_png;
+use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::street::{EGO_INSTANCE, Street};
+
+use annotate::Canvas;
 
 /// Between two pictures.
 const PERIOD: Span = Span::from_ms(50);

@@ -1,11 +1,11 @@
 use std::path::Path;
 
 use swerve_core::digest_of;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 
 use super::*;
 use crate::drive_pipeline;
-use swerve_stack::config::Config;
-use swerve_stack::pipeline::Pipeline;
 
 fn scenario() -> Scenario {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_behind_truck.toml");

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use serde::Serialize;
 use swerve_log::BagTopic;
+use swerve_report::output::align;
 
 use crate::intake::Refusals;
 use crate::watch::DriveFigures;
-use swerve_report::output::align;
 
 /// Counts of the messages of a topic.
 #[derive(Serialize, Clone, Debug, Default)]

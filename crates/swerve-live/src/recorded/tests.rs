@@ -1,10 +1,10 @@
 use swerve_core::Rng;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::samples::sample;
-
-use super::*;
 use swerve_stack::config::Config;
 use swerve_text::Document;
+
+use super::*;
 
 const S: u64 = 1_000_000_000;
 

@@ -15,13 +15,13 @@ use swerve_ros2::mapping::{Mapping, Role};
 use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
 use swerve_ros2::msg::builtin_interfaces as builtin;
 use swerve_ros2::msg::ds_dbw_msgs::{BrakeCmd, SteeringCmd, ThrottleCmd, UlcCmd};
+use swerve_stack::config::live::EnableBy;
+use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::{Pedals, VehicleParams, accel_for_pedals};
 
 use crate::engage::{Engagement, Situation};
 use crate::intake::Request;
 use crate::time::TopicClock;
-use swerve_stack::config::live::EnableBy;
-use swerve_stack::pipeline::Pipeline;
 
 /// How often the switch is looked at.
 const TICK: Duration = Duration::from_millis(20);

@@ -24,17 +24,17 @@ use std::time::Duration;
 use anyhow::Context as _;
 use serde::Serialize;
 use swerve_flow::Observer;
+use swerve_report::output::align;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Bridge, Direction, EndpointId, Options, ServiceSide, Stopped};
 use swerve_ros2::mapping::{Mapping, Purpose, Role, Side, Vehicle};
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 
 use drive::{DriverInputs, Listener, ListenerReport};
 use mounts::Mounts;
 use show::Show;
 use streams::Streams;
-use swerve_report::output::align;
-use swerve_stack::config::Config;
-use swerve_stack::pipeline::Pipeline;
 
 /// Small messages that may wait: a second of all of them.
 const SMALL_MAX: usize = 1000;

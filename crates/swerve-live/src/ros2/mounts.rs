@@ -3,7 +3,6 @@ use swerve_geom::{Ego, Point, Transform};
 use swerve_ros2::convert::{Epoch, Sensor, edge_to_ros};
 use swerve_ros2::mapping::{Mapping, Role, TopicMap};
 use swerve_ros2::msg::tf2_msgs::TFMessage;
-
 use swerve_stack::config::Config;
 
 /// A sensor of the run on its topics.

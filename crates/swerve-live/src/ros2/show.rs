@@ -21,14 +21,14 @@ use swerve_ros2::msg::sensor_msgs::CompressedImage;
 use swerve_ros2::msg::visualization_msgs::MarkerArray;
 use swerve_ros2::{AnyMessage, Kind};
 use swerve_sim::sense::rolling_speeds_radps;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::VehicleParams;
 
 use super::Outbox;
 use super::drive::{Moment, Shared, lock};
 use super::mounts::{Mount, Mounts, frame_of};
 use super::streams::Streams;
-use swerve_stack::config::Config;
-use swerve_stack::pipeline::Pipeline;
 
 /// Between two messages on `/clock`.
 const CLOCK_PERIOD: Span = Span::from_ms(10);

@@ -6,11 +6,11 @@ use swerve_ros2::convert::{
 };
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::std_msgs::Empty;
+use swerve_stack::config::Config;
+use swerve_stack::config::live::Longitudinal;
 use swerve_vehicle::{VehicleParams, pedals_for_accel};
 
 use super::{Facts, Outgoing, VehicleInterface};
-use swerve_stack::config::Config;
-use swerve_stack::config::live::Longitudinal;
 
 /// Least of the accelerations that the vehicle's own controller may use, m/s²: it needs some to keep a speed.
 const LIMIT_MIN_MPS2: f64 = 1.0;

@@ -3,10 +3,10 @@ use swerve_ros2::AnyMessage;
 use swerve_ros2::convert::{Raptor, driver_active, raptor_speed_from_ros};
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::raptor_dbw_msgs::{Gear, GearCmd, GlobalEnableCmd};
+use swerve_stack::config::Config;
 use swerve_vehicle::{VehicleParams, pedals_for_accel};
 
 use super::{Facts, Outgoing, VehicleInterface};
-use swerve_stack::config::Config;
 
 const DRIVE: u8 = 4;
 

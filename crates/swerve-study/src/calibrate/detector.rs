@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, ensure};
 use rayon::prelude::*;
 use swerve_core::{Rng, Span, Time};
+use swerve_drive::shipped::Kind;
+use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_eval::{AveragePrecision, Found, ground_iou, image_iou, volume_iou};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Point2, Pose2, math};
@@ -14,16 +16,13 @@ use swerve_msg::{ActorKind, DetectedBox, Obstacle};
 use swerve_perception::Detector;
 use swerve_perception::detector::{Params, Sensing};
 use swerve_perception::image_box::ImageCamera;
-use swerve_scenario::Scenario;
-use swerve_text::{Problem, nearest, parse_assignment};
-
-use swerve_drive::shipped::Kind;
-use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_report::progress::Progress;
+use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, published};
 use swerve_stack::config::perception::{CUSTOM, Calibration, TRUTH, image_camera};
 use swerve_stack::{ObstacleSight, Registry};
+use swerve_text::{Problem, nearest, parse_assignment};
 
 /// `swerve calibrate detector`.
 #[derive(clap::Args, Debug)]

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use swerve_geom::{Ego, Lidar, Point, Transform, Vector, math};
 use swerve_msg::{ActorKind, Image, Pixels};
+use swerve_report::files::{write_png, write_whole};
 use swerve_scene::SemanticClass;
+use swerve_stack::config::camera::CameraConfig;
 
 use super::sample::{Object, Sample};
-use swerve_report::files::{write_png, write_whole};
-use swerve_stack::config::camera::CameraConfig;
 
 /// Fewer pixels than this make no label.
 pub(super) const PIXELS_MIN: usize = 10;

@@ -12,21 +12,21 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
+use swerve_drive::shipped::Kind;
+use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_gpu as gpu;
+use swerve_report::files::write_whole;
+use swerve_report::progress::Progress;
 use swerve_scene::WeatherPreset;
 use swerve_stack::Registry;
+use swerve_stack::config::Config;
+use swerve_stack::config::camera::{CameraConfig, Output, RenderBackend};
+use swerve_stack::config::sensors::LidarConfig;
 
 use coco::Coco;
 use kitti::Kitti;
 use sample::{Collector, Sample};
-use swerve_drive::shipped::Kind;
-use swerve_drive::{drive_observed, problems_error, read_scenario};
-use swerve_report::files::write_whole;
-use swerve_report::progress::Progress;
-use swerve_stack::config::Config;
-use swerve_stack::config::camera::{CameraConfig, Output, RenderBackend};
-use swerve_stack::config::sensors::LidarConfig;
 
 /// `swerve dataset`.
 #[derive(clap::Args, Debug)]

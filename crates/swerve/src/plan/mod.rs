@@ -16,7 +16,6 @@ use anyhow::Context as _;
 use clap::ValueEnum;
 use swerve_pylot::Preset;
 use swerve_pylot::posed::Solution;
-
 use swerve_report::files::write_whole;
 use swerve_report::output::align;
 

@@ -2,10 +2,10 @@
 
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_pylot::posed::{AxisBox, ProblemFile, Solution, obb};
+use swerve_report::canvas::{Canvas, Text, color, multiples, round_step};
 use swerve_vehicle::Shape;
 
 use super::read::Posed;
-use swerve_report::canvas::{Canvas, Text, color, multiples, round_step};
 
 /// Pictures are this wide, pixels.
 const WIDTH_PX: f64 = 1100.0;
