@@ -22,6 +22,8 @@
 //! first one on one adapter and driver alone: against the CPU's, colours may be off by a level or two and
 //! outlines by a pixel. When their adapter fails, the [`Renderer`] goes on with the CPU, in the same frame.
 
+#[cfg(test)]
+mod allocations;
 mod check;
 mod cpu;
 mod error;

@@ -10,6 +10,8 @@
 //! Absences: no engine, no clock (the instant is an input), no simulator, no files.
 
 #[cfg(test)]
+mod allocations;
+#[cfg(test)]
 mod bicycle;
 mod controller;
 pub mod lateral;

@@ -20,9 +20,6 @@ use swerve_text::Document;
 use crate::problems_error;
 use crate::program::Program;
 
-/// The operator that tells the stack what becomes of processes.
-const SUPERVISOR: &str = "supervisor";
-
 /// A process that takes longer to build its pipeline is given up.
 const READY_WITHIN: Duration = Duration::from_secs(60);
 
@@ -92,7 +89,7 @@ impl Processes {
                 memory.share(workers.lend(stream, memory.arrays)?);
             }
         }
-        let on_event = on_event(pipeline.take_source(SUPERVISOR));
+        let on_event = on_event(pipeline.take_source_of());
         for (name, process) in &config.process {
             let start = match process.start.split_first() {
                 Some((path, arguments)) => {

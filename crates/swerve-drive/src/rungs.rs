@@ -64,13 +64,9 @@ impl Rungs {
         if let Some(Budgets { least_ms, mean_ms, most_ms }) = self.budgets() {
             text += &format!("response budget {least_ms:.0} to {most_ms:.0} ms, mean {mean_ms:.0} ms\n");
         }
-        let counts = self.counts();
-        for operator in ["detector", "planner"] {
-            let of = counts.iter().filter(|count| count.operator == operator);
-            let said: Vec<String> = of.map(|count| format!("{} {}x", count.rung, count.steps)).collect();
-            if !said.is_empty() {
-                text += &format!("{operator} took {}\n", said.join(", "));
-            }
+        for of_one in self.counts().chunk_by(|a, b| a.operator == b.operator) {
+            let said: Vec<String> = of_one.iter().map(|c| format!("{} {}x", c.rung, c.steps)).collect();
+            text += &format!("{} took {}\n", of_one[0].operator, said.join(", "));
         }
         text
     }

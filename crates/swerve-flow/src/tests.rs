@@ -4,6 +4,7 @@ mod any;
 mod clock;
 mod deadlines;
 mod loops;
+mod memory;
 mod named;
 mod net;
 mod ports;

@@ -9,6 +9,8 @@ use swerve_scene::{
 
 use crate::*;
 
+mod allocations;
+mod depth_image;
 mod moving;
 mod specs;
 mod trees;

@@ -163,7 +163,8 @@ pub fn number(value: f64) -> String {
     if short == "-0" { "0".into() } else { short.into() }
 }
 
-fn escape(text: &str) -> String {
+/// A text as it stands in XML.
+pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -3,6 +3,7 @@
 use core::fmt::Write as _;
 
 use swerve_core::Span;
+use crate::canvas::escape;
 use swerve_flow::{GraphInfo, InputInfo, InputKind, OperatorInfo};
 
 /// Box size, gaps and margin of the picture, in pixels.
@@ -191,10 +192,10 @@ fn operator_box(operator: &OperatorInfo, place: &Place) -> String {
         "<g><title>{}</title>\n\
          <rect x=\"{x}\" y=\"{y}\" width=\"{WIDTH}\" height=\"{height}\" rx=\"5\" fill=\"{fill}\" stroke=\"#44546a\"/>\n\
          <text x=\"{}\" y=\"{}\" font-size=\"13\" font-weight=\"bold\">{}</text>\n",
-        escaped(&all),
+        escape(&all),
         x + INSET,
         y + 18,
-        escaped(&name)
+        escape(&name)
     );
     for (i, line) in box_lines(operator).iter().enumerate() {
         let _ = writeln!(
@@ -202,7 +203,7 @@ fn operator_box(operator: &OperatorInfo, place: &Place) -> String {
             "<text x=\"{}\" y=\"{}\" fill=\"#444\">{}</text>",
             x + INSET,
             y + 18 + LINE * (i + 1),
-            escaped(line)
+            escape(line)
         );
     }
     out + "</g>\n"
@@ -255,7 +256,7 @@ fn wrapped(text: &str, width: f64, size: f64) -> Vec<String> {
 
 fn edge_path(edge: &EdgeInfo<'_>, boxes: &[Place], lane: usize) -> String {
     let (from, to) = (&boxes[edge.from], &boxes[edge.to]);
-    let title = escaped(edge.stream);
+    let title = escape(edge.stream);
     let (x0, y0) = (from.x + WIDTH, from.y + from.height / 2);
     if edge.feedback {
         let (y0, x1, y1) = (from.y + from.height, to.x + WIDTH / 2, to.y + to.height);
@@ -281,10 +282,6 @@ fn edge_path(edge: &EdgeInfo<'_>, boxes: &[Place], lane: usize) -> String {
 
 fn quoted(text: &str) -> String {
     text.replace('\\', "\\\\").replace('"', "\\\"")
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -88,11 +88,18 @@ impl Pipeline {
         Ok(Self { graph, assembly, scenario, route, vehicle, until, memory, clock, sources, stage })
     }
 
-    /// Takes the handle by which an operator is fed from outside, if there is such a one that takes messages of
-    /// this type. When it is dropped the operator's stream is closed.
+    /// Takes the handle by which the operator of this name is fed from outside, if there is such a one that takes
+    /// messages of this type. When it is dropped the operator's stream is closed.
     pub fn take_source<T: Payload>(&mut self, operator: &str) -> Option<SourceHandle<T>> {
         self.sources.get(operator)?.is::<SourceHandle<T>>().then_some(())?;
         self.sources.remove(operator)?.downcast().ok().map(|handle| *handle)
+    }
+
+    /// The same for the first operator that takes messages of this type.
+    pub fn take_source_of<T: Payload>(&mut self) -> Option<SourceHandle<T>> {
+        let takes = |(_, source): &(&String, &Box<dyn Any + Send>)| source.is::<SourceHandle<T>>();
+        let operator = self.sources.iter().find(takes)?.0.clone();
+        self.take_source(&operator)
     }
 
     /// What the house knows of an operator; none of what stands between operators, such as a fault.

@@ -8,9 +8,11 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use swerve_drive::{RunInput, drive_observed, load};
 use swerve_flow::{Event, Observer};
+use swerve_msg::Plan;
 use swerve_stack::Registry;
 use swerve_stack::config::execution::Runtime;
 use swerve_stack::config::{Config, Fineness, PlannerName};
+use swerve_stack::pipeline::Pipeline;
 
 /// `swerve calibrate`.
 #[derive(clap::Args, Debug)]
@@ -56,10 +58,12 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(path) = &args.out {
         swerve_report::files::refuse_unwritable(path)?;
     }
+    let assembly = Pipeline::build(&base, &scenario)?.assembly;
+    let planning = assembly.publisher::<Plan>().context("no operator of the pipeline plans")?.to_owned();
     let mut config = base.clone();
     for planner in PlannerName::ALL {
         for fineness in [Fineness::Fast, Fineness::Slow] {
-            let mut host = HostTimes::default();
+            let mut host = HostTimes { planner: planning.clone(), ms: Vec::new() };
             for (i, speed) in std::iter::once(&args.speeds[0]).chain(&args.speeds).enumerate() {
                 let mut cell: Config = base.clone();
                 cell.planning.planner = planner;
@@ -92,8 +96,8 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
 }
 
 /// Times of the planner's steps on this host, ms.
-#[derive(Default)]
 struct HostTimes {
+    planner: String,
     ms: Vec<f64>,
 }
 
@@ -113,7 +117,7 @@ impl HostTimes {
 impl Observer for HostTimes {
     fn event(&mut self, event: &Event<'_>) {
         if let Event::StepEnd(step) = event
-            && step.operator == "planner"
+            && step.operator == self.planner
         {
             self.ms.push(step.host_ns as f64 * 1e-6);
         }

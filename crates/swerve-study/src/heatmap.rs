@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use swerve_report::canvas::escape;
+
 use super::table::{Grid, Square};
 
 const SQUARE_W: f64 = 176.0;
@@ -22,13 +24,13 @@ pub fn draw(grid: &Grid, title: &str) -> String {
     let _ = writeln!(
         svg,
         "<text x=\"{MARGIN}\" y=\"30\" font-size=\"16\" font-weight=\"bold\" fill=\"#222222\">{}</text>",
-        escaped(title)
+        escape(title)
     );
     let middle = left + 0.5 * SQUARE_W * grid.columns.len() as f64;
     let _ = writeln!(
         svg,
         "<text x=\"{middle:.1}\" y=\"56\" text-anchor=\"middle\" fill=\"#555555\">{}</text>",
-        escaped(&grid.column_axis)
+        escape(&grid.column_axis)
     );
     for (c, name) in grid.columns.iter().enumerate() {
         let x = left + SQUARE_W * (c as f64 + 0.5);
@@ -36,7 +38,7 @@ pub fn draw(grid: &Grid, title: &str) -> String {
             svg,
             "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#222222\">{}</text>",
             TOP - 10.0,
-            escaped(name)
+            escape(name)
         );
     }
     for (r, name) in grid.rows.iter().enumerate() {
@@ -46,7 +48,7 @@ pub fn draw(grid: &Grid, title: &str) -> String {
             "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"#222222\">{}</text>",
             left - 10.0,
             y + 0.5 * SQUARE_H + 5.0,
-            escaped(name)
+            escape(name)
         );
         for (c, square) in grid.row(r).iter().enumerate() {
             draw_square(&mut svg, square, left + SQUARE_W * c as f64, y, budget_max(grid));
@@ -140,8 +142,4 @@ fn legend(svg: &mut String, (x, y): (f64, f64), budget_max: Option<f64>, good: &
         x + 16.0 * 11.0 + 8.0,
         y + 10.0
     );
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -3,6 +3,7 @@
 use core::fmt::Write as _;
 
 use swerve_core::{Span, Time};
+use swerve_report::canvas::{escape, round_step};
 
 use super::pipeline::Pipeline;
 use super::table::ms;
@@ -118,7 +119,7 @@ impl<'a> Chart<'a> {
     }
 
     fn axis(&self, svg: &mut String) {
-        let step = tick_ms(TICK_PX / self.px_per_ms);
+        let step = round_step(TICK_PX / self.px_per_ms, 1.0);
         let ticks = ((self.until - Time::ZERO).as_ms() / step).floor() as usize;
         for tick in 0..=ticks {
             let at_ms = tick as f64 * step;
@@ -149,7 +150,7 @@ impl<'a> Chart<'a> {
                 svg,
                 "<path d=\"M8 {line:.1}H{right:.1}\" stroke=\"#ccc\"/>\
                  <text x=\"12\" y=\"{name:.1}\" font-weight=\"bold\">{}</text>",
-                escaped(&op.name),
+                escape(&op.name),
                 line = bottom,
                 right = self.left_px + self.plot_px,
                 name = top + 9.0,
@@ -159,7 +160,7 @@ impl<'a> Chart<'a> {
                 svg,
                 "<text x=\"12\" y=\"{:.1}\" font-size=\"9\" fill=\"#666\">{}</text>",
                 top + 20.0,
-                escaped(&note)
+                escape(&note)
             );
         }
     }
@@ -180,7 +181,7 @@ impl<'a> Chart<'a> {
             "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{BAR_PX}\" rx=\"2\" fill=\"{fill}\" \
              fill-opacity=\"{opacity}\" stroke=\"#555\" stroke-width=\"0.7\"{dash}>\
              <title>{} for {label} ms: {} to {} ms</title></rect>",
-            escaped(&self.pipeline.operators[step.operator].name),
+            escape(&self.pipeline.operators[step.operator].name),
             ms(step.start - Time::ZERO),
             step.end.map_or_else(|| "after the end".to_owned(), |end| ms(end - Time::ZERO)),
         );
@@ -276,21 +277,4 @@ fn note(pipeline: &Pipeline, op: &super::BlackBox) -> String {
         Some(r) => format!("{} on {}", op.policy, pipeline.resources[r].name),
         None => op.policy.to_string(),
     }
-}
-
-/// A round number of ms (1, 2 or 5 times a power of ten), at least `least`.
-fn tick_ms(least: f64) -> f64 {
-    let mut decade = 1e-6;
-    loop {
-        if let Some(step) =
-            [1.0, 2.0, 5.0].map(|digit| digit * decade).into_iter().find(|step| *step >= least)
-        {
-            return step;
-        }
-        decade *= 10.0;
-    }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -13,7 +13,7 @@ use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOption
 use swerve_live::graph::LiveGraph;
 use swerve_log::{LeavesOut, Log, Record, left_out};
 use swerve_msg::truth::PointInstances;
-use swerve_msg::{Image, PointCloud};
+use swerve_msg::{Image, PointCloud, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
@@ -60,22 +60,18 @@ struct Cut {
 }
 
 impl Cut {
-    /// Before the operator of this name; stages may be named instead of operators. Without a name before the tracker, or
+    /// Before the operator of this name; of a table of the configuration, such as `planning`, the first operator that is set by it. Without a name before the tracker, or
     /// before the first operator where there is none.
     fn new(pipeline: &Pipeline, from: Option<&str>, images: Images) -> anyhow::Result<Self> {
-        let stages = [
-            ("perception", "detector"),
-            ("prediction", "predictor"),
-            ("planning", "planner"),
-            ("control", "controller"),
-        ];
         let assembly = &pipeline.assembly;
         let in_stack = |name: &&str| assembly.node(name).is_some_and(|node| node.role == Role::Stack);
         let known: Vec<&str> = assembly.names().filter(in_stack).collect();
-        let usual = || known.iter().find(|name| **name == "tracker").or(known.first()).copied();
+        let usual = || assembly.publisher::<TrackList>().or(known.first().copied());
         let from = from.or_else(usual).context("the pipeline has no operator to compute again")?;
-        let name = stages.iter().find(|(stage, _)| *stage == from).map_or(from, |(_, operator)| operator);
-        let Some(at) = known.iter().position(|known| *known == name) else {
+        let is_set_by =
+            |name: &&str| assembly.node(name).is_some_and(|node| node.sections.first() == Some(&from));
+        let at = known.iter().position(|known| *known == from);
+        let Some(at) = at.or_else(|| known.iter().position(is_set_by)) else {
             let near = nearest(from, known.iter().copied())
                 .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
             bail!(

@@ -14,7 +14,7 @@ use swerve_drive::{
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
 use swerve_log::{Log, Recorder, TraceWriter};
-use swerve_msg::EgoState;
+use swerve_msg::{Command, EgoState, MotionCommand};
 use swerve_report::files::write_whole;
 use swerve_report::output::print;
 use swerve_report::progress::Progress;
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut recorder = Recorder::create(&log_part, &run_start(&config, &args.input.scenario)?)?;
     set_up(&mut recorder, &config, &pipeline);
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
-    let mut trace = TraceWriter::create(&trace_part, &["controller"])?;
+    let mut trace = TraceWriter::create(&trace_part, &acting(&pipeline))?;
     let mut story = story(&config, &scenario, &pipeline);
     let mut frames = frames(args, &config, &pipeline)?;
     let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recording, &mut trace, &mut story];
@@ -178,6 +178,12 @@ impl Ends<'_> {
         let json = serde_json::to_string_pretty(summary)? + "\n";
         write_whole(&self.out.join("metrics.json"), json.as_bytes())
     }
+}
+
+/// The operator that asks the car for something: arrows from a sensor's frame end there.
+fn acting(pipeline: &Pipeline) -> Vec<&str> {
+    let assembly = &pipeline.assembly;
+    assembly.publisher::<MotionCommand>().or(assembly.publisher::<Command>()).into_iter().collect()
 }
 
 /// Starts the processes of the configuration, if it has any.

@@ -45,8 +45,7 @@ pub(super) struct DriverInputs {
 impl DriverInputs {
     /// Those of a pipeline that another stack drives.
     pub(super) fn take(pipeline: &mut Pipeline) -> Option<Self> {
-        let commands = pipeline.take_source("commands")?;
-        Some(Self { commands, switch: pipeline.take_source("switch")? })
+        Some(Self { commands: pipeline.take_source_of()?, switch: pipeline.take_source_of()? })
     }
 }
 

@@ -103,7 +103,7 @@ impl Ros2Car {
     /// When the transport does not start.
     pub fn start(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
         let mapping = config.ros2_mapping()?;
-        let mounts = Mounts::new(config, &mapping);
+        let mounts = Mounts::new(config, &pipeline.assembly, &mapping);
         for sensor in mounts.without_topic() {
             eprintln!("{sensor} is on no topic: name one in [ros2.topics.{sensor}]");
         }

@@ -1,8 +1,12 @@
+//! Where the sensors of a run sit, and on which topics they are.
+
 use swerve_core::Time;
 use swerve_geom::{Ego, Point, Transform};
+use swerve_msg::{Gnss, Imu};
 use swerve_ros2::convert::{Epoch, Sensor, edge_to_ros};
 use swerve_ros2::mapping::{Mapping, Role, TopicMap};
 use swerve_ros2::msg::tf2_msgs::TFMessage;
+use swerve_stack::Assembly;
 use swerve_stack::config::Config;
 
 /// A sensor of the run on its topics.
@@ -27,7 +31,7 @@ pub(super) struct Mounts {
 }
 
 impl Mounts {
-    pub(super) fn new(config: &Config, mapping: &Mapping) -> Self {
+    pub(super) fn new(config: &Config, assembly: &Assembly, mapping: &Mapping) -> Self {
         let shape = &config.sim.vehicle.shape;
         let cameras = config.camera.iter().filter(|(name, camera)| config.runs(name) && camera.wanted().rgb);
         let cameras = cameras.map(|(name, camera)| (name.as_str(), unnamed(camera.ego_from_camera())));
@@ -40,11 +44,10 @@ impl Mounts {
         let upright = |at| Transform::from_roll_pitch_yaw(at, 0.0, 0.0, 0.0);
         let vehicle = &config.sim.vehicle;
         let of_gravity = Point::new(vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m);
-        let mut others = vec![("imu", Role::Imu, upright(of_gravity))];
-        if config.runs("gnss") {
-            others.push(("gnss", Role::Gnss, upright(Point::new(0.0, 0.0, 0.0))));
-        }
-        let others = others.into_iter().flat_map(|(sensor, role, ego_from_sensor)| {
+        let imu = assembly.publisher::<Imu>().map(|imu| (imu, Role::Imu, upright(of_gravity)));
+        let origin = Point::new(0.0, 0.0, 0.0);
+        let gnss = assembly.publisher::<Gnss>().map(|gnss| (gnss, Role::Gnss, upright(origin)));
+        let others = imu.into_iter().chain(gnss).flat_map(|(sensor, role, ego_from_sensor)| {
             mapping.with_role(role).map(move |topic| Mount {
                 sensor: sensor.to_owned(),
                 frame: frame_of(topic).to_owned(),
@@ -125,7 +128,7 @@ mod tests {
 
     fn mounts(text: &str) -> Mounts {
         let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
-        Mounts::new(&config, &config.ros2_mapping().unwrap())
+        Mounts::new(&config, &Assembly::new(&config).unwrap(), &config.ros2_mapping().unwrap())
     }
 
     #[test]

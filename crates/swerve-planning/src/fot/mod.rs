@@ -261,4 +261,6 @@ pub fn places<'a>(
 }
 
 #[cfg(test)]
+mod allocations;
+#[cfg(test)]
 mod tests;

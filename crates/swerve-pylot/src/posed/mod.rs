@@ -8,6 +8,8 @@ pub mod fot;
 pub mod hybrid_astar;
 pub mod rrt_star;
 
+#[cfg(test)]
+mod allocations;
 mod drive;
 mod pieces;
 

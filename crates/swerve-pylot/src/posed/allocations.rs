@@ -1,44 +1,15 @@
-//! What a search allocates once its memory has grown, counted. One test in a program of its own: nothing else runs
-//! beside it.
+//! What a search allocates once its memory has grown, counted.
 
-#![expect(unsafe_code, reason = "a counting allocator has to implement an unsafe trait")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-use swerve_planning::Unlimited;
-use swerve_pylot::Preset;
-use swerve_pylot::posed::{
+use crate::Preset;
+use crate::posed::{
     HybridAstarConfig, HybridAstarProblem, Outcome, RrtStarConfig, RrtStarProblem, hybrid_astar, rrt_star,
 };
-
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is passed on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        // SAFETY: `place` came from `alloc` with this layout.
-        unsafe { System.dealloc(place, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+use swerve_planning::Unlimited;
 
 /// Allocations of the second call.
-fn second(mut call: impl FnMut() -> Outcome) -> usize {
+fn second(mut call: impl FnMut() -> Outcome) -> u64 {
     assert_eq!(call(), Outcome::Found);
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
-    assert_eq!(call(), Outcome::Found);
-    ALLOCATIONS.load(Ordering::Relaxed) - before
+    allocation_counter::measure(|| assert_eq!(call(), Outcome::Found)).count_total
 }
 
 #[test]

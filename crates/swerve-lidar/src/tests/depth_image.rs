@@ -1,8 +1,8 @@
 //! Lidars and cameras see the same scene: ranges against depth images.
 
+use crate::{Cloud, Firing, LidarPreset, LidarSpec, SceneTree, Sweeper};
 use swerve_camera::{Camera, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, View, mount};
 use swerve_geom::{Ego, Lidar, Map, Point, Transform};
-use swerve_lidar::{Cloud, Firing, LidarPreset, LidarSpec, SceneTree, Sweeper};
 use swerve_scene::WeatherPreset;
 use swerve_scene::town::town;
 
