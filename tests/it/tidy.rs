@@ -159,7 +159,7 @@ fn source_files(folder: &Path) -> Vec<(PathBuf, usize)> {
         let path = entry.unwrap().path();
         if path.is_dir() && !path.ends_with("target") {
             files.extend(source_files(&path));
-        } else if path.extension().is_some_and(|e| e == "rs") {
+        } else if path.extension().is_some_and(|e| e == "rs" || e == "wgsl") {
             let lines = std::fs::read_to_string(&path).unwrap().lines().count();
             files.push((path, lines));
         }

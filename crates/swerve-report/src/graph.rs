@@ -2,8 +2,8 @@
 
 use core::fmt::Write as _;
 
-use swerve_core::Span;
 use crate::canvas::escape;
+use swerve_core::Span;
 use swerve_flow::{GraphInfo, InputInfo, InputKind, OperatorInfo};
 
 /// Box size, gaps and margin of the picture, in pixels.

@@ -1,7 +1,7 @@
 //! The shaders' light is that of this back end: `shade.wgsl`, translated to Rust, against the functions here.
 //! No adapter is needed for that.
 //!
-//! `pass.wgsl` is not translated, because it reads buffers and images; those of an adapter are compared for it.
+//! `draw.wgsl` and `pass.wgsl` are not translated, because they read buffers and images; those of an adapter are compared for it.
 
 #[expect(clippy::too_many_arguments, reason = "constructors that the translation makes of structs")]
 mod wgsl {

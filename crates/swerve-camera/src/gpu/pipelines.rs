@@ -171,7 +171,8 @@ fn constants(gpu: &Gpu) -> (wgpu::Buffer, u32) {
 impl Pipelines {
     pub(super) fn new(gpu: &Gpu) -> Self {
         let device = gpu.device();
-        let source = concat!(include_str!("shade.wgsl"), include_str!("pass.wgsl"));
+        let source =
+            concat!(include_str!("shade.wgsl"), include_str!("draw.wgsl"), include_str!("pass.wgsl"));
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("swerve"),
             source: wgpu::ShaderSource::Wgsl(source.into()),

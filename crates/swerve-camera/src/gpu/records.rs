@@ -1,4 +1,4 @@
-//! Records that shaders read: rows of four words, see `pass.wgsl` for what is where.
+//! Records that shaders read: rows of four words, see `draw.wgsl` and `pass.wgsl` for what is where.
 
 use core::ops::Range;
 
