@@ -17,7 +17,7 @@ mod table;
 mod words;
 
 pub use assign::{parse_assignment, set};
-pub use document::{Document, read_text};
+pub use document::{Document, read_text, unreadable};
 pub use form::{is_within, read};
 pub use overridden::overridden;
 pub use problem::{KeyProblem, Problem, Problems, in_one_line};

@@ -56,9 +56,6 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
         Ok(document) => document,
         Err(problem) => return vec![problem.to_string()],
     };
-    if document.table.is_empty() {
-        return vec![document.problem("", "there is nothing in it").to_string()];
-    }
     let has = |key: &str| document.table.contains_key(key);
     let report = |problems: Problems| problems.iter().map(ToString::to_string).collect();
     if has("road") || has("expect") || has("actor") {
