@@ -18,6 +18,7 @@ use swerve_msg::Detections;
 use swerve_text::nearest;
 
 pub(crate) use base::{pipeline_names, sensor_operators};
+pub use settings::COMMON_KEYS;
 pub(crate) use settings::gather_named_sections;
 
 /// The operators of a pipeline, in the order of its graph.
