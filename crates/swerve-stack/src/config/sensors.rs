@@ -281,7 +281,7 @@ impl Config {
             told.push(("render.threads".into(), format!("expected 1 to 256, found {}", self.render.threads)));
         }
         for (kind, name) in self.named_sensors() {
-            let plain = is_plain_name(name);
+            let plain = super::operator::is_plain_name(name);
             if !plain || pipeline_names().any(|operator| operator == name) {
                 let message = "expected a name of letters, digits and underscores that no operator has";
                 told.push((format!("{kind}.{name}"), message.into()));
