@@ -213,3 +213,59 @@ fn pages_keep_their_length() {
         assert!(lines <= lines_max, "{page} has {lines} lines, more than {lines_max}");
     }
 }
+
+/// What a new operator touches: of one that is there, the sources that know it or its message by a name of its own. Text
+/// that places it in the built-in pipeline is beside the point: one's own is placed by its configuration.
+#[test]
+fn few_files_know_an_operator_and_its_message() {
+    let cases: [(&str, &[&str], &[&str]); 2] = [
+        (
+            "an operator with keys, three streams and a message",
+            &["DeadlinePolicy", "deadline_policy", "ResponseBudget"],
+            &[
+                "swerve-msg/src/deadline.rs",
+                "swerve-msg/src/lib.rs",
+                "swerve-stack/src/operators.rs",
+                "swerve-stack/src/operators/deadlines.rs",
+                // Reads the message, to sum it up after a run.
+                "swerve-drive/src/rungs.rs",
+            ],
+        ),
+        (
+            "a sensor with a message and what it measures",
+            &["RedLights", "RedLightSensor", "RedLightEvents", "red_light_sensor"],
+            &[
+                "swerve-msg/src/event.rs",
+                "swerve-msg/src/lib.rs",
+                "swerve-sim/src/sense.rs",
+                "swerve-sim/src/sense/events.rs",
+                "swerve-stack/src/operators.rs",
+                "swerve-stack/src/operators/events.rs",
+            ],
+        ),
+    ];
+    let sources = sources();
+    for (what, names, expected) in cases {
+        let is_word = |word: &str| names.contains(&word);
+        let knows = |text: &str| text.split(|c: char| !c.is_alphanumeric() && c != '_').any(is_word);
+        let known: BTreeSet<&str> =
+            sources.iter().filter(|(_, text)| knows(text)).map(|(path, _)| path.as_str()).collect();
+        let expected: BTreeSet<&str> = expected.iter().copied().collect();
+        assert_eq!(known, expected, "{what} is known elsewhere");
+    }
+}
+
+/// The sources of all crates but their tests: path from `crates/`, text.
+fn sources() -> Vec<(String, String)> {
+    let crates = root().join("crates");
+    let files = source_files(&crates).into_iter().map(|(path, _)| path);
+    let text = |path: PathBuf| {
+        let name = path.strip_prefix(&crates).ok()?.to_str()?.to_owned();
+        let mut parts = name.split('/').skip(1);
+        let is_source = parts.next() == Some("src") && !parts.any(|part| part.starts_with("tests"));
+        is_source.then(|| (name, std::fs::read_to_string(&path).unwrap()))
+    };
+    let sources: Vec<_> = files.filter_map(text).collect();
+    assert!(sources.len() > 200, "only {} sources found", sources.len());
+    sources
+}

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{Graph, SourceHandle};
-use swerve_ipc::{OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerSpec, work};
+use swerve_ipc::{IpcError, OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerSpec, work};
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -22,6 +22,32 @@ use crate::program::Program;
 
 /// A process that takes longer to build its pipeline is given up.
 const READY_WITHIN: Duration = Duration::from_secs(60);
+
+/// After so long a person is told what is waited for.
+const TOLD_AFTER: Duration = Duration::from_secs(2);
+
+/// What starts a process, in the words of the configuration; nothing where it is this program.
+fn started_by(config: &Config, process: &str) -> Option<String> {
+    let start = &config.process.get(process)?.start;
+    (!start.is_empty()).then(|| format!("process.{process}.start = {start:?}"))
+}
+
+fn waiting(config: &Config, process: &str) -> String {
+    let by = started_by(config, process).map_or_else(String::new, |start| format!(" ({start})"));
+    let seconds = READY_WITHIN.as_secs();
+    format!("waiting for process `{process}` to say that it is ready{by}; it is given up after {seconds} s")
+}
+
+/// Why a process did not come up, with what its start has to do.
+fn unready(config: &Config, error: IpcError) -> anyhow::Error {
+    let IpcError::Worker { process, .. } = &error else { return error.into() };
+    match started_by(config, process) {
+        Some(start) => anyhow::anyhow!(
+            "{error}: {start}: expected what ends in `swerve worker` and hands on standard input and output"
+        ),
+        None => error.into(),
+    }
+}
 
 /// Passes on what becomes of processes, so that the controller reads it and the log has it.
 fn on_event(supervisor: Option<SourceHandle<Supervision>>) -> OnWorkerEvent {
@@ -112,7 +138,11 @@ impl Processes {
             };
             workers.start(spec, on_event.clone())?;
         }
-        workers.wait_ready(READY_WITHIN)?;
+        #[expect(clippy::print_stderr, reason = "said before the drive, which may never begin")]
+        let tell = |process: &str| eprintln!("{}", waiting(config, process));
+        workers
+            .wait_ready_telling(READY_WITHIN, TOLD_AFTER, &tell)
+            .map_err(|error| unready(config, error))?;
         for (name, process) in &config.process {
             for operator in &process.operators {
                 let endpoint = workers.endpoint(name).context("the process was just started")?;
@@ -158,4 +188,29 @@ pub fn run_worker_with(
     let pipeline = Pipeline::build_without_stage(&config, &scenario)?;
     let worker = prepare(&setup, pipeline.graph)?.into_worker(&setup.operators)?;
     Ok(work(&setup, worker)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_waits_and_who_gives_up_says_for_what() {
+        let text = "[process.far]\noperators = [\"planner\"]\nstart = [\"sleep\", \"100\"]\n\
+                    [process.near]\noperators = [\"tracker\"]\n";
+        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+        let start = "process.far.start = [\"sleep\", \"100\"]";
+        assert_eq!(
+            waiting(&config, "far"),
+            format!("waiting for process `far` to say that it is ready ({start}); it is given up after 60 s")
+        );
+        assert!(waiting(&config, "near").contains("ready; it is"));
+        let late = |process: &str| IpcError::Worker { process: process.into(), why: "is late".into() };
+        let said = unready(&config, late("far")).to_string();
+        assert!(
+            said.starts_with(&format!("process `far` is late: {start}: expected what ends in `swerve")),
+            "{said}"
+        );
+        assert_eq!(unready(&config, late("near")).to_string(), "process `near` is late");
+    }
 }

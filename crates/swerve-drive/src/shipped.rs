@@ -135,17 +135,18 @@ impl Kind {
             Ok(text) => return Ok(text.into()),
             Err(error) => error,
         };
-        let mut message = format!("cannot be read: {error}");
+        let mut problem = swerve_text::unreadable(given, &error);
         if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::IsADirectory) {
             if let Some(file) = self.find(given) {
                 return Ok(file.text.into());
             }
             let stem = given.file_stem().unwrap_or_default().to_string_lossy();
             if let Some(near) = nearest(&stem, self.all().map(|(name, _)| name)) {
-                message += &format!(" (did you mean the {} `{near}` that is in the program?)", self.noun());
+                problem.message +=
+                    &format!(" (did you mean the {} `{near}` that is in the program?)", self.noun());
             }
         }
-        Err(Problem { file: given.display().to_string(), line: None, key: String::new(), message })
+        Err(problem)
     }
 
     /// As [`text`](Self::text), parsed.

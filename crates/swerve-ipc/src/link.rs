@@ -118,6 +118,16 @@ impl Watched {
     }
 }
 
+/// How long a worker is waited for.
+pub(crate) struct Patience<'a> {
+    /// Then it is given up.
+    pub(crate) until: Instant,
+    /// Then somebody is told that it is waited for.
+    pub(crate) tell_at: Instant,
+    /// That one.
+    pub(crate) tell: &'a dyn Fn(&str),
+}
+
 /// The coordinator's end of what connects it with one worker.
 pub(crate) struct Link {
     process: String,
@@ -170,14 +180,19 @@ impl Link {
     }
 
     /// Waits until the worker says that it is ready.
-    pub(crate) fn wait_ready(&mut self, until: Instant) -> Result<(), IpcError> {
+    pub(crate) fn wait_ready(&mut self, patience: &Patience<'_>) -> Result<(), IpcError> {
+        let mut told = false;
         let error = |process: &str, why: String| IpcError::Worker { process: process.to_owned(), why };
         while self.connect().is_err() {
             if let Some(why) = &self.watched.life().gone {
                 return Err(error(&self.process, format!("{why} before it was ready")));
             }
-            if now() >= until {
-                return Err(error(&self.process, "was not ready in time".into()));
+            if now() >= patience.until {
+                return Err(error(&self.process, "did not say in time that it is ready".into()));
+            }
+            if !told && now() >= patience.tell_at {
+                told = true;
+                (patience.tell)(&self.process);
             }
             self.receive_ready(Timeout::Set);
         }

@@ -18,7 +18,7 @@ use swerve_msg::block::Memory;
 
 use crate::folder::RunFolder;
 use crate::lend::{Lender, Live, StreamMemory};
-use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Watched, now};
+use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Patience, Watched, now};
 use crate::service::Hub;
 use crate::waker::Waker;
 use crate::{IpcError, Setup, Traffic};
@@ -179,8 +179,21 @@ impl WorkerPool {
     /// # Errors
     /// When one of them ended, or takes longer.
     pub fn wait_ready(&self, within: Duration) -> Result<(), IpcError> {
-        let until = now() + within;
-        self.workers.iter().try_for_each(|worker| lock(&worker.link).wait_ready(until))
+        self.wait_ready_telling(within, within, &|_| {})
+    }
+
+    /// The same; `tell` is told the names of those that are still waited for after a time.
+    ///
+    /// # Errors
+    /// As [`wait_ready`](Self::wait_ready).
+    pub fn wait_ready_telling(
+        &self,
+        within: Duration,
+        told_after: Duration,
+        tell: &dyn Fn(&str),
+    ) -> Result<(), IpcError> {
+        let patience = Patience { until: now() + within, tell_at: now() + told_after, tell };
+        self.workers.iter().try_for_each(|worker| lock(&worker.link).wait_ready(&patience))
     }
 
     /// What takes the steps of one operator; none if there is no such process.

@@ -177,6 +177,30 @@ fn what_a_worker_has_no_more_is_sent_as_a_copy_and_counted() {
     assert!(traffic.copied >= 5 * 10 * 320 * 240 * 3, "{traffic:?}");
 }
 
+fn who_is_waited_for_is_told_once_then_given_up() {
+    let mut pool = WorkerPool::new().unwrap();
+    let spec = WorkerSpec {
+        process: "sleeper".into(),
+        operators: vec!["newest".into()],
+        payload: Vec::new(),
+        streams: Vec::new(),
+        on_loss: OnLoss::Stop,
+        spin: Duration::ZERO,
+        command: Box::new(|| {
+            let mut command = Command::new("sleep");
+            command.arg("100");
+            command
+        }),
+    };
+    pool.start(spec, Arc::new(|_| {})).unwrap();
+    let told = std::cell::RefCell::new(Vec::new());
+    let tell = |process: &str| told.borrow_mut().push(process.to_owned());
+    let [within, told_after] = [300, 50].map(Duration::from_millis);
+    let error = pool.wait_ready_telling(within, told_after, &tell).unwrap_err();
+    assert_eq!(*told.borrow(), ["sleeper"]);
+    assert_eq!(error.to_string(), "process `sleeper` did not say in time that it is ready");
+}
+
 fn main() {
     if std::env::args().nth(1).as_deref() == Some("worker") {
         let setup = Setup::read(std::io::stdin().lock()).unwrap();
@@ -185,4 +209,5 @@ fn main() {
     }
     one_memory_is_read_by_both();
     what_a_worker_has_no_more_is_sent_as_a_copy_and_counted();
+    who_is_waited_for_is_told_once_then_given_up();
 }

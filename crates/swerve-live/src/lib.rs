@@ -58,7 +58,7 @@ use swerve_stack::config::clock::Clock;
 use swerve_stack::config::live::EnableBy;
 use swerve_stack::config::{Config, LiveConfig};
 use swerve_stack::pipeline::Pipeline;
-use swerve_text::{Problem, parse_assignment};
+use swerve_text::{Document, Problem, parse_assignment};
 
 use engage::Engagement;
 use feed::{ControlFlags, Feed, FeedReport, Goal, StatusSink};
@@ -120,8 +120,14 @@ impl Drive {
         // A vehicle moves in real time.
         let wall = ("clock.source".to_owned(), toml::Value::from("wall"));
         let sets: Vec<_> = std::iter::once(wall).chain(sets.iter().cloned()).collect();
-        let mut config =
-            Kind::Live.config(registry, Some(file), &sets).map_err(|problems| problems_error(&problems))?;
+        let mut config = Kind::Live.config(registry, Some(file), &sets).map_err(|problems| {
+            let mut all: Vec<String> = problems.iter().map(ToString::to_string).collect();
+            let is_set = sets.iter().any(|(key, _)| key == "live.route");
+            if let Some(document) = Kind::Live.document(file).ok().filter(|_| !is_set) {
+                all.extend(route_problems(Kind::Live.place(file), &document));
+            }
+            problems_error(&all)
+        })?;
         if config.source.is_some() {
             // What was recorded does not wait for anybody.
             config.clock.source = Clock::Virtual;
@@ -129,7 +135,7 @@ impl Drive {
         let live = config.live.clone().with_context(|| {
             format!("{}: there is no `[live]`: expected at least its key `route`", file.display())
         })?;
-        let route = route_file(Kind::Live.place(file), &live);
+        let route = route_file(Kind::Live.place(file), &live.route);
         let scenario = read_scenario(&route).context("live.route")?;
         let mapping = config.ros2_mapping()?;
         Ok(Self { config, live, mapping, scenario, route })
@@ -137,8 +143,23 @@ impl Drive {
 }
 
 /// The file of a route, named from the folder of the configuration.
-pub fn route_file(config: &Path, live: &LiveConfig) -> PathBuf {
-    config.parent().unwrap_or(Path::new("")).join(&live.route)
+fn route_file(config: &Path, route: &str) -> PathBuf {
+    config.parent().unwrap_or(Path::new("")).join(route)
+}
+
+/// What is wrong with the route that a configuration names, whatever else is wrong with that.
+pub fn route_problems(config: &Path, document: &Document) -> Vec<String> {
+    let route = document.table.get("live").and_then(|live| live.get("route")).and_then(toml::Value::as_str);
+    let Some(route) = route.filter(|route| !route.is_empty()) else { return Vec::new() };
+    let file = route_file(config, route);
+    match read_scenario(&file) {
+        Ok(_) => Vec::new(),
+        Err(_) if !file.is_file() => {
+            let message = format!("there is no file {}: expected a scenario", file.display());
+            vec![document.problem("live.route", message).to_string()]
+        }
+        Err(error) => error.to_string().lines().map(str::to_owned).collect(),
+    }
 }
 
 /// How long a drive lasts, on how many threads, and who is told.

@@ -33,8 +33,20 @@ pub(crate) fn scenario(document: &Document) -> Result<Scenario, Problems> {
     reading.into_problems().or(scenario)
 }
 
+/// What a scenario is called by: in titles, tables and data sets.
+const NAME: &str = "a name of letters, digits, spaces, underscores and hyphens";
+
+fn is_name(name: &str) -> bool {
+    let is_plain = |c: char| c.is_alphanumeric() || " _-".contains(c);
+    !name.is_empty() && name.trim() == name && name.chars().all(is_plain)
+}
+
 fn read(top: &TableReader<'_>) -> Scenario {
-    let name = top.text("name");
+    let name = if top.has("name") {
+        top.text_like("name", NAME, is_name).unwrap_or_default()
+    } else {
+        top.text("name")
+    };
     let description = top.text_if_any("description").unwrap_or_default();
     let road = road(top);
     let ego = ego(top);

@@ -6,17 +6,19 @@
 mod base;
 mod links;
 mod settings;
+mod written;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use swerve_flow::{OutputInfo, Payload, PayloadType, PortInfo};
+use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
 
 use crate::config::{Config, OperatorConfig};
-use crate::kind::{KeyProblems, Node, OperatorKind, Settings};
+use crate::kind::{KeyProblems, Node, OperatorKind, Role, Settings};
+use swerve_msg::Detections;
 use swerve_text::nearest;
 
 pub(crate) use base::{pipeline_names, sensor_operators};
+pub use settings::COMMON_KEYS;
 pub(crate) use settings::gather_named_sections;
 
 /// The operators of a pipeline, in the order of its graph.
@@ -90,28 +92,30 @@ impl Assembly {
     /// # Errors
     /// All that is wrong with `[operator.NAME]` tables and with what operators read, by key.
     pub fn new(config: &Config) -> Result<Self, KeyProblems> {
-        let (assembly, problems) = Self::with_problems(config);
+        let mut problems = KeyProblems::new();
+        let assembly = Self::with_problems(config, &mut problems);
         if problems.is_empty() { Ok(assembly) } else { Err(problems) }
     }
 
-    /// The same, as far as it goes, with what is wrong.
-    pub(crate) fn with_problems(config: &Config) -> (Self, KeyProblems) {
-        let mut problems = KeyProblems::new();
+    /// The same, as far as it goes; what is wrong comes to the `problems` that are known, without what only follows
+    /// from them.
+    pub(crate) fn with_problems(config: &Config, problems: &mut KeyProblems) -> Self {
         let entries = base::entries(config);
         let node = |own: &OperatorConfig| Some(config.registry.kind(own.kind.as_deref()?)?.node());
         let known = entries.iter().map(|(name, own)| (name.clone(), node(own))).collect();
         let mut operators = Vec::new();
         for (name, own) in entries {
-            place(config, (name, own), &mut operators, &mut problems);
+            place(config, (name, own), &mut operators, problems);
         }
+        check_outside(config, &operators, problems);
         let offered: Arc<[PayloadType]> = offered(&operators);
         for placed in &mut operators {
             placed.offered = offered.clone();
             let settings = placed.settings(config);
             placed.inputs = ports(&settings, &placed.kind);
         }
-        links::link(&mut operators, config, &mut problems);
-        (Self { operators, known }, problems)
+        links::link(&mut operators, config, problems);
+        Self { operators, known }
     }
 
     /// The operators, in the order of the graph.
@@ -157,38 +161,10 @@ impl Assembly {
         self.streams().find(carries).map(|(placed, _)| placed.name.as_str())
     }
 
-    /// The pipeline as the text that makes it: every operator with its kind and what it reads.
-    pub fn to_toml(&self) -> String {
-        let mut text = String::new();
-        for placed in &self.operators {
-            text += &format!("[operator.{}]\nkind = \"{}\"\n", placed.name, placed.kind.node().kind);
-            let reads = placed.inputs.iter().filter(|input| !input.from.is_empty());
-            let reads: Vec<String> =
-                reads.map(|input| format!("{} = {}", input.port.name, edges(input))).collect();
-            if !reads.is_empty() {
-                text += &format!("reads = {{ {} }}\n", reads.join(", "));
-            }
-            let own =
-                OperatorConfig { kind: None, reads: BTreeMap::new(), enabled: None, ..placed.own.clone() };
-            text += &toml::to_string(&own).unwrap_or_default();
-            text.push('\n');
-        }
-        text
-    }
-}
-
-/// The streams of a port in TOML.
-fn edges(input: &Input) -> String {
-    let one = |edge: &Edge| match (edge.feedback == input.port.feedback, edge.raw == input.port.raw) {
-        (true, true) => format!("\"{}\"", edge.stream),
-        _ => format!(
-            "{{ stream = \"{}\", feedback = {}, before_faults = {} }}",
-            edge.stream, edge.feedback, edge.raw
-        ),
-    };
-    match &input.from[..] {
-        [edge] if !input.port.many => one(edge),
-        edges => format!("[{}]", edges.iter().map(one).collect::<Vec<_>>().join(", ")),
+    /// The pipeline as the text that makes it: what `config` sets, and every operator with its kind and what it reads;
+    /// `graph` says how they run.
+    pub fn to_toml(&self, config: &Config, graph: &GraphInfo) -> String {
+        written::written(self, config, graph)
     }
 }
 
@@ -250,6 +226,39 @@ fn ports(settings: &Settings<'_>, kind: &Arc<dyn OperatorKind>) -> Vec<Input> {
 fn offered(operators: &[Placed]) -> Arc<[PayloadType]> {
     let outputs = operators.iter().flat_map(|placed| &placed.outputs);
     outputs.filter(|output| !output.silent).map(|output| output.port.payload).collect()
+}
+
+/// What is around the stack: one simulated world, or a vehicle; and who is emulated has to be there.
+fn check_outside(config: &Config, operators: &[Placed], problems: &mut KeyProblems) {
+    let is_simulated = config.live.is_none();
+    let worlds = operators.iter().filter(|placed| placed.kind.node().role == Role::World);
+    for second in worlds.skip(usize::from(is_simulated)) {
+        let message = match is_simulated {
+            true => "expected another kind: a run has one simulated world, and that is there already",
+            false => "expected another kind: a vehicle is driven, and there is no simulated world",
+        };
+        problems.push((format!("operator.{}.kind", second.name), message.into()));
+    }
+    for placed in operators.iter().filter(|_| is_simulated) {
+        let kind = placed.kind.node().kind;
+        if base::is_fed_by_vehicle(kind) {
+            let message =
+                format!("only a vehicle of `swerve live` feeds `{kind}`: a simulated run would be blind");
+            problems.push((format!("operator.{}.kind", placed.name), message));
+        }
+    }
+    let detects = |placed: &Placed| {
+        let boxes = PayloadType::of::<Detections>();
+        placed.outputs.iter().any(|output| output.port.payload == boxes)
+    };
+    let is_left_out = config.operator.get("detector").is_some_and(|own| own.enabled == Some(false));
+    if config.perception.emulates() && is_left_out && !operators.iter().any(detects) {
+        let message = format!(
+            "`perception.detector` is `{}`, and nothing else detects: expected true, or the detector `truth`",
+            config.perception.detector
+        );
+        problems.push(("operator.detector.enabled".into(), message));
+    }
 }
 
 /// Told where somebody asked for an operator that the other settings leave out.

@@ -1,5 +1,6 @@
 //! TOML text with problems that name file, line and key.
 
+use std::fmt;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
@@ -17,12 +18,40 @@ const TEXT_MAX: u64 = 16 << 20;
 /// # Errors
 /// The file cannot be read, holds no UTF-8 or more than 16 MiB.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    File::open(path)?.take(TEXT_MAX + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > TEXT_MAX {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(TEXT_MAX + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > TEXT_MAX {
         return Err(io::Error::other("it is larger than 16 MiB: expected a file of settings"));
     }
-    Ok(text)
+    String::from_utf8(bytes).map_err(|error| {
+        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        io::Error::new(io::ErrorKind::InvalidData, NotText { line: line_of(before, before.len()) })
+    })
+}
+
+/// Bytes that are no UTF-8.
+#[derive(Debug)]
+struct NotText {
+    line: usize,
+}
+
+impl fmt::Display for NotText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("expected text in UTF-8")
+    }
+}
+
+impl std::error::Error for NotText {}
+
+/// Why a file is not to be had, with the line of what is no text.
+pub fn unreadable(path: &Path, error: &io::Error) -> Problem {
+    let not_text = error.get_ref().and_then(|error| error.downcast_ref::<NotText>());
+    Problem {
+        file: path.display().to_string(),
+        line: not_text.map(|not_text| not_text.line),
+        key: String::new(),
+        message: format!("cannot be read: {error}"),
+    }
 }
 
 /// A TOML text read once: its values, and where each of them stands.
@@ -56,16 +85,8 @@ impl Document {
     /// # Errors
     /// It cannot be read, or is not TOML.
     pub fn read(path: &Path) -> Result<Self, Problem> {
-        let file = path.display().to_string();
-        match read_text(path) {
-            Ok(text) => Self::parse(&file, &text),
-            Err(error) => Err(Problem {
-                file,
-                line: None,
-                key: String::new(),
-                message: format!("cannot be read: {error}"),
-            }),
-        }
+        let text = read_text(path).map_err(|error| unreadable(path, &error))?;
+        Self::parse(&path.display().to_string(), &text)
     }
 
     /// Takes text that is already at hand; `file` names it in messages.
@@ -78,7 +99,7 @@ impl Document {
             file: file.to_owned(),
             line: error.span().map(|span| line_of(text, span.start)),
             key: String::new(),
-            message: format!("not TOML: {}", error.message().trim_end()),
+            message: not_toml(error.message().trim_end()),
         };
         let parsed = DeTable::parse(text).map_err(syntax)?;
         let mut places = Vec::new();
@@ -131,6 +152,17 @@ impl Document {
     }
 }
 
+/// What a reader of TOML says of itself in words of TOML.
+fn not_toml(message: &str) -> String {
+    if message.starts_with("invalid type: integer") {
+        return format!("expected whole numbers from {} to {}", i64::MIN, i64::MAX);
+    }
+    if message.contains("recursion limit") {
+        return "not TOML: tables and arrays are nested too deep".to_owned();
+    }
+    format!("not TOML: {message}")
+}
+
 fn note_table(table: &DeTable<'_>, prefix: &str, text: &str, places: &mut Vec<Place>) {
     for (name, value) in table {
         let name_start = name.span().start;
@@ -156,8 +188,9 @@ fn note(value: &DeValue<'_>, key: &str, start: usize, text: &str, places: &mut V
     }
 }
 
-fn line_of(text: &str, offset: usize) -> usize {
-    text.as_bytes()[..offset.min(text.len())].iter().filter(|b| **b == b'\n').count() + 1
+fn line_of(text: impl AsRef<[u8]>, offset: usize) -> usize {
+    let text = text.as_ref();
+    text[..offset.min(text.len())].iter().filter(|b| **b == b'\n').count() + 1
 }
 
 #[cfg(test)]
@@ -202,6 +235,28 @@ mod tests {
         );
         assert_eq!(problem(""), "a.toml: inner: is missing: expected a table");
         assert!(problem("[inner\n").starts_with("a.toml:1: not TOML: "), "{}", problem("[inner\n"));
+    }
+
+    #[test]
+    fn what_is_no_toml_is_told_in_words_of_toml() {
+        for (text, expected) in [
+            (
+                "a = 1\nb = 99999999999999999999\n",
+                "a.toml:2: expected whole numbers from -9223372036854775808 to ",
+            ),
+            (
+                &format!("a = 1\nb = {}1\n", "[".repeat(500)),
+                "a.toml:2: not TOML: tables and arrays are nested too",
+            ),
+        ] {
+            let said = problem(text);
+            assert!(said.starts_with(expected), "{said}");
+        }
+        let folder = std::env::temp_dir().join(format!("swerve_text_{}", std::process::id()));
+        std::fs::write(&folder, b"a = 1\nb = \"\xff\"\n").unwrap();
+        let said = Document::read(&folder).unwrap_err().to_string();
+        std::fs::remove_file(&folder).unwrap();
+        assert!(said.ends_with(":2: cannot be read: expected text in UTF-8"), "{said}");
     }
 
     #[test]

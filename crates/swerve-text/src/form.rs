@@ -52,6 +52,21 @@ pub fn read<T: DeserializeOwned>(table: &Table) -> Result<T, Vec<KeyProblem>> {
     first::<T>(table).map_err(|fault| problems::<T>(table, fault))
 }
 
+/// The keys that a `T` has in the table at dotted `within`; none where that takes any, or is no table.
+pub fn keys<T: DeserializeOwned>(within: &str) -> &'static [&'static str] {
+    // A key that nobody has makes it tell those that it has.
+    const NOBODYS: &str = "\0";
+    let key = if within.is_empty() { NOBODYS.to_owned() } else { format!("{within}.{NOBODYS}") };
+    let mut table = Table::new();
+    if crate::set(&mut table, &key, true.into()).is_err() {
+        return &[];
+    }
+    match first::<T>(&table).err().map(|fault| fault.kind) {
+        Some(Kind::UnknownKey { wrong, known }) if wrong == NOBODYS => known,
+        _ => &[],
+    }
+}
+
 fn first<T: DeserializeOwned>(table: &Table) -> Result<T, Fault> {
     T::deserialize(Whole(table))
 }

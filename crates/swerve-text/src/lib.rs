@@ -17,8 +17,8 @@ mod table;
 mod words;
 
 pub use assign::{parse_assignment, set};
-pub use document::{Document, read_text};
-pub use form::{is_within, read};
+pub use document::{Document, read_text, unreadable};
+pub use form::{is_within, keys, read};
 pub use overridden::overridden;
 pub use problem::{KeyProblem, Problem, Problems, in_one_line};
 pub use table::{Range, Reading, TableReader};

@@ -13,17 +13,29 @@ use swerve_text::{Document, Problems};
 /// `swerve check`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct CheckArgs {
-    /// Files, or folders of them
-    #[arg(default_values = ["scenarios", "configs"])]
+    /// Files, or folders of them [default: scenarios and configs]
     paths: Vec<PathBuf>,
 }
+
+/// What is checked where nothing is named.
+const FOLDERS: [&str; 2] = ["scenarios", "configs"];
 
 /// Checks files and folders.
 pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut files = Vec::new();
-    for path in &args.paths {
+    let default: Vec<PathBuf> = FOLDERS.iter().map(PathBuf::from).filter(|folder| folder.is_dir()).collect();
+    if args.paths.is_empty() && default.is_empty() {
+        bail!(
+            "there is no folder {}: expected the files to check (`swerve new my_project` makes some to begin with)",
+            FOLDERS.join(" and no folder ")
+        );
+    }
+    let given = if args.paths.is_empty() { &default } else { &args.paths };
+    for path in given {
         if path.is_dir() {
-            files.extend(swerve_report::files::toml_files(path)?)
+            // A manifest of Cargo is none of ours.
+            let ours = |file: &PathBuf| file.file_name().is_none_or(|name| name != "Cargo.toml");
+            files.extend(swerve_report::files::toml_files(path)?.into_iter().filter(ours));
         } else {
             files.push(path.clone())
         }
@@ -55,9 +67,6 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
         Ok(document) => document,
         Err(problem) => return vec![problem.to_string()],
     };
-    if document.table.is_empty() {
-        return vec![document.problem("", "there is nothing in it").to_string()];
-    }
     let has = |key: &str| document.table.contains_key(key);
     let report = |problems: Problems| problems.iter().map(ToString::to_string).collect();
     if has("road") || has("expect") || has("actor") {
@@ -69,27 +78,14 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
         report(swerve_timing::read_file(path).err().unwrap_or_default())
     } else {
-        match Config::from_document_with(registry, &document, &[]) {
-            Ok(config) => {
-                let mut all: Vec<String> = report(no_adapter(&document, &config));
-                all.extend(route_problems(path, &document, &config));
-                all
-            }
-            Err(problems) => report(problems),
-        }
+        let config = Config::from_document_with(registry, &document, &[]);
+        let mut all: Vec<String> = report(match config {
+            Ok(config) => no_adapter(&document, &config),
+            Err(problems) => problems,
+        });
+        all.extend(swerve_live::route_problems(path, &document));
+        all
     }
-}
-
-/// What is wrong with the route that a vehicle is to be driven along.
-fn route_problems(path: &Path, document: &Document, config: &Config) -> Vec<String> {
-    let Some(live) = &config.live else { return Vec::new() };
-    let route = swerve_live::route_file(path, live);
-    if !route.is_file() {
-        let message = format!("there is no file {}: expected a scenario", route.display());
-        return vec![document.problem("live.route", message).to_string()];
-    }
-    let told = swerve_drive::read_scenario(&route).err().map(|error| error.to_string()).unwrap_or_default();
-    told.lines().map(str::to_owned).collect()
 }
 
 /// What asks for an adapter that is not there.

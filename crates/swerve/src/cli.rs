@@ -43,7 +43,7 @@ enum Command {
     Dataset(dataset::DatasetArgs),
     /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
-    /// Make a folder to begin in: a scenario, a configuration, and what is what
+    /// Make a folder to begin in: a scenario, a configuration, an operator of one's own, and what is what
     New(new::NewArgs),
     /// List the scenarios of a folder, and those that are in the program
     Scenarios(scenarios::ScenariosArgs),

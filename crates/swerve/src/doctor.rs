@@ -22,6 +22,10 @@ pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
         String::new(),
     ];
     lines.extend(rendering(&gpu::probe()));
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        let own = "XDG_RUNTIME_DIR is not set: a driver may say so on its own account as it looks for a display; none is needed";
+        lines.push(line("", own));
+    }
     lines.push(String::new());
     lines.push(line("shared memory", &shared_memory(Path::new("/dev/shm"))));
     output::print(&(lines.join("\n") + "\n"))

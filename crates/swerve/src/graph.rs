@@ -29,10 +29,10 @@ pub(crate) fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let (config, scenario) = load(registry, &args.input)?;
     let pipeline = Pipeline::build(&config, &scenario)?;
-    if args.toml {
-        return swerve_report::output::print(&pipeline.assembly.to_toml());
-    }
     let info = pipeline.graph.describe()?;
+    if args.toml {
+        return swerve_report::output::print(&pipeline.assembly.to_toml(&config, &info));
+    }
     if let Some(file) = &args.svg {
         swerve_report::files::write_whole(file, swerve_report::graph::svg(&info).as_bytes())?;
     }

@@ -1,6 +1,6 @@
 //! `swerve new`: a folder to begin in.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_drive::shipped::{Shipped, shipped};
@@ -16,7 +16,11 @@ pub(crate) struct NewArgs {
 static TEMPLATE: &[Shipped] = shipped! { "../template":
     "README.md"
     "config.toml"
+    "own.toml"
+    "package.toml"
     "scenario.toml"
+    "src/main.rs"
+    "src/slow_down.rs"
 };
 
 /// Makes the folder.
@@ -33,25 +37,81 @@ pub(crate) fn run(args: &NewArgs) -> anyhow::Result<()> {
         "{}: expected a folder that is empty, or not there yet",
         folder.display()
     );
+    let checkout =
+        Path::new(env!("CARGO_MANIFEST_DIR")).parent().filter(|crates| crates.join("swerve").is_dir());
     for file in TEMPLATE {
-        let path = folder.join(file.path);
+        let path = folder.join(name(file));
         let inside = path.parent().unwrap_or(folder);
         std::fs::create_dir_all(inside).with_context(making)?;
-        swerve_report::files::write_whole(&path, file.text.as_bytes())?;
+        let text = file.text.replace("# SWERVE\n", &dependencies(checkout));
+        swerve_report::files::write_whole(&path, text.as_bytes())?;
     }
-    let names: Vec<&str> = TEMPLATE.iter().map(|file| file.path).collect();
+    let names: Vec<&str> = TEMPLATE.iter().map(name).collect();
     let shown = folder.display();
     swerve_report::output::print(&format!(
-        "{shown}: {}\n\n  cd {shown}\n  swerve run scenario.toml -c config.toml\n",
-        names.join(", ")
+        "{shown}: {}\n\n  cd {}\n  swerve run scenario.toml -c config.toml\n  cargo run --release -- run scenario.toml -c own.toml\n",
+        names.join(", "),
+        quoted(&shown.to_string())
     ))
+}
+
+/// What a file of the template is called in a new folder: a manifest in this one would be taken for a package.
+fn name(file: &Shipped) -> &'static str {
+    if file.path == "package.toml" { "Cargo.toml" } else { file.path }
+}
+
+/// The crates of Swerve that the operator of the template needs: of the checkout that this program was made from, while
+/// that is there.
+fn dependencies(checkout: Option<&Path>) -> String {
+    const CRATES: [&str; 5] = ["swerve", "swerve-core", "swerve-flow", "swerve-msg", "swerve-stack"];
+    let from = |name: &str| match checkout {
+        Some(crates) => format!("path = {}", toml::Value::from(crates.join(name).display().to_string())),
+        None => format!("git = \"{}\"", env!("CARGO_PKG_REPOSITORY")),
+    };
+    let lines = CRATES.map(|name| format!("{name} = {{ {} }}\n", from(name)));
+    let comment = match checkout {
+        Some(_) => "",
+        None => {
+            "# Where Swerve is: `path = \"CHECKOUT/crates/NAME\"` in the place of `git` builds against a checkout of yours.\n"
+        }
+    };
+    format!("{comment}{}", lines.concat())
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
+
+    #[test]
+    fn words_are_quoted_for_a_shell_where_they_have_to_be() {
+        for (word, expected) in [
+            ("my_project", "my_project"),
+            ("a/b-1.2", "a/b-1.2"),
+            ("a b/c d", "'a b/c d'"),
+            ("it's", "'it'\\''s'"),
+        ] {
+            assert_eq!(quoted(word), expected);
+        }
+    }
+
+    #[test]
+    fn a_package_finds_swerve_in_a_checkout_or_says_what_to_set() {
+        let read = |text: String| text.parse::<toml::Table>().unwrap();
+        let here = read(dependencies(Some(Path::new("/a b/crates"))));
+        assert_eq!(here["swerve-flow"]["path"].as_str(), Some("/a b/crates/swerve-flow"));
+        let elsewhere = dependencies(None);
+        assert!(elsewhere.starts_with("# Where Swerve is"), "{elsewhere}");
+        assert!(read(elsewhere)["swerve"]["git"].as_str().unwrap().starts_with("https://"));
+    }
 
     #[test]
     fn every_file_of_the_template_is_in_the_program() {

@@ -1,8 +1,10 @@
 //! `swerve operators`: the kinds of operators that a configuration can name.
 
 use anyhow::bail;
-use swerve_flow::{OutputInfo, PortInfo, PortMode};
+use swerve_flow::{OutputInfo, PayloadType, PortInfo, PortMode};
+use swerve_msg::Detections;
 use swerve_report::output::print;
+use swerve_stack::assembly::COMMON_KEYS;
 use swerve_stack::config::Config;
 use swerve_stack::{OperatorKind, Registry, Settings};
 use swerve_text::nearest;
@@ -50,8 +52,6 @@ fn align(rows: &[Vec<String>]) -> String {
 
 fn show(kind: &dyn OperatorKind, registry: &Registry) -> String {
     let node = kind.node();
-    let config = Config { registry: registry.clone(), ..Config::default() };
-    let settings = Settings { name: node.kind, config: &config, offered: &[] };
     let mut text = format!("{}: {}\n", node.kind, node.doc);
     if let Some(why) = node.stays {
         text += &format!("runs in the coordinator's process: {why}\n");
@@ -60,10 +60,57 @@ fn show(kind: &dyn OperatorKind, registry: &Registry) -> String {
         true => String::new(),
         false => format!("\n{title}\n{}", align(&rows)),
     };
-    text += &section("reads", kind.inputs(&settings).iter().map(input).collect());
-    text += &section("publishes", kind.outputs(&settings).iter().map(output).collect());
-    text += &keys(kind, &config);
-    text
+    let under = settings_that_matter(registry);
+    let reads = |settings: &Settings<'_>| kind.inputs(settings).iter().map(input).collect();
+    let publishes = |settings: &Settings<'_>| kind.outputs(settings).iter().map(output).collect();
+    text += &section("reads", rows(node.kind, &under, &reads));
+    text += &section("publishes", rows(node.kind, &under, &publishes));
+    text += &keys(kind);
+    let common = COMMON_KEYS.iter().map(|(key, doc)| vec![(*key).to_owned(), (*doc).to_owned()]);
+    text + &section("keys of [operator.NAME] that every operator has", common.collect())
+}
+
+/// Settings under which kinds have other ports than without any, and how they are called.
+fn settings_that_matter(registry: &Registry) -> Vec<(&'static str, Config)> {
+    const TEXTS: [(&str, &str); 7] = [
+        ("", ""),
+        ("behind a detector", "perception.detector = \"custom\""),
+        ("execution.model = \"periodic\"", "execution.model = \"periodic\""),
+        ("on a ladder", "perception.ladder = true\nplanning.ladder = \"fot@d3\""),
+        ("gate.enabled = true", "gate.enabled = true"),
+        ("of a lidar", "[lidar.any]\n[monitor.sensor_monitor]\nsensor = \"any\""),
+        ("in `swerve live`", "[live]"),
+    ];
+    let read = |text: &str| Config {
+        registry: registry.clone(),
+        ..toml::from_str(text).expect("a test reads each of them")
+    };
+    TEXTS.iter().map(|(name, text)| (*name, read(text))).collect()
+}
+
+/// The ports of a kind, those that it always has first; behind the others the settings under which it has them.
+fn rows(
+    kind: &str,
+    under: &[(&'static str, Config)],
+    ports: &dyn Fn(&Settings<'_>) -> Vec<Vec<String>>,
+) -> Vec<Vec<String>> {
+    let boxes = [PayloadType::of::<Detections>()];
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    let mut seen: Vec<Vec<String>> = Vec::new();
+    for (name, config) in under {
+        let offered = if config.perception.emulates() { &boxes[..] } else { &[] };
+        for mut row in ports(&Settings { name: kind, config, offered }) {
+            if seen.contains(&row) {
+                continue;
+            }
+            seen.push(row.clone());
+            if let Some(doc) = row.last_mut().filter(|_| !name.is_empty()) {
+                *doc = format!("{doc} ({name})").trim_start().to_owned();
+            }
+            rows.push(row);
+        }
+    }
+    rows
 }
 
 fn input(port: &PortInfo) -> Vec<String> {
@@ -84,34 +131,81 @@ fn output(port: &OutputInfo) -> Vec<String> {
     vec![port.name.to_owned(), port.payload.name(), port.doc.to_owned()]
 }
 
-/// The keys of a kind: its own, or those of the tables that it is set by.
-fn keys(kind: &dyn OperatorKind, config: &Config) -> String {
+/// The keys of a kind with their defaults: its own, or those of the tables that it is set by.
+fn keys(kind: &dyn OperatorKind) -> String {
     let node = kind.node();
     let mut text = String::new();
     let own = kind.keys();
     if !own.is_empty() {
-        text += &format!("\nkeys of [operator.NAME]\n{}", indented(&own));
+        text += &format!("\nkeys of [operator.NAME]\n{}", defaults(&own, &[]));
     }
     if let Some(section) = node.named_section {
+        let known = swerve_text::keys::<Config>(&format!("{section}.any"));
+        let entry = toml::from_str::<Config>(&format!("[{section}.any]"));
+        let table = entry.ok().and_then(|config| toml::Table::try_from(config).ok());
+        let entry = table.as_ref().and_then(|table| table.get(section)?.get("any")?.as_table()).cloned();
         text += &format!(
-            "\nkeys of [operator.NAME] or [{section}.NAME]: those of the configuration's `{section}`\n"
+            "\nkeys of [operator.NAME] or [{section}.NAME]\n{}",
+            defaults(&entry.unwrap_or_default(), known)
         );
     }
-    let defaults = toml::Table::try_from(config).unwrap_or_default();
+    let all = toml::Table::try_from(Config::default()).unwrap_or_default();
     for section in node.sections {
-        if let Some(toml::Value::Table(table)) = defaults.get(*section) {
-            let plain = table.iter().filter(|(_, value)| !value.is_table());
-            let plain: toml::Table = plain.map(|(key, value)| (key.clone(), value.clone())).collect();
-            text += &format!(
-                "\nkeys of [{section}], or of [operator.NAME] for one alone, with their defaults\n{}",
-                indented(&plain)
-            );
-        }
+        let Some(toml::Value::Table(table)) = all.get(*section) else { continue };
+        let known = swerve_text::keys::<Config>(section);
+        text += &format!(
+            "\nkeys of [{section}], or of [operator.NAME] for one alone\n{}",
+            defaults(table, known)
+        );
     }
     text
 }
 
-fn indented(table: &toml::Table) -> String {
-    let text = toml::to_string(table).unwrap_or_default();
-    text.lines().map(|line| format!("  {line}\n")).collect()
+/// A line for each key of a table and of those in it; `known` are all keys that it has, with a default or without.
+fn defaults(table: &toml::Table, known: &[&str]) -> String {
+    fn lines(prefix: &str, value: &toml::Value, into: &mut Vec<String>) {
+        match value {
+            toml::Value::Table(inner) if !inner.is_empty() => {
+                inner.iter().for_each(|(key, value)| lines(&format!("{prefix}.{key}"), value, into));
+            }
+            value => into.push(format!("  {prefix} = {value}\n")),
+        }
+    }
+    let mut all = Vec::new();
+    table.iter().for_each(|(key, value)| lines(key, value, &mut all));
+    let without = known.iter().filter(|key| !table.contains_key(**key));
+    all.extend(without.map(|key| format!("  {key}: no default\n")));
+    all.concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kind_tells_all_its_ports_and_keys() {
+        let registry = Registry::standard();
+        for (kind, tells) in [
+            ("tracker", &["boxes", "Detections", "(behind a detector)", "tracker = {}", "  reads  "][..]),
+            (
+                "planner",
+                &["tick", "(execution.model = \"periodic\")", "rung", "ladder: no default", "cost.fot.fast"],
+            ),
+            ("controller", &["Command", "MotionCommand", "(gate.enabled = true)", "following: no default"]),
+            ("camera", &["in `swerve live`", "width_px = ", "at_m = ", "noise"]),
+            ("sensor_monitor", &["cloud", "(of a lidar)", "sensor = \"\"", "output = \"rgb\""]),
+            ("imu", &["sensing", "imu.gyro_noise_radps = ", "pose.", "  runtime  ", "  deadline  "]),
+        ] {
+            let told = show(&**registry.kind(kind).unwrap(), &registry);
+            for part in tells {
+                assert!(told.contains(part), "{kind}: no {part}\n{told}");
+            }
+        }
+        for kind in registry.kinds() {
+            let told = show(&**kind, &registry);
+            for (key, _) in COMMON_KEYS {
+                assert!(told.lines().any(|line| line.trim_start().starts_with(key)), "{key}\n{told}");
+            }
+        }
+    }
 }

@@ -97,6 +97,12 @@ pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
     parts.into_iter().flat_map(|part| part.0.iter().map(|(name, _)| name.as_str()))
 }
 
+/// Whether only a vehicle of `swerve live` feeds this kind.
+pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
+    let has = |part: &Part| part.0.iter().any(|(_, own)| own.kind.as_deref() == Some(kind));
+    has(&VEHICLE) && !has(&WORLD)
+}
+
 /// The names of all sensors, whether or not they run.
 pub(crate) fn sensor_operators(config: &Config) -> Vec<String> {
     let of = |own: &OperatorConfig| config.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());

@@ -3,21 +3,27 @@
 use std::collections::BTreeSet;
 
 use swerve_flow::{PayloadType, PortInfo};
+use swerve_text::is_within;
 
-use super::{Edge, Placed, one_of};
+use super::{Edge, Placed, base, one_of};
 use crate::config::{Config, Reads};
-use crate::kind::KeyProblems;
+use crate::kind::{KeyProblems, Settings};
 
 /// Finds what every operator reads, leaves out sensors that nobody reads, and puts the others in an order in which
 /// everybody comes behind those whose messages of the same instant it reads.
 pub(super) fn link(operators: &mut Vec<Placed>, config: &Config, problems: &mut KeyProblems) {
     let streams = streams(operators);
-    let mut wrong: Vec<(String, KeyProblems)> = Vec::new();
+    let is_whole = problems.is_empty();
+    let mut wrong: Vec<(String, Vec<Wrong>)> = Vec::new();
     for placed in operators.iter_mut() {
         let mut own = KeyProblems::new();
         let said = said(placed, config, &mut own);
+        let mut own: Vec<Wrong> = own.into_iter().map(Wrong::Said).collect();
         for input in &mut placed.inputs {
             let named = said.iter().find(|(port, _)| port == input.port.name).map(|(_, reads)| reads);
+            if named.is_some_and(|reads| reads.each().iter().any(|(stream, ..)| is_told(stream, problems))) {
+                continue;
+            }
             match edges(&placed.name, &input.port, named, &streams) {
                 Ok(edges) => input.from = edges,
                 Err(problem) => own.push(problem),
@@ -27,10 +33,84 @@ pub(super) fn link(operators: &mut Vec<Placed>, config: &Config, problems: &mut 
     }
     leave_out_unread(operators, config);
     let is_there = |name: &String| operators.iter().any(|placed| placed.name == *name);
-    problems.extend(wrong.into_iter().filter(|(name, _)| is_there(name)).flat_map(|(_, own)| own));
+    let wrong: Vec<Wrong> =
+        wrong.into_iter().filter(|(name, _)| is_there(name)).flat_map(|(_, own)| own).collect();
+    told(wrong, is_whole, config, problems);
     if problems.is_empty() {
         sort(operators, problems);
     }
+}
+
+/// Whether something is wrong with the operator whose stream this is.
+fn is_told(stream: &str, problems: &KeyProblems) -> bool {
+    let operator = stream.split('.').next().unwrap_or_default();
+    problems.iter().any(|(key, _)| is_within(key, &format!("operator.{operator}")))
+}
+
+/// The operator with `enabled = false` that would publish messages of this type.
+fn left_out(payload: PayloadType, config: &Config) -> Option<String> {
+    let mut entries = base::entries(config).into_iter().filter(|(_, own)| own.enabled == Some(false));
+    let publishes = |(name, own): &(String, crate::config::OperatorConfig)| {
+        let settings = Settings { name, config, offered: &[] };
+        let kind = own.kind.as_deref().and_then(|kind| config.registry.kind(kind));
+        kind.is_some_and(|kind| kind.outputs(&settings).iter().any(|port| port.payload == payload))
+    };
+    entries.find(publishes).map(|(name, _)| name)
+}
+
+/// What is wrong with a port of an operator.
+enum Wrong {
+    /// What is said of it.
+    Said((String, String)),
+    /// Nobody said what it reads, and several streams could be meant, or none: their operators and names.
+    Unsaid { operator: String, port: &'static str, payload: PayloadType, fits: Vec<(String, String)> },
+}
+
+/// Tells what is wrong with ports. What nobody said is no problem of its own where operators are missing for another
+/// reason; and a stream that the configuration adds beside one that was there is told once, not for every reader.
+fn told(wrong: Vec<Wrong>, is_whole: bool, config: &Config, problems: &mut KeyProblems) {
+    let mut added: Vec<(String, PayloadType, Vec<String>, Vec<String>)> = Vec::new();
+    for wrong in wrong {
+        let (operator, port, payload, fits) = match wrong {
+            Wrong::Said(problem) => {
+                problems.push(problem);
+                continue;
+            }
+            Wrong::Unsaid { operator, port, payload, fits } if is_whole => (operator, port, payload, fits),
+            Wrong::Unsaid { .. } => continue,
+        };
+        let names: Vec<String> = fits.iter().map(|(_, stream)| format!("\"{stream}\"")).collect();
+        let is_new = |name: &str| config.operator.get(name).is_some_and(|own| own.kind.is_some());
+        let reader = format!("[operator.{operator}] reads = {{ {port} = \"...\" }}");
+        if fits.is_empty() {
+            problems.push(match left_out(payload, config) {
+                Some(name) => {
+                    let message = format!("`{operator}` reads `{payload}`, which nobody else publishes");
+                    (format!("operator.{name}.enabled"), message)
+                }
+                None => {
+                    let message = format!("reads `{payload}`, and no operator of the pipeline publishes any");
+                    (format!("operator.{operator}.reads.{port}"), message)
+                }
+            });
+        } else if let Some((new, _)) = fits.iter().find(|(name, _)| is_new(name)) {
+            match added.iter_mut().find(|(by, of, ..)| by == new && *of == payload) {
+                Some((.., readers)) => readers.push(reader),
+                None => added.push((new.clone(), payload, names, vec![reader])),
+            }
+        } else {
+            let message = format!("several streams carry `{payload}`: name one of {}", names.join(", "));
+            problems.push((format!("operator.{operator}.reads.{port}"), message));
+        }
+    }
+    problems.extend(added.into_iter().map(|(new, payload, names, readers)| {
+        let message = format!(
+            "several streams carry `{payload}`: name one of {} in {}",
+            names.join(", "),
+            readers.join(", ")
+        );
+        (format!("operator.{new}"), message)
+    }));
 }
 
 /// A stream, as somebody may read it.
@@ -85,40 +165,55 @@ fn edges(
     port: &PortInfo,
     named: Option<&Reads>,
     streams: &[Offer],
-) -> Result<Vec<Edge>, (String, String)> {
-    let Some(payload) = port.payload else { return Ok(Vec::new()) };
+) -> Result<Vec<Edge>, Wrong> {
     let key = || format!("operator.{operator}.reads.{}", port.name);
-    let edge = |stream: &str| Edge { stream: stream.to_owned(), feedback: port.feedback, raw: port.raw };
+    let Some(payload) = port.payload else {
+        let timer = |_| Wrong::Said((key(), "a timer reads no stream".to_owned()));
+        return named.map(timer).map_or(Ok(Vec::new()), Err);
+    };
     if let Some(reads) = named {
-        let found = reads.each().into_iter().map(|(name, feedback, raw)| {
-            let offer = named_stream(name, payload, streams)?;
-            let default = edge(&offer.stream);
-            Ok(Edge {
-                feedback: feedback.unwrap_or(default.feedback),
-                raw: raw.unwrap_or(default.raw),
-                ..default
-            })
-        });
-        let found: Result<Vec<Edge>, String> = found.collect();
-        let found = found.map_err(|message| (key(), message))?;
-        return match found.len() {
-            n if n != 1 && !port.many => Err((key(), format!("expected one stream, found {n}"))),
-            _ => Ok(found),
-        };
+        return named_edges(port, payload, reads, streams)
+            .map_err(|(last, message)| Wrong::Said((key() + last, message)));
     }
+    let edge = |offer: &Offer| Edge { stream: offer.stream.clone(), feedback: port.feedback, raw: port.raw };
     let fits = streams
         .iter()
         .filter(|offer| offer.payload == payload && !offer.silent && offer.operator != operator);
     let fits: Vec<&Offer> = fits.collect();
     match &fits[..] {
-        offers if port.many => Ok(offers.iter().map(|offer| edge(&offer.stream)).collect()),
-        [offer] => Ok(vec![edge(&offer.stream)]),
+        offers if port.many => Ok(offers.iter().map(|offer| edge(offer)).collect()),
+        [offer] => Ok(vec![edge(offer)]),
         [] if port.optional => Ok(Vec::new()),
-        [] => Err((key(), format!("reads `{payload}`, and no operator of the pipeline publishes any"))),
         several => {
-            let names: Vec<String> = several.iter().map(|offer| format!("\"{}\"", offer.stream)).collect();
-            Err((key(), format!("several streams carry `{payload}`: name one of {}", names.join(", "))))
+            let fits = several.iter().map(|offer| (offer.operator.clone(), offer.stream.clone())).collect();
+            Err(Wrong::Unsaid { operator: operator.to_owned(), port: port.name, payload, fits })
         }
+    }
+}
+
+/// The streams that are named for a port; else what is wrong, with the end of its key.
+fn named_edges(
+    port: &PortInfo,
+    payload: PayloadType,
+    reads: &Reads,
+    streams: &[Offer],
+) -> Result<Vec<Edge>, (&'static str, String)> {
+    let mut found = Vec::new();
+    for (name, feedback, raw) in reads.each() {
+        let offer = named_stream(name, payload, streams).map_err(|message| ("", message))?;
+        let feedback = feedback.unwrap_or(port.feedback);
+        if feedback && !port.mode.reads_feedback() {
+            let message = format!(
+                "expected false: `{}` reads the message of its frame's stamp; a port that reads the newest one closes a loop",
+                port.name
+            );
+            return Err((".feedback", message));
+        }
+        found.push(Edge { stream: offer.stream.clone(), feedback, raw: raw.unwrap_or(port.raw) });
+    }
+    match found.len() {
+        n if n != 1 && !port.many => Err(("", format!("expected one stream, found {n}"))),
+        _ => Ok(found),
     }
 }
 

@@ -7,9 +7,28 @@ use crate::config::Config;
 use crate::kind::{KeyProblems, OperatorKind};
 use crate::registry::Registry;
 
-/// The keys of `[operator.NAME]` that every operator has.
-pub(crate) const COMMON_KEYS: [&str; 8] =
-    ["kind", "enabled", "reads", "runtime", "policy", "deadline", "uses", "delay_ms"];
+/// The keys of `[operator.NAME]` that every operator has, and what they say.
+pub const COMMON_KEYS: [(&str, &str); 8] = [
+    ("kind", "what it is; that of the pipeline's operator of this name when absent"),
+    ("enabled", "false takes it out of the pipeline"),
+    ("reads", "the streams that it reads, by port; found by their type when absent"),
+    (
+        "runtime",
+        "what a step takes: { fixed_ms = 5 }, cycle_ms, normal_ms, log_normal_ms, percentiles_ms, work, measured",
+    ),
+    (
+        "policy",
+        "what becomes of frames that find it busy: \"skip_to_latest\", \"queue(N)\", \"pipelined(N)\"",
+    ),
+    ("deadline", "{ ms = 50, anchor = \"arrival\", reaction = \"skip\" }; none when absent"),
+    ("uses", "the [resource.NAME] that its steps hold a slot of"),
+    ("delay_ms", "from the publication of its messages to their readers"),
+];
+
+/// Whether every operator has this key.
+fn is_common(key: &str) -> bool {
+    COMMON_KEYS.iter().any(|(common, _)| *common == key)
+}
 
 /// The configuration for an operator of this kind with these keys of its own; none where they change nothing.
 pub(super) fn view(
@@ -59,7 +78,7 @@ pub(super) fn view(
 
 /// A message, which knows of a kind's own keys alone, with the key of every operator that may have been meant.
 fn with_common_key(key: &str, message: String) -> String {
-    match nearest(key, COMMON_KEYS) {
+    match nearest(key, COMMON_KEYS.map(|(key, _)| key)) {
         Some(near) if message.starts_with("unknown key") => format!("unknown key (did you mean `{near}`?)"),
         _ => message,
     }
@@ -95,8 +114,7 @@ pub(crate) fn gather_named_sections(table: &mut Table, registry: &Registry) {
         let Value::Table(own) = operator else { continue };
         let kind = own.get("kind").and_then(Value::as_str).and_then(|kind| registry.kind(kind));
         let Some(section) = kind.and_then(|kind| kind.node().named_section) else { continue };
-        let keys: Vec<String> =
-            own.keys().filter(|key| !COMMON_KEYS.contains(&key.as_str())).cloned().collect();
+        let keys: Vec<String> = own.keys().filter(|key| !is_common(key)).cloned().collect();
         let entry: Table = keys.into_iter().filter_map(|key| own.remove_entry(&key)).collect();
         own.remove("kind");
         gathered.push((section, name.clone(), entry));
@@ -108,5 +126,22 @@ pub(crate) fn gather_named_sections(table: &mut Table, registry: &Registry) {
         if let Value::Table(known) = known {
             known.extend(entry);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::OperatorConfig;
+
+    #[test]
+    fn the_keys_of_every_operator_are_those_that_are_read() {
+        let every = "kind = \"x\"\nenabled = true\nreads = { a = \"b\" }\nruntime = { zero = true }\npolicy = \"p\"\n\
+                     deadline = { ms = 1 }\nuses = \"r\"\ndelay_ms = 1\n";
+        let own: OperatorConfig = toml::from_str(every).unwrap();
+        assert!(own.keys.is_empty(), "{:?}", own.keys);
+        let mut keys: Vec<String> = Table::try_from(&own).unwrap().keys().cloned().collect();
+        keys.sort_by_key(|key| COMMON_KEYS.iter().position(|(common, _)| common == key));
+        assert_eq!(keys, COMMON_KEYS.map(|(key, _)| key));
     }
 }

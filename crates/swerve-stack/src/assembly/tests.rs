@@ -1,11 +1,15 @@
 //! Pipelines as text: what is added, replaced, left out, and what is refused.
 
+use std::path::{Path, PathBuf};
+
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_msg::Detections;
+use swerve_scenario::Scenario;
 use swerve_text::{Document, parse_assignment};
 
 use super::*;
 use crate::kind::{Kind, NoKeys, Node};
+use crate::pipeline::Pipeline;
 use crate::registry::Registry;
 use crate::site::Site;
 
@@ -77,16 +81,50 @@ fn the_built_in_pipeline_is_what_its_text_says() {
     assert!(known.len() >= 24 && known.contains(&"deadlines") && known.contains(&"fresh"), "{known:?}");
 }
 
+/// Every shipped configuration of a drive, and what a user may have written, around every scenario.
 #[test]
-fn what_is_printed_makes_the_same_pipeline() {
-    for text in ["", "[gate]\nenabled = true\n", "[perception]\ndetector = \"efficientdet-d3@v100\"\n"] {
-        let before = assembly(text);
-        let again = assembly(&format!("{text}{}", before.to_toml()));
-        assert_eq!(names(&again), names(&before));
-        for placed in before.operators() {
-            let other = again.operator(&placed.name).unwrap();
-            assert_eq!((&other.inputs, &other.outputs), (&placed.inputs, &placed.outputs), "{}", placed.name);
+fn what_is_printed_makes_the_same_graph() {
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+    let files = |folder: &str| -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        entries.filter(|path| path.extension().is_some_and(|extension| extension == "toml")).collect()
+    };
+    let shipped = [files("configs"), files("configs/live")].concat();
+    let mut texts: Vec<String> = shipped.iter().map(|path| std::fs::read_to_string(path).unwrap()).collect();
+    assert!(texts.len() >= 12, "{shipped:?}");
+    texts.push(TWO_CAMERAS.to_owned());
+    let own = "[gate]\nenabled = true\n[resource.gpu]\nslots = 1\n[operator.imu]\nenabled = false\n\
+               [operator.planner]\nruntime = { normal_ms = [40, 5] }\npolicy = \"queue(2)\"\nuses = \"gpu\"\n\
+               deadline = { ms = 80, reaction = \"reuse_last\" }\ndelay_ms = 3\n\
+               [fault.late]\nstream = \"obstacles\"\ndelay_ms = 100\n";
+    texts.push(own.to_owned());
+    let scenarios = files("scenarios");
+    for (k, text) in texts.iter().enumerate() {
+        let config = read(text, &[]).unwrap_or_else(|problems| panic!("{text}{problems:#?}"));
+        for scenario in scenarios.iter().skip(k % 3).step_by(3) {
+            let scenario = Scenario::read(scenario).unwrap();
+            let build = |config: &Config| Pipeline::build_without_stage(config, &scenario).unwrap();
+            let before = build(&config);
+            let graph = before.graph.describe().unwrap();
+            let printed = before.assembly.to_toml(&config, &graph);
+            let again = read(&printed, &[]).unwrap_or_else(|problems| panic!("{printed}{problems:#?}"));
+            assert_eq!(build(&again).graph.describe().unwrap(), graph, "{printed}");
         }
+    }
+}
+
+#[test]
+fn what_is_printed_says_how_operators_run_and_what_closes_the_loop() {
+    let config = read("[operator.planner]\nruntime = { fixed_ms = 30 }\n", &[]).unwrap();
+    let lane = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/lane.toml");
+    let pipeline = Pipeline::build_without_stage(&config, &Scenario::read(Path::new(lane)).unwrap()).unwrap();
+    let printed = pipeline.assembly.to_toml(&config, &pipeline.graph.describe().unwrap());
+    for line in [
+        "# run time fixed 30.000 ms; skip_to_latest",
+        "runtime = { fixed_ms = 30.0 }",
+        "reads = { command = { feedback = true, stream = \"controller\" } }",
+    ] {
+        assert!(printed.lines().any(|printed| printed == line), "{line}\n{printed}");
     }
 }
 
@@ -205,11 +243,11 @@ fn what_does_not_fit_is_refused_with_line_key_and_nearest_name() {
         ),
         (
             "[operator.second]\nkind = \"linear_predictor\"\n",
-            "c.toml:1: operator.planner.reads.predictions: several streams carry `PredictionList`: name one of \"predictor\", \"second\"",
+            "c.toml:1: operator.second: several streams carry `PredictionList`: name one of \"predictor\", \"second\" in [operator.planner] reads = { predictions = \"...\" }",
         ),
         (
             "[operator.predictor]\nenabled = false\n",
-            "c.toml:1: operator.planner.reads.predictions: reads `PredictionList`, and no operator of the pipeline publishes any",
+            "c.toml:2: operator.predictor.enabled: `planner` reads `PredictionList`, which nobody else publishes",
         ),
         (
             "[operator.predictor]\nhorizon = 2000\n",
@@ -228,10 +266,106 @@ fn what_does_not_fit_is_refused_with_line_key_and_nearest_name() {
             "[operator.predictor]\nreads = { tracks = [] }\n",
             "c.toml:2: operator.predictor.reads.tracks: expected one stream, found 0",
         ),
+        (
+            "[operator.predictor]\nreads = { tracks = { stream = \"tracker\", feedback = true } }\n",
+            "c.toml:2: operator.predictor.reads.tracks.feedback: expected false: `tracks` reads the message of its",
+        ),
+        (
+            "[operator.second_world]\nkind = \"simulator\"\n",
+            "c.toml:2: operator.second_world.kind: expected another kind: a run has one simulated world",
+        ),
+        (
+            "[operator.objects]\nkind = \"object_input\"\n[operator.obstacles]\nenabled = false\n",
+            "c.toml:2: operator.objects.kind: only a vehicle of `swerve live` feeds `object_input`: a simulated run would",
+        ),
+        (
+            "[perception]\ndetector = \"efficientdet-d3@v100\"\n[operator.detector]\nenabled = false\n",
+            "c.toml:4: operator.detector.enabled: `perception.detector` is `efficientdet-d3@v100`, and nothing else detects",
+        ),
+        (
+            "[operator.\"a b/c\"]\nkind = \"imu\"\n",
+            "c.toml:1: operator.a b/c: expected a name of letters, digits and underscores",
+        ),
+        (
+            "[operator.\"\"]\nkind = \"imu\"\n",
+            "c.toml:1: operator.: expected a name of letters, digits and underscores",
+        ),
+        (
+            "[operator.predictor]\nreads = { tracks = 3 }\n",
+            "c.toml:2: operator.predictor.reads.tracks: expected a stream, an array of streams, or { stream = ",
+        ),
+        (
+            "[operator.predictor]\nreads = { tracks = { stream = \"tracker\", feedbak = true } }\n",
+            "c.toml:2: operator.predictor.reads.tracks.feedbak: unknown key; did you mean \"feedback\"?",
+        ),
+        (
+            "[operator.watch]\nkind = \"sensor_monitor\"\n[camera.front]\n",
+            "c.toml:1: operator.watch.sensor: is missing: expected a camera or a lidar, one of front",
+        ),
+        (
+            "[monitor.watch]\n",
+            "c.toml:1: monitor.watch.sensor: is missing: expected a camera or a lidar; [camera.NAME] or [lidar.NAME] makes one",
+        ),
+        (
+            "[monitor.watch]\nsensor = \"frnt\"\n[camera.front]\n",
+            "c.toml:2: monitor.watch.sensor: unknown camera or lidar `frnt`, expected one of front (did you mean `front`?)",
+        ),
+        (
+            "[operator.world]\nreads = { step = \"imu\" }\n",
+            "c.toml:2: operator.world.reads.step: a timer reads no stream",
+        ),
     ];
     for (text, expected) in cases {
         let problems = read(text, &[]).err().unwrap_or_default();
         assert!(problems.iter().any(|problem| problem.starts_with(expected)), "{expected}\n{problems:#?}");
+    }
+}
+
+/// What only follows from a mistake is not told beside it, and one mistake is told once.
+#[test]
+fn causes_are_told_without_their_consequences() {
+    let several = "[operator.second]\nkind = \"tracker\"\n[operator.third]\nkind = \"linear_predictor\"\n\
+                   reads = { tracks = \"tracker\" }\n";
+    let cases: [(&str, &[&str]); 6] = [
+        (
+            "[operator.predictor]\nruntime = { fixed_ms = 3 }\n[operator.tracker]\nkind = \"trackr\"\n",
+            &["c.toml:4: operator.tracker.kind: unknown kind `trackr`"],
+        ),
+        (
+            "[operator.predictor]\nreads = { tracks = \"mine\" }\n[operator.mine]\nkind = \"trackr\"\n",
+            &["c.toml:4: operator.mine.kind: unknown kind `trackr`"],
+        ),
+        (
+            "[operator.planner]\nreads = { predictions = \"predictr\" }\n[operator.mine]\nkind = \"trackr\"\n",
+            &[
+                "c.toml:2: operator.planner.reads.predictions: unknown stream `predictr`",
+                "c.toml:4: operator.mine.kind: unknown kind `trackr`",
+            ],
+        ),
+        (
+            "[operator.obstacles]\nenabled = false\n[perception]\ndetector = \"truht\"\n",
+            &["c.toml:4: perception.detector: unknown detector `truht`"],
+        ),
+        (
+            several,
+            &[
+                "c.toml:1: operator.second: several streams carry `TrackList`: name one of \"tracker\", \"second\" \
+                 in [operator.predictor] reads = { tracks = \"...\" }",
+                "c.toml:3: operator.third: several streams carry `PredictionList`",
+            ],
+        ),
+        (
+            "[operator.second]\nkind = \"pose_sensor\"\n",
+            &[
+                "c.toml:1: operator.second: several streams carry `EgoState`: name one of \"pose\", \"second\" in \
+               [operator.planner] reads = { poses = \"...\" }, [operator.controller] reads = { ego = \"...\" }",
+            ],
+        ),
+    ];
+    for (text, expected) in cases {
+        let problems = read(text, &[]).err().unwrap_or_default();
+        let are_expected = problems.iter().zip(expected).all(|(problem, start)| problem.starts_with(start));
+        assert!(are_expected && problems.len() == expected.len(), "{expected:#?}\n{problems:#?}");
     }
 }
 

@@ -56,15 +56,7 @@ impl Config {
 
     /// What is wrong with the pipeline as a whole: its operators, what they read, and what is done to them.
     pub(super) fn check_pipeline(&self, problems: &mut Vec<(String, String)>) {
-        let (assembly, wrong) = Assembly::with_problems(self);
-        // What nobody named may come of what is wrong already.
-        let is_named = |(key, _): &(String, String)| {
-            let Some((operator, port)) = key.split_once(".reads.") else { return true };
-            let own = operator.strip_prefix("operator.").and_then(|name| self.operator.get(name));
-            own.is_some_and(|own| own.reads.contains_key(port))
-        };
-        let is_first = problems.is_empty();
-        problems.extend(wrong.into_iter().filter(|problem| is_first || is_named(problem)));
+        let assembly = Assembly::with_problems(self, problems);
         self.check_faults(&assembly, problems);
         self.check_processes(&assembly, problems);
     }

@@ -1,11 +1,11 @@
 //! Watchers of single cameras and lidars, `[monitor.NAME]`.
 
 use serde::{Deserialize, Serialize};
-use swerve_text::nearest;
 
 use super::Config;
 use super::camera::Output;
-use crate::assembly::pipeline_names;
+use super::operator::is_plain_name;
+use crate::assembly::{one_of, pipeline_names};
 
 /// A watcher: reads every byte of what a camera or lidar sees, and says whether it is frozen, blank or broken.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -31,7 +31,7 @@ impl Config {
 
     pub(super) fn check_monitors(&self, told: &mut Vec<(String, String)>) {
         for (name, monitor) in &self.monitor {
-            let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+            let plain = is_plain_name(name);
             if !plain
                 || pipeline_names().any(|operator| operator == name)
                 || self.sensors().any(|sensor| sensor == name)
@@ -42,11 +42,17 @@ impl Config {
             let known = || self.camera.keys().chain(self.lidar.keys()).map(String::as_str);
             let MonitorConfig { sensor, output } = monitor;
             if !known().any(|known| known == sensor) {
-                let near = nearest(sensor, known());
-                let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
                 let names: Vec<&str> = known().collect();
-                let message =
-                    format!("unknown camera or lidar `{sensor}`, expected one of {}{near}", names.join(", "));
+                let message = match (sensor.as_str(), &names[..]) {
+                    ("", []) => {
+                        "is missing: expected a camera or a lidar; [camera.NAME] or [lidar.NAME] makes one"
+                            .into()
+                    }
+                    ("", names) => {
+                        format!("is missing: expected a camera or a lidar, one of {}", names.join(", "))
+                    }
+                    _ => format!("unknown camera or lidar `{sensor}`{}", one_of(sensor, &names)),
+                };
                 told.push((format!("monitor.{name}.sensor"), message));
             }
             if self.camera.get(sensor).is_some_and(|camera| !camera.outputs.contains(output)) {

@@ -1,7 +1,10 @@
 //! `[operator.NAME]` and `[resource.NAME]`: what an operator is, what it reads, how it runs.
 
+use core::fmt;
 use std::collections::BTreeMap;
 
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::Config;
@@ -41,7 +44,7 @@ fn is_zero(x: &f64) -> bool {
 }
 
 /// What a port reads.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize)]
 #[serde(untagged)]
 pub enum Reads {
     /// A stream, or the first one of an operator.
@@ -66,6 +69,33 @@ pub struct EdgeConfig {
     pub before_faults: Option<bool>,
 }
 
+/// By the kind of value, so that what is wrong within it has its own key.
+impl<'de> Deserialize<'de> for Reads {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct AnyForm;
+        impl<'de> Visitor<'de> for AnyForm {
+            type Value = Reads;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a stream, an array of streams, or { stream = \"...\", feedback = true }")
+            }
+
+            fn visit_str<E: de::Error>(self, stream: &str) -> Result<Reads, E> {
+                Ok(Reads::Stream(stream.to_owned()))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, streams: A) -> Result<Reads, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(streams)).map(Reads::Streams)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, edge: A) -> Result<Reads, A::Error> {
+                EdgeConfig::deserialize(MapAccessDeserializer::new(edge)).map(Reads::Edge)
+            }
+        }
+        deserializer.deserialize_any(AnyForm)
+    }
+}
+
 impl Reads {
     /// The streams, with what is said of feedback and faults.
     pub(crate) fn each(&self) -> Vec<(&str, Option<bool>, Option<bool>)> {
@@ -75,6 +105,11 @@ impl Reads {
             Self::Edge(edge) => vec![(&edge.stream, edge.feedback, edge.before_faults)],
         }
     }
+}
+
+/// Whether a name can stand for an operator in streams, topics and files.
+pub(crate) fn is_plain_name(name: &str) -> bool {
+    !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
 }
 
 /// A shared resource.
@@ -89,6 +124,10 @@ impl Config {
     pub(super) fn check_operators(&self, faults: &mut Vec<(String, String)>) {
         for (name, operator) in &self.operator {
             let key = |last: &str| format!("operator.{name}.{last}");
+            if !is_plain_name(name) {
+                let message = "expected a name of letters, digits and underscores";
+                faults.push((format!("operator.{name}"), message.into()));
+            }
             if let Some(Err(message)) = operator.runtime.as_ref().map(Runtime::model) {
                 faults.push((key("runtime"), message));
             }

@@ -7,6 +7,7 @@ use swerve_ipc::OnLoss;
 use swerve_text::number;
 
 use super::Config;
+use super::operator::is_plain_name;
 use crate::assembly::{Assembly, one_of};
 
 /// One process beside the coordinator.
@@ -59,7 +60,7 @@ impl Config {
         }
         let mut taken: Vec<(&str, &str)> = Vec::new();
         for (name, process) in &self.process {
-            let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+            let plain = is_plain_name(name);
             if !plain {
                 let message = "expected a name of letters, digits and underscores";
                 told.push((format!("process.{name}"), message.into()));

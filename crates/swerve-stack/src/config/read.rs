@@ -40,7 +40,7 @@ impl Config {
     ) -> Result<Self, Problems> {
         let plain = Self::formed_of_file(registry, document)?;
         // The file's own problems are told with their lines; what is left is one of an assignment.
-        let plain = plain.checked(|key, message| document.problem(key, message))?;
+        let plain = plain.checked(|key, message| document.problem(&as_written(document, key), message))?;
         if sets.is_empty() { Ok(plain) } else { Self::with_sets(registry, document, sets) }
     }
 
@@ -97,8 +97,21 @@ impl Config {
         }
         let mut problems: Vec<Problem> =
             faults.into_iter().map(|(key, message)| problem(&key, message)).collect();
-        problems.sort_by_key(|problem| problem.line);
+        // In the order of the lines; what has none may follow from them.
+        problems.sort_by_key(|problem| (problem.line.is_none(), problem.line));
         Err(problems.into_iter().collect())
+    }
+}
+
+/// The key of an entry such as `[camera.front]` where it is written as `[operator.front] kind = "camera"`.
+fn as_written(document: &Document, key: &str) -> String {
+    let mut parts = key.splitn(3, '.');
+    let (section, name) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+    let has = |table: &str| document.table.get(table).and_then(|table| table.get(name)).is_some();
+    let is_moved = section != "operator" && !name.is_empty() && !has(section) && has("operator");
+    match is_moved {
+        true => format!("operator{}", &key[section.len()..]),
+        false => key.to_owned(),
     }
 }
 

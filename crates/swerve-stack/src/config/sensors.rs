@@ -264,7 +264,7 @@ impl Config {
 
     /// Whether a sensor runs: an operator reads it, or `log.sensors` names it.
     pub fn runs(&self, sensor: &str) -> bool {
-        Assembly::with_problems(self).0.has(sensor)
+        Assembly::with_problems(self, &mut Vec::new()).has(sensor)
     }
 
     /// When readers have what a camera, radar or lidar saw, and the time between two steps of its operator.
@@ -281,7 +281,7 @@ impl Config {
             told.push(("render.threads".into(), format!("expected 1 to 256, found {}", self.render.threads)));
         }
         for (kind, name) in self.named_sensors() {
-            let plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+            let plain = super::operator::is_plain_name(name);
             if !plain || pipeline_names().any(|operator| operator == name) {
                 let message = "expected a name of letters, digits and underscores that no operator has";
                 told.push((format!("{kind}.{name}"), message.into()));

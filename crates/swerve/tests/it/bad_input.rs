@@ -312,11 +312,11 @@ fn check_tells_all_problems_of_all_files() {
         "g.toml:6: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1 a]",
         "g.toml:6: sensing.range_m: expected 0.1 to 10000, found 0, in the cell [0 a]",
         "g.toml:11: ego.speed: unknown key; did you mean \"speed_mps\"?, in the cell [-1 a]",
-        "h.toml: there is nothing in it",
         "in 9 files",
     ];
     check(&said, &says, &args);
     assert!(!said.stderr.contains("short.toml:"), "{}", said.stderr);
+    assert!(!said.stderr.contains("h.toml"), "a configuration may leave out every key: {}", said.stderr);
     assert_eq!(bench.good(&["check", "short.toml"]), "1 file, no problem\n");
 }
 
@@ -448,5 +448,61 @@ fn a_file_without_end_is_not_read_to_its_end() {
     }
     if cfg!(unix) {
         assert!(bench.swerve(&["run", "/dev/zero"]).stderr.contains("larger than 16 MiB"));
+    }
+}
+
+#[test]
+fn a_route_that_is_missing_is_told_with_what_else_is_wrong() {
+    let bench = Bench::new();
+    bench.write(
+        "car.toml",
+        "[live]\nroute = \"none.toml\"\nplan_timeout_s = 99\n[control]\ncontroller = \"mpc\"\n",
+    );
+    for args in [&["live", "car.toml", "--out", "o"][..], &["check", "car.toml"]] {
+        let says = [
+            "car.toml:3: live.plan_timeout_s: expected 0.05 to 10, found 99\n",
+            "car.toml:2: live.route: there is no file none.toml: expected a scenario\n",
+        ];
+        let said = bench.swerve(args);
+        says.iter().for_each(|says| {
+            assert!(
+                format!("{}\n", said.stderr).contains(says),
+                "{args:?} does not say `{says}`: {}",
+                said.stderr
+            )
+        });
+    }
+}
+
+/// A configuration may leave out every key, and is one to every command.
+#[test]
+fn an_empty_configuration_is_taken() {
+    let bench = Bench::new();
+    bench.write("empty.toml", "# nothing yet\n");
+    assert_eq!(bench.good(&["check", "empty.toml"]), "1 file, no problem\n");
+    bench.good(&["graph", "short.toml", "-c", "empty.toml"]);
+}
+
+#[test]
+fn check_says_what_to_check_where_there_is_nothing() {
+    let bench = Bench::new();
+    let said = bench.shell("mkdir nothing && cd nothing && swerve check");
+    check(
+        &said,
+        &["there is no folder scenarios and no folder configs", "`swerve new my_project`"],
+        &["check"],
+    );
+}
+
+#[test]
+fn a_scenario_has_a_name() {
+    for name in ["../up", "a/b", "", " ", "tab\\t", " edge"] {
+        check_all(vec![Case {
+            file: scenario("name = \"short\"", &format!("name = \"{name}\"")),
+            args: RUN,
+            says: &[
+                "bad.toml:1: name: expected a name of letters, digits, spaces, underscores and hyphens, found",
+            ],
+        }]);
     }
 }

@@ -103,7 +103,41 @@ fn a_new_folder_runs_at_once() {
         }
     }
     assert!(seen >= 8, "only {seen} commands found");
-    bench.good(&["check", "begin/here"]);
+    bench.good(&["check", "begin/here/scenario.toml", "begin/here/config.toml"]);
+    let own = bench.swerve(&["check", "begin/here"]);
+    assert!(own.stderr.contains("own.toml:4: operator.planner.kind: unknown kind `slow_down`"), "{own:?}");
+    assert!(own.stderr.ends_with("error: 1 problem in 3 files\n"), "a manifest is none of ours: {own:?}");
+}
+
+#[test]
+fn what_to_type_next_is_quoted() {
+    let said = Bench::new().good(&["new", "a b/c d"]);
+    assert!(said.contains("\n  cd 'a b/c d'\n"), "{said}");
+}
+
+/// The package of a new folder, against this checkout, as its README has it.
+#[test]
+#[ignore = "builds a package on Swerve: minutes"]
+fn the_package_of_a_new_folder_builds_and_drives() {
+    let bench = Bench::new();
+    bench.good(&["new", "begin"]);
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    std::fs::copy(format!("{root}/Cargo.lock"), bench.path("begin/Cargo.lock")).unwrap();
+    // Beside what is built already.
+    let target = std::path::Path::new(env!("CARGO_BIN_EXE_swerve")).ancestors().nth(2).unwrap();
+    let said = std::process::Command::new(env!("CARGO"))
+        .args(["run", "--offline", "--quiet", "--", "run", "scenario.toml", "-c", "own.toml"])
+        .env("CARGO_TARGET_DIR", target)
+        .current_dir(bench.path("begin"))
+        .output()
+        .unwrap();
+    let (out, err) = (String::from_utf8_lossy(&said.stdout), String::from_utf8_lossy(&said.stderr));
+    assert!(said.status.success() && out.contains("AVOIDED"), "{out}{err}");
+    let readme = bench.read("begin/README.md");
+    let expected = readme.split("```text\n").nth(2).unwrap().split("```").next().unwrap();
+    for line in expected.lines() {
+        assert!(out.contains(line.trim_end()), "README says `{line}`\n{out}");
+    }
 }
 
 #[test]

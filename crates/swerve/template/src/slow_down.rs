@@ -1,0 +1,77 @@
+//! A planner of one's own: along the route, as fast as it can still stop before what is ahead.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Span;
+use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
+use swerve_msg::{EgoState, ObstacleList, Plan, PlanPoint, PlanStatus, Route};
+use swerve_stack::{Kind, Node, Site};
+
+/// Follows the route, slowly where it is not clear.
+pub struct SlowDown {
+    keys: Keys,
+    route: Route,
+    target_mps: f64,
+}
+
+/// Its keys in `[operator.NAME]`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Keys {
+    /// Half of the width that has to be clear, m.
+    half_width_m: f64,
+    /// What is left before an obstacle, m.
+    gap_m: f64,
+    /// How hard it brakes, m/s2.
+    brake_mps2: f64,
+}
+
+impl Default for Keys {
+    fn default() -> Self {
+        Self { half_width_m: 2.5, gap_m: 8.0, brake_mps2: 5.0 }
+    }
+}
+
+/// What it reads: streams are found by their type.
+#[derive(Inputs)]
+pub struct In {
+    /// What is seen.
+    obstacles: At<ObstacleList>,
+    /// Where the ego is.
+    ego: Latest<EgoState>,
+}
+
+impl Kind for SlowDown {
+    const NODE: Node = Node::new("slow_down", "follows the route, slowly where it is not clear");
+    type Table = Keys;
+
+    fn new(keys: Keys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let around = site.surroundings();
+        Ok(Self { keys, route: around.route.clone(), target_mps: around.scenario.ego.target_speed_mps })
+    }
+}
+
+impl Operator for SlowDown {
+    type In = In;
+    type Out = Port<Plan>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<Plan>) {
+        let (Some(seen), Some(ego)) = (input.obstacles.get(), input.ego.get()) else { return };
+        let from_m = self.route.project(ego.pose.point()).s_m;
+        let places = seen.obstacles.iter().map(|obstacle| self.route.project(obstacle.pose.point()));
+        let in_the_way = places.filter(|at| at.s_m > from_m && at.d_m.abs() < self.keys.half_width_m);
+        let left_m = in_the_way.map(|at| at.s_m - from_m - self.keys.gap_m).fold(f64::INFINITY, f64::min);
+        let speed_mps = self.target_mps.min((2.0 * self.keys.brake_mps2 * left_m.max(0.0)).sqrt());
+        let point = |k: i64| {
+            let place = self.route.line().at(from_m + speed_mps * 0.1 * k as f64);
+            PlanPoint {
+                at: ego.stamp + Span::from_ms(100) * k,
+                pose: place.pose,
+                curvature_1pm: place.curvature_1pm,
+                speed_mps,
+                accel_mps2: 0.0,
+            }
+        };
+        let points = (0..=30).map(point).collect();
+        out.send(Plan { stamp: cx.stamp(), status: PlanStatus::Found, points, work: 1 });
+    }
+}
