@@ -49,6 +49,7 @@ use swerve_drive::{left_out_of_logs, problems_error, read_scenario};
 use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
 use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
+use swerve_msg::GateOutput;
 use swerve_report::progress::LiveLine;
 use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
@@ -234,7 +235,7 @@ pub fn drive(
 /// As [`drive`](self::drive), with a graph that is already built.
 fn drive_graph(
     drive: &Drive,
-    LiveGraph { pipeline: Pipeline { graph, route, .. }, inputs }: LiveGraph,
+    LiveGraph { pipeline: Pipeline { graph, assembly, route, .. }, inputs }: LiveGraph,
     wire: &dyn Wire,
     options: DriveOptions<'_>,
     observers: &mut [&mut dyn Observer],
@@ -247,7 +248,8 @@ fn drive_graph(
     let (orders, received) = mpsc::channel();
     let status = Arc::new(Mutex::new(watch::DriveStatus::default()));
     let stop_max = Span::from_secs(live.stop_timeout_s);
-    let stop = config.gate_params().map_err(|message| anyhow::anyhow!("gate.params: {message}"))?;
+    let gate = assembly.publisher::<GateOutput>().and_then(|gate| assembly.operator(gate));
+    let stop = gate.context("the pipeline has no safety gate")?.resolved.gate;
     let sink = Sink {
         wire,
         interface: interface(),

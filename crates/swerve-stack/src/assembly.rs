@@ -10,14 +10,16 @@ mod written;
 
 use std::sync::Arc;
 
+use swerve_core::Span;
 use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
 
+use crate::config::resolved::Resolved;
 use crate::config::{Config, OperatorConfig};
-use crate::kind::{KeyProblems, Node, OperatorKind, Role, Settings};
+use crate::kind::{KeyProblems, Node, OperatorKind, Role, Ruled, Settings};
 use swerve_msg::Detections;
 use swerve_text::nearest;
 
-pub(crate) use base::{pipeline_names, sensor_operators};
+pub(crate) use base::{pipeline_names, ruled_operator, sensor_operators};
 pub use settings::COMMON_KEYS;
 pub(crate) use settings::gather_named_sections;
 
@@ -44,6 +46,10 @@ pub struct Placed {
     pub outputs: Vec<Output>,
     /// The configuration where its own keys change it.
     config: Option<Arc<Config>>,
+    /// What that comes to.
+    pub resolved: Arc<Resolved>,
+    /// Its period or fixed deadline, under the models of `[execution]` that have one.
+    pub(crate) length: Option<Span>,
     offered: Arc<[PayloadType]>,
 }
 
@@ -104,8 +110,10 @@ impl Assembly {
         let node = |own: &OperatorConfig| Some(config.registry.kind(own.kind.as_deref()?)?.node());
         let known = entries.iter().map(|(name, own)| (name.clone(), node(own))).collect();
         let mut operators = Vec::new();
+        // What is wrong there has been told.
+        let resolved = Arc::new(Resolved::new(config, &mut Vec::new()));
         for (name, own) in entries {
-            place(config, (name, own), &mut operators, problems);
+            operators.extend(placed((config, &resolved), (name, own), problems));
         }
         check_outside(config, &operators, problems);
         let offered: Arc<[PayloadType]> = offered(&operators);
@@ -168,29 +176,31 @@ impl Assembly {
     }
 }
 
-/// Adds an operator, if there is one under its settings.
-fn place(
-    config: &Config,
+/// An operator in its place, if there is one under its settings.
+fn placed(
+    (config, base): (&Config, &Arc<Resolved>),
     (name, own): (String, OperatorConfig),
-    operators: &mut Vec<Placed>,
     problems: &mut KeyProblems,
-) {
+) -> Option<Placed> {
+    let mut tell = |key: String, message: String| problems.push((key, message));
     let Some(kind) = &own.kind else {
-        return problems.push((format!("operator.{name}"), unknown_operator(config, &name)));
+        tell(format!("operator.{name}"), unknown_operator(config, &name));
+        return None;
     };
     let Some(kind) = config.registry.kind(kind).cloned() else {
         let names: Vec<&str> = config.registry.kinds().map(|kind| kind.node().kind).collect();
-        let message = format!("unknown kind `{kind}`{}", one_of(kind, &names));
-        return problems.push((format!("operator.{name}.kind"), message));
+        tell(format!("operator.{name}.kind"), format!("unknown kind `{kind}`{}", one_of(kind, &names)));
+        return None;
     };
     if own.enabled == Some(false) {
-        return;
+        return None;
     }
     let view = settings::view(config, &name, &*kind, &own.keys);
     let view = view.unwrap_or_else(|wrong| {
         problems.extend(wrong);
         None
     });
+    let resolved = view.as_ref().map(|view| Arc::new(Resolved::new(view, &mut Vec::new())));
     let mut placed = Placed {
         name,
         kind,
@@ -198,6 +208,8 @@ fn place(
         inputs: Vec::new(),
         outputs: Vec::new(),
         config: view.map(Arc::new),
+        resolved: resolved.unwrap_or_else(|| base.clone()),
+        length: None,
         offered: Arc::new([]),
     };
     let settings = placed.settings(config);
@@ -205,7 +217,7 @@ fn place(
         if config.operator.get(&placed.name).is_some_and(|asked| asked.kind.is_some()) {
             problems.push((format!("operator.{}.kind", placed.name), takes_no_part(&placed.kind.node())));
         }
-        return;
+        return None;
     }
     let ports = placed.kind.outputs(&settings);
     let several = ports.len() > 1;
@@ -215,7 +227,24 @@ fn place(
         port,
     });
     placed.outputs = outputs.collect();
-    operators.push(placed);
+    placed.length = placed.kind.node().ruled.and_then(|ruled| length(ruled, &placed, config, problems));
+    Some(placed)
+}
+
+/// The period or fixed deadline of an operator that a model of `[execution]` rules; what is wrong with it is told.
+fn length(ruled: Ruled, placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Option<Span> {
+    let config = placed.settings(config).config;
+    for (key, message) in ruled.problems(config, &placed.own) {
+        problems.push((format!("operator.{}.{key}", placed.name), message.into()));
+    }
+    ruled.length(config, &placed.own, &placed.resolved).unwrap_or_else(|message| {
+        let problem = (format!("execution.{}", ruled.key()), message);
+        // Of several detectors or planners each would say it.
+        if !problems.contains(&problem) {
+            problems.push(problem);
+        }
+        None
+    })
 }
 
 fn ports(settings: &Settings<'_>, kind: &Arc<dyn OperatorKind>) -> Vec<Input> {

@@ -19,6 +19,7 @@ mod planner;
 mod planning;
 pub mod process;
 mod read;
+pub mod resolved;
 pub mod ros2;
 pub mod sensors;
 pub mod source;

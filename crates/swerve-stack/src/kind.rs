@@ -36,6 +36,8 @@ pub struct Node {
     pub heavy: Heavy,
     /// Where it stands.
     pub role: Role,
+    /// Which of the lengths of `[execution]` is its own.
+    pub ruled: Option<Ruled>,
     /// Its messages derive from their own stamp.
     pub origin: bool,
     /// It runs where an operator reads it or `log.sensors` names it.
@@ -55,6 +57,15 @@ pub enum Role {
     Input,
     /// Behind these.
     Stack,
+}
+
+/// What the models of `[execution]` rule.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Ruled {
+    /// The emulated detector.
+    Detector,
+    /// The motion planner.
+    Planner,
 }
 
 /// When the steps of an operator are worth a worker thread.
@@ -79,6 +90,7 @@ impl Node {
             stays: None,
             heavy: Heavy::No,
             role: Role::Stack,
+            ruled: None,
             origin: false,
             on_demand: false,
             follows_from_world: false,
@@ -123,6 +135,13 @@ impl Node {
     #[must_use]
     pub const fn heavy(mut self, heavy: Heavy) -> Self {
         self.heavy = heavy;
+        self
+    }
+
+    /// The models of `[execution]` say when it runs and how long it may take.
+    #[must_use]
+    pub const fn ruled(mut self, ruled: Ruled) -> Self {
+        self.ruled = Some(ruled);
         self
     }
 

@@ -142,7 +142,7 @@ fn assemble(config: &Config, assembly: &Assembly, surroundings: &Surroundings) -
         .map(|(name, resource)| (name.as_str(), building.graph.resource(name, resource.slots)))
         .collect();
     for placed in assembly.operators() {
-        placed.kind.add(&mut Site { building: &mut building, placed, config, surroundings })?;
+        placed.kind.add(&mut Site { building: &mut building, assembly, placed, config, surroundings })?;
         let resource = placed.own.uses.as_deref().and_then(|name| resources.get(name)).copied();
         configure(&mut building.graph, config, placed, resource)?;
         put_faults(&mut building, config, placed)?;

@@ -5,14 +5,17 @@ use std::collections::BTreeMap;
 
 use anyhow::Context as _;
 use swerve_flow::{
-    AnyFeedback, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, Payload, PortInfo, Timer, Wire,
+    AnyFeedback, Deadline, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, Payload, PortInfo, Timer,
+    Wire,
 };
 use swerve_msg::Route;
 use swerve_scenario::Scenario;
 use swerve_vehicle::VehicleParams;
 
-use crate::assembly::Placed;
+use crate::assembly::{Assembly, Placed};
 use crate::config::Config;
+use crate::config::model::Model;
+use crate::config::resolved::Resolved;
 use crate::kind::Settings;
 use crate::stage::{SharedStage, Stage, StreamMemory};
 
@@ -45,6 +48,7 @@ pub(crate) struct Building {
 /// The place of one operator in a graph that is being assembled.
 pub struct Site<'a> {
     pub(crate) building: &'a mut Building,
+    pub(crate) assembly: &'a Assembly,
     pub(crate) placed: &'a Placed,
     pub(crate) config: &'a Config,
     pub(crate) surroundings: &'a Surroundings,
@@ -64,6 +68,26 @@ impl Site<'_> {
     /// The configuration as it stands for it.
     pub fn config(&self) -> &Config {
         self.settings().config
+    }
+
+    /// What its settings come to.
+    pub fn resolved(&self) -> &Resolved {
+        &self.placed.resolved
+    }
+
+    /// Its timer under the periodic model of execution.
+    pub(crate) fn own_timer(&self) -> Option<Timer> {
+        let settings = self.settings();
+        let length = self.placed.length.filter(|_| settings.config.execution.model == Model::Periodic);
+        length.map(|length| settings.drawn_timer(length))
+    }
+
+    /// The deadline that the model of execution gives it by itself; a policy's is set by the policy, or where its stream
+    /// is known.
+    pub(crate) fn own_deadline(&self) -> Option<Deadline> {
+        let execution = &self.config().execution;
+        let length = self.placed.length.filter(|_| execution.model == Model::StaticDeadlines);
+        length.map(|length| Deadline::after(length).reaction(execution.reaction))
     }
 
     /// What it is built around.

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use toml::de::DeTable;
 
 use crate::config::{Config, OperatorConfig};
-use crate::kind::Role;
+use crate::kind::{Role, Ruled};
 
 /// A part of the pipeline: its operators, in order.
 struct Part(LazyLock<Vec<(String, OperatorConfig)>>);
@@ -101,6 +101,13 @@ pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
 pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
     let has = |part: &Part| part.0.iter().any(|(_, own)| own.kind.as_deref() == Some(kind));
     has(&VEHICLE) && !has(&WORLD)
+}
+
+/// The first operator of which the models of execution rule this.
+pub(crate) fn ruled_operator(config: &Config, ruled: Ruled) -> Option<OperatorConfig> {
+    let of = |own: &OperatorConfig| config.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());
+    let is_ruled = |own: &OperatorConfig| of(own).is_some_and(|node| node.ruled == Some(ruled));
+    entries(config).into_iter().map(|(_, own)| own).find(is_ruled)
 }
 
 /// The names of all sensors, whether or not they run.

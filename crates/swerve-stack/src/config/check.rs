@@ -1,6 +1,7 @@
 //! Problems of the values, and of the pipeline that they make.
 
 use super::Config;
+use super::resolved::Resolved;
 use crate::assembly::Assembly;
 
 impl Config {
@@ -37,9 +38,7 @@ impl Config {
                 format!("expected {}, found {}", error.expected, error.value),
             ));
         }
-        if let Err(message) = self.planning.planner() {
-            faults.push(("planning.params".into(), message));
-        }
+        Resolved::new(self, &mut faults);
         self.check_gate(&mut faults);
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);

@@ -10,7 +10,7 @@ use swerve_planning::deadline::Params;
 use swerve_text::{nearest, number};
 
 use super::detectors::{Published, find, fits, published};
-use super::execution::{Runtime, span_ms};
+use super::execution::span_ms;
 use super::perception::{CUSTOM, TRUTH};
 use super::planner::overridden;
 use super::{Config, PlannerName};
@@ -28,6 +28,13 @@ pub enum Model {
     StaticDeadlines,
     /// As data-driven, within deadlines that a policy sets from frame to frame.
     DynamicDeadlines,
+}
+
+impl Model {
+    /// Whether detector and planner have a period or a fixed deadline.
+    pub(crate) fn has_lengths(self) -> bool {
+        matches!(self, Self::Periodic | Self::StaticDeadlines)
+    }
 }
 
 /// How detector and planner are executed.
@@ -92,7 +99,7 @@ fn ladders() -> &'static [Ladder] {
 
 impl Config {
     /// The rungs that the emulated detector may take, the fastest first; none where it always is the same.
-    pub fn detector_rungs(&self) -> Result<Vec<Rung<detector::Params>>, (&'static str, String)> {
+    pub(super) fn detector_rungs(&self) -> Result<Vec<Rung<detector::Params>>, (&'static str, String)> {
         let name = self.perception.detector.as_str();
         if !self.perception.ladder {
             return Ok(Vec::new());
@@ -124,7 +131,7 @@ impl Config {
 
     /// The rungs that the planner may take, the fastest first, each with the parameters that make it; none where it
     /// always is the same.
-    pub fn planner_rungs(&self) -> Result<Vec<Rung<toml::Table>>, (&'static str, String)> {
+    pub(super) fn planner_rungs(&self) -> Result<Vec<Rung<toml::Table>>, (&'static str, String)> {
         let planning = &self.planning;
         let Some(name) = &planning.ladder else {
             return match planning.rung_ms {
@@ -161,100 +168,17 @@ impl Config {
     }
 
     /// The parameters of the deadline policy.
-    pub fn deadline_params(&self) -> Result<Params, String> {
+    pub(super) fn deadline_params(&self) -> Result<Params, String> {
         let params: Params = overridden(&Params::default(), &self.execution.params)?;
         params.validate().map_err(|error| error.to_string())?;
         Ok(params)
-    }
-
-    /// The period of an operator under the periodic model; none where it runs on its input.
-    pub fn period_of(&self, operator: &str) -> Result<Option<Span>, String> {
-        if self.execution.model == Model::Periodic { self.length_of(operator) } else { Ok(None) }
-    }
-
-    /// Its period or fixed deadline: as said, else what its highest rung or its fixed run time takes. None for operators
-    /// that the models do not rule.
-    pub fn length_of(&self, operator: &str) -> Result<Option<Span>, String> {
-        let (given, top) = match operator {
-            "detector" if self.perception.emulates() => {
-                let rungs = self.detector_rungs().map_err(|(_, message)| message)?;
-                let top = rungs.last().map(|rung| rung.run_time.as_ms());
-                (self.execution.detector_ms, top.or(self.detector_ms()))
-            }
-            "planner" => {
-                let rungs = self.planner_rungs().map_err(|(_, message)| message)?;
-                (self.execution.planner_ms, rungs.last().map(|rung| rung.run_time.as_ms()))
-            }
-            _ => return Ok(None),
-        };
-        let own = self.operator.get(operator).and_then(|o| o.runtime.as_ref());
-        let fixed = own.and_then(|runtime| runtime.fixed_ms);
-        let ms = given.or(fixed).or(top).ok_or("expected milliseconds, where no fixed run time says them")?;
-        if !(1.0..=10_000.0).contains(&ms) {
-            return Err(format!("expected 1 to 10000, found {}", number(ms)));
-        }
-        span_ms(ms).map(Some)
-    }
-
-    /// What is wrong with `[execution]` and the ladders.
-    pub(super) fn check_execution(&self, told: &mut Vec<(String, String)>) {
-        if let Err((key, message)) = self.detector_rungs() {
-            told.push((format!("perception.{key}"), message));
-        }
-        match self.planner_rungs() {
-            Err((key, message)) => told.push((format!("planning.{key}"), message)),
-            Ok(rungs) => {
-                let wrong = rungs.iter().find_map(|rung| self.planning.planner_with(&rung.what).err());
-                told.extend(wrong.map(|message| ("planning.params".into(), message)));
-            }
-        }
-        if let Err(message) = self.deadline_params() {
-            told.push(("execution.params".into(), message));
-        }
-        let execution = &self.execution;
-        if execution.reaction == Reaction::OnDeadline {
-            let message =
-                "expected \"skip\" or \"reuse_last\": detector and planner have no answer of another kind";
-            told.push(("execution.reaction".into(), message.into()));
-        }
-        let lengths = [("detector", execution.detector_ms), ("planner", execution.planner_ms)];
-        for (operator, ms) in lengths {
-            let key = format!("execution.{operator}_ms");
-            let used = matches!(execution.model, Model::Periodic | Model::StaticDeadlines);
-            let runs = operator == "planner" || self.perception.emulates();
-            let wrong = match ms {
-                Some(_) if !used => Some("only `periodic` and `static_deadlines` have use for it".into()),
-                Some(_) if !runs => Some("there is no detector".into()),
-                _ if used => self.length_of(operator).err(),
-                _ => None,
-            };
-            told.extend(wrong.map(|message| (key, message)));
-            self.check_own_settings(operator, told);
-        }
-    }
-
-    /// What `[operator.NAME]` says of an operator that the model or a ladder rules.
-    fn check_own_settings(&self, operator: &str, told: &mut Vec<(String, String)>) {
-        let Some(own) = self.operator.get(operator) else { return };
-        let deadlines = matches!(self.execution.model, Model::StaticDeadlines | Model::DynamicDeadlines);
-        if own.deadline.is_some() && deadlines {
-            let message = "`execution.model` sets the deadline of this operator".to_owned();
-            told.push((format!("operator.{operator}.deadline"), message));
-        }
-        let ladder = match operator {
-            "detector" => self.perception.ladder,
-            _ => self.planning.ladder.is_some(),
-        };
-        if own.runtime.as_ref().is_some_and(|runtime: &Runtime| runtime.model().is_ok()) && ladder {
-            let message = "the rungs of its ladder say what this operator takes".to_owned();
-            told.push((format!("operator.{operator}.runtime"), message));
-        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::assembly::Assembly;
     use swerve_text::{Document, parse_assignment};
 
     fn config(sets: &[&str]) -> Result<Config, String> {
@@ -287,18 +211,32 @@ mod tests {
         assert!(Config::default().planner_rungs().unwrap().is_empty());
     }
 
+    /// Periods or deadlines of these operators, ms.
+    fn lengths<const N: usize>(config: &Config, names: [&str; N]) -> [Option<f64>; N] {
+        let assembly = Assembly::new(config).unwrap();
+        names.map(|name| assembly.operator(name)?.length.map(|length| length.as_ms()))
+    }
+
     #[test]
     fn a_period_is_the_run_time_unless_it_is_said() {
         let of = |sets: &[&str]| {
             let config = on_ladders(&[sets, &["execution.model=periodic"]].concat()).unwrap();
-            ["detector", "planner", "tracker"].map(|name| config.period_of(name).unwrap().map(|p| p.as_ms()))
+            lengths(&config, ["detector", "planner", "tracker"])
         };
         assert_eq!(of(&["planning.rung_ms=67"]), [Some(150.0), Some(67.0), None]);
         assert_eq!(of(&["execution.detector_ms=200"]), [Some(200.0), Some(309.0), None]);
-        assert_eq!(on_ladders(&[]).unwrap().period_of("planner"), Ok(None));
+        assert_eq!(lengths(&on_ladders(&[]).unwrap(), ["planner"]), [None]);
         let fixed = on_ladders(&["execution.model=static_deadlines", "execution.planner_ms=100"]).unwrap();
-        let lengths = ["detector", "planner"].map(|name| fixed.length_of(name).unwrap().map(|p| p.as_ms()));
-        assert_eq!(lengths, [Some(150.0), Some(100.0)]);
+        assert_eq!(lengths(&fixed, ["detector", "planner"]), [Some(150.0), Some(100.0)]);
+    }
+
+    /// Who is ruled is so by its kind, whatever its name.
+    #[test]
+    fn a_second_planner_has_a_period_too() {
+        let text = "[execution]\nmodel = \"periodic\"\nplanner_ms = 70\n[operator.spare]\nkind = \"planner\"\n\
+                    reads = { predictions = \"predictor\" }\n[operator.controller]\nreads = { plan = \"planner.plan\" }\n";
+        let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+        assert_eq!(lengths(&config, ["planner", "spare"]), [Some(70.0), Some(70.0)]);
     }
 
     #[test]

@@ -10,6 +10,8 @@ use super::camera::CameraConfig;
 use super::detectors::{Measure, find, fits, published};
 use super::planner::overridden;
 use super::{Config, PlanningConfig};
+use crate::assembly::ruled_operator;
+use crate::kind::Ruled;
 
 /// The detector's name for none: obstacles as the sensor sees them.
 pub const TRUTH: &str = "truth";
@@ -97,8 +99,13 @@ impl PerceptionConfig {
         self.detector != TRUTH
     }
 
+    /// The published run time of the detector that is emulated, ms.
+    pub fn published_ms(&self) -> Option<f64> {
+        find(&self.detector).map(|published| published.ms)
+    }
+
     /// The detector that is emulated, if one is; what is wrong with it, by key.
-    pub fn emulated(&self) -> Result<Option<Emulated>, (&'static str, String)> {
+    pub(super) fn emulated(&self) -> Result<Option<Emulated>, (&'static str, String)> {
         let (family, sensing, ms) = match self.detector.as_str() {
             TRUTH => return Ok(None),
             CUSTOM => (detector::Params::default(), Sensing::Camera, None),
@@ -116,7 +123,7 @@ impl PerceptionConfig {
     }
 
     /// The tracker behind a detector.
-    pub fn tracker(
+    pub(super) fn tracker(
         &self,
         behind: &detector::Params,
         sightings_max: usize,
@@ -144,18 +151,16 @@ impl Config {
         }
     }
 
-    /// The detector's run time where `[operator.detector]` gives none, ms.
-    pub fn detector_ms(&self) -> Option<f64> {
-        self.perception.emulated().ok().flatten()?.ms
-    }
-
     /// Expected time from a sensor frame to its plan's first effect, ms: the detector's and the planner's.
     pub fn expected_ms(&self) -> f64 {
         let PlanningConfig { expected_ms, .. } = self.planning;
-        let named = self.operator.get("detector").and_then(|o| o.runtime.as_ref());
+        let named = ruled_operator(self, Ruled::Detector).and_then(|own| own.runtime);
         let detector_ms = match self.perception.detector.as_str() {
             TRUTH => 0.0,
-            _ => named.map_or_else(|| self.detector_ms().unwrap_or(0.0), |runtime| runtime.typical_ms()),
+            _ => named.map_or_else(
+                || self.perception.published_ms().unwrap_or(0.0),
+                |runtime| runtime.typical_ms(),
+            ),
         };
         expected_ms.unwrap_or_else(|| self.planning.expected_ms() + detector_ms)
     }
@@ -170,15 +175,6 @@ impl Config {
                 "camera",
                 format!("unknown camera `{name}`, expected one of [{}]{near}", names.join(", ")),
             ));
-        }
-        match perception.emulated() {
-            Err(fault) => tell(fault),
-            Ok(None) => {}
-            Ok(Some(emulated)) => {
-                if let Err(fault) = perception.tracker(&emulated.params, self.prediction.past_steps) {
-                    tell(fault);
-                }
-            }
         }
     }
 }

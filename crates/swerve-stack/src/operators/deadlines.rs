@@ -1,19 +1,18 @@
 //! The deadline policy: how long detector and planner may take, from frame to frame.
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use swerve_core::Span;
 use swerve_flow::{
     Anchor, At, Context, Deadline, Feedback, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo,
     Outputs, Port, PortInfo,
 };
 use swerve_msg::{EgoState, PredictionList, ResponseBudget, Route};
-use swerve_perception::tracker;
 use swerve_planning::deadline::{Overhead, Params, Situation, nearest_hazard, obstacles_near, respond};
 use swerve_vehicle::VehicleParams;
 
-use crate::config::Config;
+use crate::assembly::Placed;
 use crate::config::model::Model;
-use crate::kind::{Node, OperatorKind, Settings};
+use crate::kind::{Node, OperatorKind, Ruled, Settings};
 use crate::site::Site;
 
 /// Sets the deadlines of detector and planner under the dynamic model.
@@ -45,30 +44,20 @@ struct Out {
     planner: Port<Span>,
 }
 
-/// The deadline that the model of execution gives an operator by itself; a policy's is set by the policy, or where its
-/// stream is known.
-pub(super) fn own_deadline(settings: &Settings<'_>) -> anyhow::Result<Option<Deadline>> {
-    let execution = &settings.config.execution;
-    if execution.model != Model::StaticDeadlines {
-        return Ok(None);
-    }
-    let wrong = |problem| anyhow!("execution.{}_ms: {problem}", settings.name);
-    let length = settings.config.length_of(settings.name).map_err(wrong)?;
-    Ok(length.map(|length| Deadline::after(length).reaction(execution.reaction)))
-}
-
 /// The planner's deadline under the dynamic model, once the policy is in the graph.
 pub(super) fn planner_deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Deadline>> {
-    let settings = site.settings();
-    let execution = &settings.config.execution;
+    let execution = &site.config().execution;
     let (reaction, is_dynamic) = (execution.reaction, execution.model == Model::DynamicDeadlines);
     if !is_dynamic {
-        return own_deadline(&settings);
+        return Ok(site.own_deadline());
     }
-    let policy = Policy::new(settings.config, &site.surroundings().route)?;
+    let policy = Policy::new(site);
     let before = respond(&policy.params, None, policy.overhead, 0);
-    let stream = site.graph().stream("deadlines.planner").and_then(|stream| stream.typed::<Span>());
-    let stream = stream.context("execution.model: there is no operator `deadlines`")?;
+    let name =
+        site.assembly.publisher::<ResponseBudget>().context("execution.model: no operator sets deadlines")?;
+    let name = format!("{name}.planner");
+    let stream = site.graph().stream(&name).and_then(|stream| stream.typed::<Span>());
+    let stream = stream.with_context(|| format!("there is no stream `{name}`"))?;
     let deadline = Deadline::from_policy(stream, Span::from_secs(before.planner_s));
     Ok(Some(deadline.anchor(Anchor::Start).reaction(reaction)))
 }
@@ -93,7 +82,7 @@ impl OperatorKind for DeadlinePolicy {
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let policy = Policy::new(site.config(), &site.surroundings().route)?;
+        let policy = Policy::new(site);
         let before = respond(&policy.params, None, policy.overhead, 0);
         let reaction = site.config().execution.reaction;
         site.add(policy, None)?;
@@ -103,8 +92,10 @@ impl OperatorKind for DeadlinePolicy {
         let behind: Feedback<Span> = graph.feedback("detector deadline");
         graph.connect(behind, stream.context("the policy was just added")?);
         let deadline = Deadline::from_policy(behind, Span::from_secs(before.detector_s));
-        if let Ok(detector) = graph.operator("detector") {
-            let _configured = detector.deadline(deadline.anchor(Anchor::Start).reaction(reaction));
+        let ruled = |placed: &&Placed| placed.kind.node().ruled == Some(Ruled::Detector);
+        for detector in site.assembly.operators().iter().filter(ruled) {
+            let deadline = deadline.clone().anchor(Anchor::Start).reaction(reaction);
+            let _configured = site.graph().operator(&detector.name)?.deadline(deadline);
         }
         Ok(())
     }
@@ -119,30 +110,23 @@ struct Policy {
 }
 
 impl Policy {
-    fn new(config: &Config, route: &Route) -> anyhow::Result<Self> {
-        let wrong = |message| anyhow!("execution.params: {message}");
+    fn new(site: &Site<'_>) -> Self {
+        let (config, resolved) = (site.config(), site.resolved());
         let period_s = config.sensing.period_ms * 1e-3;
-        let params = config.deadline_params().map_err(wrong)?;
+        let params = &resolved.deadlines;
         // What takes longer than a period makes the next frame wait.
         let params = Params {
             detector_max_s: params.detector_max_s.min(period_s).max(params.detector_min_s),
             planner_max_s: params.planner_max_s.min(period_s).max(params.planner_min_s),
-            ..params
+            ..params.clone()
         };
         let seen_s = period_s + config.control.period_ms * 1e-3 + config.sim.vehicle.dead_time_s;
-        let confirmed = frames_to_confirm(config)?.saturating_sub(1);
+        // Frames until something that comes into sight is reported.
+        let confirmed = resolved.detector.as_ref().map_or(0, |_| resolved.tracker.hits_min.saturating_sub(1));
         let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
-        Ok(Self { params, overhead, route: route.clone(), vehicle: config.sim.vehicle.clone() })
+        let route = site.surroundings().route.clone();
+        Self { params, overhead, route, vehicle: config.sim.vehicle.clone() }
     }
-}
-
-/// Frames until something that comes into sight is reported.
-fn frames_to_confirm(config: &Config) -> anyhow::Result<usize> {
-    let wrong = |(key, message): (&str, String)| anyhow!("perception.{key}: {message}");
-    let Some(emulated) = config.perception.emulated().map_err(wrong)? else { return Ok(1) };
-    let tracker: tracker::Params =
-        config.perception.tracker(&emulated.params, config.prediction.past_steps).map_err(wrong)?;
-    Ok(tracker.hits_min)
 }
 
 impl Operator for Policy {

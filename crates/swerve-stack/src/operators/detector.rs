@@ -9,12 +9,11 @@ use swerve_msg::truth::Surroundings;
 use swerve_msg::{Detections, RungTaken};
 use swerve_perception::detector::{Detector, Params};
 
-use super::deadlines::own_deadline;
-use super::ladder::{on_ladder, own_timer, take};
+use super::ladder::{on_ladder, take};
 use crate::config::execution::span_ms;
 use crate::config::model::{Model, Rung};
 use crate::config::perception::image_camera;
-use crate::kind::{Node, OperatorKind, Settings};
+use crate::kind::{Node, OperatorKind, Ruled, Settings};
 use crate::site::Site;
 
 /// A detector of a given accuracy, emulated, as the model of execution has it.
@@ -69,6 +68,7 @@ impl OperatorKind for EmulatedDetector {
         Node::new("emulated_detector", "boxes of a published accuracy and run time, made from truth")
             .sections(&["perception"])
             .stays("sensors are where the world is")
+            .ruled(Ruled::Detector)
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {
@@ -90,19 +90,19 @@ impl OperatorKind for EmulatedDetector {
         if settings.config.perception.ladder {
             return Ok(on_ladder());
         }
-        span_ms(settings.config.detector_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed)
+        span_ms(settings.config.perception.published_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed)
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
         let (name, config) = (settings.name, settings.config);
-        let wrong = |(key, problem): (&str, String)| anyhow::anyhow!("perception.{key}: {problem}");
-        let Some(emulated) = config.perception.emulated().map_err(wrong)? else { return Ok(()) };
+        let resolved = site.resolved().clone();
+        let Some(emulated) = resolved.detector else { return Ok(()) };
         let camera = config.detector_camera(emulated.sensing).and_then(|camera| image_camera(&camera));
         let emulate = |params: Params| Detector::new(params, camera, config.seed, name);
-        let mut rungs = config.detector_rungs().map_err(wrong)?;
-        let deadline = own_deadline(&settings)?;
-        if let Some(timer) = own_timer(&settings)? {
+        let mut rungs = resolved.detector_rungs;
+        let deadline = site.own_deadline();
+        if let Some(timer) = site.own_timer() {
             let rung = rungs.pop().map(|Rung { name, run_time, .. }| Rung { name, run_time, what: () });
             let periodic = Periodic { detector: emulate(emulated.params)?, rung, last: None };
             site.add(periodic, Some(timer))?;

@@ -5,7 +5,6 @@
 //!  pose > report --VehicleReport---^  ^--Switch-- switch
 //! ```
 
-use anyhow::anyhow;
 use swerve_control::safety_gate::{GateInput, SafetyGate};
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
 use swerve_msg::{GateOutput, MotionCommand, Switch, VehicleReport};
@@ -40,8 +39,7 @@ impl Kind for Gate {
     }
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let params = site.config().gate_params().map_err(|problem| anyhow!("gate.params: {problem}"))?;
-        Ok(Self(SafetyGate::new(params)?))
+        Ok(Self(SafetyGate::new(site.resolved().gate)?))
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {

@@ -1,11 +1,10 @@
 //! Operators that take the finest of several implementations that fits the time left.
 
 use swerve_core::Span;
-use swerve_flow::{Context, RuntimeModel, Timer};
+use swerve_flow::{Context, RuntimeModel};
 use swerve_msg::RungTaken;
 
 use crate::config::model::Rung;
-use crate::kind::Settings;
 
 /// What a unit of work of an operator on a ladder lasts.
 const UNIT_NS: i64 = 1000;
@@ -26,11 +25,4 @@ pub(super) fn take<'a, T>(rungs: &'a mut [Rung<T>], cx: &mut Context<'_>) -> (&'
     cx.spend(1);
     let taken = RungTaken { stamp: cx.stamp(), rung: name.clone(), run_time: *run_time, left };
     (what, taken)
-}
-
-/// The timer of an operator under the periodic model.
-pub(super) fn own_timer(settings: &Settings<'_>) -> anyhow::Result<Option<Timer>> {
-    let wrong = |problem| anyhow::anyhow!("execution.{}_ms: {problem}", settings.name);
-    let period = settings.config.period_of(settings.name).map_err(wrong)?;
-    Ok(period.map(|period| settings.drawn_timer(period)))
 }

@@ -105,7 +105,7 @@ impl OperatorKind for ObstacleSensor {
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
         let timer = settings.drawn_timer(span_of_ms(settings.config.sensing.period_ms));
-        let Ok(Some(emulated)) = settings.config.perception.emulated() else {
+        let Some(emulated) = &site.resolved().detector else {
             let sensor = ForTracker(ObstacleSight::new(settings.config, None));
             return site.add(sensor, Some(timer));
         };

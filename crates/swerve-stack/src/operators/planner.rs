@@ -13,11 +13,11 @@ use swerve_planning::{Budget, Planner, Progress, Request, Unlimited, predicted_s
 use swerve_vehicle::{Limits, Shape};
 
 use super::deadlines::planner_deadline;
-use super::ladder::{on_ladder, own_timer, take};
+use super::ladder::{on_ladder, take};
 use crate::config::execution::Runtime;
 use crate::config::model::{Model, Rung};
 use crate::config::{Config, StartState};
-use crate::kind::{Heavy, Node, OperatorKind, Settings};
+use crate::kind::{Heavy, Node, OperatorKind, Ruled, Settings};
 use crate::site::{Site, Surroundings};
 
 /// A motion planner, as the model of execution has it.
@@ -57,6 +57,7 @@ impl OperatorKind for Planners {
         Node::new("planner", "a motion planner: `planning.planner` says which")
             .sections(&["planning"])
             .heavy(Heavy::Yes)
+            .ruled(Ruled::Planner)
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
@@ -94,14 +95,14 @@ impl OperatorKind for Planners {
         let settings = site.settings();
         let config = settings.config;
         let operator = PlannerOperator::new(config, site.surroundings())?;
-        let wrong = |(key, problem): (&str, String)| anyhow::anyhow!("planning.{key}: {problem}");
-        let make = |Rung { name, run_time, what }| {
-            let what = config.planning.planner_with(&what).map_err(|problem| wrong(("params", problem)))?;
-            Ok(Rung { name, run_time, what })
+        let make = |Rung { name, run_time, what }: &Rung<toml::Table>| {
+            let what = config.planning.planner_with(what);
+            let what = what.map_err(|message| anyhow::anyhow!("planning.params: {message}"))?;
+            Ok(Rung { name: name.clone(), run_time: *run_time, what })
         };
-        let rungs = config.planner_rungs().map_err(wrong)?;
-        let mut rungs = rungs.into_iter().map(make).collect::<anyhow::Result<Vec<_>>>()?;
-        if let Some(timer) = own_timer(&settings)? {
+        let rungs = &site.resolved().planner_rungs;
+        let mut rungs = rungs.iter().map(make).collect::<anyhow::Result<Vec<_>>>()?;
+        if let Some(timer) = site.own_timer() {
             let usual = Span::from_secs(config.planning.expected_ms() * 1e-3);
             let periodic = PeriodicPlanner { operator, rung: rungs.pop(), usual };
             site.add(periodic, Some(timer))?;

@@ -1,12 +1,10 @@
 //! Trackers: of what a detector finds, or of what is seen with its identity.
 
-use anyhow::anyhow;
 use swerve_flow::{
     At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
 };
 use swerve_geom::{Pose2, math};
 use swerve_msg::{Detections, EgoState, ObstacleList, TrackList};
-use swerve_perception::detector::Params;
 use swerve_perception::tracker::Tracker as Sort;
 use swerve_prediction::{History, HistoryParams};
 
@@ -63,12 +61,8 @@ impl OperatorKind for Trackers {
             let params = HistoryParams { sightings_max, ..HistoryParams::default() };
             return site.add(HistoryTracker(History::new(params)), None);
         }
-        let wrong = |(key, problem): (&str, String)| anyhow!("perception.{key}: {problem}");
-        // The noise of a detector that is not emulated is taken to be that of the emulation's defaults.
-        let emulated = config.perception.emulated().map_err(wrong)?;
-        let behind = emulated.map_or_else(Params::default, |emulated| emulated.params);
-        let params = config.perception.tracker(&behind, sightings_max).map_err(wrong)?;
-        site.add(SortTracker(Sort::new(params)?), None)
+        let tracker = Sort::new(site.resolved().tracker.clone())?;
+        site.add(SortTracker(tracker), None)
     }
 }
 

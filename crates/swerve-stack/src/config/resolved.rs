@@ -1,0 +1,160 @@
+//! Settings that operators are made of: typed and checked, from the configuration as it stands for one of them.
+
+use swerve_control::safety_gate::GateParams;
+use swerve_core::Span;
+use swerve_flow::Reaction;
+use swerve_perception::{detector, tracker};
+use swerve_planning::deadline;
+use swerve_text::number;
+
+use super::execution::{Runtime, span_ms};
+use super::model::{Model, Rung};
+use super::perception::Emulated;
+use super::{Config, OperatorConfig};
+use crate::kind::{KeyProblems, Ruled};
+
+/// What the texts of a configuration come to, once. Operators are made of it, and ask no text.
+#[derive(Clone, Debug)]
+pub struct Resolved {
+    /// Limits and times of the safety gate.
+    pub gate: GateParams,
+    /// The deadline policy.
+    pub deadlines: deadline::Params,
+    /// The detector that is emulated, if one is.
+    pub detector: Option<Emulated>,
+    /// Its ladder, the fastest first; empty where it always is the same.
+    pub detector_rungs: Vec<Rung<detector::Params>>,
+    /// The tracker behind a detector.
+    pub tracker: tracker::Params,
+    /// The planner's ladder, the fastest first, each with the parameters that make it; empty where it always is the same.
+    pub planner_rungs: Vec<Rung<toml::Table>>,
+}
+
+impl Resolved {
+    /// All of it. What is wrong is told by key, and a default stands in its place.
+    pub fn new(config: &Config, told: &mut KeyProblems) -> Self {
+        let mut tell = |key: String, message: String| told.push((key, message));
+        let vehicle = &config.sim.vehicle;
+        let gate = config.gate_params().unwrap_or_else(|message| {
+            // A vehicle with problems of its own has been told.
+            if vehicle.validate().is_ok() {
+                tell("gate.params".into(), message);
+            }
+            GateParams::new(vehicle)
+        });
+        let deadlines = config.deadline_params().unwrap_or_else(|message| {
+            tell("execution.params".into(), message);
+            deadline::Params::default()
+        });
+        let perception = &config.perception;
+        let detector = perception.emulated().unwrap_or_else(|(key, message)| {
+            tell(format!("perception.{key}"), message);
+            None
+        });
+        // The noise of a detector that is not emulated is taken to be that of the emulation's defaults.
+        let behind = detector.as_ref().map_or_else(Default::default, |emulated| emulated.params.clone());
+        let tracker =
+            perception.tracker(&behind, config.prediction.past_steps).unwrap_or_else(|(key, message)| {
+                tell(format!("perception.{key}"), message);
+                tracker::Params::default()
+            });
+        let detector_rungs = config.detector_rungs().unwrap_or_else(|(key, message)| {
+            tell(format!("perception.{key}"), message);
+            Vec::new()
+        });
+        let planner_rungs = config.planner_rungs().unwrap_or_else(|(key, message)| {
+            tell(format!("planning.{key}"), message);
+            Vec::new()
+        });
+        let planning = &config.planning;
+        let on_ladder = planner_rungs.iter().find_map(|rung| planning.planner_with(&rung.what).err());
+        if let Some(message) = planning.planner().err().or(on_ladder) {
+            tell("planning.params".into(), message);
+        }
+        Self { gate, deadlines, detector, detector_rungs, tracker, planner_rungs }
+    }
+}
+
+impl Ruled {
+    /// The key of `[execution]` that says the length.
+    pub(crate) const fn key(self) -> &'static str {
+        match self {
+            Self::Detector => "detector_ms",
+            Self::Planner => "planner_ms",
+        }
+    }
+
+    /// The period or the fixed deadline of an operator, under the models that have one: as said, else what its highest
+    /// rung or its fixed run time takes.
+    ///
+    /// # Errors
+    /// Nothing says it, or it is none.
+    pub(crate) fn length(
+        self,
+        config: &Config,
+        own: &OperatorConfig,
+        resolved: &Resolved,
+    ) -> Result<Option<Span>, String> {
+        let execution = &config.execution;
+        if !execution.model.has_lengths() {
+            return Ok(None);
+        }
+        let (given, top) = match self {
+            Self::Detector => {
+                let top = resolved.detector_rungs.last().map(|rung| rung.run_time.as_ms());
+                (execution.detector_ms, top.or(resolved.detector.as_ref().and_then(|detector| detector.ms)))
+            }
+            Self::Planner => {
+                (execution.planner_ms, resolved.planner_rungs.last().map(|rung| rung.run_time.as_ms()))
+            }
+        };
+        let fixed = own.runtime.as_ref().and_then(|runtime| runtime.fixed_ms);
+        let ms = given.or(fixed).or(top).ok_or("expected milliseconds, where no fixed run time says them")?;
+        if !(1.0..=10_000.0).contains(&ms) {
+            return Err(format!("expected 1 to 10000, found {}", number(ms)));
+        }
+        span_ms(ms).map(Some)
+    }
+
+    /// What is wrong with `[operator.NAME]` of an operator that the model or a ladder rules, by key.
+    pub(crate) fn problems(self, config: &Config, own: &OperatorConfig) -> Vec<(&'static str, &'static str)> {
+        let mut wrong = Vec::new();
+        let deadlines = matches!(config.execution.model, Model::StaticDeadlines | Model::DynamicDeadlines);
+        if own.deadline.is_some() && deadlines {
+            wrong.push(("deadline", "`execution.model` sets the deadline of this operator"));
+        }
+        let ladder = match self {
+            Self::Detector => config.perception.ladder,
+            Self::Planner => config.planning.ladder.is_some(),
+        };
+        if ladder && own.runtime.as_ref().is_some_and(|runtime: &Runtime| runtime.model().is_ok()) {
+            wrong.push(("runtime", "the rungs of its ladder say what this operator takes"));
+        }
+        wrong
+    }
+}
+
+impl Config {
+    /// What is wrong with `[execution]`.
+    pub(super) fn check_execution(&self, told: &mut KeyProblems) {
+        let execution = &self.execution;
+        if execution.reaction == Reaction::OnDeadline {
+            let message =
+                "expected \"skip\" or \"reuse_last\": detector and planner have no answer of another kind";
+            told.push(("execution.reaction".into(), message.into()));
+        }
+        let used = execution.model.has_lengths();
+        let lengths = [
+            (Ruled::Detector, execution.detector_ms, self.perception.emulates()),
+            (Ruled::Planner, execution.planner_ms, true),
+        ];
+        for (ruled, _, runs) in lengths.into_iter().filter(|(_, ms, runs)| ms.is_some() && !(used && *runs)) {
+            let message = if runs || !used {
+                "only `periodic` and `static_deadlines` have use for it"
+            } else {
+                "there is no detector"
+            };
+            told.push((format!("execution.{}", ruled.key()), message.into()));
+        }
+    }
+}
