@@ -3,15 +3,17 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use anyhow::Context as _;
 use swerve_core::Span;
 use swerve_flow::{
     Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Payload, Port, PortInfo,
     RuntimeModel, every,
 };
 use swerve_geom::{FrenetPoint, Pose2, math};
-use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, Route};
+use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, ResponseBudget, Route};
 use swerve_vehicle::Limits;
 
+use crate::assembly::{Assembly, Placed};
 use crate::config::Config;
 use crate::kind::{Heavy, Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
@@ -63,12 +65,22 @@ impl<T: Clone> Seat<T> {
 }
 
 impl Agent {
-    /// The operator whose place it takes.
-    pub fn operator(&self) -> &'static str {
-        match self {
-            Self::Command(_) => "controller",
-            Self::Plan(_) | Self::Target(_) => "planner",
-        }
+    /// The operator of a configuration whose place it takes: the one that publishes what it decides.
+    ///
+    /// # Errors
+    /// There is none, or the configuration makes no pipeline.
+    pub fn operator(&self, config: &Config) -> anyhow::Result<String> {
+        let assembly = Assembly::new(config)?;
+        Ok(self.place(&assembly)?.name.clone())
+    }
+
+    fn place<'a>(&self, assembly: &'a Assembly) -> anyhow::Result<&'a Placed> {
+        let name = match self {
+            Self::Command(_) => assembly.publisher::<Command>(),
+            Self::Plan(_) | Self::Target(_) => assembly.publisher::<Plan>(),
+        };
+        name.and_then(|name| assembly.operator(name))
+            .context("no operator of the pipeline makes what an agent decides")
     }
 
     /// From one decision to the next.
@@ -89,16 +101,16 @@ impl Agent {
             "gate.enabled: the gate takes motion, an agent in the place of the controller gives pedals; \
              expected false, or an agent in the place of the planner"
         );
+        let assembly = Assembly::new(config)?;
+        let place = self.place(&assembly)?;
         let mut config = config.clone();
-        config.registry = config.registry.clone().with_kind(AgentKind(self.clone()));
-        let place = config.operator.entry(self.operator().to_owned()).or_default();
-        place.kind = Some(KIND.to_owned());
-        let unused: &[&str] = match self {
-            Self::Command(_) => &["planner", "deadlines"],
-            Self::Plan(_) | Self::Target(_) => &["deadlines"],
-        };
-        for name in unused {
-            config.operator.entry((*name).to_owned()).or_default().enabled = Some(false);
+        let kind = AgentKind { agent: self.clone(), in_place_of: place.kind.clone() };
+        config.registry = config.registry.clone().with_kind(kind);
+        config.operator.entry(place.name.clone()).or_default().kind = Some(KIND.to_owned());
+        let deadlines = assembly.publisher::<ResponseBudget>();
+        let planner = assembly.publisher::<Plan>().filter(|_| matches!(self, Self::Command(_)));
+        for unused in deadlines.into_iter().chain(planner) {
+            config.operator.entry(unused.to_owned()).or_default().enabled = Some(false);
         }
         Ok(config)
     }
@@ -108,7 +120,10 @@ impl Agent {
 const KIND: &str = "agent";
 
 /// An agent as the assembly sees it.
-struct AgentKind(Agent);
+struct AgentKind {
+    agent: Agent,
+    in_place_of: Arc<dyn OperatorKind>,
+}
 
 /// When the agent decides.
 #[derive(Inputs)]
@@ -134,27 +149,26 @@ impl OperatorKind for AgentKind {
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
-        match self.0 {
+        match self.agent {
             Agent::Command(_) => <Port<Command> as NamedOutputs>::ports(),
             Agent::Plan(_) | Agent::Target(_) => <Port<Plan> as NamedOutputs>::ports(),
         }
     }
 
     fn inputs(&self, _: &Settings<'_>) -> Vec<PortInfo> {
-        match self.0 {
+        match self.agent {
             Agent::Command(_) | Agent::Plan(_) => DecidedIn::ports(),
             Agent::Target(_) => TargetIn::ports(),
         }
     }
 
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
-        let in_place_of = settings.config.registry.kind(self.0.operator());
-        in_place_of.map_or(Ok(RuntimeModel::Zero), |kind| kind.runtime(settings))
+        self.in_place_of.runtime(settings)
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let timer = Some(every(self.0.period(site.config())));
-        match &self.0 {
+        let timer = Some(every(self.agent.period(site.config())));
+        match &self.agent {
             Agent::Command(seat) => site.add(Decided(seat.clone()), timer),
             Agent::Plan(seat) => site.add(Decided(seat.clone()), timer),
             Agent::Target(seat) => {

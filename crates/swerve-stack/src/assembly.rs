@@ -97,10 +97,12 @@ impl Assembly {
     ///
     /// # Errors
     /// All that is wrong with `[operator.NAME]` tables and with what operators read, by key.
-    pub fn new(config: &Config) -> Result<Self, KeyProblems> {
+    pub fn new(config: &Config) -> anyhow::Result<Self> {
         let mut problems = KeyProblems::new();
         let assembly = Self::with_problems(config, &mut problems);
-        if problems.is_empty() { Ok(assembly) } else { Err(problems) }
+        let lines: Vec<String> = problems.iter().map(|(key, message)| format!("{key}: {message}")).collect();
+        anyhow::ensure!(lines.is_empty(), lines.join("\n"));
+        Ok(assembly)
     }
 
     /// The same, as far as it goes; what is wrong comes to the `problems` that are known, without what only follows

@@ -73,11 +73,7 @@ impl Pipeline {
     /// As [`build`](Self::build).
     pub fn build_without_stage(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
         let scenario = drawn(config, scenario);
-        let assembly = Assembly::new(config).map_err(|problems| {
-            let lines: Vec<String> =
-                problems.iter().map(|(key, message)| format!("{key}: {message}")).collect();
-            anyhow!(lines.join("\n"))
-        })?;
+        let assembly = Assembly::new(config)?;
         let (route, vehicle) = (scenario.road.route(), config.sim.vehicle.clone());
         let around = Surroundings { scenario, route, vehicle };
         let Building { graph, memory, sources, stage, .. } =

@@ -172,7 +172,7 @@ impl Drive {
             Pipeline::build_for(&config, &task.scenario, &agent)?;
         let options = RunOptions::until(until).seed(config.seed);
         let mut session = Session::new(graph, &options, Vec::new())?;
-        session.hold_before(agent.operator())?;
+        session.hold_before(&agent.operator(&config)?)?;
         let steps = (agent.period(&config).as_secs() * 1e3 / config.sim.dt_ms).ceil() as usize;
         let mut watch = |name: &str, depth: usize| {
             session.watch(name, depth).with_context(|| format!("there is no stream `{name}`"))

@@ -20,7 +20,7 @@ fn driven(agent: &Agent, until: Time) -> (Vec<EgoState>, usize) {
     let pipeline = Pipeline::build_for(&config, &scenario, agent).unwrap();
     let options = RunOptions::until(until).seed(config.seed);
     let mut session = Session::new(pipeline.graph, &options, vec![]).unwrap();
-    session.hold_before(agent.operator()).unwrap();
+    session.hold_before(&agent.operator(&config).unwrap()).unwrap();
     let world = session.watch("world", 1).unwrap();
     let mut states = Vec::new();
     while session.advance() == Reached::Held {

@@ -94,7 +94,7 @@ impl OperatorKind for DeadlinePolicy {
         let deadline = Deadline::from_policy(behind, Span::from_secs(before.detector_s));
         let ruled = |placed: &&Placed| placed.kind.node().ruled == Some(Ruled::Detector);
         for detector in site.assembly.operators().iter().filter(ruled) {
-            let deadline = deadline.clone().anchor(Anchor::Start).reaction(reaction);
+            let deadline = deadline.anchor(Anchor::Start).reaction(reaction);
             let _configured = site.graph().operator(&detector.name)?.deadline(deadline);
         }
         Ok(())
@@ -118,7 +118,7 @@ impl Policy {
         let params = Params {
             detector_max_s: params.detector_max_s.min(period_s).max(params.detector_min_s),
             planner_max_s: params.planner_max_s.min(period_s).max(params.planner_min_s),
-            ..params.clone()
+            ..*params
         };
         let seen_s = period_s + config.control.period_ms * 1e-3 + config.sim.vehicle.dead_time_s;
         // Frames until something that comes into sight is reported.

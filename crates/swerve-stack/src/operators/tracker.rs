@@ -61,7 +61,7 @@ impl OperatorKind for Trackers {
             let params = HistoryParams { sightings_max, ..HistoryParams::default() };
             return site.add(HistoryTracker(History::new(params)), None);
         }
-        let tracker = Sort::new(site.resolved().tracker.clone())?;
+        let tracker = Sort::new(site.resolved().tracker)?;
         site.add(SortTracker(tracker), None)
     }
 }
