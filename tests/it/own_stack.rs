@@ -22,6 +22,10 @@ mod nearest_ahead;
 #[path = "../../examples/own_stack/src/slow_down.rs"]
 mod slow_down;
 
+// What `swerve new` puts into a folder.
+#[path = "../../crates/swerve/template/src/slow_down.rs"]
+mod new_slow_down;
+
 use clear_ahead::ClearAhead;
 
 fn registry() -> Registry {
@@ -117,6 +121,19 @@ fn faults_befall_what_they_read_and_wrong_keys_are_refused_with_their_line() {
     );
     let problems = refused.unwrap_err().iter().map(ToString::to_string).collect::<Vec<_>>();
     assert!(problems[0].contains("unknown key; did you mean \"range_m\"?"), "{problems:?}");
+}
+
+/// The planner of a new folder, without a package around it: that one is built by a slow test.
+#[test]
+fn the_planner_of_a_new_folder_drives_its_scenario() {
+    let registry = Registry::standard().with::<new_slow_down::SlowDown>();
+    let folder = root().join("crates/swerve/template");
+    let config = Config::load_with(&registry, Some(&folder.join("own.toml")), &[]).unwrap();
+    let scenario = read_scenario(&folder.join("scenario.toml")).unwrap();
+    let outcome =
+        drive_pipeline(Pipeline::build(&config, &scenario).unwrap(), config.seed, 1, &mut []).unwrap();
+    let expected = scenario.expectation(&config.pipeline_name()).unwrap();
+    assert_eq!(outcome.broken(expected), Vec::<String>::new());
 }
 
 #[test]

@@ -17,8 +17,10 @@ pub struct SlowDown {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Keys {
-    /// Half of the width that has to be clear, m.
+    /// Half of the width that has to be clear of what stands, m.
     half_width_m: f64,
+    /// Half of the width that has to be clear of what moves, m.
+    half_width_moving_m: f64,
     /// What is left before an obstacle, m.
     gap_m: f64,
     /// How hard it brakes, m/s2.
@@ -27,7 +29,7 @@ pub struct Keys {
 
 impl Default for Keys {
     fn default() -> Self {
-        Self { half_width_m: 2.5, gap_m: 8.0, brake_mps2: 5.0 }
+        Self { half_width_m: 1.3, half_width_moving_m: 4.0, gap_m: 4.0, brake_mps2: 5.0 }
     }
 }
 
@@ -57,9 +59,16 @@ impl Operator for SlowDown {
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<Plan>) {
         let (Some(seen), Some(ego)) = (input.obstacles.get(), input.ego.get()) else { return };
         let from_m = self.route.project(ego.pose.point()).s_m;
-        let places = seen.obstacles.iter().map(|obstacle| self.route.project(obstacle.pose.point()));
-        let in_the_way = places.filter(|at| at.s_m > from_m && at.d_m.abs() < self.keys.half_width_m);
-        let left_m = in_the_way.map(|at| at.s_m - from_m - self.keys.gap_m).fold(f64::INFINITY, f64::min);
+        let ahead = seen.obstacles.iter().filter_map(|obstacle| {
+            let at = self.route.project(obstacle.pose.point());
+            let half_width_m = if obstacle.velocity_mps.norm() > 0.3 {
+                self.keys.half_width_moving_m
+            } else {
+                self.keys.half_width_m
+            };
+            (at.s_m > from_m && at.d_m.abs() < half_width_m).then_some(at.s_m - from_m)
+        });
+        let left_m = ahead.fold(f64::INFINITY, f64::min) - self.keys.gap_m;
         let speed_mps = self.target_mps.min((2.0 * self.keys.brake_mps2 * left_m.max(0.0)).sqrt());
         let point = |k: i64| {
             let place = self.route.line().at(from_m + speed_mps * 0.1 * k as f64);

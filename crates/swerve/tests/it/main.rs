@@ -2,6 +2,7 @@
 //! time for them, or other makers' programs: `cargo test -- --ignored` runs them.
 #![expect(clippy::unwrap_used, reason = "a failed test says where")]
 
+mod absent;
 mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
 mod decoders; // bytes from outside never make a decoder panic
 mod interrupt; // Ctrl-C in a study
