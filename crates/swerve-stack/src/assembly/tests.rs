@@ -206,116 +206,115 @@ fn two_cameras_have_a_detector_each_and_a_fusion_behind_them() {
     assert_ne!(ms("left_detector"), ms("right_detector"), "each has its own published run time");
 }
 
+/// Texts, and what is said of each.
+const REFUSED: &[(&str, &str)] = &[
+    ("[operator.planer]\n", "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world"),
+    (
+        "[operator.x]\nkind = \"linear_predicter\"\n",
+        "c.toml:2: operator.x.kind: unknown kind `linear_predicter`",
+    ),
+    (
+        "[operator.planer]\nenabled = false\n",
+        "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world",
+    ),
+    (
+        "[operator.d]\nkind = \"emulated_detector\"\n",
+        "c.toml:2: operator.d.kind: `emulated_detector` takes no part in this pipeline, which is set by [perception]",
+    ),
+    (
+        "[operator.tracker]\nruntme = { fixed_ms = 3 }\n",
+        "c.toml:2: operator.tracker.runtme: unknown key (did you mean `runtime`?)",
+    ),
+    (
+        "[operator.predictor]\nreads = { track = \"tracker\" }\n",
+        "c.toml:2: operator.predictor.reads.track: `linear_predictor` has no port of this name, expected one of tracks (did you mean `tracks`?)",
+    ),
+    (
+        "[operator.predictor]\nreads = { tracks = \"trackr\" }\n",
+        "c.toml:2: operator.predictor.reads.tracks: unknown stream `trackr`, expected one of tracker (did you mean `tracker`?)",
+    ),
+    (
+        "[operator.predictor]\nreads = { tracks = \"pose\" }\n",
+        "c.toml:2: operator.predictor.reads.tracks: expected a stream of `TrackList`, found `pose` of `EgoState`",
+    ),
+    (
+        "[operator.second]\nkind = \"linear_predictor\"\n",
+        "c.toml:1: operator.second: several streams carry `PredictionList`: name one of \"predictor\", \"second\" in [operator.planner] reads = { predictions = \"...\" }",
+    ),
+    (
+        "[operator.predictor]\nenabled = false\n",
+        "c.toml:2: operator.predictor.enabled: `planner` reads `PredictionList`, which nobody else publishes",
+    ),
+    (
+        "[operator.predictor]\nhorizon = 2000\n",
+        "c.toml:2: operator.predictor.horizon: unknown key; did you mean \"horizon_ms\"?",
+    ),
+    (
+        "[operator.predictor]\nhorizon_ms = 1\n",
+        "c.toml:2: operator.predictor.horizon_ms: expected 50 to 60000, found 1",
+    ),
+    ("[operator.x]\nkind = \"fusion\"\nkey = 1\n", "c.toml:3: operator.x.key: unknown key"),
+    (
+        "[operator.world]\nreads = { command = { stream = \"controller\", feedback = false } }\n",
+        "c.toml:2: operator.world.reads: a cycle without a feedback edge goes through world,",
+    ),
+    (
+        "[operator.predictor]\nreads = { tracks = [] }\n",
+        "c.toml:2: operator.predictor.reads.tracks: expected one stream, found 0",
+    ),
+    (
+        "[operator.predictor]\nreads = { tracks = { stream = \"tracker\", feedback = true } }\n",
+        "c.toml:2: operator.predictor.reads.tracks.feedback: expected false: `tracks` reads the message of its",
+    ),
+    (
+        "[operator.second_world]\nkind = \"simulator\"\n",
+        "c.toml:2: operator.second_world.kind: expected another kind: a run has one simulated world",
+    ),
+    (
+        "[operator.objects]\nkind = \"object_input\"\n[operator.obstacles]\nenabled = false\n",
+        "c.toml:2: operator.objects.kind: only a vehicle of `swerve live` feeds `object_input`: a simulated run would",
+    ),
+    (
+        "[perception]\ndetector = \"efficientdet-d3@v100\"\n[operator.detector]\nenabled = false\n",
+        "c.toml:4: operator.detector.enabled: `perception.detector` is `efficientdet-d3@v100`, and nothing else detects",
+    ),
+    (
+        "[operator.\"a b/c\"]\nkind = \"imu\"\n",
+        "c.toml:1: operator.a b/c: expected a name of letters, digits and underscores",
+    ),
+    (
+        "[operator.\"\"]\nkind = \"imu\"\n",
+        "c.toml:1: operator.: expected a name of letters, digits and underscores",
+    ),
+    (
+        "[operator.predictor]\nreads = { tracks = 3 }\n",
+        "c.toml:2: operator.predictor.reads.tracks: expected a stream, an array of streams, or { stream = ",
+    ),
+    (
+        "[operator.predictor]\nreads = { tracks = { stream = \"tracker\", feedbak = true } }\n",
+        "c.toml:2: operator.predictor.reads.tracks.feedbak: unknown key; did you mean \"feedback\"?",
+    ),
+    (
+        "[operator.watch]\nkind = \"sensor_monitor\"\n[camera.front]\n",
+        "c.toml:1: operator.watch.sensor: is missing: expected a camera or a lidar, one of front",
+    ),
+    (
+        "[monitor.watch]\n",
+        "c.toml:1: monitor.watch.sensor: is missing: expected a camera or a lidar; [camera.NAME] or [lidar.NAME] makes one",
+    ),
+    (
+        "[monitor.watch]\nsensor = \"frnt\"\n[camera.front]\n",
+        "c.toml:2: monitor.watch.sensor: unknown camera or lidar `frnt`, expected one of front (did you mean `front`?)",
+    ),
+    (
+        "[operator.world]\nreads = { step = \"imu\" }\n",
+        "c.toml:2: operator.world.reads.step: a timer reads no stream",
+    ),
+];
+
 #[test]
 fn what_does_not_fit_is_refused_with_line_key_and_nearest_name() {
-    let cases = [
-        (
-            "[operator.planer]\n",
-            "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world",
-        ),
-        (
-            "[operator.x]\nkind = \"linear_predicter\"\n",
-            "c.toml:2: operator.x.kind: unknown kind `linear_predicter`",
-        ),
-        (
-            "[operator.planer]\nenabled = false\n",
-            "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world",
-        ),
-        (
-            "[operator.d]\nkind = \"emulated_detector\"\n",
-            "c.toml:2: operator.d.kind: `emulated_detector` takes no part in this pipeline, which is set by [perception]",
-        ),
-        (
-            "[operator.tracker]\nruntme = { fixed_ms = 3 }\n",
-            "c.toml:2: operator.tracker.runtme: unknown key (did you mean `runtime`?)",
-        ),
-        (
-            "[operator.predictor]\nreads = { track = \"tracker\" }\n",
-            "c.toml:2: operator.predictor.reads.track: `linear_predictor` has no port of this name, expected one of tracks (did you mean `tracks`?)",
-        ),
-        (
-            "[operator.predictor]\nreads = { tracks = \"trackr\" }\n",
-            "c.toml:2: operator.predictor.reads.tracks: unknown stream `trackr`, expected one of tracker (did you mean `tracker`?)",
-        ),
-        (
-            "[operator.predictor]\nreads = { tracks = \"pose\" }\n",
-            "c.toml:2: operator.predictor.reads.tracks: expected a stream of `TrackList`, found `pose` of `EgoState`",
-        ),
-        (
-            "[operator.second]\nkind = \"linear_predictor\"\n",
-            "c.toml:1: operator.second: several streams carry `PredictionList`: name one of \"predictor\", \"second\" in [operator.planner] reads = { predictions = \"...\" }",
-        ),
-        (
-            "[operator.predictor]\nenabled = false\n",
-            "c.toml:2: operator.predictor.enabled: `planner` reads `PredictionList`, which nobody else publishes",
-        ),
-        (
-            "[operator.predictor]\nhorizon = 2000\n",
-            "c.toml:2: operator.predictor.horizon: unknown key; did you mean \"horizon_ms\"?",
-        ),
-        (
-            "[operator.predictor]\nhorizon_ms = 1\n",
-            "c.toml:2: operator.predictor.horizon_ms: expected 50 to 60000, found 1",
-        ),
-        ("[operator.x]\nkind = \"fusion\"\nkey = 1\n", "c.toml:3: operator.x.key: unknown key"),
-        (
-            "[operator.world]\nreads = { command = { stream = \"controller\", feedback = false } }\n",
-            "c.toml:2: operator.world.reads: a cycle without a feedback edge goes through world,",
-        ),
-        (
-            "[operator.predictor]\nreads = { tracks = [] }\n",
-            "c.toml:2: operator.predictor.reads.tracks: expected one stream, found 0",
-        ),
-        (
-            "[operator.predictor]\nreads = { tracks = { stream = \"tracker\", feedback = true } }\n",
-            "c.toml:2: operator.predictor.reads.tracks.feedback: expected false: `tracks` reads the message of its",
-        ),
-        (
-            "[operator.second_world]\nkind = \"simulator\"\n",
-            "c.toml:2: operator.second_world.kind: expected another kind: a run has one simulated world",
-        ),
-        (
-            "[operator.objects]\nkind = \"object_input\"\n[operator.obstacles]\nenabled = false\n",
-            "c.toml:2: operator.objects.kind: only a vehicle of `swerve live` feeds `object_input`: a simulated run would",
-        ),
-        (
-            "[perception]\ndetector = \"efficientdet-d3@v100\"\n[operator.detector]\nenabled = false\n",
-            "c.toml:4: operator.detector.enabled: `perception.detector` is `efficientdet-d3@v100`, and nothing else detects",
-        ),
-        (
-            "[operator.\"a b/c\"]\nkind = \"imu\"\n",
-            "c.toml:1: operator.a b/c: expected a name of letters, digits and underscores",
-        ),
-        (
-            "[operator.\"\"]\nkind = \"imu\"\n",
-            "c.toml:1: operator.: expected a name of letters, digits and underscores",
-        ),
-        (
-            "[operator.predictor]\nreads = { tracks = 3 }\n",
-            "c.toml:2: operator.predictor.reads.tracks: expected a stream, an array of streams, or { stream = ",
-        ),
-        (
-            "[operator.predictor]\nreads = { tracks = { stream = \"tracker\", feedbak = true } }\n",
-            "c.toml:2: operator.predictor.reads.tracks.feedbak: unknown key; did you mean \"feedback\"?",
-        ),
-        (
-            "[operator.watch]\nkind = \"sensor_monitor\"\n[camera.front]\n",
-            "c.toml:1: operator.watch.sensor: is missing: expected a camera or a lidar, one of front",
-        ),
-        (
-            "[monitor.watch]\n",
-            "c.toml:1: monitor.watch.sensor: is missing: expected a camera or a lidar; [camera.NAME] or [lidar.NAME] makes one",
-        ),
-        (
-            "[monitor.watch]\nsensor = \"frnt\"\n[camera.front]\n",
-            "c.toml:2: monitor.watch.sensor: unknown camera or lidar `frnt`, expected one of front (did you mean `front`?)",
-        ),
-        (
-            "[operator.world]\nreads = { step = \"imu\" }\n",
-            "c.toml:2: operator.world.reads.step: a timer reads no stream",
-        ),
-    ];
-    for (text, expected) in cases {
+    for (text, expected) in REFUSED {
         let problems = read(text, &[]).err().unwrap_or_default();
         assert!(problems.iter().any(|problem| problem.starts_with(expected)), "{expected}\n{problems:#?}");
     }
