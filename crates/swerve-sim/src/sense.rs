@@ -11,12 +11,12 @@ mod odometry;
 mod radar;
 mod timing;
 
-pub use events::{LaneInvasionSensor, RedLightSensor, collisions};
-pub use motion::{GnssParams, ImuParams, PoseParams, gnss, imu, pose};
-pub use obstacles::{SensorMount, SensorParams, fixed_points, visible_obstacles};
-pub use odometry::{OdometryWheels, WheelOdometer, WheelOdometryParams, rolling_speeds_radps};
+pub use events::*;
+pub use motion::*;
+pub use obstacles::*;
+pub use odometry::*;
 pub use radar::{Radar, RadarParams, RadarPreset, rcs_dbsm};
-pub use timing::SensorTiming;
+pub use timing::*;
 
 use motion::key;
 

@@ -10,7 +10,7 @@ use swerve_flow::{
     RuntimeModel, every,
 };
 use swerve_geom::{FrenetPoint, Pose2, math};
-use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, ResponseBudget, Route};
+use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, Route};
 use swerve_vehicle::Limits;
 
 use crate::assembly::{Assembly, Placed};
@@ -91,7 +91,7 @@ impl Agent {
         })
     }
 
-    /// The configuration with the agent in the place of its operator, and without those that have no use then.
+    /// The configuration with the agent in the place of its operator, and without a planner that has no use then.
     ///
     /// # Errors
     /// A safety gate before pedals: it takes motion.
@@ -107,10 +107,9 @@ impl Agent {
         let kind = AgentKind { agent: self.clone(), in_place_of: place.kind.clone() };
         config.registry = config.registry.clone().with_kind(kind);
         config.operator.entry(place.name.clone()).or_default().kind = Some(KIND.to_owned());
-        let deadlines = assembly.publisher::<ResponseBudget>();
-        let planner = assembly.publisher::<Plan>().filter(|_| matches!(self, Self::Command(_)));
-        for unused in deadlines.into_iter().chain(planner) {
-            config.operator.entry(unused.to_owned()).or_default().enabled = Some(false);
+        // Nobody reads a plan where an agent is at the wheel.
+        if let (Self::Command(_), Some(planner)) = (self, assembly.publisher::<Plan>()) {
+            config.operator.entry(planner.to_owned()).or_default().enabled = Some(false);
         }
         Ok(config)
     }
