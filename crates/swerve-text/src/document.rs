@@ -155,9 +155,10 @@ impl Document {
 /// What a reader of TOML says of itself in words of TOML.
 fn not_toml(message: &str) -> String {
     if message.starts_with("invalid type: integer") {
-        return format!("expected whole numbers from {} to {}", i64::MIN, i64::MAX);
+        let found = message.split('`').nth(1).map_or_else(String::new, |found| format!(", found {found}"));
+        return format!("expected whole numbers from {} to {}{found}", i64::MIN, i64::MAX);
     }
-    if message.contains("recursion limit") {
+    if message.contains("recursion") {
         return "not TOML: tables and arrays are nested too deep".to_owned();
     }
     format!("not TOML: {message}")
