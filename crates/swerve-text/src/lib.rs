@@ -22,4 +22,4 @@ pub use form::{is_within, keys, read};
 pub use overridden::overridden;
 pub use problem::{KeyProblem, Problem, Problems, in_one_line};
 pub use table::{Range, Reading, TableReader};
-pub use words::{did_you_mean, is_plain_name, list, nearest, number, with_nearest_name};
+pub use words::{did_you_mean, list, nearest, number, with_nearest_name};

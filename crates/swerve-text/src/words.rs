@@ -37,11 +37,6 @@ pub fn with_nearest_name(message: &str) -> String {
     }
 }
 
-/// Whether a name is made of letters, digits and underscores.
-pub fn is_plain_name(name: &str) -> bool {
-    !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
-}
-
 /// Names in quotes, with commas.
 pub fn list(names: &[&str]) -> String {
     names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")

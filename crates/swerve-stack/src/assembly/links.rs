@@ -20,7 +20,7 @@ pub(super) fn link(operators: &mut Vec<Placed>, config: &Config, problems: &mut 
         let said = said(placed, config, &mut own);
         let mut own: Vec<Wrong> = own.into_iter().map(Wrong::Said).collect();
         for input in &mut placed.inputs {
-            let named = said.iter().find(|(port, _)| port == input.port.name).map(|(_, reads)| reads);
+            let named = said.iter().find(|(port, _)| *port == input.port.name).map(|(_, reads)| reads);
             if named.is_some_and(|reads| reads.each().iter().any(|(stream, ..)| is_told(stream, problems))) {
                 continue;
             }
@@ -140,7 +140,7 @@ fn streams(operators: &[Placed]) -> Vec<Offer> {
 
 /// What is said of an operator's ports: in its table, else by its settings.
 fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(String, Reads)> {
-    let ports: Vec<&str> = placed.inputs.iter().map(|input| input.port.name).collect();
+    let ports: Vec<&str> = placed.inputs.iter().map(|input| &*input.port.name).collect();
     let mut said: Vec<(String, Reads)> = Vec::new();
     for (port, reads) in &placed.own.reads {
         if ports.contains(&port.as_str()) {
