@@ -63,7 +63,7 @@ enum Wrong {
     /// What is said of it.
     Said((String, String)),
     /// Nobody said what it reads, and several streams could be meant, or none: their operators and names.
-    Unsaid { operator: String, port: &'static str, payload: PayloadType, fits: Vec<(String, String)> },
+    Unsaid { operator: String, port: String, payload: PayloadType, fits: Vec<(String, String)> },
 }
 
 /// Tells what is wrong with ports. What nobody said is no problem of its own where operators are missing for another
@@ -186,7 +186,7 @@ fn edges(
         [] if port.optional => Ok(Vec::new()),
         several => {
             let fits = several.iter().map(|offer| (offer.operator.clone(), offer.stream.clone())).collect();
-            Err(Wrong::Unsaid { operator: operator.to_owned(), port: port.name, payload, fits })
+            Err(Wrong::Unsaid { operator: operator.to_owned(), port: port.name.to_string(), payload, fits })
         }
     }
 }
