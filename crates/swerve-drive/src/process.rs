@@ -45,7 +45,10 @@ fn unready(program: &Program, config: &Config, error: IpcError) -> anyhow::Error
     let IpcError::Worker { process, .. } = &error else { return error.into() };
     if let Some(own) = config.process.get(process).filter(|own| own.python.is_some()) {
         let python = program.python(own.interpreter.as_deref()).and_then(|python| python.check());
-        return python.err().map_or(error.into(), |why| why.context(format!("process.{process}.python")));
+        return match python {
+            Ok(()) => error.into(),
+            Err(why) => why.context(format!("process.{process}.python")),
+        };
     }
     match started_by(config, process) {
         Some(start) => anyhow::anyhow!(
