@@ -7,9 +7,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::Context as _;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use swerve::Summary;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
-use swerve_drive::{Summary, drive_pipeline, problems_error, read_scenario, set_up, story};
+use swerve_drive::{drive_pipeline, problems_error, read_scenario, set_up, story};
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_log::{Recorder, RunStart};
 use swerve_report::story::draw;
@@ -139,7 +140,7 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     };
     let processes = match config.process.is_empty() {
         true => None,
-        false => Some(Processes::start(&Program::this()?, config, scenario_text, &mut pipeline)?),
+        false => Some(Processes::start(&Program::this()?, config, &mut pipeline)?),
     };
     let mut observers: Vec<&mut dyn Observer> = vec![&mut capture, &mut told, &mut story];
     observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));

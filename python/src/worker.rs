@@ -13,6 +13,7 @@ use swerve_flow::{
     AnyInput, AnyMessage, AnyOperator, AnyOutputs, Context, Graph, Header, InputKind, OperatorInfo,
 };
 use swerve_ipc::Setup;
+use swerve_stack::pipeline::Pipeline;
 
 use crate::convert::{cbor, error};
 use crate::numbers;
@@ -98,9 +99,13 @@ fn told(py: Python<'_>, error: &PyErr) -> String {
     format!("{error}\n{trace}").trim_end().to_owned()
 }
 
-/// What an operator reads: for each input but timers how, of which stream, and the type of its messages.
-fn ports(graph: &Graph, operator: &OperatorInfo) -> Vec<(String, String, String)> {
-    let of = |input: &swerve_flow::InputInfo| {
+/// The name of a port where the configuration declares it, how it is read, of which stream, the type of its messages.
+type Read = (Option<String>, String, String, String);
+
+/// What an operator reads, timers left out.
+fn inputs(graph: &Graph, operator: &OperatorInfo, names: Vec<String>) -> Vec<Read> {
+    let mut names = names.into_iter();
+    let mut of = |input: &swerve_flow::InputInfo| {
         let stream = input.stream.clone()?;
         let kind = match input.kind {
             InputKind::At => "at".to_owned(),
@@ -109,25 +114,39 @@ fn ports(graph: &Graph, operator: &OperatorInfo) -> Vec<(String, String, String)
             InputKind::Every { .. } => return None,
         };
         let type_name = graph.stream(&stream)?.payload().full_name.to_owned();
-        Some((kind, stream, type_name))
+        Some((names.next(), kind, stream, type_name))
     };
-    operator.inputs.iter().filter_map(of).collect()
+    operator.inputs.iter().filter_map(&mut of).collect()
+}
+
+/// What an operator publishes: the name of the port where the configuration declares it, the stream, its messages' type.
+fn outputs(operator: &OperatorInfo, names: Vec<String>) -> Vec<(Option<String>, String, String)> {
+    let mut names = names.into_iter();
+    let of = |(stream, type_name): &(String, String)| (names.next(), stream.clone(), type_name.clone());
+    operator.outputs.iter().map(of).collect()
 }
 
 /// Takes steps until the run that started this process is over. `make` is called once for each operator, with its
-/// name, inputs (how, stream, Rust type) and outputs (stream, Rust type), and gives what is called for each frame.
+/// name, inputs (port, how, stream, Rust type) and outputs (port, stream, Rust type), and gives what is called for each
+/// frame. Ports have names where the configuration declares them.
 #[pyfunction]
 pub(crate) fn work(py: Python<'_>, make: Py<PyAny>) -> PyResult<()> {
-    let prepare = |setup: &Setup, mut graph: Graph| {
+    let prepare = |setup: &Setup, pipeline: Pipeline| {
+        let Pipeline { mut graph, assembly, .. } = pipeline;
         let described = graph.describe()?;
         for name in &setup.operators {
             let Some(operator) = described.operators.iter().find(|operator| operator.name == *name) else {
                 continue;
             };
-            let inputs = ports(&graph, operator);
+            let declared = assembly.operator(name).filter(|placed| placed.kind.node().elsewhere);
+            let ports = declared.into_iter().flat_map(|placed| &placed.inputs).map(|input| &input.port);
+            let read =
+                ports.filter(|port| port.payload.is_some()).map(|port| port.name.to_string()).collect();
+            let published = declared.into_iter().flat_map(|placed| &placed.outputs);
+            let published = published.map(|output| output.port.name.to_string()).collect();
+            let (inputs, outputs) = (inputs(&graph, operator, read), outputs(operator, published));
             let timers = operator.inputs.iter().map(|input| input.stream.is_none()).collect();
             let step = Python::attach(|py| {
-                let outputs: Vec<_> = operator.outputs.clone();
                 make.call1(py, (name.as_str(), inputs, outputs)).map_err(|error| told(py, &error))
             });
             let step = step.map_err(anyhow::Error::msg)?;

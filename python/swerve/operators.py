@@ -14,7 +14,9 @@ It runs in a process of the run, which the configuration starts in the place of 
 
     [process.watch]
     operators = ["eye"]
-    start = ["python", "-m", "swerve", "worker", "watcher.py:Watcher"]
+    python = "watcher.py:Watcher"
+
+With `[operator.NAME] kind = "python"` a configuration declares an operator that Swerve does not know.
 
 What images and point clouds consist of is read where their sensor wrote it, in shared memory: nothing is copied, and the
 arrays cannot be written to. They are valid as long as they are held.
@@ -26,6 +28,7 @@ import importlib.util
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -80,33 +83,39 @@ class Operator:
     """
 
     inputs: ClassVar[Mapping[str, type[Message]]] = {}
-    """The inputs by names of its own, in the order of the operator's ports, timers left out."""
+    """The inputs by the names of the ports that the configuration declares. For an operator that Swerve knows by names
+    of its own, in the order of the operator's ports, timers left out."""
     outputs: ClassVar[Mapping[str, type[Message]]] = {}
-    """The outputs, in their order."""
+    """The outputs in the same way."""
 
     def step(self, frame: Frame) -> Message | Mapping[str, Message | None] | None:
         """Answers one frame: a message, or messages by the names of the outputs; none where it has no answer."""
         raise NotImplementedError
 
 
-_Ports = Sequence[tuple[str, ...]]
+#: Of each port its name where the configuration declares it, how it is read, its stream, the Rust type of its messages;
+#: of an output not how it is read.
+_Ports = Sequence[tuple[str | None, ...]]
 
 
-def _check(what: str, operator: str, declared: Mapping[str, type[Message]], ports: _Ports) -> None:
-    """Compares what a class declares with what the graph has."""
-    wanted = [message_class(port[-1]) for port in ports]
-    if list(declared.values()) != wanted:
-        has = ", ".join(f"{port[-2]}: {kind.__name__}" for port, kind in zip(ports, wanted))
+def _ports(
+    what: str, operator: str, declared: Mapping[str, type[Message]], ports: _Ports
+) -> list[tuple[str, type[Message]]]:
+    """What a class declares in the order of the graph's ports: those that have names go by these, others by their place."""
+    wanted = [(port[0] or name, message_class(str(port[-1]))) for port, name in zip_longest(ports, declared) if port]
+    if sorted((name, kind.__name__) for name, kind in declared.items()) != sorted(
+        (name or "", kind.__name__) for name, kind in wanted
+    ):
+        has = ", ".join(f"{port[0] or port[-2]}: {kind.__name__}" for port, (_, kind) in zip(ports, wanted))
         says = ", ".join(f"{name}: {kind.__name__}" for name, kind in declared.items())
         raise TypeError(f"{what} of operator `{operator}` are ({has}), the class declares ({says})")
+    return wanted
 
 
 def stepper(operator: Operator, name: str, inputs: _Ports, outputs: _Ports) -> Callable[..., list[Any]]:
     """What is called for each frame with plain values, and answers with plain values, an output or none a port."""
-    _check("inputs", name, operator.inputs, inputs)
-    _check("outputs", name, operator.outputs, outputs)
-    ports = list(operator.inputs.items())
-    out = list(operator.outputs)
+    ports = _ports("inputs", name, operator.inputs, inputs)
+    out = [name for name, _ in _ports("outputs", name, operator.outputs, outputs)]
 
     def step(facts: dict[str, Any], read: list[list[tuple[dict[str, Any], dict[str, Any]]]]) -> list[Any]:
         windows = {
@@ -160,6 +169,8 @@ def work(words: list[str]) -> int:
             raise KeyError(f"no class is named for operator `{name}`")
         return stepper(load(where)(), name, inputs, outputs)
 
+    # Standard output is how a process answers its run; what an operator prints is for people.
+    sys.stdout = sys.stderr
     try:
         _swerve.work(make)
     except ValueError as error:

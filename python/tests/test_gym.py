@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import warnings
 from typing import Any
 
@@ -36,6 +38,21 @@ def test_images_are_observed() -> None:
     for _ in range(60):
         observation, *_ = env.step(env.action_space.sample())
     assert observation["front.rgb"].shape == (16, 32, 3) and observation["front.rgb"].any()
+
+
+def test_environments_are_known_without_an_import() -> None:
+    """Gymnasium imports the module that stands before the name."""
+    code = """if True:
+        import gymnasium
+        env = gymnasium.make("swerve.gym:swerve/PersonBehindTruck-v0", observe="pose")
+        assert env.reset(seed=1)[0].shape == (8,)
+        envs = gymnasium.make_vec(
+            "swerve.gym:swerve/Lane-v0", num_envs=2, vectorization_mode="vector_entry_point", observe="pose"
+        )
+        assert envs.reset(seed=1)[0].shape == (2, 8)
+        assert type(gymnasium.make("swerve/Lane-v0").unwrapped).__module__ == "swerve.gym"
+    """
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def drive(env: Any, seed: int, steps: int = 300) -> list[bytes]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -17,12 +20,20 @@ SENSORS = {
     "log": {"sensors": ["front"]},
 }
 
+#: The file that an array lies in, and where in it.
+PLACE = """
+        def place(array):
+            address = array.__array_interface__["data"][0]
+            for line in open("/proc/self/maps"):
+                words = line.split()
+                first, last = (int(word, 16) for word in words[0].split("-"))
+                if first <= address < last:
+                    return (words[5] if len(words) > 5 else ""), int(words[2], 16) + address - first
+"""
+
 
 def with_worker(operator: str, where: str, **more: Any) -> dict[str, Any]:
-    import sys
-
-    start = [sys.executable, "-m", "swerve", "worker", where]
-    return {**SENSORS, **more, "process": {"python": {"operators": [operator], "start": start}}}
+    return {**SENSORS, **more, "process": {"python": {"operators": [operator], "python": where}}}
 
 
 @pytest.fixture
@@ -36,31 +47,33 @@ def file(tmp_path: Path) -> Any:
 
 
 def test_images_are_read_where_they_lie(file: Any) -> None:
-    """The worker writes down where its array is, and which mapping of its memory that is in."""
+    """Two workers write down where in which file of the shared memory their array is: it is one place. A copy is none."""
     where = file(
-        """
+        PLACE
+        + """
         class Eye(swerve.Operator):
             inputs = {"image": messages.Image}
             outputs = {"health": messages.SensorHealth}
 
             def step(self, frame):
                 image = frame["image"]
-                address = image.pixels.__array_interface__["data"][0]
-                assert address == image.pixels.base.address, "another place than the block's"
                 assert not image.pixels.flags.owndata and not image.pixels.flags.writeable
-                mapping = next(
-                    line for line in open("/proc/self/maps")
-                    if int(line.split("-")[0], 16) <= address < int(line.split()[0].split("-")[1], 16)
-                )
-                assert "/dev/shm/" in mapping, mapping
+                name, offset = place(image.pixels)
+                assert name.startswith("/dev/shm/"), name
+                assert not place(image.pixels.copy())[0].startswith("/dev/shm/")
                 commonest = np.bincount(image.pixels.reshape(-1)).max() / image.pixels.size
-                return messages.SensorHealth(image.stamp, image.pixels.size, 0, float(np.float32(commonest)), False, address)
+                where = int.from_bytes(name[-7:].encode(), "little") ^ offset
+                return messages.SensorHealth(image.stamp, image.pixels.size, 0, float(np.float32(commonest)), False, where)
         """
     )
-    result = swerve.run("lane", with_worker("eye", f"{where}:Eye"), set={"ego.speed_mps": 30})
+    other = {"monitor": {"eye": {"sensor": "front"}, "other": {"sensor": "front"}}}
+    config = with_worker("eye", f"{where}:Eye", **other)
+    config["process"]["second"] = {"operators": ["other"], "python": f"{where}:Eye"}
+    result = swerve.run("lane", config, set={"ego.speed_mps": 30})
     health = list(result.streams["eye"])
     assert len(health) > 5 and {message.numbers for message in health} == {320 * 160 * 3}
-    here = swerve.run("lane", SENSORS, set={"ego.speed_mps": 30})
+    assert [message.checksum for message in health] == [message.checksum for message in result.streams["other"]]
+    here = swerve.run("lane", {**SENSORS, **other}, set={"ego.speed_mps": 30})
     # 32-bit numbers of Rust, counted by somebody else.
     assert [m.commonest_share for m in health] == [m.commonest_share for m in here.streams["eye"]]
 
@@ -83,6 +96,7 @@ def test_a_run_comes_out_the_same_with_a_tracker_in_python(file: Any) -> None:
                     past = self.past.setdefault(o.id, [])
                     past.append(messages.Sighting(seen.stamp, messages.Point2(o.pose.x_m, o.pose.y_m)))
                     tracks.append(messages.Track(o.id, o.kind, o.pose, o.extent, o.velocity_mps, past[-10:]))
+                print(len(tracks), "tracks")  # for people: to standard error
                 return messages.TrackList(seen.stamp, tracks)
         """
     )
@@ -122,6 +136,121 @@ def test_ports_are_compared(file: Any, capfd: pytest.CaptureFixture[str]) -> Non
     assert "inputs of operator `eye` are (front.rgb: Image), the class declares (image: PointCloud)" in said
 
 
+FINDER = """
+    class Finder(swerve.Operator):
+        # In another order than the ports of the configuration.
+        outputs = {"boxes": messages.Detections}
+        inputs = {"seen": messages.ObstacleList, "ego": messages.EgoState}
+
+        def step(self, frame):
+            seen, ego = frame["seen"], frame["ego"]
+            if seen is None or ego is None:
+                return None
+            cos, sin = np.cos(ego.pose.heading_rad), np.sin(ego.pose.heading_rad)
+            boxes = []
+            for o in seen.obstacles:
+                x, y = o.pose.x_m - ego.pose.x_m, o.pose.y_m - ego.pose.y_m
+                pose = messages.Pose2(cos * x + sin * y, cos * y - sin * x, o.pose.heading_rad - ego.pose.heading_rad)
+                boxes.append(messages.DetectedBox(o.kind, 0.9, pose, 0.0, o.extent, None))
+            return messages.Detections(seen.stamp, boxes)
+"""
+
+
+def with_finder(where: str, **keys: Any) -> dict[str, Any]:
+    finder = {
+        "kind": "python",
+        "inputs": {"ego": "latest EgoState", "seen": "ObstacleList"},
+        "outputs": {"boxes": "Detections"},
+        "runtime": {"fixed_ms": 20.0},
+    }
+    process = {"operators": ["finder"], "python": f"{where}:Finder"}
+    return {"operator": {"finder": {**finder, **keys}}, "process": {"finder": process}}
+
+
+def swerve_says(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "swerve", *words], capture_output=True, text=True, check=False)
+
+
+def test_a_configuration_adds_an_operator(file: Any, tmp_path: Path) -> None:
+    """The stack's tracker takes what a detector in Python finds: the same at each time, and in a replay."""
+    config, log = with_finder(file(FINDER)), str(tmp_path / "drive.mcap")
+    result = swerve.run("person_crossing", config, log=log)
+    finder = result.streams["finder"]
+    assert len(finder) > 20 and (finder.visible_at - finder.stamps == 20_000_000).all()
+    assert sum(len(message.tracks) for message in result.streams["tracker"]) > 0
+    assert swerve.run("person_crossing", config, threads=2).digest == result.digest
+    late = {**config, "fault": {"late": {"stream": "finder", "delay_ms": 200.0}}}
+    assert swerve.run("person_crossing", late).digest != result.digest
+    assert swerve.run("person_crossing", with_finder(file(FINDER), runtime={"zero": True})).digest != result.digest
+    replayed = swerve_says("replay", log, "--verify", "--from", "finder")
+    assert replayed.returncode == 0 and f"digest {result.digest}, as logged" in replayed.stdout, replayed
+    file(FINDER.replace("0.9", "0.8"))
+    replayed = swerve_says("replay", log, "--verify", "--from", "finder")
+    assert replayed.returncode == 1 and "the replay differs from the log" in replayed.stderr, replayed
+
+
+def test_a_run_with_measured_time_is_replayed(file: Any, tmp_path: Path) -> None:
+    log = str(tmp_path / "drive.mcap")
+    result = swerve.run("person_crossing", with_finder(file(FINDER), runtime={"measured": 3.0}), log=log)
+    finder = result.streams["finder"]
+    assert len(set((finder.visible_at - finder.stamps).tolist())) > 5, "each step takes its time"
+    replayed = swerve_says("replay", log, "--verify", "--from", "finder")
+    assert replayed.returncode == 0, replayed
+
+
+def test_cells_of_a_study_and_environments_have_it_too(file: Any, tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium")
+    import swerve.gym
+
+    config = with_finder(file(FINDER))
+    run = swerve.run("person_crossing", config, seed=3)
+    (tmp_path / "base.toml").write_text(run.config)
+    base = {"scenario": "person_crossing", "config": str(tmp_path / "base.toml")}
+    content = {"base": base, "axis": [{"name": "seed", "key": "seed", "values": [3]}]}
+    study = swerve.study(content, out=tmp_path / "out")
+    assert [f"{cell['digest']:016x}" for cell in study.cells] == [run.digest]
+    env = swerve.gym.DrivingEnv("person_crossing", config, observe="tracker", level="target")
+    env.reset(seed=3)
+    observations = [env.step(env.action_space.sample())[0] for _ in range(40)]
+    assert any(observation.any() for observation in observations)
+
+
+def test_ports_of_a_configuration_go_by_their_names(file: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    where = file(FINDER.replace('"seen": messages', '"obstacles": messages'))
+    with pytest.raises(ValueError, match="process `finder`"):
+        swerve.run("lane", with_finder(where))
+    said = capfd.readouterr().err
+    expected = "are (ego: EgoState, seen: ObstacleList), the class declares (obstacles: ObstacleList, ego: EgoState)"
+    assert f"inputs of operator `finder` {expected}" in said
+
+
+@pytest.mark.parametrize(
+    ("process", "says"),
+    [
+        ({"python": "no_such.py:Finder"}, "process.finder.python: there is no file .*no_such.py"),
+        ({"python": "finder.py"}, "process.finder.python: expected FILE.py:Class"),
+        ({}, "process.finder.operators.0.: `finder` is written in Python"),
+        ({"python": f"{__file__}:Finder", "start": ["ssh"]}, "process.finder.start: expected `start` or `python`"),
+        ({"python": f"{__file__}:Finder", "interpreter": "/bin/false"}, "/bin/false has not the package `swerve`"),
+    ],
+)
+def test_a_process_that_cannot_be_is_told(process: dict[str, Any], says: str) -> None:
+    config = with_finder("")
+    config["process"]["finder"] = {"operators": ["finder"], **process}
+    with pytest.raises(ValueError, match=says):
+        swerve.run("lane", config)
+
+
+@pytest.mark.skipif("SWERVE_BINARY" not in os.environ, reason="SWERVE_BINARY names no program")
+def test_the_program_itself_runs_a_class_beside_its_configuration(file: Any, tmp_path: Path) -> None:
+    config = tmp_path / "finder.toml"
+    config.write_text(swerve.run("lane", with_finder(file(FINDER))).config.replace(f"{tmp_path}/", ""))
+    command = [os.environ["SWERVE_BINARY"], "run", "lane", "-c", str(config), "--json", "--out", str(tmp_path / "out")]
+    environment = {**os.environ, "VIRTUAL_ENV": sys.prefix}
+    said = subprocess.run(command, capture_output=True, text=True, env=environment, cwd="/", check=False)
+    assert f'"digest": "{swerve.run("lane", with_finder(file(FINDER))).digest}"' in said.stdout, said
+
+
 def test_an_operator_is_stepped_without_a_run() -> None:
     class Brake(operators.Operator):
         inputs = {"pose": messages.EgoState, "plan": messages.Plan}
@@ -131,8 +260,8 @@ def test_an_operator_is_stepped_without_a_run() -> None:
             pose = frame["pose"]
             return None if pose is None else messages.Command(0.0, 0.0, min(1.0, pose.speed_mps))
 
-    ports = [("latest", "pose", "EgoState"), ("latest", "planner", "Plan")]
-    step = operators.stepper(Brake(), "controller", ports, [("controller", "Command")])
+    ports = [(None, "latest", "pose", "EgoState"), (None, "latest", "planner", "Plan")]
+    step = operators.stepper(Brake(), "controller", ports, [(None, "controller", "Command")])
     facts = {"operator": "controller", "now": 5, "stamp": 5, "deadline": None}
     assert step(facts, [[], []]) == []
     header = dict(stamp=5, visible_at=5, seq=0, watermark=5, reused_from=None, origin=None)

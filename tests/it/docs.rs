@@ -1,7 +1,8 @@
 //! README, ARCHITECTURE and the how-to pages tell no lies: commands parse, files exist, settings check, code is quoted.
 //!
 //! In fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file;
-//! `rust PATH` lines that stand in that file, word for word. Names with `my_` are the reader's own.
+//! `rust PATH` lines that stand in that file, word for word; `python FILE` a whole file beside those of settings.
+//! Names with `my_` are the reader's own.
 
 use std::path::{Path, PathBuf};
 
@@ -184,8 +185,18 @@ fn every_setting_shown_is_sound() {
     let top = tempfile::tempdir().unwrap();
     copy_toml(&root().join("scenarios"), &top.path().join("scenarios"));
     copy_toml(&root().join("configs"), &top.path().join("configs"));
+    let programs =
+        std::fs::read_dir(root().join("examples/python")).unwrap().map(|entry| entry.unwrap().path());
+    for program in programs {
+        std::fs::copy(&program, top.path().join("configs").join(program.file_name().unwrap())).unwrap();
+    }
+    let blocks = blocks();
+    for (file, block) in blocks.iter().filter_map(|block| Some((block.info.strip_prefix("python ")?, block)))
+    {
+        std::fs::write(top.path().join("configs").join(file), &block.text).unwrap();
+    }
     let mut seen = 0;
-    for (i, block) in blocks().iter().enumerate() {
+    for (i, block) in blocks.iter().enumerate() {
         let Some(kind) = block.info.strip_prefix("toml") else { continue };
         let folder = match kind.trim() {
             "scenario" => "scenarios",

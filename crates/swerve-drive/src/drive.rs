@@ -13,6 +13,7 @@ use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
 
 use crate::measured::Measured;
+use crate::process::Processes;
 use crate::rungs::Rungs;
 
 /// What a run came to.
@@ -44,7 +45,8 @@ pub fn drive_observed(
     threads: usize,
     observers: &mut [&mut dyn Observer],
 ) -> anyhow::Result<Outcome> {
-    let pipeline = Pipeline::build(config, scenario)?;
+    let mut pipeline = Pipeline::build(config, scenario)?;
+    let _processes = Processes::start_needed(config, &mut pipeline)?;
     drive_pipeline(pipeline, config.seed, threads, observers)
 }
 

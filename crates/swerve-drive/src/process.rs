@@ -4,6 +4,7 @@
 //! operators that `[process.NAME]` names taken by the process of that name.
 
 use core::time::Duration;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::Context as _;
@@ -14,6 +15,7 @@ use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
+use swerve_stack::config::process::{ProcessConfig, SharedMemoryConfig};
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
@@ -39,8 +41,15 @@ fn waiting(config: &Config, process: &str) -> String {
 }
 
 /// Why a process did not come up, with what its start has to do.
-fn unready(config: &Config, error: IpcError) -> anyhow::Error {
+fn unready(program: &Program, config: &Config, error: IpcError) -> anyhow::Error {
     let IpcError::Worker { process, .. } = &error else { return error.into() };
+    if let Some(own) = config.process.get(process).filter(|own| own.python.is_some()) {
+        let python = program.python(own.interpreter.as_deref()).and_then(|python| python.check());
+        return match python {
+            Ok(()) => error.into(),
+            Err(why) => why.context(format!("process.{process}.python")),
+        };
+    }
     match started_by(config, process) {
         Some(start) => anyhow::anyhow!(
             "{error}: {start}: expected what ends in `swerve worker` and hands on standard input and output"
@@ -79,6 +88,16 @@ fn streams_read(config: &Config, pipeline: &Pipeline) -> anyhow::Result<Vec<(Str
     Ok(read)
 }
 
+/// What starts a process: its own command, else this program, or the Python that has its class.
+fn starting(program: &Program, name: &str, process: &ProcessConfig) -> anyhow::Result<Program> {
+    if let Some((path, arguments)) = process.start.split_first() {
+        return Ok(Program { path: path.into(), arguments: arguments.to_vec(), ..program.clone() });
+    }
+    let Some(class) = &process.python else { return Ok(program.with(&["worker"])) };
+    let python = program.python(process.interpreter.as_deref());
+    Ok(python.with_context(|| format!("process.{name}.python"))?.with(&["worker", class]))
+}
+
 /// What a process builds its pipeline from.
 #[derive(Serialize, Deserialize)]
 struct Texts {
@@ -92,18 +111,37 @@ pub struct Processes {
 }
 
 impl Processes {
+    /// Starts those processes of a configuration that it does not go without: they take steps in Python. The others'
+    /// steps come out the same here. What plays records back needs none.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn start_needed(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Option<Self>> {
+        let mut needed: BTreeMap<String, ProcessConfig> = config
+            .processes_elsewhere(&pipeline.assembly)
+            .map(|(name, process)| (name.clone(), process.clone()))
+            .collect();
+        if needed.is_empty() {
+            return Ok(None);
+        }
+        let described = pipeline.graph.describe()?;
+        let is_stepped = |name: &String| described.operators.iter().any(|own| own.name == *name && !own.feed);
+        for process in needed.values_mut() {
+            process.operators.retain(is_stepped);
+        }
+        needed.retain(|_, process| !process.operators.is_empty());
+        let config =
+            Config { process: needed, shared_memory: SharedMemoryConfig::default(), ..config.clone() };
+        Self::start(&Program::this()?, &config, pipeline).map(Some)
+    }
+
     /// Starts the processes of a configuration, and has the steps of their operators taken there. `program` is
-    /// this program; `scenario` the text of the pipeline's.
+    /// this program.
     ///
     /// # Errors
     /// When there is no shared memory, or a process does not come up.
-    pub fn start(
-        program: &Program,
-        config: &Config,
-        scenario: &str,
-        pipeline: &mut Pipeline,
-    ) -> anyhow::Result<Self> {
-        let texts = Texts { config: config.to_text(), scenario: scenario.to_owned() };
+    pub fn start(program: &Program, config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
+        let texts = Texts { config: config.to_text(), scenario: pipeline.scenario.text.to_string() };
         let payload = serde_json::to_vec(&texts)?;
         let mut workers = match &config.shared_memory.name {
             Some(name) => WorkerPool::named(name)?,
@@ -117,16 +155,7 @@ impl Processes {
         }
         let on_event = on_event(pipeline.take_source_of());
         for (name, process) in &config.process {
-            let start = match process.start.split_first() {
-                Some((path, arguments)) => {
-                    Program { path: path.into(), arguments: arguments.to_vec(), ..program.clone() }
-                }
-                None => {
-                    let worker = ["worker".to_owned()];
-                    let arguments = program.arguments.iter().cloned().chain(worker).collect();
-                    Program { arguments, ..program.clone() }
-                }
-            };
+            let start = starting(program, name, process)?;
             let spec = WorkerSpec {
                 process: name.clone(),
                 operators: process.operators.clone(),
@@ -142,7 +171,7 @@ impl Processes {
         let tell = |process: &str| eprintln!("{}", waiting(config, process));
         workers
             .wait_ready_telling(READY_WITHIN, TOLD_AFTER, &tell)
-            .map_err(|error| unready(config, error))?;
+            .map_err(|error| unready(program, config, error))?;
         for (name, process) in &config.process {
             for operator in &process.operators {
                 let endpoint = workers.endpoint(name).context("the process was just started")?;
@@ -165,16 +194,16 @@ impl Processes {
 
 /// What a process of a run does: it takes the steps that it is called for.
 pub fn run_worker(registry: &Registry) -> anyhow::Result<()> {
-    run_worker_with(registry, |_, graph| Ok(graph))
+    run_worker_with(registry, |_, pipeline| Ok(pipeline.graph))
 }
 
-/// The same, after `prepare` has had a hand in the graph whose operators' steps it takes.
+/// The same, after `prepare` has had a hand in the pipeline whose operators' steps it takes.
 ///
 /// # Errors
 /// When it was not started by a run, or the run's shared memory is not there; or as `prepare`.
 pub fn run_worker_with(
     registry: &Registry,
-    prepare: impl FnOnce(&Setup, Graph) -> anyhow::Result<Graph>,
+    prepare: impl FnOnce(&Setup, Pipeline) -> anyhow::Result<Graph>,
 ) -> anyhow::Result<()> {
     let setup = Setup::read(std::io::stdin().lock())
         .context("reading from standard input what to do: `swerve worker` is started by `swerve run`")?;
@@ -186,7 +215,7 @@ pub fn run_worker_with(
         .map_err(|problems| problems_error(&problems))?;
     // Neither cameras nor lidars are stepped here.
     let pipeline = Pipeline::build_without_stage(&config, &scenario)?;
-    let worker = prepare(&setup, pipeline.graph)?.into_worker(&setup.operators)?;
+    let worker = prepare(&setup, pipeline)?.into_worker(&setup.operators)?;
     Ok(work(&setup, worker)?)
 }
 

@@ -143,9 +143,20 @@ impl Graph {
             }
             AnySource::Every(timer) => PortSpec::Timer(timer),
         });
+        self.push_any(name, ports.collect(), operator, outputs)
+    }
+
+    /// Adds an operator whose ports are declared already.
+    pub(crate) fn push_any(
+        &mut self,
+        name: &str,
+        ports: Vec<PortSpec>,
+        operator: impl AnyOperator,
+        outputs: &[(&str, PayloadType)],
+    ) -> Vec<AnyStream> {
         let types: Vec<_> = outputs.iter().map(|(_, payload)| *payload).collect();
         let body = Box::new(AnyBody { operator, types: types.clone() });
-        let first = self.push_any(name, ports.collect(), body, &types);
+        let first = self.push_body(name, ports, body, &types);
         for (i, (output, _)) in outputs.iter().enumerate().filter(|_| outputs.len() > 1) {
             self.streams[first + i].name = format!("{name}.{output}").into();
         }

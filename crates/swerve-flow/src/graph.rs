@@ -192,7 +192,7 @@ impl Graph {
     }
 
     /// Adds an operator whose types are known at run time only; gives the first of its streams.
-    pub(crate) fn push_any(
+    pub(crate) fn push_body(
         &mut self,
         name: &str,
         ports: Vec<PortSpec>,

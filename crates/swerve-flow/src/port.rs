@@ -1,5 +1,7 @@
 //! Ports as data: what an operator reads and publishes, by name, for whoever wires it without knowing its type.
 
+use std::borrow::Cow;
+
 use crate::graph::{AnyFeedback, AnyStream, Feedback, Stream};
 use crate::input::{At, Every, Inputs, Latest, Timer, Window};
 use crate::output::{Declaration, Outputs, Port};
@@ -23,8 +25,8 @@ pub trait NamedOutputs: Outputs {
 /// An input port of an operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PortInfo {
-    /// The name of the field.
-    pub name: &'static str,
+    /// The name of the field, or the one that was declared for it at run time.
+    pub name: Cow<'static, str>,
     /// The doc comment of the field, in one line.
     pub doc: &'static str,
     /// How it reads.
@@ -57,8 +59,8 @@ pub enum PortMode {
 /// An output port of an operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutputInfo {
-    /// The name of the field.
-    pub name: &'static str,
+    /// The name of the field, or the one that was declared for it at run time.
+    pub name: Cow<'static, str>,
     /// The doc comment of the field, in one line.
     pub doc: &'static str,
     /// The type of the messages.
@@ -168,15 +170,29 @@ pub trait OutputPort: Outputs {
 impl PortInfo {
     /// The port `P`, neither closing a loop nor raw.
     pub fn new<P: InputPort>(name: &'static str, doc: &'static str) -> Self {
-        let (mode, many, optional) = (P::MODE, P::MANY, P::OPTIONAL);
-        Self { name, doc, mode, payload: P::payload(), many, optional, feedback: false, raw: false }
+        Self { many: P::MANY, optional: P::OPTIONAL, doc, ..Self::declared(name, P::MODE, P::payload()) }
+    }
+
+    /// A port that is declared at run time: one stream or timer, neither closing a loop nor raw.
+    pub fn declared(
+        name: impl Into<Cow<'static, str>>,
+        mode: PortMode,
+        payload: Option<PayloadType>,
+    ) -> Self {
+        let name = name.into();
+        Self { name, doc: "", mode, payload, many: false, optional: false, feedback: false, raw: false }
     }
 }
 
 impl OutputInfo {
     /// The port `P`.
     pub fn new<P: OutputPort>(name: &'static str, doc: &'static str) -> Self {
-        Self { name, doc, payload: P::payload() }
+        Self { doc, ..Self::declared(name, P::payload()) }
+    }
+
+    /// A port that is declared at run time.
+    pub fn declared(name: impl Into<Cow<'static, str>>, payload: PayloadType) -> Self {
+        Self { name: name.into(), doc: "", payload }
     }
 }
 

@@ -43,6 +43,7 @@ use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::process::Processes;
 use swerve_drive::shipped::Kind;
 use swerve_drive::views::live_views;
 use swerve_drive::{left_out_of_logs, problems_error, read_scenario};
@@ -228,7 +229,8 @@ pub fn drive(
     observers: &mut [&mut dyn Observer],
     clock: HostClock,
 ) -> anyhow::Result<Driven> {
-    let graph = LiveGraph::build(&drive.config, &drive.scenario)?;
+    let mut graph = LiveGraph::build(&drive.config, &drive.scenario)?;
+    let _processes = Processes::start_needed(&drive.config, &mut graph.pipeline)?;
     drive_graph(drive, graph, wire, options, observers, clock)
 }
 

@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::process::Processes;
 use swerve_flow::{Observer, PlaybackRecord, RunOptions, run_virtual};
 use swerve_log::{Bag, BagMessage, BagTopic};
 use swerve_msg::Switch;
@@ -219,7 +220,8 @@ pub(super) fn run(
     let path = folder.join(&source.rosbag);
     let mut recording = Recording::read(&files(&path)?, drive)
         .with_context(|| format!("source.rosbag: {}", path.display()))?;
-    let LiveGraph { pipeline, inputs } = LiveGraph::build(&drive.config, &drive.scenario)?;
+    let LiveGraph { mut pipeline, inputs } = LiveGraph::build(&drive.config, &drive.scenario)?;
+    let _processes = Processes::start_needed(&drive.config, &mut pipeline)?;
     let Pipeline { mut graph, route, .. } = pipeline;
     let sources: Vec<String> = graph.sources().map(str::to_owned).collect();
     for name in sources {

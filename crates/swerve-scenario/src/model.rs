@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_msg::{ActorId, ActorKind, Extent};
@@ -25,6 +27,9 @@ pub struct Scenario {
     pub expect: Vec<Expectation>,
     /// Changes that a seed made; `None` for the scenario as written.
     pub draws: Option<Draws>,
+    /// The text that it was read from, for processes that read it once more.
+    #[serde(skip)]
+    pub text: Arc<str>,
 }
 
 /// Start and goal of the ego.

@@ -4,6 +4,7 @@ mod actor;
 mod expect;
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest};
 
@@ -29,7 +30,7 @@ const ANGLE: Range = Range::between(-6.3, 6.3);
 /// Reads and checks a whole document.
 pub(crate) fn scenario(document: &Document) -> Result<Scenario, Problems> {
     let reading = Reading::of(document);
-    let scenario = read(&reading.top(&document.table));
+    let scenario = Scenario { text: document.text.clone(), ..read(&reading.top(&document.table)) };
     reading.into_problems().or(scenario)
 }
 
@@ -58,7 +59,8 @@ fn read(top: &TableReader<'_>) -> Scenario {
     let sound = top.reading().guesses() == 0;
     let expect = expect::read(top);
     top.finish();
-    let scenario = Scenario { name, description, road, ego, end, actors, expect, draws: None };
+    let scenario =
+        Scenario { name, description, road, ego, end, actors, expect, draws: None, text: Arc::default() };
     if sound {
         for (key, message) in check::problems(&scenario) {
             top.reading().report(&key, message);

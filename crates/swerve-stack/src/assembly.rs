@@ -225,7 +225,7 @@ fn placed(
     let several = ports.len() > 1;
     let outputs = ports.into_iter().map(|port| Output {
         stream: if several { format!("{}.{}", placed.name, port.name) } else { placed.name.clone() },
-        silent: placed.kind.is_silent(&settings, port.name),
+        silent: placed.kind.is_silent(&settings, &port.name),
         port,
     });
     placed.outputs = outputs.collect();

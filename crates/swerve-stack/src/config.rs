@@ -39,6 +39,7 @@ use injection::FaultConfig;
 pub use live::LiveConfig;
 use model::ExecutionConfig;
 use monitor::MonitorConfig;
+pub(crate) use operator::is_plain_name;
 pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
 use perception::PerceptionConfig;
 pub use planning::{Fineness, PlannerName, PlanningConfig, StartState};

@@ -32,6 +32,8 @@ pub struct Node {
     pub named_section: Option<&'static str>,
     /// Why its steps are taken where the run is driven; none where another process may take them.
     pub stays: Option<&'static str>,
+    /// Only another process can take its steps: this program has none for it.
+    pub elsewhere: bool,
     /// When its steps are worth a thread of their own.
     pub heavy: Heavy,
     /// Where it stands.
@@ -88,6 +90,7 @@ impl Node {
             sections: &[],
             named_section: None,
             stays: None,
+            elsewhere: false,
             heavy: Heavy::No,
             role: Role::Stack,
             ruled: None,
@@ -128,6 +131,13 @@ impl Node {
     #[must_use]
     pub const fn stays(mut self, why: &'static str) -> Self {
         self.stays = Some(why);
+        self
+    }
+
+    /// Only another process can take its steps.
+    #[must_use]
+    pub const fn elsewhere(mut self) -> Self {
+        self.elsewhere = true;
         self
     }
 

@@ -20,6 +20,7 @@ mod pedals;
 mod planner;
 mod pose;
 mod predictor;
+mod python;
 mod radar;
 mod report;
 mod switch;
@@ -63,6 +64,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<gate::Gate>()
         .with::<pedals::PedalsOperator>()
         .with::<objects_now::ObjectsNow>()
+        .with_kind(python::Python)
         .with::<commands::FreshCommands>()
         .with_kind(inputs::source::<Supervision>(
             "process_events",

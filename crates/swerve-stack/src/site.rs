@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use anyhow::Context as _;
 use swerve_flow::{
-    AnyFeedback, Deadline, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, Payload, PortInfo, Timer,
-    Wire,
+    AnyFeedback, AnyOperator, Deadline, Graph, NamedInputs, NamedOutputs, Operator, OperatorRef, OutputInfo,
+    Payload, PortInfo, Timer, Wire,
 };
 use swerve_msg::Route;
 use swerve_scenario::Scenario;
@@ -108,24 +108,26 @@ impl Site<'_> {
         let Building { graph, befallen, loops, .. } = &mut **building;
         let origin = placed.kind.node().origin;
         let node = graph.add_wired(placed.name.clone(), operator, |graph, port| {
-            if port.payload.is_none() {
-                let timer = timer.with_context(|| format!("operator.{}: it has no period", placed.name))?;
-                return anyhow::Ok(Wire::Timer(timer));
-            }
-            let input = placed.inputs.iter().find(|input| input.port.name == port.name);
-            let edges = input.map(|input| &input.from[..]).unwrap_or_default();
-            let wires: Result<Vec<Wire>, _> =
-                edges.iter().map(|edge| wire(graph, befallen, loops, (&placed.name, port), edge)).collect();
-            let mut wires = wires?;
-            Ok(match wires.len() {
-                _ if port.many => Wire::Many(wires),
-                0 => Wire::None,
-                _ => wires.remove(0),
-            })
+            feed(graph, befallen, loops, (placed, port), timer)
         })?;
         if origin {
             let _origin = node.origin();
         }
+        Ok(())
+    }
+
+    /// The same for an operator whose ports are those that its kind has found in the configuration.
+    ///
+    /// # Errors
+    /// As [`add`](Self::add).
+    pub fn add_any(&mut self, operator: impl AnyOperator, timer: Option<Timer>) -> anyhow::Result<()> {
+        let Self { building, placed, .. } = self;
+        let Building { graph, befallen, loops, .. } = &mut **building;
+        let inputs: Vec<PortInfo> = placed.inputs.iter().map(|input| input.port.clone()).collect();
+        let outputs: Vec<OutputInfo> = placed.outputs.iter().map(|output| output.port.clone()).collect();
+        graph.add_any_wired(&placed.name, operator, (&inputs, &outputs), |graph, port| {
+            feed(graph, befallen, loops, (placed, port), timer)
+        })?;
         Ok(())
     }
 
@@ -159,6 +161,30 @@ impl Site<'_> {
     pub(crate) fn stage(&mut self) -> SharedStage {
         self.building.stage.get_or_insert_with(Stage::empty).clone()
     }
+}
+
+/// What feeds a port, as the assembly has found.
+fn feed(
+    graph: &mut Graph,
+    befallen: &BTreeMap<String, swerve_flow::AnyStream>,
+    loops: &mut Vec<(AnyFeedback, crate::assembly::Edge)>,
+    (placed, port): (&Placed, &PortInfo),
+    timer: Option<Timer>,
+) -> anyhow::Result<Wire> {
+    if port.payload.is_none() {
+        let timer = timer.with_context(|| format!("operator.{}: it has no period", placed.name))?;
+        return Ok(Wire::Timer(timer));
+    }
+    let input = placed.inputs.iter().find(|input| input.port.name == port.name);
+    let edges = input.map(|input| &input.from[..]).unwrap_or_default();
+    let wires: Result<Vec<Wire>, _> =
+        edges.iter().map(|edge| wire(graph, befallen, loops, (&placed.name, port), edge)).collect();
+    let mut wires = wires?;
+    Ok(match wires.len() {
+        _ if port.many => Wire::Many(wires),
+        0 => Wire::None,
+        _ => wires.remove(0),
+    })
 }
 
 /// What feeds a port, as its edge says.

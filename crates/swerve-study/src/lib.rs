@@ -207,7 +207,11 @@ impl Bench {
     /// What a cell's result depends on, in one number.
     pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
         let mut hasher = Hasher::new();
-        hasher.value(&(self.program, self.config(cell)?.to_text(), self.scenario(cell).1));
+        let config = self.config(cell)?;
+        hasher.value(&(self.program, config.to_text(), self.scenario(cell).1));
+        for program in config.programs() {
+            hasher.bytes(&std::fs::read(program).with_context(|| format!("reading {}", program.display()))?);
+        }
         hasher
             .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
         Ok(hasher.digest())

@@ -4,6 +4,7 @@ use std::fmt;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
@@ -59,6 +60,8 @@ pub fn unreadable(path: &Path, error: &io::Error) -> Problem {
 pub struct Document {
     /// Name for messages.
     pub file: String,
+    /// The text.
+    pub text: Arc<str>,
     /// The values.
     pub table: toml::Table,
     places: Vec<Place>,
@@ -105,7 +108,12 @@ impl Document {
         let mut places = Vec::new();
         note_table(parsed.get_ref(), "", text, &mut places);
         let table = toml::from_str(text).map_err(syntax)?;
-        Ok(Self { file: file.to_owned(), table, places })
+        Ok(Self { file: file.to_owned(), text: text.into(), table, places })
+    }
+
+    /// The folder of the file, from which relative paths in it count; the working folder for other texts.
+    pub fn folder(&self) -> &Path {
+        Path::new(&self.file).parent().unwrap_or(Path::new(""))
     }
 
     /// The typed form of the whole text.

@@ -124,11 +124,11 @@ fn input(port: &PortInfo) -> Vec<String> {
     let optional = if port.optional { ", may be left out" } else { "" };
     let feedback = if port.feedback { ", over a feedback edge" } else { "" };
     let payload = port.payload.map(|payload| payload.name()).unwrap_or_default();
-    vec![port.name.to_owned(), payload, format!("{how}{many}{optional}{feedback}"), port.doc.to_owned()]
+    vec![port.name.to_string(), payload, format!("{how}{many}{optional}{feedback}"), port.doc.to_owned()]
 }
 
 fn output(port: &OutputInfo) -> Vec<String> {
-    vec![port.name.to_owned(), port.payload.name(), port.doc.to_owned()]
+    vec![port.name.to_string(), port.payload.name(), port.doc.to_owned()]
 }
 
 /// The keys of a kind with their defaults: its own, or those of the tables that it is set by.

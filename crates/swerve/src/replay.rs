@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
+use swerve_drive::process::Processes;
 use swerve_drive::{left_out_of_logs, problems_error};
 use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
 use swerve_live::graph::LiveGraph;
@@ -152,6 +153,7 @@ fn replay_from(
         true => Ok(LiveGraph::build(&config, &scenario)?.pipeline),
         false => Pipeline::build(&config, &scenario),
     };
+    let mut processes = Vec::new();
     let mut pipeline = build()?;
     let cut = Cut::new(&pipeline, from, config.log.images)?;
     let mut lacks_data = false;
@@ -163,10 +165,13 @@ fn replay_from(
         pipeline.graph.playback_steps(operator, log.held(operator))?;
         lacks_data |= gone && log.all_publications().any(|p| p.stream.operator == *operator);
     }
+    processes.push(Processes::start_needed(&config, &mut pipeline)?);
     let decided = decisions(log, sets.is_empty())?;
     // Where an operator was restarted, it is so again, with what a pipeline starts with.
     for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Restarted { .. })).count() {
-        pipeline.graph.spare(build()?.graph);
+        let mut spare = build()?;
+        processes.push(Processes::start_needed(&config, &mut spare)?);
+        pipeline.graph.spare(spare.graph);
     }
     let compared: Vec<&str> = cut.computed.iter().map(String::as_str).collect();
     let mut comparison = Comparison::against(log, &compared);

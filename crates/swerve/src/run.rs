@@ -7,7 +7,6 @@ use swerve_drive::frames::Frames;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::realtime::Realtime;
-use swerve_drive::shipped::Kind;
 use swerve_drive::{
     Outcome, Recording, RunInput, drive_pipeline, load, record_run_times, run_start, set_up, story, title,
 };
@@ -114,7 +113,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
     let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
     observers.extend(car.as_mut().map(Ros2Car::observer));
-    let processes = start_processes(&config, &args.input.scenario, &mut pipeline)?;
+    let processes = start_processes(&config, &mut pipeline)?;
     stop_on_interrupt(pipeline.graph.stop_handle());
     let threads = threads(args.threads, &config);
     let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
@@ -187,16 +186,11 @@ fn acting(pipeline: &Pipeline) -> Vec<&str> {
 }
 
 /// Starts the processes of the configuration, if it has any.
-fn start_processes(
-    config: &Config,
-    scenario: &Path,
-    pipeline: &mut Pipeline,
-) -> anyhow::Result<Option<Processes>> {
+fn start_processes(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Option<Processes>> {
     if config.process.is_empty() {
         return Ok(None);
     }
-    let text = Kind::Scenario.text(scenario)?;
-    Ok(Some(Processes::start(&Program::this()?, config, &text, pipeline)?))
+    Ok(Some(Processes::start(&Program::this()?, config, pipeline)?))
 }
 
 /// Against the real clock each process needs a thread that waits for it, beside those that were asked for.

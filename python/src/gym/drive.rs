@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context as _, bail, ensure};
 use swerve_core::Time;
+use swerve_drive::process::Processes;
 use swerve_flow::{Reached, RunOptions, Session, Watched};
 use swerve_geom::{FrenetPoint, angle_between};
 use swerve_msg::truth::{EndReason, WorldState};
@@ -144,6 +145,8 @@ fn image_shape(stream: &str, config: &Config) -> anyhow::Result<(Vec<usize>, &'s
 /// One drive under way.
 pub(crate) struct Drive {
     session: Session<'static>,
+    /// Those that take steps of it; they end behind it.
+    _processes: Option<Processes>,
     wheel: Wheel,
     route: Route,
     target_speed_mps: f64,
@@ -168,8 +171,9 @@ impl Drive {
         let mut config = task.config.clone();
         config.seed = seed.unsigned_abs();
         let (agent, wheel) = task.level.agent();
-        let Pipeline { graph, scenario, route, until, .. } =
-            Pipeline::build_for(&config, &task.scenario, &agent)?;
+        let mut pipeline = Pipeline::build_for(&config, &task.scenario, &agent)?;
+        let processes = Processes::start_needed(&config, &mut pipeline)?;
+        let Pipeline { graph, scenario, route, until, .. } = pipeline;
         let options = RunOptions::until(until).seed(config.seed);
         let mut session = Session::new(graph, &options, Vec::new())?;
         session.hold_before(&agent.operator(&config)?)?;
@@ -182,6 +186,7 @@ impl Drive {
             task.observed.iter().map(|observed| watch(&observed.stream, 1)).collect();
         let mut drive = Self {
             session,
+            _processes: processes,
             wheel,
             target_speed_mps: scenario.ego.target_speed_mps,
             route,

@@ -1,10 +1,11 @@
 //! Wiring by name: handles without a type, and operators whose ports are connected one by one.
 
 use super::{BodySpec, Feedback, FeedbackSpec, Graph, GraphError, OperatorRef, Stream};
+use crate::any::AnyOperator;
 use crate::input::{Edge, PortSpec, Ports};
 use crate::operator::{Operator, Typed, on_deadline};
 use crate::payload::{Payload, PayloadType};
-use crate::port::{NamedInputs, NamedOutputs, PortInfo, PortMode, Wire};
+use crate::port::{NamedInputs, NamedOutputs, OutputInfo, PortInfo, PortMode, Wire};
 
 /// A [`Stream`] whose type is known to the running program only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,6 +76,26 @@ impl Graph {
         Ok(self.push(name, ports.specs, BodySpec::Operator(body, on_deadline::<O>)))
     }
 
+    /// The same for an operator whose ports are declared at run time.
+    ///
+    /// # Errors
+    /// As [`add_wired`](Self::add_wired).
+    pub fn add_any_wired<E: From<GraphError>>(
+        &mut self,
+        name: &str,
+        operator: impl AnyOperator,
+        (inputs, outputs): (&[PortInfo], &[OutputInfo]),
+        mut wire: impl FnMut(&mut Self, &PortInfo) -> Result<Wire, E>,
+    ) -> Result<Vec<AnyStream>, E> {
+        let mut ports = Ports::default();
+        for port in inputs {
+            let wire = wire(self, port)?;
+            self.declare(name, port, &wire, &mut ports)?;
+        }
+        let outputs: Vec<_> = outputs.iter().map(|output| (&*output.name, output.payload)).collect();
+        Ok(self.push_any(name, ports.specs, operator, &outputs))
+    }
+
     /// Declares what feeds one port of `operator`.
     fn declare(
         &self,
@@ -106,7 +127,7 @@ impl Graph {
             Wire::None => port.many || port.optional,
         };
         if !fits {
-            let (operator, name) = (operator.into(), port.name.into());
+            let (operator, name) = (operator.into(), port.name.clone().into_owned());
             let (expected, found) = (expected(port), self.found(wire));
             return Err(GraphError::Wire { operator, port: name, expected, found });
         }

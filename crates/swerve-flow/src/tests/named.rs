@@ -112,12 +112,12 @@ fn digest(graph: Graph) -> Digest {
 /// What feeds a port of [`Everything`] by name; of several streams of a type the named one.
 fn wire(graph: &mut Graph, port: &PortInfo) -> Result<Wire, GraphError> {
     let stream = |name| Wire::from(graph.stream(name));
-    Ok(match port.name {
+    Ok(match &*port.name {
         "frame" => stream("fast"),
         "history" => stream("slow"),
         "others" => vec![stream("slow"), stream("fast")].into(),
         "tick" => every(ms(20)).into(),
-        "result" | "extra" => graph.feedback_any(port.name, port.payload.unwrap()).into(),
+        "result" | "extra" => graph.feedback_any(&*port.name, port.payload.unwrap()).into(),
         "absent" => Wire::None,
         name => unreachable!("no port is called {name}"),
     })
@@ -126,16 +126,7 @@ fn wire(graph: &mut Graph, port: &PortInfo) -> Result<Wire, GraphError> {
 #[test]
 fn the_fields_are_the_ports() {
     let (int, float) = (PayloadType::of::<i64>(), PayloadType::of::<f64>());
-    let port = |name, doc, mode, payload| PortInfo {
-        name,
-        doc,
-        mode,
-        payload,
-        many: false,
-        optional: false,
-        feedback: false,
-        raw: false,
-    };
+    let port = |name, doc, mode, payload| PortInfo { doc, ..PortInfo::declared(name, mode, payload) };
     let expected = [
         port("frame", "Fires it, with others.", PortMode::At, Some(int)),
         PortInfo { feedback: true, ..port("result", "The newest result.", PortMode::Latest, Some(float)) },
@@ -154,10 +145,10 @@ fn the_fields_are_the_ports() {
         },
     ];
     assert_eq!(Everything::ports(), expected);
-    let outputs: Vec<_> = Results::ports().iter().map(|o| (o.name, o.doc, o.payload.name())).collect();
+    let outputs: Vec<_> = Results::ports().into_iter().map(|o| (o.name, o.doc, o.payload.name())).collect();
     let expected = [("sum", "A sum.", "f64"), ("count", "", "f64"), ("text", "", "String")];
-    assert_eq!(outputs, expected.map(|(name, doc, payload)| (name, doc, payload.to_owned())));
-    assert_eq!(<Port<i64> as NamedOutputs>::ports(), [OutputInfo { name: "out", doc: "", payload: int }]);
+    assert_eq!(outputs, expected.map(|(name, doc, payload)| (name.into(), doc, payload.to_owned())));
+    assert_eq!(<Port<i64> as NamedOutputs>::ports(), [OutputInfo::declared("out", int)]);
     assert_eq!(<() as NamedOutputs>::ports(), []);
 }
 
@@ -264,14 +255,16 @@ fn a_wire_that_does_not_fit_is_refused() {
 #[test]
 fn what_the_wiring_fails_with_is_passed_on() {
     #[derive(Debug)]
-    struct Missing(&'static str);
+    struct Missing(String);
     impl From<GraphError> for Missing {
         fn from(_: GraphError) -> Self {
-            Self("graph")
+            Self("graph".into())
         }
     }
     let mut graph = Graph::new();
-    let failed = graph.add_wired("work", Named, |_, port| Err(Missing(port.name))).map(OperatorRef::out);
+    let failed = graph
+        .add_wired("work", Named, |_, port| Err(Missing(port.name.clone().into_owned())))
+        .map(OperatorRef::out);
     assert_eq!(failed.unwrap_err().0, "frame");
     assert_eq!(graph.describe().unwrap().operators, []);
     let failed = graph.add_wired("work", Named, |_, _| Ok::<_, Missing>(Wire::None)).map(OperatorRef::out);

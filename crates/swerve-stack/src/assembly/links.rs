@@ -20,7 +20,7 @@ pub(super) fn link(operators: &mut Vec<Placed>, config: &Config, problems: &mut 
         let said = said(placed, config, &mut own);
         let mut own: Vec<Wrong> = own.into_iter().map(Wrong::Said).collect();
         for input in &mut placed.inputs {
-            let named = said.iter().find(|(port, _)| port == input.port.name).map(|(_, reads)| reads);
+            let named = said.iter().find(|(port, _)| *port == input.port.name).map(|(_, reads)| reads);
             if named.is_some_and(|reads| reads.each().iter().any(|(stream, ..)| is_told(stream, problems))) {
                 continue;
             }
@@ -63,7 +63,7 @@ enum Wrong {
     /// What is said of it.
     Said((String, String)),
     /// Nobody said what it reads, and several streams could be meant, or none: their operators and names.
-    Unsaid { operator: String, port: &'static str, payload: PayloadType, fits: Vec<(String, String)> },
+    Unsaid { operator: String, port: String, payload: PayloadType, fits: Vec<(String, String)> },
 }
 
 /// Tells what is wrong with ports. What nobody said is no problem of its own where operators are missing for another
@@ -140,7 +140,7 @@ fn streams(operators: &[Placed]) -> Vec<Offer> {
 
 /// What is said of an operator's ports: in its table, else by its settings.
 fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(String, Reads)> {
-    let ports: Vec<&str> = placed.inputs.iter().map(|input| input.port.name).collect();
+    let ports: Vec<&str> = placed.inputs.iter().map(|input| &*input.port.name).collect();
     let mut said: Vec<(String, Reads)> = Vec::new();
     for (port, reads) in &placed.own.reads {
         if ports.contains(&port.as_str()) {
@@ -186,7 +186,7 @@ fn edges(
         [] if port.optional => Ok(Vec::new()),
         several => {
             let fits = several.iter().map(|offer| (offer.operator.clone(), offer.stream.clone())).collect();
-            Err(Wrong::Unsaid { operator: operator.to_owned(), port: port.name, payload, fits })
+            Err(Wrong::Unsaid { operator: operator.to_owned(), port: port.name.to_string(), payload, fits })
         }
     }
 }

@@ -60,11 +60,11 @@ fn names(assembly: &Assembly) -> Vec<&str> {
 }
 
 /// What an operator reads, by port.
-fn reads(assembly: &Assembly, operator: &str) -> Vec<(&'static str, Vec<String>)> {
+fn reads<'a>(assembly: &'a Assembly, operator: &str) -> Vec<(&'a str, Vec<String>)> {
     let inputs = &assembly.operator(operator).unwrap_or_else(|| panic!("there is no {operator}")).inputs;
     let streams = |input: &Input| input.from.iter().map(|edge| edge.stream.clone()).collect();
     let read = inputs.iter().filter(|input| input.port.payload.is_some());
-    read.map(|input| (input.port.name, streams(input))).collect()
+    read.map(|input| (&*input.port.name, streams(input))).collect()
 }
 
 #[test]

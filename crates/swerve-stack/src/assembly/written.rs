@@ -54,7 +54,7 @@ fn operator(placed: &Placed) -> Table {
     let mut table = plain(&own);
     table.insert("kind".to_owned(), placed.kind.node().kind.into());
     let reads = placed.inputs.iter().filter(|input| !input.from.is_empty());
-    let reads: Table = reads.map(|input| (input.port.name.to_owned(), streams(input))).collect();
+    let reads: Table = reads.map(|input| (input.port.name.to_string(), streams(input))).collect();
     if !reads.is_empty() {
         table.insert("reads".to_owned(), reads.into());
     }

@@ -223,7 +223,7 @@ impl Config {
             let is_first = placed.outputs.first().is_some_and(|first| first.stream == output.stream);
             let by_operator = is_first && placed.kind.node().named_section.is_none();
             let name = if by_operator { &placed.name } else { &output.stream };
-            streams.push((name.clone(), (corruptible.carries)(output.port.name)));
+            streams.push((name.clone(), (corruptible.carries)(&output.port.name)));
         }
         streams
     }

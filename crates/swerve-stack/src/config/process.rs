@@ -1,6 +1,7 @@
 //! Processes that take steps for the run, `[process.NAME]`.
 
 use core::time::Duration;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use swerve_ipc::OnLoss;
@@ -25,6 +26,13 @@ pub struct ProcessConfig {
     /// `["ssh", "other", "swerve", "worker"]`. It hands on standard input and output.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub start: Vec<String>,
+    /// The class in Python that takes the steps, `FILE.py:Class`; the file as a path from the folder of the
+    /// configuration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub python: Option<String>,
+    /// The Python that runs it, with Swerve's package: a path from that folder, or a name; found by itself when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interpreter: Option<PathBuf>,
 }
 
 /// The shared memory that the processes of a run share.
@@ -36,6 +44,43 @@ pub struct SharedMemoryConfig {
 }
 
 impl ProcessConfig {
+    /// The file of its class in Python and the name of that, where it has one.
+    ///
+    /// # Errors
+    /// What is wrong with what is written.
+    pub fn python_class(&self) -> Option<Result<(&Path, &str), String>> {
+        let python = self.python.as_deref()?;
+        let parts = python.rsplit_once(':').filter(|(file, class)| !file.is_empty() && is_plain_name(class));
+        let wrong = || format!("expected FILE.py:Class, found `{python}`");
+        Some(parts.map(|(file, class)| (Path::new(file), class)).ok_or_else(wrong))
+    }
+
+    /// What is wrong with how it is started, by key.
+    fn problems_of_start(&self) -> Vec<(&'static str, String)> {
+        let mut told = Vec::new();
+        if self.start.first().is_some_and(String::is_empty) {
+            told.push(("start[0]", "expected a program, found nothing".to_owned()));
+        }
+        match self.python_class() {
+            Some(_) if !self.start.is_empty() => {
+                told.push(("start", "expected `start` or `python`, found both".to_owned()));
+            }
+            Some(Err(message)) => told.push(("python", message)),
+            Some(Ok((file, class))) if !file.is_file() => {
+                let file = file.display();
+                told.push((
+                    "python",
+                    format!("there is no file {file}: expected one with the class `{class}`"),
+                ));
+            }
+            None if self.interpreter.is_some() => {
+                told.push(("interpreter", "runs what `python` names: expected that as well".to_owned()));
+            }
+            _ => {}
+        }
+        told
+    }
+
     /// How long its answers are waited for without sleeping.
     pub fn spin(&self) -> Duration {
         Duration::from_secs_f64((self.spin_us * 1e-6).max(0.0))
@@ -51,7 +96,7 @@ impl Config {
 
     pub(super) fn check_processes(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
         if let Some(name) = &self.shared_memory.name {
-            let plain = name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+            let plain = is_plain_name(name);
             let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
             if !plain || !begins || name.len() > 32 {
                 let message = "expected at most 32 letters, digits and underscores, a letter first";
@@ -69,10 +114,10 @@ impl Config {
                 let message = format!("expected 0 to 1000000, found {}", number(process.spin_us));
                 told.push((format!("process.{name}.spin_us"), message));
             }
-            if process.start.first().is_some_and(String::is_empty) {
-                let message = "expected a program, found nothing";
-                told.push((format!("process.{name}.start[0]"), message.into()));
-            }
+            let of_start = process.problems_of_start();
+            told.extend(
+                of_start.into_iter().map(|(key, message)| (format!("process.{name}.{key}"), message)),
+            );
             if process.operators.is_empty() {
                 let message = "expected at least one operator";
                 told.push((format!("process.{name}.operators"), message.into()));
@@ -86,10 +131,66 @@ impl Config {
                 taken.push((operator, name));
                 if let Some(message) = cannot_move(assembly, operator) {
                     told.push((key, message));
+                } else if is_elsewhere(assembly, operator)
+                    && process.python.is_none()
+                    && process.start.is_empty()
+                {
+                    let message =
+                        format!("`{operator}` is written in Python: expected `python = \"FILE.py:Class\"`");
+                    told.push((key, message));
                 }
             }
         }
+        self.check_elsewhere(assembly, told);
     }
+
+    /// What only a process can take is in one.
+    fn check_elsewhere(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
+        let placed = assembly.operators().iter().filter(|placed| placed.kind.node().elsewhere);
+        for name in placed.map(|placed| &placed.name).filter(|name| self.process_of(name).is_none()) {
+            let message = format!(
+                "its steps are taken by a process: expected a table `[process.NAME]` with `operators = [\"{name}\"]` and `python = \"FILE.py:Class\"`"
+            );
+            told.push((format!("operator.{name}.kind"), message));
+        }
+    }
+
+    /// Those of its processes that take steps in Python, or that this program has no steps for.
+    pub fn processes_elsewhere<'a>(
+        &'a self,
+        assembly: &'a Assembly,
+    ) -> impl Iterator<Item = (&'a String, &'a ProcessConfig)> {
+        let is_needed = |process: &ProcessConfig| {
+            process.python.is_some() || process.operators.iter().any(|name| is_elsewhere(assembly, name))
+        };
+        self.process.iter().filter(move |(_, process)| is_needed(process))
+    }
+
+    /// Files of programs, which a result depends on as it does on the configuration.
+    pub fn programs(&self) -> impl Iterator<Item = &Path> {
+        self.process.values().filter_map(|process| Some(process.python_class()?.ok()?.0))
+    }
+}
+
+/// Whether only another process can take the steps of an operator.
+fn is_elsewhere(assembly: &Assembly, operator: &str) -> bool {
+    assembly.operator(operator).is_some_and(|placed| placed.kind.node().elsewhere)
+}
+
+/// A configuration's table with the files in it as paths from anywhere.
+pub(super) fn with_whole_paths(mut table: toml::Table, folder: &Path) -> toml::Table {
+    let processes = table.get_mut("process").and_then(toml::Value::as_table_mut);
+    for (_, process) in processes.into_iter().flatten() {
+        for key in ["python", "interpreter"] {
+            let Some(toml::Value::String(path)) = process.get_mut(key) else { continue };
+            // A bare name is looked up on the path.
+            let is_program = key == "interpreter" && !path.contains('/');
+            if let Some(whole) = std::path::absolute(folder.join(&*path)).ok().filter(|_| !is_program) {
+                *path = whole.to_string_lossy().into_owned();
+            }
+        }
+    }
+    table
 }
 
 /// What is wrong with moving an operator, if anything is.
@@ -155,5 +256,49 @@ mod tests {
         assert!(nothing[0].contains("process.a.start[0]: expected a program"), "{nothing:?}");
         let wrong = problems("[process.a]\noperators = [\"planner\"]\non_loss = \"panic\"\n");
         assert!(wrong[0].contains("\"stop\"") && wrong[0].contains("\"restart\""), "{wrong:?}");
+    }
+
+    #[test]
+    fn a_class_in_python_is_a_file_and_a_name() {
+        let told =
+            |keys: &str| problems(&format!("[process.a]\noperators = [\"tracker\"]\n{keys}\n")).join("\n");
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+        assert_eq!(told(&format!("python = \"{file}:Tracker\"\ninterpreter = \"python3\"")), "");
+        let cases = [
+            ("python = \"tracker.py\"", "c.toml:3: process.a.python: expected FILE.py:Class, found"),
+            ("python = \":Tracker\"", "c.toml:3: process.a.python: "),
+            ("python = \"tracker.py:\"", "c.toml:3: process.a.python: expected FILE.py:Class"),
+            ("python = \"no_such.py:Tracker\"", "no_such.py: expected one with the class `Tracker`"),
+            ("interpreter = \"python3\"", "c.toml:3: process.a.interpreter: runs what `python` names"),
+            (
+                "python = \"t.py:T\"\nstart = [\"ssh\"]",
+                "c.toml:4: process.a.start: expected `start` or `python`, found both",
+            ),
+        ];
+        for (keys, expected) in cases {
+            assert!(told(keys).contains(expected), "{keys}: {}", told(keys));
+        }
+    }
+
+    #[test]
+    fn a_file_is_looked_for_beside_the_configuration() {
+        let config = "[process.a]\noperators = [\"tracker\"]\npython = \"t.py:T\"\n";
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src");
+        let told = |file: &str, sets: &[(String, toml::Value)]| {
+            let document = Document::parse(file, config).unwrap();
+            Config::from_document(&document, sets).unwrap_err()[0].to_string()
+        };
+        assert!(told(&format!("{folder}/c.toml"), &[]).contains(&format!("there is no file {folder}/t.py")));
+        let here = std::env::current_dir().unwrap();
+        assert!(told("c.toml", &[]).contains(&format!("there is no file {}/t.py", here.display())));
+        let document = Document::parse("elsewhere/c.toml", config.replace("t.py", "/t.py")).unwrap();
+        let set = [("process.a.python".to_owned(), "src/lib.rs:T".into())];
+        let whole = Config::formed(&crate::Registry::standard(), &document, &set).unwrap();
+        let expected = format!("{}/src/lib.rs:T", here.display());
+        assert_eq!(
+            whole.process["a"].python.as_deref(),
+            Some(&*expected),
+            "what is set is from the working folder"
+        );
     }
 }

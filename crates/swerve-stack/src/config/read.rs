@@ -5,6 +5,7 @@ use std::path::Path;
 use swerve_text::{Document, Problem, Problems};
 
 use super::Config;
+use super::process::with_whole_paths;
 use crate::assembly::gather_named_sections;
 use crate::registry::Registry;
 
@@ -46,7 +47,7 @@ impl Config {
 
     /// A file as it is written.
     fn formed_of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
-        let mut table = document.table.clone();
+        let mut table = with_whole_paths(document.table.clone(), document.folder());
         gather_named_sections(&mut table, registry);
         let mut config: Self = match table == document.table {
             true => document.to()?,
@@ -77,11 +78,12 @@ impl Config {
         document: &Document,
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Problems> {
-        let mut table = document.table.clone();
+        let mut table = with_whole_paths(document.table.clone(), document.folder());
         for (key, value) in sets {
             swerve_text::set(&mut table, key, value.clone())
                 .map_err(|(key, message)| set_problem(&key, message))?;
         }
+        let mut table = with_whole_paths(table, Path::new(""));
         gather_named_sections(&mut table, registry);
         let config: Self = swerve_text::read(&table).map_err(|found| {
             found.into_iter().map(|(key, message)| set_problem(&key, message)).collect::<Problems>()

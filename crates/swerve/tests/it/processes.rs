@@ -82,8 +82,7 @@ struct Run {
 fn start(config: &Config, until: Time) -> Run {
     let mut pipeline = Pipeline::build(config, &read_scenario(&scenario_file()).unwrap()).unwrap();
     pipeline.until = until;
-    let text = std::fs::read_to_string(scenario_file()).unwrap();
-    let processes = Processes::start(&program(), config, &text, &mut pipeline).unwrap();
+    let processes = Processes::start(&program(), config, &mut pipeline).unwrap();
     Run { pipeline, processes, seed: config.seed }
 }
 

@@ -1,0 +1,160 @@
+//! Operators that Swerve does not know: a class in Python takes their steps, the configuration declares their ports.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use swerve_flow::{
+    AnyInput, AnyOperator, AnyOutputs, Context, OutputInfo, PayloadType, PortInfo, PortMode, every,
+};
+use swerve_msg::truth::{PointInstances, RadarSources, Surroundings, WorldState};
+use swerve_msg::{
+    CollisionEvents, Command, Detections, EgoState, FaultInjection, GateOutput, Gnss, Image, Imu,
+    LaneInvasions, MotionCommand, ObstacleList, Plan, PointCloud, PredictionList, RadarScan, RedLightEvents,
+    ResponseBudget, RungTaken, SensorHealth, Supervision, Switch, TrackList, VehicleReport, WheelOdometry,
+};
+
+use crate::assembly::one_of;
+use crate::config::is_plain_name;
+use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
+use crate::site::Site;
+
+/// Operators written in Python.
+pub(super) struct Python;
+
+/// Its keys.
+#[derive(Serialize, Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct Table {
+    /// What it reads, by port: `Image` (of the frame's stamp), `latest EgoState`, `window(16) EgoState`.
+    inputs: BTreeMap<String, String>,
+    /// What it publishes, by port.
+    outputs: BTreeMap<String, String>,
+    /// It also steps so often, ms.
+    period_ms: Option<f64>,
+}
+
+/// The port of its timer.
+const TICK: &str = "tick";
+
+/// A window holds at most so many messages.
+const WINDOW_MAX: usize = 4096;
+
+/// The messages that Python has classes of.
+fn messages() -> [PayloadType; 29] {
+    macro_rules! types { ($($message:ty)*) => { [$(PayloadType::of::<$message>()),*] } }
+    types! {
+        CollisionEvents Command Detections EgoState FaultInjection GateOutput Gnss Image Imu LaneInvasions
+        MotionCommand ObstacleList Plan PointCloud PointInstances PredictionList RadarScan RadarSources
+        RedLightEvents ResponseBudget RungTaken SensorHealth Supervision Surroundings Switch TrackList
+        VehicleReport WheelOdometry WorldState
+    }
+}
+
+/// The message of this name.
+fn message(name: &str) -> Result<PayloadType, String> {
+    let messages = messages();
+    let found = messages.iter().find(|message| message.name() == name);
+    found.copied().ok_or_else(|| {
+        let names: Vec<String> = messages.iter().map(PayloadType::name).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        format!("unknown message `{name}`{}", one_of(name, &names))
+    })
+}
+
+/// How a port reads, and what.
+fn reading(text: &str) -> Result<(PortMode, PayloadType), String> {
+    let Some((how, name)) = text.trim().rsplit_once(' ') else {
+        return Ok((PortMode::At, message(text.trim())?));
+    };
+    let window = |how: &str| how.strip_prefix("window(")?.strip_suffix(')')?.trim().parse().ok();
+    let mode = match how.trim() {
+        "latest" => PortMode::Latest,
+        how => match window(how) {
+            Some(n @ 1..=WINDOW_MAX) => PortMode::Window(n),
+            _ => {
+                return Err(format!(
+                    "expected MESSAGE, latest MESSAGE or window(N) MESSAGE with N from 1 to {WINDOW_MAX}, found `{text}`"
+                ));
+            }
+        },
+    };
+    Ok((mode, message(name)?))
+}
+
+impl Table {
+    /// That of an operator; empty where it is not as it should be, which is told where the keys are checked.
+    fn of(settings: &Settings<'_>) -> Self {
+        let own = settings.config.operator.get(settings.name).map(|own| &own.keys);
+        own.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
+    }
+
+    fn problems(&self) -> KeyProblems {
+        let mut told = KeyProblems::new();
+        let inputs = self.inputs.iter().map(|(port, text)| ("inputs", port, reading(text).map(drop)));
+        let outputs = self.outputs.iter().map(|(port, name)| ("outputs", port, message(name).map(drop)));
+        for (side, port, read) in inputs.chain(outputs) {
+            let name = if port == TICK { Err("the timer's port has this name".to_owned()) } else { Ok(()) };
+            let plain = is_plain_name(port).then_some(());
+            let plain = plain.ok_or_else(|| "expected a name of letters, digits and underscores".to_owned());
+            let wrong = name.and(plain).and(read).err();
+            told.extend(wrong.map(|message| (format!("{side}.{port}"), message)));
+        }
+        let of_the_stamp = |text: &String| reading(text).is_ok_and(|(mode, _)| mode == PortMode::At);
+        if told.is_empty() && self.period_ms.is_none() && !self.inputs.values().any(of_the_stamp) {
+            let message = "nothing makes it step: expected a message that is neither `latest` nor `window`, or `period_ms`";
+            told.push(("inputs".into(), message.into()));
+        }
+        if let Some(period) = self.period_ms.filter(|period| !(1.0..=10_000.0).contains(period)) {
+            let message = format!("expected 1 to 10000, found {}", swerve_text::number(period));
+            told.push(("period_ms".into(), message));
+        }
+        told
+    }
+}
+
+impl OperatorKind for Python {
+    fn node(&self) -> Node {
+        Node::new("python", "an operator written in Python, with the ports that the configuration declares")
+            .elsewhere()
+    }
+
+    fn keys(&self) -> toml::Table {
+        toml::Table::try_from(Table::default()).unwrap_or_default()
+    }
+
+    fn problems(&self, keys: &toml::Table) -> KeyProblems {
+        swerve_text::read::<Table>(keys).map_or_else(|problems| problems, |table| table.problems())
+    }
+
+    fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
+        let outputs = Table::of(settings).outputs.into_iter();
+        outputs.filter_map(|(port, name)| Some(OutputInfo::declared(port, message(&name).ok()?))).collect()
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        let table = Table::of(settings);
+        let stream = |(port, text): (String, String)| {
+            let (mode, message) = reading(&text).ok()?;
+            Some(PortInfo::declared(port, mode, Some(message)))
+        };
+        let timer = table.period_ms.map(|_| PortInfo::declared(TICK, PortMode::Every, None));
+        table.inputs.into_iter().filter_map(stream).chain(timer).collect()
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let period = Table::of(&site.settings()).period_ms;
+        site.add_any(Elsewhere, period.map(|ms| every(span_of_ms(ms))))
+    }
+}
+
+/// Stands where the steps of another process are not taken.
+struct Elsewhere;
+
+impl AnyOperator for Elsewhere {
+    fn step(&mut self, _: &mut Context<'_>, _: Vec<AnyInput>, _: &mut AnyOutputs<'_>) {
+        panic!("it is written in Python, and the process that has it runs none");
+    }
+}
+
+#[cfg(test)]
+mod tests;
