@@ -234,12 +234,13 @@ mod tests {
             format!("waiting for process `far` to say that it is ready ({start}); it is given up after 60 s")
         );
         assert!(waiting(&config, "near").contains("ready; it is"));
+        let program = Program::this().unwrap();
         let late = |process: &str| IpcError::Worker { process: process.into(), why: "is late".into() };
-        let said = unready(&config, late("far")).to_string();
+        let said = unready(&program, &config, late("far")).to_string();
         assert!(
             said.starts_with(&format!("process `far` is late: {start}: expected what ends in `swerve")),
             "{said}"
         );
-        assert_eq!(unready(&config, late("near")).to_string(), "process `near` is late");
+        assert_eq!(unready(&program, &config, late("near")).to_string(), "process `near` is late");
     }
 }

@@ -14,6 +14,7 @@ use swerve_scenario::sensor_phase;
 
 use crate::config::Config;
 use crate::config::clock::Clock;
+use crate::registry::Registry;
 use crate::site::Site;
 
 /// What is wrong with settings, by key.
@@ -245,7 +246,7 @@ pub trait OperatorKind: Send + Sync {
     }
 
     /// What is wrong with its own keys.
-    fn problems(&self, keys: &toml::Table) -> KeyProblems {
+    fn problems(&self, keys: &toml::Table, _registry: &Registry) -> KeyProblems {
         let unknown = |key: &String| (key.clone(), format!("unknown key: a `{}` has none", self.node().kind));
         keys.keys().map(unknown).collect()
     }
@@ -371,7 +372,7 @@ impl<K: Kind> OperatorKind for Registered<K> {
         toml::Table::try_from(K::Table::default()).unwrap_or_default()
     }
 
-    fn problems(&self, keys: &toml::Table) -> KeyProblems {
+    fn problems(&self, keys: &toml::Table, _registry: &Registry) -> KeyProblems {
         swerve_text::read::<K::Table>(keys).map_or_else(|problems| problems, |table| K::problems(&table))
     }
 

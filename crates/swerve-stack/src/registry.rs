@@ -3,11 +3,16 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
+use swerve_core::Span;
 use swerve_flow::PayloadType;
 use swerve_foxglove::Foxglove;
+use swerve_msg::Detections;
 
+use crate::config::Config;
+use crate::config::model::Model;
+use crate::config::perception::CUSTOM;
 use crate::faults::{Corruptible, CorruptibleType};
-use crate::kind::{Kind, OperatorKind, Registered};
+use crate::kind::{Kind, OperatorKind, Registered, Settings};
 use crate::operators;
 
 /// What configurations can name.
@@ -71,6 +76,28 @@ impl Registry {
     /// All kinds, by name.
     pub fn kinds(&self) -> impl Iterator<Item = &Arc<dyn OperatorKind>> {
         self.kinds.values()
+    }
+
+    /// The messages that its kinds read and publish, by name.
+    pub(crate) fn messages(&self) -> Vec<PayloadType> {
+        let usual = Config::default();
+        let mut periodic = usual.clone();
+        // Some ports are there under some settings alone.
+        (periodic.execution.model, periodic.perception.detector) = (Model::Periodic, CUSTOM.to_owned());
+        let boxes = [PayloadType::of::<Detections>()];
+        let mut messages = Vec::new();
+        for kind in self.kinds() {
+            for (config, offered) in [(&usual, &[][..]), (&periodic, &boxes[..])] {
+                let settings = Settings { name: kind.node().kind, config, offered };
+                messages.extend(kind.outputs(&settings).into_iter().map(|port| port.payload));
+                messages.extend(kind.inputs(&settings).into_iter().filter_map(|port| port.payload));
+            }
+        }
+        // Spans are deadlines, which operators do not read.
+        messages.retain(|message| *message != PayloadType::of::<Span>());
+        messages.sort_by_key(PayloadType::name);
+        messages.dedup();
+        messages
     }
 
     /// What faults can do to messages of this type, if anything.

@@ -46,7 +46,7 @@ pub(super) fn view(
         return Ok(None);
     }
     if node.sections.is_empty() {
-        let wrong: KeyProblems = kind.problems(keys).into_iter().map(own).collect();
+        let wrong: KeyProblems = kind.problems(keys, &config.registry).into_iter().map(own).collect();
         return if wrong.is_empty() { Ok(None) } else { Err(wrong) };
     }
     let mut table = Table::try_from(config).expect("a configuration is plain tables and values");

@@ -6,16 +6,11 @@ use serde::{Deserialize, Serialize};
 use swerve_flow::{
     AnyInput, AnyOperator, AnyOutputs, Context, OutputInfo, PayloadType, PortInfo, PortMode, every,
 };
-use swerve_msg::truth::{PointInstances, RadarSources, Surroundings, WorldState};
-use swerve_msg::{
-    CollisionEvents, Command, Detections, EgoState, FaultInjection, GateOutput, Gnss, Image, Imu,
-    LaneInvasions, MotionCommand, ObstacleList, Plan, PointCloud, PredictionList, RadarScan, RedLightEvents,
-    ResponseBudget, RungTaken, SensorHealth, Supervision, Switch, TrackList, VehicleReport, WheelOdometry,
-};
 
 use crate::assembly::one_of;
 use crate::config::is_plain_name;
 use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
+use crate::registry::Registry;
 use crate::site::Site;
 
 /// Operators written in Python.
@@ -39,20 +34,9 @@ const TICK: &str = "tick";
 /// A window holds at most so many messages.
 const WINDOW_MAX: usize = 4096;
 
-/// The messages that Python has classes of.
-fn messages() -> [PayloadType; 29] {
-    macro_rules! types { ($($message:ty)*) => { [$(PayloadType::of::<$message>()),*] } }
-    types! {
-        CollisionEvents Command Detections EgoState FaultInjection GateOutput Gnss Image Imu LaneInvasions
-        MotionCommand ObstacleList Plan PointCloud PointInstances PredictionList RadarScan RadarSources
-        RedLightEvents ResponseBudget RungTaken SensorHealth Supervision Surroundings Switch TrackList
-        VehicleReport WheelOdometry WorldState
-    }
-}
-
-/// The message of this name.
-fn message(name: &str) -> Result<PayloadType, String> {
-    let messages = messages();
+/// The message of this name, among those that operators of the registry read and publish.
+fn message(name: &str, registry: &Registry) -> Result<PayloadType, String> {
+    let messages = registry.messages();
     let found = messages.iter().find(|message| message.name() == name);
     found.copied().ok_or_else(|| {
         let names: Vec<String> = messages.iter().map(PayloadType::name).collect();
@@ -62,9 +46,9 @@ fn message(name: &str) -> Result<PayloadType, String> {
 }
 
 /// How a port reads, and what.
-fn reading(text: &str) -> Result<(PortMode, PayloadType), String> {
+fn reading(text: &str, registry: &Registry) -> Result<(PortMode, PayloadType), String> {
     let Some((how, name)) = text.trim().rsplit_once(' ') else {
-        return Ok((PortMode::At, message(text.trim())?));
+        return Ok((PortMode::At, message(text.trim(), registry)?));
     };
     let window = |how: &str| how.strip_prefix("window(")?.strip_suffix(')')?.trim().parse().ok();
     let mode = match how.trim() {
@@ -78,7 +62,7 @@ fn reading(text: &str) -> Result<(PortMode, PayloadType), String> {
             }
         },
     };
-    Ok((mode, message(name)?))
+    Ok((mode, message(name, registry)?))
 }
 
 impl Table {
@@ -88,10 +72,12 @@ impl Table {
         own.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
     }
 
-    fn problems(&self) -> KeyProblems {
+    fn problems(&self, registry: &Registry) -> KeyProblems {
         let mut told = KeyProblems::new();
-        let inputs = self.inputs.iter().map(|(port, text)| ("inputs", port, reading(text).map(drop)));
-        let outputs = self.outputs.iter().map(|(port, name)| ("outputs", port, message(name).map(drop)));
+        let inputs =
+            self.inputs.iter().map(|(port, text)| ("inputs", port, reading(text, registry).map(drop)));
+        let outputs =
+            self.outputs.iter().map(|(port, name)| ("outputs", port, message(name, registry).map(drop)));
         for (side, port, read) in inputs.chain(outputs) {
             let name = if port == TICK { Err("the timer's port has this name".to_owned()) } else { Ok(()) };
             let plain = is_plain_name(port).then_some(());
@@ -99,7 +85,8 @@ impl Table {
             let wrong = name.and(plain).and(read).err();
             told.extend(wrong.map(|message| (format!("{side}.{port}"), message)));
         }
-        let of_the_stamp = |text: &String| reading(text).is_ok_and(|(mode, _)| mode == PortMode::At);
+        let of_the_stamp =
+            |text: &String| reading(text, registry).is_ok_and(|(mode, _)| mode == PortMode::At);
         if told.is_empty() && self.period_ms.is_none() && !self.inputs.values().any(of_the_stamp) {
             let message = "nothing makes it step: expected a message that is neither `latest` nor `window`, or `period_ms`";
             told.push(("inputs".into(), message.into()));
@@ -122,19 +109,20 @@ impl OperatorKind for Python {
         toml::Table::try_from(Table::default()).unwrap_or_default()
     }
 
-    fn problems(&self, keys: &toml::Table) -> KeyProblems {
-        swerve_text::read::<Table>(keys).map_or_else(|problems| problems, |table| table.problems())
+    fn problems(&self, keys: &toml::Table, registry: &Registry) -> KeyProblems {
+        swerve_text::read::<Table>(keys).map_or_else(|problems| problems, |table| table.problems(registry))
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {
+        let payload = |name: &str| message(name, &settings.config.registry).ok();
         let outputs = Table::of(settings).outputs.into_iter();
-        outputs.filter_map(|(port, name)| Some(OutputInfo::declared(port, message(&name).ok()?))).collect()
+        outputs.filter_map(|(port, name)| Some(OutputInfo::declared(port, payload(&name)?))).collect()
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
         let table = Table::of(settings);
         let stream = |(port, text): (String, String)| {
-            let (mode, message) = reading(&text).ok()?;
+            let (mode, message) = reading(&text, &settings.config.registry).ok()?;
             Some(PortInfo::declared(port, mode, Some(message)))
         };
         let timer = table.period_ms.map(|_| PortInfo::declared(TICK, PortMode::Every, None));

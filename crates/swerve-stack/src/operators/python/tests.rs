@@ -99,7 +99,7 @@ fn what_is_wrong_is_told_with_line_and_key() {
 #[test]
 fn python_has_a_class_of_every_message() {
     let classes = include_str!("../../../../../python/swerve/messages.py");
-    for message in messages() {
+    for message in Registry::standard().messages() {
         assert!(classes.contains(&format!("\nclass {message}(Message):")), "there is no class {message}");
     }
 }
