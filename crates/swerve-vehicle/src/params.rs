@@ -139,6 +139,9 @@ pub struct TyreParams {
     pub longitudinal: MagicFormula,
     /// Force over the tangent of the slip angle.
     pub lateral: MagicFormula,
+    /// Peak friction on any ground, in the place of the ground's own, up to 4; absent: the ground's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
     /// Load at which the peak friction is exactly the ground's, newtons.
     pub nominal_load_n: f64,
     /// Relative loss of peak friction for a load twice the nominal one.
@@ -158,6 +161,7 @@ impl Default for TyreParams {
         Self {
             longitudinal: MagicFormula { stiffness: 22.303, shape: 1.6411, curvature: 0.464 },
             lateral: MagicFormula { stiffness: 21.92, shape: 1.3507, curvature: -0.0075 },
+            friction: None,
             nominal_load_n: 4414.5,
             load_sensitivity: 0.08,
             stiffness_load_sensitivity: 0.15,
@@ -247,12 +251,35 @@ impl Default for AbsParams {
 pub struct SteeringParams {
     /// Time constant of the first-order lag before the rate limit, seconds; 0 leaves the rate limit alone.
     pub lag_s: f64,
+    /// Speeds in m/s, increasing, each with the share of the angle asked for that the wheels turn by there; linear
+    /// between them. 1 at any speed where it is a car.
+    pub curve: [[f64; 2]; 4],
+}
+
+impl SteeringParams {
+    /// Share of the angle asked for that the wheels turn by, 0 to 1.
+    pub fn share_at(&self, speed_mps: f64) -> f64 {
+        let [mut from, rest @ ..] = self.curve;
+        for to in rest {
+            if speed_mps <= to[0] {
+                let u = (speed_mps - from[0]) / (to[0] - from[0]);
+                return from[1] + (to[1] - from[1]) * u.max(0.0);
+            }
+            from = to;
+        }
+        from[1]
+    }
+
+    fn curve_is_sound(&self) -> bool {
+        let shares = self.curve.iter().all(|[v, share]| v.is_finite() && (0.0..=1.0).contains(share));
+        shares && self.curve.windows(2).all(|pair| pair[0][0] < pair[1][0])
+    }
 }
 
 impl Default for SteeringParams {
     /// \[E\]: bandwidth near 3 Hz, usual for drive-by-wire steering.
     fn default() -> Self {
-        Self { lag_s: 0.05 }
+        Self { lag_s: 0.05, curve: [[0.0, 1.0], [10.0, 1.0], [20.0, 1.0], [30.0, 1.0]] }
     }
 }
 
@@ -288,7 +315,13 @@ impl VehicleParams {
         let weight = self.body.front_weight_share;
         require("body.front_weight_share", weight, (0.2..=0.8).contains(&weight), "inside 0.2 to 0.8")?;
         let steering = self.limits.steering_max_rad;
-        require("limits.steering_max_rad", steering, steering > 0.0 && steering <= 1.2, "inside 0 to 1.2")?;
+        let sound = steering > 0.0 && steering <= 1.25;
+        require("limits.steering_max_rad", steering, sound, "inside 0 to 1.25")?;
+        let curve = &self.steering.curve;
+        let sound = self.steering.curve_is_sound();
+        require("steering.curve", format!("{curve:?}"), sound, "increasing speeds with shares from 0 to 1")?;
+        let friction = self.tyre.friction.unwrap_or(1.0);
+        require("tyre.friction", friction, friction > 0.0 && friction <= 4.0, "above 0 and at most 4")?;
         let dead = self.dead_time_s;
         require("dead_time_s", dead, (0.0..=10.0).contains(&dead), "inside 0 to 10")?;
         let tyre = &self.tyre;
@@ -433,6 +466,16 @@ mod tests {
     }
 
     #[test]
+    fn wheels_may_turn_less_the_faster_the_car_is() {
+        let steering =
+            SteeringParams { curve: [[0.0, 1.0], [5.0, 0.9], [15.0, 0.8], [30.0, 0.7]], lag_s: 0.0 };
+        for (speed_mps, share) in [(-1.0, 1.0), (0.0, 1.0), (2.5, 0.95), (15.0, 0.8), (99.0, 0.7)] {
+            assert!((steering.share_at(speed_mps) - share).abs() < 1e-12, "{speed_mps}");
+        }
+        assert_eq!(SteeringParams::default().share_at(17.3), 1.0);
+    }
+
+    #[test]
     fn what_is_out_of_range_is_named() {
         let wrong = |change: fn(&mut VehicleParams)| {
             let mut params = VehicleParams::default();
@@ -440,6 +483,15 @@ mod tests {
             params.validate().unwrap_err().to_string()
         };
         assert_eq!(wrong(|p| p.body.mass_kg = -1.0), "`body.mass_kg` is -1, expected above 0");
+        assert_eq!(
+            wrong(|p| p.tyre.friction = Some(9.0)),
+            "`tyre.friction` is 9, expected above 0 and at most 4"
+        );
+        assert_eq!(
+            wrong(|p| p.steering.curve[1][1] = 1.5),
+            "`steering.curve` is [[0.0, 1.0], [10.0, 1.5], [20.0, 1.0], [30.0, 1.0]], expected increasing speeds with \
+             shares from 0 to 1"
+        );
         assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "`dead_time_s` is NaN, expected inside 0 to 10");
         assert_eq!(
             wrong(|p| p.brakes.front_share = 1.5),
@@ -447,7 +499,7 @@ mod tests {
         );
         assert_eq!(
             wrong(|p| p.limits.steering_max_rad = 3.0),
-            "`limits.steering_max_rad` is 3, expected inside 0 to 1.2"
+            "`limits.steering_max_rad` is 3, expected inside 0 to 1.25"
         );
         assert_eq!(
             wrong(|p| p.tyre.lateral.shape = 0.5),
