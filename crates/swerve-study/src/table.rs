@@ -28,12 +28,13 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
             let _ = writeln!(text, "{},{}", number(result.budget_ms), result.verdict);
             continue;
         }
+        let fact = |holds: bool| if result.error.is_none() { holds.to_string() } else { String::new() };
         let _ = writeln!(
             text,
             "{},{},{},{},{},{},{},{},{},{}",
             result.verdict,
-            result.no_collision,
-            result.on_road,
+            fact(result.no_collision),
+            fact(result.on_road),
             number(result.min_distance_m),
             number(result.impact_speed_mps),
             number(result.lateral_jerk_max),

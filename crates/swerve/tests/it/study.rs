@@ -191,7 +191,7 @@ fn a_failing_cell_leaves_the_others() {
         assert!(!said.stderr.contains("panicked"), "{said:?}");
         let csv = bench.read("o/cells.csv");
         let rows: Vec<&str> = csv.lines().skip(1).collect();
-        assert_eq!(rows[0], "\"queue(1, fail)\",failed,,,,,,,");
+        assert_eq!(rows[0], "\"queue(1, fail)\",failed,,,,,,,,,");
         assert!(
             rows.len() == 2 && rows[1].starts_with("skip_to_latest,") && !rows[1].contains("failed"),
             "{csv}"
