@@ -3,6 +3,7 @@
 //!
 //! `cargo run --release -p swerve-pylot --example paper_cost -- FILE`
 
+use core::f64::consts::PI;
 use std::error::Error;
 
 use swerve_planning::Unlimited;
@@ -28,8 +29,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let hybrid_work = |config: &str| -> Option<Vec<u64>> {
         let config = file.configs.hybrid_astar.get(config)?;
         let posed = file.problems.hybrid_astar.iter().filter(|p| p.group.starts_with("avoid"));
+        // The paper's town heads to pi.
+        let mut solver = hybrid_astar::Solver::default();
+        solver.heading_of_road_rad = PI;
         let work = |p: &HybridAstarProblem| {
-            hybrid_astar::solve(p, config, Preset::Paper, &mut Unlimited::default()).work
+            solver.search(p, config, Preset::Paper, &mut Unlimited::default());
+            solver.work()
         };
         Some(posed.map(work).collect())
     };

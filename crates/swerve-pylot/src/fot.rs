@@ -1,72 +1,124 @@
 //! Frenet optimal trajectories as in the original: every candidate is built, the start has speed and heading only, and
 //! neither the road nor the car's limits are looked at.
 
+use swerve_core::Span;
 use swerve_core::param::ParamError;
-use swerve_geom::Point2;
-use swerve_msg::{Plan, PlanStatus};
-use swerve_planning::brake::{brake_along, brake_length_m};
+use swerve_geom::{Point2, Pose2, math};
+use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_planning::fot::lattice::Lattice;
 use swerve_planning::fot::line::{OnLine, RouteLine};
-use swerve_planning::fot::motion::{Checks, FrenetState};
-use swerve_planning::fot::search::{Candidate, Outcome, Search, Task};
-use swerve_planning::fot::{Params, to_plan};
-use swerve_planning::path::route::route_path;
-use swerve_planning::{Budget, Counted, Obstacles, Planner, Progress, Request};
+use swerve_planning::fot::motion::{Checks, FrenetState, Place};
+use swerve_planning::fot::search::{Candidate, Search, Task};
+use swerve_planning::fot::{Params, places};
+use swerve_planning::{Budget, CollisionMode, Counted, Obstacles, Planner, Progress, Request, Solid};
+use swerve_vehicle::Shape;
 
-/// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
+use crate::boxes::{Boxes, Sight};
+use crate::closed_loop::{ROUTE_POINTS, nothing_found, planned, planned_ahead_m};
+use crate::{Original, Rules};
+
+/// Largest time between two points of a plan that has not the samples for points, seconds.
+const POINT_STEP_S: f64 = 0.1;
+
+/// The planner, with the storage it keeps from call to call.
 ///
 /// Of its parameters those count that the original has: not `slower_speeds`, `follow_gap_m`, `follow_time_s`,
 /// `road_margin_m` and `tail_s`.
 #[derive(Clone, Debug)]
 pub struct Fot {
     params: Params,
+    rules: Rules,
     search: Search,
     lattice: Lattice,
     line: RouteLine,
+    boxes: Boxes,
     obstacles: Obstacles,
 }
 
 impl Fot {
-    /// With valid parameters: [`Params::fast`] and [`Params::slow`] have the paper's numbers.
+    /// With valid parameters and rules: [`Params::fast`] and [`Params::slow`] have the paper's numbers.
     ///
     /// # Errors
     /// The first parameter out of its range.
-    pub fn new(params: Params) -> Result<Self, ParamError> {
+    pub fn new(params: Params, rules: Rules) -> Result<Self, ParamError> {
         params.validate()?;
+        rules.validate(Original::Fot)?;
         Ok(Self {
             params,
+            rules,
             search: Search::default(),
             lattice: Lattice::default(),
             line: RouteLine::default(),
+            boxes: Boxes::default(),
             obstacles: Obstacles::default(),
         })
     }
 
-    /// The start as the original has it: all speed along the line, the heading's part across it, no acceleration.
+    /// Takes in what is predicted and in range.
+    fn set_obstacles(&mut self, request: &Request<'_>, from: Point2) {
+        let Params { collision, obstacle_range_m: range_m, clearance_m, .. } = self.params;
+        let sight = Sight { collision, range_m, per_place: self.rules.range_per_place };
+        self.boxes.set_predicted(request, from, sight, clearance_m);
+        if collision == CollisionMode::SweptStatic {
+            self.obstacles.set_boxes(self.boxes.rectangles(clearance_m));
+        } else {
+            self.obstacles.set_near(request.predictions, collision, from, range_m);
+        }
+    }
+
+    /// The start as the original has it: all speed along the line, what the planned point has across it, no acceleration.
     fn frenet(&self, request: &Request<'_>) -> FrenetState {
-        let OnLine { s_m, d_m, turn_rad, .. } = self.line.locate(request.start.pose);
+        let OnLine { s_m, d_m, turn_rad, .. } = self.line.locate(planned(request, &self.rules));
         let speed_mps = request.start.speed_mps.max(0.0);
-        let (sin, _) = swerve_geom::math::sin_cos(turn_rad);
-        FrenetState { s: [s_m, speed_mps, 0.0], d: [d_m, speed_mps * sin, 0.0] }
+        let swing_mps = request.start.yaw_rate_radps * planned_ahead_m(request, &self.rules);
+        let (sin, cos) = math::sin_cos(turn_rad);
+        FrenetState { s: [s_m, speed_mps, 0.0], d: [d_m, speed_mps * sin + swing_mps * cos, 0.0] }
+    }
+
+    /// The candidate's motion as a plan of the ego origin.
+    fn plan_of(&self, task: &Task<'_>, candidate: &Candidate, request: &Request<'_>) -> Plan {
+        let (back_m, sparse) = (-planned_ahead_m(request, &self.rules), self.rules.sparse_points);
+        let step_s = if sparse { self.params.time_step_s } else { POINT_STEP_S };
+        let curvature_max = task.checks.curvature_max_1pm;
+        let point = |(t_s, place): (f64, Place)| PlanPoint {
+            at: request.start.stamp + Span::from_secs(t_s),
+            pose: Pose2::new(place.x_m, place.y_m, math::atan2(place.sin, place.cos)).ahead(back_m),
+            curvature_1pm: place.curvature_1pm.clamp(-curvature_max, curvature_max),
+            speed_mps: place.speed_mps,
+            accel_mps2: place.accel_mps2,
+        };
+        let points = places(task, candidate, step_s).map(point).collect();
+        Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
     }
 }
 
 impl Planner for Fot {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
         let mut counted = Counted::new(budget);
-        let params = &self.params;
         self.line.follow(request.route.line());
-        let center: Point2 = request.start.pose.point();
-        self.obstacles.set_near(request.predictions, params.collision, center, params.obstacle_range_m);
+        let from = planned(request, &self.rules);
+        self.set_obstacles(request, from.point());
         let start = self.frenet(request);
         let target_mps = request.target_speed_mps;
-        self.lattice.set(params, target_mps);
-        let checks = checks(params, request, &self.obstacles);
-        let line = self.line.line();
-        let task = Task { params, line, cut_m: f64::INFINITY, start, target_mps, checks };
-        let plan = match build_all(&mut self.search, &task, &mut self.lattice, &mut counted) {
-            Some(candidate) => to_plan(&task, &candidate, request),
-            None => stop_on_route(request),
+        self.lattice.set(&self.params, target_mps);
+        // The outline lies around the planned point.
+        let middle = Shape { rear_overhang_m: 0.5 * request.shape.length_m, ..*request.shape };
+        let shape = if self.rules.middle_of_car { &middle } else { request.shape };
+        let checks = checks(&self.params, &Request { shape, ..*request }, &self.obstacles);
+        let route_end_m = start.s[0] + (ROUTE_POINTS - 1) as f64;
+        let cut_m = if self.rules.cut_at_route_end { route_end_m } else { f64::INFINITY };
+        let task = Task { params: &self.params, line: self.line.line(), cut_m, start, target_mps, checks };
+        let Self { search, lattice, boxes, rules, .. } = self;
+        let (mut hint, mut hint_s) = (0, None);
+        let found = build_all(lattice, &mut counted).then(|| {
+            search.run_where(&task, lattice, |c| match rules.borders_only {
+                true => Samples::new(&task, c).free(boxes, &mut hint),
+                false => task.checks.hold(task.line, &c.motion, c.last_s, &mut hint_s),
+            })
+        });
+        let plan = match found.flatten() {
+            Some(candidate) => self.plan_of(&task, &candidate, request),
+            None => nothing_found(request, &self.rules),
         };
         Plan { work: counted.spent, ..plan }
     }
@@ -89,52 +141,112 @@ fn checks<'a>(params: &Params, request: &Request<'a>, obstacles: &'a Obstacles) 
     }
 }
 
-/// The cheapest of all candidates, each of which counts, as the original builds them all; when the budget ends, the best
-/// of the offsets looked at by then (coarse first).
-pub(crate) fn build_all(
-    search: &mut Search,
-    task: &Task<'_>,
-    lattice: &mut Lattice,
-    budget: &mut dyn Budget,
-) -> Option<Candidate> {
-    let (offsets, block) = (lattice.d_m.len(), (lattice.t_s.len() * lattice.v_mps.len()) as u64);
-    for done in 0..offsets {
-        if budget.spend(block) == Progress::Stop {
-            if done == 0 {
-                return None;
-            }
-            lattice.keep_offsets(done);
-            break;
-        }
+/// Samples of a candidate, as the original checks them.
+struct Samples<'a> {
+    task: &'a Task<'a>,
+    candidate: &'a Candidate,
+    last: usize,
+}
+
+impl<'a> Samples<'a> {
+    fn new(task: &'a Task<'a>, candidate: &'a Candidate) -> Self {
+        let last = (candidate.last_s / task.params.time_step_s + 1e-9).floor() as usize;
+        Self { task, candidate, last }
     }
-    match search.run(task, lattice, None, &mut 0) {
-        Outcome::Found(candidate) => Some(candidate),
-        Outcome::Nothing | Outcome::Stopped => None,
+
+    fn at_s(&self, k: usize) -> f64 {
+        self.task.params.time_step_s * k as f64
+    }
+
+    fn place(&self, k: usize) -> Place {
+        self.candidate.motion.at(self.task.line, self.at_s(k), self.task.checks.heading)
+    }
+
+    /// The car at sample `k`, heading along the straight line to the next; the last heads as the line that leads to it.
+    fn car(&self, k: usize) -> (Solid, f64) {
+        let (here, ahead_m) = (self.place(k), self.task.checks.shape.center_ahead_m());
+        let (from, to) =
+            if k < self.last { (here, self.place(k + 1)) } else { (self.place(k.max(1) - 1), here) };
+        let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+        let way_m = math::hypot(dx, dy);
+        let (cos, sin) = if way_m > 0.0 { (dx / way_m, dy / way_m) } else { (here.cos, here.sin) };
+        let car = Solid {
+            x_m: here.x_m + cos * ahead_m,
+            y_m: here.y_m + sin * ahead_m,
+            cos,
+            sin,
+            half_length_m: 0.5 * self.task.checks.shape.length_m,
+            half_width_m: 0.5 * self.task.checks.shape.width_m,
+        };
+        (car, way_m)
+    }
+
+    /// Whether the borders are free at all samples, and the lines between them turn no tighter than allowed.
+    ///
+    /// `hint` is where an earlier candidate hit something: similar ones tend to do so too, so that is looked at first.
+    fn free(&self, boxes: &Boxes, hint: &mut usize) -> bool {
+        if *hint <= self.last && !boxes.border_free(&self.car(*hint).0, self.at_s(*hint)) {
+            return false;
+        }
+        let mut before: Option<Solid> = None;
+        for k in 0..=self.last {
+            let (car, way_m) = self.car(k);
+            if let Some(was) = before.filter(|_| k < self.last) {
+                let turned =
+                    math::atan2(was.cos * car.sin - was.sin * car.cos, was.cos * car.cos + was.sin * car.sin);
+                if turned.abs() > self.task.params.max_curvature_1pm * way_m.max(1e-9) {
+                    return false;
+                }
+            }
+            if !boxes.border_free(&car, self.at_s(k)) {
+                *hint = k;
+                return false;
+            }
+            before = Some(car);
+        }
+        true
     }
 }
 
-/// Speed zero along the route.
-fn stop_on_route(request: &Request<'_>) -> Plan {
-    let path = route_path(request.route.line(), request.start.pose, brake_length_m(request));
-    let mut plan = brake_along(request, &path, PlanStatus::Stop);
-    plan.points.iter_mut().for_each(|p| p.speed_mps = 0.0);
-    plan
+/// Accounts for every candidate, as the original builds them all; when the budget ends, the offsets looked at by then are
+/// left (coarse first). Whether there are any.
+pub(crate) fn build_all(lattice: &mut Lattice, budget: &mut dyn Budget) -> bool {
+    let (offsets, block) = (lattice.d_m.len(), (lattice.t_s.len() * lattice.v_mps.len()) as u64);
+    for done in 0..offsets {
+        if budget.spend(block) == Progress::Stop {
+            lattice.keep_offsets(done.max(1));
+            return done > 0;
+        }
+    }
+    true
 }
 
 #[cfg(test)]
 mod tests {
+    use swerve_planning::Unlimited;
     use swerve_planning::testing::{Capped, World, conformance};
-    use swerve_planning::{CollisionMode, Unlimited};
 
     use super::*;
+    use crate::Era;
+
+    fn planner(params: Params) -> Fot {
+        Fot::new(params, Rules::of(Era::November2020, Original::Fot)).unwrap()
+    }
+
+    fn swept() -> Params {
+        Params { collision: CollisionMode::SweptStatic, ..Params::fast() }
+    }
 
     fn plan(world: &World, params: Params) -> Plan {
-        Fot::new(params).unwrap().plan(&world.request(), &mut Unlimited::default())
+        planner(params).plan(&world.request(), &mut Unlimited::default())
     }
 
     #[test]
     fn holds_what_every_planner_must() {
-        conformance(&|| Fot::new(Params::fast()).unwrap(), false);
+        conformance(&|| planner(swept()), false);
+        conformance(&|| planner(Params::fast()), false);
+        let exact = Rules { borders_only: false, ..Rules::of(Era::May2020, Original::Fot) };
+        conformance(&|| Fot::new(swept(), exact).unwrap(), false);
     }
 
     #[test]
@@ -142,26 +254,31 @@ mod tests {
         let world = World::straight(16.0).with_person((25.0, 0.5), (0.0, 0.0));
         assert_eq!(plan(&world, Params::fast()).work, 825);
         assert_eq!(plan(&world, Params::slow()).work, 11_005);
-        let mut planner = Fot::new(Params::fast()).unwrap();
-        assert_eq!(planner.plan(&world.request(), &mut Capped::new(400)).status, PlanStatus::Found);
+        let found = planner(Params::fast()).plan(&world.request(), &mut Capped::new(400));
+        assert_eq!(found.status, PlanStatus::Found);
     }
 
     #[test]
-    fn a_person_is_passed_behind_in_time() {
-        let world = World::straight(14.0).with_person((26.0, 3.0), (0.0, -3.0));
-        let timed = plan(&world, Params { clearance_m: 0.5, ..Params::fast() });
-        assert_eq!(timed.status, PlanStatus::Found);
-        assert!(world.clearance_m(&timed, CollisionMode::TimeIndexed) >= 0.49);
-        let swept = Params { collision: CollisionMode::SweptStatic, left_m: 1.0, ..Params::fast() };
-        let stopped = plan(&world, swept);
-        let front_m = |p: &swerve_msg::PlanPoint| world.shape.footprint(p.pose).corners()[0].x_m;
-        assert!(stopped.status.is_fallback() || stopped.points.iter().all(|p| front_m(p) < 25.75));
+    fn all_predicted_places_at_once_are_a_wall() {
+        let world = World::straight(16.0).with_person((24.0, 3.0), (0.0, -2.75));
+        assert_eq!(plan(&world, Params { left_m: 2.0, ..Params::fast() }).status, PlanStatus::Found);
+        assert_eq!(plan(&world, Params { left_m: 2.0, ..swept() }).status, PlanStatus::Stop);
     }
 
     #[test]
-    fn without_a_path_the_speed_is_zero_at_once() {
-        let stop = stop_on_route(&World::straight(10.0).request());
-        assert_eq!(stop.status, PlanStatus::Stop);
-        assert!(stop.points.iter().all(|p| p.speed_mps == 0.0));
+    fn the_plan_has_the_samples_for_points_and_ends_where_the_route_does() {
+        let world = World::straight(16.0);
+        let points = |change: fn(&mut Rules)| {
+            let mut rules = Rules::of(Era::May2020, Original::Fot);
+            change(&mut rules);
+            let mut planner = Fot::new(swept(), rules).unwrap();
+            let plan = planner.plan(&world.request(), &mut Unlimited::default());
+            let last = plan.points[plan.points.len() - 1].pose.x_m;
+            (plan.points.len(), last)
+        };
+        // 16 m/s times 0.3 s is 4.8 m: 29 m hold six of them, and the start.
+        assert_eq!(points(|_| ()).0, 7);
+        assert!(points(|_| ()).1 < 29.0 && points(|rules| rules.cut_at_route_end = false).1 > 31.9);
+        assert_eq!(points(|rules| rules.sparse_points = false).0, 19);
     }
 }

@@ -1,19 +1,22 @@
 //! Hybrid A* as in the original: arcs of one radius, and a path that comes near the goal without regard to its heading.
 
-use core::f64::consts::TAU;
-
 use serde::{Deserialize, Serialize};
 use swerve_core::param::ParamError;
 use swerve_core::param::{require, require_not_negative, require_positive};
+use swerve_geom::Pose2;
 use swerve_msg::Plan;
-use swerve_planning::hybrid_astar::search::{Arrival, Lattice, Search};
-use swerve_planning::path::Ends;
-use swerve_planning::path::ground::{Ground, Outline};
-use swerve_planning::path::piece::Piece;
-use swerve_planning::path::points::{PathPoint, place_points};
+use swerve_planning::path::piece::{Piece, advance};
 use swerve_planning::{Budget, CollisionMode, Planner, Request};
 
-use crate::replanner::{PathSearch, Replanner, Settings, Task};
+use crate::boxes::Sight;
+use crate::closed_loop::{PathSearch, Replanner, Settings, Task};
+use crate::lattice::{Aim, Lattice, Search};
+use crate::{Original, Rules};
+
+/// Distance of the points of a path, metres, and how many there are at most. Source: `hybrid_astar_planner`
+/// `HybridAStarWrapper.cpp`.
+const POINT_M: f64 = 1.0;
+const POINTS_MAX: usize = 99;
 
 /// Settings of the original's Hybrid A* in the closed loop.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -45,8 +48,6 @@ pub struct HybridAstarParams {
     pub obstacle_range_m: f64,
     /// The goal lies this far ahead on the route, metres. Source: Pylot.
     pub goal_ahead_m: f64,
-    /// Length of plans that follow the route, seconds. Source: ours.
-    pub horizon_s: f64,
 }
 
 impl Default for HybridAstarParams {
@@ -59,7 +60,7 @@ impl HybridAstarParams {
     /// The paper's fast configuration.
     pub fn fast() -> Self {
         Self {
-            collision: CollisionMode::TimeIndexed,
+            collision: CollisionMode::SweptStatic,
             step_m: 6.0,
             rad_step: 0.75,
             rad_range: 4.0,
@@ -70,9 +71,8 @@ impl HybridAstarParams {
             car_width_m: 1.8,
             iterations_max: 500,
             clearance_m: 0.5,
-            obstacle_range_m: 70.0,
-            goal_ahead_m: 30.0,
-            horizon_s: 5.0,
+            obstacle_range_m: 10.0,
+            goal_ahead_m: 20.0,
         }
     }
 
@@ -96,7 +96,6 @@ impl HybridAstarParams {
             ("car_width_m", self.car_width_m),
             ("obstacle_range_m", self.obstacle_range_m),
             ("goal_ahead_m", self.goal_ahead_m),
-            ("horizon_s", self.horizon_s),
         ] {
             require_positive(key, value)?;
         }
@@ -112,10 +111,11 @@ impl HybridAstarParams {
 /// Most expansions that may be asked for: they bound the memory.
 const ITERATIONS_MAX: usize = 100_000;
 
-/// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
+/// The planner, with the storage it keeps from call to call.
 #[derive(Clone, Debug)]
 pub struct HybridAstar {
     params: HybridAstarParams,
+    rules: Rules,
     replanner: Replanner,
     search: LatticeSearch,
 }
@@ -123,117 +123,80 @@ pub struct HybridAstar {
 /// The search with its memory.
 #[derive(Clone, Debug)]
 struct LatticeSearch {
-    params: HybridAstarParams,
+    lattice: Lattice,
     search: Search,
-    motions: Vec<Piece>,
     pieces: Vec<Piece>,
 }
 
 impl HybridAstar {
-    /// With valid settings.
+    /// With valid settings and rules.
     ///
     /// # Errors
     /// The first parameter out of its range.
-    pub fn new(params: HybridAstarParams) -> Result<Self, ParamError> {
+    pub fn new(params: HybridAstarParams, rules: Rules) -> Result<Self, ParamError> {
         params.validate()?;
-        let search =
-            LatticeSearch { params, search: Search::default(), motions: Vec::new(), pieces: Vec::new() };
-        Ok(Self { params, replanner: Replanner::default(), search })
+        rules.validate(Original::HybridAstar)?;
+        let lattice = Lattice {
+            radius_m: params.radius_m,
+            step_m: params.step_m,
+            low: params.rad_range,
+            high: params.rad_range,
+            step: params.rad_step,
+            heading_of_road_rad: rules.heading_of_road_rad,
+            completion_m: params.completion_m,
+            nearest_free: rules.nearest_free,
+            expansions_max: params.iterations_max,
+            car_length_m: params.car_length_m,
+            car_width_m: params.car_width_m,
+            speed_mps: f64::INFINITY,
+        };
+        let search = LatticeSearch { lattice, search: Search::default(), pieces: Vec::new() };
+        Ok(Self { params, rules, replanner: Replanner::default(), search })
     }
 }
 
 impl Planner for HybridAstar {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
         let p = &self.params;
+        let sight = Sight {
+            collision: p.collision,
+            range_m: p.obstacle_range_m,
+            per_place: self.rules.range_per_place,
+        };
         let settings = Settings {
+            rules: self.rules,
+            sight,
             goal_ahead_m: p.goal_ahead_m,
-            obstacle_range_m: p.obstacle_range_m,
             clearance_m: p.clearance_m,
             lane_width_m: p.lane_width_m,
-            horizon_s: p.horizon_s,
-            collision: p.collision,
-            outline: Outline {
-                half_length_m: 0.5 * p.car_length_m,
-                half_width_m: 0.5 * p.car_width_m,
-                center_ahead_m: request.shape.center_ahead_m(),
-            },
         };
         self.replanner.plan(&mut self.search, &settings, request, budget)
     }
 }
 
 impl PathSearch for LatticeSearch {
-    fn search(
-        &mut self,
-        ground: &Ground<'_>,
-        task: &Task,
-        budget: &mut dyn Budget,
-        path: &mut Vec<PathPoint>,
-    ) -> bool {
-        let p = self.params;
-        let scan = Scan {
-            radius_m: p.radius_m,
-            step_m: p.step_m,
-            low: p.rad_range,
-            high: p.rad_range,
-            step: p.rad_step,
-        };
-        scan.motions(&mut self.motions);
-        let lattice = Lattice {
-            motions: &self.motions,
-            arrival: Arrival::Within { distance_m: p.completion_m, angle_rad: f64::INFINITY },
-            radius_m: p.radius_m,
-            cell_m: p.completion_m,
-            cell_rad: p.rad_step,
-            expansions_max: p.iterations_max,
-            detours: false,
-            good_enough: 1.0,
-        };
-        let ends = Ends { start: task.start, goal: task.goal, bounds: task.bounds };
-        let found = self.search.run(ground, &lattice, &ends, budget, &mut self.pieces);
-        if found {
-            place_points(task.start, &self.pieces, path);
-        }
+    fn search(&mut self, task: &Task<'_>, budget: &mut dyn Budget, path: &mut Vec<Pose2>) -> bool {
+        // The goal has the ego's own heading. Source: `pylot` be7bf9c, `planning/hybrid_astar/hybrid_astar_planner.py:87-91`.
+        let goal = Pose2::new(task.goal.x_m, task.goal.y_m, task.start.heading_rad);
+        let aim = Aim { start: task.start, goal, bounds: task.bounds };
+        let lattice = Lattice { speed_mps: task.speed_mps, ..self.lattice };
+        let found = self.search.run(task.boxes, (&lattice, &aim), budget, &mut self.pieces);
+        place(task.start, &self.pieces, path);
         found
     }
 }
 
-/// The original's motions: straight, and arcs of the one radius to either side whose angle is `step_m / r`, for `r`
-/// from `-low` to `high` in steps of `step`.
-///
-/// The original scans around the absolute heading, so that what the car can do depends on where north is; here
-/// the scan is around zero. Arcs beyond a full turn come to where they have been and are left out.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Scan {
-    /// Turning radius, metres.
-    pub(crate) radius_m: f64,
-    /// Length of a motion, metres.
-    pub(crate) step_m: f64,
-    /// The scan begins at minus this, metres.
-    pub(crate) low: f64,
-    /// And ends here, metres.
-    pub(crate) high: f64,
-    /// Step of the scan, metres.
-    pub(crate) step: f64,
-}
-
-impl Scan {
-    /// Replaces the content of `motions`.
-    pub(crate) fn motions(&self, motions: &mut Vec<Piece>) {
-        let Self { radius_m, step_m, low, high, step } = *self;
-        motions.clear();
-        motions.push(Piece { curvature_1pm: 0.0, length_m: step_m });
-        let steps = ((high + low) / step).floor().clamp(0.0, 1000.0) as usize;
-        for k in 0..=steps {
-            let r = -low + step * k as f64;
-            let angle = (step_m / r).abs();
-            if angle < TAU {
-                for side in [1.0, -1.0] {
-                    motions.push(Piece { curvature_1pm: side / radius_m, length_m: radius_m * angle });
-                }
-            }
-        }
+/// Poses a metre apart along each piece from its beginning, and the end of each.
+fn place(start: Pose2, pieces: &[Piece], path: &mut Vec<Pose2>) {
+    path.clear();
+    let mut from = start;
+    for &Piece { curvature_1pm, length_m } in pieces {
+        let n = (length_m / POINT_M).ceil() as usize;
+        path.extend((0..n).map(|k| advance(from, curvature_1pm, POINT_M * k as f64)));
+        from = advance(from, curvature_1pm, length_m);
     }
+    path.push(from);
+    path.truncate(POINTS_MAX);
 }
 
 #[cfg(test)]
@@ -243,30 +206,40 @@ mod tests {
     use swerve_planning::testing::{World, conformance};
 
     use super::*;
+    use crate::Era;
+
+    fn planner(params: HybridAstarParams) -> HybridAstar {
+        HybridAstar::new(params, Rules::of(Era::November2020, Original::HybridAstar)).unwrap()
+    }
 
     #[test]
     fn holds_what_every_planner_must() {
-        conformance(&|| HybridAstar::new(HybridAstarParams::fast()).unwrap(), false);
-        conformance(&|| HybridAstar::new(HybridAstarParams::slow()).unwrap(), false);
+        conformance(
+            &|| planner(HybridAstarParams { obstacle_range_m: 70.0, ..HybridAstarParams::fast() }),
+            false,
+        );
+        conformance(&|| planner(HybridAstarParams::slow()), false);
     }
 
     #[test]
     fn plans_only_with_something_in_range() {
-        let mut planner = HybridAstar::new(HybridAstarParams::slow()).unwrap();
+        let params = HybridAstarParams { obstacle_range_m: 30.0, ..HybridAstarParams::slow() };
         let far = World::straight(16.0).with_person((75.0, 0.0), (0.0, 0.0));
-        let plan = planner.plan(&far.request(), &mut Unlimited::default());
+        let plan = planner(params).plan(&far.request(), &mut Unlimited::default());
         assert_eq!((plan.status, plan.work), (PlanStatus::Route, 0));
         let near = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
-        let plan = planner.plan(&near.request(), &mut Unlimited::default());
-        assert!(plan.work > 0);
+        let plan = planner(params).plan(&near.request(), &mut Unlimited::default());
+        assert!(plan.work > 0 && plan.points.len() <= POINTS_MAX);
+        assert_eq!(plan.status, PlanStatus::Found);
         assert!(plan.points.iter().all(|p| p.speed_mps == 16.0));
     }
 
     #[test]
     fn settings_out_of_range_are_named() {
+        let rules = Rules::of(Era::May2020, Original::HybridAstar);
         let bad = HybridAstarParams { rad_step: 0.0, ..HybridAstarParams::default() };
-        assert_eq!(HybridAstar::new(bad).unwrap_err().key, "rad_step");
+        assert_eq!(HybridAstar::new(bad, rules).unwrap_err().key, "rad_step");
         let bad = HybridAstarParams { clearance_m: f64::NAN, ..HybridAstarParams::default() };
-        assert_eq!(HybridAstar::new(bad).unwrap_err().key, "clearance_m");
+        assert_eq!(HybridAstar::new(bad, rules).unwrap_err().key, "clearance_m");
     }
 }

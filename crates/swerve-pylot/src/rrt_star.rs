@@ -4,15 +4,14 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Rng;
 use swerve_core::param::ParamError;
 use swerve_core::param::{require, require_not_negative, require_positive};
-use swerve_geom::{Pose2, Vector2};
+use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::Plan;
-use swerve_planning::path::ground::{Ground, Outline};
-use swerve_planning::path::piece::Piece;
-use swerve_planning::path::points::{PathPoint, with_curvature};
-use swerve_planning::rrt_star::tree::{Aim, Growth, Space, Tree, Until, gamma_m2};
 use swerve_planning::{Budget, CollisionMode, Planner, Request};
 
-use crate::replanner::{PathSearch, Replanner, Settings, Task};
+use crate::boxes::Sight;
+use crate::closed_loop::{PathSearch, Replanner, Settings, Task, headed};
+use crate::tree::{Aim, Growth, Tree};
+use crate::{Original, Rules};
 
 /// Settings of the original's RRT* in the closed loop.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -36,8 +35,6 @@ pub struct RrtStarParams {
     pub obstacle_range_m: f64,
     /// The goal lies this far ahead on the route, metres. Source: Pylot.
     pub goal_ahead_m: f64,
-    /// Length of plans that follow the route, seconds. Source: ours.
-    pub horizon_s: f64,
 }
 
 impl Default for RrtStarParams {
@@ -50,16 +47,15 @@ impl RrtStarParams {
     /// The paper's fast configuration.
     pub fn fast() -> Self {
         Self {
-            collision: CollisionMode::TimeIndexed,
+            collision: CollisionMode::SweptStatic,
             step_m: 0.5,
             arrival_m: 2.0,
             lane_width_m: 5.0,
             goal_share: 0.01,
             iterations_max: 2000,
             clearance_m: 1.5,
-            obstacle_range_m: 70.0,
+            obstacle_range_m: 10.0,
             goal_ahead_m: 30.0,
-            horizon_s: 5.0,
         }
     }
 
@@ -77,7 +73,6 @@ impl RrtStarParams {
             ("step_m", self.step_m),
             ("obstacle_range_m", self.obstacle_range_m),
             ("goal_ahead_m", self.goal_ahead_m),
-            ("horizon_s", self.horizon_s),
         ] {
             require_positive(key, value)?;
         }
@@ -98,10 +93,11 @@ impl RrtStarParams {
 /// Most iterations that may be asked for: they bound the memory.
 const ITERATIONS_MAX: u64 = 100_000;
 
-/// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
+/// The planner, with the storage it keeps from call to call.
 #[derive(Clone, Debug)]
 pub struct RrtStar {
     params: RrtStarParams,
+    rules: Rules,
     replanner: Replanner,
     search: TreeSearch,
 }
@@ -110,66 +106,60 @@ pub struct RrtStar {
 #[derive(Clone, Debug)]
 struct TreeSearch {
     params: RrtStarParams,
+    rewiring: bool,
     tree: Tree,
-    poses: Vec<Pose2>,
+    points: Vec<Point2>,
 }
 
 impl RrtStar {
-    /// With valid settings.
+    /// With valid settings and rules.
     ///
     /// # Errors
     /// The first parameter out of its range.
-    pub fn new(params: RrtStarParams) -> Result<Self, ParamError> {
+    pub fn new(params: RrtStarParams, rules: Rules) -> Result<Self, ParamError> {
         params.validate()?;
-        let search = TreeSearch { params, tree: Tree::default(), poses: Vec::new() };
-        Ok(Self { params, replanner: Replanner::default(), search })
+        rules.validate(Original::RrtStar)?;
+        let (tree, points) = (Tree::default(), Vec::new());
+        let search = TreeSearch { params, rewiring: rules.rewiring, tree, points };
+        Ok(Self { params, rules, replanner: Replanner::default(), search })
     }
 }
 
 impl Planner for RrtStar {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
         let p = &self.params;
+        let sight = Sight {
+            collision: p.collision,
+            range_m: p.obstacle_range_m,
+            per_place: self.rules.range_per_place,
+        };
         let settings = Settings {
+            rules: self.rules,
+            sight,
             goal_ahead_m: p.goal_ahead_m,
-            obstacle_range_m: p.obstacle_range_m,
             clearance_m: p.clearance_m,
             lane_width_m: p.lane_width_m,
-            horizon_s: p.horizon_s,
-            collision: p.collision,
-            outline: Outline::POINT,
         };
         self.replanner.plan(&mut self.search, &settings, request, budget)
     }
 }
 
 impl PathSearch for TreeSearch {
-    fn search(
-        &mut self,
-        ground: &Ground<'_>,
-        task: &Task,
-        budget: &mut dyn Budget,
-        path: &mut Vec<PathPoint>,
-    ) -> bool {
+    fn search(&mut self, task: &Task<'_>, budget: &mut dyn Budget, path: &mut Vec<Pose2>) -> bool {
         let p = self.params;
         let growth = Growth {
             step_m: p.step_m,
             iterations_max: p.iterations_max,
             goal_share: p.goal_share,
-            guide_share: 0.0,
-            gamma_m2: gamma_m2(task.bounds),
-            radius_max_m: p.step_m,
-            until: Until::Arrival(p.arrival_m),
+            arrival_m: p.arrival_m,
+            rewiring: self.rewiring,
+            speed_mps: task.speed_mps,
         };
-        let space = PointSpace { ground, bounds: task.bounds };
         let mut rng = Rng::keyed(task.seed, "rrt_star", &[]);
-        let aim = Aim { start: task.start, goal: task.goal, bounds: task.bounds, guides: &[] };
-        let found = self.tree.grow(&space, &growth, &aim, &mut rng, budget);
-        if !found || self.tree.take_best(&mut self.poses).is_none() {
-            return false;
-        }
-        turn_along(&mut self.poses);
-        path.extend(with_curvature(&self.poses));
-        true
+        let aim = Aim { start: task.start.point(), goal: task.goal.point(), bounds: task.bounds };
+        let found = self.tree.grow(task.boxes, (&growth, &aim), &mut rng, budget, &mut self.points);
+        headed(&self.points, task.start, path);
+        found
     }
 }
 
@@ -189,33 +179,6 @@ pub(crate) fn step_toward(from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
     Pose2::new(point.x_m, point.y_m, 0.0)
 }
 
-/// A point that turns on the spot: the original's idea of a car.
-struct PointSpace<'a> {
-    ground: &'a Ground<'a>,
-    bounds: [f64; 4],
-}
-
-impl Space for PointSpace<'_> {
-    fn draw(&self, rng: &mut Rng) -> Pose2 {
-        draw_within(&self.bounds, rng)
-    }
-
-    fn length_m(&self, from: Pose2, to: Pose2) -> f64 {
-        from.point().distance(to.point())
-    }
-
-    fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
-        step_toward(from, to, step_m)
-    }
-
-    fn free(&self, from: Pose2, to: Pose2, travelled_m: f64) -> bool {
-        let way = to.point() - from.point();
-        let piece = Piece { curvature_1pm: 0.0, length_m: way.norm() };
-        let from = Pose2::new(from.x_m, from.y_m, way.heading());
-        self.ground.piece_free(from, piece, travelled_m)
-    }
-}
-
 /// Sets headings along the straight lines between the poses.
 pub(crate) fn turn_along(poses: &mut [Pose2]) {
     for i in 0..poses.len() {
@@ -227,17 +190,28 @@ pub(crate) fn turn_along(poses: &mut [Pose2]) {
 
 #[cfg(test)]
 mod tests {
-    use swerve_geom::{Obb, Point2};
+    use swerve_geom::Obb;
     use swerve_msg::PlanStatus;
     use swerve_planning::testing::{World, conformance};
     use swerve_planning::{Obstacles, Unlimited};
 
     use super::*;
+    use crate::Era;
+
+    fn planner(params: RrtStarParams) -> RrtStar {
+        RrtStar::new(params, Rules::of(Era::May2020, Original::RrtStar)).unwrap()
+    }
+
+    /// With nothing of a person's left solid.
+    fn open_to_the_left() -> RrtStar {
+        let rules = Rules { solid_left: false, ..Rules::of(Era::May2020, Original::RrtStar) };
+        RrtStar::new(RrtStarParams { obstacle_range_m: 30.0, ..RrtStarParams::fast() }, rules).unwrap()
+    }
 
     #[test]
     fn holds_what_every_planner_must() {
-        conformance(&|| RrtStar::new(RrtStarParams::fast()).unwrap(), false);
-        conformance(&|| RrtStar::new(RrtStarParams::slow()).unwrap(), false);
+        conformance(&|| planner(RrtStarParams { obstacle_range_m: 40.0, ..RrtStarParams::fast() }), false);
+        conformance(&|| planner(RrtStarParams::slow()), false);
     }
 
     #[test]
@@ -245,33 +219,37 @@ mod tests {
         let world = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
         let plan = |seed| {
             let request = Request { seed, ..world.request() };
-            RrtStar::new(RrtStarParams::fast()).unwrap().plan(&request, &mut Unlimited::default())
+            open_to_the_left().plan(&request, &mut Unlimited::default())
         };
         assert_eq!(plan(1), plan(1));
         assert_ne!(plan(1), plan(2));
     }
 
     #[test]
-    fn the_car_is_taken_for_a_point() {
+    fn the_car_is_taken_for_a_point_that_keeps_to_the_right() {
         let world = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
-        let mut planner = RrtStar::new(RrtStarParams::fast()).unwrap();
-        let plan = planner.plan(&world.request(), &mut Unlimited::default());
+        let params = RrtStarParams { obstacle_range_m: 30.0, ..RrtStarParams::fast() };
+        let plan = planner(params).plan(&world.request(), &mut Unlimited::default());
         assert_eq!(plan.status, PlanStatus::Found);
-        let boxes = Obstacles::new(&world.predictions, CollisionMode::TimeIndexed);
+        let boxes = Obstacles::new(&world.predictions, CollisionMode::SweptStatic);
         for p in &plan.points {
-            let point = Obb::new(p.pose, 0.0, 0.0);
-            assert!(boxes.clearance_m(&point, p.at) >= 1.5 - 1e-9, "{p:?}");
+            let middle = p.pose.ahead(world.shape.center_ahead_m());
+            assert!(boxes.clearance_m(&Obb::new(middle, 0.0, 0.0), p.at) >= 1.3, "{p:?}");
+            assert!((middle.x_m - 25.0).abs() > 1.0 || middle.y_m < 0.0, "{p:?}");
         }
-        let last = plan.points[plan.points.len() - 1];
-        assert!(last.pose.point().distance(Point2::new(30.0, 0.0)) < 2.0);
+        let last = plan.points[plan.points.len() - 1].pose.ahead(world.shape.center_ahead_m());
+        assert!(last.point().distance(Point2::new(31.4, 0.0)) < 2.0, "{last:?}");
         let far = World::straight(16.0).with_person((75.0, 0.0), (0.0, 0.0));
-        let plan = planner.plan(&far.request(), &mut Unlimited::default());
+        let plan = planner(params).plan(&far.request(), &mut Unlimited::default());
         assert_eq!((plan.status, plan.work), (PlanStatus::Route, 0));
     }
 
     #[test]
     fn settings_out_of_range_are_named() {
         let bad = RrtStarParams { goal_share: 1.5, ..RrtStarParams::default() };
-        assert_eq!(RrtStar::new(bad).unwrap_err().key, "goal_share");
+        let rules = Rules::of(Era::May2020, Original::RrtStar);
+        assert_eq!(RrtStar::new(bad, rules).unwrap_err().key, "goal_share");
+        let rules = Rules { steer_gain: 0.0, ..rules };
+        assert_eq!(RrtStar::new(RrtStarParams::default(), rules).unwrap_err().key, "steer_gain");
     }
 }

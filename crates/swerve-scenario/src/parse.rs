@@ -82,7 +82,7 @@ fn road(top: &TableReader<'_>) -> Road {
     road.lane_width_m = table.number_or("lane_width_m", road.lane_width_m, Range::positive(20.0));
     road.left_m = table.number_or("left_m", 0.5 * road.lane_width_m, Range::positive(100.0));
     road.right_m = table.number_or("right_m", 0.5 * road.lane_width_m, Range::positive(100.0));
-    road.friction = table.number_or("friction", road.friction, Range::positive(2.0));
+    road.friction = table.number_or("friction", road.friction, Range::positive(4.0));
     for segment in table.tables("segments", |_| None) {
         // Zero is let through here: that the whole has no length is one clear problem of its own.
         let length_m = segment.number("length_m", Range::between(0.0, 100_000.0));

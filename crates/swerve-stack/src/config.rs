@@ -4,6 +4,7 @@
 //! angles degrees (their names say so); resolving converts them.
 
 pub mod camera;
+pub mod car;
 mod check;
 pub mod clock;
 pub mod detectors;
@@ -33,6 +34,7 @@ use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdo
 use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
+pub use car::Car;
 use clock::ClockConfig;
 use gate::GateConfig;
 use injection::FaultConfig;
@@ -164,13 +166,15 @@ pub struct SimConfig {
     pub dt_ms: f64,
     /// Draws start, speed, phases and triggers from the seed; off, all are exactly as the scenario says.
     pub draws: bool,
+    /// Which car the ego is: what `vehicle` says goes before it.
+    pub car: Car,
     /// The ego vehicle.
     pub vehicle: VehicleParams,
 }
 
 impl Default for SimConfig {
     fn default() -> Self {
-        Self { dt_ms: 5.0, draws: true, vehicle: VehicleParams::default() }
+        Self { dt_ms: 5.0, draws: true, car: Car::default(), vehicle: VehicleParams::default() }
     }
 }
 

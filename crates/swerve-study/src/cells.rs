@@ -18,6 +18,12 @@ pub struct CellResult {
     pub labels: Vec<String>,
     /// How the run ended.
     pub verdict: String,
+    /// Whether nothing was hit.
+    #[serde(default)]
+    pub no_collision: bool,
+    /// Whether no part of the ego left the drivable ground.
+    #[serde(default)]
+    pub on_road: bool,
     /// Smallest distance to another actor, m.
     pub min_distance_m: Option<f64>,
     /// Ego speed at the first impact, m/s.
@@ -38,6 +44,9 @@ pub struct CellResult {
     /// Largest added latency that still avoids, ms; only in latency-budget studies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_ms: Option<f64>,
+    /// The study's curve, where it asks for one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub curve: Vec<f64>,
     /// What went wrong, when the run itself failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
@@ -49,6 +58,8 @@ impl CellResult {
         Self {
             labels: cell.labels.clone(),
             verdict: verdict.into(),
+            no_collision: false,
+            on_road: false,
             min_distance_m: None,
             impact_speed_mps: None,
             lateral_jerk_max: None,
@@ -57,6 +68,7 @@ impl CellResult {
             response_p99_ms: None,
             misses: 0,
             budget_ms: None,
+            curve: Vec::new(),
             error: None,
         }
     }

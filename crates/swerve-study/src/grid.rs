@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problem, Problems, is_within, number};
 
+use super::curve::Curve;
 use super::ranking::Ranking;
 
 /// A study as its file says it.
@@ -25,6 +26,11 @@ pub struct StudyFile {
     /// Whether a drive that only ran out of time counts as a good one in the picture: nobody was hurt.
     #[serde(default)]
     pub timeout_is_good: bool,
+    /// Whether a drive that left the road without a collision counts as a good one in the picture: the paper's criterion.
+    #[serde(default)]
+    pub off_road_is_good: bool,
+    /// What is drawn over time for every combination, in `curve.svg`.
+    pub curve: Option<Curve>,
     /// Combinations that are not driven: those that have, of every axis named, one of the steps named.
     #[serde(default)]
     pub leave_out: Vec<LeaveOut>,
@@ -148,6 +154,10 @@ pub struct Study {
     pub budget: Option<Budget>,
     /// Whether a drive that only ran out of time counts as a good one in the picture.
     pub timeout_is_good: bool,
+    /// Whether a drive that left the road without a collision counts as a good one in the picture.
+    pub off_road_is_good: bool,
+    /// What is drawn over time, where asked for.
+    pub curve: Option<Curve>,
     /// Combinations that are not driven.
     pub leave_out: Vec<LeaveOut>,
     /// Which setting is best, where asked for.
@@ -231,6 +241,8 @@ impl Study {
             cells: Vec::new(),
             budget: file.budget,
             timeout_is_good: file.timeout_is_good,
+            off_road_is_good: file.off_road_is_good,
+            curve: file.curve,
             leave_out: file.leave_out,
             ranking: file.ranking,
         })

@@ -6,7 +6,7 @@ use swerve_report::canvas::escape;
 
 use super::table::{Grid, Square};
 
-const SQUARE_W: f64 = 176.0;
+const SQUARE_W: f64 = 200.0;
 const SQUARE_H: f64 = 46.0;
 const TOP: f64 = 86.0;
 const MARGIN: f64 = 24.0;
@@ -89,12 +89,10 @@ fn draw_square(svg: &mut String, square: &Square, x: f64, y: f64, budget_max: Op
             format!("{:.0}-{:.0} ms", square.budget_ms[0], square.budget_ms[square.budget_ms.len() - 1]),
         ),
         (None, runs) => (
-            format!("{} of {runs}", square.avoided),
-            square
-                .impact_median_mps()
-                .map(|v| format!("hit at {v:.1} m/s"))
-                .into_iter()
-                .chain(square.others.iter().map(|(verdict, n)| format!("{n} {}", verdict.replace('_', " "))))
+            format!("{} of {runs} hit nothing", square.no_collision),
+            core::iter::once(format!("{} on the road", square.on_road))
+                .chain(square.impact_median_mps().map(|v| format!("hit {v:.1} m/s")))
+                .chain(square.rest().map(|(verdict, n)| format!("{n} {verdict}")))
                 .collect::<Vec<_>>()
                 .join(", "),
         ),

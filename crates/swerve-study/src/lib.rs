@@ -10,6 +10,7 @@ mod joint;
 mod limit;
 
 pub mod cells;
+pub mod curve;
 pub mod grid;
 pub mod heatmap;
 pub mod ranking;
@@ -212,6 +213,7 @@ impl Bench {
         for program in config.programs() {
             hasher.bytes(&std::fs::read(program).with_context(|| format!("reading {}", program.display()))?);
         }
+        hasher.value(&self.study.curve.is_some());
         hasher
             .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
         Ok(hasher.digest())
@@ -225,7 +227,13 @@ impl Bench {
                 limit::largest_reaction(cell, &config, scenario, budget)
             }
             Some(budget) => budget::largest_latency(cell, &config, scenario, budget),
-            None => Ok(summary(cell, &drive(&config, scenario)?)),
+            None => match self.study.curve {
+                Some(curve) => {
+                    let (outcome, curve) = curve.drive(&config, scenario)?;
+                    Ok(CellResult { curve, ..summary(cell, &outcome) })
+                }
+                None => Ok(summary(cell, &drive(&config, scenario)?)),
+            },
         }
     }
 }
@@ -243,6 +251,8 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
     CellResult {
         labels: cell.labels.clone(),
         verdict: metrics.verdict.name().to_owned(),
+        no_collision: metrics.impact.is_none(),
+        on_road: metrics.left_road_at_s.is_none(),
         min_distance_m: metrics.min_distance_m,
         impact_speed_mps: Some(metrics.impact_speed_mps),
         lateral_jerk_max: metrics.lateral_jerk.raw_max_mps3,
@@ -251,6 +261,7 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
         response_p99_ms: metrics.response.as_ref().map(|response| response.p99_ms),
         misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
         budget_ms: None,
+        curve: Vec::new(),
         error: None,
     }
 }
@@ -263,14 +274,19 @@ fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::
     let commands: String = study.cells.iter().map(|cell| study.command(cell) + "\n").collect();
     write_whole(&out.join("commands.txt"), commands.as_bytes())?;
     let done = results.iter().flatten().count();
-    let mut ranked = String::new();
+    let mut more = "";
+    if let Some(curve) = study.curve {
+        write_whole(&out.join("curve.svg"), curve.draw(study, results).as_bytes())?;
+        more = "curve.svg, ";
+    }
+    let mut ranked = study.curve.map_or_else(String::new, |curve| curve.text(study, results) + "\n");
     if let Some(ranking) = &study.ranking {
         let settings = ranking::settings(study, ranking, results);
         write_whole(&out.join("ranking.csv"), ranking::csv(ranking, &settings).as_bytes())?;
-        ranked = ranking::text(ranking, &settings) + "\n";
+        ranked += &(ranking::text(ranking, &settings) + "\n");
     }
     swerve_report::output::print(&format!(
-        "{}\n{ranked}{done} of {} cells in {}: cells.csv, heatmap.svg, commands.txt (one line repeats each cell)\n",
+        "{}\n{ranked}{done} of {} cells in {}: cells.csv, heatmap.svg, {more}commands.txt (one line repeats each cell)\n",
         grid.text(),
         study.cells.len(),
         out.display()

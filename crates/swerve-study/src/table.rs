@@ -18,7 +18,7 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
     text += if budget {
         "budget_ms,verdict\n"
     } else {
-        "verdict,min_distance_m,impact_speed_mps,lateral_jerk_max,digest,response_p50_ms,response_p99_ms,misses\n"
+        "verdict,no_collision,on_road,min_distance_m,impact_speed_mps,lateral_jerk_max,digest,response_p50_ms,response_p99_ms,misses\n"
     };
     for result in results.iter().flatten() {
         for label in &result.labels {
@@ -28,10 +28,13 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
             let _ = writeln!(text, "{},{}", number(result.budget_ms), result.verdict);
             continue;
         }
+        let fact = |holds: bool| if result.error.is_none() { holds.to_string() } else { String::new() };
         let _ = writeln!(
             text,
-            "{},{},{},{},{},{},{},{}",
+            "{},{},{},{},{},{},{},{},{},{}",
             result.verdict,
+            fact(result.no_collision),
+            fact(result.on_road),
             number(result.min_distance_m),
             number(result.impact_speed_mps),
             number(result.lateral_jerk_max),
@@ -79,7 +82,11 @@ pub struct Square {
     pub runs: usize,
     /// Of these, avoided.
     pub avoided: usize,
-    /// Of these, good: avoided, or out of time where that counts.
+    /// Of these, without a collision.
+    pub no_collision: usize,
+    /// Of these, with all of the ego on the road.
+    pub on_road: usize,
+    /// Of these, good: avoided, or what else counts as that.
     pub good: usize,
     /// Of these, what neither avoided nor hit, by verdict: `left_road`, `timeout`, `failed`.
     pub others: BTreeMap<String, usize>,
@@ -104,7 +111,12 @@ impl Grid {
             rows: unique(study.cells.iter().map(|c| row_of(&c.labels))),
             columns: unique(study.cells.iter().map(|c| column_of(&c.labels))),
             squares: Vec::new(),
-            good: if study.timeout_is_good { "avoided or ran out of time" } else { "avoided" },
+            good: match (study.timeout_is_good, study.off_road_is_good) {
+                (false, false) => "avoided",
+                (true, false) => "avoided or ran out of time",
+                (false, true) => "avoided or left the road without a collision",
+                (true, true) => "ended without a collision",
+            },
         };
         grid.squares = vec![Square::default(); grid.rows.len() * grid.columns.len()];
         for result in results.iter().flatten() {
@@ -112,7 +124,7 @@ impl Grid {
             let column = grid.columns.iter().position(|c| *c == column_of(&result.labels));
             if let (Some(row), Some(column)) = (row, column) {
                 let at = row * grid.columns.len() + column;
-                grid.squares[at].add(result, study.timeout_is_good);
+                grid.squares[at].add(result, study);
             }
         }
         for square in &mut grid.squares {
@@ -138,20 +150,37 @@ impl Grid {
         if !self.column_axis.is_empty() {
             text = format!("{:>width$}\n{text}", self.column_axis, width = text.find('\n').unwrap_or(0));
         }
+        if self.squares.iter().any(|square| square.budget_ms.is_empty() && square.runs > 0) {
+            text +=
+                "without a collision (95 % interval), on the road; median impact, and what else came of it\n";
+        }
         text
     }
 }
 
 impl Square {
-    fn add(&mut self, result: &CellResult, timeout_is_good: bool) {
+    fn add(&mut self, result: &CellResult, study: &Study) {
         self.runs += 1;
         self.avoided += usize::from(result.avoided());
-        self.good += usize::from(result.avoided() || (timeout_is_good && result.verdict == "timeout"));
+        self.no_collision += usize::from(result.no_collision);
+        self.on_road += usize::from(result.on_road);
+        let good = match result.verdict.as_str() {
+            "timeout" => study.timeout_is_good,
+            "left_road" => study.off_road_is_good,
+            _ => result.avoided(),
+        };
+        self.good += usize::from(good);
         if !matches!(result.verdict.as_str(), "avoided" | "collision") {
             *self.others.entry(result.verdict.clone()).or_default() += 1;
         }
         self.impact_mps.extend(result.impact_speed_mps.filter(|_| result.verdict == "collision"));
         self.budget_ms.extend(result.budget_ms);
+    }
+
+    /// What the two counts do not tell: verdicts other than `left_road`, with how many there are.
+    pub(super) fn rest(&self) -> impl Iterator<Item = (&str, usize)> {
+        let rest = self.others.iter().filter(|(verdict, _)| *verdict != "left_road");
+        rest.map(|(verdict, n)| (verdict.as_str(), *n))
     }
 
     /// Share of good runs, 0 to 1; `None` before any finished.
@@ -179,15 +208,29 @@ impl Square {
         {
             return format!("{median:.0} ms ({low:.0}-{high:.0}, {}/{})", self.avoided, self.runs);
         }
-        let mut text = format!("{}/{}", self.avoided, self.runs);
+        let (low, high) = wilson(self.no_collision, self.runs);
+        let mut text =
+            format!("{}/{} ({low:.2}-{high:.2}), {} on road", self.no_collision, self.runs, self.on_road);
         if let Some(impact) = self.impact_median_mps() {
-            let _ = write!(text, " hit {impact:.1} m/s");
+            let _ = write!(text, ", hit {impact:.1} m/s");
         }
-        for (verdict, n) in &self.others {
-            let _ = write!(text, " {n} {}", verdict.replace('_', " "));
+        for (verdict, n) in self.rest() {
+            let _ = write!(text, ", {n} {verdict}");
         }
         text
     }
+}
+
+/// The 95 % interval of a rate (E. B. Wilson, "Probable inference", 1927): honest at none and all of few runs too.
+pub fn wilson(hits: usize, runs: usize) -> (f64, f64) {
+    if runs == 0 {
+        return (0.0, 1.0);
+    }
+    let (n, z) = (runs as f64, 1.959_963_984_540_054);
+    let p = hits as f64 / n;
+    let middle = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
+    let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+    ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
 fn unique(items: impl Iterator<Item = String>) -> Vec<String> {
@@ -230,6 +273,8 @@ mod tests {
                 .collect(),
             budget: None,
             timeout_is_good: false,
+            off_road_is_good: false,
+            curve: None,
             leave_out: vec![],
             ranking: None,
         }
@@ -237,17 +282,11 @@ mod tests {
 
     fn result(cell: &Cell, verdict: &str, impact: Option<f64>) -> Option<CellResult> {
         Some(CellResult {
-            labels: cell.labels.clone(),
-            verdict: verdict.into(),
+            no_collision: verdict != "collision",
+            on_road: verdict != "left_road",
             min_distance_m: Some(0.5),
             impact_speed_mps: impact,
-            lateral_jerk_max: None,
-            digest: None,
-            response_p50_ms: None,
-            response_p99_ms: None,
-            misses: 0,
-            budget_ms: None,
-            error: None,
+            ..CellResult::blank(cell, verdict)
         })
     }
 
@@ -264,16 +303,32 @@ mod tests {
         let lines: Vec<String> = grid.text().lines().map(str::to_owned).collect();
         assert_eq!(lines[0].trim(), "speed_mps");
         assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["planner", "16", "18"]);
-        assert_eq!(lines[2], "fot      1/2 hit 12.0 m/s  1/1");
+        let (one, two) = ("1/1 (0.21-1.00), 1 on road", "1/2 (0.09-0.91), 2 on road, hit 12.0 m/s");
+        assert_eq!(lines[2], format!("fot      {two}  {one}"));
         assert_eq!(grid.squares[0].share(), Some(0.5));
         let stood =
             [result(&study.cells[0], "timeout", None), result(&study.cells[1], "collision", Some(9.0))];
         let of = |study: &Study| Grid::of(study, &stood).squares[0].clone();
         assert_eq!(
             (of(&study).share(), of(&study).text().as_str()),
-            (Some(0.0), "0/2 hit 9.0 m/s 1 timeout")
+            (Some(0.0), "1/2 (0.09-0.91), 2 on road, hit 9.0 m/s, 1 timeout")
         );
         assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
-        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,0.5000,,,,,,0");
+        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,true,true,0.5000,,,,,,0");
+        let off = [result(&study.cells[0], "left_road", None), result(&study.cells[1], "avoided", None)];
+        let of = |study: &Study| Grid::of(study, &off).squares[0].clone();
+        assert_eq!(of(&study).share(), Some(0.5));
+        assert_eq!(of(&study).text(), "2/2 (0.34-1.00), 1 on road");
+        assert_eq!(of(&Study { off_road_is_good: true, ..study }).share(), Some(1.0));
+    }
+
+    #[test]
+    fn intervals_are_wilsons() {
+        // As printed in tables of the interval: 0 of 10, 17 of 30, all of 30.
+        for (hits, runs, low, high) in [(0, 10, 0.0, 0.278), (17, 30, 0.392, 0.726), (30, 30, 0.886, 1.0)] {
+            let interval = wilson(hits, runs);
+            assert!((interval.0 - low).abs() < 1e-3 && (interval.1 - high).abs() < 1e-3, "{interval:?}");
+        }
+        assert_eq!(wilson(0, 0), (0.0, 1.0));
     }
 }

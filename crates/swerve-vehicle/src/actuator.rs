@@ -93,7 +93,9 @@ impl Actuators {
         dt_s: f64,
     ) {
         let steer_most = params.limits.steering_rate_max_radps * dt_s;
-        let steer = (controls.steering_rad - self.steering_rad) * lag_share(params.steering.lag_s, dt_s);
+        let wanted_rad =
+            controls.steering_rad * params.steering.share_at(wheel_speed_radps * params.wheel.radius_m);
+        let steer = (wanted_rad - self.steering_rad) * lag_share(params.steering.lag_s, dt_s);
         self.steering_rad += steer.clamp(-steer_most, steer_most);
         // A pressed brake wins over the accelerator, as drive-by-wire cars have it.
         let throttle = if controls.brake > 0.0 { 0.0 } else { controls.throttle };

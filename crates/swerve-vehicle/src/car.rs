@@ -195,7 +195,7 @@ impl Car {
             let along = [heading[0] * cos - heading[1] * sin, heading[1] * cos + heading[0] * sin];
             let patch = PatchInput {
                 load_n: loads_n[i],
-                friction: ground[i].friction.max(0.0),
+                friction: self.params.tyre.friction.unwrap_or(ground[i].friction).max(0.0),
                 vx_mps: velocity.x * along[0] + velocity.y * along[1],
                 vy_mps: velocity.y * along[0] - velocity.x * along[1],
             };

@@ -18,6 +18,7 @@ mod params;
 mod pedals;
 mod shape;
 mod single_track;
+mod steering;
 mod suspension;
 mod tyre;
 
@@ -25,12 +26,13 @@ pub use actuator::Controls;
 pub use car::{BodyMotion, Car, CarForces, Ground, WheelForce, WheelState};
 pub use kinematic::{Kinematic, KinematicState};
 pub use params::{
-    AbsParams, AeroParams, BodyParams, BrakeParams, DrivetrainParams, SteeringParams, SuspensionParams,
-    TyreParams, VehicleParams, WheelParams,
+    AbsParams, AeroParams, BodyParams, BrakeParams, DrivetrainParams, SuspensionParams, TyreParams,
+    VehicleParams, WheelParams,
 };
 pub use pedals::{Pedals, accel_for_pedals, pedals_for_accel};
 pub use shape::{Limits, Shape};
 pub use single_track::{SingleTrack, SingleTrackState};
+pub use steering::SteeringParams;
 pub use tyre::{MagicFormula, SlipForce, combined_slip_force};
 
 /// Standard gravity as the simulator uses it, m/s².

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require};
 
-use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape};
+use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape, SteeringParams};
 
 /// The whole car. The default is a Lincoln MKZ with drive-by-wire and 1.8 t.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -139,6 +139,9 @@ pub struct TyreParams {
     pub longitudinal: MagicFormula,
     /// Force over the tangent of the slip angle.
     pub lateral: MagicFormula,
+    /// Peak friction on any ground, in the place of the ground's own, up to 4; absent: the ground's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
     /// Load at which the peak friction is exactly the ground's, newtons.
     pub nominal_load_n: f64,
     /// Relative loss of peak friction for a load twice the nominal one.
@@ -158,6 +161,7 @@ impl Default for TyreParams {
         Self {
             longitudinal: MagicFormula { stiffness: 22.303, shape: 1.6411, curvature: 0.464 },
             lateral: MagicFormula { stiffness: 21.92, shape: 1.3507, curvature: -0.0075 },
+            friction: None,
             nominal_load_n: 4414.5,
             load_sensitivity: 0.08,
             stiffness_load_sensitivity: 0.15,
@@ -241,21 +245,6 @@ impl Default for AbsParams {
     }
 }
 
-/// Steering actuator; the angle and rate limits are in [`Limits`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SteeringParams {
-    /// Time constant of the first-order lag before the rate limit, seconds; 0 leaves the rate limit alone.
-    pub lag_s: f64,
-}
-
-impl Default for SteeringParams {
-    /// \[E\]: bandwidth near 3 Hz, usual for drive-by-wire steering.
-    fn default() -> Self {
-        Self { lag_s: 0.05 }
-    }
-}
-
 /// Air drag, acting at the centre of gravity.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -288,7 +277,13 @@ impl VehicleParams {
         let weight = self.body.front_weight_share;
         require("body.front_weight_share", weight, (0.2..=0.8).contains(&weight), "inside 0.2 to 0.8")?;
         let steering = self.limits.steering_max_rad;
-        require("limits.steering_max_rad", steering, steering > 0.0 && steering <= 1.2, "inside 0 to 1.2")?;
+        let sound = steering > 0.0 && steering <= 1.25;
+        require("limits.steering_max_rad", steering, sound, "inside 0 to 1.25")?;
+        let curve = &self.steering.curve;
+        let sound = self.steering.curve_is_sound();
+        require("steering.curve", format!("{curve:?}"), sound, "increasing speeds with shares from 0 to 1")?;
+        let friction = self.tyre.friction.unwrap_or(1.0);
+        require("tyre.friction", friction, friction > 0.0 && friction <= 4.0, "above 0 and at most 4")?;
         let dead = self.dead_time_s;
         require("dead_time_s", dead, (0.0..=10.0).contains(&dead), "inside 0 to 10")?;
         let tyre = &self.tyre;
@@ -440,6 +435,15 @@ mod tests {
             params.validate().unwrap_err().to_string()
         };
         assert_eq!(wrong(|p| p.body.mass_kg = -1.0), "`body.mass_kg` is -1, expected above 0");
+        assert_eq!(
+            wrong(|p| p.tyre.friction = Some(9.0)),
+            "`tyre.friction` is 9, expected above 0 and at most 4"
+        );
+        assert_eq!(
+            wrong(|p| p.steering.curve[1][1] = 1.5),
+            "`steering.curve` is [[0.0, 1.0], [10.0, 1.5], [20.0, 1.0], [30.0, 1.0]], expected increasing speeds with \
+             shares from 0 to 1"
+        );
         assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "`dead_time_s` is NaN, expected inside 0 to 10");
         assert_eq!(
             wrong(|p| p.brakes.front_share = 1.5),
@@ -447,7 +451,7 @@ mod tests {
         );
         assert_eq!(
             wrong(|p| p.limits.steering_max_rad = 3.0),
-            "`limits.steering_max_rad` is 3, expected inside 0 to 1.2"
+            "`limits.steering_max_rad` is 3, expected inside 0 to 1.25"
         );
         assert_eq!(
             wrong(|p| p.tyre.lateral.shape = 0.5),

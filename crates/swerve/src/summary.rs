@@ -135,8 +135,11 @@ impl Summary {
             None => writeln!(text, "{verdict}"),
         };
         let mut row = |name: &str, value: String| {
-            let _ = writeln!(text, "  {name:<18}{value}");
+            let _ = writeln!(text, "  {name:<20}{value}");
         };
+        row("no collision", if m.impact.is_none() { "yes" } else { "no" }.to_owned());
+        let left = |at_s: f64| format!("no: left it at {at_s:.2} s");
+        row("stayed on the road", m.left_road_at_s.map_or_else(|| "yes".to_owned(), left));
         if let (Some(distance), Some(at)) = (m.min_distance_m, m.min_distance_at_s) {
             row("minimum distance", format!("{distance:.2} m at {at:.2} s"));
         }

@@ -174,15 +174,39 @@ impl Search {
         &mut self,
         task: &Task<'_>,
         lattice: &Lattice,
-        mut budget: Option<&mut dyn Budget>,
+        budget: Option<&mut dyn Budget>,
         spent: &mut u64,
     ) -> Outcome {
-        self.prepare(task, lattice);
         let mut hint_s = None;
+        let holds = |c: &Candidate| task.checks.hold(task.line, &c.motion, c.last_s, &mut hint_s);
+        self.best_first(task, lattice, (budget, spent), holds)
+    }
+
+    /// The cheapest candidate that `holds` lets pass, in the place of the task's checks.
+    pub fn run_where(
+        &mut self,
+        task: &Task<'_>,
+        lattice: &Lattice,
+        holds: impl FnMut(&Candidate) -> bool,
+    ) -> Option<Candidate> {
+        match self.best_first(task, lattice, (None, &mut 0), holds) {
+            Outcome::Found(candidate) => Some(candidate),
+            Outcome::Nothing | Outcome::Stopped => None,
+        }
+    }
+
+    fn best_first(
+        &mut self,
+        task: &Task<'_>,
+        lattice: &Lattice,
+        (mut budget, spent): (Option<&mut dyn Budget>, &mut u64),
+        mut holds: impl FnMut(&Candidate) -> bool,
+    ) -> Outcome {
+        self.prepare(task, lattice);
         while let Some(entry) = self.heap.pop() {
             if entry.leaf {
                 let candidate = self.candidate(task, lattice, &entry);
-                if task.checks.hold(task.line, &candidate.motion, candidate.last_s, &mut hint_s) {
+                if holds(&candidate) {
                     return Outcome::Found(candidate);
                 }
                 continue;

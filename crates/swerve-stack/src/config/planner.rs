@@ -2,51 +2,32 @@
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use swerve_planning::Planner;
 use swerve_planning::aeb::{self, Aeb};
 use swerve_planning::fot::{self, Fot};
 use swerve_planning::hybrid_astar::{self, HybridAstar};
 use swerve_planning::rrt_star::{self, RrtStar};
 use swerve_planning::waypoint::Waypoint;
-use swerve_pylot::{HybridAstarParams, Preset, RrtStarParams};
+use swerve_planning::{CollisionMode, Planner};
+use swerve_pylot::{HybridAstarParams, Preset, RrtStarParams, Rules};
 
 use super::{Fineness, PlannerName, PlanningConfig};
 
 /// The planner that a configuration names, with its parameters.
 pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
-    let (preset, fineness) = (planning.preset, planning.config);
-    let collision = planning.collision;
+    let PlanningConfig { preset, collision, .. } = *planning;
+    if preset == Preset::Paper
+        && let Some(planner) = original(planning, params)?
+    {
+        return Ok(planner);
+    }
     Ok(match planning.planner {
         PlannerName::Fot => {
-            let defaults = match fineness {
-                Fineness::Fast => fot::Params::fast(),
-                Fineness::Slow => fot::Params::slow(),
-            };
-            let params = overridden(&fot::Params { collision, ..defaults }, params)?;
-            match preset {
-                Preset::Paper => Box::new(swerve_pylot::Fot::new(params).map_err(|e| e.to_string())?),
-                Preset::Best => Box::new(Fot::new(params).map_err(|e| e.to_string())?),
-            }
-        }
-        PlannerName::HybridAstar if preset == Preset::Paper => {
-            let defaults = match fineness {
-                Fineness::Fast => HybridAstarParams::fast(),
-                Fineness::Slow => HybridAstarParams::slow(),
-            };
-            let params = overridden(&HybridAstarParams { collision, ..defaults }, params)?;
-            Box::new(swerve_pylot::HybridAstar::new(params).map_err(|e| e.to_string())?)
+            let params = overridden(&fot_params(planning.config, collision), params)?;
+            Box::new(Fot::new(params).map_err(|e| e.to_string())?)
         }
         PlannerName::HybridAstar => {
             let defaults = hybrid_astar::Params { collision, ..hybrid_astar::Params::default() };
             Box::new(HybridAstar::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
-        }
-        PlannerName::RrtStar if preset == Preset::Paper => {
-            let defaults = match fineness {
-                Fineness::Fast => RrtStarParams::fast(),
-                Fineness::Slow => RrtStarParams::slow(),
-            };
-            let params = overridden(&RrtStarParams { collision, ..defaults }, params)?;
-            Box::new(swerve_pylot::RrtStar::new(params).map_err(|e| e.to_string())?)
         }
         PlannerName::RrtStar => {
             let defaults = rrt_star::Params { collision, ..rrt_star::Params::default() };
@@ -61,6 +42,71 @@ pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result
             Box::new(Aeb::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
         }
     })
+}
+
+fn fot_params(fineness: Fineness, collision: CollisionMode) -> fot::Params {
+    let defaults = match fineness {
+        Fineness::Fast => fot::Params::fast(),
+        Fineness::Slow => fot::Params::slow(),
+    };
+    fot::Params { collision, ..defaults }
+}
+
+/// The paper's own planner, where it has one.
+fn original(planning: &PlanningConfig, params: &toml::Table) -> Result<Option<Box<dyn Planner>>, String> {
+    // What is wrong with the rules is told by their own keys.
+    let rules = planning.rules().unwrap_or_else(|_| planning.rules_of_era());
+    let PlanningConfig { config, collision, .. } = *planning;
+    let obstacle_range_m = planning.era.unwrap_or_default().range_m(planning.planner.original());
+    Ok(Some(match planning.planner {
+        PlannerName::Fot => {
+            let defaults = fot::Params { obstacle_range_m, ..fot_params(config, collision) };
+            let params = overridden(&defaults, params)?;
+            Box::new(swerve_pylot::Fot::new(params, rules).map_err(|e| e.to_string())?)
+        }
+        PlannerName::HybridAstar => {
+            let defaults = match config {
+                Fineness::Fast => HybridAstarParams::fast(),
+                Fineness::Slow => HybridAstarParams::slow(),
+            };
+            let defaults = HybridAstarParams { collision, obstacle_range_m, ..defaults };
+            let params = overridden(&defaults, params)?;
+            Box::new(swerve_pylot::HybridAstar::new(params, rules).map_err(|e| e.to_string())?)
+        }
+        PlannerName::RrtStar => {
+            let defaults = match config {
+                Fineness::Fast => RrtStarParams::fast(),
+                Fineness::Slow => RrtStarParams::slow(),
+            };
+            let params = overridden(&RrtStarParams { collision, obstacle_range_m, ..defaults }, params)?;
+            Box::new(swerve_pylot::RrtStar::new(params, rules).map_err(|e| e.to_string())?)
+        }
+        PlannerName::Waypoint | PlannerName::Aeb => return Ok(None),
+    }))
+}
+
+/// The rules that a configuration names; what is wrong with them, each by its key.
+pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, String)>> {
+    let key = |key: &str| format!("planning.rules.{key}");
+    if planning.preset != Preset::Paper {
+        let only = "only the preset `paper` has one";
+        let era = planning.era.map(|_| ("planning.era".to_owned(), only.to_owned()));
+        let rule = planning.rules.keys().next().map(|rule| (key(rule), only.to_owned()));
+        let wrong: Vec<_> = era.into_iter().chain(rule).collect();
+        return if wrong.is_empty() { Ok(planning.rules_of_era()) } else { Err(wrong) };
+    }
+    if planning.collision == CollisionMode::MayStop && planning.planner.is_paper() {
+        let message = "the paper's planners know `swept_static` and `time_indexed`".to_owned();
+        return Err(vec![("planning.collision".into(), message)]);
+    }
+    let rules: Rules =
+        swerve_text::overridden(&planning.rules_of_era(), &planning.rules).map_err(|found| {
+            found.into_iter().map(|(rule, message)| (key(&rule), message)).collect::<Vec<_>>()
+        })?;
+    rules.validate(planning.planner.original()).map_err(|error| {
+        vec![(key(&error.key), format!("expected {}, found {}", error.expected, error.value))]
+    })?;
+    Ok(rules)
 }
 
 /// Parameters with what the configuration says otherwise; all that is wrong with it in one line.

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 use swerve_planning::{CollisionMode, Planner};
-use swerve_pylot::Preset;
+use swerve_pylot::{Era, Original, Preset, Rules};
 
 use super::execution::Runtime;
 use super::planner;
@@ -27,8 +27,23 @@ pub enum PlannerName {
 }
 
 impl PlannerName {
+    /// Who it is to the paper's rules.
+    pub(super) fn original(self) -> Original {
+        match self {
+            Self::Fot => Original::Fot,
+            Self::RrtStar => Original::RrtStar,
+            Self::HybridAstar => Original::HybridAstar,
+            Self::Waypoint | Self::Aeb => Original::Other,
+        }
+    }
+
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Fot, Self::RrtStar, Self::HybridAstar, Self::Waypoint, Self::Aeb];
+
+    /// Whether the paper has a planner of this name.
+    pub(super) fn is_paper(self) -> bool {
+        self.original() != Original::Other
+    }
 
     /// The name in files and tables.
     pub fn as_str(self) -> &'static str {
@@ -89,6 +104,12 @@ pub struct PlanningConfig {
     pub config: Fineness,
     /// The paper's behaviour, or ours; sets the defaults of the keys below.
     pub preset: Preset,
+    /// Whose rules the paper's preset keeps: `pylot_2020_05` (when absent) or `pylot_2020_11`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub era: Option<Era>,
+    /// Single rules that differ from the era's (`swerve_pylot::Rules` has them with their sources).
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    pub rules: toml::Table,
     /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way), or
     /// the original's `swept_static`.
     pub collision: CollisionMode,
@@ -116,6 +137,8 @@ impl Default for PlanningConfig {
             planner: PlannerName::Fot,
             config: Fineness::Fast,
             preset: Preset::Best,
+            era: None,
+            rules: toml::Table::new(),
             collision: CollisionMode::TimeIndexed,
             start: None,
             expected_ms: None,
@@ -137,6 +160,16 @@ impl PlanningConfig {
     /// The same with other parameters.
     pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
         planner::planner(self, params)
+    }
+
+    /// The rules of the paper's preset for the chosen planner; what is wrong with them, each by its key.
+    pub fn rules(&self) -> Result<Rules, Vec<(String, String)>> {
+        planner::rules(self)
+    }
+
+    /// The rules of the era alone.
+    pub(super) fn rules_of_era(&self) -> Rules {
+        Rules::of(self.era.unwrap_or_default(), self.planner.original())
     }
 
     /// Run time of the chosen planner and discretisation.

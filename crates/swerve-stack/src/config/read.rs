@@ -5,6 +5,7 @@ use std::path::Path;
 use swerve_text::{Document, Problem, Problems};
 
 use super::Config;
+use super::car::fill_in;
 use super::process::with_whole_paths;
 use crate::assembly::gather_named_sections;
 use crate::registry::Registry;
@@ -49,6 +50,7 @@ impl Config {
     fn formed_of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());
         gather_named_sections(&mut table, registry);
+        fill_in(&mut table);
         let mut config: Self = match table == document.table {
             true => document.to()?,
             false => document.with_table(table).to()?,
@@ -85,6 +87,7 @@ impl Config {
         }
         let mut table = with_whole_paths(table, Path::new(""));
         gather_named_sections(&mut table, registry);
+        fill_in(&mut table);
         let config: Self = swerve_text::read(&table).map_err(|found| {
             found.into_iter().map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
         })?;

@@ -5,6 +5,7 @@ use swerve_core::Span;
 use swerve_flow::Reaction;
 use swerve_perception::{detector, tracker};
 use swerve_planning::deadline;
+use swerve_pylot::Rules;
 use swerve_text::number;
 
 use super::execution::{Runtime, span_ms};
@@ -28,6 +29,8 @@ pub struct Resolved {
     pub tracker: tracker::Params,
     /// The planner's ladder, the fastest first, each with the parameters that make it; empty where it always is the same.
     pub planner_rungs: Vec<Rung<toml::Table>>,
+    /// The rules of the paper's preset for the chosen planner.
+    pub rules: Rules,
 }
 
 impl Resolved {
@@ -67,11 +70,15 @@ impl Resolved {
             Vec::new()
         });
         let planning = &config.planning;
+        let rules = planning.rules().unwrap_or_else(|found| {
+            found.into_iter().for_each(|(key, message)| tell(key, message));
+            planning.rules_of_era()
+        });
         let on_ladder = planner_rungs.iter().find_map(|rung| planning.planner_with(&rung.what).err());
         if let Some(message) = planning.planner().err().or(on_ladder) {
             tell("planning.params".into(), message);
         }
-        Self { gate, deadlines, detector, detector_rungs, tracker, planner_rungs }
+        Self { gate, deadlines, detector, detector_rungs, tracker, planner_rungs, rules }
     }
 }
 

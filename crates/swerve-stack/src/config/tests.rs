@@ -54,3 +54,54 @@ fn the_resolved_text_reads_back_as_itself() {
     let document = Document::parse("resolved", config.to_text()).unwrap();
     assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
 }
+
+#[test]
+fn rules_of_the_paper_are_told_with_line_and_key() {
+    let wrong = |preset: &str, rest: &str| {
+        let text = format!("[planning]\npreset = \"{preset}\"\ncollision = \"swept_static\"\n{rest}");
+        problems(&text, &[]).remove(0)
+    };
+    let era = wrong("paper", "era = \"pylot_2020_5\"\n");
+    assert!(era.starts_with("c.toml:4: planning.era: expected "), "{era}");
+    assert!(era.ends_with("did you mean \"pylot_2020_05\"?"), "{era}");
+    let rules = |rule: &str| wrong("paper", &format!("[planning.rules]\n{rule}\n"));
+    assert_eq!(
+        rules("solid_lefft = true"),
+        "c.toml:5: planning.rules.solid_lefft: unknown key; did you mean \"solid_left\"?"
+    );
+    assert_eq!(
+        rules("solid_left = true"),
+        "c.toml:5: planning.rules.solid_left: expected false: `borders_only` excludes it, found true"
+    );
+    assert_eq!(
+        rules("heading_of_road_rad = nan"),
+        "c.toml:5: planning.rules.heading_of_road_rad: expected -2 pi to 2 pi, found NaN"
+    );
+    let fallback = rules("fallback = \"stop_on_rout\"");
+    assert!(fallback.starts_with("c.toml:5: planning.rules.fallback: expected "), "{fallback}");
+    assert!(fallback.ends_with("did you mean \"stop_on_route\"?"), "{fallback}");
+    assert_eq!(
+        wrong("best", "era = \"pylot_2020_05\"\n"),
+        "c.toml:4: planning.era: only the preset `paper` has one"
+    );
+    let may_stop = problems("[planning]\npreset = \"paper\"\ncollision = \"may_stop\"\n", &[]);
+    assert_eq!(
+        may_stop,
+        ["c.toml:3: planning.collision: the paper's planners know `swept_static` and `time_indexed`"]
+    );
+}
+
+#[test]
+fn single_rules_differ_from_the_eras() {
+    let config = |text: &str| Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
+    let of = |rest: &str| {
+        let planning =
+            "[planning]\npreset = \"paper\"\nplanner = \"rrt_star\"\ncollision = \"swept_static\"\n";
+        config(&format!("{planning}{rest}")).planning.rules().unwrap()
+    };
+    let (may, november) = (of(""), of("era = \"pylot_2020_11\"\n"));
+    assert_eq!(may, of("era = \"pylot_2020_05\"\n"));
+    assert_ne!(may.fallback, november.fallback);
+    let open = of("[planning.rules]\nsolid_left = false\n");
+    assert_eq!(open, swerve_pylot::Rules { solid_left: false, ..may });
+}

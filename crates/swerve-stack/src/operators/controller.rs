@@ -8,6 +8,7 @@ use swerve_flow::{
     Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, every,
 };
 use swerve_msg::{Command, EgoState, MotionCommand, Plan, Route, Supervision};
+use swerve_pylot::{Follower, Preset, Rules};
 use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
 
 use crate::config::{Config, ControllerName};
@@ -55,7 +56,7 @@ impl OperatorKind for Controllers {
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let config = site.config();
-        let follower = PlanFollower::new(config, &site.surroundings().route);
+        let follower = PlanFollower::new(site.config(), &site.resolved().rules, &site.surroundings().route);
         let timer = every(span_of_ms(config.control.period_ms));
         if asks_for_motion(config) {
             site.add(MotionController(follower), Some(timer))
@@ -68,6 +69,8 @@ impl OperatorKind for Controllers {
 /// Follows the newest plan; the route before there is one. Stops where a process is lost.
 struct PlanFollower {
     controller: Controller,
+    /// The original's way to follow a plan, where that is asked for.
+    original: Option<Follower>,
     vehicle: VehicleParams,
     route: Route,
     /// The newest plan that a car can follow. Its time runs out where none comes after it.
@@ -77,7 +80,7 @@ struct PlanFollower {
 }
 
 impl PlanFollower {
-    fn new(config: &Config, route: &Route) -> Self {
+    fn new(config: &Config, rules: &Rules, route: &Route) -> Self {
         let law = match config.control.controller {
             ControllerName::Pid => Law::Pid,
             ControllerName::PurePursuit => Law::PurePursuit,
@@ -89,6 +92,7 @@ impl PlanFollower {
         let vehicle = config.sim.vehicle.clone();
         Self {
             controller: controller(&vehicle, params),
+            original: original(config, rules),
             vehicle,
             route: route.clone(),
             plan: None,
@@ -111,11 +115,24 @@ impl PlanFollower {
         } else {
             self.stop_along = None;
         }
+        if self.stop_along.is_none()
+            && let Some(original) = &mut self.original
+        {
+            return Some((**ego, original.step(now, ego, plan)));
+        }
         let plan = self.stop_along.as_ref().or(plan);
         let input = Input { now, ego, plan, route: &self.route };
         let output = self.controller.step(&input);
         Some((**ego, output))
     }
+}
+
+/// The original's follower: under the paper's preset, unless another law or another way to follow is asked for.
+fn original(config: &Config, rules: &Rules) -> Option<Follower> {
+    let Config { planning, control, sim, .. } = config;
+    let by_pid = control.controller == ControllerName::Pid && control.following.is_none();
+    (by_pid && planning.preset == Preset::Paper)
+        .then(|| Follower::new(rules, &sim.vehicle.shape, &sim.vehicle.limits))
 }
 
 /// A controller that knows the pedals of `vehicle`.

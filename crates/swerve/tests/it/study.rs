@@ -50,6 +50,8 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
             "period_ms",
             "range",
             "verdict",
+            "no_collision",
+            "on_road",
             "min_distance_m",
             "impact_speed_mps",
             "lateral_jerk_max",
@@ -61,8 +63,8 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
     );
     let labels: Vec<_> = rows[1..].iter().map(|row| (row[0], row[1])).collect();
     assert_eq!(labels, [("10", "15.0"), ("10", "60.0"), ("20", "15.0"), ("20", "60.0")]);
-    let mut digests: Vec<&str> = rows[1..].iter().map(|row| row[6]).collect();
-    assert!(rows[1..].iter().all(|row| row[2] == "avoided" && row[6].len() == 16), "{csv}");
+    let mut digests: Vec<&str> = rows[1..].iter().map(|row| row[8]).collect();
+    assert!(rows[1..].iter().all(|row| row[2] == "avoided" && row[8].len() == 16), "{csv}");
     let commands = bench.read("o/commands.txt");
     assert_eq!(commands.lines().count(), 4);
     for (line, digest) in commands.lines().zip(&digests) {
@@ -189,7 +191,7 @@ fn a_failing_cell_leaves_the_others() {
         assert!(!said.stderr.contains("panicked"), "{said:?}");
         let csv = bench.read("o/cells.csv");
         let rows: Vec<&str> = csv.lines().skip(1).collect();
-        assert_eq!(rows[0], "\"queue(1, fail)\",failed,,,,,,,");
+        assert_eq!(rows[0], "\"queue(1, fail)\",failed,,,,,,,,,");
         assert!(
             rows.len() == 2 && rows[1].starts_with("skip_to_latest,") && !rows[1].contains("failed"),
             "{csv}"

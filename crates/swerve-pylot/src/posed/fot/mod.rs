@@ -174,7 +174,12 @@ pub fn solve(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Soluti
     let mut budget = Unlimited::default();
     let found = match preset {
         Preset::Best => anytime(&mut search, &task, &lattice, &mut coarse, &mut budget),
-        Preset::Paper => build_all(&mut search, &task, &mut lattice, &mut budget),
+        Preset::Paper => {
+            let any = build_all(&mut lattice, &mut budget);
+            let mut hint_s = None;
+            let holds = |c: &Candidate| task.checks.hold(task.line, &c.motion, c.last_s, &mut hint_s);
+            any.then(|| search.run_where(&task, &lattice, holds)).flatten()
+        }
     };
     match found {
         Some(candidate) => solution(&problem.id, &task, &candidate, budget.spent),

@@ -11,12 +11,13 @@ use swerve_planning::path::ground::{Outline, around};
 use swerve_planning::path::piece::{Piece, length_m};
 use swerve_planning::path::points::with_curvature;
 use swerve_planning::rrt_star::tree::{Aim, Growth, Tree, Until, gamma_m2};
-use swerve_planning::{Budget, Obstacles};
+use swerve_planning::{Budget, Counted, Obstacles};
 
 use super::pieces::solution;
-use super::{CLEARANCE_CAP_M, Outcome, RrtStarConfig, RrtStarProblem, Solution, obb, path_length_m};
+use super::{AxisBox, CLEARANCE_CAP_M, Outcome, RrtStarConfig, RrtStarProblem, Solution, obb, path_length_m};
 use crate::Preset;
 use crate::rrt_star::turn_along;
+use crate::tree;
 use bend::{Bender, pieces_free};
 use boxes::Boxes;
 use round::Rounder;
@@ -56,6 +57,10 @@ pub struct Solver {
     /// Iterations of the best preset at most; the settings' are the paper preset's.
     pub iterations_max: u64,
     tree: Tree,
+    paper: tree::Tree,
+    paper_boxes: crate::boxes::Boxes,
+    paper_work: u64,
+    points: Vec<Point2>,
     boxes: Boxes,
     guides: Vec<Pose2>,
     corners: Vec<Pose2>,
@@ -73,6 +78,10 @@ impl Default for Solver {
             seed: 0,
             iterations_max: ITERATIONS_PER_MS,
             tree: Tree::default(),
+            paper: tree::Tree::default(),
+            paper_boxes: crate::boxes::Boxes::default(),
+            paper_work: 0,
+            points: Vec::new(),
             boxes: Boxes::default(),
             guides: Vec::new(),
             corners: Vec::new(),
@@ -113,7 +122,7 @@ impl Solver {
         preset: Preset,
         budget: &mut dyn Budget,
     ) -> Outcome {
-        self.tree.work = 0;
+        (self.tree.work, self.paper_work) = (0, 0);
         self.best.clear();
         self.corners.clear();
         if !is_valid(problem, config) {
@@ -129,29 +138,39 @@ impl Solver {
             return Outcome::StartBlocked;
         }
         match preset {
-            Preset::Paper => self.first_arrival(config, &Ends { start, goal, bounds }, budget),
+            Preset::Paper => self.first_arrival(problem, config, bounds, budget),
             Preset::Best if !self.boxes.point_free(goal.point()) => Outcome::GoalBlocked,
             Preset::Best => self.shortest(problem, config, &Ends { start, goal, bounds }, budget),
         }
     }
 
-    fn first_arrival(&mut self, config: &RrtStarConfig, ends: &Ends, budget: &mut dyn Budget) -> Outcome {
-        let growth = Growth {
+    fn first_arrival(
+        &mut self,
+        problem: &RrtStarProblem,
+        config: &RrtStarConfig,
+        bounds: AxisBox,
+        budget: &mut dyn Budget,
+    ) -> Outcome {
+        let growth = tree::Growth {
             step_m: config.step_size,
             iterations_max: config.max_iterations.min(100_000),
             goal_share: 0.01,
-            guide_share: 0.0,
-            gamma_m2: gamma_m2(ends.bounds),
-            radius_max_m: config.step_size,
-            until: Until::Arrival(config.end_dist_threshold),
+            arrival_m: config.end_dist_threshold,
+            rewiring: false,
+            speed_mps: f64::INFINITY,
         };
+        self.paper_boxes.set_standing(&problem.obstacles, config.obstacle_clearance);
+        let at = |p: [f64; 2]| Point2::new(p[0], p[1]);
+        let aim = tree::Aim { start: at(problem.start), goal: at(problem.goal), bounds };
         let mut rng = Rng::keyed(self.seed, "rrt_star", &[]);
-        let aim = Aim { start: ends.start, goal: ends.goal, bounds: ends.bounds, guides: &[] };
-        self.tree.grow(&self.boxes, &growth, &aim, &mut rng, budget);
-        match self.tree.take_best(&mut self.corners) {
-            Some(_) => Outcome::Found,
-            None => Outcome::NoPath,
+        let mut counted = Counted::new(budget);
+        let Self { paper, paper_boxes, points, .. } = self;
+        let found = paper.grow(paper_boxes, (&growth, &aim), &mut rng, &mut counted, points);
+        self.paper_work = counted.spent;
+        if found {
+            self.corners.extend(self.points.iter().map(|p| Pose2::new(p.x_m, p.y_m, 0.0)));
         }
+        if found { Outcome::Found } else { Outcome::NoPath }
     }
 
     fn shortest(
@@ -229,7 +248,7 @@ impl Solver {
 
     /// Iterations of the newest search.
     pub fn work(&self) -> u64 {
-        self.tree.work
+        self.tree.work + self.paper_work
     }
 
     /// Length of the path of the newest search, metres; zero without.

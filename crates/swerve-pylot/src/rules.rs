@@ -1,0 +1,184 @@
+//! The originals' rules, each a key that can be switched: what Pylot did at two moments of its history.
+//!
+//! Sources are files of github.com/erdos-project: `pylot` at c0454eb (2020-05-03) and at be7bf9c (2020-11-11, v0.3.1),
+//! `rrt_star_planner` at b171364, `hybrid_astar_planner` at c4ba029, `frenet_optimal_trajectory_planner` at 52b0705.
+
+use core::f64::consts::{PI, TAU};
+
+use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require, require_positive};
+
+/// A moment of Pylot's history.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Era {
+    /// May 2020, the last month in which the mode that Table I was made with could run. Source: `pylot` c0454eb;
+    /// 019418a (2020-06-08) breaks `planning_pose_synchronizer_operator.py`.
+    #[default]
+    #[serde(rename = "pylot_2020_05")]
+    May2020,
+    /// November 2020, when the paper was handed in. Source: `pylot` be7bf9c.
+    #[serde(rename = "pylot_2020_11")]
+    November2020,
+}
+
+/// Who plans: some rules, ranges and gains are one planner's alone.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Original {
+    /// Frenet optimal trajectories.
+    Fot,
+    /// RRT*.
+    RrtStar,
+    /// Hybrid A*.
+    HybridAstar,
+    /// Any other: the rules of following alone count.
+    Other,
+}
+
+/// What is driven when a search finds nothing.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fallback {
+    /// Speed zero along what is left of the last plan. Source: `pylot` c0454eb,
+    /// `planning/rrt_star/rrt_star_planning_operator.py:175-192`, `planning/frenet_optimal_trajectory/fot_planning_operator.py:256-290`.
+    StopOnLastPlan,
+    /// Speed zero along the route. Source: `pylot` be7bf9c, `planning/rrt_star/rrt_star_planner.py:69-71`,
+    /// `planning/frenet_optimal_trajectory/fot_planner.py:103-107`.
+    StopOnRoute,
+    /// The route at the target speed, whatever is in the way: no version of Pylot.
+    FollowRoute,
+}
+
+/// Which point of a plan is steered at.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Waypoint {
+    /// Number `2 * int(v / 3)`, counted from the plan's first point, of which at most one is dropped as passed.
+    /// Source: `pylot` c0454eb, `control/pid_agent_operator.py:79-83`, `planning/utils.py:26-70`.
+    Number,
+    /// The first that is at least 5 m away, after the nearest. Source: `pylot` be7bf9c, `planning/waypoints.py:112-131`.
+    Distance,
+}
+
+/// Rules of planning and following. [`Rules::of`] has each era's; every one can be switched by itself.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rules {
+    /// Whether an obstacle's predicted places count only where they are in range themselves; off, all of them do once one
+    /// is. Source: `pylot` be7bf9c, `planning/world.py:102-125`; c0454eb, `planning/planning_operator.py:121-180`.
+    pub range_per_place: bool,
+    /// Whether all that lies to the left (+y) of a box is solid: the test for a point inside of a box compares its x with
+    /// the box's y, which in Town01 always holds. Source: `rrt_star_planner` `obstacle.cpp:61-65`, `hybrid_astar_planner`
+    /// `Obstacle.cpp:64-68`. For roads along +x.
+    pub solid_left: bool,
+    /// What is driven when a search finds nothing.
+    pub fallback: Fallback,
+    /// Heading of a road along +x in the simulator's left-handed frame, radians: motions are scanned around the absolute
+    /// heading, so that what a car can do depends on where north is. Source: `hybrid_astar_planner`
+    /// `HybridAStar.cpp:25-48`; the road of Town01 goes along -x.
+    pub heading_of_road_rad: f64,
+    /// Whether Hybrid A* returns the way to the nearest pose from which a Dubins path to the goal is free; off, it has to
+    /// arrive. Source: `hybrid_astar_planner` `HybridAStar.cpp:105-118,170`.
+    pub nearest_free: bool,
+    /// Whether RRT* leads nodes over newer ones where that is shorter: the original compares each cost with itself and
+    /// something, so it never does. Source: `rrt_star_planner` `RRTStarWrapper.cpp:55-77`.
+    pub rewiring: bool,
+    /// Whether the middle of the car is what is planned and steered for; off, the middle of the rear axle. Source: `pylot`
+    /// be7bf9c, `planning/rrt_star/rrt_star_planner.py:85-89`, `control/pid_control_operator.py:77-88`.
+    pub middle_of_car: bool,
+    /// Whether FOT's candidates end where the route's 30 waypoints do. Source: `frenet_optimal_trajectory_planner`
+    /// `CubicSpline1D.cpp:44`, `FrenetPath.cpp:17-19`.
+    pub cut_at_route_end: bool,
+    /// Whether FOT's plan has its samples for points; off, points at most 0.1 s apart. Source:
+    /// `frenet_optimal_trajectory_planner` `fot_wrapper.cpp`.
+    pub sparse_points: bool,
+    /// Whether FOT looks at the borders of car and boxes only, at its samples, where a corner is within 6 m; off, nothing
+    /// is passed over. Source: `frenet_optimal_trajectory_planner` `FrenetPath.cpp:89-140`.
+    pub borders_only: bool,
+    /// Which point of a plan is steered at.
+    pub waypoint: Waypoint,
+    /// Steer per radian of the angle to it. Source: `pylot` be7bf9c, `control/flags.py` (0.7) and the configurations of
+    /// the experiment, which set 1.0 for all but RRT*.
+    pub steer_gain: f64,
+}
+
+impl Rules {
+    /// The rules of an era for one of its planners.
+    pub fn of(era: Era, original: Original) -> Self {
+        let fot = original == Original::Fot;
+        let (fallback, waypoint) = match era {
+            Era::May2020 => (Fallback::StopOnLastPlan, Waypoint::Number),
+            Era::November2020 => (Fallback::StopOnRoute, Waypoint::Distance),
+        };
+        Self {
+            range_per_place: true,
+            solid_left: !fot,
+            fallback,
+            heading_of_road_rad: PI,
+            nearest_free: true,
+            rewiring: false,
+            middle_of_car: true,
+            cut_at_route_end: true,
+            sparse_points: true,
+            borders_only: true,
+            waypoint,
+            steer_gain: if original == Original::RrtStar { 0.7 } else { 1.0 },
+        }
+    }
+
+    /// Checks ranges, and that no rule excludes another.
+    ///
+    /// # Errors
+    /// The first rule that cannot be.
+    pub fn validate(&self, original: Original) -> Result<(), ParamError> {
+        let heading = self.heading_of_road_rad;
+        require("heading_of_road_rad", heading, heading.abs() <= TAU, "-2 pi to 2 pi")?;
+        require_positive("steer_gain", self.steer_gain)?;
+        let borders = original == Original::Fot && self.borders_only;
+        let solid = self.solid_left.to_string();
+        require("solid_left", solid, !(borders && self.solid_left), "false: `borders_only` excludes it")
+    }
+}
+
+impl Era {
+    /// Obstacles further away than this are not planned for, metres. Source: `pylot` c0454eb, `planning/flags.py:10` (FOT)
+    /// and the configurations of the experiment; be7bf9c, `perception/flags.py:19`, `configs/scenarios/`.
+    pub fn range_m(self, original: Original) -> f64 {
+        match (original, self) {
+            (Original::RrtStar, _) | (Original::HybridAstar, Self::May2020) => 10.0,
+            (Original::HybridAstar, Self::November2020) => 70.0,
+            (Original::Fot | Original::Other, _) => 30.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eras_differ_in_what_is_driven_when_nothing_is_found_and_in_the_point_steered_at() {
+        let [may, november] = [Era::May2020, Era::November2020].map(|era| Rules::of(era, Original::RrtStar));
+        let as_may = Rules { fallback: may.fallback, waypoint: may.waypoint, ..november };
+        assert_eq!(as_may, may);
+        assert_ne!((may.fallback, may.waypoint), (november.fallback, november.waypoint));
+        for original in [Original::Fot, Original::RrtStar, Original::HybridAstar, Original::Other] {
+            assert_eq!(Rules::of(Era::May2020, original).validate(original), Ok(()));
+        }
+    }
+
+    #[test]
+    fn rules_that_cannot_be_are_named() {
+        let fot = Rules::of(Era::May2020, Original::Fot);
+        let wrong = |rules: Rules| rules.validate(Original::Fot).unwrap_err().to_string();
+        assert_eq!(
+            wrong(Rules { solid_left: true, ..fot }),
+            "`solid_left` is true, expected false: `borders_only` excludes it"
+        );
+        assert_eq!(
+            wrong(Rules { heading_of_road_rad: f64::NAN, ..fot }),
+            "`heading_of_road_rad` is NaN, expected -2 pi to 2 pi"
+        );
+        assert_eq!(Rules { solid_left: true, borders_only: false, ..fot }.validate(Original::Fot), Ok(()));
+    }
+}

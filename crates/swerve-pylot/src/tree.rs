@@ -1,0 +1,170 @@
+//! The tree of the original's RRT*: it ends with the first node near the goal.
+
+use core::f64::consts::PI;
+
+use swerve_core::Rng;
+use swerve_geom::{Point2, math};
+use swerve_planning::{Budget, Progress};
+
+use crate::boxes::Boxes;
+use crate::posed::AxisBox;
+
+/// How the tree grows.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Growth {
+    /// Length of an extension, metres.
+    pub(crate) step_m: f64,
+    /// Iterations at most.
+    pub(crate) iterations_max: u64,
+    /// Share of the iterations that aim at the goal.
+    pub(crate) goal_share: f64,
+    /// Distance to the goal that counts as arrived, metres.
+    pub(crate) arrival_m: f64,
+    /// Whether nodes are led over newer ones where that is shorter.
+    pub(crate) rewiring: bool,
+    /// Speed at which it is driven, m/s.
+    pub(crate) speed_mps: f64,
+}
+
+/// From where to where, within which bounds.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Aim {
+    pub(crate) start: Point2,
+    pub(crate) goal: Point2,
+    pub(crate) bounds: AxisBox,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    point: Point2,
+    cost_m: f64,
+    parent: usize,
+}
+
+/// The tree, with memory kept between calls.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tree {
+    nodes: Vec<Node>,
+    /// Nodes near a new one: squared distance, number.
+    near: Vec<(f64, usize)>,
+}
+
+impl Tree {
+    /// Grows a tree anew; leaves the way to its last node in `path` where that is near the goal, and says whether it is.
+    pub(crate) fn grow(
+        &mut self,
+        boxes: &Boxes,
+        (growth, aim): (&Growth, &Aim),
+        rng: &mut Rng,
+        budget: &mut dyn Budget,
+        path: &mut Vec<Point2>,
+    ) -> bool {
+        self.nodes.clear();
+        self.nodes.reserve(growth.iterations_max as usize + 1);
+        self.nodes.push(Node { point: aim.start, cost_m: 0.0, parent: 0 });
+        let [x_min, y_min, x_max, y_max] = aim.bounds;
+        let free_m2 = (x_max - x_min) * (y_max - y_min) - boxes.area_m2();
+        // Karaman and Frazzoli's gamma in two dimensions, as the original has it.
+        let gamma_m2 = 1.0 + 6.0 * free_m2;
+        for i in 1..=growth.iterations_max {
+            let progress = budget.spend(1);
+            let wanted = match rng.unit() <= growth.goal_share {
+                true => aim.goal,
+                false => Point2::new(rng.uniform(x_min, x_max), rng.uniform(y_min, y_max)),
+            };
+            let n = i as f64;
+            let radius_m = (gamma_m2.max(0.0) / PI * math::ln(n) / n).sqrt().min(growth.step_m);
+            let added = self.extend(boxes, growth, wanted, radius_m);
+            if added && self.nodes[self.nodes.len() - 1].point.distance(aim.goal) < growth.arrival_m {
+                self.trace(path);
+                return true;
+            }
+            if progress == Progress::Stop {
+                break;
+            }
+        }
+        false
+    }
+
+    /// Whether a node is added.
+    fn extend(&mut self, boxes: &Boxes, growth: &Growth, wanted: Point2, radius_m: f64) -> bool {
+        let at_s = |node: &Node| node.cost_m / growth.speed_mps.max(0.1);
+        let mut point = wanted;
+        let (mut nearest, mut distance_m) = self.nearest(point);
+        if distance_m > growth.step_m {
+            let from = self.nodes[nearest];
+            point = from.point + (wanted - from.point) * (growth.step_m / distance_m);
+            if !boxes.way_free(point, from.point, at_s(&from)) {
+                return false;
+            }
+            (nearest, distance_m) = self.nearest(point);
+        }
+        self.collect_near(point, radius_m);
+        let mut best = (nearest, distance_m);
+        for &(squared_m2, node) in &self.near {
+            let (there, way_m) = (&self.nodes[node], squared_m2.sqrt());
+            if there.cost_m + way_m < self.nodes[best.0].cost_m + best.1
+                && boxes.way_free(point, there.point, at_s(there))
+            {
+                best = (node, way_m);
+            }
+        }
+        let parent = &self.nodes[best.0];
+        if !boxes.way_free(point, parent.point, at_s(parent)) {
+            return false;
+        }
+        let cost_m = parent.cost_m + best.1;
+        self.nodes.push(Node { point, cost_m, parent: best.0 });
+        if growth.rewiring {
+            self.rewire(boxes, cost_m / growth.speed_mps.max(0.1));
+        }
+        true
+    }
+
+    fn nearest(&self, point: Point2) -> (usize, f64) {
+        let squared = |node: &Node| (node.point - point).norm_squared();
+        let nearest = self
+            .nodes
+            .iter()
+            .map(squared)
+            .enumerate()
+            .fold((0, f64::INFINITY), |best, (k, d)| if d < best.1 { (k, d) } else { best });
+        (nearest.0, nearest.1.sqrt())
+    }
+
+    /// The nodes around `point`, the nearest first.
+    fn collect_near(&mut self, point: Point2, radius_m: f64) {
+        self.near.clear();
+        for (k, node) in self.nodes.iter().enumerate() {
+            let squared_m2 = (node.point - point).norm_squared();
+            if squared_m2 <= radius_m * radius_m {
+                self.near.push((squared_m2, k));
+            }
+        }
+        self.near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    }
+
+    /// Leads what is near over the newest node where that is shorter.
+    fn rewire(&mut self, boxes: &Boxes, at_s: f64) {
+        let newest = self.nodes.len() - 1;
+        let Node { point, cost_m, .. } = self.nodes[newest];
+        for &(squared_m2, node) in &self.near {
+            let over_m = cost_m + squared_m2.sqrt();
+            if over_m < self.nodes[node].cost_m && boxes.way_free(self.nodes[node].point, point, at_s) {
+                let there = &mut self.nodes[node];
+                (there.cost_m, there.parent) = (over_m, newest);
+            }
+        }
+    }
+
+    fn trace(&self, path: &mut Vec<Point2>) {
+        path.clear();
+        let mut at = self.nodes.len() - 1;
+        while at != 0 {
+            path.push(self.nodes[at].point);
+            at = self.nodes[at].parent;
+        }
+        path.push(self.nodes[0].point);
+        path.reverse();
+    }
+}

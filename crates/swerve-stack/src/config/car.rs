@@ -1,0 +1,80 @@
+//! Cars by name.
+
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+/// A car with all its numbers.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Car {
+    /// A real Lincoln MKZ: the defaults of `sim.vehicle`.
+    #[default]
+    LincolnMkz,
+    /// The same as CARLA drives it: `carla_mkz.toml` has its numbers with their sources.
+    CarlaMkz,
+}
+
+/// Gives `sim.vehicle` what the car named by `sim.car` has, where the table itself says nothing. Names that are no
+/// car's are left for the reader of the table to find.
+pub(super) fn fill_in(table: &mut Table) {
+    let Some(sim) = table.get_mut("sim").and_then(Value::as_table_mut) else { return };
+    if sim.get("car").and_then(Value::as_str) != Some("carla_mkz") {
+        return;
+    }
+    let car: Table = toml::from_str(include_str!("carla_mkz.toml")).expect("a test reads it");
+    if let Value::Table(vehicle) = sim.entry("vehicle").or_insert_with(|| Table::new().into()) {
+        put_under(vehicle, &car);
+    }
+}
+
+fn put_under(table: &mut Table, defaults: &Table) {
+    for (key, value) in defaults {
+        match (table.get_mut(key), value) {
+            (Some(Value::Table(own)), Value::Table(defaults)) => put_under(own, defaults),
+            (Some(_), _) => {}
+            (None, value) => {
+                table.insert(key.clone(), value.clone());
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_text::Document;
+
+    use crate::config::Config;
+
+    fn config(text: &str) -> Config {
+        Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap()
+    }
+
+    #[test]
+    fn a_named_car_has_its_numbers_and_what_is_said_goes_before_them() {
+        let text = "[sim]\ncar = \"carla_mkz\"\n[sim.vehicle.limits]\nsteering_max_rad = 0.5\n";
+        let vehicle = config(text).sim.vehicle;
+        assert_eq!((vehicle.tyre.friction, vehicle.limits.steering_max_rad), (Some(3.5), 0.5));
+        assert_eq!(vehicle.limits.steering_rate_max_radps, 3.05);
+        assert_eq!(config("[sim]\ncar = \"lincoln_mkz\"\n"), Config::default());
+        // What is resolved has every number, and reads back as itself.
+        let resolved = config(text);
+        assert_eq!(config(&resolved.to_text()), resolved);
+    }
+
+    #[test]
+    fn wrong_cars_are_named() {
+        let problems = |text: &str| {
+            let document = Document::parse("c.toml", text).unwrap();
+            let problems = Config::from_document(&document, &[]).expect_err("wrong on purpose");
+            problems.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        let unknown = &problems("[sim]\ncar = \"carla_mk\"\n")[0];
+        assert!(unknown.starts_with("c.toml:2: sim.car: expected "), "{unknown}");
+        assert!(unknown.ends_with("did you mean \"carla_mkz\"?"), "{unknown}");
+        let text = "[sim]\ncar = \"carla_mkz\"\n[sim.vehicle.tyre]\nfriction = 9.0\n";
+        assert_eq!(
+            problems(text),
+            ["c.toml:4: sim.vehicle.tyre.friction: expected above 0 and at most 4, found 9"]
+        );
+    }
+}

@@ -1,0 +1,220 @@
+//! What a study draws over time: for every combination the median over its seeds, with the quartiles around it.
+
+use serde::Deserialize;
+use swerve_core::{Span, Time};
+use swerve_drive::{Outcome, drive_observed};
+use swerve_flow::{Event, Observer};
+use swerve_msg::Imu;
+use swerve_msg::truth::WorldState;
+use swerve_report::canvas::{Canvas, Text, color, multiples, number, round_step};
+use swerve_report::output::align;
+use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+
+use super::cells::CellResult;
+use super::grid::Study;
+
+/// A quantity over time.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Curve {
+    /// Differences of the lateral acceleration at the centre of gravity over 50 ms, m/s³, as Pylot logs them: from the
+    /// start to the first contact.
+    LateralJerk,
+}
+
+/// Spacing of the readings: Pylot's sensors have 20 Hz.
+const EVERY: Span = Span::from_ms(50);
+
+/// Collects the readings of a run.
+#[derive(Default)]
+struct Readings {
+    lateral_mps2: Vec<f64>,
+    touched: bool,
+}
+
+impl Observer for Readings {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+        if let Some(world) = payload.downcast_ref::<WorldState>() {
+            self.touched |= !world.collisions.is_empty();
+        }
+        if let Some(imu) = payload.downcast_ref::<Imu>() {
+            let due = Time::ZERO + EVERY * self.lateral_mps2.len() as i64;
+            if !self.touched && imu.stamp >= due {
+                self.lateral_mps2.push(imu.accel_mps2[1]);
+            }
+        }
+    }
+}
+
+impl Curve {
+    /// Drives, and gives the curve beside the outcome.
+    pub(super) fn drive(self, config: &Config, scenario: &Scenario) -> anyhow::Result<(Outcome, Vec<f64>)> {
+        let mut readings = Readings::default();
+        let outcome = drive_observed(config, scenario, 1, &mut [&mut readings])?;
+        let jerk = readings.lateral_mps2.windows(2).map(|pair| (pair[1] - pair[0]) / EVERY.as_secs());
+        Ok((outcome, jerk.collect()))
+    }
+
+    /// The largest magnitude and the root of the mean square of each combination's runs, as medians over them.
+    pub(super) fn text(self, study: &Study, results: &[Option<CellResult>]) -> String {
+        let head = [self.title(), "largest (quartiles)", "root mean square"].map(str::to_owned).to_vec();
+        let lines = series(study, results).into_iter().map(|series| {
+            let largest = |curve: &&Vec<f64>| curve.iter().fold(0.0_f64, |most, j| most.max(j.abs()));
+            let mean_square = |curve: &&Vec<f64>| {
+                (curve.iter().map(|j| j * j).sum::<f64>() / curve.len().max(1) as f64).sqrt()
+            };
+            let most = quartiles(series.curves.iter().map(largest).collect());
+            let rms = quartiles(series.curves.iter().map(mean_square).collect());
+            let name = format!("{} {}", series.panel, series.name);
+            vec![name, format!("{:.0} ({:.0}-{:.0})", most[1], most[0], most[2]), format!("{:.1}", rms[1])]
+        });
+        align(&std::iter::once(head).chain(lines).collect::<Vec<_>>())
+    }
+
+    fn title(self) -> &'static str {
+        match self {
+            Self::LateralJerk => "lateral jerk, m/s\u{b3}",
+        }
+    }
+
+    /// The picture: a panel for every combination of all axes but the last, a line for each of its steps.
+    pub(super) fn draw(self, study: &Study, results: &[Option<CellResult>]) -> String {
+        let all = series(study, results);
+        let mut panels: Vec<&str> = all.iter().map(|series| series.panel.as_str()).collect();
+        panels.dedup();
+        let bands: Vec<Vec<[f64; 3]>> = all.iter().map(Series::bands).collect();
+        let scale = Scale::of(&bands);
+        let mut canvas = Canvas::default();
+        let title = if study.description.is_empty() { &study.name } else { &study.description };
+        canvas.text((LEFT, 28.0), title, Text { size: 16.0, bold: true, ..Text::default() });
+        for (row, panel) in panels.iter().enumerate() {
+            let top = TOP + row as f64 * (PANEL_H + GAP);
+            scale.draw_axes(&mut canvas, top, &format!("{panel}: {}", self.title()));
+            let of_panel = all.iter().zip(&bands).filter(|(series, _)| series.panel == *panel);
+            for (k, (series, band)) in of_panel.enumerate() {
+                scale.draw_band(&mut canvas, top, (band, COLORS[k % COLORS.len()]));
+                let at = (LEFT + PANEL_W - 130.0, top + 18.0 + 16.0 * k as f64);
+                let how = Text { color: COLORS[k % COLORS.len()], bold: true, rim: true, ..Text::default() };
+                canvas.text(at, &series.name, how);
+            }
+        }
+        let height = TOP + panels.len() as f64 * (PANEL_H + GAP) + 10.0;
+        canvas.finish(LEFT + PANEL_W + 24.0, height, title)
+    }
+}
+
+const LEFT: f64 = 64.0;
+const TOP: f64 = 56.0;
+const PANEL_W: f64 = 760.0;
+const PANEL_H: f64 = 220.0;
+const GAP: f64 = 56.0;
+const COLORS: [&str; 4] = [color::EGO, color::PERSON, color::PLAN, color::FALLBACK];
+
+/// The runs of one combination.
+struct Series<'a> {
+    /// Labels of all axes but the last.
+    panel: String,
+    /// Label of the last.
+    name: String,
+    curves: Vec<&'a Vec<f64>>,
+}
+
+/// All combinations, seeds put together, in the order of the study.
+fn series<'a>(study: &Study, results: &'a [Option<CellResult>]) -> Vec<Series<'a>> {
+    let shown: Vec<usize> = (0..study.axes.len()).filter(|&a| study.axes[a] != "seed").collect();
+    let mut all: Vec<Series<'a>> = Vec::new();
+    for result in results.iter().flatten().filter(|result| !result.curve.is_empty()) {
+        let labels: Vec<&str> = shown.iter().map(|&a| result.labels[a].as_str()).collect();
+        let (name, panel) = labels.split_last().map_or(("", String::new()), |(n, p)| (*n, p.join(" ")));
+        match all.iter_mut().find(|series| series.panel == panel && series.name == name) {
+            Some(series) => series.curves.push(&result.curve),
+            None => all.push(Series { panel, name: name.to_owned(), curves: vec![&result.curve] }),
+        }
+    }
+    all
+}
+
+impl Series<'_> {
+    /// Quartiles at every instant that at least half of the runs reach.
+    fn bands(&self) -> Vec<[f64; 3]> {
+        let at = |k: usize| self.curves.iter().filter_map(|curve| curve.get(k).copied()).collect::<Vec<_>>();
+        (0..).map(at).take_while(|values| 2 * values.len() >= self.curves.len()).map(quartiles).collect()
+    }
+}
+
+/// Lower quartile, median, upper quartile; zeros of nothing.
+fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1);
+    [1, 2, 3].map(|q| values.get((last * q + 2) / 4).copied().unwrap_or(0.0))
+}
+
+/// Which time and which values the panels show.
+struct Scale {
+    /// Numbers of the first and the last sample.
+    from: usize,
+    to: usize,
+    most: f64,
+}
+
+impl Scale {
+    /// From a second before anything happens to half a second after.
+    fn of(bands: &[Vec<[f64; 3]>]) -> Self {
+        let most = bands.iter().flatten().flatten().fold(1.0_f64, |most, x| most.max(x.abs()));
+        let busy = |quartiles: &[f64; 3]| quartiles.iter().any(|x| x.abs() > 0.05 * most);
+        let first = bands.iter().filter_map(|band| band.iter().position(busy)).min().unwrap_or(0);
+        let last = bands.iter().filter_map(|band| band.iter().rposition(busy)).max().unwrap_or(first + 1);
+        Self { from: first.saturating_sub(20), to: last + 10, most: 1.05 * most }
+    }
+
+    fn x(&self, k: usize) -> f64 {
+        LEFT + PANEL_W * (k as f64 - self.from as f64) / (self.to - self.from) as f64
+    }
+
+    fn y(&self, top: f64, value: f64) -> f64 {
+        top + 0.5 * PANEL_H * (1.0 - value / self.most)
+    }
+
+    fn draw_axes(&self, canvas: &mut Canvas, top: f64, title: &str) {
+        let line = format!("stroke=\"{}\" stroke-width=\"1\"", color::GRID);
+        let soft = Text { color: color::SOFT, ..Text::default() };
+        canvas.text((LEFT, top - 8.0), title, soft);
+        let step = round_step(2.0 * self.most, 6.0);
+        for value in multiples(-self.most, self.most, step) {
+            let y = self.y(top, value);
+            canvas.line((LEFT, y), (LEFT + PANEL_W, y), &line);
+            canvas.text((LEFT - 8.0, y + 4.0), &number(value), Text { anchor: "end", ..soft });
+        }
+        let every = (EVERY.as_secs().recip() * 0.5) as usize;
+        for k in (self.from.next_multiple_of(every)..=self.to).step_by(every) {
+            let label = format!("{} s", number(k as f64 * EVERY.as_secs()));
+            canvas.line((self.x(k), top), (self.x(k), top + PANEL_H), &line);
+            canvas.text((self.x(k), top + PANEL_H + 16.0), &label, Text { anchor: "middle", ..soft });
+        }
+    }
+
+    fn draw_band(&self, canvas: &mut Canvas, top: f64, (band, paint): (&[[f64; 3]], &str)) {
+        let shown = self.from.min(band.len())..band.len().min(self.to + 1);
+        let at = |quartile: usize, k: usize| (self.x(k), self.y(top, band[k][quartile]));
+        let around = shown.clone().map(|k| at(0, k)).chain(shown.clone().rev().map(|k| at(2, k)));
+        canvas.path(around, true, &format!("fill=\"{paint}\" fill-opacity=\"0.18\""));
+        let line = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.6\"");
+        canvas.path(shown.map(|k| at(1, k)), false, &line);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_are_quartiles_of_the_runs_that_get_there() {
+        let curves = [vec![1.0, 5.0, 9.0], vec![2.0, 6.0], vec![3.0], vec![4.0], vec![5.0, 7.0]];
+        let series = Series { panel: String::new(), name: String::new(), curves: curves.iter().collect() };
+        assert_eq!(series.bands(), [[2.0, 3.0, 4.0], [6.0, 6.0, 7.0]]);
+        assert_eq!(quartiles(Vec::new()), [0.0; 3]);
+    }
+}
