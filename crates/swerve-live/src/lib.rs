@@ -365,7 +365,7 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     if stopped == Stopped::Hanging {
         // The transport does not end by itself: all files are written, so the process is ended.
         if let Err(error) = &concluded {
-            eprintln!("error: {}", swerve_report::output::message(error));
+            swerve_report::output::tell(&format!("error: {}", swerve_report::output::message(error)));
         }
         std::process::exit(i32::from(concluded.is_err()));
     }

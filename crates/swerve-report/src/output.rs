@@ -26,6 +26,11 @@ pub fn message(error: &anyhow::Error) -> String {
     })
 }
 
+/// Says something on a line of standard error. That nobody reads it any more (`swerve ... 2>&1 | head`) is no error.
+pub fn tell(line: &str) {
+    let _unheard = writeln!(std::io::stderr(), "{line}");
+}
+
 /// Columns padded to equal width, two spaces between them; the first to the left, the others to the right.
 pub fn align(lines: &[Vec<String>]) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);

@@ -5,10 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use swerve_gpu::{self as gpu, AdapterKind};
 use swerve_lidar::LidarEngine;
+use swerve_report::output::tell;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_study::Bench;
 use swerve_text::{Document, Problems};
+
+use crate::new::quoted;
 
 /// `swerve check`.
 #[derive(clap::Args, Debug)]
@@ -20,14 +23,29 @@ pub(crate) struct CheckArgs {
 /// What is checked where nothing is named.
 const FOLDERS: [&str; 2] = ["scenarios", "configs"];
 
+/// What could be checked in a folder without these.
+fn hint() -> String {
+    let entries = std::fs::read_dir(".").into_iter().flatten().flatten().map(|entry| entry.file_name());
+    let names = entries.map(|name| name.to_string_lossy().into_owned());
+    let mut ours: Vec<String> =
+        names.filter(|name| name.ends_with(".toml") && name != "Cargo.toml").collect();
+    ours.sort();
+    let ours: Vec<String> = ours.iter().map(|name| quoted(name)).collect();
+    match ours.is_empty() {
+        true => "`swerve new my_project` makes some to begin with".to_owned(),
+        false => format!("`swerve check {}`", ours.join(" ")),
+    }
+}
+
 /// Checks files and folders.
 pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut files = Vec::new();
     let default: Vec<PathBuf> = FOLDERS.iter().map(PathBuf::from).filter(|folder| folder.is_dir()).collect();
     if args.paths.is_empty() && default.is_empty() {
         bail!(
-            "there is no folder {}: expected the files to check (`swerve new my_project` makes some to begin with)",
-            FOLDERS.join(" and no folder ")
+            "there is no folder {}: expected the files to check ({})",
+            FOLDERS.join(" and no folder "),
+            hint()
         );
     }
     let given = if args.paths.is_empty() { &default } else { &args.paths };
@@ -52,7 +70,7 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
         return swerve_report::output::print(&format!("{files}, no problem\n"));
     }
     for fault in &faults {
-        eprintln!("{fault}");
+        tell(fault);
     }
     bail!("{} in {files}", counted(faults.len(), "problem"))
 }

@@ -21,7 +21,7 @@ pub fn main(registry: Registry) -> std::process::ExitCode {
     match cli::main(&cli, &registry) {
         Ok(()) => std::process::ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", swerve_report::output::message(&error));
+            swerve_report::output::tell(&format!("error: {}", swerve_report::output::message(&error)));
             std::process::ExitCode::FAILURE
         }
     }

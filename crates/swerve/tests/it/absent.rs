@@ -42,3 +42,18 @@ fn check_says_what_to_check_where_there_is_nothing() {
         assert!(said.code == Some(1) && said.stderr.contains(says), "{said:?}");
     }
 }
+
+#[test]
+fn check_names_the_files_of_a_folder_of_ones_own() {
+    let bench = Bench::new();
+    let said = bench.shell("swerve new mine && cd mine && swerve check");
+    assert!(said.stderr.contains("(`swerve check config.toml own.toml scenario.toml`)"), "{said:?}");
+}
+
+/// Who pipes standard error into `head` gets what he asked for, and the program ends in order.
+#[test]
+fn standard_error_that_nobody_reads_any_more_is_no_panic() {
+    let bench = Bench::new();
+    let said = bench.shell("(swerve check /nowhere.toml /nowhere2.toml 2>&1 >/dev/null; echo $? >code) | true; sleep 0.2; cat code");
+    assert_eq!(said.stdout.trim(), "1", "{said:?}");
+}
