@@ -142,8 +142,12 @@ impl Config {
             }
             if let Some(resource) = operator.uses.as_ref().filter(|r| !self.resource.contains_key(*r)) {
                 let names: Vec<&str> = self.resource.keys().map(String::as_str).collect();
-                let message =
-                    format!("unknown resource `{resource}`, expected one of [{}]", names.join(", "));
+                let message = match names.is_empty() {
+                    true => {
+                        format!("unknown resource `{resource}`: [resource.{resource}] slots = 1 makes it")
+                    }
+                    false => format!("unknown resource `{resource}`, expected one of {}", names.join(", ")),
+                };
                 faults.push((key("uses"), message));
             }
         }
