@@ -112,8 +112,7 @@ impl Assembly {
         let node = |own: &OperatorConfig| Some(config.registry.kind(own.kind.as_deref()?)?.node());
         let known = entries.iter().map(|(name, own)| (name.clone(), node(own))).collect();
         let mut operators = Vec::new();
-        // What is wrong there has been told.
-        let resolved = Arc::new(Resolved::new(config, &mut Vec::new()));
+        let resolved = Arc::new(Resolved::new(config, problems));
         for (name, own) in entries {
             operators.extend(placed((config, &resolved), (name, own), problems));
         }
@@ -202,15 +201,16 @@ fn placed(
         problems.extend(wrong);
         None
     });
-    let resolved = view.as_ref().map(|view| Arc::new(Resolved::new(view, &mut Vec::new())));
+    let (config_of_its_own, resolved) =
+        view.map_or((None, None), |(config, resolved)| (Some(config), Some(resolved)));
     let mut placed = Placed {
         name,
         kind,
         own,
         inputs: Vec::new(),
         outputs: Vec::new(),
-        config: view.map(Arc::new),
-        resolved: resolved.unwrap_or_else(|| base.clone()),
+        config: config_of_its_own.map(Arc::new),
+        resolved: resolved.map_or_else(|| base.clone(), Arc::new),
         length: None,
         offered: Arc::new([]),
     };

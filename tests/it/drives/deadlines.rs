@@ -12,12 +12,14 @@ use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};
 
+use crate::common;
+
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name)
 }
 
 fn config(sets: &[&str]) -> Config {
-    let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+    let sets = common::sets(sets);
     Config::from_document(&Document::read(&file("configs/deadlines.toml")).unwrap(), &sets).unwrap()
 }
 
@@ -188,7 +190,7 @@ fn a_planner_off_the_ladder_stops_early_with_the_best_so_far() {
     let run = |model: &'static str| {
         let text = std::fs::read_to_string(file("configs/deadlines.toml")).unwrap();
         let text = text.replace("ladder = \"fot@d3\"\n", "");
-        let sets: Vec<_> = sets(model).iter().map(|set| parse_assignment(set).unwrap()).collect();
+        let sets = common::sets(&sets(model));
         let more = parse_assignment("execution.planner_ms=60").unwrap();
         let more = (model.ends_with("static_deadlines")).then_some(more);
         let sets: Vec<_> = sets.into_iter().chain(more).collect();

@@ -14,6 +14,8 @@ use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};
 
+use crate::common;
+
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml");
 /// A drive that goes well: round the person at 10 m/s.
 const BASE: &str = "[ego]\nspeed_mps = 10\n[planning]\ncollision = \"may_stop\"\n[control]\ncontroller = \"stanley\"\n[gate]\nenabled = true\n";
@@ -57,7 +59,7 @@ impl Seen {
 }
 
 fn config(sets: &[&str]) -> Config {
-    let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+    let sets = common::sets(sets);
     Config::from_document(&Document::parse("test", BASE).unwrap(), &sets).unwrap()
 }
 

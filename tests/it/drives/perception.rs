@@ -10,7 +10,9 @@ use swerve_msg::{Detections, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
-use swerve_text::{Document, parse_assignment};
+use swerve_text::Document;
+
+use crate::common;
 
 /// Boxes with the instant of their publication, tracks, and states of the world.
 #[derive(Default)]
@@ -39,7 +41,7 @@ fn drive(detector: &str, sets: &[&str]) -> (Seen, swerve_core::Digest) {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
     let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
     let scenario = Scenario::parse("near", &text).unwrap();
-    let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+    let sets = common::sets(sets);
     let text = format!("[perception]\ndetector = \"{detector}\"\n");
     let config = Config::from_document(&Document::parse("test", text).unwrap(), &sets).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();

@@ -1,6 +1,6 @@
 //! Sensors of all kinds around a short piece of a drive.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use swerve::replay::replay;
 use swerve_core::{Span, Time};
@@ -13,6 +13,10 @@ use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, parse_assignment};
+
+use crate::common;
+
+const SCENARIO: &str = "person_behind_truck";
 
 const SENSORS: &str = r#"
 [log]
@@ -40,19 +44,15 @@ exposure_ms = 20
 transfer_ms = 45
 "#;
 
-fn scenario_file() -> PathBuf {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml")).to_owned()
-}
-
 fn config(text: &str, sets: &[&str]) -> Config {
-    let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+    let sets = common::sets(sets);
     let document = Document::parse("test", text).unwrap();
     Config::from_document(&document, &sets).unwrap()
 }
 
 /// Drives the first 0.3 s.
 fn drive(config: &Config, observers: &mut [&mut dyn Observer]) -> Outcome {
-    drive_in(&read_scenario(&scenario_file()).unwrap(), config, observers)
+    drive_in(&read_scenario(&common::scenario_file(SCENARIO)).unwrap(), config, observers)
 }
 
 fn drive_in(scenario: &Scenario, config: &Config, observers: &mut [&mut dyn Observer]) -> Outcome {
@@ -74,7 +74,7 @@ struct Seen {
 impl Seen {
     /// With the truck near by.
     fn of(config: &Config) -> Self {
-        let text = std::fs::read_to_string(scenario_file()).unwrap();
+        let text = std::fs::read_to_string(common::scenario_file(SCENARIO)).unwrap();
         let scenario = Scenario::parse("near", &text.replace("s_m = 110.0", "s_m = 25.0")).unwrap();
         let mut seen = Self::default();
         drive_in(&scenario, config, &mut [&mut seen]);
@@ -105,7 +105,7 @@ impl Observer for Seen {
 
 #[test]
 fn a_sensor_that_nobody_asks_for_is_not_in_the_graph() {
-    let scenario = read_scenario(&scenario_file()).unwrap();
+    let scenario = read_scenario(&common::scenario_file(SCENARIO)).unwrap();
     let operators = |config: &Config| -> Vec<String> {
         let graph = Pipeline::build(config, &scenario).unwrap().graph;
         graph.describe().unwrap().operators.iter().map(|operator| operator.name.to_string()).collect()
@@ -229,7 +229,8 @@ fn sensors_are_computed_again_from_a_log_without_their_data() {
     let config = config(SENSORS, &["operator.planner.runtime={ fixed_ms = 60 }"]);
     let record = |file: &str, config: &Config| {
         let path = folder.path().join(file);
-        let mut recorder = Recorder::create(&path, &run_start(config, &scenario_file()).unwrap()).unwrap();
+        let mut recorder =
+            Recorder::create(&path, &run_start(config, &common::scenario_file(SCENARIO)).unwrap()).unwrap();
         if let Some(data) = left_out_of_logs(config.log.images) {
             recorder.leave_out(data);
         }

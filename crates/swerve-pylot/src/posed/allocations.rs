@@ -1,9 +1,7 @@
 //! What a search allocates once its memory has grown, counted.
 
 use crate::Preset;
-use crate::posed::{
-    HybridAstarConfig, HybridAstarProblem, Outcome, RrtStarConfig, RrtStarProblem, hybrid_astar, rrt_star,
-};
+use crate::posed::{HybridAstarProblem, Outcome, RrtStarConfig, RrtStarProblem, hybrid_astar, rrt_star};
 use swerve_planning::Unlimited;
 
 /// Allocations of the second call.
@@ -39,20 +37,7 @@ fn searches_allocate_nothing_once_grown() {
         obstacles,
         ..Default::default()
     };
-    let config = HybridAstarConfig {
-        step_size: 3.0,
-        max_iterations: 500,
-        completion_threshold: 1.0,
-        angle_completion_threshold: 100.0,
-        rad_step: 0.75,
-        rad_upper_range: 4.0,
-        rad_lower_range: 4.0,
-        obstacle_clearance: 0.5,
-        lane_width: 6.0,
-        radius: 6.0,
-        car_length: 4.8,
-        car_width: 1.8,
-    };
+    let config = hybrid_astar::tests::config();
     for preset in [Preset::Paper, Preset::Best] {
         let mut solver = hybrid_astar::Solver::default();
         let count = second(|| solver.search(&problem, &config, preset, &mut Unlimited::default()));

@@ -197,4 +197,4 @@ fn is_valid(problem: &HybridAstarProblem, config: &HybridAstarConfig) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

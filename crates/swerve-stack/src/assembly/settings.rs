@@ -4,6 +4,7 @@ use swerve_text::nearest;
 use toml::{Table, Value};
 
 use crate::config::Config;
+use crate::config::resolved::Resolved;
 use crate::kind::{KeyProblems, OperatorKind};
 use crate::registry::Registry;
 
@@ -30,13 +31,14 @@ fn is_common(key: &str) -> bool {
     COMMON_KEYS.iter().any(|(common, _)| *common == key)
 }
 
-/// The configuration for an operator of this kind with these keys of its own; none where they change nothing.
+/// The configuration for an operator of this kind with these keys of its own, and what it comes to; none where they
+/// change nothing.
 pub(super) fn view(
     config: &Config,
     name: &str,
     kind: &dyn OperatorKind,
     keys: &Table,
-) -> Result<Option<Config>, KeyProblems> {
+) -> Result<Option<(Config, Resolved)>, KeyProblems> {
     let node = kind.node();
     let own = |(key, message): (String, String)| {
         let dot = if key.is_empty() { "" } else { "." };
@@ -65,15 +67,22 @@ pub(super) fn view(
     let mut changed: Config = table.try_into().expect("every key of it was read");
     changed.operator = config.operator.clone();
     changed.registry = config.registry.clone();
-    let before = config.problems_of_values();
+    let (before, _) = resolved(config);
+    let (after, resolved) = resolved(&changed);
     let is_new = |(key, message): &(String, String)| !before.contains(&(key.clone(), message.clone()));
     let in_section = |(key, message): (String, String)| {
         let section = node.sections.iter().find_map(|section| key.strip_prefix(&format!("{section}.")));
         section.map(|rest| own((rest.to_owned(), message)))
     };
-    let wrong: KeyProblems =
-        changed.problems_of_values().into_iter().filter(is_new).filter_map(in_section).collect();
-    if wrong.is_empty() { Ok(Some(changed)) } else { Err(wrong) }
+    let wrong: KeyProblems = after.into_iter().filter(is_new).filter_map(in_section).collect();
+    if wrong.is_empty() { Ok(Some((changed, resolved))) } else { Err(wrong) }
+}
+
+/// All that is wrong with a configuration's values, and what they come to.
+fn resolved(config: &Config) -> (KeyProblems, Resolved) {
+    let mut problems = config.problems_of_values();
+    let resolved = Resolved::new(config, &mut problems);
+    (problems, resolved)
 }
 
 /// A message, which knows of a kind's own keys alone, with the key of every operator that may have been meant.

@@ -1,7 +1,6 @@
 //! Problems of the values, and of the pipeline that they make.
 
 use super::Config;
-use super::resolved::Resolved;
 use crate::assembly::Assembly;
 
 impl Config {
@@ -38,7 +37,6 @@ impl Config {
                 format!("expected {}, found {}", error.expected, error.value),
             ));
         }
-        Resolved::new(self, &mut faults);
         self.check_gate(&mut faults);
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);

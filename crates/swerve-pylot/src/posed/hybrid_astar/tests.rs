@@ -9,7 +9,7 @@ fn problem(start: [f64; 3], goal: [f64; 3], obstacles: &[[f64; 4]]) -> HybridAst
     HybridAstarProblem { id: "test".into(), start, goal, obstacles: obstacles.to_vec(), ..Default::default() }
 }
 
-fn config() -> HybridAstarConfig {
+pub(in crate::posed) fn config() -> HybridAstarConfig {
     HybridAstarConfig {
         step_size: 3.0,
         max_iterations: 500,
