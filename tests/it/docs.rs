@@ -1,7 +1,8 @@
 //! README, ARCHITECTURE and the how-to pages tell no lies: commands parse, files exist, settings check, code is quoted.
 //!
 //! In fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file;
-//! `rust PATH` lines that stand in that file, word for word; `python FILE` a whole file beside those of settings.
+//! `rust PATH` lines that stand in that file, word for word; `python FILE` a whole file beside those of settings;
+//! `json problems` a file of `swerve plan`.
 //! Names with `my_` are the reader's own.
 
 use std::path::{Path, PathBuf};
@@ -197,6 +198,13 @@ fn every_setting_shown_is_sound() {
     }
     let mut seen = 0;
     for (i, block) in blocks.iter().enumerate() {
+        if block.info == "json problems" {
+            let file = top.path().join("my_problems.json");
+            std::fs::write(&file, &block.text).unwrap();
+            let read = swerve::plan::read(&file);
+            assert!(read.is_ok(), "{}: {:#}", block.place, read.unwrap_err());
+            seen += 1;
+        }
         let Some(kind) = block.info.strip_prefix("toml") else { continue };
         let folder = match kind.trim() {
             "scenario" => "scenarios",

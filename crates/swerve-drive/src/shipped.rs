@@ -30,7 +30,7 @@ macro_rules! shipped {
 }
 pub use shipped;
 
-/// Every `.toml` file of `scenarios/` and `configs/`.
+/// Every `.toml` file of `scenarios/` and `configs/`, and the problem files.
 static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/car_behind_truck.toml"
     "scenarios/car_from_alley.toml"
@@ -50,6 +50,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/live/raptor.toml"
     "configs/paper.toml"
     "configs/paper_this_host.toml"
+    "configs/problems/detour.json"
     "configs/ros2.toml"
     "configs/showcase.toml"
     "configs/showcase_processes.toml"
@@ -87,6 +88,8 @@ pub enum Kind {
     Study,
     /// A pipeline of black boxes.
     Timing,
+    /// Posed planning problems.
+    Problems,
 }
 
 impl Kind {
@@ -97,6 +100,7 @@ impl Kind {
             Self::Live => "configs/live",
             Self::Study => "configs/studies",
             Self::Timing => "configs/timing",
+            Self::Problems => "configs/problems",
         }
     }
 
@@ -106,13 +110,19 @@ impl Kind {
             Self::Config | Self::Live => "configuration",
             Self::Study => "study",
             Self::Timing => "timing file",
+            Self::Problems => "problem file",
         }
+    }
+
+    fn ending(self) -> &'static str {
+        if self == Self::Problems { ".json" } else { ".toml" }
     }
 
     /// The shipped files of this kind with their names, in order.
     pub fn all(self) -> impl Iterator<Item = (&'static str, &'static Shipped)> {
         FILES.iter().filter_map(move |file| {
-            let name = file.path.strip_prefix(self.folder())?.strip_prefix('/')?.strip_suffix(".toml")?;
+            let name =
+                file.path.strip_prefix(self.folder())?.strip_prefix('/')?.strip_suffix(self.ending())?;
             (!name.contains('/')).then_some((name, file))
         })
     }
@@ -120,9 +130,9 @@ impl Kind {
     /// The shipped file that `given` names.
     fn find(self, given: &Path) -> Option<&'static Shipped> {
         let path = plain(given)?;
-        let path = path.strip_suffix(".toml").unwrap_or(&path);
+        let path = path.strip_suffix(self.ending()).unwrap_or(&path);
         let is_meant = |file: &&Shipped| {
-            let whole = file.path.strip_suffix(".toml").unwrap_or(file.path);
+            let whole = file.path.strip_suffix(self.ending()).unwrap_or(file.path);
             let in_folder = whole.strip_prefix(self.folder()).and_then(|rest| rest.strip_prefix('/'));
             whole == path || in_folder == Some(path)
         };
@@ -211,6 +221,8 @@ mod tests {
             let files = swerve_report::files::toml_files(&root.join(folder)).unwrap();
             there.extend(files.iter().map(|file| file.strip_prefix(root).unwrap().to_path_buf()));
         }
+        let problems = std::fs::read_dir(root.join("configs/problems")).unwrap();
+        there.extend(problems.map(|file| Path::new("configs/problems").join(file.unwrap().file_name())));
         let mut shipped: Vec<_> = FILES.iter().map(|file| Path::new(file.path).to_path_buf()).collect();
         there.sort();
         shipped.sort();
@@ -237,6 +249,9 @@ mod tests {
         assert_eq!(path(Kind::Config, "live/autoware"), Some("configs/live/autoware.toml"));
         assert_eq!(path(Kind::Live, "autoware"), Some("configs/live/autoware.toml"));
         assert_eq!(path(Kind::Study, "planners"), Some("configs/studies/planners.toml"));
+        for given in ["detour", "detour.json", "configs/problems/detour.json"] {
+            assert_eq!(path(Kind::Problems, given), Some("configs/problems/detour.json"), "{given}");
+        }
         for given in ["", "lan", "../lane", "/scenarios/lane.toml", "configs/best.toml.toml"] {
             assert_eq!(path(Kind::Scenario, given), None, "{given}");
         }

@@ -385,8 +385,8 @@ fn conclude(
     let out = part.name_whole()?;
     let summary = Summary::new(drive, &driven, topics);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    swerve_report::files::write_whole(&out.join("metrics.json"), json.as_bytes())?;
-    swerve_report::output::print(&if args.json { json } else { summary.text(&out) })?;
+    let place = swerve_report::files::write_metrics(&out, "log.mcap, trace.json", &json)?;
+    swerve_report::output::print(&if args.json { json } else { summary.text() + &place })?;
     driven.report.context("the car was stopped by what talks to it, and the run ended")?;
     anyhow::ensure!(
         driven.feed.was_ready || args.seconds.is_none(),

@@ -263,8 +263,8 @@ pub(super) fn run(
         operators: operators.collect(),
     };
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    swerve_report::files::write_whole(&out.join("metrics.json"), json.as_bytes())?;
-    swerve_report::output::print(&if args.json { json } else { summary.text(&out) })
+    let place = swerve_report::files::write_metrics(&out, "log.mcap, trace.json", &json)?;
+    swerve_report::output::print(&if args.json { json } else { summary.text() + &place })
 }
 
 #[cfg(test)]

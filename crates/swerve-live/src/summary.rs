@@ -1,7 +1,6 @@
 //! The summary of a drive, for `metrics.json` and the terminal.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use serde::Serialize;
 use swerve_core::Span;
@@ -221,13 +220,12 @@ impl Summary {
     }
 
     /// For the terminal.
-    pub fn text(&self, out: &Path) -> String {
+    pub fn text(&self) -> String {
         let mut text = format!("{}, along {}\n", self.vehicle, self.configuration);
         let _ = writeln!(text, "{} after {:.1} s", self.ended, self.seconds);
         self.drive_text(&mut text);
         self.topics_text(&mut text);
         self.times_text(&mut text);
-        let _ = writeln!(text, "in {}: log.mcap, trace.json, metrics.json", out.display());
         text
     }
 

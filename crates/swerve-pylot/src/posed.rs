@@ -16,6 +16,8 @@ mod pieces;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use swerve_core::ParamError;
+use swerve_core::param::require;
 use swerve_geom::Obb;
 
 /// A problem file; other top-level entries (recorded results, notes) are passed over.
@@ -273,6 +275,15 @@ impl Solution {
 pub fn path_length_m(path: &[[f64; 4]]) -> f64 {
     path.windows(2).map(|p| swerve_geom::math::hypot(p[1][0] - p[0][0], p[1][1] - p[0][1])).sum()
 }
+
+/// Refuses a place of the problem that is out of all sensible reach.
+fn require_near(key: &'static str, values: &[f64]) -> Result<(), ParamError> {
+    let far = values.iter().find(|v| !(v.is_finite() && v.abs() < REACH_M));
+    far.map_or(Ok(()), |&far| require(key, far, false, "numbers below 1000000 in size"))
+}
+
+/// Places of a problem are nearer than this, metres.
+const REACH_M: f64 = 1e6;
 
 /// How a search ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -14,6 +14,15 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         .with_context(|| format!("writing {}", path.display()))
 }
 
+/// Writes `metrics.json` of a run beside its other files. The line for the terminal that says where they all are, and
+/// whether they took the place of an earlier run's.
+pub fn write_metrics(folder: &Path, others: &str, json: &str) -> anyhow::Result<String> {
+    let path = folder.join("metrics.json");
+    let earlier = if path.exists() { " (those of an earlier run are replaced)" } else { "" };
+    write_whole(&path, json.as_bytes())?;
+    Ok(format!("in {}: {others}, metrics.json{earlier}\n", folder.display()))
+}
+
 /// Writes an image of this width, height, colour and depth, quickly rather than small.
 pub fn write_png(
     path: &Path,

@@ -294,6 +294,9 @@ fn check_outside(config: &Config, operators: &[Placed], problems: &mut KeyProble
 
 /// Told where somebody asked for an operator that the other settings leave out.
 fn takes_no_part(node: &Node) -> String {
+    if let Some(setting) = node.only_with {
+        return format!("`{}` takes part where `{setting}` asks for it", node.kind);
+    }
     let sections: Vec<String> = node.sections.iter().map(|section| format!("[{section}]")).collect();
     let by = if sections.is_empty() { "other keys".to_owned() } else { sections.join(", ") };
     format!("`{}` takes no part in this pipeline, which is set by {by}", node.kind)

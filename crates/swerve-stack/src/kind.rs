@@ -31,6 +31,8 @@ pub struct Node {
     pub sections: &'static [&'static str],
     /// The table whose entry of the operator's name holds its settings: `[camera.front]` for `front`.
     pub named_section: Option<&'static str>,
+    /// The setting under which it takes part, as a configuration writes it; none where that is told by other means.
+    pub only_with: Option<&'static str>,
     /// Why its steps are taken where the run is driven; none where another process may take them.
     pub stays: Option<&'static str>,
     /// Only another process can take its steps: this program has none for it.
@@ -90,6 +92,7 @@ impl Node {
             doc,
             sections: &[],
             named_section: None,
+            only_with: None,
             stays: None,
             elsewhere: false,
             heavy: Heavy::No,
@@ -125,6 +128,13 @@ impl Node {
     #[must_use]
     pub const fn named_section(mut self, section: &'static str) -> Self {
         self.named_section = Some(section);
+        self
+    }
+
+    /// It takes part under this setting alone.
+    #[must_use]
+    pub const fn only_with(mut self, setting: &'static str) -> Self {
+        self.only_with = Some(setting);
         self
     }
 

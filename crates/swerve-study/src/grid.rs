@@ -1,5 +1,7 @@
 //! A study file: a base run and axes over configuration keys, expanded to cells.
 
+mod places;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
@@ -134,6 +136,8 @@ pub struct Study {
     pub file: String,
     /// The lines of the file that set configuration keys, by key.
     pub lines: BTreeMap<String, usize>,
+    /// Where the file names which other file.
+    pub(crate) files: BTreeMap<PathBuf, Problem>,
     /// The study's name: its file's stem.
     pub name: String,
     /// Title for pictures.
@@ -203,16 +207,15 @@ impl Study {
         let document = Kind::Study.document(path)?;
         let folder = Kind::Study.place(path).parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
-        Self::from_document(&document, folder, stem, sets)
+        document.to_checked(|file| Self::checked(&document, file, (folder, stem), sets))
     }
 
-    fn from_document(
+    fn checked(
         document: &Document,
-        folder: &Path,
-        name: String,
+        file: StudyFile,
+        (folder, name): (&Path, String),
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Problems> {
-        let file: StudyFile = document.to()?;
         let mut problems = Problems::new();
         let (axes, steps) = read_axes(document, (&file, folder), sets, &mut problems);
         if let Some(budget) = &file.budget {
@@ -230,7 +233,8 @@ impl Study {
         base.extend_from_slice(sets);
         Ok(Self {
             file: document.file.clone(),
-            lines: lines(document, &file),
+            lines: places::lines(document, &file),
+            files: places::files(document, &file, folder),
             name,
             description: file.description,
             scenario: beside(folder, &file.base.scenario),
@@ -272,6 +276,12 @@ impl Study {
     pub fn scenarios(&self) -> BTreeSet<&Path> {
         let named = self.steps.iter().flatten().filter_map(|step| step.scenario.as_deref());
         named.chain([self.scenario.as_path()]).collect()
+    }
+
+    /// What is wrong with a file that the study names, where it is named.
+    pub fn unread(&self, path: &Path, problem: Problem) -> Problem {
+        let named = |at: &Problem| Problem { message: problem.to_string(), ..at.clone() };
+        self.files.get(path).map_or_else(|| problem.clone(), named)
     }
 
     /// The command line that repeats one cell.
@@ -435,33 +445,6 @@ impl Axis {
         let name = self.name.clone().or(last_part).ok_or("an axis without `key` needs a `name`")?;
         Ok((name, steps))
     }
-}
-
-/// Where the file sets which key.
-fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
-    let mut lines = BTreeMap::new();
-    let mut at = |place: &str, key: &str| {
-        lines.extend(document.problem(place, "").line.map(|line| (key.to_owned(), line)));
-    };
-    let mut all_of = |place: &str, table: &toml::Table| {
-        let mut sets = Vec::new();
-        flatten("", table, &mut sets);
-        for (key, _) in &sets {
-            at(&format!("{place}.{key}"), key);
-        }
-    };
-    all_of("base.set", &file.base.set);
-    for (i, axis) in file.axis.iter().enumerate() {
-        for (j, setting) in axis.settings.iter().enumerate() {
-            all_of(&format!("axis[{i}].settings[{j}].set"), &setting.set);
-        }
-    }
-    for (i, axis) in file.axis.iter().enumerate() {
-        if let Some(key) = &axis.key {
-            at(&format!("axis[{i}].values"), key);
-        }
-    }
-    lines
 }
 
 fn label_of(value: &toml::Value) -> String {

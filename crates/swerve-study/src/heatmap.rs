@@ -1,8 +1,6 @@
 //! The study as a picture: one square a combination, coloured by the share of good runs.
 
-use std::fmt::Write as _;
-
-use swerve_report::canvas::escape;
+use swerve_report::canvas::{At, Canvas, Text, color};
 
 use super::table::{Grid, Square};
 
@@ -11,6 +9,9 @@ const SQUARE_H: f64 = 46.0;
 const TOP: f64 = 86.0;
 const MARGIN: f64 = 24.0;
 
+/// A name beside the squares.
+const NAME: Text<'_> = Text { size: 13.0, color: color::INK, anchor: "middle", bold: false, rim: false };
+
 /// Draws the grid as an SVG.
 pub fn draw(grid: &Grid, title: &str) -> String {
     let longest = grid.rows.iter().map(|r| r.chars().count()).max().unwrap_or(0);
@@ -18,69 +19,41 @@ pub fn draw(grid: &Grid, title: &str) -> String {
     let width = (left + SQUARE_W * grid.columns.len() as f64 + MARGIN)
         .max(MARGIN * 2.0 + 9.4 * title.chars().count() as f64);
     let height = TOP + SQUARE_H * grid.rows.len() as f64 + 58.0;
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" height=\"{height:.0}\" font-family=\"Helvetica, Arial, sans-serif\" font-size=\"13\">\n<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
-    );
-    let _ = writeln!(
-        svg,
-        "<text x=\"{MARGIN}\" y=\"30\" font-size=\"16\" font-weight=\"bold\" fill=\"#222222\">{}</text>",
-        escape(title)
-    );
+    let mut canvas = Canvas::default();
+    canvas.text((MARGIN, 30.0), title, Text { size: 16.0, anchor: "start", bold: true, ..NAME });
     let middle = left + 0.5 * SQUARE_W * grid.columns.len() as f64;
-    let _ = writeln!(
-        svg,
-        "<text x=\"{middle:.1}\" y=\"56\" text-anchor=\"middle\" fill=\"#555555\">{}</text>",
-        escape(&grid.column_axis)
-    );
+    canvas.text((middle, 56.0), &grid.column_axis, Text { color: color::SOFT, ..NAME });
     for (c, name) in grid.columns.iter().enumerate() {
-        let x = left + SQUARE_W * (c as f64 + 0.5);
-        let _ = writeln!(
-            svg,
-            "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#222222\">{}</text>",
-            TOP - 10.0,
-            escape(name)
-        );
+        canvas.text((left + SQUARE_W * (c as f64 + 0.5), TOP - 10.0), name, NAME);
     }
     for (r, name) in grid.rows.iter().enumerate() {
         let y = TOP + SQUARE_H * r as f64;
-        let _ = writeln!(
-            svg,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"#222222\">{}</text>",
-            left - 10.0,
-            y + 0.5 * SQUARE_H + 5.0,
-            escape(name)
-        );
+        canvas.text((left - 10.0, y + 0.5 * SQUARE_H + 5.0), name, Text { anchor: "end", ..NAME });
         for (c, square) in grid.row(r).iter().enumerate() {
-            draw_square(&mut svg, square, left + SQUARE_W * c as f64, y, budget_max(grid));
+            draw_square(&mut canvas, square, (left + SQUARE_W * c as f64, y), budget_max(grid));
         }
     }
-    legend(&mut svg, (left, height - 34.0), budget_max(grid), grid.good);
-    svg += "</svg>\n";
-    svg
+    legend(&mut canvas, (left, height - 34.0), budget_max(grid), grid.good);
+    canvas.finish(width, height, title)
 }
 
 fn budget_max(grid: &Grid) -> Option<f64> {
     grid.squares.iter().filter_map(Square::budget_median_ms).max_by(f64::total_cmp).map(|ms| ms.max(1.0))
 }
 
-fn draw_square(svg: &mut String, square: &Square, x: f64, y: f64, budget_max: Option<f64>) {
+fn draw_square(canvas: &mut Canvas, square: &Square, (x, y): At, budget_max: Option<f64>) {
     let level = match budget_max {
         Some(max) => square.budget_median_ms().map(|ms| (ms / max).clamp(0.0, 1.0)),
         None => square.share(),
     };
     let fill = level.map_or_else(|| "#eeeeee".to_owned(), colour);
     let ink = if level.is_some_and(|l| (0.2..=0.8).contains(&l)) || level.is_none() {
-        "#222222"
+        color::INK
     } else {
         "#ffffff"
     };
-    let (w, h) = (SQUARE_W - 4.0, SQUARE_H - 4.0);
-    let _ = writeln!(
-        svg,
-        "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{w}\" height=\"{h}\" rx=\"4\" fill=\"{fill}\"/>",
-        x + 2.0,
-        y + 2.0
-    );
+    let size = (SQUARE_W - 4.0, SQUARE_H - 4.0);
+    canvas.rect((x + 2.0, y + 2.0), size, &format!("rx=\"4\" fill=\"{fill}\""));
     let middle = x + 0.5 * SQUARE_W;
     let (first, second) = match (square.budget_median_ms(), square.runs) {
         (_, 0) => ("not run".to_owned(), String::new()),
@@ -98,17 +71,10 @@ fn draw_square(svg: &mut String, square: &Square, x: f64, y: f64, budget_max: Op
         ),
     };
     let up = if second.is_empty() { 5.0 } else { -2.0 };
-    let _ = writeln!(
-        svg,
-        "<text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-weight=\"bold\" fill=\"{ink}\">{first}</text>",
-        y + 0.5 * SQUARE_H + up
-    );
+    canvas.text((middle, y + 0.5 * SQUARE_H + up), &first, Text { color: ink, bold: true, ..NAME });
     if !second.is_empty() {
-        let _ = writeln!(
-            svg,
-            "<text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-size=\"11\" fill=\"{ink}\">{second}</text>",
-            y + 0.5 * SQUARE_H + 13.0
-        );
+        let below = Text { color: ink, size: 11.0, ..NAME };
+        canvas.text((middle, y + 0.5 * SQUARE_H + 13.0), &second, below);
     }
 }
 
@@ -121,23 +87,15 @@ fn colour(level: f64) -> String {
     format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
 }
 
-fn legend(svg: &mut String, (x, y): (f64, f64), budget_max: Option<f64>, good: &str) {
+fn legend(canvas: &mut Canvas, (x, y): At, budget_max: Option<f64>, good: &str) {
     for i in 0..=10 {
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{:.1}\" y=\"{y:.1}\" width=\"16\" height=\"12\" fill=\"{}\"/>",
-            x + 16.0 * f64::from(i),
-            colour(0.1 * f64::from(i))
-        );
+        let fill = format!("fill=\"{}\"", colour(0.1 * f64::from(i)));
+        canvas.rect((x + 16.0 * f64::from(i), y), (16.0, 12.0), &fill);
     }
     let text = match budget_max {
         Some(max) => format!("largest added latency that still avoids, 0 to {max:.0} ms"),
         None => format!("share of runs that {good}, 0 to 1"),
     };
-    let _ = writeln!(
-        svg,
-        "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"11\" fill=\"#555555\">{text}</text>",
-        x + 16.0 * 11.0 + 8.0,
-        y + 10.0
-    );
+    let small = Text { size: 11.0, color: color::SOFT, anchor: "start", ..NAME };
+    canvas.text((x + 16.0 * 11.0 + 8.0, y + 10.0), &text, small);
 }

@@ -166,15 +166,23 @@ impl Bench {
         let mut scenarios = BTreeMap::new();
         let mut unread = Vec::new();
         for path in study.scenarios() {
-            match swerve_drive::read_scenario(path) {
-                Ok(scenario) => {
-                    scenarios.insert(path.to_owned(), (scenario, Kind::Scenario.text(path)?.into_owned()));
+            let text = match Kind::Scenario.text(path) {
+                Ok(text) => text.into_owned(),
+                Err(problem) => {
+                    unread.push(study.unread(path, problem).to_string());
+                    continue;
                 }
+            };
+            match swerve_drive::read_scenario(path) {
+                Ok(scenario) => drop(scenarios.insert(path.to_owned(), (scenario, text))),
                 Err(error) => unread.push(error.to_string()),
             }
         }
         let base = match &study.config {
-            Some(path) => Kind::Config.document(path),
+            Some(path) => match Kind::Config.text(path).map_err(|problem| study.unread(path, problem)) {
+                Ok(text) => Document::parse(&path.display().to_string(), text),
+                Err(problem) => Err(problem),
+            },
             None => Document::parse("defaults", String::new()),
         };
         // What is wrong is told before the first cell runs.

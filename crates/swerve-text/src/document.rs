@@ -9,7 +9,7 @@ use std::sync::Arc;
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
-use crate::{Problem, Problems, read};
+use crate::{Problem, Problems, read_meant};
 
 /// No file that people write is larger, bytes.
 const TEXT_MAX: u64 = 16 << 20;
@@ -77,12 +77,6 @@ struct Place {
 }
 
 impl Document {
-    /// The same text with other values.
-    #[must_use]
-    pub fn with_table(&self, table: toml::Table) -> Self {
-        Self { table, ..self.clone() }
-    }
-
     /// Reads a file.
     ///
     /// # Errors
@@ -107,7 +101,13 @@ impl Document {
         let parsed = DeTable::parse(text).map_err(syntax)?;
         let mut places = Vec::new();
         note_table(parsed.get_ref(), "", text, &mut places);
-        let table = toml::from_str(text).map_err(syntax)?;
+        let table = toml::from_str(text).map_err(|error| {
+            let at = error.span().map_or(0, |span| span.start);
+            let before = places.iter().filter(|place| place.start <= at);
+            let key =
+                before.max_by_key(|place| place.start).map_or_else(String::new, |place| place.key.clone());
+            Problem { key, ..syntax(error) }
+        })?;
         Ok(Self { file: file.to_owned(), text: text.into(), table, places })
     }
 
@@ -121,12 +121,28 @@ impl Document {
     /// # Errors
     /// All that has not its form, in the order of the lines.
     pub fn to<T: DeserializeOwned>(&self) -> Result<T, Problems> {
-        read(&self.table).map_err(|found| {
-            let mut problems: Vec<Problem> =
-                found.into_iter().map(|(key, message)| self.problem(&key, message)).collect();
-            problems.sort_by_key(|problem| problem.line);
-            problems.into_iter().collect()
-        })
+        self.to_checked(Ok)
+    }
+
+    /// What `check` makes of the typed form of the whole text.
+    ///
+    /// # Errors
+    /// All that has not its form and all that `check` says of what was meant, in the order of the lines.
+    pub fn to_checked<T: DeserializeOwned, C>(
+        &self,
+        check: impl FnOnce(T) -> Result<C, Problems>,
+    ) -> Result<C, Problems> {
+        let misread = match read_meant(&self.table) {
+            Ok(value) => return check(value),
+            Err(misread) => misread,
+        };
+        let of_form = misread.problems.iter().map(|(key, message)| self.problem(key, message));
+        let mut problems: Vec<Problem> = of_form.collect();
+        let of_values = misread.meant.and_then(|meant| check(meant).err()).unwrap_or_default();
+        let is_guessed = |problem: &Problem| misread.guessed.holds(&problem.key);
+        problems.extend(of_values.into_iter().filter(|problem| !is_guessed(problem)));
+        problems.sort_by_key(|problem| problem.line);
+        Err(problems.into_iter().collect())
     }
 
     /// A problem with the value at dotted `key` (or, where that is not written, with its nearest parent).
@@ -251,7 +267,11 @@ mod tests {
         for (text, expected) in [
             (
                 "a = 1\nb = 99999999999999999999\n",
-                "a.toml:2: expected whole numbers from -9223372036854775808 to ",
+                "a.toml:2: b: expected whole numbers from -9223372036854775808 to ",
+            ),
+            (
+                "[a]\n[a.b]\nc = [\n 1,\n -99999999999999999999,\n]\n",
+                "a.toml:5: a.b.c[1]: expected whole numbers from -9223372036854775808 to ",
             ),
             (
                 &format!("a = 1\nb = {}1\n", "[".repeat(500)),

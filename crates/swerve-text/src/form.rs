@@ -44,12 +44,43 @@ pub fn is_within(key: &str, outer: &str) -> bool {
     outer.is_empty() || rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
 }
 
+/// What is said of a table that has not the form of a `T`.
+#[derive(Debug)]
+pub struct Misread<T> {
+    /// All that has not its form, each with its key, but for what is within a value that is wrong as a whole.
+    pub problems: Vec<KeyProblem>,
+    /// What was meant, as far as that can be told: names without their slips, a default or any value where there is
+    /// none.
+    pub meant: Option<T>,
+    /// Where that is not what the text says.
+    pub guessed: Guessed,
+}
+
+/// Dotted keys of values that a text does not say.
+#[derive(Debug, Default)]
+pub struct Guessed(Vec<String>);
+
+impl Guessed {
+    /// Whether one of them is the value at dotted `key`, in it or around it.
+    pub fn holds(&self, key: &str) -> bool {
+        self.0.iter().any(|guessed| is_within(key, guessed) || is_within(guessed, key))
+    }
+}
+
 /// A table as a `T`.
 ///
 /// # Errors
 /// All that has not the form of a `T`, each with its key, but for what is within a value that is wrong as a whole.
 pub fn read<T: DeserializeOwned>(table: &Table) -> Result<T, Vec<KeyProblem>> {
-    first::<T>(table).map_err(|fault| problems::<T>(table, fault))
+    read_meant(table).map_err(|misread| misread.problems)
+}
+
+/// As [`read`], with what was meant beside what is wrong.
+///
+/// # Errors
+/// All that has not the form of a `T`.
+pub fn read_meant<T: DeserializeOwned>(table: &Table) -> Result<T, Misread<T>> {
+    first::<T>(table).map_err(|fault| misread::<T>(table, fault))
 }
 
 /// The keys that a `T` has in the table at dotted `within`; none where that takes any, or is no table.
@@ -71,38 +102,42 @@ fn first<T: DeserializeOwned>(table: &Table) -> Result<T, Fault> {
     T::deserialize(Whole(table))
 }
 
-fn problems<T: DeserializeOwned>(table: &Table, first_fault: Fault) -> Vec<KeyProblem> {
+fn misread<T: DeserializeOwned>(table: &Table, first_fault: Fault) -> Misread<T> {
     let mut table = table.clone();
     let mut found: Vec<KeyProblem> = Vec::new();
-    let mut meant = Vec::new();
+    let (mut meant, mut guessed) = (None, Vec::new());
     let mut next = Some(first_fault);
     for _ in 0..ROUNDS_MAX {
         let Some(fault) = next.take().filter(|_| found.len() < PROBLEMS_MAX) else { break };
         let key = dotted(&fault.path());
-        meant.extend(meant_key(&fault));
         // A key with a slip in its name is not missing as well.
-        let is_told = matches!(fault.kind, Kind::Missing(_)) && meant.contains(&key);
+        let is_told = matches!(fault.kind, Kind::Missing(_)) && guessed.contains(&key);
         if !is_told && !found.iter().any(|(outer, _)| is_within(&key, outer)) {
-            found.push((key, message::<T>(&fault, &table)));
+            found.push((key.clone(), message::<T>(&fault, &table)));
         }
+        guessed.extend(meant_path(&fault).as_deref().map(dotted));
+        guessed.push(key);
         if !mend::<T>(&fault, &mut table) {
             break;
         }
-        next = first::<T>(&table).err();
+        match first::<T>(&table) {
+            Ok(value) => meant = Some(value),
+            Err(fault) => next = Some(fault),
+        }
     }
     // A value that is wrong as a whole may show only after what is in it.
     let keys: Vec<String> = found.iter().map(|(key, _)| key.clone()).collect();
     found.retain(|(key, _)| !keys.iter().any(|outer| outer != key && is_within(key, outer)));
-    found
+    Misread { problems: found, meant, guessed: Guessed(guessed) }
 }
 
 /// The key that was meant by an unknown one.
-fn meant_key(fault: &Fault) -> Option<String> {
+fn meant_path(fault: &Fault) -> Option<Vec<Part>> {
     let Kind::UnknownKey { wrong, known } = &fault.kind else { return None };
     let path = fault.path();
     let (_, parents) = path.split_last()?;
     let near = Part::Key(nearest(wrong, known.iter().copied())?.to_owned());
-    Some(dotted(&[parents, &[near]].concat()))
+    Some([parents, &[near]].concat())
 }
 
 fn message<T: DeserializeOwned>(fault: &Fault, table: &Table) -> String {
@@ -132,8 +167,39 @@ fn wanted<T: DeserializeOwned>(path: &[Part], table: &Table) -> Option<String> {
     }
 }
 
+/// Takes the slip out of a name that is near another one; false, and nothing done, where `T` does not take that.
+fn mend_name<T: DeserializeOwned>(fault: &Fault, table: &mut Table) -> bool {
+    let path = fault.path();
+    let Some(value) = get(table, &path).cloned() else { return false };
+    let mut mended = table.clone();
+    let place = match &fault.kind {
+        Kind::UnknownKey { .. } => {
+            let Some(meant) = meant_path(fault).filter(|meant| get(table, meant).is_none()) else {
+                return false;
+            };
+            put(&mut mended, &path, None);
+            put(&mut mended, &meant, Some(value));
+            meant
+        }
+        Kind::UnknownName { wrong, known } if value.is_str() => {
+            let Some(near) = nearest(wrong, known.iter().copied()) else { return false };
+            put(&mut mended, &path, Some(near.into()));
+            path
+        }
+        _ => return false,
+    };
+    let is_good = first::<T>(&mended).err().is_none_or(|next| !next.path().starts_with(&place));
+    if is_good {
+        *table = mended;
+    }
+    is_good
+}
+
 /// Puts something in the place of a fault that `T` takes; false where nothing was found.
 fn mend<T: DeserializeOwned>(fault: &Fault, table: &mut Table) -> bool {
+    if mend_name::<T>(fault, table) {
+        return true;
+    }
     let path = fault.path();
     let next = |table: &Table| first::<T>(table).err().map(|fault| fault.path());
     if !matches!(fault.kind, Kind::Missing(_)) && matches!(path.last(), Some(Part::Key(_))) {

@@ -47,9 +47,12 @@ struct ResourceTable {
     slots: usize,
 }
 
-/// The pipeline that a file describes, or all that is wrong with it; of its form first.
+/// The pipeline that a file describes, or all that is wrong with it.
 pub(crate) fn pipeline(document: &Document) -> Result<Pipeline, Problems> {
-    let file: File = document.to()?;
+    document.to_checked(|file| checked(document, file))
+}
+
+fn checked(document: &Document, file: File) -> Result<Pipeline, Problems> {
     let mut reader = Reader { document, file: &file, problems: Problems::new() };
     let span = reader.above_zero("span_ms", file.span_ms);
     if file.operator.is_empty() {

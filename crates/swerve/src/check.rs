@@ -39,7 +39,7 @@ fn hint() -> String {
 
 /// Checks files and folders.
 pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
-    let mut files = Vec::new();
+    let (mut files, mut foreign) = (Vec::new(), Vec::new());
     let default: Vec<PathBuf> = FOLDERS.iter().map(PathBuf::from).filter(|folder| folder.is_dir()).collect();
     if args.paths.is_empty() && default.is_empty() {
         bail!(
@@ -51,12 +51,17 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
     let given = if args.paths.is_empty() { &default } else { &args.paths };
     for path in given {
         if path.is_dir() {
-            // A manifest of Cargo is none of ours.
-            let ours = |file: &PathBuf| file.file_name().is_none_or(|name| name != "Cargo.toml");
-            files.extend(swerve_report::files::toml_files(path)?.into_iter().filter(ours));
+            let found = swerve_report::files::toml_files(path)?;
+            let (others, ours): (Vec<_>, Vec<_>) = found.into_iter().partition(|file| is_foreign(file));
+            files.extend(ours);
+            foreign.extend(others);
         } else {
             files.push(path.clone())
         }
+    }
+    if !foreign.is_empty() {
+        let names: Vec<String> = foreign.iter().map(|file| file.display().to_string()).collect();
+        tell(&format!("left out, as none of their keys is one of Swerve's: {}", names.join(", ")));
     }
     anyhow::ensure!(!files.is_empty(), "no .toml file to check");
     let mut faults = Vec::new();
@@ -73,6 +78,17 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
         tell(fault);
     }
     bail!("{} in {files}", counted(faults.len(), "problem"))
+}
+
+/// Whether a file of a folder is somebody else's, such as a manifest of Cargo: none of its tables and values has a name
+/// of ours.
+fn is_foreign(path: &Path) -> bool {
+    const OURS: [&str; 6] = ["road", "expect", "actor", "base", "axis", "span_ms"];
+    let Ok(document) = Document::read(path) else { return false };
+    let is_ours = |key: &String| {
+        OURS.contains(&key.as_str()) || swerve_text::keys::<Config>("").contains(&key.as_str())
+    };
+    !document.table.is_empty() && !document.table.keys().any(is_ours)
 }
 
 fn counted(n: usize, what: &str) -> String {

@@ -55,7 +55,7 @@ enum PresetName {
 /// `swerve plan`.
 #[derive(clap::Args, Debug)]
 pub struct PlanArgs {
-    /// Problem file (JSON)
+    /// Problem file (JSON), or the name of one that is in the program: detour
     file: PathBuf,
     /// Which planner
     #[arg(long, value_enum)]

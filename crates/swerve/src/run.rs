@@ -14,7 +14,7 @@ use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
 use swerve_log::{Log, Recorder, TraceWriter};
 use swerve_msg::{Command, EgoState, MotionCommand};
-use swerve_report::files::write_whole;
+use swerve_report::files::{write_metrics, write_whole};
 use swerve_report::output::print;
 use swerve_report::progress::Progress;
 use swerve_report::story::{Story, draw};
@@ -136,11 +136,12 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     (summary.traffic, summary.ros2, summary.realtime) = (traffic, ros2, realtime);
     story.conclude(&outcome.metrics);
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
-    let left = ends.leave(&summary, &story).and(drawn.map(drop));
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    print(&if args.json { json } else { summary.text(&out) })?;
+    let left = ends.leave(&json, &story);
+    let place = left.as_deref().unwrap_or_default();
+    print(&if args.json { json } else { summary.text() + place })?;
     // The drive itself is over and told by now.
-    recorded.and(left)
+    recorded.and(left.map(drop)).and(drawn.map(drop))
 }
 
 /// The end of a run.
@@ -171,11 +172,10 @@ impl Ends<'_> {
         Ok(outcome)
     }
 
-    /// Writes what is left of a run beside its log.
-    fn leave(&self, summary: &Summary, story: &Story) -> anyhow::Result<()> {
+    /// Writes what is left of a run beside its log; where all of it is, in a line.
+    fn leave(&self, json: &str, story: &Story) -> anyhow::Result<String> {
         write_whole(&self.out.join("story.svg"), draw(story).as_bytes())?;
-        let json = serde_json::to_string_pretty(summary)? + "\n";
-        write_whole(&self.out.join("metrics.json"), json.as_bytes())
+        write_metrics(self.out, "story.svg, log.mcap, trace.json", json)
     }
 }
 

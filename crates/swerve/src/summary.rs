@@ -1,7 +1,5 @@
 //! The summary of a run: `metrics.json`, and the text in the terminal.
 
-use std::path::Path;
-
 use serde::Serialize;
 use swerve_drive::realtime::Obtained;
 use swerve_drive::{Budgets, Outcome, RungCount};
@@ -121,7 +119,7 @@ impl Summary {
     }
 
     /// For the terminal.
-    pub fn text(&self, out: &Path) -> String {
+    pub fn text(&self) -> String {
         use std::fmt::Write as _;
         let m = &self.metrics;
         let mut text = format!("{}, {}, seed {}\n", self.scenario, self.pipeline, self.seed);
@@ -192,7 +190,6 @@ impl Summary {
             }
             None => {}
         }
-        let _ = writeln!(text, "in {}: story.svg, log.mcap, trace.json, metrics.json", out.display());
         text
     }
 }

@@ -1,7 +1,6 @@
 //! The result of a recorded drive, for `metrics.json` and the terminal.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use serde::Serialize;
 use swerve_log::BagTopic;
@@ -79,7 +78,7 @@ pub(super) struct Operator {
 }
 
 impl Summary {
-    pub(super) fn text(&self, out: &Path) -> String {
+    pub(super) fn text(&self) -> String {
         let mut text = format!("{}, {:.1} s of {}\n", self.configuration, self.seconds, self.rosbag);
         for cut_off in &self.cut_off {
             let _ = writeln!(text, "not read to its end: {cut_off}");
@@ -122,7 +121,6 @@ impl Summary {
         let row = |o: &Operator| vec![o.operator.clone(), o.steps.to_string(), o.drops.to_string()];
         text += &align(&std::iter::once(head).chain(self.operators.iter().map(row)).collect::<Vec<_>>());
         let _ = writeln!(text, "digest {}", self.digest);
-        let _ = writeln!(text, "in {}: log.mcap, trace.json, metrics.json", out.display());
         text
     }
 }

@@ -1,6 +1,6 @@
 //! Posed problems for the Frenet planner.
 
-use swerve_core::Time;
+use swerve_core::{ParamError, Time};
 use swerve_geom::{Point2, Polyline, Pose2, angle_between, math};
 use swerve_planning::fot::lattice::Lattice;
 use swerve_planning::fot::line::{Line, smoothed};
@@ -68,6 +68,34 @@ fn params(config: &FotConfig) -> Params {
     }
 }
 
+/// What the file calls a parameter.
+fn key_in_file(ours: &str) -> String {
+    let file = match ours {
+        "max_speed_mps" => "max_speed",
+        "max_accel_mps2" => "max_accel",
+        "max_curvature_1pm" => "max_curvature",
+        "left_m" => "max_road_width_r",
+        "right_m" => "max_road_width_l",
+        "lateral_step_m" => "d_road_w",
+        "time_step_s" => "dt",
+        "horizon_min_s" => "mint",
+        "horizon_max_s" => "maxt",
+        "speed_step_mps" => "d_t_s",
+        "speed_steps" => "n_s_sample",
+        "clearance_m" => "obstacle_clearance",
+        "weight_offset" => "kd",
+        "weight_lateral_speed" => "kv",
+        "weight_accel" => "ka",
+        "weight_jerk" => "kj",
+        "weight_time" => "kt",
+        "weight_obstacle" => "ko",
+        "weight_lateral" => "klat",
+        "weight_longitudinal" => "klon",
+        same => same,
+    };
+    file.to_owned()
+}
+
 /// A problem taken in: everything that a [`Task`] refers to.
 struct Posed {
     preset: Preset,
@@ -83,7 +111,7 @@ impl Posed {
     /// In words what is wrong, if anything is.
     fn new(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Result<Self, String> {
         let params = params(config);
-        params.validate().map_err(|e| e.to_string())?;
+        params.validate().map_err(|e| ParamError { key: key_in_file(&e.key).into(), ..e }.to_string())?;
         let points: Vec<Point2> = problem.waypoints.iter().map(|p| Point2::new(p[0], p[1])).collect();
         let polyline = smoothed(&points).map_err(|e| e.to_string())?;
         let mut line = Line::default();

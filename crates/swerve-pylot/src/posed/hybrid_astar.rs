@@ -1,6 +1,7 @@
 //! Posed problems for Hybrid A*.
 
-use swerve_core::Time;
+use swerve_core::param::{require, require_not_negative, require_positive};
+use swerve_core::{ParamError, Time};
 use swerve_geom::Pose2;
 use swerve_planning::hybrid_astar::fan;
 use swerve_planning::hybrid_astar::search::{Arrival, Lattice, Search};
@@ -11,7 +12,7 @@ use swerve_planning::path::shorten::Shortener;
 use swerve_planning::{Budget, Obstacles, Solid};
 
 use super::pieces::solution;
-use super::{CLEARANCE_CAP_M, HybridAstarConfig, HybridAstarProblem, Outcome, Solution, obb};
+use super::{CLEARANCE_CAP_M, HybridAstarConfig, HybridAstarProblem, Outcome, Solution, obb, require_near};
 use crate::Preset;
 use crate::boxes::Boxes;
 use crate::lattice;
@@ -48,7 +49,11 @@ pub fn solve(
     let mut solver = Solver::default();
     match solver.search(problem, config, preset, budget) {
         Outcome::Found => solver.solution(problem, config),
-        other => Solution::not_found(&problem.id, other.reason(), solver.work()),
+        other => {
+            let wrong = check(problem, config).err().map(|error| error.to_string());
+            let reason = wrong.as_deref().unwrap_or(other.reason());
+            Solution::not_found(&problem.id, reason, solver.work())
+        }
     }
 }
 
@@ -64,7 +69,7 @@ impl Solver {
         self.search.work = 0;
         self.paper.work = 0;
         self.pieces.clear();
-        if !is_valid(problem, config) {
+        if check(problem, config).is_err() {
             return Outcome::Invalid;
         }
         let (start, goal) = (pose(problem.start), pose(problem.goal));
@@ -173,27 +178,25 @@ fn lattice<'a>(config: &HybridAstarConfig, motions: &'a mut Vec<Piece>) -> Latti
     }
 }
 
-fn is_valid(problem: &HybridAstarProblem, config: &HybridAstarConfig) -> bool {
-    let above_zero = [
-        config.step_size,
-        config.rad_step,
-        config.completion_threshold,
-        config.radius,
-        config.car_length,
-        config.car_width,
-    ];
-    let from_zero = [
-        config.obstacle_clearance,
-        config.lane_width,
-        config.rad_lower_range,
-        config.rad_upper_range,
-        config.angle_completion_threshold,
-    ];
-    let places = problem.start.iter().chain(&problem.goal).chain(problem.obstacles.iter().flatten());
-    above_zero.iter().all(|v| v.is_finite() && *v > 0.0)
-        && from_zero.iter().all(|v| v.is_finite() && *v >= 0.0)
-        && config.rad_step * 1000.0 >= config.rad_lower_range + config.rad_upper_range
-        && places.into_iter().all(|v| v.is_finite() && v.abs() < 1e6)
+/// Refuses numbers of the problem and of its settings that are out of range, by their keys in the file.
+fn check(problem: &HybridAstarProblem, config: &HybridAstarConfig) -> Result<(), ParamError> {
+    require_positive("step_size", config.step_size)?;
+    require_positive("rad_step", config.rad_step)?;
+    require_positive("completion_threshold", config.completion_threshold)?;
+    require_positive("radius", config.radius)?;
+    require_positive("car_length", config.car_length)?;
+    require_positive("car_width", config.car_width)?;
+    require_not_negative("obstacle_clearance", config.obstacle_clearance)?;
+    require_not_negative("lane_width", config.lane_width)?;
+    require_not_negative("rad_lower_range", config.rad_lower_range)?;
+    require_not_negative("rad_upper_range", config.rad_upper_range)?;
+    require_not_negative("angle_completion_threshold", config.angle_completion_threshold)?;
+    let steps_fit = config.rad_step * 1000.0 >= config.rad_lower_range + config.rad_upper_range;
+    let expected = "a thousandth of rad_lower_range + rad_upper_range or more";
+    require("rad_step", config.rad_step, steps_fit, expected)?;
+    require_near("start", &problem.start)?;
+    require_near("goal", &problem.goal)?;
+    problem.obstacles.iter().try_for_each(|b| require_near("obstacles", b))
 }
 
 #[cfg(test)]

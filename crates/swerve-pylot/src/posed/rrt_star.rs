@@ -4,7 +4,8 @@ mod bend;
 mod boxes;
 mod round;
 
-use swerve_core::{Rng, Time};
+use swerve_core::param::{require_not_negative, require_positive};
+use swerve_core::{ParamError, Rng, Time};
 use swerve_geom::{Point2, Pose2};
 use swerve_planning::path::Ends;
 use swerve_planning::path::ground::{Outline, around};
@@ -14,7 +15,10 @@ use swerve_planning::rrt_star::tree::{Aim, Growth, Tree, Until, gamma_m2};
 use swerve_planning::{Budget, Counted, Obstacles};
 
 use super::pieces::solution;
-use super::{AxisBox, CLEARANCE_CAP_M, Outcome, RrtStarConfig, RrtStarProblem, Solution, obb, path_length_m};
+use super::{
+    AxisBox, CLEARANCE_CAP_M, Outcome, RrtStarConfig, RrtStarProblem, Solution, obb, path_length_m,
+    require_near,
+};
 use crate::Preset;
 use crate::rrt_star::turn_along;
 use crate::tree;
@@ -109,7 +113,11 @@ pub fn solve(
     let mut solver = Solver::default();
     match solver.search(problem, config, preset, budget) {
         Outcome::Found => solver.solution(problem, preset),
-        other => Solution::not_found(&problem.id, other.reason(), solver.work()),
+        other => {
+            let wrong = check(problem, config).err().map(|error| error.to_string());
+            let reason = wrong.as_deref().unwrap_or(other.reason());
+            Solution::not_found(&problem.id, reason, solver.work())
+        }
     }
 }
 
@@ -125,7 +133,7 @@ impl Solver {
         (self.tree.work, self.paper_work) = (0, 0);
         self.best.clear();
         self.corners.clear();
-        if !is_valid(problem, config) {
+        if check(problem, config).is_err() {
             return Outcome::Invalid;
         }
         let at = |p: [f64; 2]| Pose2::new(p[0], p[1], 0.0);
@@ -316,13 +324,15 @@ fn simplify(boxes: &Boxes, corners: &mut Vec<Pose2>) {
     corners.truncate(kept);
 }
 
-fn is_valid(problem: &RrtStarProblem, config: &RrtStarConfig) -> bool {
-    let from_zero = [config.end_dist_threshold, config.obstacle_clearance, config.lane_width];
-    let places = problem.start.iter().chain(&problem.goal).chain(problem.obstacles.iter().flatten());
-    config.step_size.is_finite()
-        && config.step_size > 0.0
-        && from_zero.iter().all(|v| v.is_finite() && *v >= 0.0)
-        && places.into_iter().all(|v| v.is_finite() && v.abs() < 1e6)
+/// Refuses numbers of the problem and of its settings that are out of range, by their keys in the file.
+fn check(problem: &RrtStarProblem, config: &RrtStarConfig) -> Result<(), ParamError> {
+    require_positive("step_size", config.step_size)?;
+    require_not_negative("end_dist_threshold", config.end_dist_threshold)?;
+    require_not_negative("obstacle_clearance", config.obstacle_clearance)?;
+    require_not_negative("lane_width", config.lane_width)?;
+    require_near("start", &problem.start)?;
+    require_near("goal", &problem.goal)?;
+    problem.obstacles.iter().try_for_each(|b| require_near("obstacles", b))
 }
 
 #[cfg(test)]

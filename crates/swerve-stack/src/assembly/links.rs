@@ -1,13 +1,14 @@
 //! Which port reads which stream, and the order of operators that follows.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use swerve_flow::{PayloadType, PortInfo};
 use swerve_text::is_within;
 
 use super::{Edge, Placed, base, one_of};
 use crate::config::{Config, Reads};
-use crate::kind::{KeyProblems, Settings};
+use crate::kind::{KeyProblems, OperatorKind, Settings};
 
 /// Finds what every operator reads, leaves out sensors that nobody reads, and puts the others in an order in which
 /// everybody comes behind those whose messages of the same instant it reads.
@@ -24,7 +25,7 @@ pub(super) fn link(operators: &mut Vec<Placed>, config: &Config, problems: &mut 
             if named.is_some_and(|reads| reads.each().iter().any(|(stream, ..)| is_told(stream, problems))) {
                 continue;
             }
-            match edges(&placed.name, &input.port, named, &streams) {
+            match edges((&placed.name, config), &input.port, named, &streams) {
                 Ok(edges) => input.from = edges,
                 Err(problem) => own.push(problem),
             }
@@ -58,6 +59,37 @@ fn left_out(payload: PayloadType, config: &Config) -> Option<String> {
     entries.find(publishes).map(|(name, _)| name)
 }
 
+/// The end of a message that nobody publishes messages of this type: the kinds that would, and how they come in.
+fn who_would(payload: PayloadType, config: &Config) -> String {
+    let would = |kind: &Arc<dyn OperatorKind>| {
+        let node = kind.node();
+        let settings = Settings { name: node.kind, config, offered: &[] };
+        let publishes = kind.outputs(&settings).iter().any(|port| port.payload == payload);
+        // Who makes them of others of their kind needs those first.
+        if !publishes || kind.inputs(&settings).iter().any(|port| port.payload == Some(payload)) {
+            return None;
+        }
+        let entry = || {
+            node.named_section.map_or_else(
+                || format!("[operator.NAME] kind = \"{}\"", node.kind),
+                |section| format!("[{section}.NAME]"),
+            )
+        };
+        match (kind.is_there(&settings), node.only_with) {
+            (true, _) => Some(entry()),
+            (false, Some(setting)) => Some(setting.to_owned()),
+            (false, None) => None,
+        }
+    };
+    let ways: Vec<String> = config.registry.kinds().filter_map(would).map(|way| format!("`{way}`")).collect();
+    match ways.is_empty() {
+        true => {
+            ": an operator of one's own can (`swerve operators` lists the kinds that there are)".to_owned()
+        }
+        false => format!(": {} brings one that does, or an operator of one's own", ways.join(" or ")),
+    }
+}
+
 /// What is wrong with a port of an operator.
 enum Wrong {
     /// What is said of it.
@@ -89,7 +121,8 @@ fn told(wrong: Vec<Wrong>, is_whole: bool, config: &Config, problems: &mut KeyPr
                     (format!("operator.{name}.enabled"), message)
                 }
                 None => {
-                    let message = format!("reads `{payload}`, and no operator of the pipeline publishes any");
+                    let message =
+                        format!("reads `{payload}`, which nobody publishes{}", who_would(payload, config));
                     (format!("operator.{operator}.reads.{port}"), message)
                 }
             });
@@ -147,8 +180,8 @@ fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(St
             said.push((port.clone(), reads.clone()));
         } else if config.operator.get(&placed.name).is_some_and(|own| own.reads.contains_key(port)) {
             // What the pipeline's own text says is for whichever of its ports a kind has under these settings.
-            let (key, kind) = (format!("operator.{}.reads.{port}", placed.name), placed.kind.node().kind);
-            problems.push((key, format!("`{kind}` has no port of this name{}", one_of(port, &ports))));
+            let key = format!("operator.{}.reads.{port}", placed.name);
+            problems.push((key, no_port(placed, port, config)));
         }
     }
     for (port, stream) in placed.kind.reads(&placed.settings(config)) {
@@ -159,9 +192,26 @@ fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(St
     said
 }
 
+/// What is wrong with the name of a port: there is none, or it is there where somebody publishes what it reads.
+fn no_port(placed: &Placed, port: &str, config: &Config) -> String {
+    let kind = placed.kind.node().kind;
+    let offered = config.registry.messages();
+    let with_all = placed.kind.inputs(&Settings { offered: &offered, ..placed.settings(config) });
+    match with_all.iter().find(|info| info.name == port).and_then(|info| info.payload) {
+        Some(payload) => {
+            let ways = who_would(payload, config);
+            format!("`{kind}` has this port where `{payload}` are published, and nobody publishes any{ways}")
+        }
+        None => {
+            let ports: Vec<&str> = placed.inputs.iter().map(|input| &*input.port.name).collect();
+            format!("`{kind}` has no port of this name{}", one_of(port, &ports))
+        }
+    }
+}
+
 /// What a port reads: as it was named, else by its type.
 fn edges(
-    operator: &str,
+    (operator, config): (&str, &Config),
     port: &PortInfo,
     named: Option<&Reads>,
     streams: &[Offer],
@@ -172,6 +222,13 @@ fn edges(
         return named.map(timer).map_or(Ok(Vec::new()), Err);
     };
     if let Some(reads) = named {
+        if !streams.iter().any(|offer| offer.payload == payload) {
+            let message = format!(
+                "expected a stream of `{payload}`, which nobody publishes{}",
+                who_would(payload, config)
+            );
+            return Err(Wrong::Said((key(), message)));
+        }
         return named_edges(port, payload, reads, streams)
             .map_err(|(last, message)| Wrong::Said((key() + last, message)));
     }

@@ -219,7 +219,16 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.d]\nkind = \"emulated_detector\"\n",
-        "c.toml:2: operator.d.kind: `emulated_detector` takes no part in this pipeline, which is set by [perception]",
+        "c.toml:2: operator.d.kind: `emulated_detector` takes part where `perception.detector = \"NAME\"` asks for it",
+    ),
+    (
+        "[operator.tracker]\nreads = { boxes = \"camera\" }\n",
+        "c.toml:2: operator.tracker.reads.boxes: `tracker` has this port where `Detections` are published, and nobody \
+         publishes any: `perception.detector = \"NAME\"` brings one that does, or an operator of one's own",
+    ),
+    (
+        "[operator.x]\nkind = \"fusion\"\nreads = { boxes = \"camera\" }\n[operator.tracker]\nreads = { boxes = \"x\" }\n",
+        "c.toml:3: operator.x.reads.boxes: unknown stream `camera`, expected one of x",
     ),
     (
         "[operator.tracker]\nruntme = { fixed_ms = 3 }\n",

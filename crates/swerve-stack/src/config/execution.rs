@@ -157,12 +157,14 @@ pub fn parse_policy(text: &str) -> Result<Policy, String> {
     let (name, rest) = text.trim().split_once('(').ok_or_else(wrong)?;
     let inner = rest.strip_suffix(')').ok_or_else(wrong)?;
     let mut parts = inner.split(',').map(str::trim);
-    let n: usize = parts.next().and_then(|n| n.parse().ok()).ok_or_else(wrong)?;
-    let word = parts.next();
-    if parts.next().is_some() || !(1..=1_000_000).contains(&n) {
+    let (name, n, word) = (name.trim(), parts.next().unwrap_or_default(), parts.next());
+    if parts.next().is_some() || !["queue", "pipelined"].contains(&name) {
         return Err(wrong());
     }
-    match (name.trim(), word) {
+    let n = n.parse().ok().filter(|n| (1..=1_000_000).contains(n));
+    let n: usize =
+        n.ok_or_else(|| format!("expected an N from 1 to 1000000 in `{name}(N)`, found `{text}`"))?;
+    match (name, word) {
         ("queue", None | Some("drop_oldest")) => Ok(Policy::queue(n)),
         ("queue", Some("drop_newest")) => Ok(Policy::Queue { capacity: n, full: Full::DropNewest }),
         ("queue", Some("fail")) => Ok(Policy::Queue { capacity: n, full: Full::Fail }),
@@ -216,6 +218,11 @@ mod tests {
             ["queue", "queue(0)", "queue(-1)", "pipelined(4, drop_newest)", "skip", "queue(1,drop_oldest,x)"]
         {
             assert!(parse_policy(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["queue(0)", "queue( -1, fail)", "pipelined(1000001)", "queue(two)", "pipelined()"] {
+            let said = parse_policy(wrong).unwrap_err();
+            let name = wrong.split('(').next().unwrap();
+            assert_eq!(said, format!("expected an N from 1 to 1000000 in `{name}(N)`, found `{wrong}`"));
         }
     }
 

@@ -88,21 +88,21 @@ fn original(planning: &PlanningConfig, params: &toml::Table) -> Result<Option<Bo
 /// The rules that a configuration names; what is wrong with them, each by its key.
 pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, String)>> {
     let key = |key: &str| format!("planning.rules.{key}");
+    let rules: Rules =
+        swerve_text::overridden(&planning.rules_of_era(), &planning.rules).map_err(|found| {
+            found.into_iter().map(|(rule, message)| (key(&rule), message)).collect::<Vec<_>>()
+        })?;
     if planning.preset != Preset::Paper {
         let only = "only the preset `paper` has one";
         let era = planning.era.map(|_| ("planning.era".to_owned(), only.to_owned()));
         let rule = planning.rules.keys().next().map(|rule| (key(rule), only.to_owned()));
         let wrong: Vec<_> = era.into_iter().chain(rule).collect();
-        return if wrong.is_empty() { Ok(planning.rules_of_era()) } else { Err(wrong) };
+        return if wrong.is_empty() { Ok(rules) } else { Err(wrong) };
     }
     if planning.collision == CollisionMode::MayStop && planning.planner.is_paper() {
         let message = "the paper's planners know `swept_static` and `time_indexed`".to_owned();
         return Err(vec![("planning.collision".into(), message)]);
     }
-    let rules: Rules =
-        swerve_text::overridden(&planning.rules_of_era(), &planning.rules).map_err(|found| {
-            found.into_iter().map(|(rule, message)| (key(&rule), message)).collect::<Vec<_>>()
-        })?;
     rules.validate(planning.planner.original()).map_err(|error| {
         vec![(key(&error.key), format!("expected {}, found {}", error.expected, error.value))]
     })?;

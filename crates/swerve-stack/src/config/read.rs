@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use swerve_text::{Document, Problem, Problems};
+use swerve_text::{Document, KeyProblem, Problem, Problems};
 
 use super::Config;
 use super::car::fill_in;
 use super::process::with_whole_paths;
 use crate::assembly::gather_named_sections;
+use crate::kind::KeyProblems;
 use crate::registry::Registry;
 
 impl Config {
@@ -40,23 +41,28 @@ impl Config {
         document: &Document,
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Problems> {
-        let plain = Self::formed_of_file(registry, document)?;
-        // The file's own problems are told with their lines; what is left is one of an assignment.
-        let plain = plain.checked(|key, message| document.problem(&as_written(document, key), message))?;
+        let plain = Self::of_file(registry, document)?;
         if sets.is_empty() { Ok(plain) } else { Self::with_sets(registry, document, sets) }
     }
 
-    /// A file as it is written.
-    fn formed_of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
+    /// A file as it is written; its problems have their lines. What is left then is one of an assignment.
+    fn of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());
         gather_named_sections(&mut table, registry);
         fill_in(&mut table);
-        let mut config: Self = match table == document.table {
-            true => document.to()?,
-            false => document.with_table(table).to()?,
+        let problem = |key: &str, message| document.problem(&as_written(document, key), message);
+        let misread = match swerve_text::read_meant::<Self>(&table) {
+            Ok(config) => return Self { registry: registry.clone(), ..config }.checked(problem),
+            Err(misread) => misread,
         };
-        config.registry = registry.clone();
-        Ok(config)
+        let (mut faults, guessed) = (misread.problems, misread.guessed);
+        let of_form = faults.len();
+        if let Some(meant) = misread.meant {
+            Self { registry: registry.clone(), ..meant }.check(&mut faults);
+        }
+        let told = faults.into_iter().enumerate();
+        let told = told.filter(|(i, (key, _))| *i < of_form || !guessed.holds(key)).map(|(_, fault)| fault);
+        Err(in_order(told, problem))
     }
 
     /// A document that has no problems of its own, with assignments; the problems are theirs.
@@ -95,17 +101,27 @@ impl Config {
     }
 
     fn checked(self, problem: impl Fn(&str, String) -> Problem) -> Result<Self, Problems> {
-        let mut faults = self.problems_of_values();
-        self.check_pipeline(&mut faults);
-        if faults.is_empty() {
-            return Ok(self);
-        }
-        let mut problems: Vec<Problem> =
-            faults.into_iter().map(|(key, message)| problem(&key, message)).collect();
-        // In the order of the lines; what has none may follow from them.
-        problems.sort_by_key(|problem| (problem.line.is_none(), problem.line));
-        Err(problems.into_iter().collect())
+        let mut faults = Vec::new();
+        self.check(&mut faults);
+        if faults.is_empty() { Ok(self) } else { Err(in_order(faults, problem)) }
     }
+
+    /// What is wrong with the values and with the pipeline that they make, beside the `faults` that are known.
+    fn check(&self, faults: &mut KeyProblems) {
+        faults.extend(self.problems_of_values());
+        self.check_pipeline(faults);
+    }
+}
+
+/// Problems in the order of the lines; what has none may follow from them.
+fn in_order(
+    faults: impl IntoIterator<Item = KeyProblem>,
+    problem: impl Fn(&str, String) -> Problem,
+) -> Problems {
+    let mut problems: Vec<Problem> =
+        faults.into_iter().map(|(key, message)| problem(&key, message)).collect();
+    problems.sort_by_key(|problem| (problem.line.is_none(), problem.line));
+    problems.into_iter().collect()
 }
 
 /// The key of an entry such as `[camera.front]` where it is written as `[operator.front] kind = "camera"`.

@@ -17,8 +17,53 @@ fn every_fault_is_told_with_file_line_and_key() {
     assert_eq!(found[1], "c.toml:4: sensing.range_m: expected 0.1 to 10000, found -1");
     assert!(found[2].starts_with("c.toml:5: operator.planer: unknown operator"), "{}", found[2]);
     assert!(found[2].ends_with("(did you mean `planner`?)"), "{}", found[2]);
-    assert!(found[3].starts_with("c.toml:6: operator.planer.policy: unknown policy `queue(0)`"));
+    assert!(
+        found[3]
+            .starts_with("c.toml:6: operator.planer.policy: expected an N from 1 to 1000000 in `queue(N)`")
+    );
     assert!(found[4].starts_with("c.toml:8: operator.planner.uses: unknown resource `gpu0`"));
+}
+
+/// Slips in keys and names beside values that are wrong: both at once, and nothing that only follows from a slip.
+#[test]
+fn what_is_wrong_with_form_and_values_is_told_at_once() {
+    let cases: [(&str, &[&str]); 5] = [
+        (
+            "[planning]\nplaner = \"fot\"\n[sim]\ndt_ms = 50\n[operator.planer]\n",
+            &[
+                "c.toml:2: planning.planer: unknown key; did you mean \"planner\"?",
+                "c.toml:4: sim.dt_ms: expected 1 to 20, found 50",
+                "c.toml:5: operator.planer: unknown operator, expected one of supervisor, ",
+            ],
+        ),
+        // With the preset as it was meant there is nothing wrong with the era.
+        (
+            "[planning]\nprest = \"paper\"\nera = \"pylot_2020_11\"\n[control]\nperiod_ms = 0\n",
+            &[
+                "c.toml:2: planning.prest: unknown key; did you mean \"preset\"?",
+                "c.toml:5: control.period_ms: expected 1 to 1000, found 0",
+            ],
+        ),
+        (
+            "[planning]\npreset = \"papr\"\nera = \"pylot_2020_11\"\n",
+            &["c.toml:2: planning.preset: expected one of \"paper\", \"best\", found \"papr\""],
+        ),
+        // A value that is wrong under the key that was meant is told when the key is right.
+        ("[sim]\ndt_sm = 50\n", &["c.toml:2: sim.dt_sm: unknown key; did you mean \"dt_ms\"?"]),
+        (
+            "[operator.front]\nkind = \"camera\"\nperiod_sm = 50\n[sensing]\nrange_m = -1\n",
+            &[
+                "c.toml:3: operator.front.period_sm: unknown key",
+                "c.toml:5: sensing.range_m: expected 0.1 to 10000, found -1",
+            ],
+        ),
+    ];
+    for (text, expected) in cases {
+        let told = problems(text, &[]);
+        let is_told =
+            told.len() == expected.len() && told.iter().zip(expected).all(|(a, b)| a.starts_with(b));
+        assert!(is_told, "{text}{told:#?}");
+    }
 }
 
 #[test]
@@ -83,6 +128,14 @@ fn rules_of_the_paper_are_told_with_line_and_key() {
     assert_eq!(
         wrong("best", "era = \"pylot_2020_05\"\n"),
         "c.toml:4: planning.era: only the preset `paper` has one"
+    );
+    assert_eq!(
+        problems("", &["planning.rules.solid_lefft=true"]),
+        ["--set: planning.rules.solid_lefft: unknown key; did you mean \"solid_left\"?"]
+    );
+    assert_eq!(
+        problems("", &["planning.rules.solid_left=true"]),
+        ["--set: planning.rules.solid_left: only the preset `paper` has one"]
     );
     let may_stop = problems("[planning]\npreset = \"paper\"\ncollision = \"may_stop\"\n", &[]);
     assert_eq!(

@@ -66,6 +66,7 @@ impl OperatorKind for DeadlinePolicy {
     fn node(&self) -> Node {
         Node::new("deadline_policy", "deadlines of detector and planner by what is ahead")
             .sections(&["execution"])
+            .only_with("execution.model = \"dynamic_deadlines\"")
             .stays("it says how long the others may take")
     }
 

@@ -67,6 +67,7 @@ impl OperatorKind for EmulatedDetector {
     fn node(&self) -> Node {
         Node::new("emulated_detector", "boxes of a published accuracy and run time, made from truth")
             .sections(&["perception"])
+            .only_with("perception.detector = \"NAME\"")
             .stays("sensors are where the world is")
             .ruled(Ruled::Detector)
     }

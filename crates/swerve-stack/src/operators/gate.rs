@@ -31,6 +31,7 @@ pub(super) struct In {
 impl Kind for Gate {
     const NODE: Node = Node::new("safety_gate", "what may reach a vehicle: limits, time-outs, stops")
         .sections(&["gate"])
+        .only_with("gate.enabled = true")
         .stays("it is the safety gate");
     type Table = NoKeys;
 

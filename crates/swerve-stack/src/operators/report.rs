@@ -19,6 +19,7 @@ pub(super) struct In {
 
 impl Kind for Report {
     const NODE: Node = Node::new("vehicle_report", "what the simulated car says of itself")
+        .only_with("gate.enabled = true")
         .stays("it is the vehicle's side of the safety gate");
     type Table = NoKeys;
 

@@ -2,7 +2,8 @@ use super::*;
 
 fn study(text: &str) -> Result<Study, Problems> {
     let document = Document::parse("s.toml", text).unwrap();
-    Study::from_document(&document, Path::new("dir"), "s".into(), &[]).map(Study::expand)
+    let place = (Path::new("dir"), "s".to_owned());
+    document.to_checked(|file| Study::checked(&document, file, place, &[])).map(Study::expand)
 }
 
 #[test]

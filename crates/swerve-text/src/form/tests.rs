@@ -220,3 +220,26 @@ fn choices_with_content_are_read() {
     let names = "expected one of \"plain\", \"angle\", \"matrix\", \"barrel\", found a table";
     assert_eq!(lens("{ angle = 2, plain = {} }").unwrap_err(), [("lens".to_owned(), names.to_owned())]);
 }
+
+/// What is meant is read where the slips are taken out; what nobody said is known to be a guess.
+#[test]
+fn what_was_meant_is_read() {
+    let misread = |text: &str| {
+        let table: Table = text.parse().unwrap();
+        read_meant::<Inner>(&table).expect_err("wrong on purpose")
+    };
+    let slips = misread("nubmer = 2.5\nway = \"rigth\"\ncount = 3\nnmae = 4\n");
+    assert_eq!(slips.problems.len(), 3, "{:?}", slips.problems);
+    let meant = slips.meant.expect("every slip has a near name");
+    assert_eq!((meant.number, meant.way, meant.count), (2.5, Way::Right, Some(3)));
+    // A slip in a key whose value would be wrong under the right one.
+    assert_eq!(meant.name, "");
+    for (key, is_guessed) in
+        [("number", true), ("nubmer", true), ("way", true), ("name", true), ("count", false), ("", true)]
+    {
+        assert_eq!(slips.guessed.holds(key), is_guessed, "{key}");
+    }
+    let several = misread("number = 1\nway = \"left\"\ncount = -1\nother = 2\npair = [1, 2]\n");
+    let meant = several.meant.expect("what is optional can be left out");
+    assert_eq!((meant.count, meant.pair), (None, Some([1.0, 2.0])));
+}

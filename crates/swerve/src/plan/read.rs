@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{anyhow, bail};
+use clap::ValueEnum as _;
+use swerve_drive::shipped::Kind;
 use swerve_pylot::posed::{FotConfig, HybridAstarConfig, ProblemFile, RrtStarConfig};
-use swerve_text::{nearest, with_nearest_name};
+use swerve_text::{did_you_mean, list, with_nearest_name};
 
 use super::PosedPlanner;
 
@@ -19,19 +21,35 @@ pub enum Posed<'a> {
     HybridAstar(&'a HybridAstarConfig),
 }
 
-/// Reads a problem file.
+/// Reads a problem file, by its path or by the name of one that is in the program.
 ///
 /// # Errors
 /// When it cannot be read, or is no problem file: file, line, and what was expected.
 pub fn read(path: &Path) -> anyhow::Result<ProblemFile> {
-    let file = path.display();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot be read"))?;
+    let text = Kind::Problems.text(path)?;
     serde_json::from_str(&text).map_err(|error| {
         let message = error.to_string();
         let place = format!(" at line {} column {}", error.line(), error.column());
-        let message = message.strip_suffix(&place).unwrap_or(&message);
-        anyhow!("{file}:{}: {}", error.line().max(1), with_nearest_name(message))
+        let message = match message.strip_suffix(&place).unwrap_or(&message) {
+            "number out of range" => {
+                let number = number_at(&text, error.line(), error.column());
+                format!("expected a number of at most {:e}, found {number}", f64::MAX)
+            }
+            other => with_nearest_name(other),
+        };
+        anyhow!("{}:{}: {message}", path.display(), error.line().max(1))
     })
+}
+
+/// The number around a column of a line, both from 1.
+fn number_at(text: &str, line: usize, column: usize) -> &str {
+    let line = text.lines().nth(line.saturating_sub(1)).unwrap_or_default();
+    let is_other = |c: char| !(c.is_ascii_alphanumeric() || "+-.".contains(c));
+    let at = line.len().min(column.saturating_sub(1));
+    let (before, after) = line.split_at_checked(at).unwrap_or((line, ""));
+    let start = before.rfind(is_other).map_or(0, |found| found + 1);
+    let end = after.find(is_other).map_or(line.len(), |found| at + found);
+    &line[start..end]
 }
 
 /// The configuration of this name.
@@ -40,32 +58,46 @@ pub(super) fn select<'a>(
     planner: PosedPlanner,
     name: &str,
 ) -> anyhow::Result<Posed<'a>> {
+    use PosedPlanner::{Fot, HybridAstar, RrtStar};
     let (configs, problems) = (&file.configs, &file.problems);
-    let (posed, names, count): (_, Vec<&str>, _) = match planner {
-        PosedPlanner::Fot => (
-            configs.fot.get(name).map(Posed::Fot),
-            configs.fot.keys().map(String::as_str).collect(),
-            problems.fot.len(),
-        ),
-        PosedPlanner::RrtStar => (
-            configs.rrt_star.get(name).map(Posed::RrtStar),
-            configs.rrt_star.keys().map(String::as_str).collect(),
-            problems.rrt_star.len(),
-        ),
-        PosedPlanner::HybridAstar => (
-            configs.hybrid_astar.get(name).map(Posed::HybridAstar),
-            configs.hybrid_astar.keys().map(String::as_str).collect(),
-            problems.hybrid_astar.len(),
-        ),
+    let posed = match planner {
+        Fot => configs.fot.get(name).map(Posed::Fot),
+        RrtStar => configs.rrt_star.get(name).map(Posed::RrtStar),
+        HybridAstar => configs.hybrid_astar.get(name).map(Posed::HybridAstar),
     };
-    let planner = planner.name();
+    let names = |planner| -> Vec<&str> {
+        match planner {
+            Fot => configs.fot.keys().map(String::as_str).collect(),
+            RrtStar => configs.rrt_star.keys().map(String::as_str).collect(),
+            HybridAstar => configs.hybrid_astar.keys().map(String::as_str).collect(),
+        }
+    };
+    let count = |planner| match planner {
+        Fot => problems.fot.len(),
+        RrtStar => problems.rrt_star.len(),
+        HybridAstar => problems.hybrid_astar.len(),
+    };
+    let own = planner.name();
     let Some(posed) = posed else {
-        let near = nearest(name, names.iter().copied());
-        let hint = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
-        bail!("configs.{planner}: no entry `{name}`, there are {}{hint}", names.join(", "));
+        let known = names(planner);
+        let found = match known.is_empty() {
+            true => others(|planner| !names(planner).is_empty()),
+            false => format!("expected one of {}{}", list(&known), did_you_mean(name, known.iter().copied())),
+        };
+        bail!("configs.{own}: no entry `{name}`: {found}");
     };
-    if count == 0 {
-        bail!("problems.{planner}: no problem for this planner");
+    if count(planner) == 0 {
+        bail!("problems.{own}: no problem for this planner: {}", others(|planner| count(planner) > 0));
     }
     Ok(posed)
+}
+
+/// For whom a file has something that it does not have for the planner that was asked for.
+fn others(has: impl Fn(PosedPlanner) -> bool) -> String {
+    let all = PosedPlanner::value_variants().iter().copied();
+    let names: Vec<&str> = all.filter(|planner| has(*planner)).map(PosedPlanner::name).collect();
+    match names.is_empty() {
+        true => "the file has none for any planner".to_owned(),
+        false => format!("the file has some for {}", list(&names)),
+    }
 }

@@ -1,3 +1,5 @@
+use swerve_pylot::posed::ProblemFile;
+
 use super::*;
 
 /// One straight road with a box in the lane, one gap between two boxes, one turn.
@@ -24,7 +26,7 @@ const FILE: &str = r#"{
   "hybrid_astar": [{"id": "side <step>", "start": [0, 0, 0], "goal": [35, 2, 0], "obstacles": [[15, -3, 19, 0.2]]}]
 }}"#;
 
-fn solutions(planner: PosedPlanner, preset: Preset) -> (swerve_pylot::posed::ProblemFile, Vec<Solution>) {
+fn solutions(planner: PosedPlanner, preset: Preset) -> (ProblemFile, Vec<Solution>) {
     let file = serde_json::from_str(FILE).unwrap();
     let solutions = solve_all(&file, &read::select(&file, planner, "fast").unwrap(), preset);
     (file, solutions)
@@ -80,13 +82,94 @@ fn faults_name_file_line_and_the_nearest_name() {
     let cut = fault(&FILE[..FILE.len() / 2]);
     assert!(cut.contains("problems.json:") && cut.contains("EOF"), "{cut}");
     let huge = fault(&FILE.replace("\"vel\": [14, 0]", "\"vel\": [1e999, 0]"));
-    assert!(huge.contains("out of range"), "{huge}");
+    assert!(huge.contains("problems.json:16: expected a number of at most 1.79"), "{huge}");
+    assert!(huge.ends_with(", found 1e999"), "{huge}");
     assert!(format!("{:#}", read(&folder.path().join("none.json")).unwrap_err()).contains("none.json"));
 
     let file = serde_json::from_str(FILE).unwrap();
-    let unknown = read::select(&file, PosedPlanner::Fot, "fats").unwrap_err().to_string();
-    assert_eq!(unknown, "configs.fot: no entry `fats`, there are fast (did you mean `fast`?)");
-    let mut empty: swerve_pylot::posed::ProblemFile = serde_json::from_str(FILE).unwrap();
+    let refused =
+        |file: &ProblemFile, name: &str| read::select(file, PosedPlanner::Fot, name).unwrap_err().to_string();
+    assert_eq!(
+        refused(&file, "fats"),
+        "configs.fot: no entry `fats`: expected one of \"fast\"; did you mean \"fast\"?"
+    );
+    let mut empty = file.clone();
     empty.problems.fot.clear();
-    assert!(read::select(&empty, PosedPlanner::Fot, "fast").is_err());
+    empty.problems.rrt_star.clear();
+    assert_eq!(
+        refused(&empty, "fast"),
+        "problems.fot: no problem for this planner: the file has some for \"hybrid_astar\""
+    );
+    empty.configs.fot.clear();
+    assert_eq!(
+        refused(&empty, "fast"),
+        "configs.fot: no entry `fast`: the file has some for \"rrt_star\", \"hybrid_astar\""
+    );
+    assert_eq!(
+        refused(&ProblemFile::default(), "fast"),
+        "configs.fot: no entry `fast`: the file has none for any planner"
+    );
+}
+
+/// A number of the settings that is out of range is told with its key in the file, its value, and the range.
+#[test]
+fn numbers_out_of_range_are_told_with_key_and_range() {
+    let cases = [
+        (PosedPlanner::Fot, "\"dt\": 0.3", "\"dt\": -0.3", "`dt` is -0.3, expected a finite number above 0"),
+        (
+            PosedPlanner::RrtStar,
+            "\"step_size\": 0.5",
+            "\"step_size\": 0",
+            "`step_size` is 0, expected a finite number above 0",
+        ),
+        (
+            PosedPlanner::RrtStar,
+            "\"goal\": [40, 0]",
+            "\"goal\": [4e9, 0]",
+            "`goal` is 4000000000, expected numbers below 1000000 in size",
+        ),
+        (
+            PosedPlanner::HybridAstar,
+            "\"rad_step\": 0.75",
+            "\"rad_step\": 0.0001",
+            "`rad_step` is 0.0001, expected a thousandth of rad_lower_range + rad_upper_range or more",
+        ),
+        (
+            PosedPlanner::HybridAstar,
+            "\"radius\": 6.0",
+            "\"radius\": -6.0",
+            "`radius` is -6, expected a finite number above 0",
+        ),
+    ];
+    for (planner, right, wrong, expected) in cases {
+        let file: ProblemFile = serde_json::from_str(&FILE.replace(right, wrong)).unwrap();
+        let posed = read::select(&file, planner, "fast").unwrap();
+        for preset in [Preset::Paper, Preset::Best] {
+            let solution = &solve_all(&file, &posed, preset)[0];
+            assert!(!solution.found && solution.reason == expected, "{wrong}: {}", solution.reason);
+        }
+    }
+}
+
+/// The how-to page shows what the command prints, but for what differs from host to host.
+#[test]
+fn the_page_shows_what_is_printed() {
+    let page = include_str!("../../../../docs/howto/plan.md");
+    let shown = page.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
+    let file = read(std::path::Path::new("detour")).unwrap();
+    let posed = read::select(&file, PosedPlanner::RrtStar, "fast").unwrap();
+    let args = PlanArgs {
+        file: "detour".into(),
+        planner: PosedPlanner::RrtStar,
+        config: "fast".into(),
+        preset: PresetName::Best,
+        json: false,
+        svg: None,
+    };
+    let mut solutions = solve_all(&file, &posed, Preset::Best);
+    // The times are those of the page's host.
+    for (solution, time_ms) in solutions.iter_mut().zip([0.860, 0.706]) {
+        solution.time_ms = time_ms;
+    }
+    assert_eq!(table(&args, &solutions), shown);
 }

@@ -1,5 +1,7 @@
 //! What is wrong is told once, with its place and what was expected, and nothing finished is lost.
 
+mod checked;
+
 use crate::support::{Bench, SHORT, Said};
 
 /// A call that has to fail: the file written before it, its arguments, and what the one line of its message holds.
@@ -184,6 +186,13 @@ fn studies() {
     check_all(vec![
         case("[[axis]]\nkey = \"seed\"\n", &["bad.toml:2: axis[0]: expected `values` or `settings`"]),
         case(
+            "[[axis]]\nname = \"s\"\n[[axis.settings]]\nname = \"a\"\n[[axis.settings]]\nname = \"b\"\nscenario = \"lain\"\n",
+            &[
+                "bad.toml:8: axis[0].settings[1].scenario: lain: cannot be read: ",
+                "did you mean the scenario `lane`",
+            ],
+        ),
+        case(
             "[[axis]]\nkey = \"seed\"\nvalus = [1]\n",
             &["bad.toml:4: axis[0].valus: unknown key; did you mean \"values\"?"],
         ),
@@ -268,103 +277,15 @@ fn a_wrong_call_loses_no_finished_result() {
 }
 
 #[test]
-fn check_tells_all_problems_of_all_files() {
+fn the_doctor_says_what_there_is_and_nothing_else() {
     let bench = Bench::new();
-    bench.write(
-        "a.toml",
-        &SHORT.replace("end_m = 20.0", "end_m = nan").replace("to = \"ego\"", "to = \"eg\""),
+    let said = Said::of(&bench.command(&["doctor"]).env_remove("XDG_RUNTIME_DIR").output().unwrap());
+    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""), "{said:?}");
+    assert!(
+        said.stdout.starts_with("swerve ") && said.stdout.matches("shared memory").count() == 1,
+        "{said:?}"
     );
-    bench.write("b.toml", "[sim]\ndt_ms = 0\n[sensing]\nrange_m = -1\n[operator.planer]\nuses = \"gpu0\"\n");
-    bench.write("c.toml", "base = { scenario = \"short.toml\" }\n[[axis]]\nkey = \"seed\"\n");
-    bench.write(
-        "g.toml",
-        "[base]\nscenario = \"short.toml\"\nset = { sim.dt_ms = 5 }\n[[axis]]\nkey = \"sensing.range_m\"\n\
-         values = [-1, 20, 0]\n[[axis]]\nname = \"s\"\n[[axis.settings]]\nname = \"a\"\nset = { ego.speed = 3 }\n\
-         [[axis.settings]]\nname = \"b\"\nset = { control.period_ms = 10 }\n",
-    );
-    bench.write("d.toml", "span_ms = 100\n[[operator]]\nname = \"camera\"\nevery_ms = 0\n");
-    bench.write("e.toml", "[planning\n");
-    bench.write("h.toml", "# nothing yet\n");
-    let args = [
-        "check",
-        "short.toml",
-        "a.toml",
-        "b.toml",
-        "c.toml",
-        "d.toml",
-        "e.toml",
-        "f.toml",
-        "g.toml",
-        "h.toml",
-    ];
-    let said = bench.swerve(&args);
-    let says = [
-        "a.toml:11: ego.end_m: ",
-        "a.toml:18: actor.person.trigger.distance.to: unknown actor \"eg\"",
-        "b.toml:2: sim.dt_ms: expected 1 to 20, found 0",
-        "b.toml:4: sensing.range_m: expected 0.1 to 10000, found -1",
-        "b.toml:5: operator.planer: unknown operator",
-        "b.toml:6: operator.planer.uses: unknown resource `gpu0`",
-        "c.toml:2: axis[0]: expected `values` or `settings`",
-        "d.toml:",
-        "e.toml:1: ",
-        "f.toml: cannot be read",
-        "g.toml:6: sensing.range_m: expected 0.1 to 10000, found -1, in the cell [-1 a]",
-        "g.toml:6: sensing.range_m: expected 0.1 to 10000, found 0, in the cell [0 a]",
-        "g.toml:11: ego.speed: unknown key; did you mean \"speed_mps\"?, in the cell [-1 a]",
-        "in 9 files",
-    ];
-    check(&said, &says, &args);
-    assert!(!said.stderr.contains("short.toml:"), "{}", said.stderr);
-    assert!(!said.stderr.contains("h.toml"), "a configuration may leave out every key: {}", said.stderr);
-    assert_eq!(bench.good(&["check", "short.toml"]), "1 file, no problem\n");
-}
-
-#[test]
-fn check_tells_all_that_is_missing_or_of_another_type() {
-    let bench = Bench::new();
-    bench.write("s.toml", "base = { config = 3 }\n[[axis]]\nvalues = 5\n[budget]\nscan_ms = true\n");
-    bench.write(
-        "t.toml",
-        "span_ms = \"long\"\n[[operator]]\nevery_ms = [1]\n[[operator]]\nname = \"b\"\nat = [3]\n\
-         runtime = { fixed_ms = 1 }\ndeadline = { anchor = 3 }\n[resource.gpu]\n",
-    );
-    bench.write(
-        "c.toml",
-        "planning = 3\n[sim]\ndraws = 1\n[control]\ncontroller = [\"pid\"]\n[operator.planner]\n\
-         runtime = { normal_ms = [1] }\n[resource]\ngpu = {}\n",
-    );
-    bench.write(
-        "o.toml",
-        "axis = [{ key = \"seed\", values = [1] }]\nbase = { scenario = \"none.toml\", config = \"c.toml\" }",
-    );
-    let args = ["check", "s.toml", "t.toml", "c.toml", "o.toml"];
-    let said = bench.swerve(&args);
-    let controllers = "one of \"pid\", \"pure_pursuit\", \"stanley\", \"mpc\"";
-    let says = [
-        "s.toml:1: base.scenario: is missing: expected a text",
-        "s.toml:1: base.config: expected a text, found 3",
-        "s.toml:3: axis[0].values: expected an array, found 5",
-        "s.toml:4: budget.max_ms: is missing: expected a number",
-        "s.toml:5: budget.scan_ms: expected a number, found true",
-        "t.toml:1: span_ms: expected a number, found the text \"long\"",
-        "t.toml:2: operator[0].name: is missing: expected a text",
-        "t.toml:2: operator[0].runtime: is missing: expected a table",
-        "t.toml:3: operator[0].every_ms: expected a number, found an array of 1",
-        "t.toml:6: operator[1].at[0]: expected a text, found 3",
-        "t.toml:8: operator[1].deadline.ms: is missing: expected a number",
-        "t.toml:8: operator[1].deadline.anchor: expected one of \"arrival\", \"stamp\", \"start\", found 3",
-        "t.toml:9: resource.gpu.slots: is missing: expected a whole number that is not negative",
-        "c.toml:1: planning: expected a table, found 3",
-        "c.toml:3: sim.draws: expected true or false, found 1",
-        &format!("c.toml:5: control.controller: expected {controllers}, found an array of 1"),
-        "c.toml:7: operator.planner.runtime.normal_ms: expected an array of 2 values, found an array of 1",
-        "c.toml:9: resource.gpu.slots: is missing: expected a whole number that is not negative",
-        "none.toml: cannot be read",
-        "error: 19 problems in 4 files",
-    ];
-    check(&said, &says, &args);
-    assert_eq!(said.stderr.lines().count(), 20, "each once: {}", said.stderr);
+    assert!(!said.stdout.contains("XDG_RUNTIME_DIR"), "{said:?}");
 }
 
 #[test]
@@ -398,28 +319,6 @@ fn numbers_beyond_all_measure_are_told_in_short() {
         let said = bench.swerve(&[&["run", "short.toml", "--out", "o"][..], &args].concat());
         assert!(said.code == Some(1) && said.stderr.len() < 120, "{}", said.stderr);
     }
-}
-
-/// A million cells of independent axes are a few hundred configurations to look at.
-#[test]
-fn a_study_of_a_million_cells_is_checked_by_its_axes() {
-    let bench = Bench::new();
-    let numbers = |scale: f64| (1..=100).map(|i| format!("{}, ", f64::from(i) * scale)).collect::<String>();
-    let axis = |key: &str, values: &str| format!("[[axis]]\nkey = \"{key}\"\nvalues = [{values}]\n");
-    let study = |speeds: &str| {
-        let head = "base = { scenario = \"short.toml\" }\n".to_owned();
-        head + &axis("seed", &numbers(1.0))
-            + &axis("ego.speed_mps", speeds)
-            + &axis("sensing.range_m", &numbers(1.0))
-    };
-    bench.write("good.toml", &study(&numbers(0.5)));
-    assert_eq!(bench.good(&["check", "good.toml"]), "1 file, no problem\n");
-    bench.write("bad.toml", &study(&numbers(1.0).replace("100", "-1")));
-    let args = ["check", "bad.toml"];
-    let speed = |found| {
-        format!("bad.toml:7: ego.speed_mps: expected 0 to 70, found {found}, in the cell [1 {found} 1]")
-    };
-    check(&bench.swerve(&args), &[&speed("71"), &speed("-1"), "30 problems in 1 file"], &args);
 }
 
 #[test]

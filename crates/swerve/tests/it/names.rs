@@ -23,6 +23,8 @@ fn a_scenario_and_a_configuration_go_by_their_names() {
     bench.good(&["replay", "out/person_crossing/log.mcap", "--verify"]);
     bench.good(&["graph", "lane", "-c", "live/autoware"]);
     bench.good(&["timing", "av"]);
+    let solved = bench.good(&["plan", "detour", "--planner", "rrt_star", "--config", "fast"]);
+    assert!(solved.contains("rrt_star fast: 2 of 2 solved"), "{solved}");
 }
 
 #[test]
@@ -58,6 +60,10 @@ fn an_unknown_name_is_met_with_the_nearest() {
         (&["run", "short.toml", "-c", "bets"], "did you mean the configuration `best`"),
         (&["study", "planers"], "did you mean the study `planners`"),
         (&["live", "autowear"], "did you mean the configuration `autoware`"),
+        (
+            &["plan", "detuor", "--planner", "fot", "--config", "fast"],
+            "did you mean the problem file `detour`",
+        ),
     ] {
         let said = bench.swerve(args);
         assert_eq!(said.code, Some(1), "{said:?}");

@@ -28,6 +28,9 @@ fn json_is_one_object_and_nothing_else() {
     for name in ["story.svg", "log.mcap", "trace.json", "metrics.json"] {
         assert!(std::fs::metadata(bench.path("o").join(name)).unwrap().len() > 100, "{name}");
     }
+    assert!(text.ends_with("in p: story.svg, log.mcap, trace.json, metrics.json\n"), "{text}");
+    let again = bench.good(&["run", "short.toml", "--out", "p"]);
+    assert_eq!(again, text.trim_end().to_owned() + " (those of an earlier run are replaced)\n");
     json(&bench.read("o/trace.json"));
     assert!(bench.read("o/story.svg").trim_end().ends_with("</svg>"));
 }

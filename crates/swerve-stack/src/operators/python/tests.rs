@@ -79,7 +79,10 @@ fn what_is_wrong_is_told_with_line_and_key() {
         ("inputs = { \"a-b\" = \"EgoState\" }", "expected a name of letters, digits and underscores"),
         ("period_ms = 0.5", "c.toml:3: operator.o.period_ms: expected 1 to 10000, found 0.5"),
         ("input = { a = \"Image\" }", "operator.o.input: unknown key"),
-        ("inputs = { a = \"Image\" }", "operator.o.reads.a: reads `Image`, and no operator"),
+        (
+            "inputs = { a = \"Image\" }",
+            "operator.o.reads.a: reads `Image`, which nobody publishes: `[camera.NAME]` brings one",
+        ),
     ];
     for (keys, expected) in cases {
         let told = read(&format!("[operator.o]\nkind = \"python\"\n{keys}\n{process}")).unwrap_err();
