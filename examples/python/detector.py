@@ -1,7 +1,9 @@
 """A detector without weights: what stands up from the ground in an image of depths, as boxes.
 
-Run by itself it is shown the images of a drive. In a drive it is an operator, in a process of its own.
+Run by itself it is shown the images of a drive, and then drives: there it is an operator, in a process of its own.
 """
+
+from pathlib import Path
 
 import numpy as np
 
@@ -44,3 +46,6 @@ if __name__ == "__main__":
         found = detector.step(swerve.Frame("detector", image.stamp, image.stamp, None, {"depth": [(None, image)]}))
         told = ", ".join(f"{b.kind.value} {b.pose.x_m:.1f} m ahead, {b.pose.y_m:.1f} m left" for b in found.boxes)
         print(f"{image.stamp * 1e-9:5.2f} s: {told or 'nothing'}")
+    # As `swerve run person_behind_truck -c detector.toml` does.
+    result = swerve.run("person_behind_truck", Path(__file__).with_name("detector.toml"))
+    print(f"{result.verdict}, digest {result.digest}")

@@ -17,7 +17,7 @@ def drive(env: swerve.gym.DrivingEnv, gains: np.ndarray, seed: int) -> float:
     total = 0.0
     for _ in range(int(SECONDS / env.period_s)):
         seen = dict(zip(names, observation["route"]))
-        features = np.array([seen["d_m"], seen["heading_error_rad"], 10 * seen["curvature_1pm.5.0m"]])
+        features = np.array([seen["d_m"], seen["heading_error_rad"], 10 * seen["curvature_1pm.5m"]])
         speed = observation["pose"][env.observation_fields["pose"].index("speed_mps")]
         pedal = 0.5 * (GOAL_MPS - speed)
         action = np.array([features @ gains, np.clip(pedal, 0, 1), np.clip(-pedal, 0, 1)], np.float32)

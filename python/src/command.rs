@@ -4,11 +4,18 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use swerve_drive::program::Program;
+use swerve_drive::shipped::Kind;
 
 /// Says which program this module is a part of, and in which file it is.
 #[pyfunction]
 pub(crate) fn host(path: PathBuf, arguments: Vec<String>, code: PathBuf) {
     Program { path, arguments, code }.is_part_of();
+}
+
+/// The scenarios that are in the program: names and texts.
+#[pyfunction]
+pub(crate) fn scenarios() -> Vec<(&'static str, &'static str)> {
+    Kind::Scenario.all().map(|(name, file)| (name, file.text)).collect()
 }
 
 /// Runs a command line, the program's name first; gives the exit code.

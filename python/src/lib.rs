@@ -34,6 +34,7 @@ fn _swerve(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<gym::Drives>()?;
     module.add_function(wrap_pyfunction!(command::host, module)?)?;
     module.add_function(wrap_pyfunction!(command::main, module)?)?;
+    module.add_function(wrap_pyfunction!(command::scenarios, module)?)?;
     module.add_function(wrap_pyfunction!(run::run, module)?)?;
     module.add_function(wrap_pyfunction!(study::study, module)?)?;
     module.add_function(wrap_pyfunction!(log::read_log, module)?)?;

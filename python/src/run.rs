@@ -10,11 +10,13 @@ use pyo3::types::PyDict;
 use swerve::Summary;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
+use swerve_drive::shipped::Kind;
 use swerve_drive::{drive_pipeline, problems_error, read_scenario, set_up, story};
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_log::{Recorder, RunStart};
 use swerve_report::story::draw;
 use swerve_scenario::Scenario;
+use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
@@ -50,7 +52,7 @@ impl Inputs {
         sets.extend(seed.map(|seed| ("seed".to_owned(), seed.into())));
         let config = match config {
             None => Config::load(None, &sets),
-            Some(FileOr::File(path)) => Config::load(Some(path), &sets),
+            Some(FileOr::File(path)) => Kind::Config.config(&Registry::standard(), Some(path), &sets),
             Some(FileOr::Content(dict)) => Document::parse("config", text(dict)?)
                 .map_err(swerve_text::Problems::from)
                 .and_then(|document| Config::from_document(&document, &sets)),
@@ -59,7 +61,8 @@ impl Inputs {
         let (scenario, scenario_text, scenario_file) = match scenario {
             FileOr::File(path) => {
                 let scenario = read_scenario(path).map_err(error)?;
-                (scenario, std::fs::read_to_string(path)?, path.display().to_string())
+                let text = Kind::Scenario.text(path).map_err(|problem| error(problem.into()))?;
+                (scenario, text.into_owned(), path.display().to_string())
             }
             FileOr::Content(dict) => {
                 let text = text(dict)?;

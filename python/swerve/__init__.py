@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 
 from . import _swerve, messages
-from ._files import CONFIGS, SCENARIOS, scenarios
+from ._files import scenarios
 from .logs import Log, read_log
 from .operators import Frame, Operator
 from .runs import Result, run
@@ -26,8 +26,6 @@ __version__: str = _swerve.__version__
 _swerve.host(sys.executable, ["-m", "swerve"], _swerve.__file__)
 
 __all__ = [
-    "CONFIGS",
-    "SCENARIOS",
     "Frame",
     "Log",
     "Operator",

@@ -22,7 +22,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from . import _swerve
-from ._files import CONFIGS, SCENARIOS, FileOrDict, file_or_dict, scenarios
+from ._files import FileOrDict, scenarios
 
 
 class Facts(NamedTuple):
@@ -147,10 +147,10 @@ class DrivingEnv(gymnasium.Env[Observation, Action]):
         self.render_mode = None
         names = [observe] if isinstance(observe, str) else list(observe)
         self._drives = _swerve.Drives(
-            file_or_dict(scenario, SCENARIOS),
+            scenario,
             level,
             names,
-            config=None if config is None else file_or_dict(config, CONFIGS),
+            config=config,
             set=set,
             rows=rows,
         )
@@ -253,10 +253,10 @@ class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self.num_envs = num_envs
         self.render_mode = None
         self._drives = _swerve.Drives(
-            file_or_dict(scenario, SCENARIOS),
+            scenario,
             level,
             [observe] if isinstance(observe, str) else list(observe),
-            config=None if config is None else file_or_dict(config, CONFIGS),
+            config=config,
             set=set,
             count=num_envs,
             threads=threads,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from . import _swerve
-from ._files import CONFIGS, SCENARIOS, FileOrDict, file_or_dict
+from ._files import FileOrDict
 from .streams import Stream, streams_of
 
 
@@ -67,8 +67,8 @@ def run(
     Raises ValueError with all that is wrong with a file or a key.
     """
     driven = _swerve.run(
-        file_or_dict(scenario, SCENARIOS),
-        None if config is None else file_or_dict(config, CONFIGS),
+        scenario,
+        config,
         set,
         seed,
         threads=threads,

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import _swerve
-from ._files import CONFIGS, SCENARIOS, found
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,9 +62,9 @@ def _toml(value: Any) -> str:
 def _with_paths(content: dict[str, Any]) -> dict[str, Any]:
     """A study whose paths hold wherever its file is."""
     base = dict(content.get("base", {}))
-    for key, folder in (("scenario", SCENARIOS), ("config", CONFIGS)):
-        if key in base:
-            base[key] = os.path.abspath(found(base[key], folder))
+    for key in ("scenario", "config"):
+        if key in base and os.path.exists(base[key]):
+            base[key] = os.path.abspath(base[key])
     return {**content, "base": base}
 
 

@@ -80,7 +80,7 @@ def test_an_agent_that_repeats_a_run_drives_it_again() -> None:
     actions = np.stack([commands[name] for name in ("steering_rad", "throttle", "brake")], axis=1)
     by_stamp = dict(zip(commands.stamps.tolist(), actions))
     truth = {message.stamp: message.ego.state for message in run.streams["world"]}
-    drives = swerve._swerve.Drives(swerve.SCENARIOS / "person_behind_truck.toml", "command", ["world"])
+    drives = swerve._swerve.Drives("person_behind_truck", "command", ["world"])
     _, facts = drives.reset(2)
     compared = 0
     while True:

@@ -78,7 +78,7 @@ def test_runs_in_threads_come_out_alike(run: swerve.Result) -> None:
 def test_dictionaries_are_files(run: swerve.Result) -> None:
     import tomllib
 
-    scenario = tomllib.loads((swerve.SCENARIOS / f"{SHORT}.toml").read_text())
+    scenario = tomllib.loads(swerve.scenarios()[SHORT])
     assert swerve.run(scenario, {"seed": 3}).digest == run.digest
     slow = swerve.run(SHORT, {"planning": {"planner": "aeb"}}, set={"ego.speed_mps": 5}, seed=3)
     assert 'planner = "aeb"' in slow.config and slow.digest != run.digest

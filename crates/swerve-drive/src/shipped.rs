@@ -139,6 +139,11 @@ impl Kind {
         FILES.iter().find(is_meant)
     }
 
+    /// Whether `given` names a shipped file.
+    pub fn has(self, given: &Path) -> bool {
+        self.find(given).is_some()
+    }
+
     /// The text of a file, or of the shipped one of this name.
     ///
     /// # Errors

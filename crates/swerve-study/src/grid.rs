@@ -237,8 +237,8 @@ impl Study {
             files: places::files(document, &file, folder),
             name,
             description: file.description,
-            scenario: beside(folder, &file.base.scenario),
-            config: file.base.config.as_ref().map(|config| beside(folder, config)),
+            scenario: named(Kind::Scenario, folder, &file.base.scenario),
+            config: file.base.config.as_ref().map(|config| named(Kind::Config, folder, config)),
             axes,
             base,
             steps,
@@ -295,6 +295,12 @@ impl Study {
         }
         line
     }
+}
+
+/// A file beside the study, or where there is none the name of one that is in the program.
+fn named(kind: Kind, folder: &Path, path: &Path) -> PathBuf {
+    let beside = beside(folder, path);
+    if !beside.exists() && kind.has(path) { path.to_owned() } else { beside }
 }
 
 /// `path` as seen from where `folder` is, without the detours (`configs/../scenarios`) that lead to the same file.
@@ -430,7 +436,7 @@ impl Axis {
         let from_settings = self.settings.iter().map(|setting| {
             let mut sets = Vec::new();
             flatten("", &setting.set, &mut sets);
-            let scenario = setting.scenario.as_ref().map(|path| beside(folder, path));
+            let scenario = setting.scenario.as_ref().map(|path| named(Kind::Scenario, folder, path));
             Ok(Step { label: setting.name.clone(), scenario, sets })
         });
         let steps: Vec<Step> = from_values.chain(from_settings).collect::<Result<_, &str>>()?;

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problem};
 
-use super::{StudyFile, beside, flatten};
+use super::{StudyFile, flatten, named};
 
 /// The lines of the file that set configuration keys, by key.
 pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
@@ -36,17 +37,17 @@ pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, u
 
 /// The places of the file that name other files, by these as they are looked for.
 pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTreeMap<PathBuf, Problem> {
-    let mut named = vec![("base.scenario".to_owned(), Some(&file.base.scenario))];
-    named.push(("base.config".to_owned(), file.base.config.as_ref()));
+    let mut all = vec![("base.scenario".to_owned(), Kind::Scenario, Some(&file.base.scenario))];
+    all.push(("base.config".to_owned(), Kind::Config, file.base.config.as_ref()));
     for (i, axis) in file.axis.iter().enumerate() {
         for (j, setting) in axis.settings.iter().enumerate() {
-            named.push((format!("axis[{i}].settings[{j}].scenario"), setting.scenario.as_ref()));
+            let key = format!("axis[{i}].settings[{j}].scenario");
+            all.push((key, Kind::Scenario, setting.scenario.as_ref()));
         }
     }
     // Of several places the first counts.
-    let places = named
-        .into_iter()
-        .rev()
-        .filter_map(|(key, path)| Some((beside(folder, path?), document.problem(&key, ""))));
-    places.collect()
+    let place = |(key, kind, path): (String, Kind, Option<&PathBuf>)| {
+        Some((named(kind, folder, path?), document.problem(&key, "")))
+    };
+    all.into_iter().rev().filter_map(place).collect()
 }

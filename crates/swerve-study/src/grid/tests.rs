@@ -27,6 +27,13 @@ fn axes_multiply_and_the_last_is_fastest() {
 }
 
 #[test]
+fn what_is_in_the_program_goes_by_its_name_where_no_file_is_beside() {
+    let text = "base = { scenario = \"lane\", config = \"best\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
+    let study = study(text).unwrap();
+    assert_eq!(study.command(&study.cells[0]), "swerve run lane -c best --set seed=1");
+}
+
+#[test]
 fn nonsense_names_its_place() {
     let wrong = |text: &str| {
         let problems = study(text).expect_err("wrong on purpose");

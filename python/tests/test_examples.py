@@ -1,0 +1,31 @@
+"""The examples, as a user would run them: from an empty folder."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples/python"
+
+
+def python(folder: Path, *arguments: object) -> str:
+    command = [sys.executable, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, check=True).stdout
+
+
+@pytest.mark.parametrize("example", ["run", "study", "torch_detector", "train"])
+def test_an_example_runs_anywhere(example: str, tmp_path: Path) -> None:
+    few = [1, 4] if example == "train" else []
+    assert python(tmp_path, EXAMPLES / f"{example}.py", *few)
+
+
+def test_the_detector_drives_as_the_program_has_it(tmp_path: Path) -> None:
+    said = python(tmp_path, EXAMPLES / "detector.py")
+    config = EXAMPLES / "detector.toml"
+    ran = python(tmp_path, "-m", "swerve", "run", "person_behind_truck", "-c", config, "--json")
+    digest = re.search(r'"digest": *"(\w+)"', ran)
+    assert digest and f"digest {digest[1]}\n" in said, said
