@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problem};
 
 use super::{StudyFile, beside, flatten};
@@ -36,17 +37,17 @@ pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, u
 
 /// The places of the file that name other files, by these as they are looked for.
 pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTreeMap<PathBuf, Problem> {
-    let mut named = vec![("base.scenario".to_owned(), Some(&file.base.scenario))];
-    named.push(("base.config".to_owned(), file.base.config.as_ref()));
+    let mut named = vec![("base.scenario".to_owned(), Some(&file.base.scenario), Kind::Scenario)];
+    named.push(("base.config".to_owned(), file.base.config.as_ref(), Kind::Config));
     for (i, axis) in file.axis.iter().enumerate() {
         for (j, setting) in axis.settings.iter().enumerate() {
-            named.push((format!("axis[{i}].settings[{j}].scenario"), setting.scenario.as_ref()));
+            let key = format!("axis[{i}].settings[{j}].scenario");
+            named.push((key, setting.scenario.as_ref(), Kind::Scenario));
         }
     }
     // Of several places the first counts.
-    let places = named
-        .into_iter()
-        .rev()
-        .filter_map(|(key, path)| Some((beside(folder, path?), document.problem(&key, ""))));
-    places.collect()
+    let place = |(key, path, kind): (String, Option<&PathBuf>, Kind)| {
+        Some((beside(folder, path?, kind), document.problem(&key, "")))
+    };
+    named.into_iter().rev().filter_map(place).collect()
 }
