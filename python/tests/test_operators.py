@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -241,14 +242,105 @@ def test_a_process_that_cannot_be_is_told(process: dict[str, Any], says: str) ->
         swerve.run("lane", config)
 
 
-@pytest.mark.skipif("SWERVE_BINARY" not in os.environ, reason="SWERVE_BINARY names no program")
+#: What needs the program itself.
+with_program = pytest.mark.skipif("SWERVE_BINARY" not in os.environ, reason="SWERVE_BINARY names no program")
+
+
+def program(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [os.environ["SWERVE_BINARY"], *map(str, arguments)]
+    environment = {**os.environ, "VIRTUAL_ENV": sys.prefix, **environment}
+    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd="/", check=False)
+
+
+@with_program
 def test_the_program_itself_runs_a_class_beside_its_configuration(file: Any, tmp_path: Path) -> None:
     config = tmp_path / "finder.toml"
     config.write_text(swerve.run("lane", with_finder(file(FINDER))).config.replace(f"{tmp_path}/", ""))
-    command = [os.environ["SWERVE_BINARY"], "run", "lane", "-c", str(config), "--json", "--out", str(tmp_path / "out")]
-    environment = {**os.environ, "VIRTUAL_ENV": sys.prefix}
-    said = subprocess.run(command, capture_output=True, text=True, env=environment, cwd="/", check=False)
+    said = program("run", "lane", "-c", config, "--json", "--out", tmp_path / "out")
     assert f'"digest": "{swerve.run("lane", with_finder(file(FINDER))).digest}"' in said.stdout, said
+
+
+#: Foresees nobody: who drives by it stops for nobody.
+NOBODY = """
+class Nobody(swerve.Operator):
+    inputs = {"tracks": messages.TrackList}
+    outputs = {"predictions": messages.PredictionList}
+
+    def step(self, frame):
+        return messages.PredictionList(frame["tracks"].stamp, [])
+"""
+
+NOBODYS = """
+[operator.predictor]
+kind = "python"
+inputs = { tracks = "TrackList" }
+outputs = { predictions = "PredictionList" }
+
+[process.python]
+operators = ["predictor"]
+python = "operator_under_test.py:Nobody"
+"""
+
+
+@with_program
+def test_a_data_set_is_driven_with_an_operator_in_python(file: Any, tmp_path: Path) -> None:
+    camera = 'outputs = ["rgb", "depth", "semantic", "instance"]'
+    camera = f"[camera.front]\nwidth_px = 320\nheight_px = 160\nperiod_ms = 500\n{camera}\n"
+    file(NOBODY)
+    samples = []
+    for name, text in (("without", camera), ("with", camera + NOBODYS)):
+        config = tmp_path / f"{name}.toml"
+        config.write_text(text)
+        said = program("dataset", "person_crossing", "-c", config, "--out", tmp_path / name)
+        assert said.returncode == 0, said
+        samples.append(len((tmp_path / name / "index.csv").read_text().splitlines()) - 1)
+    # The drive that stops for nobody ends at the person.
+    assert 5 < samples[1] < samples[0], samples
+
+
+def emulated_car(domain: int) -> subprocess.Popen[str] | None:
+    """A car with Autoware's interface, where there is Cyclone DDS for it."""
+    python = os.environ.get("SWERVE_PYTHON", sys.executable)
+    if subprocess.run([python, "-c", "import cyclonedds"], capture_output=True, check=False).returncode != 0:
+        assert "SWERVE_CI" not in os.environ, "SWERVE_CI is set, and cyclonedds is not installed"
+        return None
+    general = '<Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast>'
+    peers = '<ParticipantIndex>auto</ParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers>'
+    domain_xml = f"<Domain><General>{general}</General><Discovery>{peers}</Discovery></Domain>"
+    emulator = Path(__file__).parents[2] / "tests/ros2/vehicle_emulator.py"
+    car = subprocess.Popen(
+        [python, emulator, str(domain), "autoware"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "CYCLONEDDS_URI": f"<CycloneDDS>{domain_xml}</CycloneDDS>"},
+    )
+    assert car.stdout is not None and car.stdout.readline() == "ready\n"
+    return car
+
+
+@with_program
+def test_a_car_is_driven_with_an_operator_in_python(file: Any, tmp_path: Path) -> None:
+    """Python takes its time to come up; the drive begins when it has."""
+    domain = 100 + os.getpid() % 100
+    car = emulated_car(domain)
+    if car is None:
+        pytest.skip("Python's package cyclonedds is not installed")
+    try:
+        file(NOBODY)
+        config = tmp_path / "live.toml"
+        config.write_text('[live]\nroute = "lane"\n[ros2]\nvehicle = "autoware"\n' + NOBODYS)
+        drive = ("live", config, "--enable", "at-start", "--seconds", 8, "--json", "--out", tmp_path / "out")
+        said = program(*drive, ROS_DOMAIN_ID=str(domain), ROS_LOCALHOST_ONLY="1")
+        assert said.returncode == 0, said
+        driven = json.loads(said.stdout)
+        assert driven["drive"]["driven_m"] > 5 and driven["drive"]["refused"]["ahead"] == 0, driven["drive"]
+        predictor = [o for o in driven["operators"] if o["operator"] == "predictor"]
+        assert predictor and predictor[0]["steps"] > 50, driven["operators"]
+        assert "as logged" in program("replay", tmp_path / "out/log.mcap", "--verify").stdout
+    finally:
+        car.kill()
+        car.wait()
 
 
 def test_an_operator_is_stepped_without_a_run() -> None:

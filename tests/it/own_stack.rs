@@ -136,6 +136,27 @@ fn the_planner_of_a_new_folder_drives_its_scenario() {
     assert_eq!(outcome.broken(expected), Vec::<String>::new());
 }
 
+/// What their README says of the drive that it shows.
+#[test]
+fn the_readme_says_what_the_drive_comes_to() {
+    let readme = std::fs::read_to_string(root().join("examples/own_stack/README.md")).unwrap();
+    let config = config(&[]);
+    let scenario = read_scenario(&scenario_file("person_crossing")).unwrap();
+    let pipeline = Pipeline::build(&config, &scenario).unwrap();
+    let outcome = drive_pipeline(pipeline, config.seed, 1, &mut []).unwrap();
+    let expected = scenario.expectation(&config.pipeline_name()).unwrap();
+    assert_eq!(outcome.broken(expected), Vec::<String>::new(), "`as the scenario expects`");
+    let metrics = &outcome.metrics;
+    let p50_ms = |name: &str| metrics.operators.iter().find(|o| o.operator == name).unwrap().p50_ms;
+    for said in [
+        format!("`{}` and `as the scenario expects`", metrics.verdict.name().to_uppercase()),
+        format!("`clear_ahead` ({:.0} ms a step)", p50_ms("clear_ahead")),
+        format!("`planner` ({:.0} ms or so)", p50_ms("planner")),
+    ] {
+        assert!(readme.contains(&said), "README does not say {said}");
+    }
+}
+
 #[test]
 fn each_of_their_files_is_short() {
     for name in ["clear_ahead", "nearest_ahead", "slow_down"] {

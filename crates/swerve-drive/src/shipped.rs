@@ -6,7 +6,7 @@
 
 use std::borrow::Cow;
 use std::io::ErrorKind;
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
@@ -139,11 +139,6 @@ impl Kind {
         FILES.iter().find(is_meant)
     }
 
-    /// Whether `given` names a shipped file.
-    pub fn has(self, given: &Path) -> bool {
-        self.find(given).is_some()
-    }
-
     /// The text of a file, or of the shipped one of this name.
     ///
     /// # Errors
@@ -187,6 +182,12 @@ impl Kind {
     ) -> Result<Config, Problems> {
         let Some(given) = given else { return Config::load_with(registry, None, sets) };
         Config::from_document_with(registry, &self.document(given)?, sets)
+    }
+
+    /// What a file means by `named`, which is `at` as seen from that file: a file that is there, or one in the program.
+    pub fn meant(self, named: &Path, at: PathBuf) -> PathBuf {
+        let is_name = !at.exists() && self.find(&at).is_none() && self.find(named).is_some();
+        if is_name { named.to_owned() } else { at }
     }
 
     /// Where the file is that `given` names: what it names itself is beside that.

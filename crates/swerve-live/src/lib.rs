@@ -144,9 +144,10 @@ impl Drive {
     }
 }
 
-/// The file of a route, named from the folder of the configuration.
+/// The file of a route, named from the folder of the configuration, or as one that is in the program.
 fn route_file(config: &Path, route: &str) -> PathBuf {
-    config.parent().unwrap_or(Path::new("")).join(route)
+    let beside = config.parent().unwrap_or(Path::new("")).join(route);
+    Kind::Scenario.meant(Path::new(route), beside)
 }
 
 /// What is wrong with the route that a configuration names, whatever else is wrong with that.
@@ -227,11 +228,11 @@ pub fn drive(
     wire: &dyn Wire,
     options: DriveOptions<'_>,
     observers: &mut [&mut dyn Observer],
-    clock: HostClock,
 ) -> anyhow::Result<Driven> {
     let mut graph = LiveGraph::build(&drive.config, &drive.scenario)?;
     let _processes = Processes::start_needed(&drive.config, &mut graph.pipeline)?;
-    drive_graph(drive, graph, wire, options, observers, clock)
+    // The engine's time begins when all are there, and so does that of the messages.
+    drive_graph(drive, graph, wire, options, observers, HostClock::start())
 }
 
 /// As [`drive`](self::drive), with a graph that is already built.
@@ -354,11 +355,10 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
         interrupted.interrupts.fetch_add(1, Ordering::Relaxed);
     });
     let wire = BridgeWire::start(&drive.mapping, &drive.live)?;
-    let clock = HostClock::start();
     let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
     let status_sink = Box::new(LiveLine::new(!args.json));
     let options = DriveOptions { until, threads: args.threads, status_sink, flags: &flags };
-    let driven = self::drive(&drive, &wire, options, &mut [&mut files.recorder, &mut files.trace], clock);
+    let driven = self::drive(&drive, &wire, options, &mut [&mut files.recorder, &mut files.trace]);
     let topics = wire.statistics();
     let stopped = wire.stop(BRIDGE_END);
     let concluded = conclude(args, &drive, files, driven, &topics);

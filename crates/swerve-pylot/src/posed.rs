@@ -269,6 +269,12 @@ impl Solution {
     pub fn not_found(id: &str, reason: &str, work: u64) -> Self {
         Self { id: id.to_owned(), reason: reason.to_owned(), work, ..Self::default() }
     }
+
+    /// No path: for what is wrong with the problem, if anything is, else for how the search ended.
+    fn without(id: &str, (outcome, checked): (Outcome, Result<(), ParamError>), work: u64) -> Self {
+        let wrong = checked.err().map(|error| error.to_string());
+        Self::not_found(id, wrong.as_deref().unwrap_or(outcome.reason()), work)
+    }
 }
 
 /// Length of a path of points, metres.

@@ -15,11 +15,11 @@ use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
 
 use crate::config::resolved::Resolved;
 use crate::config::{Config, OperatorConfig};
-use crate::kind::{KeyProblems, Node, OperatorKind, Role, Ruled, Settings};
+use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
 use swerve_msg::Detections;
 use swerve_text::nearest;
 
-pub(crate) use base::{pipeline_names, ruled_operator, sensor_operators};
+pub(crate) use base::{pipeline_names, scheduled_operator, sensor_operators};
 pub use settings::COMMON_KEYS;
 pub(crate) use settings::gather_named_sections;
 
@@ -229,18 +229,24 @@ fn placed(
         port,
     });
     placed.outputs = outputs.collect();
-    placed.length = placed.kind.node().ruled.and_then(|ruled| length(ruled, &placed, config, problems));
+    placed.length =
+        placed.kind.node().scheduled.and_then(|scheduled| length(scheduled, &placed, config, problems));
     Some(placed)
 }
 
-/// The period or fixed deadline of an operator that a model of `[execution]` rules; what is wrong with it is told.
-fn length(ruled: Ruled, placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Option<Span> {
+/// The period or fixed deadline of an operator that a model of `[execution]` schedules; what is wrong with it is told.
+fn length(
+    scheduled: Scheduled,
+    placed: &Placed,
+    config: &Config,
+    problems: &mut KeyProblems,
+) -> Option<Span> {
     let config = placed.settings(config).config;
-    for (key, message) in ruled.problems(config, &placed.own) {
+    for (key, message) in scheduled.problems(config, &placed.own) {
         problems.push((format!("operator.{}.{key}", placed.name), message.into()));
     }
-    ruled.length(config, &placed.own, &placed.resolved).unwrap_or_else(|message| {
-        let problem = (format!("execution.{}", ruled.key()), message);
+    scheduled.length(config, &placed.own, &placed.resolved).unwrap_or_else(|message| {
+        let problem = (format!("execution.{}", scheduled.key()), message);
         // Of several detectors or planners each would say it.
         if !problems.contains(&problem) {
             problems.push(problem);

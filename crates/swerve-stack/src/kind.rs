@@ -41,8 +41,8 @@ pub struct Node {
     pub heavy: Heavy,
     /// Where it stands.
     pub role: Role,
-    /// Which of the lengths of `[execution]` is its own.
-    pub ruled: Option<Ruled>,
+    /// Which of those it is that the models of `[execution]` schedule, if one.
+    pub scheduled: Option<Scheduled>,
     /// Its messages derive from their own stamp.
     pub origin: bool,
     /// It runs where an operator reads it or `log.sensors` names it.
@@ -64,9 +64,9 @@ pub enum Role {
     Stack,
 }
 
-/// What the models of `[execution]` rule.
+/// What the models of `[execution]` schedule.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Ruled {
+pub enum Scheduled {
     /// The emulated detector.
     Detector,
     /// The motion planner.
@@ -97,7 +97,7 @@ impl Node {
             elsewhere: false,
             heavy: Heavy::No,
             role: Role::Stack,
-            ruled: None,
+            scheduled: None,
             origin: false,
             on_demand: false,
             follows_from_world: false,
@@ -161,8 +161,8 @@ impl Node {
 
     /// The models of `[execution]` say when it runs and how long it may take.
     #[must_use]
-    pub const fn ruled(mut self, ruled: Ruled) -> Self {
-        self.ruled = Some(ruled);
+    pub const fn scheduled(mut self, scheduled: Scheduled) -> Self {
+        self.scheduled = Some(scheduled);
         self
     }
 

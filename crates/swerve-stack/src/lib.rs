@@ -18,7 +18,8 @@ pub mod street;
 
 pub use assembly::Assembly;
 pub use kind::{
-    Heavy, KeyProblems, Kind, NoKeys, Node, OnItsWay, OperatorKind, Role, Settings, span_of_ms, time_of_ms,
+    Heavy, KeyProblems, Kind, NoKeys, Node, OnItsWay, OperatorKind, Role, Scheduled, Settings, span_of_ms,
+    time_of_ms,
 };
 pub use operators::ObstacleSight;
 pub use registry::Registry;

@@ -237,8 +237,8 @@ impl Study {
             files: places::files(document, &file, folder),
             name,
             description: file.description,
-            scenario: named(Kind::Scenario, folder, &file.base.scenario),
-            config: file.base.config.as_ref().map(|config| named(Kind::Config, folder, config)),
+            scenario: beside(folder, &file.base.scenario, Kind::Scenario),
+            config: file.base.config.as_ref().map(|config| beside(folder, config, Kind::Config)),
             axes,
             base,
             steps,
@@ -297,14 +297,9 @@ impl Study {
     }
 }
 
-/// A file beside the study, or where there is none the name of one that is in the program.
-fn named(kind: Kind, folder: &Path, path: &Path) -> PathBuf {
-    let beside = beside(folder, path);
-    if !beside.exists() && kind.has(path) { path.to_owned() } else { beside }
-}
-
-/// `path` as seen from where `folder` is, without the detours (`configs/../scenarios`) that lead to the same file.
-fn beside(folder: &Path, path: &Path) -> PathBuf {
+/// `path` as seen from where `folder` is, without the detours (`configs/../scenarios`) that lead to the same file; or
+/// the name of a file that is in the program.
+fn beside(folder: &Path, path: &Path, kind: Kind) -> PathBuf {
     let joined = folder.join(path);
     let mut short = PathBuf::new();
     for part in joined.components() {
@@ -317,7 +312,7 @@ fn beside(folder: &Path, path: &Path) -> PathBuf {
     }
     // Through a symbolic link, `a/..` may be elsewhere.
     let same = joined.canonicalize().ok() == short.canonicalize().ok();
-    if same { short } else { joined }
+    kind.meant(path, if same { short } else { joined })
 }
 
 /// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
@@ -436,7 +431,7 @@ impl Axis {
         let from_settings = self.settings.iter().map(|setting| {
             let mut sets = Vec::new();
             flatten("", &setting.set, &mut sets);
-            let scenario = setting.scenario.as_ref().map(|path| named(Kind::Scenario, folder, path));
+            let scenario = setting.scenario.as_ref().map(|path| beside(folder, path, Kind::Scenario));
             Ok(Step { label: setting.name.clone(), scenario, sets })
         });
         let steps: Vec<Step> = from_values.chain(from_settings).collect::<Result<_, &str>>()?;

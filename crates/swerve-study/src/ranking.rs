@@ -39,7 +39,7 @@ impl Ranking {
 
 /// What one setting came to, over all cells that have it.
 #[derive(Clone, PartialEq, Debug, Default)]
-pub struct Setting {
+pub struct Ranked {
     /// Its labels, in the order of `settings`.
     pub labels: Vec<String>,
     /// Finished runs.
@@ -58,7 +58,7 @@ pub struct Setting {
     pub misses: u64,
 }
 
-impl Setting {
+impl Ranked {
     fn of<'a>(labels: Vec<String>, results: impl Iterator<Item = &'a CellResult> + Clone) -> Self {
         let hit = |result: &&CellResult| result.verdict == "collision";
         let collisions = results.clone().filter(hit).count();
@@ -114,7 +114,7 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// All settings, the best first.
-pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]) -> Vec<Setting> {
+pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]) -> Vec<Ranked> {
     let axes: Vec<usize> =
         ranking.settings.iter().filter_map(|name| study.axes.iter().position(|axis| axis == name)).collect();
     let labels_of = |result: &CellResult| -> Vec<String> {
@@ -128,14 +128,14 @@ pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]
             None => by_labels.push((labels, vec![result])),
         }
     }
-    let mut settings: Vec<Setting> =
-        by_labels.into_iter().map(|(labels, pooled)| Setting::of(labels, pooled.into_iter())).collect();
-    settings.sort_by(Setting::better_than);
+    let mut settings: Vec<Ranked> =
+        by_labels.into_iter().map(|(labels, pooled)| Ranked::of(labels, pooled.into_iter())).collect();
+    settings.sort_by(Ranked::better_than);
     settings
 }
 
 /// `ranking.csv`: all settings, the best first.
-pub fn csv(ranking: &Ranking, settings: &[Setting]) -> String {
+pub fn csv(ranking: &Ranking, settings: &[Ranked]) -> String {
     let mut text = String::new();
     for axis in &ranking.settings {
         let _ = write!(text, "{},", field(axis));
@@ -150,10 +150,10 @@ pub fn csv(ranking: &Ranking, settings: &[Setting]) -> String {
 }
 
 /// For the terminal: the best setting of each value of `best_of`, else the ten best.
-pub fn text(ranking: &Ranking, settings: &[Setting]) -> String {
+pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
     let place = ranking.best_of.as_ref().and_then(|name| ranking.settings.iter().position(|s| s == name));
     let mut seen: Vec<&str> = Vec::new();
-    let shown: Vec<&Setting> = match place {
+    let shown: Vec<&Ranked> = match place {
         None => settings.iter().take(10).collect(),
         Some(place) => settings
             .iter()

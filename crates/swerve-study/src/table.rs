@@ -259,6 +259,7 @@ mod tests {
         Study {
             file: "s.toml".into(),
             lines: std::collections::BTreeMap::new(),
+            files: BTreeMap::new(),
             name: "s".into(),
             description: String::new(),
             scenario: "a".into(),

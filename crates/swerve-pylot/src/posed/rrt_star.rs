@@ -113,11 +113,7 @@ pub fn solve(
     let mut solver = Solver::default();
     match solver.search(problem, config, preset, budget) {
         Outcome::Found => solver.solution(problem, preset),
-        other => {
-            let wrong = check(problem, config).err().map(|error| error.to_string());
-            let reason = wrong.as_deref().unwrap_or(other.reason());
-            Solution::not_found(&problem.id, reason, solver.work())
-        }
+        other => Solution::without(&problem.id, (other, check(problem, config)), solver.work()),
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use toml::de::DeTable;
 
 use crate::config::{Config, OperatorConfig};
-use crate::kind::{Role, Ruled};
+use crate::kind::{Role, Scheduled};
 
 /// A part of the pipeline: its operators, in order.
 struct Part(LazyLock<Vec<(String, OperatorConfig)>>);
@@ -104,10 +104,10 @@ pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
 }
 
 /// The first operator of which the models of execution rule this.
-pub(crate) fn ruled_operator(config: &Config, ruled: Ruled) -> Option<OperatorConfig> {
+pub(crate) fn scheduled_operator(config: &Config, scheduled: Scheduled) -> Option<OperatorConfig> {
     let of = |own: &OperatorConfig| config.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());
-    let is_ruled = |own: &OperatorConfig| of(own).is_some_and(|node| node.ruled == Some(ruled));
-    entries(config).into_iter().map(|(_, own)| own).find(is_ruled)
+    let is_scheduled = |own: &OperatorConfig| of(own).is_some_and(|node| node.scheduled == Some(scheduled));
+    entries(config).into_iter().map(|(_, own)| own).find(is_scheduled)
 }
 
 /// The names of all sensors, whether or not they run.

@@ -230,7 +230,7 @@ mod tests {
         assert_eq!(lengths(&fixed, ["detector", "planner"]), [Some(150.0), Some(100.0)]);
     }
 
-    /// Who is ruled is so by its kind, whatever its name.
+    /// Who is scheduled by them is so by its kind, whatever its name.
     #[test]
     fn a_second_planner_has_a_period_too() {
         let text = "[execution]\nmodel = \"periodic\"\nplanner_ms = 70\n[operator.spare]\nkind = \"planner\"\n\

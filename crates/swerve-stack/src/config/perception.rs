@@ -10,8 +10,8 @@ use super::camera::CameraConfig;
 use super::detectors::{Measure, find, fits, published};
 use super::planner::overridden;
 use super::{Config, PlanningConfig};
-use crate::assembly::ruled_operator;
-use crate::kind::Ruled;
+use crate::assembly::scheduled_operator;
+use crate::kind::Scheduled;
 
 /// The detector's name for none: obstacles as the sensor sees them.
 pub const TRUTH: &str = "truth";
@@ -154,7 +154,7 @@ impl Config {
     /// Expected time from a sensor frame to its plan's first effect, ms: the detector's and the planner's.
     pub fn expected_ms(&self) -> f64 {
         let PlanningConfig { expected_ms, .. } = self.planning;
-        let named = ruled_operator(self, Ruled::Detector).and_then(|own| own.runtime);
+        let named = scheduled_operator(self, Scheduled::Detector).and_then(|own| own.runtime);
         let detector_ms = match self.perception.detector.as_str() {
             TRUTH => 0.0,
             _ => named.map_or_else(

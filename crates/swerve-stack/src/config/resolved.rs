@@ -12,7 +12,7 @@ use super::execution::{Runtime, span_ms};
 use super::model::{Model, Rung};
 use super::perception::Emulated;
 use super::{Config, OperatorConfig};
-use crate::kind::{KeyProblems, Ruled};
+use crate::kind::{KeyProblems, Scheduled};
 
 /// What the texts of a configuration come to, once. Operators are made of it, and ask no text.
 #[derive(Clone, Debug)]
@@ -82,7 +82,7 @@ impl Resolved {
     }
 }
 
-impl Ruled {
+impl Scheduled {
     /// The key of `[execution]` that says the length.
     pub(crate) const fn key(self) -> &'static str {
         match self {
@@ -123,7 +123,7 @@ impl Ruled {
         span_ms(ms).map(Some)
     }
 
-    /// What is wrong with `[operator.NAME]` of an operator that the model or a ladder rules, by key.
+    /// What is wrong with `[operator.NAME]` of an operator that a model schedules, by key.
     pub(crate) fn problems(self, config: &Config, own: &OperatorConfig) -> Vec<(&'static str, &'static str)> {
         let mut wrong = Vec::new();
         let deadlines = matches!(config.execution.model, Model::StaticDeadlines | Model::DynamicDeadlines);
@@ -152,16 +152,18 @@ impl Config {
         }
         let used = execution.model.has_lengths();
         let lengths = [
-            (Ruled::Detector, execution.detector_ms, self.perception.emulates()),
-            (Ruled::Planner, execution.planner_ms, true),
+            (Scheduled::Detector, execution.detector_ms, self.perception.emulates()),
+            (Scheduled::Planner, execution.planner_ms, true),
         ];
-        for (ruled, _, runs) in lengths.into_iter().filter(|(_, ms, runs)| ms.is_some() && !(used && *runs)) {
+        for (scheduled, _, runs) in
+            lengths.into_iter().filter(|(_, ms, runs)| ms.is_some() && !(used && *runs))
+        {
             let message = if runs || !used {
                 "only `periodic` and `static_deadlines` have use for it"
             } else {
                 "there is no detector"
             };
-            told.push((format!("execution.{}", ruled.key()), message.into()));
+            told.push((format!("execution.{}", scheduled.key()), message.into()));
         }
     }
 }

@@ -12,7 +12,7 @@ use swerve_vehicle::VehicleParams;
 
 use crate::assembly::Placed;
 use crate::config::model::Model;
-use crate::kind::{Node, OperatorKind, Ruled, Settings};
+use crate::kind::{Node, OperatorKind, Scheduled, Settings};
 use crate::site::Site;
 
 /// Sets the deadlines of detector and planner under the dynamic model.
@@ -93,8 +93,8 @@ impl OperatorKind for DeadlinePolicy {
         let behind: Feedback<Span> = graph.feedback("detector deadline");
         graph.connect(behind, stream.context("the policy was just added")?);
         let deadline = Deadline::from_policy(behind, Span::from_secs(before.detector_s));
-        let ruled = |placed: &&Placed| placed.kind.node().ruled == Some(Ruled::Detector);
-        for detector in site.assembly.operators().iter().filter(ruled) {
+        let scheduled = |placed: &&Placed| placed.kind.node().scheduled == Some(Scheduled::Detector);
+        for detector in site.assembly.operators().iter().filter(scheduled) {
             let deadline = deadline.anchor(Anchor::Start).reaction(reaction);
             let _configured = site.graph().operator(&detector.name)?.deadline(deadline);
         }

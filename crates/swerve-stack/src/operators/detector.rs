@@ -13,7 +13,7 @@ use super::ladder::{on_ladder, take};
 use crate::config::execution::span_ms;
 use crate::config::model::{Model, Rung};
 use crate::config::perception::image_camera;
-use crate::kind::{Node, OperatorKind, Ruled, Settings};
+use crate::kind::{Node, OperatorKind, Scheduled, Settings};
 use crate::site::Site;
 
 /// A detector of a given accuracy, emulated, as the model of execution has it.
@@ -69,7 +69,7 @@ impl OperatorKind for EmulatedDetector {
             .sections(&["perception"])
             .only_with("perception.detector = \"NAME\"")
             .stays("sensors are where the world is")
-            .ruled(Ruled::Detector)
+            .scheduled(Scheduled::Detector)
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {

@@ -17,7 +17,7 @@ use super::ladder::{on_ladder, take};
 use crate::config::execution::Runtime;
 use crate::config::model::{Model, Rung};
 use crate::config::{Config, StartState};
-use crate::kind::{Heavy, Node, OperatorKind, Ruled, Settings};
+use crate::kind::{Heavy, Node, OperatorKind, Scheduled, Settings};
 use crate::site::{Site, Surroundings};
 
 /// A motion planner, as the model of execution has it.
@@ -57,7 +57,7 @@ impl OperatorKind for Planners {
         Node::new("planner", "a motion planner: `planning.planner` says which")
             .sections(&["planning"])
             .heavy(Heavy::Yes)
-            .ruled(Ruled::Planner)
+            .scheduled(Scheduled::Planner)
     }
 
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo> {

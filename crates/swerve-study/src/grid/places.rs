@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problem};
 
-use super::{StudyFile, flatten, named};
+use super::{StudyFile, beside, flatten};
 
 /// The lines of the file that set configuration keys, by key.
 pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
@@ -37,17 +37,17 @@ pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, u
 
 /// The places of the file that name other files, by these as they are looked for.
 pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTreeMap<PathBuf, Problem> {
-    let mut all = vec![("base.scenario".to_owned(), Kind::Scenario, Some(&file.base.scenario))];
-    all.push(("base.config".to_owned(), Kind::Config, file.base.config.as_ref()));
+    let mut named = vec![("base.scenario".to_owned(), Some(&file.base.scenario), Kind::Scenario)];
+    named.push(("base.config".to_owned(), file.base.config.as_ref(), Kind::Config));
     for (i, axis) in file.axis.iter().enumerate() {
         for (j, setting) in axis.settings.iter().enumerate() {
             let key = format!("axis[{i}].settings[{j}].scenario");
-            all.push((key, Kind::Scenario, setting.scenario.as_ref()));
+            named.push((key, setting.scenario.as_ref(), Kind::Scenario));
         }
     }
     // Of several places the first counts.
-    let place = |(key, kind, path): (String, Kind, Option<&PathBuf>)| {
-        Some((named(kind, folder, path?), document.problem(&key, "")))
+    let place = |(key, path, kind): (String, Option<&PathBuf>, Kind)| {
+        Some((beside(folder, path?, kind), document.problem(&key, "")))
     };
-    all.into_iter().rev().filter_map(place).collect()
+    named.into_iter().rev().filter_map(place).collect()
 }

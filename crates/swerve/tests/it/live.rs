@@ -267,6 +267,39 @@ fn a_driver_takes_over() {
     }
 }
 
+/// A process that takes its time to come up: the drive begins when it is there, and nothing that comes is from the
+/// future.
+#[test]
+#[ignore = "real clock, Cyclone DDS"]
+fn a_drive_begins_when_its_processes_are_there() {
+    if !has_car() {
+        return;
+    }
+    let _alone = alone();
+    let drive = 6;
+    let car = Car::start(domain(drive), "autoware", &[]);
+    let (mut command, out) = swerve_live(drive, "autoware");
+    let program = env!("CARGO_BIN_EXE_swerve");
+    let start =
+        format!("process.slow.start=[\"sh\", \"-c\", \"sleep 1.5; exec \\\"$0\\\" worker\", \"{program}\"]");
+    command.args([
+        "--enable",
+        "at-start",
+        "--seconds",
+        "6",
+        "--set",
+        "process.slow.operators=[\"predictor\"]",
+    ]);
+    let output = command.args(["--set", &start]).output().unwrap();
+    drop(car);
+    let notes = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{notes}");
+    let metrics = std::fs::read_to_string(out.join("metrics.json")).unwrap();
+    let metrics: Value = serde_json::from_str(&metrics).unwrap();
+    assert_eq!(metrics["drive"]["refused"]["ahead"], 0, "{notes}");
+    assert!(metrics["drive"]["driven_m"].as_f64() > Some(3.0), "{notes}{}", metrics["drive"]);
+}
+
 /// No car, no ROS: it waits, and says for what.
 #[test]
 fn without_a_car_it_says_what_it_waits_for() {

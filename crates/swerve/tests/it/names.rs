@@ -41,6 +41,31 @@ fn what_a_named_study_names_is_found_too() {
     assert_eq!(said.code, Some(0), "{said:?}");
 }
 
+/// From whatever folder a file names what is in the program.
+#[test]
+fn a_file_names_what_is_in_the_program() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("mine")).unwrap();
+    let study = "base = { scenario = \"lane\", config = \"best\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
+    bench.write("mine/study.toml", study);
+    bench.write("mine/live.toml", "[live]\nroute = \"lane\"\n[ros2]\nvehicle = \"autoware\"\n");
+    assert_eq!(bench.good(&["check", "mine"]), "2 files, no problem\n");
+    bench.good(&["study", "mine/study.toml", "--out", "o"]);
+    assert!(
+        bench.read("o/commands.txt").starts_with("swerve run lane -c best "),
+        "{}",
+        bench.read("o/commands.txt")
+    );
+    // A file goes before a name here too.
+    bench.write("mine/lane", SHORT);
+    bench.good(&["study", "mine/study.toml", "--out", "p"]);
+    assert!(
+        bench.read("p/commands.txt").starts_with("swerve run mine/lane "),
+        "{}",
+        bench.read("p/commands.txt")
+    );
+}
+
 #[test]
 fn a_file_goes_before_a_name() {
     let bench = Bench::new();
