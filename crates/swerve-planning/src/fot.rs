@@ -5,6 +5,7 @@
 //! quartics along it. Costs are the original planner's (Pylot's), so that figures compare; `search.rs` says
 //! how the cheapest valid one is found without building them all.
 
+pub mod candidate;
 mod follow;
 pub mod lattice;
 pub mod line;
@@ -25,10 +26,11 @@ use crate::collision::{CollisionMode, Obstacles};
 use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::road::Road;
+use candidate::{Candidate, Outcome};
 use lattice::Lattice;
 use line::{OnLine, RouteLine};
 use motion::{Checks, Drivable, FrenetState, Place};
-use search::{Candidate, Outcome, Search, Task};
+use search::{Search, Task};
 use swerve_core::param::ParamError;
 
 /// Largest time between two points of a plan, seconds.

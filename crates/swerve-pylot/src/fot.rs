@@ -5,10 +5,11 @@ use swerve_core::Span;
 use swerve_core::param::ParamError;
 use swerve_geom::{Point2, Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
+use swerve_planning::fot::candidate::{Candidate, Judge};
 use swerve_planning::fot::lattice::Lattice;
 use swerve_planning::fot::line::{OnLine, RouteLine};
 use swerve_planning::fot::motion::{Checks, FrenetState, Place};
-use swerve_planning::fot::search::{Candidate, Search, Task};
+use swerve_planning::fot::search::{Search, Task};
 use swerve_planning::fot::{Params, places};
 use swerve_planning::{Budget, CollisionMode, Counted, Obstacles, Planner, Progress, Request, Solid};
 use swerve_vehicle::Shape;
@@ -109,12 +110,9 @@ impl Planner for Fot {
         let cut_m = if self.rules.cut_at_route_end { route_end_m } else { f64::INFINITY };
         let task = Task { params: &self.params, line: self.line.line(), cut_m, start, target_mps, checks };
         let Self { search, lattice, boxes, rules, .. } = self;
-        let (mut hint, mut hint_s) = (0, None);
-        let found = build_all(lattice, &mut counted).then(|| {
-            search.run_where(&task, lattice, |c| match rules.borders_only {
-                true => Samples::new(&task, c).free(boxes, &mut hint),
-                false => task.checks.hold(task.line, &c.motion, c.last_s, &mut hint_s),
-            })
+        let found = build_all(lattice, &mut counted).then(|| match rules.borders_only {
+            true => search.run_where(&task, lattice, &mut Borders { task: &task, boxes, hint: 0 }),
+            false => search.run(&task, lattice, None, &mut 0).found(),
         });
         let plan = match found.flatten() {
             Some(candidate) => self.plan_of(&task, &candidate, request),
@@ -138,6 +136,24 @@ fn checks<'a>(params: &Params, request: &Request<'a>, obstacles: &'a Obstacles) 
         drivable: None,
         heading: (direction.x, direction.y),
         tail_s: 0.0,
+    }
+}
+
+/// What the original asks of a candidate, with the sample at which one touched something last: similar ones tend to do so
+/// too.
+struct Borders<'a> {
+    task: &'a Task<'a>,
+    boxes: &'a Boxes,
+    hint: usize,
+}
+
+impl Judge for Borders<'_> {
+    fn fails_too(&mut self, candidate: &Candidate) -> bool {
+        Samples::new(self.task, candidate).touches_at(self.boxes, self.hint)
+    }
+
+    fn holds(&mut self, candidate: &Candidate) -> bool {
+        !self.fails_too(candidate) && Samples::new(self.task, candidate).free(self.boxes, &mut self.hint)
     }
 }
 
@@ -181,13 +197,14 @@ impl<'a> Samples<'a> {
         (car, way_m)
     }
 
-    /// Whether the borders are free at all samples, and the lines between them turn no tighter than allowed.
-    ///
-    /// `hint` is where an earlier candidate hit something: similar ones tend to do so too, so that is looked at first.
+    /// Whether the borders touch at a sample, if there is one of this number.
+    fn touches_at(&self, boxes: &Boxes, k: usize) -> bool {
+        k <= self.last && !boxes.border_free(&self.car(k).0, self.at_s(k))
+    }
+
+    /// Whether the borders are free at all samples, and the lines between them turn no tighter than allowed; `hint` is
+    /// left where they were not.
     fn free(&self, boxes: &Boxes, hint: &mut usize) -> bool {
-        if *hint <= self.last && !boxes.border_free(&self.car(*hint).0, self.at_s(*hint)) {
-            return false;
-        }
         let mut before: Option<Solid> = None;
         for k in 0..=self.last {
             let (car, way_m) = self.car(k);

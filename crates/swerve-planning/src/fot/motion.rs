@@ -182,10 +182,7 @@ impl Checks<'_> {
     /// at first. It speeds the answer up and does not change it.
     pub fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hint_s: &mut Option<f64>) -> bool {
         let end_s = last_s + self.tail_s;
-        if let Some(t_s) = *hint_s
-            && t_s <= end_s
-            && !self.clear_at(line, motion, t_s)
-        {
+        if hint_s.is_some_and(|t_s| !self.holds_at(line, motion, last_s, t_s)) {
             return false;
         }
         // What ends within a second is looked at more often: its braking comes and goes between the looks of others.
@@ -211,6 +208,11 @@ impl Checks<'_> {
             before = place;
         }
         self.free(line, motion, end_s, &peaks, grace.clearance_m)
+    }
+
+    /// Whether nothing is touched at one instant, if it is one of the motion's from 0 to `last_s`.
+    pub(crate) fn holds_at(&self, line: &Line, motion: &Motion, last_s: f64, t_s: f64) -> bool {
+        t_s > last_s + self.tail_s || self.clear_at(line, motion, t_s)
     }
 
     /// Whether nothing is touched at one instant; standstill counts as clear, as it has no heading here.

@@ -8,10 +8,13 @@
 //! a point than the further of its two ends. Ranges are taken from a heap by their bound and halved until
 //! single candidates come out in the order of their exact cost; the first that holds all limits is the
 //! answer, the same as that of looking at all of them.
+//!
+//! Where many fail they mostly do so at the same place, before a wall: that is looked at before a cost is computed.
 
 use core::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+use super::candidate::{Candidate, Judge, Outcome, Priced, TaskChecks};
 use super::lattice::Lattice;
 use super::line::Line;
 use super::motion::{Checks, FrenetState, Motion};
@@ -25,6 +28,9 @@ const LEAVES: u32 = 3;
 
 /// Bounds are lowered by this share, so that rounding never puts one above what it bounds.
 const BOUND_SLACK: f64 = 1e-9;
+
+/// After so many failures all candidates are looked at for failing at the same place.
+const FAILURES: u32 = 32;
 
 /// A posed search.
 #[derive(Clone, Copy, Debug)]
@@ -41,45 +47,6 @@ pub struct Task<'a> {
     pub target_mps: f64,
     /// Conditions that the answer keeps.
     pub checks: Checks<'a>,
-}
-
-/// The answer.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Candidate {
-    /// Its motion.
-    pub motion: Motion,
-    /// Its whole cost.
-    pub cost: f64,
-    /// Offset at its end, metres.
-    pub d_m: f64,
-    /// Speed at its end, m/s.
-    pub v_mps: f64,
-    /// Time of its end, seconds.
-    pub t_s: f64,
-    /// Until when it is driven: its end, or the last sample before the line's end, seconds.
-    pub last_s: f64,
-}
-
-/// A candidate with the parts of its cost that do not depend on obstacles.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Priced {
-    /// The candidate.
-    pub candidate: Candidate,
-    /// Its lateral part.
-    pub lateral: f64,
-    /// Its longitudinal part.
-    pub longitudinal: f64,
-}
-
-/// How a search ended.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Outcome {
-    /// The cheapest valid candidate.
-    Found(Candidate),
-    /// No candidate is valid.
-    Nothing,
-    /// The budget was used up before.
-    Stopped,
 }
 
 /// One pair of end time and end speed.
@@ -145,6 +112,8 @@ pub struct Search {
     corners: Corners,
     heap: BinaryHeap<Entry>,
     scratch: Scratch,
+    /// Pair x end offset: how many candidates before this one may hold; empty as long as that is not known.
+    alive_before: Vec<u32>,
 }
 
 /// Places of the line at the samples of a pair: position and normal.
@@ -177,22 +146,17 @@ impl Search {
         budget: Option<&mut dyn Budget>,
         spent: &mut u64,
     ) -> Outcome {
-        let mut hint_s = None;
-        let holds = |c: &Candidate| task.checks.hold(task.line, &c.motion, c.last_s, &mut hint_s);
-        self.best_first(task, lattice, (budget, spent), holds)
+        self.best_first(task, lattice, (budget, spent), &mut TaskChecks::new(task))
     }
 
-    /// The cheapest candidate that `holds` lets pass, in the place of the task's checks.
+    /// The cheapest candidate that `judge` lets pass, in the place of the task's checks.
     pub fn run_where(
         &mut self,
         task: &Task<'_>,
         lattice: &Lattice,
-        holds: impl FnMut(&Candidate) -> bool,
+        judge: &mut impl Judge,
     ) -> Option<Candidate> {
-        match self.best_first(task, lattice, (None, &mut 0), holds) {
-            Outcome::Found(candidate) => Some(candidate),
-            Outcome::Nothing | Outcome::Stopped => None,
-        }
+        self.best_first(task, lattice, (None, &mut 0), judge).found()
     }
 
     fn best_first(
@@ -200,15 +164,23 @@ impl Search {
         task: &Task<'_>,
         lattice: &Lattice,
         (mut budget, spent): (Option<&mut dyn Budget>, &mut u64),
-        mut holds: impl FnMut(&Candidate) -> bool,
+        judge: &mut impl Judge,
     ) -> Outcome {
         self.prepare(task, lattice);
+        let mut failures = 0;
         while let Some(entry) = self.heap.pop() {
             if entry.leaf {
                 let candidate = self.candidate(task, lattice, &entry);
-                if holds(&candidate) {
+                if judge.holds(&candidate) {
                     return Outcome::Found(candidate);
                 }
+                failures += 1;
+                if failures == FAILURES && budget.is_none() {
+                    self.look_at_all(task, lattice, judge);
+                }
+                continue;
+            }
+            if !self.may_hold(lattice, &entry) {
                 continue;
             }
             let width = entry.high - entry.low + 1;
@@ -224,7 +196,7 @@ impl Search {
                         return Outcome::Stopped;
                     }
                 }
-                self.evaluate(task, lattice, &entry);
+                self.evaluate(task, lattice, &entry, judge);
             }
         }
         Outcome::Nothing
@@ -282,6 +254,7 @@ impl Search {
         for column in [ax, ay, bx, by, near] {
             column.resize(n, 0.0);
         }
+        self.alive_before.clear();
         self.heap.clear();
         let high = lattice.d_m.len() as u32 - 1;
         for index in 0..self.lons.len() {
@@ -409,9 +382,34 @@ impl Search {
         }
     }
 
-    fn evaluate(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) {
+    /// Notes which candidates are not sure to fail.
+    fn look_at_all(&mut self, task: &Task<'_>, lattice: &Lattice, judge: &mut impl Judge) {
+        let mut alive = 0;
+        self.alive_before.push(alive);
+        for lon in 0..self.lons.len() as u32 {
+            for low in 0..lattice.d_m.len() as u32 {
+                let leaf = Entry { bound: 0.0, leaf: true, refined: true, low, high: low, lon };
+                let is_valid = self.lons[lon as usize].count >= 2;
+                alive += u32::from(is_valid && !judge.fails_too(&self.candidate(task, lattice, &leaf)));
+                self.alive_before.push(alive);
+            }
+        }
+    }
+
+    /// Whether some candidate of the range is not sure to fail.
+    fn may_hold(&self, lattice: &Lattice, entry: &Entry) -> bool {
+        let first = entry.lon as usize * lattice.d_m.len();
+        let [low, behind] =
+            [entry.low as usize, entry.high as usize + 1].map(|d| self.alive_before.get(first + d));
+        low.is_none() || low != behind
+    }
+
+    fn evaluate(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry, judge: &mut impl Judge) {
         for d in entry.low..=entry.high {
             let leaf = Entry { leaf: true, low: d, high: d, ..*entry };
+            if !self.may_hold(lattice, &leaf) || judge.fails_too(&self.candidate(task, lattice, &leaf)) {
+                continue;
+            }
             let bound = self.cost(task, lattice, &leaf);
             self.heap.push(Entry { bound, ..leaf });
         }

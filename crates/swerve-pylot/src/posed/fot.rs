@@ -2,10 +2,11 @@
 
 use swerve_core::{ParamError, Time};
 use swerve_geom::{Point2, Polyline, Pose2, angle_between, math};
+use swerve_planning::fot::candidate::Candidate;
 use swerve_planning::fot::lattice::Lattice;
 use swerve_planning::fot::line::{Line, smoothed};
 use swerve_planning::fot::motion::{Checks, FrenetState};
-use swerve_planning::fot::search::{Candidate, Search, Task};
+use swerve_planning::fot::search::{Search, Task};
 use swerve_planning::fot::{Params, anytime, curvature_max_1pm, places};
 use swerve_planning::{CollisionMode, Obstacles, Unlimited};
 use swerve_vehicle::{Limits, Shape};
@@ -204,9 +205,7 @@ pub fn solve(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Soluti
         Preset::Best => anytime(&mut search, &task, &lattice, &mut coarse, &mut budget),
         Preset::Paper => {
             let any = build_all(&mut lattice, &mut budget);
-            let mut hint_s = None;
-            let holds = |c: &Candidate| task.checks.hold(task.line, &c.motion, c.last_s, &mut hint_s);
-            any.then(|| search.run_where(&task, &lattice, holds)).flatten()
+            any.then(|| search.run(&task, &lattice, None, &mut 0).found()).flatten()
         }
     };
     match found {
