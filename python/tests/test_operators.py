@@ -329,7 +329,8 @@ def test_a_car_is_driven_with_an_operator_in_python(file: Any, tmp_path: Path) -
     try:
         file(NOBODY)
         config = tmp_path / "live.toml"
-        config.write_text('[live]\nroute = "lane"\n[ros2]\nvehicle = "autoware"\n' + NOBODYS)
+        live = '[live]\nroute = "lane"\n[ros2]\nvehicle = "autoware"\n[control]\ncontroller = "stanley"\n'
+        config.write_text(live + NOBODYS)
         drive = ("live", config, "--enable", "at-start", "--seconds", 8, "--json", "--out", tmp_path / "out")
         said = program(*drive, ROS_DOMAIN_ID=str(domain), ROS_LOCALHOST_ONLY="1")
         assert said.returncode == 0, said
