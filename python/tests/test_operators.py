@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -301,7 +302,8 @@ def test_a_data_set_is_driven_with_an_operator_in_python(file: Any, tmp_path: Pa
 def emulated_car(domain: int) -> subprocess.Popen[str] | None:
     """A car with Autoware's interface, where there is Cyclone DDS for it."""
     python = os.environ.get("SWERVE_PYTHON", sys.executable)
-    if subprocess.run([python, "-c", "import cyclonedds"], capture_output=True, check=False).returncode != 0:
+    found = shutil.which(python) is not None
+    if not found or subprocess.run([python, "-c", "import cyclonedds"], capture_output=True, check=False).returncode != 0:
         assert "SWERVE_CI" not in os.environ, "SWERVE_CI is set, and cyclonedds is not installed"
         return None
     general = '<Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast>'
@@ -329,7 +331,8 @@ def test_a_car_is_driven_with_an_operator_in_python(file: Any, tmp_path: Path) -
     try:
         file(NOBODY)
         config = tmp_path / "live.toml"
-        config.write_text('[live]\nroute = "lane"\n[ros2]\nvehicle = "autoware"\n' + NOBODYS)
+        live = '[live]\nroute = "lane"\n[ros2]\nvehicle = "autoware"\n[control]\ncontroller = "stanley"\n'
+        config.write_text(live + NOBODYS)
         drive = ("live", config, "--enable", "at-start", "--seconds", 8, "--json", "--out", tmp_path / "out")
         said = program(*drive, ROS_DOMAIN_ID=str(domain), ROS_LOCALHOST_ONLY="1")
         assert said.returncode == 0, said

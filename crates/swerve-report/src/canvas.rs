@@ -151,6 +151,16 @@ impl Canvas {
         self.push(format_args!("</g>"));
     }
 
+    /// Whatever is drawn until [`end_titled`](Self::end_titled) tells this when it is pointed at.
+    pub fn begin_titled(&mut self, title: &str) {
+        self.push(format_args!("<g><title>{}</title>", escape(title)));
+    }
+
+    /// Ends what was begun last.
+    pub fn end_titled(&mut self) {
+        self.push(format_args!("</g>"));
+    }
+
     fn push(&mut self, element: core::fmt::Arguments<'_>) {
         let _infallible = writeln!(self.body, "{element}");
     }

@@ -1,9 +1,7 @@
 //! The chart of `swerve timing --svg`: a row for each operator, a bar for each step, marks for what came of it.
 
-use core::fmt::Write as _;
-
 use swerve_core::{Span, Time};
-use swerve_report::canvas::{escape, round_step};
+use swerve_report::canvas::{At, Canvas, Text, color, round_step};
 
 use super::pipeline::Pipeline;
 use super::table::ms;
@@ -30,19 +28,21 @@ const GLYPH_PX: f64 = 6.4;
 const FILLS: [&str; 8] =
     ["#8fbbe0", "#f5c078", "#a5d39a", "#e8a2a0", "#c3b1e0", "#9fd6d2", "#e6b8d6", "#d8cf8a"];
 
+/// What stands at a bar, at a mark and at the axis.
+const LABEL: Text<'_> = Text { size: 11.0, color: color::INK, anchor: "start", bold: false, rim: false };
+
 /// The chart of a run as SVG text.
 pub(crate) fn svg(pipeline: &Pipeline, trace: &Trace) -> String {
     let chart = Chart::new(pipeline, trace);
-    let mut svg = chart.head();
-    chart.axis(&mut svg);
-    chart.rows(&mut svg);
+    let mut canvas = Canvas::default();
+    chart.axis(&mut canvas);
+    chart.rows(&mut canvas);
     for (step, lane) in trace.steps.iter().zip(&chart.lanes).filter(|(step, _)| step.start <= chart.until) {
-        chart.bar(&mut svg, step, *lane);
+        chart.bar(&mut canvas, step, *lane);
     }
-    chart.marks(&mut svg);
-    chart.legend(&mut svg);
-    svg.push_str("</svg>\n");
-    svg
+    chart.marks(&mut canvas);
+    chart.legend(&mut canvas);
+    chart.finish(canvas)
 }
 
 struct Chart<'a> {
@@ -100,161 +100,142 @@ impl<'a> Chart<'a> {
         self.left_px + (at - Time::ZERO).as_ms() * self.px_per_ms
     }
 
-    fn head(&self) -> String {
-        let (width, height) = (self.left_px + self.plot_px + 30.0, self.bottom_px + 62.0);
+    fn finish(&self, mut canvas: Canvas) -> String {
         let all = Time::ZERO + self.pipeline.span;
         let part = if self.until < all {
             format!("the first {} of ", ms(self.until - Time::ZERO))
         } else {
             String::new()
         };
-        format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
-             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" font-size=\"11\" fill=\"#222\">\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
-             <text x=\"12\" y=\"20\" font-size=\"14\" font-weight=\"bold\">Timing over {part}{} ms</text>\n\
-             <text x=\"12\" y=\"36\" fill=\"#666\">bars: steps, labelled by stamp in ms</text>\n",
-            ms(self.pipeline.span)
-        )
+        let title = format!("Timing over {part}{} ms", ms(self.pipeline.span));
+        canvas.text((12.0, 20.0), &title, Text { size: 14.0, bold: true, ..LABEL });
+        let soft = Text { color: color::SOFT, ..LABEL };
+        canvas.text((12.0, 36.0), "bars: steps, labelled by stamp in ms", soft);
+        canvas.finish(self.left_px + self.plot_px + 30.0, self.bottom_px + 62.0, &title)
     }
 
-    fn axis(&self, svg: &mut String) {
+    fn axis(&self, canvas: &mut Canvas) {
         let step = round_step(TICK_PX / self.px_per_ms, 1.0);
         let ticks = ((self.until - Time::ZERO).as_ms() / step).floor() as usize;
+        let (label_y, soft) = (self.bottom_px + 14.0, Text { color: color::SOFT, ..LABEL });
         for tick in 0..=ticks {
             let at_ms = tick as f64 * step;
             let x = self.left_px + at_ms * self.px_per_ms;
-            let _ = writeln!(
-                svg,
-                "<path d=\"M{x:.1} {top:.1}V{bottom:.1}\" stroke=\"#ddd\"/>\
-                 <text x=\"{x:.1}\" y=\"{label:.1}\" text-anchor=\"middle\" fill=\"#444\">{text}</text>",
-                top = TOP_PX - 6.0,
-                bottom = self.bottom_px,
-                label = self.bottom_px + 14.0,
-                text = ms(Span::from_ns((at_ms * 1e6).round() as i64)),
-            );
+            canvas.line((x, TOP_PX - 6.0), (x, self.bottom_px), GRID);
+            let text = ms(Span::from_ns((at_ms * 1e6).round() as i64));
+            canvas.text((x, label_y), &text, Text { anchor: "middle", ..soft });
         }
-        let _ = writeln!(
-            svg,
-            "<text x=\"{:.1}\" y=\"{:.1}\" fill=\"#444\">ms</text>",
-            self.left_px - 24.0,
-            self.bottom_px + 14.0
-        );
+        canvas.text((self.left_px - 24.0, label_y), "ms", soft);
     }
 
-    fn rows(&self, svg: &mut String) {
+    fn rows(&self, canvas: &mut Canvas) {
         for (i, op) in self.pipeline.operators.iter().enumerate() {
             let top = self.tops[i];
             let bottom = self.tops.get(i + 1).copied().unwrap_or(self.bottom_px) - 4.0;
-            let _ = writeln!(
-                svg,
-                "<path d=\"M8 {line:.1}H{right:.1}\" stroke=\"#ccc\"/>\
-                 <text x=\"12\" y=\"{name:.1}\" font-weight=\"bold\">{}</text>",
-                escape(&op.name),
-                line = bottom,
-                right = self.left_px + self.plot_px,
-                name = top + 9.0,
-            );
+            canvas.line((8.0, bottom), (self.left_px + self.plot_px, bottom), GRID);
+            canvas.text((12.0, top + 9.0), &op.name, Text { bold: true, ..LABEL });
             let note = note(self.pipeline, op);
-            let _ = writeln!(
-                svg,
-                "<text x=\"12\" y=\"{:.1}\" font-size=\"9\" fill=\"#666\">{}</text>",
-                top + 20.0,
-                escape(&note)
-            );
+            canvas.text((12.0, top + 20.0), &note, Text { size: 9.0, color: color::SOFT, ..LABEL });
         }
     }
 
-    fn bar(&self, svg: &mut String, step: &Step, lane: usize) {
+    fn bar(&self, canvas: &mut Canvas, step: &Step, lane: usize) {
         let end = step.end.map_or(self.until, |end| end.min(self.until));
         let (x, y) = (self.x(step.start), self.tops[step.operator] + LANE_PX * lane as f64);
         let width = (self.x(end) - x).max(1.5);
-        let fill = FILLS[step.operator % FILLS.len()];
-        let (opacity, dash) = match step {
-            Step { late: true, .. } => ("0.35", " stroke-dasharray=\"3 2\""),
-            Step { end: None, .. } => ("0.6", " stroke-dasharray=\"1 2\""),
-            _ => ("1", ""),
-        };
+        let style = bar_style(
+            FILLS[step.operator % FILLS.len()],
+            match step {
+                Step { late: true, .. } => LATE,
+                Step { end: None, .. } => UNDER_WAY,
+                _ => ("1", ""),
+            },
+        );
         let label = ms(step.stamp - Time::ZERO);
-        let _ = write!(
-            svg,
-            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{BAR_PX}\" rx=\"2\" fill=\"{fill}\" \
-             fill-opacity=\"{opacity}\" stroke=\"#555\" stroke-width=\"0.7\"{dash}>\
-             <title>{} for {label} ms: {} to {} ms</title></rect>",
-            escape(&self.pipeline.operators[step.operator].name),
+        let title = format!(
+            "{} for {label} ms: {} to {} ms",
+            self.pipeline.operators[step.operator].name,
             ms(step.start - Time::ZERO),
             step.end.map_or_else(|| "after the end".to_owned(), |end| ms(end - Time::ZERO)),
         );
+        canvas.begin_titled(&title);
+        canvas.rect((x, y), (width, BAR_PX), &style);
+        canvas.end_titled();
         if width > label.chars().count() as f64 * GLYPH_PX + 4.0 {
-            let _ = write!(svg, "<text x=\"{:.1}\" y=\"{:.1}\">{label}</text>", x + 3.0, y + 11.5);
+            canvas.text((x + 3.0, y + 11.5), &label, LABEL);
         }
-        svg.push('\n');
     }
 
     /// Publications, and below them misses and drops, stand on the lower edge of their row.
-    fn marks(&self, svg: &mut String) {
+    fn marks(&self, canvas: &mut Canvas) {
         let foot = |operator: usize| self.tops.get(operator + 1).copied().unwrap_or(self.bottom_px) - 9.5;
         for p in self.trace.publications.iter().filter(|p| p.stamp.is_some() && p.visible_at <= self.until) {
-            published(svg, self.x(p.visible_at), foot(p.operator) - 9.0, p.reused_from.is_some());
+            let draw = if p.reused_from.is_some() { published_again } else { published };
+            draw(canvas, (self.x(p.visible_at), foot(p.operator) - 9.0));
         }
         for mark in self.trace.drops.iter().filter(|mark| mark.at <= self.until) {
-            dropped(svg, self.x(mark.at), foot(mark.operator));
+            dropped(canvas, (self.x(mark.at), foot(mark.operator)));
         }
         for mark in self.trace.misses.iter().filter(|mark| mark.at <= self.until) {
-            missed(svg, self.x(mark.at), foot(mark.operator));
+            missed(canvas, (self.x(mark.at), foot(mark.operator)));
         }
     }
 
-    fn legend(&self, svg: &mut String) {
+    fn legend(&self, canvas: &mut Canvas) {
         let y = self.bottom_px + 42.0;
         let mut x = 18.0;
-        type Draw = fn(&mut String, f64, f64);
+        type Draw = fn(&mut Canvas, At);
         let entries: [(Draw, &str); 6] = [
-            (|svg, x, y| published(svg, x, y, false), "published"),
-            (|svg, x, y| published(svg, x, y, true), "published again (reuse_last)"),
+            (published, "published"),
+            (published_again, "published again (reuse_last)"),
             (missed, "deadline missed"),
             (dropped, "dropped"),
-            (|svg, x, y| swatch(svg, x, y, "0.35", "3 2"), "ended too late, not published"),
-            (|svg, x, y| swatch(svg, x, y, "0.6", "1 2"), "under way at the end"),
+            (|canvas, at| swatch(canvas, at, LATE), "ended too late, not published"),
+            (|canvas, at| swatch(canvas, at, UNDER_WAY), "under way at the end"),
         ];
         for (draw, text) in entries {
-            draw(svg, x, y);
-            let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{:.1}\">{text}</text>", x + 12.0, y + 4.0);
+            draw(canvas, (x, y));
+            canvas.text((x + 12.0, y + 4.0), text, LABEL);
             x += 40.0 + text.chars().count() as f64 * GLYPH_PX;
         }
     }
 }
 
-fn published(svg: &mut String, x: f64, y: f64, again: bool) {
-    let fill = if again { "#fff" } else { "#1b6e2d" };
-    let _ = writeln!(svg, "<path d=\"M{x:.1} {:.1}l4 7h-8z\" fill=\"{fill}\" stroke=\"#1b6e2d\"/>", y - 4.0);
+const GRID: &str = "stroke=\"#D9DDE2\"";
+
+/// Opacity and dashes of the bars of steps that came to nothing.
+const LATE: (&str, &str) = ("0.35", " stroke-dasharray=\"3 2\"");
+const UNDER_WAY: (&str, &str) = ("0.6", " stroke-dasharray=\"1 2\"");
+
+fn bar_style(fill: &str, (opacity, dash): (&str, &str)) -> String {
+    format!("rx=\"2\" fill=\"{fill}\" fill-opacity=\"{opacity}\" stroke=\"#555\" stroke-width=\"0.7\"{dash}")
 }
 
-fn missed(svg: &mut String, x: f64, y: f64) {
-    let _ = writeln!(
-        svg,
-        "<path d=\"M{:.1} {:.1}l7 7m0 -7l-7 7\" stroke=\"#c01818\" stroke-width=\"2\" fill=\"none\"/>",
-        x - 3.5,
-        y - 3.5
-    );
+fn triangle(canvas: &mut Canvas, (x, y): At, fill: &str) {
+    let points = [(x, y - 4.0), (x + 4.0, y + 3.0), (x - 4.0, y + 3.0)];
+    canvas.path(points, true, &format!("fill=\"{fill}\" stroke=\"#1b6e2d\""));
 }
 
-fn dropped(svg: &mut String, x: f64, y: f64) {
-    let _ = writeln!(
-        svg,
-        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"#fff\" stroke=\"#777\" stroke-width=\"1.4\"/>"
-    );
+fn published(canvas: &mut Canvas, at: At) {
+    triangle(canvas, at, "#1b6e2d");
 }
 
-fn swatch(svg: &mut String, x: f64, y: f64, opacity: &str, dash: &str) {
-    let _ = writeln!(
-        svg,
-        "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"16\" height=\"11\" rx=\"2\" fill=\"{}\" fill-opacity=\"{opacity}\" \
-         stroke=\"#555\" stroke-width=\"0.7\" stroke-dasharray=\"{dash}\"/>",
-        x - 8.0,
-        y - 5.5,
-        FILLS[0]
-    );
+fn published_again(canvas: &mut Canvas, at: At) {
+    triangle(canvas, at, "#fff");
+}
+
+fn missed(canvas: &mut Canvas, (x, y): At) {
+    for side in [-3.5, 3.5] {
+        canvas.line((x - side, y - 3.5), (x + side, y + 3.5), "stroke=\"#c01818\" stroke-width=\"2\"");
+    }
+}
+
+fn dropped(canvas: &mut Canvas, at: At) {
+    canvas.circle(at, 3.0, "fill=\"#fff\" stroke=\"#777\" stroke-width=\"1.4\"");
+}
+
+fn swatch(canvas: &mut Canvas, (x, y): At, how: (&str, &str)) {
+    canvas.rect((x - 8.0, y - 5.5), (16.0, 11.0), &bar_style(FILLS[0], how));
 }
 
 /// Which lane of its operator's row each step lies in, the first that is free; and how many lanes each row has.

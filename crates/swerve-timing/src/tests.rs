@@ -148,11 +148,19 @@ fn a_run_time_is_required_and_one() {
 
 #[test]
 fn policies_and_resources_that_are_none_are_refused() {
-    for bad in
-        ["queue", "queue()", "queue(0)", "queue(-1)", "pipelined(2, drop_newest)", "queue(1, 2, 3)", "latest"]
-    {
-        let to = format!("policy = \"{bad}\"");
-        refused("policy = \"skip_to_latest\"", &to, "10: operator[1].policy: unknown policy", "pipelined(N)");
+    let unknown = ["unknown policy", "pipelined(N)"];
+    let count = ["expected an N from 1 to 1000000 in `queue(N)`", "found `queue("];
+    for (bad, [start, part]) in [
+        ("queue", unknown),
+        ("queue()", count),
+        ("queue(0)", count),
+        ("queue(-1)", count),
+        ("pipelined(2, drop_newest)", unknown),
+        ("queue(1, 2, 3)", unknown),
+        ("latest", unknown),
+    ] {
+        let start = format!("10: operator[1].policy: {start}");
+        refused("policy = \"skip_to_latest\"", &format!("policy = \"{bad}\""), &start, part);
     }
     for bad in ["0", "-1", "1.5", "9999999"] {
         refused("slots = 1", &format!("slots = {bad}"), "14: resource.gpu0.slots: ", "");
@@ -276,7 +284,7 @@ fn the_chart_has_a_bar_for_each_step_and_survives_any_name() {
     let pipeline = parse("p.toml", &text).expect("the file is good");
     let trace = simulate(&pipeline, 1, 1).expect("it runs");
     let svg = svg(&pipeline, &trace);
-    assert_eq!(svg.matches("<title>").count(), trace.steps.len());
+    assert_eq!(svg.matches("<title>").count(), 1 + trace.steps.len(), "the picture's own, and one a step");
     assert!(svg.contains("&lt;cam &amp; era&gt;") && !svg.contains("<cam"));
     assert!(svg.trim_end().ends_with("</svg>"));
 }

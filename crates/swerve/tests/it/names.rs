@@ -48,7 +48,10 @@ fn a_file_names_what_is_in_the_program() {
     std::fs::create_dir(bench.path("mine")).unwrap();
     let study = "base = { scenario = \"lane\", config = \"best\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
     bench.write("mine/study.toml", study);
-    bench.write("mine/live.toml", "[live]\nroute = \"lane\"\n[ros2]\nvehicle = \"autoware\"\n");
+    bench.write(
+        "mine/live.toml",
+        "[live]\nroute = \"lane\"\n[ros2]\nvehicle = \"autoware\"\n[control]\ncontroller = \"stanley\"\n",
+    );
     assert_eq!(bench.good(&["check", "mine"]), "2 files, no problem\n");
     bench.good(&["study", "mine/study.toml", "--out", "o"]);
     assert!(

@@ -202,7 +202,7 @@ fn nonsense_is_refused_in_words() {
         assert!(!solution.found && !solution.reason.is_empty(), "{solution:?}");
     }
     let none = solve(&good, &FotConfig { dt: 0.0, ..config(0.3, 0.5) }, Preset::Best);
-    assert_eq!(none.reason, "`dt` is 0, expected a finite number above 0");
+    assert!(none.reason.starts_with("`dt` is 0, expected "), "{}", none.reason);
 }
 
 #[test]
