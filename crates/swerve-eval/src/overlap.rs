@@ -54,6 +54,27 @@ pub fn image_iou(a: [f64; 4], b: [f64; 4]) -> f64 {
     over_union(shared, area(a), area(b))
 }
 
+/// Pairs of rectangles in an image (left, top, right, bottom) that overlap: place in `a`, place in `b`, intersection over
+/// union above 0; by place in `a`, then in `b`. Takes time for the pairs and for sorting, not for all against all.
+pub fn overlapping(a: &[[f64; 4]], b: &[[f64; 4]]) -> Vec<(usize, usize, f64)> {
+    let mut by_left: Vec<usize> = (0..b.len()).collect();
+    by_left.sort_by(|&i, &k| b[i][0].total_cmp(&b[k][0]));
+    let widest = b.iter().map(|x| x[2] - x[0]).fold(0.0, f64::max);
+    let mut pairs = Vec::new();
+    for (i, &box_a) in a.iter().enumerate() {
+        let first = by_left.partition_point(|&k| b[k][0] < box_a[0] - widest);
+        let begun = pairs.len();
+        for &k in by_left[first..].iter().take_while(|&&k| b[k][0] < box_a[2]) {
+            let iou = image_iou(box_a, b[k]);
+            if iou > 0.0 {
+                pairs.push((i, k, iou));
+            }
+        }
+        pairs[begun..].sort_unstable_by_key(|&(_, k, _)| k);
+    }
+    pairs
+}
+
 fn footprint(x: &DetectedBox) -> Obb<swerve_geom::Ego> {
     Obb::new(x.pose, x.extent.length_m, x.extent.width_m)
 }
@@ -115,6 +136,25 @@ mod tests {
             8.0 * (core::f64::consts::SQRT_2 - 1.0),
         );
         near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(f64::NAN, 0.0, 0.0)), 0.0);
+    }
+
+    #[test]
+    fn overlapping_pairs_are_those_of_all_against_all() {
+        let mut rng = Rng::keyed(3, "overlapping", &[]);
+        for _ in 0..50 {
+            let mut boxes = |n: usize| -> Vec<[f64; 4]> {
+                let mut one = || {
+                    let (x, y) = (rng.uniform(0.0, 9.0), rng.uniform(0.0, 9.0));
+                    [x, y, x + rng.uniform(0.0, 3.0), y + rng.uniform(0.0, 3.0)]
+                };
+                (0..n).map(|_| one()).collect()
+            };
+            let (a, b) = (boxes(12), boxes(15));
+            let all = (0..a.len()).flat_map(|i| (0..b.len()).map(move |k| (i, k)));
+            let expected: Vec<_> =
+                all.map(|(i, k)| (i, k, image_iou(a[i], b[k]))).filter(|(_, _, iou)| *iou > 0.0).collect();
+            assert_eq!(overlapping(&a, &b), expected);
+        }
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Geometry with frames as types: points, vectors, poses and transforms, oriented boxes, polylines.
+//! Geometry with frames as types: points, vectors, poses and transforms, oriented boxes, polylines,
+//! pairs.
 //!
 //! **Frames** are zero-sized markers ([`Map`], [`Ego`], [`Lidar`], [`Camera`]). A transform is named and
 //! typed `to_from`: `map_from_ego: Transform<Map, Ego>`; adjacent frames of a product must match, so a
@@ -12,6 +13,7 @@
 //! machine. Absences: no parry, no rapier, no glam.
 
 mod angle;
+mod assignment;
 mod frame;
 pub mod math;
 mod obb;
@@ -19,6 +21,7 @@ mod planar;
 mod polyline;
 
 pub use angle::{angle_between, wrap_angle};
+pub use assignment::heaviest_pairs;
 pub use frame::{Camera, Ego, Lidar, Map, Point, Transform, Vector};
 pub use obb::Obb;
 pub use planar::{Point2, Pose2, Vector2};
