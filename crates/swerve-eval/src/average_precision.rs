@@ -137,8 +137,8 @@ impl AveragePrecision {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::overlap::image_iou;
     use serde::Deserialize;
+    use swerve_geom::image_iou;
 
     #[derive(Deserialize)]
     struct Case {

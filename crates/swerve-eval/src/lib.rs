@@ -35,11 +35,12 @@ pub use evaluation::{ActorMetrics, Evaluation, JerkMetrics, Metrics, Params, Sig
 pub use gate::{GateMetrics, GateStop, GateUse};
 pub use jerk::{CUTOFF_HZ, LateralJerk, LowPass};
 pub use kitti::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiTruth, kitti_ap};
-pub use overlap::{ground_iou, image_iou, overlapping, shared_area_m2, volume_iou};
+pub use overlap::{ground_iou, overlapping, shared_area_m2, volume_iou};
 pub use plan::{PlanCounts, PlanMetrics};
 pub use response::ResponseTimes;
 pub use runtime::{OperatorMetrics, RunTimes};
 pub use segmentation::{Confusion, UnknownClass};
+pub use swerve_geom::image_iou;
 pub use swerve_msg::truth::Verdict;
 pub use tracking::{ClearMot, Hota, IdentityScore, SIMILARITY_MIN, TrackingFrame, TrackingMetrics};
 pub use verdict::{Impact, Outcome};

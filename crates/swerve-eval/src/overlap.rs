@@ -1,6 +1,6 @@
 //! How much two boxes have in common: intersection over union.
 
-use swerve_geom::{Obb, Point2};
+use swerve_geom::{Obb, Point2, image_iou};
 use swerve_msg::DetectedBox;
 
 /// Corners of an intersection of two rectangles: at most eight.
@@ -45,13 +45,6 @@ pub fn volume_iou(a: &DetectedBox, b: &DetectedBox) -> f64 {
     let height_m = (top(a).min(top(b)) - a.bottom_m.max(b.bottom_m)).max(0.0);
     let shared = shared_area_m2(&footprint(a), &footprint(b)) * height_m;
     over_union(shared, area_m2(a) * a.extent.height_m, area_m2(b) * b.extent.height_m)
-}
-
-/// Intersection over union of two rectangles in an image (left, top, right, bottom), 0 to 1.
-pub fn image_iou(a: [f64; 4], b: [f64; 4]) -> f64 {
-    let area = |[left, top, right, bottom]: [f64; 4]| (right - left).max(0.0) * (bottom - top).max(0.0);
-    let shared = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
-    over_union(shared, area(a), area(b))
 }
 
 /// Pairs of rectangles in an image (left, top, right, bottom) that overlap: place in `a`, place in `b`, intersection over

@@ -19,6 +19,7 @@ pub mod math;
 mod obb;
 mod planar;
 mod polyline;
+mod rectangle;
 
 pub use angle::{angle_between, wrap_angle};
 pub use assignment::heaviest_pairs;
@@ -26,3 +27,4 @@ pub use frame::{Camera, Ego, Lidar, Map, Point, Transform, Vector};
 pub use obb::Obb;
 pub use planar::{Point2, Pose2, Vector2};
 pub use polyline::{FrenetPoint, Polyline, PolylineError, PolylinePoint};
+pub use rectangle::image_iou;
