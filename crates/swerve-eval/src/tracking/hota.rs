@@ -62,20 +62,20 @@ impl Hota {
         }
         let mut mean = Self::default();
         for level in &levels {
-            mean.add(&level.scores(&sequence), 1.0 / THRESHOLDS as f64);
+            let mut scores = level.scores(&sequence);
+            for (sum, score) in mean.all().into_iter().zip(scores.all()) {
+                *sum += *score;
+            }
+        }
+        for sum in mean.all() {
+            *sum /= THRESHOLDS as f64;
         }
         mean
     }
 
-    fn add(&mut self, other: &Self, weight: f64) {
-        self.hota += weight * other.hota;
-        self.det_a += weight * other.det_a;
-        self.ass_a += weight * other.ass_a;
-        self.loc_a += weight * other.loc_a;
-        self.det_re += weight * other.det_re;
-        self.det_pr += weight * other.det_pr;
-        self.ass_re += weight * other.ass_re;
-        self.ass_pr += weight * other.ass_pr;
+    fn all(&mut self) -> [&mut f64; 8] {
+        let Self { hota, det_a, ass_a, loc_a, det_re, det_pr, ass_re, ass_pr } = self;
+        [hota, det_a, ass_a, loc_a, det_re, det_pr, ass_re, ass_pr]
     }
 }
 
@@ -135,9 +135,12 @@ impl Level {
         };
         for ((t, f), n) in &self.matches {
             let (of_truth, of_found) = (sequence.truth[t], sequence.found[f]);
-            scores.ass_a += over(n * n / (of_truth + of_found - n), right);
-            scores.ass_re += over(n * n / of_truth, right);
-            scores.ass_pr += over(n * n / of_found, right);
+            scores.ass_a += n * n / (of_truth + of_found - n);
+            scores.ass_re += n * n / of_truth;
+            scores.ass_pr += n * n / of_found;
+        }
+        for sum in [&mut scores.ass_a, &mut scores.ass_re, &mut scores.ass_pr] {
+            *sum = over(*sum, right);
         }
         scores.hota = (scores.det_a * scores.ass_a).sqrt();
         scores
