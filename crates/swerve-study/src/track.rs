@@ -72,3 +72,35 @@ fn tracks(tracker: &mut impl ImageTracker, frames: &BTreeMap<u64, Vec<ImageDetec
     }
     rows
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run_on(rows: &str, tracker: TrackerName) -> anyhow::Result<String> {
+        let folder = tempfile::tempdir()?;
+        let (detections, out) = (folder.path().join("det.txt"), folder.path().join("tracks.txt"));
+        std::fs::write(&detections, rows)?;
+        run(&TrackArgs { detections, tracker, out: out.clone() })?;
+        Ok(std::fs::read_to_string(out)?)
+    }
+
+    /// Two people, one of whom goes; frame 3 has nobody, and rows go back.
+    const ROWS: &str = "2,-1,10,0,40,80,0.9\n1,-1,0,0,40,80,0.9\n1,-1,300,0,40,80,0.3\n4,-1,30,0,40,80,0.2\n";
+
+    #[test]
+    fn rows_become_rows() {
+        let tracked = run_on(ROWS, TrackerName::Bytetrack).unwrap();
+        let starts: Vec<&str> = tracked.lines().map(|row| &row[..4]).collect();
+        // The low score of frame 4 may only keep who was seen in the frame before it.
+        assert_eq!(starts, ["1,1,", "2,1,"], "{tracked}");
+        let sorted = run_on(ROWS, TrackerName::Sort).unwrap();
+        let starts: Vec<&str> = sorted.lines().map(|row| &row[..4]).collect();
+        // Everybody is reported in the first three frames, later only who was seen three times in a row.
+        assert_eq!(starts, ["1,2,", "1,1,", "2,1,"], "{sorted}");
+        assert!(sorted.ends_with(",0.900000,-1,-1,-1\n"), "{sorted}");
+        assert_eq!(run_on("", TrackerName::Sort).unwrap(), "");
+        let error = run_on("1,-1,0,0,40\n", TrackerName::Sort).unwrap_err().to_string();
+        assert!(error.contains("det.txt:1: expected at least 6 columns"), "{error}");
+    }
+}

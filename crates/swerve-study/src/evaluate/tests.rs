@@ -184,7 +184,7 @@ const CAR: &str = "Car 0.0 0 -1.5 100 100 200 160 1.5 1.6 4.0 1 1 20 0.1";
 
 #[test]
 fn kitti_folders_give_average_precision() {
-    let (labels, found) = (format!("{CAR}\n").repeat(1), format!("{CAR} 0.9\n"));
+    let (labels, found) = (format!("{CAR}\n"), format!("{CAR} 0.9\n"));
     let folder =
         Folder::with(&[("gt/000000.txt", &labels), ("det/000000.txt", &found), ("gt/readme.md", "")]);
     let report = folder.numbers("detection @gt @det --format kitti");
@@ -216,14 +216,7 @@ fn kitti_folders_that_are_wrong_are_told_with_file_and_line() {
     }
     let folder = Folder::with(&[("gt/0.txt", CAR), ("gt/1.txt", ""), ("det/0.txt", ""), ("none/readme", "")]);
     let error = folder.error("detection @gt @det --format kitti");
-    assert_eq!(
-        error.replace('\\', "/"),
-        format!(
-            "{}: expected a file 1.txt, as the other folder has one; it may be empty",
-            folder.path("det").display()
-        )
-        .replace(&format!("{}/", folder.0.path().display()), "")
-    );
+    assert_eq!(error, "det: expected a file 1.txt, as the other folder has one; it may be empty");
     assert!(
         folder
             .error("detection @none @det --format kitti")
