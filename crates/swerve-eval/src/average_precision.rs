@@ -82,6 +82,18 @@ impl AveragePrecision {
         self.wanted += wanted.iter().filter(|counts| **counts).count() as u64;
     }
 
+    /// Takes in boxes judged elsewhere, by falling score: each is true or false, or left out; `wanted` were to be found.
+    pub(crate) fn judged(&mut self, judged: impl Iterator<Item = (f64, Option<bool>)>, wanted: u64) {
+        self.judged.extend(judged.filter_map(|(score, is_true)| Some((score, is_true?))));
+        self.wanted += wanted;
+    }
+
+    /// The share of the wanted boxes that were found; `None` if nothing was to be found.
+    pub fn recall(&self) -> Option<f64> {
+        let right = self.judged.iter().filter(|(_, is_true)| *is_true).count();
+        (self.wanted > 0).then(|| right as f64 / self.wanted as f64)
+    }
+
     /// Boxes that were to be found.
     pub fn wanted(&self) -> u64 {
         self.wanted
@@ -125,8 +137,8 @@ impl AveragePrecision {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::overlap::image_iou;
     use serde::Deserialize;
+    use swerve_geom::image_iou;
 
     #[derive(Deserialize)]
     struct Case {

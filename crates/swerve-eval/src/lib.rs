@@ -1,4 +1,5 @@
-//! Evaluation of a drive: verdict, distances, impact, comfort, response times, run times.
+//! Evaluation of a drive: verdict, distances, impact, comfort, response times, run times; and of perception:
+//! detections, tracks, segmentation, each also at the instant at which it can be used ([`timely`]).
 //!
 //! Every measure is a small accumulator that takes in one sample at a time, so that a run of any length is
 //! evaluated while it happens; [`Evaluation`] holds one of each and gives [`Metrics`], which serialise to
@@ -7,6 +8,7 @@
 //! Absences: no engine, no simulator, no file, no clock; whether a result is good enough is for the caller.
 
 mod average_precision;
+mod coco;
 mod distance;
 mod distribution;
 mod drive;
@@ -14,24 +16,33 @@ mod evaluation;
 mod gate;
 mod ground;
 mod jerk;
+mod kitti;
 mod overlap;
 mod plan;
 mod response;
 mod runtime;
+mod segmentation;
+pub mod timely;
+mod tracking;
 mod verdict;
 
 pub use average_precision::{AveragePrecision, Found, Recalls};
+pub use coco::{CocoClass, CocoFound, CocoMetrics, CocoTruth};
 pub use distance::{Clearance, Clearances, Outline};
 pub use distribution::{Distribution, Summary};
 pub use drive::{Drive, DriveMetrics};
 pub use evaluation::{ActorMetrics, Evaluation, JerkMetrics, Metrics, Params, Sight};
 pub use gate::{GateMetrics, GateStop, GateUse};
 pub use jerk::{CUTOFF_HZ, LateralJerk, LowPass};
-pub use overlap::{ground_iou, image_iou, shared_area_m2, volume_iou};
+pub use kitti::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiTruth, kitti_ap};
+pub use overlap::{ground_iou, overlapping, shared_area_m2, volume_iou};
 pub use plan::{PlanCounts, PlanMetrics};
 pub use response::ResponseTimes;
 pub use runtime::{OperatorMetrics, RunTimes};
+pub use segmentation::{Confusion, UnknownClass};
+pub use swerve_geom::image_iou;
 pub use swerve_msg::truth::Verdict;
+pub use tracking::{ClearMot, Hota, IdentityScore, SIMILARITY_MIN, TrackingFrame, TrackingMetrics};
 pub use verdict::{Impact, Outcome};
 
 /// Seconds of an instant, divided so that decimal instants print as such (1.95, not 1.9500000000000002).

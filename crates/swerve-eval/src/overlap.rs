@@ -1,6 +1,6 @@
 //! How much two boxes have in common: intersection over union.
 
-use swerve_geom::{Obb, Point2};
+use swerve_geom::{Obb, Point2, image_iou};
 use swerve_msg::DetectedBox;
 
 /// Corners of an intersection of two rectangles: at most eight.
@@ -47,11 +47,25 @@ pub fn volume_iou(a: &DetectedBox, b: &DetectedBox) -> f64 {
     over_union(shared, area_m2(a) * a.extent.height_m, area_m2(b) * b.extent.height_m)
 }
 
-/// Intersection over union of two rectangles in an image (left, top, right, bottom), 0 to 1.
-pub fn image_iou(a: [f64; 4], b: [f64; 4]) -> f64 {
-    let area = |[left, top, right, bottom]: [f64; 4]| (right - left).max(0.0) * (bottom - top).max(0.0);
-    let shared = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
-    over_union(shared, area(a), area(b))
+/// Pairs of rectangles in an image (left, top, right, bottom) that overlap: place in `a`, place in `b`, intersection over
+/// union above 0; by place in `a`, then in `b`. Takes time for the pairs and for sorting, not for all against all.
+pub fn overlapping(a: &[[f64; 4]], b: &[[f64; 4]]) -> Vec<(usize, usize, f64)> {
+    let mut by_left: Vec<usize> = (0..b.len()).collect();
+    by_left.sort_by(|&i, &k| b[i][0].total_cmp(&b[k][0]));
+    let widest = b.iter().map(|x| x[2] - x[0]).fold(0.0, f64::max);
+    let mut pairs = Vec::new();
+    for (i, &box_a) in a.iter().enumerate() {
+        let first = by_left.partition_point(|&k| b[k][0] < box_a[0] - widest);
+        let begun = pairs.len();
+        for &k in by_left[first..].iter().take_while(|&&k| b[k][0] < box_a[2]) {
+            let iou = image_iou(box_a, b[k]);
+            if iou > 0.0 {
+                pairs.push((i, k, iou));
+            }
+        }
+        pairs[begun..].sort_unstable_by_key(|&(_, k, _)| k);
+    }
+    pairs
 }
 
 fn footprint(x: &DetectedBox) -> Obb<swerve_geom::Ego> {
@@ -115,6 +129,25 @@ mod tests {
             8.0 * (core::f64::consts::SQRT_2 - 1.0),
         );
         near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(f64::NAN, 0.0, 0.0)), 0.0);
+    }
+
+    #[test]
+    fn overlapping_pairs_are_those_of_all_against_all() {
+        let mut rng = Rng::keyed(3, "overlapping", &[]);
+        for _ in 0..50 {
+            let mut boxes = |n: usize| -> Vec<[f64; 4]> {
+                let mut one = || {
+                    let (x, y) = (rng.uniform(0.0, 9.0), rng.uniform(0.0, 9.0));
+                    [x, y, x + rng.uniform(0.0, 3.0), y + rng.uniform(0.0, 3.0)]
+                };
+                (0..n).map(|_| one()).collect()
+            };
+            let (a, b) = (boxes(12), boxes(15));
+            let all = (0..a.len()).flat_map(|i| (0..b.len()).map(move |k| (i, k)));
+            let expected: Vec<_> =
+                all.map(|(i, k)| (i, k, image_iou(a[i], b[k]))).filter(|(_, _, iou)| *iou > 0.0).collect();
+            assert_eq!(overlapping(&a, &b), expected);
+        }
     }
 
     #[test]

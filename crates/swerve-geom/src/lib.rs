@@ -1,4 +1,5 @@
-//! Geometry with frames as types: points, vectors, poses and transforms, oriented boxes, polylines.
+//! Geometry with frames as types: points, vectors, poses and transforms, oriented boxes, polylines,
+//! pairs.
 //!
 //! **Frames** are zero-sized markers ([`Map`], [`Ego`], [`Lidar`], [`Camera`]). A transform is named and
 //! typed `to_from`: `map_from_ego: Transform<Map, Ego>`; adjacent frames of a product must match, so a
@@ -12,14 +13,18 @@
 //! machine. Absences: no parry, no rapier, no glam.
 
 mod angle;
+mod assignment;
 mod frame;
 pub mod math;
 mod obb;
 mod planar;
 mod polyline;
+mod rectangle;
 
 pub use angle::{angle_between, wrap_angle};
+pub use assignment::heaviest_pairs;
 pub use frame::{Camera, Ego, Lidar, Map, Point, Transform, Vector};
 pub use obb::Obb;
 pub use planar::{Point2, Pose2, Vector2};
 pub use polyline::{FrenetPoint, Polyline, PolylineError, PolylinePoint};
+pub use rectangle::image_iou;

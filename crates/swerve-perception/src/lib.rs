@@ -2,13 +2,14 @@
 //!
 //! [`detector`] takes what a sensor could see (truth) and makes of it what a detector of a given accuracy would have
 //! reported: boxes in the ego frame and in the image, some missed, some wrong, some of nothing. [`tracker`] makes
-//! tracks of such boxes.
+//! tracks of such boxes on the ground, [`image_plane`] in the image.
 //!
 //! Absences: no engine, no simulator, no file, no clock; how long a detector takes is for the caller.
 
 pub mod assignment;
 pub mod detector;
 pub mod image_box;
+pub mod image_plane;
 pub mod tracker;
 mod validate;
 

@@ -6,6 +6,7 @@
 mod budget;
 pub mod calibrate;
 pub mod dataset;
+pub mod evaluate;
 mod joint;
 mod limit;
 
@@ -15,6 +16,7 @@ pub mod grid;
 pub mod heatmap;
 pub mod ranking;
 pub mod table;
+pub mod track;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,194 @@
+//! ByteTrack (Zhang et al. 2022, arXiv 2110.06864): boxes of low scores are no new tracks, but they keep old ones.
+
+use swerve_geom::{heaviest_pairs, image_iou};
+
+use super::axis::Axis;
+use super::{ImageDetection, ImageTrack, ImageTracker, centred, edges, is_usable};
+
+/// Standard deviations of place and size over the height of the box (Wojke et al. 2017).
+const PLACE: f64 = 1.0 / 20.0;
+
+/// The same of their rates per frame.
+const RATE: f64 = 1.0 / 160.0;
+
+/// What may be set. Scores are between 0 and 1; a detector with others is to be calibrated first.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Params {
+    /// Above it a score is high.
+    pub score_high: f64,
+    /// Above it, and below the former, a score is low; others are passed over.
+    pub score_low: f64,
+    /// Least score of a box that founds a track.
+    pub score_new: f64,
+    /// Cost, one less overlap times score, below which boxes of high score are paired.
+    pub cost_max: f64,
+    /// Frames without a box after which a track is kept.
+    pub age_max: u64,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self { score_high: 0.5, score_low: 0.1, score_new: 0.6, cost_max: 0.8, age_max: 30 }
+    }
+}
+
+/// Cost, one less overlap, below which boxes of low score are paired.
+const COST_MAX_LOW: f64 = 0.5;
+
+/// The same, with the score, of tracks that have been seen once.
+const COST_MAX_NEW: f64 = 0.7;
+
+/// Tracks of which one is lost are the same if one less their overlap is below.
+const COST_SAME: f64 = 0.15;
+
+/// Follows boxes by their overlap, those of high scores first.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct ByteTrack {
+    params: Params,
+    frames: u64,
+    given: u64,
+    tracks: Vec<Followed>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum State {
+    /// Seen once, and not in the first frame.
+    New,
+    Tracked,
+    Lost,
+}
+
+#[derive(Clone, PartialEq, Debug)]
+struct Followed {
+    id: u64,
+    state: State,
+    score: f64,
+    /// Centre (across, down), width over height, height: px, px, 1, px.
+    axes: [Axis; 4],
+    founded: u64,
+    last_seen: u64,
+}
+
+impl ByteTrack {
+    /// Without any past.
+    pub fn new(params: Params) -> Self {
+        Self { params, ..Self::default() }
+    }
+
+    /// Pairs the tracks of some states that have no box in this frame yet with boxes, and takes those out of `boxes`.
+    fn pair(&mut self, states: &[State], boxes: &mut Vec<&ImageDetection>, cost_max: f64, by_score: bool) {
+        let free: Vec<usize> = (0..self.tracks.len())
+            .filter(|&t| self.tracks[t].last_seen < self.frames && states.contains(&self.tracks[t].state))
+            .collect();
+        let mut weighed = Vec::new();
+        for (k, &t) in free.iter().enumerate() {
+            let track = self.tracks[t].edges();
+            for (d, found) in boxes.iter().enumerate() {
+                let like = image_iou(track, found.box_px) * if by_score { found.score } else { 1.0 };
+                // To save the most below the limit is to cost the least if what stays alone costs half of the limit.
+                if 1.0 - like < cost_max {
+                    weighed.push((k, d, cost_max - (1.0 - like)));
+                }
+            }
+        }
+        let mut is_taken = vec![false; boxes.len()];
+        for (k, d) in heaviest_pairs(free.len(), boxes.len(), &weighed) {
+            self.tracks[free[k]].update(boxes[d], self.frames);
+            is_taken[d] = true;
+        }
+        let mut taken = is_taken.into_iter();
+        boxes.retain(|_| !taken.next().unwrap_or(false));
+    }
+
+    /// Of two that are nearly the same and of which one is lost, the one that has been followed for longer stays.
+    fn drop_doubles(&mut self) {
+        let age = |track: &Followed| track.last_seen - track.founded;
+        let mut is_double = vec![false; self.tracks.len()];
+        for (a, tracked) in self.tracks.iter().enumerate().filter(|(_, t)| t.state != State::Lost) {
+            for (b, lost) in self.tracks.iter().enumerate().filter(|(_, t)| t.state == State::Lost) {
+                if 1.0 - image_iou(tracked.edges(), lost.edges()) < COST_SAME {
+                    is_double[if age(tracked) > age(lost) { b } else { a }] = true;
+                }
+            }
+        }
+        let mut double = is_double.into_iter();
+        self.tracks.retain(|_| !double.next().unwrap_or(false));
+    }
+}
+
+impl ImageTracker for ByteTrack {
+    /// Tracks that have a box in this frame, by identity.
+    fn update(&mut self, found: &[ImageDetection]) -> Vec<ImageTrack> {
+        self.frames += 1;
+        let params = self.params;
+        let usable = || found.iter().filter(|f| is_usable(f));
+        let mut high: Vec<&ImageDetection> = usable().filter(|f| f.score > params.score_high).collect();
+        let mut low: Vec<&ImageDetection> =
+            usable().filter(|f| f.score > params.score_low && f.score < params.score_high).collect();
+        self.tracks.iter_mut().filter(|t| t.state != State::New).for_each(Followed::predict);
+        self.pair(&[State::Tracked, State::Lost], &mut high, params.cost_max, true);
+        self.pair(&[State::Tracked], &mut low, COST_MAX_LOW, false);
+        self.pair(&[State::New], &mut high, COST_MAX_NEW, true);
+        let now = self.frames;
+        self.tracks.retain(|t| t.last_seen == now || t.state != State::New);
+        for track in self.tracks.iter_mut().filter(|t| t.last_seen < now) {
+            track.state = State::Lost;
+        }
+        for detection in high.into_iter().filter(|f| f.score >= params.score_new) {
+            self.given += 1;
+            self.tracks.push(Followed::founded(self.given, detection, now));
+        }
+        self.tracks.retain(|track| now - track.last_seen <= params.age_max);
+        self.drop_doubles();
+        let told = self.tracks.iter().filter(|track| track.state == State::Tracked);
+        told.map(|t| ImageTrack { id: t.id, box_px: t.edges(), score: t.score }).collect()
+    }
+}
+
+/// Centre, aspect and height of a rectangle.
+fn shape(box_px: [f64; 4]) -> [f64; 4] {
+    let [x, y, width, height] = centred(box_px);
+    [x, y, width / height, height]
+}
+
+/// Variances of a rectangle of this height: the deviations of the aspect are its own.
+fn variances(height: f64, of_height: f64, of_aspect: f64) -> [f64; 4] {
+    let square = |x: f64| x * x;
+    let size = square(of_height * height);
+    [size, size, square(of_aspect), size]
+}
+
+impl Followed {
+    fn founded(id: u64, found: &ImageDetection, now: u64) -> Self {
+        let state = if now == 1 { State::Tracked } else { State::New };
+        let measured = shape(found.box_px);
+        let (places, rates) =
+            (variances(measured[3], 2.0 * PLACE, 1e-2), variances(measured[3], 10.0 * RATE, 1e-5));
+        let axes = core::array::from_fn(|k| Axis::new(measured[k], [places[k], rates[k]]));
+        Self { id, state, score: found.score, axes, founded: now, last_seen: now }
+    }
+
+    fn predict(&mut self) {
+        if self.state == State::Lost {
+            self.axes[3].rate = 0.0;
+        }
+        let height = self.axes[3].value;
+        let (places, rates) = (variances(height, PLACE, 1e-2), variances(height, RATE, 1e-5));
+        for (k, axis) in self.axes.iter_mut().enumerate() {
+            axis.predict([places[k], rates[k]]);
+        }
+    }
+
+    fn update(&mut self, found: &ImageDetection, now: u64) {
+        let noise = variances(self.axes[3].value, PLACE, 1e-1);
+        for ((axis, measured), variance) in self.axes.iter_mut().zip(shape(found.box_px)).zip(noise) {
+            axis.update(measured, variance);
+        }
+        (self.state, self.score, self.last_seen) = (State::Tracked, found.score, now);
+    }
+
+    fn edges(&self) -> [f64; 4] {
+        let [x, y, aspect, height] = self.axes.map(|axis| axis.value);
+        edges([x, y, aspect * height, height])
+    }
+}

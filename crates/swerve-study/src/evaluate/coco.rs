@@ -1,0 +1,131 @@
+//! COCO's annotations and results.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use anyhow::bail;
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer, Serialize};
+use swerve_eval::{CocoClass, CocoFound, CocoMetrics, CocoTruth};
+use swerve_text::with_nearest_name;
+
+use super::{Compared, numbers, text, wrong};
+
+#[derive(Deserialize)]
+struct Truth {
+    images: Vec<Named>,
+    categories: Vec<Named>,
+    annotations: Vec<Annotation>,
+}
+
+#[derive(Deserialize)]
+struct Named {
+    id: u64,
+    #[serde(default)]
+    name: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct Annotation {
+    image_id: u64,
+    category_id: u64,
+    #[serde(deserialize_with = "box_px")]
+    bbox: [f64; 4],
+    area: Option<f64>,
+    #[serde(default)]
+    iscrowd: u8,
+}
+
+#[derive(Deserialize)]
+struct Report {
+    image_id: u64,
+    category_id: u64,
+    #[serde(deserialize_with = "box_px")]
+    bbox: [f64; 4],
+    score: f64,
+}
+
+/// Left, top, width, height.
+fn box_px<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 4], D::Error> {
+    let edges = <[f64; 4]>::deserialize(from)?;
+    if edges[2] < 0.0 || edges[3] < 0.0 {
+        let what =
+            format!("bbox: expected a width and a height of at least 0, found {} and {}", edges[2], edges[3]);
+        return Err(D::Error::custom(what));
+    }
+    Ok(edges)
+}
+
+/// Of all classes, and of each.
+#[derive(Serialize)]
+pub(super) struct CocoReport {
+    all: CocoMetrics,
+    classes: BTreeMap<String, CocoMetrics>,
+}
+
+/// What a class has in each image, by the image's identity.
+type Images<T> = BTreeMap<u64, Vec<T>>;
+
+pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<CocoReport> {
+    let truth: Truth = read(&compared.truth)?;
+    let found: Vec<Report> = read(&compared.found)?;
+    let images: BTreeSet<u64> = truth.images.iter().map(|image| image.id).collect();
+    let classes: BTreeMap<u64, String> = truth.categories.iter().map(|c| (c.id, name(c))).collect();
+    let check = |path: &Path, key: String, image: u64, class: u64| {
+        let of = compared.truth.display();
+        if !images.contains(&image) {
+            bail!("{}: {key}.image_id: expected an image of {of}, found {image}", path.display());
+        }
+        if !classes.contains_key(&class) {
+            bail!("{}: {key}.category_id: expected a category of {of}, found {class}", path.display());
+        }
+        Ok(())
+    };
+    let mut there = BTreeMap::<u64, Images<CocoTruth>>::new();
+    for (k, a) in truth.annotations.iter().enumerate() {
+        check(&compared.truth, format!("annotations[{k}]"), a.image_id, a.category_id)?;
+        let area_px2 = a.area.unwrap_or(a.bbox[2] * a.bbox[3]);
+        let one = CocoTruth { box_px: a.bbox, area_px2, is_crowd: a.iscrowd != 0 };
+        there.entry(a.category_id).or_default().entry(a.image_id).or_default().push(one);
+    }
+    let mut reported = BTreeMap::<u64, Images<CocoFound>>::new();
+    for (k, r) in found.iter().enumerate() {
+        check(&compared.found, format!("[{k}]"), r.image_id, r.category_id)?;
+        let one = CocoFound { box_px: r.bbox, score: r.score };
+        reported.entry(r.category_id).or_default().entry(r.image_id).or_default().push(one);
+    }
+    let images: Vec<u64> = images.into_iter().collect();
+    let judged = compared.timely.judged(images.len());
+    let mut metrics = BTreeMap::new();
+    for (id, name) in classes {
+        let (there, reported) =
+            (there.remove(&id).unwrap_or_default(), reported.remove(&id).unwrap_or_default());
+        let mut class = CocoClass::default();
+        for &(t, r) in &judged {
+            let truth = there.get(&images[t]).map_or(&[][..], Vec::as_slice);
+            let found = r.and_then(|r| reported.get(&images[r])).map_or(&[][..], Vec::as_slice);
+            class.image(truth, found);
+        }
+        metrics.insert(name, class.metrics());
+    }
+    let each: Vec<CocoMetrics> = metrics.values().copied().collect();
+    Ok(CocoReport { all: CocoMetrics::mean(&each), classes: metrics })
+}
+
+fn name(class: &Named) -> String {
+    class.name.clone().unwrap_or_else(|| class.id.to_string())
+}
+
+fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {
+    serde_json::from_str(&text(path)?).map_err(|error| {
+        let message = error.to_string();
+        let place = format!(" at line {} column {}", error.line(), error.column());
+        wrong(path, error.line().max(1), with_nearest_name(message.strip_suffix(&place).unwrap_or(&message)))
+    })
+}
+
+pub(super) fn table(report: &CocoReport) -> anyhow::Result<String> {
+    let mut columns = vec![("all", &report.all)];
+    columns.extend(report.classes.iter().map(|(name, metrics)| (name.as_str(), metrics)));
+    numbers(&columns)
+}

@@ -1,0 +1,146 @@
+//! KITTI's labels: a text file for each frame, a line for each box, columns between spaces.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use serde::Serialize;
+use swerve_eval::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiTruth, kitti_ap};
+use swerve_report::output::align;
+use swerve_text::nearest;
+
+use super::{Compared, cell, number, text, wrong};
+
+/// Columns of a label; a box that is found has its score behind them.
+const COLUMNS: usize = 15;
+
+/// Of each class at each level.
+#[derive(Serialize)]
+pub(super) struct KittiReport(Vec<ClassReport>);
+
+#[derive(Serialize)]
+struct ClassReport {
+    class: KittiClass,
+    level: KittiLevel,
+    #[serde(flatten)]
+    ap: KittiAp,
+}
+
+/// One line of a label file.
+struct Label {
+    kind: KittiKind,
+    /// From the second column on.
+    numbers: Vec<f64>,
+}
+
+pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<KittiReport> {
+    let (truth, found) = (labels(&compared.truth, COLUMNS)?, labels(&compared.found, COLUMNS + 1)?);
+    if truth.is_empty() {
+        bail!("{}: expected label files (.txt), found none", compared.truth.display());
+    }
+    let missing = |a: &BTreeMap<String, Vec<Label>>, b: &BTreeMap<String, Vec<Label>>| {
+        a.keys().find(|name| !b.contains_key(*name)).cloned()
+    };
+    for (of, name) in [(&compared.found, missing(&truth, &found)), (&compared.truth, missing(&found, &truth))]
+    {
+        if let Some(name) = name {
+            bail!("{}: expected a file {name}, as the other folder has one; it may be empty", of.display());
+        }
+    }
+    let truth: Vec<Vec<KittiTruth>> =
+        truth.into_values().map(|f| f.iter().map(Label::truth).collect()).collect();
+    let found: Vec<Vec<KittiFound>> =
+        found.into_values().map(|f| f.iter().map(Label::found).collect()).collect();
+    let judged = compared.timely.judged(truth.len());
+    let frames: Vec<_> = judged
+        .into_iter()
+        .map(|(t, r)| (truth[t].clone(), r.map_or_else(Vec::new, |r| found[r].clone())))
+        .collect();
+    let all = KittiClass::ALL.into_iter().flat_map(|class| KittiLevel::ALL.map(|level| (class, level)));
+    let report = |(class, level)| ClassReport { class, level, ap: kitti_ap(&frames, class, level) };
+    Ok(KittiReport(all.map(report).collect()))
+}
+
+/// The labels of a folder, by the names of their files.
+fn labels(folder: &Path, columns: usize) -> anyhow::Result<BTreeMap<String, Vec<Label>>> {
+    let mut files = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|e| e == "txt") {
+            let text = text(&path)?;
+            let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+            let label = |(k, line)| label(line, columns).map_err(|what| wrong(&path, k + 1, what));
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+            files.insert(name.unwrap_or_default(), lines.map(label).collect::<anyhow::Result<_>>()?);
+        }
+    }
+    Ok(files)
+}
+
+fn label(line: &str, columns: usize) -> Result<Label, String> {
+    const NAMES: [&str; COLUMNS + 1] = [
+        "type",
+        "truncated",
+        "occluded",
+        "alpha",
+        "left",
+        "top",
+        "right",
+        "bottom",
+        "height",
+        "width",
+        "length",
+        "x",
+        "y",
+        "z",
+        "rotation_y",
+        "score",
+    ];
+    let words: Vec<&str> = line.split_whitespace().collect();
+    if words.len() < columns {
+        return Err(format!(
+            "expected {columns} columns ({}), found {}",
+            NAMES[..columns].join(" "),
+            words.len()
+        ));
+    }
+    let kind = KittiKind::ALL.into_iter().find(|(name, _)| name.eq_ignore_ascii_case(words[0]));
+    let Some((_, kind)) = kind else {
+        let near = nearest(words[0], KittiKind::ALL.into_iter().map(|(name, _)| name));
+        let hint = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+        return Err(format!("type: expected one of KITTI's, found `{}`{hint}", words[0]));
+    };
+    let numbers: Vec<f64> = (1..columns).map(|k| number(NAMES[k], words[k])).collect::<Result<_, _>>()?;
+    let [left, top, right, bottom] = edges(&numbers);
+    if right < left || bottom < top {
+        return Err(format!(
+            "left top right bottom: expected edges in order, found {left} {top} {right} {bottom}"
+        ));
+    }
+    Ok(Label { kind, numbers })
+}
+
+fn edges(numbers: &[f64]) -> [f64; 4] {
+    core::array::from_fn(|k| numbers[3 + k])
+}
+
+impl Label {
+    fn truth(&self) -> KittiTruth {
+        let (truncation, occlusion) = (self.numbers[0], self.numbers[1]);
+        KittiTruth { kind: self.kind, truncation, occlusion, box_px: edges(&self.numbers) }
+    }
+
+    fn found(&self) -> KittiFound {
+        KittiFound { kind: self.kind, box_px: edges(&self.numbers), score: self.numbers[COLUMNS - 1] }
+    }
+}
+
+pub(super) fn table(report: &KittiReport) -> anyhow::Result<String> {
+    let mut lines = vec![["", "", "R11", "R40"].map(str::to_owned).to_vec()];
+    for ClassReport { class, level, ap } in &report.0 {
+        let name = |value: serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+        let (class, level) = (name(serde_json::to_value(class)?), name(serde_json::to_value(level)?));
+        lines.push(vec![class, level, cell(ap.r11), cell(ap.r40)]);
+    }
+    Ok(align(&lines))
+}

@@ -1,0 +1,225 @@
+use std::path::PathBuf;
+
+use clap::Parser;
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::*;
+
+#[derive(Parser)]
+struct Line {
+    #[command(flatten)]
+    args: EvalArgs,
+}
+
+struct Folder(TempDir);
+
+impl Folder {
+    fn with(files: &[(&str, &str)]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        Self(folder)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// What `swerve eval` makes of words, in which `@` stands for the folder.
+    fn eval(&self, words: &str, as_json: bool) -> anyhow::Result<String> {
+        let words = words.replace('@', &format!("{}/", self.0.path().display()));
+        let json = as_json.then_some("--json");
+        let line = Line::try_parse_from(std::iter::once("eval").chain(words.split(' ')).chain(json))?;
+        result(&line.args)
+    }
+
+    fn numbers(&self, words: &str) -> Value {
+        serde_json::from_str(&self.eval(words, true).unwrap()).unwrap()
+    }
+
+    fn error(&self, words: &str) -> String {
+        let place = format!("{}/", self.0.path().display());
+        format!("{:#}", self.eval(words, true).unwrap_err()).replace(&place, "")
+    }
+}
+
+/// A person who goes 10 px a frame, in frames 1, 2 and 4.
+const WALK: &str = "1,5,0,0,40,80,1\n2,5,10,0,40,80,1\n4,5,30,0,40,80,1\n";
+
+#[test]
+fn tracks_are_measured_row_by_row_in_any_order() {
+    let back = "4,1,30,0,40,80,0.9,-1,-1,-1\n\n1,1,0.0,0,40,80\n2,1,10,0,40,80,0.4\n";
+    let ignored = format!("{WALK}2,9,500,0,40,80,0\n");
+    let folder = Folder::with(&[("gt.txt", &ignored), ("back.txt", back), ("empty.txt", "")]);
+    let perfect = folder.numbers("tracking @gt.txt @back.txt");
+    assert_eq!((&perfect["clear"]["mota"], &perfect["hota"]["hota"]), (&1.0.into(), &1.0.into()));
+    assert_eq!(perfect["identity"]["true_positives"], 3);
+    let nothing = folder.numbers("tracking @gt.txt @empty.txt");
+    assert_eq!((&nothing["clear"]["mota"], &nothing["clear"]["false_negatives"]), (&0.0.into(), &3.into()));
+    assert_eq!(nothing["identity"]["idp"], Value::Null);
+    let table = folder.eval("tracking @gt.txt @back.txt", false).unwrap();
+    assert!(table.lines().any(|line| line.split_whitespace().eq(["clear.mota", "1.0000"])), "{table}");
+}
+
+#[test]
+fn a_late_result_is_measured_where_the_person_is_by_then() {
+    let folder =
+        Folder::with(&[("gt.txt", "1,5,0,0,40,80\n2,5,10,0,40,80\n3,5,20,0,40,80\n4,5,30,0,40,80\n")]);
+    let timely = |anchor: &str| {
+        let words = format!("tracking @gt.txt @gt.txt --runtime-ms 120 --anchor {anchor}");
+        let clear = folder.numbers(&words)["clear"].clone();
+        let overlap = clear["motp"].as_f64().map(|share| (share * 1e6).round() / 1e6);
+        ["true_positives", "false_positives", "false_negatives"]
+            .map(|name| clear[name].as_u64().unwrap())
+            .into_iter()
+            .map(|n| n as f64)
+            .chain(overlap)
+            .collect::<Vec<f64>>()
+    };
+    // 20 px further after 200 ms, 10 px after 100 ms: overlaps of 20/60, which is none, and of 30/50.
+    assert_eq!(timely("start"), [0.0, 2.0, 2.0]);
+    assert_eq!(timely("start --snap round"), [3.0, 0.0, 0.0, 0.6]);
+    assert_eq!(timely("end"), [0.0, 2.0, 4.0]);
+    assert_eq!(timely("end --snap round"), [3.0, 0.0, 1.0, 0.6]);
+    assert_eq!(timely("end --period-ms 1000"), [3.0, 0.0, 1.0, 0.6]);
+}
+
+#[test]
+fn rows_that_are_wrong_are_told_with_their_line() {
+    for (rows, says) in [
+        (
+            "1,5,0,0,40\n",
+            "bad.txt:1: expected at least 6 columns between commas (frame,id,left,top,width,height), found 5",
+        ),
+        ("1,5,0,0,40,80\n\n2,5,x,0,40,80\n", "bad.txt:3: left: expected a finite number, found `x`"),
+        ("1,5,0,NaN,40,80\n", "bad.txt:1: top: expected a finite number, found `NaN`"),
+        ("0,5,0,0,40,80\n", "bad.txt:1: frame: expected a whole number from 1 to 10000000, found 0"),
+        ("1.5,5,0,0,40,80\n", "bad.txt:1: frame: expected a whole number"),
+        ("1,-1,0,0,40,80\n", "bad.txt:1: id: expected at least 0, found -1"),
+        ("1,5,0,0,-40,80\n", "bad.txt:1: width: expected at least 0, found -40"),
+        ("1,5,0,0,40,80\n1,5,9,0,40,80\n", "bad.txt:2: frame 1 has two boxes of identity 5, expected one"),
+    ] {
+        let folder = Folder::with(&[("gt.txt", WALK), ("bad.txt", rows)]);
+        for words in ["tracking @gt.txt @bad.txt", "tracking @bad.txt @gt.txt"] {
+            let error = folder.error(words);
+            assert!(error.starts_with(says), "{error}\nexpected: {says}");
+        }
+    }
+    let folder = Folder::with(&[("gt.txt", WALK), ("empty.txt", "")]);
+    assert_eq!(
+        folder.error("tracking @empty.txt @gt.txt"),
+        "empty.txt: expected at least one box that counts"
+    );
+    assert!(folder.error("tracking @none.txt @gt.txt").starts_with("none.txt: cannot be read"));
+    assert!(folder.error("tracking @gt.txt @gt.txt --anchor end").contains("--runtime-ms"));
+    std::fs::write(folder.path("bytes.txt"), b"1,5,0,0,40,80\n\xff").unwrap();
+    assert_eq!(folder.error("tracking @gt.txt @bytes.txt"), "bytes.txt:2: expected text in UTF-8");
+}
+
+const COCO: &str = r#"{
+ "images": [{"id": 7}, {"id": 3}],
+ "categories": [{"id": 1, "name": "person"}, {"id": 2, "name": "car"}, {"id": 4, "name": "boat"}],
+ "annotations": [
+  {"id": 1, "image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40], "area": 800, "iscrowd": 0},
+  {"id": 2, "image_id": 7, "category_id": 2, "bbox": [50, 50, 100, 100]}
+ ]
+}"#;
+
+#[test]
+fn coco_files_give_cocos_numbers() {
+    let found = r#"[{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40], "score": 0.9}]"#;
+    let folder = Folder::with(&[("gt.json", COCO), ("found.json", found), ("none.json", "[]")]);
+    let report = folder.numbers("detection @gt.json @found.json --format coco");
+    assert_eq!((&report["all"]["ap"], &report["all"]["ap_small"]), (&0.5.into(), &1.0.into()));
+    assert_eq!(
+        (&report["classes"]["person"]["ar_1"], &report["classes"]["car"]["ar_1"]),
+        (&1.0.into(), &0.0.into())
+    );
+    assert_eq!(report["classes"]["boat"]["ap"], Value::Null);
+    assert_eq!(folder.numbers("detection @gt.json @none.json --format coco")["all"]["ap"], 0.0);
+    let table = folder.eval("detection @gt.json @found.json --format coco", false).unwrap();
+    assert!(
+        table.lines().any(|l| l.split_whitespace().eq(["ap50", "0.5000", "-", "0.0000", "1.0000"])),
+        "{table}"
+    );
+}
+
+#[test]
+fn coco_files_that_are_wrong_are_told_with_their_place() {
+    let one = |text: &str| format!("[\n {text}]");
+    for (found, says) in [
+        (String::new(), "bad.json:1: EOF"),
+        (
+            one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40]}"#),
+            "bad.json:2: missing field `score`",
+        ),
+        (
+            one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, NaN, 20, 40], "score": 1}"#),
+            "bad.json:2: expected value",
+        ),
+        (
+            one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, 0, -20, 40], "score": 1}"#),
+            "bad.json:2: bbox: expected a width",
+        ),
+        (
+            one(r#"{"image_id": 4, "category_id": 1, "bbox": [0, 0, 20, 40], "score": 1}"#),
+            "bad.json: [0].image_id: expected an image of gt.json, found 4",
+        ),
+        (
+            one(r#"{"image_id": 3, "category_id": 9, "bbox": [0, 0, 20, 40], "score": 1}"#),
+            "bad.json: [0].category_id: expected a category of gt.json, found 9",
+        ),
+    ] {
+        let folder = Folder::with(&[("gt.json", COCO), ("bad.json", &found)]);
+        let error = folder.error("detection @gt.json @bad.json --format coco");
+        assert!(error.starts_with(says), "{error}\nexpected: {says}");
+    }
+}
+
+const CAR: &str = "Car 0.0 0 -1.5 100 100 200 160 1.5 1.6 4.0 1 1 20 0.1";
+
+#[test]
+fn kitti_folders_give_average_precision() {
+    let (labels, found) = (format!("{CAR}\n"), format!("{CAR} 0.9\n"));
+    let folder =
+        Folder::with(&[("gt/000000.txt", &labels), ("det/000000.txt", &found), ("gt/readme.md", "")]);
+    let report = folder.numbers("detection @gt @det --format kitti");
+    let easy = &report[0];
+    assert_eq!((&easy["class"], &easy["level"]), (&"car".into(), &"easy".into()));
+    // One threshold of forty-one: with a single car only recall 0 is reached.
+    assert_eq!((&easy["r11"], &easy["r40"]), (&(1.0 / 11.0).into(), &0.0.into()));
+    assert_eq!(report[3]["r40"], Value::Null);
+    assert!(folder.eval("detection @gt @det --format kitti", false).unwrap().contains("pedestrian"));
+}
+
+#[test]
+fn kitti_folders_that_are_wrong_are_told_with_file_and_line() {
+    for (found, says) in [
+        (CAR.to_owned(), "det/0.txt:1: expected 16 columns (type truncated"),
+        (format!("{CAR} 1\n{CAR} inf"), "det/0.txt:2: score: expected a finite number, found `inf`"),
+        (
+            format!("{CAR} 1").replace("Car", "Cra"),
+            "det/0.txt:1: type: expected one of KITTI's, found `Cra` (did you mean `Car`?)",
+        ),
+        (
+            format!("{CAR} 1").replace("200 160", "90 160"),
+            "det/0.txt:1: left top right bottom: expected edges in order",
+        ),
+    ] {
+        let folder = Folder::with(&[("gt/0.txt", CAR), ("det/0.txt", &found)]);
+        let error = folder.error("detection @gt @det --format kitti");
+        assert!(error.starts_with(says), "{error}\nexpected: {says}");
+    }
+    let folder = Folder::with(&[("gt/0.txt", CAR), ("gt/1.txt", ""), ("det/0.txt", ""), ("none/readme", "")]);
+    let error = folder.error("detection @gt @det --format kitti");
+    assert_eq!(error, "det: expected a file 1.txt, as the other folder has one; it may be empty");
+    assert!(
+        folder
+            .error("detection @none @det --format kitti")
+            .ends_with("expected label files (.txt), found none")
+    );
+}
