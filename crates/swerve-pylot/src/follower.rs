@@ -177,7 +177,9 @@ mod tests {
             plan.points.iter_mut().for_each(|p| p.speed_mps = target_mps);
             let ego = EgoState { speed_mps, ..EgoState::default() };
             let Command { throttle, brake, .. } =
-                follower(|rules| rules.speed = speed).step(Time::ZERO, &ego, Some(&plan)).command;
+                follower(|rules| (rules.speed, rules.default_throttle) = (speed, 0.5))
+                    .step(Time::ZERO, &ego, Some(&plan))
+                    .command;
             (throttle, brake)
         };
         assert_eq!(pedals(SpeedLaw::Proportional, 16.0, 16.0), (0.5, 0.0));

@@ -64,9 +64,10 @@ pub enum Waypoint {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SpeedLaw {
-    /// In proportion to the error: of `u`, 0.25 per m/s too fast, the throttle is `default_throttle - 1.3 u`, at most
-    /// 0.75, and the brake `0.35 u` where `u` is above 0.5. Source: `pylot` c0454eb, `control/utils.py`,
-    /// `control/flags.py`; the controller is `pid_controller` 0.2, whose integral forgets all but the present step.
+    /// In proportion to the error, as until May 2020: of `u`, 0.25 per m/s too fast, the throttle is
+    /// `default_throttle - 1.3 u`, at most 0.75, and the brake `0.35 u` where `u` is above 0.5. Source: `pylot`
+    /// c0454eb, `control/utils.py`; `pid_controller` 0.2, whose integral forgets all but the present step. No era has it
+    /// by default, because its throttle at the wanted speed is not known for certain.
     Proportional,
     /// A PID on km/h that works one pedal or the other fully. Source: `pylot` be7bf9c, `control/pid.py`,
     /// `control/utils.py`.
@@ -115,7 +116,8 @@ pub struct Rules {
     pub steer_gain: f64,
     /// How throttle and brake follow from the speed to go for.
     pub speed: SpeedLaw,
-    /// Throttle at the speed to go for, where it is proportional, 0 to 1. Source: `pylot` c0454eb, `control/utils.py`.
+    /// Throttle at the wanted speed, where the law is proportional, 0 to 1. Source: `pylot`, `default_throttle` in
+    /// `control/flags.py` before May 2020 (0.0); readings of c0454eb have 0.5.
     pub default_throttle: f64,
     /// Half the side of the box that a pedestrian is planned for as, where all predicted places count at once, metres;
     /// what is predicted when absent. No era has one: `pylot` takes the simulator's own boxes, and those of its walkers
@@ -128,9 +130,9 @@ impl Rules {
     /// The rules of an era for one of its planners.
     pub fn of(era: Era, original: Original) -> Self {
         let fot = original == Original::Fot;
-        let (fallback, waypoint, speed) = match era {
-            Era::May2020 => (Fallback::StopOnLastPlan, Waypoint::Number, SpeedLaw::Proportional),
-            Era::November2020 => (Fallback::StopOnRoute, Waypoint::Distance, SpeedLaw::Pid),
+        let (fallback, waypoint) = match era {
+            Era::May2020 => (Fallback::StopOnLastPlan, Waypoint::Number),
+            Era::November2020 => (Fallback::StopOnRoute, Waypoint::Distance),
         };
         Self {
             range_per_place: true,
@@ -145,8 +147,8 @@ impl Rules {
             borders_only: true,
             waypoint,
             steer_gain: if original == Original::RrtStar { 0.7 } else { 1.0 },
-            speed,
-            default_throttle: 0.5,
+            speed: SpeedLaw::Pid,
+            default_throttle: 0.0,
             person_half_m: None,
         }
     }
@@ -184,12 +186,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eras_differ_in_what_is_driven_when_nothing_is_found_and_in_how_plans_are_followed() {
+    fn eras_differ_in_what_is_driven_when_nothing_is_found_and_in_the_point_steered_at() {
         let [may, november] = [Era::May2020, Era::November2020].map(|era| Rules::of(era, Original::RrtStar));
-        let as_may = Rules { fallback: may.fallback, waypoint: may.waypoint, speed: may.speed, ..november };
+        let as_may = Rules { fallback: may.fallback, waypoint: may.waypoint, ..november };
         assert_eq!(as_may, may);
-        assert_ne!(may.fallback, november.fallback);
-        assert_ne!((may.waypoint, may.speed), (november.waypoint, november.speed));
+        assert_ne!((may.fallback, may.waypoint), (november.fallback, november.waypoint));
         for original in [Original::Fot, Original::RrtStar, Original::HybridAstar, Original::Other] {
             assert_eq!(Rules::of(Era::May2020, original).validate(original), Ok(()));
         }
