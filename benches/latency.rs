@@ -12,8 +12,8 @@ use std::sync::Arc;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_core::{Rng, Span, Time};
 use swerve_flow::{
-    At, Context, Event, Every, Graph, Latest, Observer, Operator, Policy, Port, RecordedTimes, RunOptions,
-    RuntimeModel, every, run_virtual,
+    At, Context, Event, Every, Graph, Late, Latest, Observer, Operator, Policy, Port, RecordedTimes,
+    RunOptions, RuntimeModel, every, run_virtual,
 };
 use swerve_report::output::align;
 
@@ -129,7 +129,7 @@ fn policies() -> [(&'static str, Policy); 4] {
         ("skip_to_latest", Policy::SkipToLatest),
         ("queue(2)", Policy::queue(2)),
         ("pipelined(4)", Policy::pipelined(4)),
-        ("pipelined(4, overtaking)", Policy::Pipelined { places: 4, overtaking: true }),
+        ("pipelined(4, overtaking)", Policy::Pipelined { places: 4, late: Late::Overtaken }),
     ]
 }
 

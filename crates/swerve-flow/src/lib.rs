@@ -122,7 +122,7 @@ pub use payload::{ErasedPayload, Payload, PayloadType};
 #[doc(hidden)]
 pub use payload::{Outs, Sent};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
-pub use policy::{Full, Policy};
+pub use policy::{Full, Late, Policy};
 pub use port::{InputPort, NamedInputs, NamedOutputs, OutputInfo, OutputPort, PortInfo, PortMode, Wire};
 pub use remote::{Answered, Call, CallError, Lost, RemoteExecutor, Worker};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};

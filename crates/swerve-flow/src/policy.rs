@@ -3,6 +3,7 @@
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
 
 /// The busy policy of an operator: how many steps it has under way, and which frames wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -22,8 +23,8 @@ pub enum Policy {
     Pipelined {
         /// How many steps may be under way.
         places: usize,
-        /// A result that would come after a newer one is dropped, instead of newer ones waiting for it.
-        overtaking: bool,
+        /// What becomes of results that are not done in the order of their stamps.
+        late: Late,
     },
 }
 
@@ -40,6 +41,19 @@ pub enum Full {
     Fail,
 }
 
+/// What becomes of results that are not done in the order of their stamps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Late {
+    /// Newer results wait for older ones.
+    #[default]
+    Waits,
+    /// A result that would come after a newer one is dropped.
+    Overtaken,
+    /// Newer results wait, and one that was done by the publication before it comes this long after that.
+    PutOff(Span),
+}
+
 impl Policy {
     /// A queue of `capacity` frames that drops its oldest when full.
     pub const fn queue(capacity: usize) -> Self {
@@ -48,7 +62,7 @@ impl Policy {
 
     /// A pipeline of `places` steps whose results are published in order.
     pub const fn pipelined(places: usize) -> Self {
-        Self::Pipelined { places, overtaking: false }
+        Self::Pipelined { places, late: Late::Waits }
     }
 
     /// How many steps may be under way at once.
@@ -68,7 +82,17 @@ impl Policy {
     }
 
     pub(crate) const fn overtakes(self) -> bool {
-        matches!(self, Self::Pipelined { overtaking: true, .. })
+        matches!(self, Self::Pipelined { late: Late::Overtaken, .. })
+    }
+
+    /// When a result may come out that was done at `end`, the one before it having come out at `before`.
+    pub(crate) fn comes_out(self, end: Time, before: Option<Time>) -> Time {
+        match (self, before) {
+            (Self::Pipelined { late: Late::PutOff(by), .. }, Some(before)) if end <= before => {
+                before.saturating_add(by)
+            }
+            _ => end,
+        }
     }
 }
 
@@ -79,8 +103,11 @@ impl fmt::Display for Policy {
             Self::Queue { capacity, full: Full::DropOldest } => write!(f, "queue({capacity})"),
             Self::Queue { capacity, full: Full::DropNewest } => write!(f, "queue({capacity}, drop_newest)"),
             Self::Queue { capacity, full: Full::Fail } => write!(f, "queue({capacity}, fail)"),
-            Self::Pipelined { places, overtaking: false } => write!(f, "pipelined({places})"),
-            Self::Pipelined { places, overtaking: true } => write!(f, "pipelined({places}, overtaking)"),
+            Self::Pipelined { places, late: Late::Waits } => write!(f, "pipelined({places})"),
+            Self::Pipelined { places, late: Late::Overtaken } => write!(f, "pipelined({places}, overtaking)"),
+            Self::Pipelined { places, late: Late::PutOff(by) } => {
+                write!(f, "pipelined({places}, put_off {})", by.as_secs() * 1e3)
+            }
         }
     }
 }

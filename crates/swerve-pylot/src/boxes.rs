@@ -1,7 +1,7 @@
 //! The obstacles as the originals see them: boxes along the axes, grown, at all predicted places.
 
 use swerve_geom::{Obb, Point2};
-use swerve_msg::Prediction;
+use swerve_msg::{ActorKind, Extent, Prediction};
 use swerve_planning::collision::SWEPT_STEP_M;
 use swerve_planning::{CollisionMode, Request, Solid};
 
@@ -27,6 +27,8 @@ pub(crate) struct Sight {
     pub(crate) range_m: f64,
     /// Whether each place has to be in range itself.
     pub(crate) per_place: bool,
+    /// Half the side of a pedestrian's box, where all places count at once and it is not the predicted one, metres.
+    pub(crate) person_half_m: Option<f64>,
 }
 
 /// Boxes along the axes.
@@ -55,6 +57,12 @@ impl Boxes {
             let any = prediction.path.iter().any(|p| near(p.pose.point()));
             let mut last: Option<Point2> = None;
             let swept = sight.collision == CollisionMode::SweptStatic;
+            let extent = match (prediction.kind, sight.person_half_m) {
+                (ActorKind::Pedestrian, Some(half_m)) if swept => {
+                    Extent { length_m: 2.0 * half_m, width_m: 2.0 * half_m, ..prediction.extent }
+                }
+                _ => prediction.extent,
+            };
             // The original's predictions begin a step ahead: where somebody is now is none of them.
             let present = usize::from(swept && prediction.path.len() > 1);
             for (k, place) in prediction.path.iter().enumerate().skip(present) {
@@ -64,7 +72,7 @@ impl Boxes {
                 }
                 last = Some(point);
                 if if sight.per_place { near(point) } else { any } {
-                    let bounds = grown(around(&prediction.extent.footprint(place.pose)), by_m);
+                    let bounds = grown(around(&extent.footprint(place.pose)), by_m);
                     let during_s = if swept { ALWAYS } else { during(prediction, k, request) };
                     self.places.push(Place { bounds, during_s });
                 }
@@ -222,11 +230,29 @@ mod tests {
     }
 
     #[test]
+    fn a_person_is_as_wide_as_the_rule_says() {
+        let world = World::straight(10.0).with_person((20.0, 4.0), (0.0, 0.0));
+        let width_m = |person_half_m| {
+            let mut boxes = Boxes::default();
+            let sight = Sight {
+                collision: CollisionMode::SweptStatic,
+                range_m: 30.0,
+                per_place: true,
+                person_half_m,
+            };
+            boxes.set_predicted(&world.request(), Point2::new(0.0, 0.0), sight, 0.5);
+            boxes.area_m2().sqrt() - 1.0
+        };
+        assert!((width_m(Some(0.19)) - 0.38).abs() < 1e-9);
+        assert!((width_m(None) - 0.38).abs() > 0.01);
+    }
+
+    #[test]
     fn places_count_all_at_once_or_each_in_its_time() {
         let world = World::straight(10.0).with_person((20.0, 4.0), (0.0, -2.0));
         let predicted = |collision, per_place, range_m| {
             let mut boxes = Boxes::default();
-            let sight = Sight { collision, range_m, per_place };
+            let sight = Sight { collision, range_m, per_place, person_half_m: None };
             boxes.set_predicted(&world.request(), Point2::new(0.0, 0.0), sight, 0.5);
             boxes
         };

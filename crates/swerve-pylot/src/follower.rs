@@ -1,4 +1,4 @@
-//! The originals' follower: a PID on speed, and steering by the angle to one point of the plan.
+//! The originals' follower: a law for the speed, and steering by the angle to one point of the plan.
 
 use swerve_control::lateral::{WaypointParams, waypoint_angle};
 use swerve_control::pid::{Params, Pid};
@@ -8,7 +8,7 @@ use swerve_geom::Point2;
 use swerve_msg::{Command, EgoState, Plan, PlanPoint};
 use swerve_vehicle::{Limits, Shape};
 
-use crate::{Rules, Waypoint};
+use crate::{Rules, SpeedLaw, Waypoint};
 
 /// The point steered at is at least this far away where distance counts, metres. Source: `pylot` be7bf9c,
 /// `control/flags.py`.
@@ -21,6 +21,12 @@ const PASSED_M: f64 = 0.9;
 /// Speed per pair of points that the number looks ahead, m/s.
 const SPEED_PER_PAIR_MPS: f64 = 3.0;
 
+/// Too fast in m/s times this is `u`. Source: `pylot` c0454eb, `control/flags.py`.
+const PER_MPS: f64 = 0.25;
+
+/// The integral's share of `u` per second and m/s: of the present step alone. Source: as above, and `pid_controller` 0.2.
+const PER_METRE: f64 = 0.20;
+
 /// Follows plans point by point; their instants do not count.
 #[derive(Clone, Debug)]
 pub struct Follower {
@@ -29,6 +35,8 @@ pub struct Follower {
     /// From the ego origin forward to the point that is steered, metres.
     ahead_m: f64,
     steering_max_rad: f64,
+    speed: SpeedLaw,
+    default_throttle: f64,
     pid: Pid,
     before: Option<Time>,
 }
@@ -41,6 +49,8 @@ impl Follower {
             params: WaypointParams { steer_gain: rules.steer_gain, ..WaypointParams::default() },
             ahead_m: if rules.middle_of_car { shape.center_ahead_m() } else { 0.0 },
             steering_max_rad: limits.steering_max_rad,
+            speed: rules.speed,
+            default_throttle: rules.default_throttle,
             pid: Pid::new(Params::default()),
             before: None,
         }
@@ -62,9 +72,21 @@ impl Follower {
         let (steered_at, speed_mps) = self.choose(plan, pose.point(), ego.speed_mps);
         let steering_rad = waypoint_angle(pose, steered_at, &self.params);
         let steering_rad = steering_rad.clamp(-self.steering_max_rad, self.steering_max_rad);
-        let Pedals { throttle, brake } = self.pid.step(speed_mps, ego.speed_mps, dt_s);
+        let Pedals { throttle, brake } = match self.speed {
+            SpeedLaw::Pid => self.pid.step(speed_mps, ego.speed_mps, dt_s),
+            SpeedLaw::Proportional => self.proportional(ego.speed_mps.max(0.0) - speed_mps, dt_s),
+        };
         let command = Command { steering_rad, throttle, brake };
         Output { command, speed_mps, status: Status::Plan, ..none }
+    }
+
+    /// The pedals of a car that is too fast by this.
+    fn proportional(&self, too_fast_mps: f64, dt_s: f64) -> Pedals {
+        let u = (PER_MPS + PER_METRE * dt_s) * too_fast_mps;
+        Pedals {
+            throttle: (self.default_throttle - 1.3 * u).clamp(0.0, 0.75),
+            brake: if u > 0.5 { (0.35 * u).min(1.0) } else { 0.0 },
+        }
     }
 
     /// The point to steer at, and the speed to go for.
@@ -146,5 +168,26 @@ mod tests {
         let mut stop = plan();
         stop.points.iter_mut().for_each(|p| p.speed_mps = 0.0);
         assert_eq!(follower(|_| ()).step(Time::ZERO, &ego, Some(&stop)).command.brake, 1.0);
+    }
+
+    #[test]
+    fn the_proportional_law_fades_and_the_pid_does_not() {
+        let pedals = |speed, speed_mps: f64, target_mps: f64| {
+            let mut plan = plan();
+            plan.points.iter_mut().for_each(|p| p.speed_mps = target_mps);
+            let ego = EgoState { speed_mps, ..EgoState::default() };
+            let Command { throttle, brake, .. } =
+                follower(|rules| (rules.speed, rules.default_throttle) = (speed, 0.5))
+                    .step(Time::ZERO, &ego, Some(&plan))
+                    .command;
+            (throttle, brake)
+        };
+        assert_eq!(pedals(SpeedLaw::Proportional, 16.0, 16.0), (0.5, 0.0));
+        assert_eq!(pedals(SpeedLaw::Proportional, 12.0, 16.0), (0.75, 0.0));
+        // `u` is 0.25 times 8; at 2 m/s it is 0.5, and nothing brakes.
+        let (throttle, brake) = pedals(SpeedLaw::Proportional, 8.0, 0.0);
+        assert!(throttle == 0.0 && (brake - 0.7).abs() < 1e-12);
+        assert_eq!(pedals(SpeedLaw::Proportional, 2.0, 0.0), (0.0, 0.0));
+        assert_eq!(pedals(SpeedLaw::Pid, 2.0, 0.0), (0.0, 1.0));
     }
 }

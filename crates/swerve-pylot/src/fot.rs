@@ -58,7 +58,8 @@ impl Fot {
     /// Takes in what is predicted and in range.
     fn set_obstacles(&mut self, request: &Request<'_>, from: Point2) {
         let Params { collision, obstacle_range_m: range_m, clearance_m, .. } = self.params;
-        let sight = Sight { collision, range_m, per_place: self.rules.range_per_place };
+        let Rules { range_per_place: per_place, person_half_m, .. } = self.rules;
+        let sight = Sight { collision, range_m, per_place, person_half_m };
         self.boxes.set_predicted(request, from, sight, clearance_m);
         if collision == CollisionMode::SweptStatic {
             self.obstacles.set_boxes(self.boxes.rectangles(clearance_m));

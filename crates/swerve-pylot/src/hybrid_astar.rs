@@ -162,6 +162,7 @@ impl Planner for HybridAstar {
             collision: p.collision,
             range_m: p.obstacle_range_m,
             per_place: self.rules.range_per_place,
+            person_half_m: self.rules.person_half_m,
         };
         let settings = Settings {
             rules: self.rules,

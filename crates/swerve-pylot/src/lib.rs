@@ -24,4 +24,4 @@ pub use fot::Fot;
 pub use hybrid_astar::{HybridAstar, HybridAstarParams};
 pub use preset::Preset;
 pub use rrt_star::{RrtStar, RrtStarParams};
-pub use rules::{Era, Fallback, Original, Rules, Waypoint};
+pub use rules::{Era, Fallback, Original, Rules, SpeedLaw, Waypoint};

@@ -132,6 +132,7 @@ impl Planner for RrtStar {
             collision: p.collision,
             range_m: p.obstacle_range_m,
             per_place: self.rules.range_per_place,
+            person_half_m: self.rules.person_half_m,
         };
         let settings = Settings {
             rules: self.rules,

@@ -6,7 +6,7 @@
 use core::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_positive};
+use swerve_core::param::{ParamError, require, require_positive, require_within};
 
 /// A moment of Pylot's history.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -60,6 +60,20 @@ pub enum Waypoint {
     Distance,
 }
 
+/// How throttle and brake follow from the speed to go for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SpeedLaw {
+    /// In proportion to the error, as until May 2020: of `u`, 0.25 per m/s too fast, the throttle is
+    /// `default_throttle - 1.3 u`, at most 0.75, and the brake `0.35 u` where `u` is above 0.5. Source: `pylot`
+    /// c0454eb, `control/utils.py`; `pid_controller` 0.2, whose integral forgets all but the present step. No era has it
+    /// by default, because its throttle at the wanted speed is not known for certain.
+    Proportional,
+    /// A PID on km/h that works one pedal or the other fully. Source: `pylot` be7bf9c, `control/pid.py`,
+    /// `control/utils.py`.
+    Pid,
+}
+
 /// Rules of planning and following. [`Rules::of`] has each era's; every one can be switched by itself.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -100,6 +114,16 @@ pub struct Rules {
     /// Steer per radian of the angle to it. Source: `pylot` be7bf9c, `control/flags.py` (0.7) and the configurations of
     /// the experiment, which set 1.0 for all but RRT*.
     pub steer_gain: f64,
+    /// How throttle and brake follow from the speed to go for.
+    pub speed: SpeedLaw,
+    /// Throttle at the wanted speed, where the law is proportional, 0 to 1. Source: `pylot`, `default_throttle` in
+    /// `control/flags.py` before May 2020 (0.0); readings of c0454eb have 0.5.
+    pub default_throttle: f64,
+    /// Half the side of the box that a pedestrian is planned for as, where all predicted places count at once, metres;
+    /// what is predicted when absent. No era has one: `pylot` takes the simulator's own boxes, and those of its walkers
+    /// are in no public file. About 0.19 is assumed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub person_half_m: Option<f64>,
 }
 
 impl Rules {
@@ -123,6 +147,9 @@ impl Rules {
             borders_only: true,
             waypoint,
             steer_gain: if original == Original::RrtStar { 0.7 } else { 1.0 },
+            speed: SpeedLaw::Pid,
+            default_throttle: 0.0,
+            person_half_m: None,
         }
     }
 
@@ -134,6 +161,8 @@ impl Rules {
         let heading = self.heading_of_road_rad;
         require("heading_of_road_rad", heading, heading.abs() <= TAU, "-2 pi to 2 pi")?;
         require_positive("steer_gain", self.steer_gain)?;
+        require_within("default_throttle", self.default_throttle, [0.0, 1.0])?;
+        self.person_half_m.map_or(Ok(()), |half_m| require_within("person_half_m", half_m, [0.0, 1.0]))?;
         let borders = original == Original::Fot && self.borders_only;
         let solid = self.solid_left.to_string();
         require("solid_left", solid, !(borders && self.solid_left), "false: `borders_only` excludes it")

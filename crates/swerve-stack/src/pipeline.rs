@@ -172,7 +172,7 @@ fn configure(
     if let Some(policy) = &own.policy {
         node = node.policy(parse_policy(policy).map_err(wrong)?);
     } else if let Some(way) = &way {
-        node = node.policy(Policy::Pipelined { places: way.frames, overtaking: false });
+        node = node.policy(Policy::pipelined(way.frames));
     }
     if let Some(deadline) = &own.deadline {
         node = node.deadline(deadline.deadline().map_err(wrong)?);

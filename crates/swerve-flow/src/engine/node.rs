@@ -55,6 +55,8 @@ pub(crate) struct Node {
     pub(crate) running: VecDeque<Run>,
     /// The newest stamp that was published or reacted for.
     pub(crate) floor: Time,
+    /// When the newest result came out.
+    pub(crate) came_out: Option<Time>,
     /// The newest finished result, kept where a reaction may want it.
     pub(crate) last: Option<Finished>,
     /// Since when it has had a complete frame and a free place without a start.

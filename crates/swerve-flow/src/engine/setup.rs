@@ -196,6 +196,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         complete: 0,
         running: VecDeque::new(),
         floor: Time::MIN,
+        came_out: None,
         last: None,
         since: None,
         unsettled: false,

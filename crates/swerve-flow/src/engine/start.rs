@@ -87,7 +87,9 @@ impl Engine<'_> {
             self.run_here(rank, &mut task, ran);
         }
         self.settle_ran(rank, &mut run);
-        if alone && run.end == now && self.nodes[rank].running.is_empty() && self.failure.is_none() {
+        let node = &self.nodes[rank];
+        let out_now = run.end == now && node.policy.comes_out(now, node.came_out) == now;
+        if alone && out_now && node.running.is_empty() && self.failure.is_none() {
             return self.publish_at_once(rank, &mut run);
         }
         self.nodes[rank].running.push_back(run);

@@ -129,9 +129,11 @@ impl Engine<'_> {
                 index += 1;
                 continue;
             }
-            let run = &self.nodes[rank].running[index];
-            if run.finished && (waits || run.left_to_reaction()) {
-                waits |= !self.nodes[rank].policy.overtakes();
+            let node = &self.nodes[rank];
+            let run = &node.running[index];
+            let put_off = node.policy.comes_out(run.end, node.came_out) > now;
+            if run.finished && (waits || put_off || run.left_to_reaction()) {
+                waits |= !node.policy.overtakes();
                 index += 1;
                 continue;
             }
@@ -140,7 +142,7 @@ impl Engine<'_> {
             let mut run = run.expect("just seen");
             self.end_step(rank, &mut run);
             let silent = matches!(&run.outcome, Outcome::Here(ran) if ran.is_empty());
-            if run.left_to_reaction() || (waits && !run.resolved && !silent) {
+            if run.left_to_reaction() || ((waits || put_off) && !run.resolved && !silent) {
                 waits |= !self.nodes[rank].policy.overtakes();
                 self.nodes[rank].running.insert(index, run);
                 index += 1;
@@ -157,6 +159,7 @@ impl Engine<'_> {
         if run.resolved || ran.is_empty() {
             return 0;
         }
+        self.nodes[rank].came_out = Some(self.now);
         // Those before it in the line that are still running give up their stamps.
         let left = self.resolve_older(rank, run.stamp);
         let answer = Answer { stamp: run.stamp, reused_from: None, origin: run.origin, reads: &run.reads };
@@ -441,6 +444,10 @@ impl Engine<'_> {
         for run in &node.running {
             if !run.finished {
                 due = due.min(run.end);
+            } else if !run.resolved {
+                // Put off; where it waits for an older one, that one's end is due before.
+                let out = node.policy.comes_out(run.end, node.came_out);
+                due = if out > self.now { due.min(out) } else { due };
             }
         }
         if node.deadline.is_some() {

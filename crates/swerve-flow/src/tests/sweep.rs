@@ -98,7 +98,7 @@ fn random_net(case: i64) -> Net {
             1 => Policy::queue(1 + rng.below(3)),
             2 => Policy::Queue { capacity: 2, full: Full::DropNewest },
             3 => Policy::pipelined(1 + rng.below(4)),
-            _ => Policy::Pipelined { places: 3, overtaking: true },
+            _ => Policy::Pipelined { places: 3, late: Late::Overtaken },
         };
         let plain = rng.below(2) == 0;
         let model = match rng.below(3) {

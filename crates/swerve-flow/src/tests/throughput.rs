@@ -96,13 +96,30 @@ fn s5_with_overtaking_a_result_after_a_newer_one_is_dropped() {
     let mut net = Net::new();
     let camera = net.stage("camera", tick(100)).out();
     let cycle = RuntimeModel::Cycle(vec![ms(300), ms(100)]);
-    let policy = Policy::Pipelined { places: 2, overtaking: true };
+    let policy = Policy::Pipelined { places: 2, late: Late::Overtaken };
     net.stage("work", join(&[camera])).runtime(cycle).policy(policy).out();
     let log = net.run(900);
     // 0 holds its place until its own end at 300, though 100 was published at 200.
     assert_eq!(log.messages("work"), [(100, 200), (300, 400), (500, 600), (700, 800)]);
     assert_eq!(log.tally("work").drops.overtaken, 4);
     assert_eq!(log.tally("work").drops.skipped, 0);
+}
+
+#[test]
+fn s5_a_result_that_is_put_off_comes_a_while_after_the_one_before() {
+    let net = |times: [i64; 4]| {
+        let mut net = Net::new();
+        let camera = net.stage("camera", tick(50)).out();
+        let cycle = RuntimeModel::Cycle(times.map(ms).to_vec());
+        let policy = Policy::Pipelined { places: 8, late: Late::PutOff(ms(30)) };
+        net.stage("work", join(&[camera])).runtime(cycle).policy(policy).out();
+        net.run(400).messages("work")
+    };
+    // 50 and 100 are done by 200, when 0 comes; 150 is done at 270, after 100 came at 260.
+    assert_eq!(net([200, 20, 60, 120])[..4], [(0, 200), (50, 230), (100, 260), (150, 270)]);
+    // In step they come when they are done; one that is done when the one before comes is put off too.
+    assert_eq!(net([60, 60, 60, 60])[..4], [(0, 60), (50, 110), (100, 160), (150, 210)]);
+    assert_eq!(net([60, 10, 60, 60])[..4], [(0, 60), (50, 90), (100, 160), (150, 210)]);
 }
 
 #[test]

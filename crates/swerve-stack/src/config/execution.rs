@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
-use swerve_flow::{Anchor, Full, Policy, Reaction, RuntimeModel};
+use swerve_flow::{Anchor, Full, Late, Policy, Reaction, RuntimeModel};
 use swerve_text::number;
 
 /// A run-time model: exactly one of its keys.
@@ -144,11 +144,12 @@ fn percentiles(points: Vec<(f64, Span)>) -> Result<Vec<(f64, Span)>, String> {
     Ok(points)
 }
 
-/// Reads a busy policy: `skip_to_latest`, `queue(2)`, `queue(2, drop_newest)`, `pipelined(4)`, `pipelined(4, overtaking)`.
+/// Reads a busy policy: `skip_to_latest`, `queue(2)`, `queue(2, drop_newest)`, `pipelined(4)`, `pipelined(4, overtaking)`,
+/// `pipelined(4, put_off 50)` with ms.
 pub fn parse_policy(text: &str) -> Result<Policy, String> {
     let wrong = || {
         format!(
-            "unknown policy `{text}`, expected skip_to_latest, queue(N), queue(N, drop_oldest | drop_newest | fail), pipelined(N) or pipelined(N, overtaking) with N from 1 to 1000000"
+            "unknown policy `{text}`, expected skip_to_latest, queue(N), queue(N, drop_oldest | drop_newest | fail), pipelined(N), pipelined(N, overtaking) or pipelined(N, put_off MS) with N from 1 to 1000000"
         )
     };
     if text.trim() == "skip_to_latest" {
@@ -169,7 +170,12 @@ pub fn parse_policy(text: &str) -> Result<Policy, String> {
         ("queue", Some("drop_newest")) => Ok(Policy::Queue { capacity: n, full: Full::DropNewest }),
         ("queue", Some("fail")) => Ok(Policy::Queue { capacity: n, full: Full::Fail }),
         ("pipelined", None) => Ok(Policy::pipelined(n)),
-        ("pipelined", Some("overtaking")) => Ok(Policy::Pipelined { places: n, overtaking: true }),
+        ("pipelined", Some("overtaking")) => Ok(Policy::Pipelined { places: n, late: Late::Overtaken }),
+        ("pipelined", Some(text)) => {
+            let ms = text.strip_prefix("put_off ").and_then(|ms| ms.trim().parse().ok());
+            let by = ms.and_then(|ms| span_ms(ms).ok()).filter(|by| *by > Span::ZERO).ok_or_else(wrong)?;
+            Ok(Policy::Pipelined { places: n, late: Late::PutOff(by) })
+        }
         _ => Err(wrong()),
     }
 }
@@ -212,11 +218,22 @@ mod tests {
         );
         assert_eq!(
             parse_policy("pipelined(4, overtaking)"),
-            Ok(Policy::Pipelined { places: 4, overtaking: true })
+            Ok(Policy::Pipelined { places: 4, late: Late::Overtaken })
         );
-        for wrong in
-            ["queue", "queue(0)", "queue(-1)", "pipelined(4, drop_newest)", "skip", "queue(1,drop_oldest,x)"]
-        {
+        let put_off = Policy::Pipelined { places: 4, late: Late::PutOff(Span::from_ms(50)) };
+        assert_eq!(parse_policy("pipelined(4, put_off 50)"), Ok(put_off));
+        assert_eq!(parse_policy(&put_off.to_string()), Ok(put_off));
+        for wrong in [
+            "queue",
+            "queue(0)",
+            "queue(-1)",
+            "pipelined(4, drop_newest)",
+            "pipelined(4, put_off)",
+            "pipelined(4, put_off 0)",
+            "pipelined(4, put_off nan)",
+            "skip",
+            "queue(1,drop_oldest,x)",
+        ] {
             assert!(parse_policy(wrong).is_err(), "{wrong}");
         }
         for wrong in ["queue(0)", "queue( -1, fail)", "pipelined(1000001)", "queue(two)", "pipelined()"] {
