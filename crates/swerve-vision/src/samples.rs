@@ -66,10 +66,3 @@ pub(crate) fn real(path: &str, test: &str) -> Option<PathBuf> {
     }
     found.exists().then_some(found)
 }
-
-/// The files of a folder, by name.
-pub(crate) fn files(folder: &std::path::Path) -> Vec<PathBuf> {
-    let mut all: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    all.sort();
-    all
-}

@@ -33,8 +33,8 @@ pub enum PathCount {
     Eight,
 }
 
-/// For costs of 24 bits; larger ones that were tuned on KITTI (86 and 96; Hernandez-Juarez and others, ICCS 2016) find
-/// no more on the pairs of `tests/reference/vision` and would not let three paths be summed in a byte.
+/// For costs of 24 bits: three paths then sum to a byte. Larger ones, as tuned on KITTI for 31 bits (86 and 96;
+/// Hernandez-Juarez and others, ICCS 2016), were no better on the pairs of `tests/reference/vision`.
 const PENALTIES: Penalties = Penalties { small: 7, large: 54 };
 
 /// What is searched, and what is asked of the result.
@@ -163,7 +163,7 @@ impl Stereo {
         self.begin_paths(width);
         self.upwards.resize(row * height, 0);
         for (y, sums) in self.upwards.chunks_exact_mut(row).enumerate().rev() {
-            self.paths.from_row([&self.left, &self.right], y, PENALTIES, sums);
+            self.paths.enter_row([&self.left, &self.right], y, PENALTIES, sums);
         }
     }
 
@@ -179,7 +179,7 @@ impl Stereo {
         self.along.resize(row, 0);
         self.sums.resize(row, 0);
         for (y, upwards) in self.upwards.chunks_exact(row).enumerate() {
-            self.paths.from_row([&self.left, &self.right], y, PENALTIES, &mut self.downwards);
+            self.paths.enter_row([&self.left, &self.right], y, PENALTIES, &mut self.downwards);
             self.paths.along_row(PENALTIES, &mut self.along);
             let parts = upwards.iter().zip(&self.downwards).zip(&self.along);
             for (sum, ((&up, &down), &along)) in self.sums.iter_mut().zip(parts) {

@@ -68,7 +68,7 @@ impl Paths {
     }
 
     /// Sums the paths that come into row `y` from the row that this was called for before.
-    pub(super) fn from_row(
+    pub(super) fn enter_row(
         &mut self,
         [left, right]: [&Census; 2],
         y: usize,
@@ -92,7 +92,7 @@ impl Paths {
         }
     }
 
-    /// Sums the two paths along the row that [`Paths::from_row`] was called for last.
+    /// Sums the two paths along the row that [`Paths::enter_row`] was called for last.
     pub(super) fn along_row(&mut self, penalties: Penalties, sums: &mut [u8]) {
         sums.fill(0);
         let n = self.disparities;
