@@ -6,5 +6,8 @@
 //! Absences: no message, no engine, no simulator, no file, no clock, no thread.
 
 mod image;
+#[cfg(test)]
+mod samples;
+pub mod stereo;
 
 pub use image::{ImageError, Plane, Rgb};
