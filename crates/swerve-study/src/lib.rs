@@ -15,6 +15,7 @@ pub mod grid;
 pub mod heatmap;
 pub mod ranking;
 pub mod table;
+pub mod train;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{Parser, Subcommand};
 use swerve_drive::process;
 use swerve_stack::Registry;
-use swerve_study::{calibrate, dataset};
+use swerve_study::{calibrate, dataset, train};
 
 use crate::{check, doctor, graph, new, operators, plan, replay, run, scenarios};
 
@@ -41,6 +41,8 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Make labelled images and point clouds of scenarios, as KITTI and COCO have them
     Dataset(dataset::DatasetArgs),
+    /// Learn what perception is shipped with from simulated drives
+    Train(train::TrainArgs),
     /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
     /// Make a folder to begin in: a scenario, a configuration, an operator of one's own, and what is what
@@ -71,6 +73,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Check(args) => check::run(args, registry),
         Command::Calibrate(args) => calibrate::run(args, registry),
         Command::Dataset(args) => dataset::run(args, registry),
+        Command::Train(args) => train::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::New(args) => new::run(args),
         Command::Scenarios(args) => scenarios::run(args),
