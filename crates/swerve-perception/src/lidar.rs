@@ -168,6 +168,8 @@ impl LidarObjects {
                 }
                 for is_across in [false, true] {
                     let Some(rectangle) = complete(&fit, class, is_across, sensor) else { continue };
+                    // People may be anywhere, in any direction: the road says nothing of them.
+                    let lane = lane.filter(|_| !class.kind.is_person());
                     let seen = Seen { clusters: &self.clusters, cluster, fit, sensor, lane };
                     let features = seen.features(&rectangle);
                     let found = boxed(&rectangle, class, cluster, lane);

@@ -142,7 +142,7 @@ mod tests {
                 of.filter(|(_, over)| (**over == 0.0) != ground).count() as f64 / all as f64
             };
             let [missed, taken] = [wrong(true), wrong(false)];
-            assert!(missed < 0.01 && taken < 0.02, "{method:?}: {missed} {taken}");
+            assert!(missed < 0.01 && taken < 0.05, "{method:?}: {missed} {taken}");
         }
     }
 

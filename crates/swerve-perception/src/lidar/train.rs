@@ -149,8 +149,8 @@ mod tests {
     fn what_depends_on_two_numbers_together_is_learned() {
         let mut rng = Rng::keyed(1, "boost", &[]);
         let mut draw = || {
-            let features = core::array::from_fn(|_| rng.uniform(0.0, 1.0) as f32);
-            let [a, b, ..] = features;
+            let features: [f32; FEATURES] = core::array::from_fn(|_| rng.uniform(0.0, 1.0) as f32);
+            let (a, b) = (features[0], features[1]);
             Sample { features, truth: f32::from((a > 0.5) != (b > 0.3)) }
         };
         let [learned, fresh] = [2000, 500].map(|count| (0..count).map(|_| draw()).collect::<Vec<_>>());

@@ -1,9 +1,11 @@
 //! Streets to train on: drawn from a seed, with more parked and moving vehicles than the shipped scenarios have.
 
+use core::f64::consts::PI;
 use core::fmt::Write as _;
 
 use anyhow::anyhow;
 use swerve_core::Rng;
+use swerve_geom::math;
 use swerve_scenario::Scenario;
 
 /// Least gap between the bumpers of vehicles that are parked in a row, metres.
@@ -46,7 +48,7 @@ pub(super) fn street(seed: u64) -> anyhow::Result<Scenario> {
 
 struct Actors<'a> {
     text: &'a mut String,
-    /// Where something starts: s, d, length and width, metres; the ego first.
+    /// Where something starts: s, d, and its sides along them, metres; the ego first.
     taken: Vec<[f64; 4]>,
 }
 
@@ -54,14 +56,17 @@ impl Actors<'_> {
     /// Adds an actor, unless something starts there.
     fn add(&mut self, kind: &str, size: [f64; 3], place: [f64; 3], motion: &str) {
         let ([length, width, height], [s, d, heading]) = (size, place);
-        let is_near = |[other_s, other_d, other_length, other_width]: &[f64; 4]| {
-            (s - other_s).abs() < 0.5 * (length + other_length) + CLEAR_M
-                && (d - other_d).abs() < 0.5 * (width + other_width) + CLEAR_M
+        let (sin, cos) = math::sin_cos(heading);
+        let along = length * cos.abs() + width * sin.abs();
+        let across = length * sin.abs() + width * cos.abs();
+        let is_near = |[other_s, other_d, other_along, other_across]: &[f64; 4]| {
+            (s - other_s).abs() < 0.5 * (along + other_along) + CLEAR_M
+                && (d - other_d).abs() < 0.5 * (across + other_across) + CLEAR_M
         };
         if self.taken.iter().any(is_near) {
             return;
         }
-        self.taken.push([s, d, length, width]);
+        self.taken.push([s, d, along, across]);
         let size = match kind {
             "pedestrian" => format!("radius_m = {}", 0.5 * length),
             _ => format!("length_m = {length}, width_m = {width}"),
@@ -74,18 +79,22 @@ impl Actors<'_> {
         );
     }
 
+    /// A row along a kerb, or at right angles to it.
     fn parked(&mut self, rng: &mut Rng, (edge_m, side): (f64, f64), end_m: f64) {
         let density = rng.uniform(0.3, 0.9);
+        let is_across = rng.unit() < 0.25;
         let mut s_m = 12.0 + rng.uniform(0.0, 10.0);
         while s_m < end_m {
-            let (kind, size) = vehicle(rng, 0.08);
-            let heading = if rng.unit() < 0.5 { 0.0 } else { core::f64::consts::PI };
-            let d_m = side * (edge_m - 0.5 * size[1] - rng.uniform(0.05, 0.3) + 0.2);
-            s_m += 0.5 * size[0];
+            let (kind, size) = vehicle(rng, if is_across { 0.0 } else { 0.08 });
+            let heading = if rng.unit() < 0.5 { 0.0 } else { PI } + if is_across { 0.5 * PI } else { 0.0 };
+            let out_m = rng.uniform(-0.1, 0.15);
+            let d_m = if is_across { edge_m + 0.5 * size[0] - 0.5 } else { edge_m - 0.5 * size[1] } + out_m;
+            let along_m = if is_across { size[1] } else { size[0] };
+            s_m += 0.5 * along_m;
             if rng.unit() < density {
-                self.add(kind, size, [s_m, d_m, heading + 0.03 * rng.normal()], "");
+                self.add(kind, size, [s_m, side * d_m, heading + 0.03 * rng.normal()], "");
             }
-            s_m += 0.5 * size[0] + GAP_MIN_M + rng.uniform(0.0, 2.5);
+            s_m += 0.5 * along_m + GAP_MIN_M + rng.uniform(0.0, 2.5);
         }
     }
 
@@ -100,7 +109,7 @@ impl Actors<'_> {
                 "motion = [{{ path = {{ speed_mps = {speed}, points = [{}] }} }}]",
                 points.join(", ")
             );
-            self.add(kind, size, [s_m, ONCOMING_M, core::f64::consts::PI], &motion);
+            self.add(kind, size, [s_m, ONCOMING_M, PI], &motion);
             s_m += rng.uniform(14.0, 45.0);
         }
         // One drives ahead.
@@ -119,12 +128,17 @@ impl Actors<'_> {
             let motion = format!(
                 "motion = [{{ walk = {{ speed_mps = {speed}, distance_m = 40.0, direction = \"{direction}\" }} }}]"
             );
-            self.add("pedestrian", [0.5, 0.5, rng.uniform(1.5, 1.9)], place, &motion);
+            self.add("pedestrian", [0.5, 0.5, rng.uniform(1.2, 1.9)], place, &motion);
         }
-        for _ in 0..2 {
-            let motion = "motion = [{ drive = { along = \"road\", speed_mps = 4.0 } }]";
-            let place = [rng.uniform(15.0, end_m - 20.0), -HALF_LANE_M + 0.3, 0.0];
-            self.add("cyclist", [1.8, 0.6, 1.75], place, motion);
+        for _ in 0..5 {
+            let drive = "motion = [{ drive = { along = \"heading\", speed_mps = 3.0, distance_m = 15.0 } }]";
+            let (d_m, heading) = match rng.below(3) {
+                0 => (-HALF_LANE_M + 0.3, 0.0),
+                1 => (ONCOMING_M + 1.7, PI),
+                _ => (-right_m - rng.uniform(0.8, 2.0), rng.uniform(-PI, PI)),
+            };
+            let place = [rng.uniform(15.0, end_m), d_m, heading];
+            self.add("cyclist", [1.8, 0.6, rng.uniform(1.6, 1.85)], place, drive);
         }
     }
 }
