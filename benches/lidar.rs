@@ -225,7 +225,8 @@ fn objects(rows: &mut Rows, scene: &Scene) {
     let ego = EgoState { speed_mps: 10.0, yaw_rate_radps: 0.1, ..EgoState::default() };
     let scan = Scan { cloud: &cloud, ego_from_lidar, ego, own_m: [-1.0, 3.9, 1.0], route: None };
     for (ground, name) in [(Method::Rays, "rays"), (Method::Zones, "zones")] {
-        let mut objects = LidarObjects::new(Params { ground, ..Params::default() }).expect("the defaults are fine");
+        let mut objects =
+            LidarObjects::new(Params { ground, ..Params::default() }).expect("the defaults are fine");
         let (mut found, mut clusters, mut wholes) = (Detections::default(), Vec::new(), Vec::new());
         for _ in 0..10 * ROUNDS {
             let began = now();

@@ -177,7 +177,8 @@ mod tests {
 
     #[test]
     fn streets_are_scenarios_and_unlike() {
-        let all: Vec<Scenario> = (1..25).chain(1001..1009).map(|seed| streets::street(seed).unwrap()).collect();
+        let all: Vec<Scenario> =
+            (1..25).chain(1001..1009).map(|seed| streets::street(seed).unwrap()).collect();
         assert!(all.iter().all(|street| street.actors.len() > 10));
         assert!(all.windows(2).all(|two| two[0] != two[1]));
     }
