@@ -35,7 +35,7 @@ pub(crate) struct LidarArgs {
     #[arg(long, default_value_t = 6)]
     test_streets: u32,
     /// Scenarios to judge by, each with seed 1
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, num_args = 1..)]
     test_scenarios: Vec<PathBuf>,
     /// Trees of each class
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u32).range(1..=1000))]
