@@ -2,16 +2,20 @@
 //! the same turns on a graphics processor where there is one.
 //!
 //! `--bench compute` measures the latter alone; with `SWERVE_SOFTWARE_ADAPTER=1` on a software adapter, if there is
-//! no other.
+//! no other. `--bench objects` measures what is found in a turn's points alone.
 
 use std::hint::black_box;
 use std::sync::Arc;
 
 use rapier3d::prelude::{ColliderBuilder, PhysicsWorld, Pose, QueryFilter, Ray, Rotation, Vector};
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
-use swerve_geom::{Lidar, Map, Point, Transform};
+use swerve_geom::{Ego, Lidar, Map, Point, Transform};
 use swerve_gpu::{AdapterKind, Gpu, NoAdapter};
 use swerve_lidar::{Cloud, Firing, LidarPreset, LidarSpec, RayMemory, SceneTree, Sweeper};
+use swerve_msg::{Detections, EgoState, LidarPoint, PointCloud};
+use swerve_perception::LidarObjects;
+use swerve_perception::lidar::ground::Method;
+use swerve_perception::lidar::{Params, Scan};
 use swerve_scene::town::town;
 use swerve_scene::{Instance, Scene, WeatherPreset};
 
@@ -205,6 +209,44 @@ fn trees(rows: &mut Rows, scene: &Scene) {
     rows.row("trees over all that never moves, once", fresh.median(), &fresh.text(1, "ms"), Goal::None);
 }
 
+/// Objects in the points of a turn, on one core.
+fn objects(rows: &mut Rows, scene: &Scene) {
+    let mut turn = Turn::new(LidarPreset::Vlp32.spec(), 1);
+    turn.fire_at_rest(&SceneTree::new(scene).expect("a sound scene"), 1);
+    let from = &turn.cloud;
+    let mut cloud = PointCloud::default();
+    for k in 0..from.len {
+        let time_offset_s = from.offset_s[k] - 0.1;
+        let (intensity, ring) = (from.intensity[k], from.ring[k]);
+        cloud.push(LidarPoint { place_m: from.point_m(k), intensity, ring, time_offset_s });
+    }
+    let ego_from_lidar: Transform<Ego, Lidar> =
+        Transform::from_roll_pitch_yaw(Point::new(1.4, 0.0, SENSOR_M[2]), 0.0, 0.0, 0.0);
+    let ego = EgoState { speed_mps: 10.0, yaw_rate_radps: 0.1, ..EgoState::default() };
+    let scan = Scan { cloud: &cloud, ego_from_lidar, ego, own_m: [-1.0, 3.9, 1.0], route: None };
+    for (ground, name) in [(Method::Rays, "rays"), (Method::Zones, "zones")] {
+        let mut objects =
+            LidarObjects::new(Params { ground, ..Params::default() }).expect("the defaults are fine");
+        let (mut found, mut clusters, mut wholes) = (Detections::default(), Vec::new(), Vec::new());
+        for _ in 0..10 * ROUNDS {
+            let began = now();
+            black_box(objects.cluster(&scan));
+            clusters.push(began.elapsed().as_secs_f64() * 1e3);
+            let began = now();
+            objects.detect(&scan, &mut found);
+            wholes.push(began.elapsed().as_secs_f64() * 1e3);
+        }
+        let count = cloud.len();
+        for (what, figures, goal) in [
+            (format!("ground by {name} and clusters, {count} points"), clusters, Goal::Most(8.0)),
+            (format!("all of it, {} objects", found.boxes.len()), wholes, Goal::None),
+        ] {
+            let sample = Sample::new(figures);
+            rows.row(&what, sample.median(), &sample.text(2, "ms"), goal);
+        }
+    }
+}
+
 /// The adapter to measure on: a graphics processor, or software where that is asked for.
 fn adapter() -> Result<Arc<Gpu>, NoAdapter> {
     let software = std::env::var("SWERVE_SOFTWARE_ADAPTER").is_ok_and(|value| value == "1");
@@ -273,7 +315,13 @@ fn main() {
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "lidar");
     let near = town(WeatherPreset::ClearNoon, 1, NEAR_M);
-    if !std::env::args().any(|argument| argument == "compute") {
+    let is_asked = |what: &str| std::env::args().any(|argument| argument == what);
+    if is_asked("objects") {
+        objects(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M));
+        return rows.finish();
+    }
+    if !is_asked("compute") {
+        objects(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M));
         compare(&mut rows, &near, true);
         compare(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M), false);
         trees(&mut rows, &near);

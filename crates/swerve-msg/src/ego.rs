@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
-use swerve_geom::{Pose2, Vector2};
+use swerve_geom::{Pose2, Vector2, math};
 
 /// The ego vehicle as localization reports it.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -22,6 +22,14 @@ pub struct EgoState {
 }
 
 impl EgoState {
+    /// The pose a while later, or earlier: along the arc that speed and turn rate make.
+    pub fn pose_after(&self, dt_s: f64) -> Pose2 {
+        let heading_rad = self.pose.heading_rad + self.yaw_rate_radps * dt_s;
+        let (sin, cos) = math::sin_cos(self.pose.heading_rad + 0.5 * self.yaw_rate_radps * dt_s);
+        let way_m = self.speed_mps * dt_s;
+        Pose2::new(self.pose.x_m + way_m * cos, self.pose.y_m + way_m * sin, heading_rad)
+    }
+
     /// Whether a car can be in this state: all numbers finite, and none beyond anything on wheels.
     pub fn is_plausible(&self) -> bool {
         let Self { pose, speed_mps, accel_mps2, lateral_accel_mps2, yaw_rate_radps, steering_rad, .. } =
@@ -76,4 +84,21 @@ pub struct Gnss {
     pub altitude_m: f64,
     /// Standard deviation of the horizontal position, metres.
     pub deviation_m: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_moves_on_along_its_arc() {
+        let ego = EgoState { speed_mps: 10.0, yaw_rate_radps: 0.5, ..EgoState::default() };
+        let later = ego.pose_after(0.2);
+        // Radius 20 m, a tenth of a radian.
+        let exact = [20.0 * math::sin(0.1), 20.0 * (1.0 - math::cos(0.1)), 0.1];
+        for (a, b) in [later.x_m, later.y_m, later.heading_rad].into_iter().zip(exact) {
+            assert!((a - b).abs() < 1e-3, "{later:?}");
+        }
+        assert_eq!(ego.pose_after(0.0), ego.pose);
+    }
 }

@@ -1,8 +1,8 @@
-//! Perception: an emulated detector, and a tracker.
+//! Perception: an emulated detector, objects from lidar, and a tracker.
 //!
 //! [`detector`] takes what a sensor could see (truth) and makes of it what a detector of a given accuracy would have
 //! reported: boxes in the ego frame and in the image, some missed, some wrong, some of nothing. [`tracker`] makes
-//! tracks of such boxes on the ground, [`image_plane`] in the image.
+//! tracks of such boxes on the ground, [`image_plane`] in the image. [`lidar`] makes boxes of the points of a lidar, without neural networks.
 //!
 //! Absences: no engine, no simulator, no file, no clock; how long a detector takes is for the caller.
 
@@ -10,8 +10,10 @@ pub mod assignment;
 pub mod detector;
 pub mod image_box;
 pub mod image_plane;
+pub mod lidar;
 pub mod tracker;
 mod validate;
 
 pub use detector::Detector;
+pub use lidar::LidarObjects;
 pub use tracker::Tracker;

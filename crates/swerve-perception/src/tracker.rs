@@ -40,6 +40,8 @@ struct Followed {
     kind: ActorKind,
     /// The score that its kind comes from.
     kind_score: f64,
+    /// The mean score of its boxes, until that becomes a low-pass.
+    score: f64,
     filter: Filter,
     heading_rad: f64,
     extent: Extent,
@@ -79,6 +81,12 @@ impl Tracker {
             self.take_in(found, ego);
         }
         self.list()
+    }
+
+    /// How sure a confirmed track is: the mean score of its boxes, the newest ones above all.
+    pub fn score(&self, id: ActorId) -> Option<f64> {
+        let of = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
+        Some(self.tracks[of].score).filter(|_| self.tracks[of].is_confirmed)
     }
 
     fn take_in(&mut self, found: &Detections, ego: Pose2<Map>) {
@@ -163,6 +171,7 @@ impl Followed {
             id,
             kind: found.kind,
             kind_score: found.score,
+            score: found.score,
             filter: Filter::new(stamp, measured.at, measured.covariance, speed),
             heading_rad: measured.heading_rad,
             extent: found.extent,
@@ -192,6 +201,7 @@ impl Followed {
         let gain = (1.0 / self.hits as f64).max(params.shape_gain);
         self.heading_rad += gain * angle_between(self.heading_rad, measured.heading_rad);
         let mix = |old: f64, new: f64| old + gain * (new - old);
+        self.score = mix(self.score, found.score);
         self.extent = Extent {
             length_m: mix(self.extent.length_m, found.extent.length_m),
             width_m: mix(self.extent.width_m, found.extent.width_m),

@@ -12,6 +12,7 @@ mod imu;
 mod inputs;
 mod ladder;
 mod lidar;
+mod lidar_objects;
 mod monitor;
 mod objects_now;
 mod obstacles;
@@ -54,6 +55,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(lidar::Lidars)
         .with_kind(monitor::Monitors)
         .with_kind(detector::EmulatedDetector)
+        .with::<lidar_objects::Objects>()
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
         .with_kind(deadlines::DeadlinePolicy)

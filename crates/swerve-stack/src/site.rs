@@ -95,6 +95,12 @@ impl Site<'_> {
         self.surroundings
     }
 
+    /// The operator that publishes what one of its ports reads, where that is one.
+    pub fn source_of(&self, port: &str) -> Option<&str> {
+        let input = self.placed.inputs.iter().find(|input| input.port.name == port)?;
+        input.from.first()?.stream.split('.').next()
+    }
+
     /// Adds the operator, its ports connected as the assembly has found. `timer` is that of its
     /// [`Every`](swerve_flow::Every) ports.
     ///

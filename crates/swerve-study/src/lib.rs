@@ -17,6 +17,7 @@ pub mod heatmap;
 pub mod ranking;
 pub mod table;
 pub mod track;
+pub mod train;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{Parser, Subcommand};
 use swerve_drive::process;
 use swerve_stack::Registry;
-use swerve_study::{calibrate, dataset, evaluate, track};
+use swerve_study::{calibrate, dataset, evaluate, track, train};
 
 use crate::{check, doctor, graph, new, operators, plan, replay, run, scenarios};
 
@@ -45,6 +45,8 @@ enum Command {
     Eval(evaluate::EvalArgs),
     /// Make tracks of a file of detections
     Track(track::TrackArgs),
+    /// Learn what perception is shipped with from simulated drives
+    Train(train::TrainArgs),
     /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
     /// Make a folder to begin in: a scenario, a configuration, an operator of one's own, and what is what
@@ -77,6 +79,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Dataset(args) => dataset::run(args, registry),
         Command::Eval(args) => evaluate::run(args),
         Command::Track(args) => track::run(args),
+        Command::Train(args) => train::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::New(args) => new::run(args),
         Command::Scenarios(args) => scenarios::run(args),

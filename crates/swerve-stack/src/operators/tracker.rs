@@ -3,7 +3,6 @@
 use swerve_flow::{
     At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
 };
-use swerve_geom::{Pose2, math};
 use swerve_msg::{Detections, EgoState, ObstacleList, TrackList};
 use swerve_perception::tracker::Tracker as Sort;
 use swerve_prediction::{History, HistoryParams};
@@ -75,16 +74,9 @@ impl Operator for SortTracker {
         // Measured before the frame: a later one is not known where a detector takes no time.
         let before = poses.iter().rev().find(|pose| pose.header().stamp <= boxes.stamp);
         let Some(measured) = before.or(poses.first()) else { return };
-        out.loan().send(self.0.update(boxes, moved_on(measured, (boxes.stamp - measured.stamp).as_secs())));
+        let ego = measured.pose_after((boxes.stamp - measured.stamp).as_secs());
+        out.loan().send(self.0.update(boxes, ego));
     }
-}
-
-/// The pose a moment later: along the arc that speed and turn rate make.
-fn moved_on(ego: &EgoState, dt_s: f64) -> Pose2 {
-    let heading_rad = ego.pose.heading_rad + ego.yaw_rate_radps * dt_s;
-    let (sin, cos) = math::sin_cos(ego.pose.heading_rad + 0.5 * ego.yaw_rate_radps * dt_s);
-    let way_m = ego.speed_mps * dt_s;
-    Pose2::new(ego.pose.x_m + way_m * cos, ego.pose.y_m + way_m * sin, heading_rad)
 }
 
 impl Operator for HistoryTracker {
@@ -95,22 +87,5 @@ impl Operator for HistoryTracker {
         if let Some(obstacles) = input.obstacles.get() {
             out.loan().send(self.0.update(obstacles));
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_pose_moves_on_along_its_arc() {
-        let ego = EgoState { speed_mps: 10.0, yaw_rate_radps: 0.5, ..EgoState::default() };
-        let later = moved_on(&ego, 0.2);
-        // Radius 20 m, a tenth of a radian.
-        let exact = [20.0 * math::sin(0.1), 20.0 * (1.0 - math::cos(0.1)), 0.1];
-        for (a, b) in [later.x_m, later.y_m, later.heading_rad].into_iter().zip(exact) {
-            assert!((a - b).abs() < 1e-3, "{later:?}");
-        }
-        assert_eq!(moved_on(&ego, 0.0), ego.pose);
     }
 }

@@ -1,0 +1,304 @@
+//! Objects from the points of a lidar, without neural networks.
+//!
+//! [`points`] brings a sweep into the ego frame at its stamp, [`ground`] takes away what is ground, `clusters` finds
+//! what hangs together, `boxes` fits rectangles and completes them to the size of what they may be, and [`score`] says
+//! how sure that is, by trees that [`train`] has boosted over simulated sweeps. Of boxes that overlap the surest stays.
+
+mod boxes;
+mod clusters;
+pub mod ground;
+pub mod points;
+pub mod score;
+#[cfg(test)]
+mod tests;
+pub mod train;
+
+use serde::{Deserialize, Serialize};
+use swerve_core::ParamError;
+use swerve_geom::{Ego, FrenetPoint, Lidar, Obb, Point2, Pose2, Transform};
+use swerve_msg::{ActorKind, DetectedBox, Detections, EgoState, Extent, PointCloud, Route};
+
+use crate::validate::within;
+use boxes::{CLASSES, Class, Fit, Rectangle, complete, fit, quarter};
+use clusters::{Cluster, Clusters};
+use ground::{Ground, Method};
+use points::{Place, in_ego_frame};
+use score::{FEATURES, Model};
+
+/// Parameters of finding objects.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Params {
+    /// How ground is told.
+    pub ground: Method,
+    /// Points farther than this from the ego's origin, ahead or to a side, are left out, metres.
+    pub reach_m: f64,
+    /// Points of a cluster, at least.
+    pub points_min: usize,
+    /// Boxes with a lower score are not reported.
+    pub score_min: f64,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self { ground: Method::Rays, reach_m: 50.0, points_min: 5, score_min: 0.1 }
+    }
+}
+
+impl Params {
+    /// The first parameter outside its range.
+    ///
+    /// # Errors
+    /// There is one.
+    pub fn validate(&self) -> Result<(), ParamError> {
+        within(&[
+            ("reach_m", self.reach_m, [5.0, 200.0]),
+            ("points_min", self.points_min as f64, [2.0, 1000.0]),
+            ("score_min", self.score_min, [0.0, 1.0]),
+        ])
+    }
+}
+
+/// A sweep, and what is known of where it was measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Scan<'a> {
+    /// The points.
+    pub cloud: &'a PointCloud,
+    /// Where the lidar sits.
+    pub ego_from_lidar: Transform<Ego, Lidar>,
+    /// The ego at the cloud's stamp, as measured.
+    pub ego: EgoState,
+    /// The ego's body, in which points are its own: rear and front from the origin, half of its width, metres.
+    pub own_m: [f64; 3],
+    /// The way, where it is known: vehicles mostly stand along it.
+    pub route: Option<&'a Route>,
+}
+
+/// A box that something may have, with what its score comes from.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Candidate {
+    /// The box, not scored yet.
+    pub found: DetectedBox,
+    /// What speaks for it.
+    pub features: [f32; FEATURES],
+    /// Its class, by its place among them.
+    class: usize,
+}
+
+/// Finds objects in sweeps. What it has found before has no effect; only its memory is kept.
+#[derive(Clone, Debug)]
+pub struct LidarObjects {
+    params: Params,
+    model: Model,
+    ground: Ground,
+    clusters: Clusters,
+    places: Vec<Place>,
+    over_m: Vec<f32>,
+    candidates: Vec<Candidate>,
+    footprints: Vec<Obb<Ego>>,
+}
+
+/// Rectangles may overlap by as much on each side and still be of two things, metres.
+const OVERLAP_M: f64 = 0.15;
+
+impl LidarObjects {
+    /// With the weights that Swerve is shipped with.
+    ///
+    /// # Errors
+    /// A parameter outside its range.
+    pub fn new(params: Params) -> Result<Self, ParamError> {
+        Self::with_model(params, Model::shipped())
+    }
+
+    /// With weights of one's own.
+    ///
+    /// # Errors
+    /// A parameter outside its range.
+    pub fn with_model(params: Params, model: Model) -> Result<Self, ParamError> {
+        params.validate()?;
+        let reach_m = params.reach_m as f32;
+        Ok(Self {
+            params,
+            model,
+            ground: Ground::new(params.ground, reach_m),
+            clusters: Clusters::new(reach_m, params.points_min),
+            places: Vec::new(),
+            over_m: Vec::new(),
+            candidates: Vec::new(),
+            footprints: Vec::new(),
+        })
+    }
+
+    /// Finds the objects of a sweep, by falling score, and writes them over what was there.
+    pub fn detect(&mut self, scan: &Scan<'_>, out: &mut Detections) {
+        self.propose(scan);
+        let Self { candidates, model, params, footprints, .. } = self;
+        for candidate in candidates.iter_mut() {
+            candidate.found.score = model.of(candidate.class).score(&candidate.features);
+        }
+        candidates.retain(|candidate| candidate.found.score >= params.score_min);
+        candidates.sort_unstable_by(surest_first);
+        out.stamp = scan.cloud.stamp;
+        out.boxes.clear();
+        footprints.clear();
+        for Candidate { found, .. } in candidates.iter() {
+            let Extent { length_m, width_m, .. } = found.extent;
+            let footprint = Obb::new(found.pose, length_m, width_m).grown(-OVERLAP_M);
+            if !footprints.iter().any(|other| other.overlaps(&footprint)) {
+                footprints.push(footprint);
+                out.boxes.push(*found);
+            }
+        }
+    }
+
+    /// All boxes that are looked at, before any is scored.
+    pub fn propose(&mut self, scan: &Scan<'_>) -> &[Candidate] {
+        self.cluster(scan);
+        let road = Road::of(scan);
+        let sensor = scan.ego_from_lidar.origin().coords;
+        let sensor = [sensor.x as f32, sensor.y as f32];
+        self.candidates.clear();
+        for &cluster in &self.clusters.found {
+            let points = self.clusters.of(cluster);
+            let lane = road.at(points[0]);
+            let fit = fit(points, lane.map(|(heading, _)| heading));
+            for (k, class) in CLASSES.iter().enumerate() {
+                if cluster.top_m < class.top_m[0] || cluster.top_m > class.top_m[1] {
+                    continue;
+                }
+                for is_across in [false, true] {
+                    let Some(rectangle) = complete(&fit, class, is_across, sensor) else { continue };
+                    // People may be anywhere, in any direction: the road says nothing of them.
+                    let lane = lane.filter(|_| !class.kind.is_person());
+                    let seen = Seen { clusters: &self.clusters, cluster, fit, sensor, lane };
+                    let features = seen.features(&rectangle);
+                    let found = boxed(&rectangle, class, cluster, lane);
+                    self.candidates.push(Candidate { found, features, class: k });
+                }
+            }
+        }
+        &self.candidates
+    }
+
+    /// Takes the ground away and finds what hangs together, at every gap; gives how many clusters there are.
+    pub fn cluster(&mut self, scan: &Scan<'_>) -> usize {
+        in_ego_frame(scan, self.params.reach_m as f32, &mut self.places);
+        self.ground.heights(&self.places, &mut self.over_m);
+        self.clusters.find(&self.places, &self.over_m);
+        self.clusters.found.len()
+    }
+}
+
+/// By falling score; what has the same one in an order that no sorting changes.
+fn surest_first(a: &Candidate, b: &Candidate) -> core::cmp::Ordering {
+    let place = |c: &Candidate| [c.found.pose.x_m, c.found.pose.y_m, c.found.extent.length_m, c.class as f64];
+    b.found.score.total_cmp(&a.found.score).then_with(|| {
+        let pairs = place(a).into_iter().zip(place(b));
+        pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(core::cmp::Ordering::Equal)
+    })
+}
+
+/// The way as it lies in the ego frame.
+struct Road<'a> {
+    route: Option<&'a Route>,
+    ego: Pose2,
+    near_s_m: f64,
+}
+
+/// How far along the way from the ego it is looked at, metres.
+const ALONG_M: f64 = 80.0;
+
+impl<'a> Road<'a> {
+    fn of(scan: &Scan<'a>) -> Self {
+        let ego = scan.ego.pose;
+        let route = scan.route.filter(|_| ego.is_finite());
+        let near_s_m = route.map_or(0.0, |route| route.project(ego.point()).s_m);
+        Self { route, ego, near_s_m }
+    }
+
+    /// Its heading beside a point, in the ego frame, radians, and how far beyond the drivable ground the point is, metres.
+    fn at(&self, [x, y, ..]: [f32; 4]) -> Option<(f32, f32)> {
+        let route = self.route?;
+        let at = self.ego.from_local::<Ego>(Point2::new(f64::from(x), f64::from(y)));
+        let FrenetPoint { s_m, d_m } = route.project_near(at, self.near_s_m, ALONG_M);
+        let heading_rad = route.line().at(s_m).pose.heading_rad - self.ego.heading_rad;
+        let beyond_m = (d_m - route.left_m(s_m)).max(-d_m - route.right_m(s_m));
+        Some((heading_rad as f32, beyond_m as f32))
+    }
+}
+
+/// How far beyond the drivable ground all is where none is known, metres: deeper in it than anything else.
+const NO_ROAD_M: f32 = -20.0;
+
+/// A cluster as it is seen.
+struct Seen<'a> {
+    clusters: &'a Clusters,
+    cluster: Cluster,
+    fit: Fit,
+    sensor: [f32; 2],
+    lane: Option<(f32, f32)>,
+}
+
+impl Seen<'_> {
+    /// What speaks for a rectangle, by the places of [`score::FEATURE_NAMES`].
+    fn features(&self, rectangle: &Rectangle) -> [f32; FEATURES] {
+        let points = self.clusters.of(self.cluster);
+        let count = points.len() as f32;
+        let [dx, dy] = [0, 1].map(|k| rectangle.middle[k] - self.sensor[k]);
+        let range = libm::sqrtf(dx * dx + dy * dy);
+        let (mut lowest, mut mean) = (f32::INFINITY, 0.0);
+        for point in points {
+            lowest = lowest.min(point[3]);
+            mean += point[3];
+        }
+        mean /= count;
+        let spread = points.iter().map(|point| (point[3] - mean) * (point[3] - mean)).sum::<f32>() / count;
+        let half = rectangle.size_m.map(|m| 0.5 * m);
+        let [inside, _] = self.clusters.inside(rectangle.middle, rectangle.turn, half.map(|m| m + 0.2));
+        let [around, _] = self.clusters.inside(rectangle.middle, rectangle.turn, half.map(|m| m + 0.8));
+        let [_, floor] =
+            self.clusters.inside(rectangle.middle, rectangle.turn, half.map(|m| (m - 0.3).max(0.1)));
+        let ln = libm::logf;
+        let off = |angle: f32, other: f32| quarter(angle - other).abs();
+        let (road, beyond) = self.lane.unwrap_or((rectangle.heading_rad, NO_ROAD_M));
+        let across = libm::sinf(rectangle.heading_rad - road).abs();
+        [
+            range,
+            ln(count),
+            rectangle.seen_m[0],
+            rectangle.seen_m[1],
+            self.cluster.top_m,
+            lowest,
+            self.fit.closeness,
+            ln(count * range * range),
+            (inside / count).min(2.0),
+            ((around - inside) / count).min(2.0),
+            ln(1.0 + floor * range * range * 0.01),
+            off(rectangle.heading_rad, road),
+            across,
+            rectangle.size_m[0] - rectangle.seen_m[0],
+            libm::sqrtf(spread),
+            beyond.clamp(NO_ROAD_M, 4.0),
+        ]
+    }
+}
+
+/// The box of a rectangle. Its length has two ends: the front is the one along the lane, to the left of the way that
+/// against it.
+fn boxed(rectangle: &Rectangle, class: &Class, cluster: Cluster, lane: Option<(f32, f32)>) -> DetectedBox {
+    let road_rad = lane.map_or(0.0, |(heading, _)| heading);
+    let along = libm::cosf(rectangle.heading_rad - road_rad) >= 0.0;
+    let turn = if along { 0.0 } else { core::f64::consts::PI };
+    let [x, y] = rectangle.middle.map(f64::from);
+    let [length_m, width_m] = rectangle.size_m.map(f64::from);
+    // The highest point of a person on a bicycle, or of a car's roof, lies between two beams.
+    let least_m = if class.kind == ActorKind::Truck { 2.0 } else { 1.4 };
+    DetectedBox {
+        kind: class.kind,
+        score: 0.0,
+        pose: Pose2::new(x, y, f64::from(rectangle.heading_rad) + turn),
+        bottom_m: 0.0,
+        extent: Extent { length_m, width_m, height_m: f64::from(cluster.top_m).max(least_m) },
+        image_px: None,
+    }
+}

@@ -1,0 +1,202 @@
+//! Boxes round clusters: turned as their sides lie, and completed to the size of what they are taken for.
+
+use core::f32::consts::FRAC_PI_2;
+
+use swerve_msg::ActorKind;
+
+/// Points that a fit looks at, at most: the outline of a car at 10 m has about so many columns.
+const FITTED_MAX: usize = 160;
+/// Points nearer to a side than this are on it, metres: about the noise of a range.
+const ON_SIDE_M: f32 = 0.05;
+/// Steps of the search for the heading, radians: over a quarter turn, then about the best.
+const COARSE: (f32, i32) = (FRAC_PI_2 / 18.0, 18);
+const FINE: (f32, i32) = (FRAC_PI_2 / 90.0, 4);
+/// A heading this far from that of the road may be it, radians, where its fit is nearly as good.
+const ALIGNED: (f32, f32) = (0.26, 0.75);
+
+/// A rectangle with the points of a cluster in it.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(super) struct Fit {
+    /// Of one of its axes, radians.
+    pub(super) heading_rad: f32,
+    /// Cosine and sine of that.
+    pub(super) turn: [f32; 2],
+    /// Least and largest along that axis, then along the one to its left, metres from the origin.
+    pub(super) ends: [[f32; 2]; 2],
+    /// Mean of one over the distance to the nearer of two sides, with those on it counted as on its brim: 0 to 1.
+    pub(super) closeness: f32,
+}
+
+/// What a class looks like.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Class {
+    pub(super) kind: ActorKind,
+    /// Length and width that are taken where less is seen, metres.
+    pub(super) usual_m: [f32; 2],
+    /// Length and width that one can have, metres.
+    pub(super) most_m: [f32; 2],
+    /// Height of its highest point that can be seen, metres.
+    pub(super) top_m: [f32; 2],
+}
+
+/// The classes that clusters are taken for.
+pub(super) const CLASSES: [Class; 4] = [
+    Class { kind: ActorKind::Car, usual_m: [4.4, 1.8], most_m: [5.7, 2.4], top_m: [0.5, 2.6] },
+    Class { kind: ActorKind::Truck, usual_m: [6.0, 2.5], most_m: [12.5, 3.1], top_m: [1.2, 4.5] },
+    Class { kind: ActorKind::Cyclist, usual_m: [1.8, 0.6], most_m: [2.2, 1.1], top_m: [0.8, 2.2] },
+    Class { kind: ActorKind::Pedestrian, usual_m: [0.5, 0.5], most_m: [1.1, 1.1], top_m: [0.6, 2.2] },
+];
+
+/// A rectangle on the ground.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Rectangle {
+    pub(super) middle: [f32; 2],
+    /// Cosine and sine of the heading.
+    pub(super) turn: [f32; 2],
+    pub(super) heading_rad: f32,
+    /// Length and width, metres.
+    pub(super) size_m: [f32; 2],
+    /// The part of that which is seen, metres.
+    pub(super) seen_m: [f32; 2],
+}
+
+/// The rectangle whose sides the points lie nearest to (Zhang et al. 2017, algorithm 4: closeness), searched coarsely,
+/// then finely; along the road where that fits nearly as well.
+pub(super) fn fit(points: &[[f32; 4]], road_rad: Option<f32>) -> Fit {
+    let step = points.len().div_ceil(FITTED_MAX).max(1);
+    let at = |heading_rad: f32| judge(points, step, heading_rad);
+    let best = |of: &mut dyn Iterator<Item = f32>| {
+        of.map(at).fold(Fit { closeness: -1.0, ..Fit::default() }, |best, fit| {
+            if fit.closeness > best.closeness { fit } else { best }
+        })
+    };
+    let rough = best(&mut (0..COARSE.1).map(|k| k as f32 * COARSE.0));
+    let best = best(&mut (-FINE.1..=FINE.1).map(|k| rough.heading_rad + k as f32 * FINE.0));
+    let Some(road_rad) = road_rad else { return best };
+    let aligned = at(best.heading_rad + quarter(road_rad - best.heading_rad));
+    let is_near = quarter(road_rad - best.heading_rad).abs() < ALIGNED.0;
+    if is_near && aligned.closeness > ALIGNED.1 * best.closeness { aligned } else { best }
+}
+
+/// An angle as it is between two axes: within an eighth of a turn.
+pub(super) fn quarter(angle_rad: f32) -> f32 {
+    angle_rad - (angle_rad / FRAC_PI_2).round() * FRAC_PI_2
+}
+
+fn judge(points: &[[f32; 4]], step: usize, heading_rad: f32) -> Fit {
+    let (sin, cos) = libm::sincosf(heading_rad);
+    let turned = |[x, y, ..]: &[f32; 4]| [x * cos + y * sin, y * cos - x * sin];
+    let mut ends = [[f32::INFINITY, f32::NEG_INFINITY]; 2];
+    for point in points.iter().step_by(step) {
+        for (ends, at) in ends.iter_mut().zip(turned(point)) {
+            *ends = [ends[0].min(at), ends[1].max(at)];
+        }
+    }
+    // Of each axis the end that more lies at, by the sum of distances.
+    let mut sums = [[0.0_f32; 2]; 2];
+    for point in points.iter().step_by(step) {
+        for ((sums, ends), at) in sums.iter_mut().zip(&ends).zip(turned(point)) {
+            *sums = [sums[0] + (at - ends[0]), sums[1] + (ends[1] - at)];
+        }
+    }
+    let side = [0, 1].map(|axis| ends[axis][usize::from(sums[axis][1] < sums[axis][0])]);
+    let (mut closeness, mut count) = (0.0, 0.0);
+    for point in points.iter().step_by(step) {
+        let [along, across] = turned(point);
+        let off = (along - side[0]).abs().min((across - side[1]).abs());
+        closeness += ON_SIDE_M / off.max(ON_SIDE_M);
+        count += 1.0;
+    }
+    Fit { heading_rad, turn: [cos, sin], ends, closeness: closeness / f32::max(count, 1.0) }
+}
+
+/// The rectangle of something of a class, with its length along one axis of a fit; `None` if it cannot be one.
+///
+/// What is seen is kept; what is missing is added on the side that the sensor does not see, on both where it faces the
+/// middle.
+pub(super) fn complete(fit: &Fit, class: &Class, is_across: bool, sensor: [f32; 2]) -> Option<Rectangle> {
+    let [cos, sin] = fit.turn;
+    let from = [sensor[0] * cos + sensor[1] * sin, sensor[1] * cos - sensor[0] * sin];
+    let (mut ends, mut seen_m, mut size_m) = (fit.ends, [0.0; 2], [0.0; 2]);
+    for axis in [0, 1] {
+        let which = usize::from((axis == 1) != is_across);
+        let [low, high] = fit.ends[axis];
+        seen_m[which] = high - low;
+        if seen_m[which] > class.most_m[which] {
+            return None;
+        }
+        let missing = (class.usual_m[which] - seen_m[which]).max(0.0);
+        size_m[which] = seen_m[which] + missing;
+        // Seen from below its low end, all that is missing lies beyond the high one.
+        let share = ((low - from[axis]) / (high - low + 0.1) + 0.5).clamp(0.0, 1.0)
+            - ((from[axis] - high) / (high - low + 0.1) + 0.5).clamp(0.0, 1.0);
+        let beyond = missing * 0.5 * (1.0 + share);
+        ends[axis] = [low - (missing - beyond), high + beyond];
+    }
+    let [along, across] = ends.map(|[low, high]| 0.5 * (low + high));
+    let middle = [along * cos - across * sin, along * sin + across * cos];
+    let (heading_rad, turn) =
+        if is_across { (fit.heading_rad + FRAC_PI_2, [-sin, cos]) } else { (fit.heading_rad, [cos, sin]) };
+    Some(Rectangle { middle, turn, heading_rad, size_m, seen_m })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points on the two near sides of a rectangle that is seen from the origin.
+    fn sides(middle: [f32; 2], heading_rad: f32, [length, width]: [f32; 2]) -> Vec<[f32; 4]> {
+        let (sin, cos) = libm::sincosf(heading_rad);
+        let back = |sign: f32, x: f32, y: f32| sign * (x * middle[0] + y * middle[1]) > 0.0;
+        let (rear, right) =
+            (if back(1.0, cos, sin) { -0.5 } else { 0.5 }, if back(1.0, -sin, cos) { -0.5 } else { 0.5 });
+        (0..60)
+            .flat_map(|k| {
+                let part = k as f32 / 59.0 - 0.5;
+                [[part * length, right * width], [rear * length, part * width]]
+            })
+            .map(|[x, y]| [middle[0] + x * cos - y * sin, middle[1] + x * sin + y * cos, 0.5, 0.5])
+            .collect()
+    }
+
+    #[test]
+    fn headings_of_corners_are_found() {
+        for k in 0..36_i32 {
+            let heading = 0.087 * k as f32;
+            let found = fit(&sides([12.0, 5.0], heading, [4.4, 1.8]), None);
+            assert!(quarter(found.heading_rad - heading).abs() < 0.02, "{heading}: {found:?}");
+            let aligned = fit(&sides([12.0, 5.0], heading, [4.4, 1.8]), Some(heading + 0.004));
+            assert!(quarter(aligned.heading_rad - heading).abs() < 0.01, "{heading}: {aligned:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_hidden_is_added_beyond() {
+        for (middle, heading, size) in [
+            ([15.0, 4.0], 0.0_f32, [4.4_f32, 1.8_f32]),
+            ([15.0, -4.0], 3.1, [4.4, 1.8]),
+            ([-12.0, 6.0], 1.2, [4.4, 1.8]),
+            ([10.0, 0.0], 0.0, [4.4, 1.8]),
+        ] {
+            let points: Vec<[f32; 4]> = sides(middle, heading, size);
+            // Only the near half of it.
+            let range = |p: &[f32; 4]| p[0] * p[0] + p[1] * p[1];
+            let mut near = points.clone();
+            near.sort_by(|a, b| range(a).total_cmp(&range(b)));
+            near.truncate(90);
+            let fit = fit(&near, Some(heading));
+            let boxes = [false, true].map(|across| complete(&fit, &CLASSES[0], across, [0.0, 0.0]));
+            let off = |b: &Rectangle| libm::hypotf(b.middle[0] - middle[0], b.middle[1] - middle[1]);
+            let best = boxes.iter().flatten().map(off).fold(9.0, f32::min);
+            assert!(best < 0.25, "{middle:?} {heading}: {boxes:?}");
+        }
+    }
+
+    #[test]
+    fn a_wall_is_no_car() {
+        let points: Vec<[f32; 4]> = (0..100).map(|k| [10.0, 0.1 * k as f32, 0.5, 0.5]).collect();
+        let fit = fit(&points, None);
+        assert!(CLASSES.iter().all(|class| class.kind == ActorKind::Truck
+            || [false, true].iter().all(|across| complete(&fit, class, *across, [0.0, 0.0]).is_none())));
+    }
+}

@@ -1,0 +1,51 @@
+//! Ground by rays: outwards, from point to point (Himmelsbach et al. 2010, section III; the ray ground filter of
+//! Autoware has the same form).
+
+use super::super::points::{Place, sector};
+use super::{Bins, SLOPE, STEP_M};
+
+/// Rays about the ego.
+const RAYS: usize = 720;
+/// What ground may rise beyond the last sight of it, as a tangent, and at most, metres.
+const UNSEEN: (f32, f32) = (0.05, 0.3);
+
+/// Ground by rays.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rays {
+    bins: Bins,
+    /// Of one ray the distances, as bits that sort as they do, and the points.
+    ray: Vec<(u32, u32)>,
+}
+
+impl Rays {
+    pub(super) fn heights(&mut self, points: &[Place], over_m: &mut [f32]) {
+        self.bins.fill(RAYS, points.len(), |k| sector(points[k][0], points[k][1], RAYS));
+        for ray in 0..RAYS {
+            self.ray.clear();
+            self.ray.extend(self.bins.of(ray).iter().map(|&k| {
+                let [x, y, _] = points[k as usize];
+                ((x * x + y * y).to_bits(), k)
+            }));
+            self.ray.sort_unstable();
+            walk(&self.ray, points, over_m);
+        }
+    }
+}
+
+/// Walks along one ray. The ground rises no more than its greatest slope over the way between two points on it, however
+/// many lie above each other: nothing that stands upright is climbed.
+fn walk(ray: &[(u32, u32)], points: &[Place], over_m: &mut [f32]) {
+    let (mut ground_r, mut ground_z) = (0.0_f32, 0.0_f32);
+    for &(squared, k) in ray {
+        let (r, z) = (f32::from_bits(squared).sqrt(), points[k as usize][2]);
+        let way = r - ground_r;
+        let over = z - ground_z;
+        let allowed = STEP_M + (UNSEEN.0 * way).min(UNSEEN.1);
+        if over > allowed {
+            over_m[k as usize] = over;
+        } else if over >= -allowed {
+            ground_z += over.clamp(-SLOPE * way, SLOPE * way);
+            ground_r = r;
+        }
+    }
+}

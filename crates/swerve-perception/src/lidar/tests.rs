@@ -1,0 +1,233 @@
+use proptest::prelude::*;
+use swerve_core::{Rng, Time, digest_of};
+use swerve_geom::{Point, math};
+use swerve_map::{Border, Borders};
+use swerve_msg::LidarPoint;
+
+use super::*;
+
+/// Where the lidar sits, metres.
+const ROOF_M: [f64; 3] = [1.4, 0.0, 1.9];
+
+fn scan(cloud: &PointCloud) -> Scan<'_> {
+    let [x, y, z] = ROOF_M;
+    let ego_from_lidar = Transform::from_roll_pitch_yaw(Point::new(x, y, z), 0.0, 0.0, 0.0);
+    Scan { cloud, ego_from_lidar, ego: EgoState::default(), own_m: [-1.0, 3.9, 1.0], route: None }
+}
+
+/// A box that stands in the scene: x, y, heading, length, width, height.
+type Block = [f64; 6];
+
+/// Cars ahead and beside, a person, and a house.
+const SCENE: [Block; 5] = [
+    [14.0, 3.5, 0.05, 4.4, 1.8, 1.5],
+    [20.0, -3.2, 0.0, 4.4, 1.8, 1.5],
+    [9.0, -4.0, 0.0, 0.5, 0.5, 1.75],
+    [-12.0, 3.6, 0.0, 4.4, 1.8, 1.5],
+    [10.0, 16.0, 0.0, 24.0, 8.0, 6.0],
+];
+
+/// The distance along a ray from the sensor to the ground or a block, metres.
+fn range_m([dx, dy, dz]: [f64; 3]) -> f64 {
+    let ground = if dz < -1e-6 { -ROOF_M[2] / dz } else { f64::INFINITY };
+    SCENE.iter().fold(ground, |nearest, &[x, y, heading, length, width, height]| {
+        let (sin, cos) = math::sin_cos(heading);
+        let (ox, oy) = (ROOF_M[0] - x, ROOF_M[1] - y);
+        let from = [ox * cos + oy * sin, oy * cos - ox * sin, ROOF_M[2]];
+        let way = [dx * cos + dy * sin, dy * cos - dx * sin, dz];
+        // Light goes through under cars.
+        let bottom = if length < 1.0 { 0.0 } else { 0.25 };
+        let slabs = [[-0.5 * length, 0.5 * length], [-0.5 * width, 0.5 * width], [bottom, height]];
+        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
+        for ((o, d), [low, high]) in from.into_iter().zip(way).zip(slabs) {
+            let (a, b) = ((low - o) / d, (high - o) / d);
+            (enter, leave) = (enter.max(a.min(b)), leave.min(a.max(b)));
+        }
+        if enter < leave && enter > 0.0 { nearest.min(enter) } else { nearest }
+    })
+}
+
+/// A turn of 32 beams over the scene, seen from an ego that moves as it does at this speed and yaw rate.
+fn turn(speed_mps: f64, yaw_rate_radps: f64) -> PointCloud {
+    let mut rng = Rng::keyed(7, "noise", &[]);
+    let mut cloud = PointCloud { stamp: Time::from_ms(500), ..PointCloud::default() };
+    let columns = 1200_u32;
+    for column in 0..columns {
+        let offset_s = -0.1 * f64::from(columns - column) / f64::from(columns);
+        let azimuth = core::f64::consts::TAU * f64::from(column) / f64::from(columns) + 0.001;
+        for beam in 0..32_u16 {
+            let elevation = -0.35 + 0.013 * f64::from(beam);
+            let ((sa, ca), (se, ce)) = (math::sin_cos(azimuth), math::sin_cos(elevation));
+            let range = range_m([ca * ce, sa * ce, se]) + 0.01 * rng.normal();
+            if range > 100.0 {
+                continue;
+            }
+            let [x, y, z] = [ROOF_M[0] + range * ca * ce, range * sa * ce, ROOF_M[2] + range * se];
+            // As it is from where the ego was then.
+            let (sin, cos) = math::sin_cos(-yaw_rate_radps * offset_s);
+            let (half_sin, half_cos) = math::sin_cos(0.5 * yaw_rate_radps * offset_s);
+            let (x, y) = (x - speed_mps * offset_s * half_cos, y - speed_mps * offset_s * half_sin);
+            let seen = [x * cos - y * sin - ROOF_M[0], x * sin + y * cos, z - ROOF_M[2]];
+            cloud.push(LidarPoint {
+                place_m: seen.map(|m| m as f32),
+                intensity: 0.3,
+                ring: beam,
+                time_offset_s: offset_s as f32,
+            });
+        }
+    }
+    cloud
+}
+
+fn objects(params: Params) -> LidarObjects {
+    LidarObjects::new(params).unwrap()
+}
+
+fn detect(objects: &mut LidarObjects, scan: &Scan<'_>) -> Detections {
+    let mut out = Detections::default();
+    objects.detect(scan, &mut out);
+    out
+}
+
+#[test]
+fn cars_and_people_are_found_where_they_are_by_both_methods() {
+    let cloud = turn(0.0, 0.0);
+    for ground in [Method::Rays, Method::Zones] {
+        let found = detect(&mut objects(Params { ground, ..Params::default() }), &scan(&cloud));
+        for (block, kind) in
+            SCENE.iter().zip([ActorKind::Car, ActorKind::Car, ActorKind::Pedestrian, ActorKind::Car])
+        {
+            let there = Point2::new(block[0], block[1]);
+            let is_it = |b: &&DetectedBox| b.kind == kind && b.pose.point().distance(there) < 0.5;
+            let found = found.boxes.iter().find(is_it);
+            assert!(found.is_some_and(|b| b.score > 0.2), "{ground:?} {kind:?} at {there:?}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn the_way_of_the_ego_during_a_sweep_is_taken_out() {
+    let (still, moved) = (turn(0.0, 0.0), turn(20.0, 0.4));
+    let mut ego = EgoState { speed_mps: 20.0, yaw_rate_radps: 0.4, ..EgoState::default() };
+    ego.stamp = moved.stamp;
+    let (mut a, mut b) = (Vec::new(), Vec::new());
+    in_ego_frame(&scan(&still), 1e3, &mut a);
+    in_ego_frame(&Scan { ego, ..scan(&moved) }, 1e3, &mut b);
+    assert!(a.len() > 20_000 && a.len() == b.len(), "{} {}", a.len(), b.len());
+    let off = |(a, b): (&Place, &Place)| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
+    let most = a.iter().zip(&b).map(off).fold(0.0, f32::max);
+    assert!(most < 1e-3, "{most} m");
+}
+
+#[test]
+fn a_known_way_turns_boxes_along_it() {
+    let cloud = turn(0.0, 0.0);
+    let line = swerve_geom::Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(80.0, 0.0)]).unwrap();
+    let borders = Borders::new(Border::constant(4.0), Border::constant(5.0));
+    let route = Route::new(line, borders);
+    let found = detect(&mut objects(Params::default()), &Scan { route: Some(&route), ..scan(&cloud) });
+    let cars = found.boxes.iter().filter(|b| b.kind == ActorKind::Car && b.score > 0.5);
+    assert!(cars.clone().count() >= 3);
+    assert!(cars.into_iter().all(|b| math::sin(b.pose.heading_rad).abs() < 0.1));
+}
+
+#[test]
+fn nothing_that_a_sweep_can_be_is_more_than_no_objects() {
+    let good = turn(0.0, 0.0);
+    let of = |points: Vec<[f32; 3]>| {
+        let mut cloud = PointCloud::default();
+        for place_m in points {
+            cloud.push(LidarPoint { place_m, ..LidarPoint::default() });
+        }
+        cloud
+    };
+    let mut used = objects(Params::default());
+    detect(&mut used, &scan(&good));
+    for (what, cloud, most) in [
+        ("none", PointCloud::default(), 0),
+        ("one", of(vec![[5.0, 1.0, -1.0]]), 0),
+        ("no numbers", of(vec![[f32::NAN, 1.0, -1.0]; 500]), 0),
+        ("far away", of(vec![[f32::INFINITY, f32::MAX, 1e30]; 500]), 0),
+        ("in one place", of(vec![[9.0, 2.0, -1.0]; 5000]), 1),
+    ] {
+        let found = detect(&mut used, &scan(&cloud));
+        assert!(found.boxes.len() <= most, "{what}: {found:?}");
+        assert_eq!(found, detect(&mut objects(Params::default()), &scan(&cloud)), "{what}");
+    }
+}
+
+#[test]
+fn of_arrays_of_unlike_lengths_the_points_that_all_hold_are_taken() {
+    let whole = turn(0.0, 0.0);
+    let (mut cut, mut short) = (PointCloud { stamp: whole.stamp, ..PointCloud::default() }, whole.clone());
+    (0..whole.len() - 3000).filter_map(|k| whole.get(k)).for_each(|point| cut.push(point));
+    short.z_m.truncate(whole.len() - 3000);
+    let mut objects = objects(Params::default());
+    assert_eq!(detect(&mut objects, &scan(&short)), detect(&mut objects, &scan(&cut)));
+}
+
+#[test]
+fn many_points_are_taken() {
+    let mut rng = Rng::keyed(3, "many", &[]);
+    let mut cloud = PointCloud::default();
+    for _ in 0..200_000 {
+        let place_m = [40.0, 40.0, 2.0].map(|m| rng.uniform(-m, m) as f32);
+        cloud.push(LidarPoint { place_m, ..LidarPoint::default() });
+    }
+    let found = detect(&mut objects(Params::default()), &scan(&cloud));
+    assert!(found.boxes.iter().all(|b| b.pose.is_finite()));
+}
+
+#[test]
+fn sweeps_into_used_memory_allocate_nothing() {
+    let cloud = turn(0.0, 0.0);
+    for ground in [Method::Rays, Method::Zones] {
+        let mut objects = objects(Params { ground, ..Params::default() });
+        let mut out = Detections::default();
+        objects.detect(&scan(&cloud), &mut out);
+        let used = allocation_counter::measure(|| objects.detect(&scan(&cloud), &mut out));
+        assert_eq!(used.count_total, 0, "{ground:?}: {used:?}");
+    }
+}
+
+/// The same bytes on every machine: written down when the weights were made.
+#[test]
+fn a_sweep_has_its_objects() {
+    let found = detect(&mut objects(Params::default()), &scan(&turn(10.0, 0.1)));
+    assert_eq!(digest_of(&found).to_string(), include_str!("digest.txt").trim());
+}
+
+#[test]
+fn parameters_out_of_range_are_told() {
+    let told = |params: Params| LidarObjects::new(params).unwrap_err().to_string();
+    assert_eq!(told(Params { reach_m: 1e4, ..Params::default() }), "`reach_m` is 10000, expected 5 to 200");
+    assert_eq!(told(Params { points_min: 0, ..Params::default() }), "`points_min` is 0, expected 2 to 1000");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn boxes_are_sound_whatever_the_points(
+        points in prop::collection::vec((-30.0_f32..30.0, -30.0_f32..30.0, -2.5_f32..3.0, -0.2_f32..0.2), 0..400),
+        speed_mps in -10.0_f64..40.0,
+        zones: bool,
+    ) {
+        let mut cloud = PointCloud::default();
+        for (x, y, z, time_offset_s) in points {
+            // Rounded, so that points share places and cells.
+            let place_m = [(x * 2.0).round() * 0.5, (y * 4.0).round() * 0.25, z];
+            cloud.push(LidarPoint { place_m, time_offset_s, ..LidarPoint::default() });
+        }
+        let ground = if zones { Method::Zones } else { Method::Rays };
+        let mut objects = objects(Params { ground, score_min: 0.0, ..Params::default() });
+        let scan = Scan { ego: EgoState { speed_mps, ..EgoState::default() }, ..scan(&cloud) };
+        let found = detect(&mut objects, &scan);
+        prop_assert!(found.boxes.is_sorted_by(|a, b| a.score >= b.score));
+        for b in &found.boxes {
+            let Extent { length_m, width_m, height_m } = b.extent;
+            prop_assert!(b.pose.is_finite() && (0.0..=1.0).contains(&b.score));
+            prop_assert!([length_m, width_m, height_m].iter().all(|m| (0.1..20.0).contains(m)), "{b:?}");
+        }
+        prop_assert_eq!(found, detect(&mut objects, &scan));
+    }
+}

@@ -1,0 +1,81 @@
+//! Objects from the points of a lidar.
+
+use anyhow::Context as _;
+use swerve_flow::{At, Context, Inputs, Operator, Port, Window};
+use swerve_geom::{Ego, Lidar, Transform};
+use swerve_msg::{Detections, EgoState, PointCloud, Route};
+use swerve_perception::LidarObjects;
+use swerve_perception::lidar::{Params, Scan};
+
+use crate::kind::{Heavy, KeyProblems, Kind, Node};
+use crate::site::Site;
+
+/// Past poses kept to find the one measured at a sweep's stamp: as old as sweeps get, at 100 Hz.
+const POSES: usize = 256;
+
+/// Finds objects in each sweep of a lidar, without neural networks.
+pub(super) struct Objects {
+    objects: LidarObjects,
+    ego_from_lidar: Transform<Ego, Lidar>,
+    own_m: [f64; 3],
+    route: Route,
+}
+
+/// A sweep, and where the ego was.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// The points.
+    points: At<PointCloud>,
+    /// Where the ego was.
+    poses: Window<EgoState, POSES>,
+}
+
+impl Kind for Objects {
+    const NODE: Node =
+        Node::new("lidar_objects", "boxes of cars, trucks, cyclists and people in a lidar's points")
+            .heavy(Heavy::Yes);
+    type Table = Params;
+
+    fn problems(table: &Params) -> KeyProblems {
+        let told = table.validate().err();
+        told.map(|e| (e.key.to_string(), format!("expected {}, found {}", e.expected, e.value)))
+            .into_iter()
+            .collect()
+    }
+
+    fn new(table: Params, site: &Site<'_>) -> anyhow::Result<Self> {
+        let (name, config) = (site.name(), site.config());
+        let from = site.source_of("points").with_context(|| format!("operator.{name}: it reads no lidar"))?;
+        let lidar = config.lidar.get(from).with_context(|| {
+            format!(
+                "operator.{name}: expected points of a [lidar.NAME], which says where it sits, found `{from}`"
+            )
+        })?;
+        let shape = &config.sim.vehicle.shape;
+        let rear_m = -shape.rear_overhang_m;
+        Ok(Self {
+            objects: LidarObjects::new(table)?,
+            ego_from_lidar: lidar.ego_from_lidar(shape),
+            own_m: [rear_m, rear_m + shape.length_m, 0.5 * shape.width_m],
+            route: site.surroundings().route.clone(),
+        })
+    }
+}
+
+impl Operator for Objects {
+    type In = In;
+    type Out = Port<Detections>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Port<Detections>) {
+        let (Some(cloud), poses) = (input.points.get(), input.poses.get()) else { return };
+        let before = poses.iter().rev().find(|pose| pose.header().stamp <= cloud.stamp);
+        let Some(measured) = before.or(poses.first()) else { return };
+        let mut ego = **measured;
+        ego.pose = measured.pose_after((cloud.stamp - measured.stamp).as_secs());
+        let Self { ego_from_lidar, own_m, .. } = *self;
+        let scan = Scan { cloud, ego_from_lidar, ego, own_m, route: Some(&self.route) };
+        let mut found = Detections::default();
+        self.objects.detect(&scan, &mut found);
+        out.loan().send(found);
+    }
+}

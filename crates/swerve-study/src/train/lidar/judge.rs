@@ -1,0 +1,110 @@
+//! How good objects from a lidar are: average precision on the ground, of single sweeps and behind the tracker.
+
+use core::fmt::Write as _;
+
+use swerve_core::ParamError;
+use swerve_eval::{AveragePrecision, Found, Recalls, ground_iou};
+use swerve_geom::{Ego, Point2, Pose2};
+use swerve_msg::{ActorKind, DetectedBox, Detections, TrackList};
+use swerve_perception::lidar::Scan;
+use swerve_perception::tracker::Params;
+use swerve_perception::{LidarObjects, Tracker};
+
+use super::frames::There;
+
+/// What is farther does not count, metres.
+const NEAR_M: f64 = 40.0;
+
+/// What counts of a kind: least points on it, least overlap of a match.
+const KINDS: [(ActorKind, &str, usize, f64); 4] = [
+    (ActorKind::Car, "cars", 20, 0.5),
+    (ActorKind::Truck, "trucks", 20, 0.5),
+    (ActorKind::Cyclist, "cyclists", 10, 0.25),
+    (ActorKind::Pedestrian, "people", 10, 0.25),
+];
+
+/// Takes in sweeps in the order of their drives.
+pub(super) struct Judge {
+    one: Vec<AveragePrecision>,
+    tracked: Vec<AveragePrecision>,
+    tracker: Tracker,
+    found: Detections,
+}
+
+impl Judge {
+    pub(super) fn new() -> Self {
+        let each = || KINDS.iter().map(|(_, _, _, overlap)| AveragePrecision::new(*overlap)).collect();
+        let tracker = Tracker::new(Params::default()).expect("the defaults are within their ranges");
+        Self { one: each(), tracked: each(), tracker, found: Detections::default() }
+    }
+
+    /// Forgets the tracks of the drive before.
+    pub(super) fn begin_drive(&mut self) -> Result<(), ParamError> {
+        // As in configs/lidar_objects.toml.
+        self.tracker = Tracker::new(Params {
+            score_min: 0.3,
+            range_noise_m: 0.15,
+            range_noise_share: 0.005,
+            bearing_noise_rad: 0.005,
+            ..Params::default()
+        })?;
+        Ok(())
+    }
+
+    pub(super) fn take(&mut self, objects: &mut LidarObjects, scan: &Scan<'_>, there: &[There]) {
+        objects.detect(scan, &mut self.found);
+        count(&mut self.one, &self.found.boxes, there);
+        let tracks = self.tracker.update(&self.found, scan.ego.pose);
+        count(&mut self.tracked, &boxes(&tracks, &self.tracker, scan.ego.pose), there);
+    }
+
+    /// Average precision of cars: of single sweeps, and of tracks.
+    #[cfg(test)]
+    pub(super) fn cars(&self) -> [f64; 2] {
+        [&self.one, &self.tracked].map(|all| all[0].value(Recalls::Kitti40).unwrap_or(0.0))
+    }
+
+    /// All of it, for people.
+    pub(super) fn table(&self) -> String {
+        let mut text = format!(
+            "within {NEAR_M} m, mean of 40 recalls      there  one sweep  tracked  least overlap, points\n"
+        );
+        for (k, (_, name, points, overlap)) in KINDS.iter().enumerate() {
+            let value = |all: &[AveragePrecision]| {
+                all[k].value(Recalls::Kitti40).map_or("-".to_owned(), |value| format!("{value:.3}"))
+            };
+            let (one, tracked) = (value(&self.one), value(&self.tracked));
+            let there = self.one[k].wanted();
+            let _ = writeln!(text, "{name:<38} {there:>8} {one:>10} {tracked:>8}  {overlap}, {points}");
+        }
+        text
+    }
+}
+
+/// Tracks as boxes in the ego frame.
+fn boxes(tracks: &TrackList, tracker: &Tracker, ego: Pose2) -> Vec<DetectedBox> {
+    let of = |track: &swerve_msg::Track| {
+        let at = ego.to_local::<Ego>(track.pose.point());
+        DetectedBox {
+            kind: track.kind,
+            score: tracker.score(track.id).unwrap_or(0.0),
+            pose: Pose2::new(at.x_m, at.y_m, track.pose.heading_rad - ego.heading_rad),
+            bottom_m: 0.0,
+            extent: track.extent,
+            image_px: None,
+        }
+    };
+    tracks.tracks.iter().map(of).collect()
+}
+
+fn count(all: &mut [AveragePrecision], boxes: &[DetectedBox], there: &[There]) {
+    let is_near = |b: &DetectedBox| b.pose.point().distance(Point2::default()) < NEAR_M;
+    for (precision, (kind, _, points, _)) in all.iter_mut().zip(KINDS) {
+        let boxes: Vec<&DetectedBox> = boxes.iter().filter(|b| b.kind == kind).collect();
+        let there: Vec<&There> = there.iter().filter(|there| there.truth.kind == kind).collect();
+        let found: Vec<Found> = boxes.iter().map(|b| Found { score: b.score, counts: is_near(b) }).collect();
+        let counts: Vec<bool> =
+            there.iter().map(|there| is_near(&there.truth) && there.points >= points).collect();
+        precision.frame(&found, &counts, |f, w| ground_iou(boxes[f], &there[w].truth));
+    }
+}
