@@ -5,6 +5,12 @@
 //!
 //! Absences: no message, no engine, no simulator, no file, no clock, no thread.
 
+pub mod acf;
+pub mod channels;
 mod image;
+pub mod pyramid;
+pub mod shipped;
+mod stack;
 
 pub use image::{ImageError, Plane, Rgb};
+pub use stack::Stack;
