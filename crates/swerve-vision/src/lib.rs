@@ -6,11 +6,13 @@
 //! Absences: no message, no engine, no simulator, no file, no clock, no thread.
 
 pub mod acf;
+pub mod boosting;
 pub mod channels;
 mod image;
 pub mod pyramid;
 pub mod shipped;
 mod stack;
+pub mod svm;
 
 pub use image::{ImageError, Plane, Rgb};
 pub use stack::Stack;
