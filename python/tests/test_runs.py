@@ -118,7 +118,7 @@ def test_progress_is_told_and_may_end_the_run() -> None:
 
 
 def test_ctrl_c_ends_a_run() -> None:
-    script = "import swerve\ntry:\n  [swerve.run('traffic_jam') for _ in range(1000)]\nexcept KeyboardInterrupt:\n  print('ended')"
+    script = "import signal, swerve\nsignal.signal(signal.SIGINT, signal.default_int_handler)\ntry:\n  [swerve.run('traffic_jam') for _ in range(1000)]\nexcept KeyboardInterrupt:\n  print('ended')"
     process = subprocess.Popen([sys.executable, "-u", "-c", "print('begun')\n" + script], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None and process.stdout.readline() == "begun\n"
     timer = threading.Timer(3, lambda: process.send_signal(2))

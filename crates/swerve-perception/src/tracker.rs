@@ -89,8 +89,7 @@ impl Tracker {
         for track in &mut self.tracks {
             track.filter.predict(found.stamp, params.motion(track.kind).accel_density);
         }
-        let distance = |t: usize, b: usize| self.tracks[t].distance(&boxes[b]);
-        let pairs = assign(self.tracks.len(), boxes.len(), params.gate, distance);
+        let pairs = self.pair(&boxes);
         for &(t, b) in &pairs {
             self.tracks[t].meet(&boxes[b], found.stamp, &params);
         }
@@ -105,6 +104,29 @@ impl Tracker {
                 self.tracks.push(Followed::founded(ActorId(self.given), measured, found.stamp, &params));
             }
         }
+    }
+
+    /// Which track takes which box. What is left of both is tried once more as if the track had started, stopped or
+    /// turned all at once: a person who stops is not a new one, and no track walks on in her place.
+    fn pair(&mut self, boxes: &[Measured<'_>]) -> Vec<(usize, usize)> {
+        let (params, tracks) = (self.params, &mut self.tracks);
+        let sudden_mps = |track: &Followed| params.motion(track.kind).change_mps;
+        let distance = |t: usize, b: usize| tracks[t].distance(0.0, &boxes[b]);
+        let mut pairs = assign(tracks.len(), boxes.len(), params.gate, distance);
+        let left_tracks: Vec<usize> =
+            (0..tracks.len()).filter(|t| pairs.iter().all(|(taken, _)| taken != t)).collect();
+        let left_boxes: Vec<usize> =
+            (0..boxes.len()).filter(|b| pairs.iter().all(|(_, taken)| taken != b)).collect();
+        let distance = |t: usize, b: usize| {
+            let track = &tracks[left_tracks[t]];
+            track.distance(sudden_mps(track), &boxes[left_boxes[b]])
+        };
+        for (t, b) in assign(left_tracks.len(), left_boxes.len(), params.gate, distance) {
+            let track = &mut tracks[left_tracks[t]];
+            track.filter.jump(sudden_mps(track));
+            pairs.push((left_tracks[t], left_boxes[b]));
+        }
+        pairs
     }
 
     fn list(&self) -> TrackList {
@@ -150,12 +172,13 @@ impl Followed {
         }
     }
 
-    /// Squared distance to a box in standard deviations; infinite for what cannot be the same.
-    fn distance(&self, measured: &Measured<'_>) -> f64 {
+    /// Squared distance to a box in standard deviations, after a sudden change of the velocity of this deviation in m/s;
+    /// infinite for what cannot be the same.
+    fn distance(&self, change_mps: f64, measured: &Measured<'_>) -> f64 {
         if self.kind.is_person() != measured.found.kind.is_person() {
             return f64::INFINITY;
         }
-        self.filter.squared_distance(measured.at, measured.covariance).unwrap_or(f64::INFINITY)
+        self.filter.squared_distance(change_mps, measured.at, measured.covariance).unwrap_or(f64::INFINITY)
     }
 
     fn meet(&mut self, measured: &Measured<'_>, stamp: Time, params: &Params) {

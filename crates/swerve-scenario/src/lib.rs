@@ -82,5 +82,5 @@ pub use model::{
     Actor, Along, Direction, EgoStart, End, Motion, RoadPlace, Scenario, SpeedPoint, Standstill, Subject,
     Trigger,
 };
-pub use road::{Road, Segment, TrafficLight};
+pub use road::{KERB_M, PAVEMENT_M, Road, Segment, TrafficLight};
 pub use swerve_msg::truth::Verdict;

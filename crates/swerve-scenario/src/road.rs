@@ -73,6 +73,13 @@ impl TrafficLight {
     }
 }
 
+/// Height of the pavements on either side of the drivable ground, metres.
+pub const KERB_M: f64 = 0.12;
+/// Width of the kerbstone, over which feet are lifted, metres.
+const KERBSTONE_M: f64 = 0.16;
+/// Width of a pavement behind its kerbstone, metres.
+pub const PAVEMENT_M: f64 = 2.5;
+
 /// Borders nearer to each other than this are one line, metres.
 const ONE_LINE_M: f64 = 0.05;
 
@@ -114,6 +121,14 @@ impl Road {
             }
         }
         points
+    }
+
+    /// Height of the ground so far to the left of the lane's centre, metres: the drivable ground and what lies behind
+    /// the pavements are the map plane.
+    pub fn ground_m(&self, d_m: f64) -> f64 {
+        let beyond_m = (d_m - self.left_m).max(-self.right_m - d_m);
+        let is_paved = beyond_m > 0.0 && beyond_m < KERBSTONE_M + PAVEMENT_M;
+        if is_paved { KERB_M * (beyond_m / KERBSTONE_M).min(1.0) } else { 0.0 }
     }
 
     /// Its lines and where they are, metres to the left of the lane's centre, from right to left: the edges of

@@ -48,6 +48,16 @@ pub(crate) fn foresee_contacts(world: &mut PhysicsWorld, body: RigidBodyHandle) 
     world.bodies[body].set_soft_ccd_prediction(FORESIGHT_M);
 }
 
+/// A moment of a script on the ground that is there.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Placed {
+    pub(crate) moment: Moment,
+    /// Height of the ground, metres.
+    pub(crate) z_m: f64,
+    /// Where along the road that is, metres.
+    pub(crate) s_m: f64,
+}
+
 impl Body {
     pub(crate) fn insert(world: &mut PhysicsWorld, actor: &truth::Actor, mass_kg: f64) -> Self {
         let half = |m: f64| 0.5 * m as f32;
@@ -72,26 +82,33 @@ impl Body {
     }
 
     /// Sends it to where its script has it at the end of the coming step.
-    pub(crate) fn follow(&self, world: &mut PhysicsWorld, next: &Moment) {
-        world.bodies[self.handle].set_next_kinematic_position(pose3(next.pose, self.half_height_m));
+    pub(crate) fn follow(&self, world: &mut PhysicsWorld, next: &Placed) {
+        world.bodies[self.handle].set_next_kinematic_position(self.pose(next));
     }
 
     /// Hands it to physics for the coming step, at its present pose and velocity.
-    pub(crate) fn try_physics(&mut self, world: &mut PhysicsWorld, now: &Moment) {
+    pub(crate) fn try_physics(&mut self, world: &mut PhysicsWorld, now: &Placed) {
+        let (pose, velocity_mps) = (self.pose(now), now.moment.velocity_mps);
         let body = &mut world.bodies[self.handle];
         body.set_body_type(RigidBodyType::Dynamic, true);
-        body.set_position(pose3(now.pose, self.half_height_m), true);
-        body.set_linvel(Vec3::new(now.velocity_mps.x as f32, now.velocity_mps.y as f32, 0.0), true);
+        body.set_position(pose, true);
+        body.set_linvel(Vec3::new(velocity_mps.x as f32, velocity_mps.y as f32, 0.0), true);
         body.set_angvel(Vec3::ZERO, true);
         self.mode = Mode::Trial;
     }
 
     /// Hands it back to its script, which has it here by now.
-    pub(crate) fn restore(&mut self, world: &mut PhysicsWorld, now: &Moment) {
+    pub(crate) fn restore(&mut self, world: &mut PhysicsWorld, now: &Placed) {
+        let pose = self.pose(now);
         let body = &mut world.bodies[self.handle];
         body.set_body_type(RigidBodyType::KinematicPositionBased, true);
-        body.set_position(pose3(now.pose, self.half_height_m), true);
+        body.set_position(pose, true);
         self.mode = Mode::Scripted;
+    }
+
+    /// The middle of the body where its foot stands here.
+    fn pose(&self, at: &Placed) -> Pose {
+        pose3(at.moment.pose, at.z_m + self.half_height_m)
     }
 
     /// Reads pose and velocity of a body that physics moves.

@@ -7,13 +7,13 @@ use swerve_msg::truth::{Actor, Collision, Infraction, InfractionKind, WorldState
 use swerve_msg::{Command, Route};
 use swerve_scenario::{Scenario, Subject, Trigger};
 
-use crate::bodies::{self, Body, Mode};
+use crate::bodies::{self, Body, Mode, Placed};
 use crate::contact::{self, Motion2};
 use swerve_vehicle::VehicleParams;
 
 use crate::ego::EgoCar;
 use crate::rules::Rules;
-use crate::script::{Moment, Script};
+use crate::script::Script;
 
 /// How the world is simulated.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -64,7 +64,12 @@ struct Player {
     script: Script,
     set_off: Option<Time>,
     contact: Contact,
+    /// Where along the road it was last, metres.
+    s_m: f64,
 }
+
+/// In one step nobody gets farther along the road than this, metres.
+const STEP_MAX_M: f64 = 5.0;
 
 /// The contact of the ego with one actor.
 #[derive(Clone, PartialEq, Debug)]
@@ -149,17 +154,18 @@ impl Simulator {
         for (i, actor) in self.scenario.actors.iter().enumerate() {
             let script = Script::new(actor, self.route.line());
             let moment = script.at(None, self.route.line());
+            let at = self.route.line().project(moment.pose.point());
             let state = Actor {
                 id: Scenario::id(i),
                 kind: actor.kind,
                 pose: moment.pose,
-                z_m: 0.0,
+                z_m: self.scenario.road.ground_m(at.d_m),
                 extent: actor.extent,
                 velocity_mps: moment.velocity_mps,
             };
             let body = Body::insert(&mut self.world, &state, actor.mass_kg);
             let set_off = (actor.trigger.is_none() && script.moves()).then_some(Time::ZERO);
-            self.actors.push(Player { body, script, set_off, contact: Contact::None });
+            self.actors.push(Player { body, script, set_off, contact: Contact::None, s_m: at.s_m });
             self.state.actors.push(state);
         }
     }
@@ -231,9 +237,12 @@ impl Simulator {
     }
 
     /// Where the script has actor `i` at `instant`.
-    fn scripted(&self, i: usize, instant: Time) -> Moment {
+    fn scripted(&self, i: usize, instant: Time) -> Placed {
         let player = &self.actors[i];
-        player.script.at(player.set_off.map(|t| (instant - t).as_secs()), self.route.line())
+        let line = self.route.line();
+        let moment = player.script.at(player.set_off.map(|t| (instant - t).as_secs()), line);
+        let at = line.project_near(moment.pose.point(), player.s_m, STEP_MAX_M);
+        Placed { moment, z_m: self.scenario.road.ground_m(at.d_m), s_m: at.s_m }
     }
 
     /// Prepares actor `i` for the step that ends at the present stamp.
@@ -301,9 +310,10 @@ impl Simulator {
         }
     }
 
-    fn put(&mut self, i: usize, Moment { pose, velocity_mps }: Moment) {
+    fn put(&mut self, i: usize, Placed { moment, z_m, s_m }: Placed) {
         let actor = &mut self.state.actors[i];
-        (actor.pose, actor.z_m, actor.velocity_mps) = (pose, 0.0, velocity_mps);
+        self.actors[i].s_m = s_m;
+        (actor.pose, actor.z_m, actor.velocity_mps) = (moment.pose, z_m, moment.velocity_mps);
     }
 
     fn touches_loose(&self, i: usize) -> bool {

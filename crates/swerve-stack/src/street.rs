@@ -12,7 +12,7 @@ use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
 use swerve_msg::{ActorKind, Signal};
-use swerve_scenario::{Scenario, TrafficLight};
+use swerve_scenario::{PAVEMENT_M, Scenario, TrafficLight};
 use swerve_scene::{
     Instance, Kind, Light, Model, Motion, RoadLayout, Scene, SideOfRoad, Size, WeatherPreset, lamps,
     road_pieces, walk_phase,
@@ -174,7 +174,7 @@ fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
         }
         between_m += road.lane_width_m;
     }
-    layout.left_side = SideOfRoad::Pavement { width_m: scenery::PAVEMENT_M as f32 };
+    layout.left_side = SideOfRoad::Pavement { width_m: PAVEMENT_M as f32 };
     layout.right_side = layout.left_side;
     layout.stop_lines_m = road.lights.iter().map(|light| (BEYOND_M + light.stop_s_m) as f32).collect();
     for piece in road_pieces(&layout, seed) {

@@ -95,3 +95,72 @@ fn a_slow_detector_drops_frames() {
     assert!((5..=7).contains(&seen.boxes.len()), "{}", seen.boxes.len());
     assert_eq!(seen.boxes.len(), seen.tracks.len());
 }
+
+/// Somebody runs into the lane from behind a truck and stops dead in it, while another truck comes the other way.
+const RUNNER: &str = r#"
+name = "runner"
+[road]
+segments = [{ length_m = 220.0 }]
+left_m = 6.0
+[ego]
+target_speed_mps = 14.0
+end_m = 180.0
+[[actor]]
+name = "oncoming"
+kind = "truck"
+s_m = 150.0
+d_m = 4.0
+heading_rad = 3.14159
+motion = [{ drive = { speed_mps = 10.0 } }]
+[[actor]]
+name = "parked"
+kind = "truck"
+s_m = 110.0
+d_m = -3.5
+[[actor]]
+name = "runner"
+kind = "pedestrian"
+s_m = 117.0
+d_m = -4.0
+trigger = { distance = { to = "ego", within_m = 30 } }
+motion = [{ walk = { speed_mps = 4.0, distance_m = 4.0, direction = "left" } }]
+[expect]
+verdict = "avoided"
+min_distance_m = { min = 0.2 }
+"#;
+
+#[test]
+fn nobody_is_seen_to_walk_on_who_has_stopped() {
+    let scenario = Scenario::parse("runner", RUNNER).unwrap();
+    for seed in 1..=4 {
+        let text = format!(
+            "seed = {seed}\n[perception]\ndetector = \"efficientdet-d3@v100\"\n[control]\ncontroller = \"stanley\"\n\
+             [operator.detector]\nruntime = {{ fixed_ms = 120 }}\npolicy = \"pipelined(8)\"\n"
+        );
+        let config = Config::from_document(&Document::parse("test", text).unwrap(), &[]).unwrap();
+        let pipeline = Pipeline::build(&config, &scenario).unwrap();
+        let mut seen = Seen::default();
+        let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
+        let broken = outcome.broken(&scenario.expect[0]);
+        assert!(broken.is_empty(), "seed {seed}: {broken:?}");
+        let runner = |world: &&WorldState| world.actors[2].pose.y_m > -1e-6;
+        let stopped = seen.worlds.iter().find(runner).unwrap().stamp;
+        let since = |tracks: &&TrackList| tracks.stamp > stopped + Span::from_ms(200);
+        let mut people = 0;
+        for tracks in seen.tracks.iter().filter(since).take(10) {
+            let near = tracks.tracks.iter().filter(|track| {
+                track.kind.is_person() && (track.pose.x_m - 117.0).abs() < 4.0 && track.pose.y_m.abs() < 4.0
+            });
+            for track in near {
+                people += 1;
+                let (y_m, across_mps) = (track.pose.y_m, track.velocity_mps.y);
+                let at = tracks.stamp - stopped;
+                assert!(
+                    across_mps.abs() < 1.5 && y_m.abs() < 0.5,
+                    "seed {seed}: {across_mps} m/s after {at:?}"
+                );
+            }
+        }
+        assert!(people > 0, "seed {seed}: nobody followed");
+    }
+}

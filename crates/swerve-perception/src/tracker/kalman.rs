@@ -31,6 +31,22 @@ struct Gauss {
     covariance: Matrix4<f64>,
 }
 
+impl Gauss {
+    /// What becomes of it after a while of accelerations of this density, m²/s³.
+    fn moved(&self, dt_s: f64, density: f64) -> Self {
+        let f = transition(dt_s);
+        let (a, b, c) = (dt_s * dt_s * dt_s / 3.0, 0.5 * dt_s * dt_s, dt_s);
+        #[rustfmt::skip]
+        let q = Matrix4::new(
+            a, 0.0, b, 0.0,
+            0.0, a, 0.0, b,
+            b, 0.0, c, 0.0,
+            0.0, b, 0.0, c,
+        ) * density;
+        Self { mean: f * self.mean, covariance: f * self.covariance * f.transpose() + q }
+    }
+}
+
 /// The position of a state.
 fn position() -> Matrix2x4<f64> {
     Matrix2x4::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
@@ -57,19 +73,34 @@ impl Filter {
     /// Moves on; `density` is that of the acceleration, m²/s³.
     pub(super) fn predict(&mut self, at: Time, density: f64) {
         let last = self.last();
-        let dt_s = (at - last.at).as_secs();
-        let f = transition(dt_s);
-        let (a, b, c) = (dt_s * dt_s * dt_s / 3.0, 0.5 * dt_s * dt_s, dt_s);
+        let since_s = (at - last.at).as_secs();
+        let predicted = last.filtered.moved(since_s, density);
+        self.steps.push_back(Step { at, since_s, predicted, filtered: predicted, is_measured: false });
+    }
+
+    /// As if the velocity had changed all at once, with this deviation in m/s, right after the instant before. The way
+    /// before that is forgotten: it tells nothing of the way from there on.
+    pub(super) fn jump(&mut self, change_mps: f64) {
+        let predicted = self.expected(change_mps);
+        self.steps.drain(..self.steps.len().saturating_sub(2));
+        if let Some(step) = self.steps.back_mut() {
+            (step.predicted, step.filtered) = (predicted, predicted);
+        }
+    }
+
+    /// The present state as it is expected after such a change.
+    fn expected(&self, change_mps: f64) -> Gauss {
+        let dt_s = self.last().since_s;
+        let (b, c) = (dt_s * change_mps * change_mps, change_mps * change_mps);
         #[rustfmt::skip]
-        let q = Matrix4::new(
-            a, 0.0, b, 0.0,
-            0.0, a, 0.0, b,
+        let change = Matrix4::new(
+            dt_s * b, 0.0, b, 0.0,
+            0.0, dt_s * b, 0.0, b,
             b, 0.0, c, 0.0,
             0.0, b, 0.0, c,
-        ) * density;
-        let Gauss { mean, covariance } = last.filtered;
-        let predicted = Gauss { mean: f * mean, covariance: f * covariance * f.transpose() + q };
-        self.steps.push_back(Step { at, since_s: dt_s, predicted, filtered: predicted, is_measured: false });
+        );
+        let Gauss { mean, covariance } = self.last().predicted;
+        Gauss { mean, covariance: covariance + change }
     }
 
     /// Takes in a measurement of the present position. Steps before the last `kept` measured ones are forgotten.
@@ -90,9 +121,15 @@ impl Filter {
         }
     }
 
-    /// Squared distance of a measurement from the present position, in standard deviations of their difference.
-    pub(super) fn squared_distance(&self, measured: Vector2<f64>, noise: Matrix2<f64>) -> Option<f64> {
-        let (h, Gauss { mean, covariance }) = (position(), self.last().predicted);
+    /// Squared distance of a measurement from the present position, expected after a sudden change of the velocity of
+    /// this deviation in m/s, in standard deviations of their difference.
+    pub(super) fn squared_distance(
+        &self,
+        change_mps: f64,
+        measured: Vector2<f64>,
+        noise: Matrix2<f64>,
+    ) -> Option<f64> {
+        let (h, Gauss { mean, covariance }) = (position(), self.expected(change_mps));
         let off = measured - h * mean;
         let inverse = (h * covariance * h.transpose() + noise).try_inverse()?;
         Some((off.transpose() * inverse * off)[0])
@@ -207,9 +244,9 @@ mod tests {
         let mut filter = Filter::new(Time::ZERO, Vector2::new(1.0, 2.0), noise, 3.0);
         let far = Vector2::new(4.0, 2.0);
         filter.predict(Time::from_ms(100), 1.0);
-        let seen = filter.squared_distance(far, noise).unwrap();
+        let seen = filter.squared_distance(0.0, far, noise).unwrap();
         filter.predict(Time::from_ms(600), 1.0);
-        assert!(filter.squared_distance(far, noise).unwrap() < seen);
+        assert!(filter.squared_distance(0.0, far, noise).unwrap() < seen);
         filter.update(Vector2::new(1.0, 2.0), noise, 10);
         filter.predict(Time::from_ms(650), 1.0);
         assert_eq!(filter.smoothed().len(), 2, "what was not seen is no sighting");

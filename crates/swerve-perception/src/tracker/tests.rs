@@ -206,3 +206,26 @@ fn a_poor_detector_is_followed_less_well() {
     assert!(rmse_m[0] < 1.0 && rmse_m[2] < 2.0, "{rmse_m:?}");
     assert!(scores.iter().all(|s| s.switches <= 12.0), "{scores:?}");
 }
+
+#[test]
+fn who_stops_dead_stays_one_track_that_stands_at_once() {
+    for (step_ms, range_m) in [(50_i32, 20.0), (50, 8.0), (120, 20.0), (200, 12.0)] {
+        let mut tracker = tracker(Params::default());
+        let stops = Time::from_ms(1000);
+        for ms in (0..1600_i32).step_by(step_ms as usize) {
+            let ran_s = f64::from(ms.min(1000)) * 1e-3;
+            let person = found(ActorKind::Pedestrian, range_m, -4.0 + 4.0 * ran_s);
+            let tracks = tracker.update(&frame(i64::from(ms), vec![person]), origin()).tracks;
+            let stamp = Time::from_ms(i64::from(ms));
+            if stamp < Time::from_ms(400) {
+                continue;
+            }
+            assert_eq!(tracks.iter().map(|t| t.id.0).collect::<Vec<_>>(), [1], "{step_ms} ms, at {ms} ms");
+            let speed_mps = tracks[0].velocity_mps.y;
+            // Two frames tell that she stands, and a fifth of a second.
+            if stamp - stops >= Span::from_ms(200.max(2 * i64::from(step_ms))) {
+                assert!(speed_mps.abs() < 0.8, "{step_ms} ms, {range_m} m, at {ms} ms: {speed_mps} m/s");
+            }
+        }
+    }
+}

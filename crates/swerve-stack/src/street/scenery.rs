@@ -2,13 +2,9 @@
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Obb, Point, Point2, Polyline, Pose2, Transform, math};
-use swerve_scenario::{Direction, Motion as Leg, Scenario};
+use swerve_scenario::{Direction, KERB_M, Motion as Leg, PAVEMENT_M, Scenario};
 use swerve_scene::{Instance, Kind, Light, Scene, Size, ground_pieces};
 
-/// Width of the pavements, metres.
-pub(super) const PAVEMENT_M: f64 = 2.5;
-/// Height of the pavements, metres.
-const KERB_M: f64 = 0.12;
 /// Houses stand this far behind the pavement at least, metres.
 const SETBACK_M: f64 = 3.0;
 /// The ground that scenery covers keeps this far from the ways of actors, metres.

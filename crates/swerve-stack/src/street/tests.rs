@@ -76,3 +76,48 @@ fn actors_are_where_the_world_has_them_and_people_move_their_legs() {
     assert!(standing != first && first != second);
     assert_eq!(shown(10.0, 1.4), first, "a function of the state alone");
 }
+
+/// Height of the ground that is drawn at a point, metres.
+fn drawn_m(street: &Street, at: Point2) -> f64 {
+    let scene = street.scene();
+    let grounds = scene.statics().instances().iter().filter(|instance| {
+        matches!(instance.class, SemanticClass::Road | SemanticClass::Sidewalk | SemanticClass::Terrain)
+    });
+    let heights = grounds.flat_map(|instance| {
+        let mesh = scene.meshes.get(instance.mesh);
+        mesh.triangles().iter().filter_map(move |corners| {
+            let [a, b, c] = corners.map(|k| {
+                let [x, y, z] = mesh.positions()[k as usize].map(f64::from);
+                (instance.map_from_body * Point::new(x, y, z)).coords
+            });
+            let across = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
+            let (ab, ac) = ([b.x - a.x, b.y - a.y], [c.x - a.x, c.y - a.y]);
+            let to = [at.x_m - a.x, at.y_m - a.y];
+            let area = across(ab, ac);
+            let (v, w) = (across(to, ac) / area, across(ab, to) / area);
+            (v >= 0.0 && w >= 0.0 && v + w <= 1.0).then(|| a.z + v * (b.z - a.z) + w * (c.z - a.z))
+        })
+    });
+    heights.fold(f64::NEG_INFINITY, f64::max)
+}
+
+#[test]
+fn actors_stand_on_the_ground_that_is_drawn() {
+    for scenario in scenarios() {
+        let street = Street::new(&scenario, &Shape::default(), WeatherPreset::default(), 1);
+        let (road, line) = (&scenario.road, scenario.road.line());
+        let edges = [0.3, 1.4, 2.5, 3.2];
+        let beside = edges.map(|m| road.left_m + m).into_iter().chain(edges.map(|m| -road.right_m - m));
+        // Grass lies six centimetres below the plane.
+        for d_m in beside.chain([0.0, road.left_m - 0.3, 0.3 - road.right_m]) {
+            let drawn_m = drawn_m(&street, line.to_map(FrenetPoint { s_m: 31.3, d_m }));
+            let error_m = drawn_m - road.ground_m(d_m);
+            assert!(error_m.abs() < 0.07, "{} at {d_m}: drawn at {drawn_m}", scenario.name);
+        }
+        let params = SimParams { dt: Span::from_ms(5), vehicle: VehicleParams::default() };
+        for actor in &Simulator::exact(scenario.clone(), &params).unwrap().state().actors {
+            let ground_m = road.ground_m(line.project(actor.pose.point()).d_m);
+            assert_eq!(actor.z_m, ground_m, "{}: actor {}", scenario.name, actor.id.0);
+        }
+    }
+}

@@ -7,7 +7,6 @@ use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Lidar, Map, Point, Transform};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{Image, Pixels, PointCloud};
-use swerve_sim::sense::fixed_points;
 
 /// World states that are kept: more than an image can take to be published.
 const WORLDS: usize = 400;
@@ -35,7 +34,7 @@ pub(super) struct Object<'a> {
     pub(super) pixels: usize,
     /// The same of its box, as far as it is in front of the camera, not cut by the image's edges.
     pub(super) whole_px: [f64; 4],
-    /// Share of its fixed points within the image that nothing hides.
+    /// Of the pixels of its box within the image, the share that nothing nearer covers.
     pub(super) visible_share: f64,
     pub(super) camera_from_map: Transform<swerve_geom::Camera, Map>,
 }
@@ -179,8 +178,9 @@ fn objects<'a>(image: &Image, depth: &Image, world: &'a WorldState) -> Vec<Objec
         let &([left, top, right, bottom], pixels) = seen.get(&actor.id.0)?;
         let visible_px = [left as f64, top as f64, right as f64 + 1.0, bottom as f64 + 1.0];
         let whole_px = whole(actor, image, &camera_from_map).unwrap_or(visible_px);
-        let visible_share = share(actor, (ids, depths), image, &camera_from_map);
-        Some(Object { actor, visible_px, pixels, whole_px, visible_share, camera_from_map })
+        let mut object = Object { actor, visible_px, pixels, whole_px, visible_share: 1.0, camera_from_map };
+        object.visible_share = share(&object, (ids, depths), image);
+        Some(object)
     };
     world.actors.iter().filter_map(object).collect()
 }
@@ -218,26 +218,85 @@ fn whole(
     })
 }
 
-/// Of the fixed points of truth sensing that fall into the image, the share that nothing else hides: their pixel is
-/// the actor's own, or no nearer than the actor.
-fn share(
-    actor: &Actor,
-    (ids, depths): (&[u32], &[f32]),
-    image: &Image,
-    camera_from_map: &Transform<swerve_geom::Camera, Map>,
-) -> f64 {
-    let reach_m = 0.5 * actor.extent.length_m.max(actor.extent.width_m);
-    let (mut inside, mut free) = (0, 0);
-    for point in fixed_points(actor) {
-        let Some([x, y]) = project(image, camera_from_map, point) else { continue };
-        if !(0.0..f64::from(image.width_px)).contains(&x) || !(0.0..f64::from(image.height_px)).contains(&y) {
-            continue;
+/// Things this much nearer than the nearest corner of an actor's box hide it, metres.
+const NEARER_M: f64 = 0.1;
+
+/// Of the pixels of an actor's box within the image, the share that nothing nearer covers: neither a thing before the
+/// box, nor another actor before its middle.
+fn share(object: &Object<'_>, (ids, depths): (&[u32], &[f32]), image: &Image) -> f64 {
+    let (actor, camera_from_map) = (object.actor, &object.camera_from_map);
+    let depth_m = |point: Point<Map>| (*camera_from_map * point).coords.z;
+    let nearest_m = corners(actor).into_iter().map(depth_m).fold(f64::INFINITY, f64::min) - NEARER_M;
+    let middle_m = depth_m(Point::new(actor.pose.x_m, actor.pose.y_m, actor.z_m));
+    let [left, top, right, bottom] = object.clipped_px(image).map(|edge| edge.round() as usize);
+    let width = image.width_px as usize;
+    let is_hidden = |pixel: usize| {
+        let (id, at_m) = (ids[pixel], f64::from(depths[pixel]));
+        id != actor.id.0 && (at_m < nearest_m || id != 0 && at_m < middle_m)
+    };
+    let hidden = (top..bottom).flat_map(|row| (left..right).map(move |column| row * width + column));
+    let hidden = hidden.filter(|pixel| is_hidden(*pixel)).count();
+    let all = (right - left) * (bottom - top);
+    if all == 0 { 1.0 } else { 1.0 - hidden as f64 / all as f64 }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_geom::{Pose2, Vector2};
+    use swerve_msg::{ActorId, ActorKind, CameraInfo, Extent, Intrinsics};
+
+    use super::*;
+
+    #[test]
+    fn what_is_nearer_hides_by_the_pixel() {
+        let intrinsics =
+            Intrinsics { fx_px: 20.0, fy_px: 20.0, cx_px: 20.0, cy_px: 10.0, ..Intrinsics::default() };
+        let camera = CameraInfo { intrinsics, ..CameraInfo::default() };
+        let image = Image {
+            stamp: Default::default(),
+            width_px: 40,
+            height_px: 20,
+            camera,
+            pixels: Pixels::default(),
+        };
+        let actor = |id, x_m| Actor {
+            id: ActorId(id),
+            kind: ActorKind::Car,
+            pose: Pose2::new(x_m, 0.0, 0.0),
+            z_m: -1.0,
+            extent: Extent { length_m: 2.0, width_m: 4.0, height_m: 4.0 },
+            velocity_mps: Vector2::default(),
+        };
+        let own = actor(7, 11.0);
+        let camera_from_map =
+            (Transform::<Map, Ego>::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+                * camera.ego_from_camera)
+                .inverse();
+        let whole_px = whole(&own, &image, &camera_from_map).unwrap();
+        // 4 m across at 10 m with 20 px for a metre at a metre.
+        assert_eq!(whole_px.map(f64::round), [16.0, 4.0, 24.0, 12.0]);
+        let object = Object {
+            actor: &own,
+            visible_px: whole_px,
+            pixels: 1,
+            whole_px,
+            visible_share: 1.0,
+            camera_from_map,
+        };
+        // A column of the eight: of what, how far, and whether it hides.
+        for (id, depth_m, hides) in [
+            (0, 3.0, true),
+            (0, 9.8, true),
+            (0, 10.5, false),
+            (0, 40.0, false),
+            (7, 3.0, false),
+            (5, 10.8, true),
+            (5, 30.0, false),
+        ] {
+            let at = |column: usize| if column == 17 { (id, depth_m) } else { (7, 10.0) };
+            let (ids, depths): (Vec<u32>, Vec<f32>) = (0..800).map(|k| at(k % 40)).unzip();
+            let wanted = if hides { 0.875 } else { 1.0 };
+            assert_eq!(share(&object, (&ids, &depths), &image), wanted, "{id} at {depth_m} m");
         }
-        let pixel = y as usize * image.width_px as usize + x as usize;
-        let depth_m = f64::from(depths.get(pixel).copied().unwrap_or(f32::INFINITY));
-        let hidden = depth_m < (*camera_from_map * point).coords.z - reach_m;
-        inside += 1;
-        free += i32::from(!hidden || ids.get(pixel) == Some(&actor.id.0));
     }
-    if inside == 0 { 1.0 } else { f64::from(free) / f64::from(inside) }
 }
