@@ -8,6 +8,7 @@ pub mod calibrate;
 pub mod dataset;
 mod joint;
 mod limit;
+pub mod train;
 
 pub mod cells;
 pub mod curve;

@@ -17,7 +17,7 @@ pub struct BoostParams {
     pub depth: usize,
     /// Trees at most.
     pub trees: usize,
-    /// Each tree is offered one of so many features, 20 at least.
+    /// Each tree is offered one of so many features.
     pub one_of: usize,
     /// Of the choice of features.
     pub seed: u64,
@@ -67,7 +67,7 @@ pub fn boost(samples: Samples<'_>, params: &BoostParams) -> Trees {
 
 /// A random choice of one of so many features, in order.
 fn offered(rng: &mut Rng, features: usize, one_of: usize) -> Vec<usize> {
-    let count = (features / one_of.max(1)).max(20).min(features);
+    let count = (features / one_of.max(1)).max(1);
     let mut all: Vec<usize> = (0..features).collect();
     for k in 0..count {
         let other = k + rng.below(features - k);
@@ -279,7 +279,7 @@ mod tests {
         let trees = boost(samples, &BoostParams { depth: 3, trees: 20, one_of: 2, seed: 5 });
         let mut hasher = swerve_core::Hasher::new();
         hasher.value(&trees);
-        assert_eq!(hasher.digest().to_string(), "5f43f65bcebb6ff3", "other trees than on other machines");
+        assert_eq!(hasher.digest().to_string(), "?", "other trees than on other machines");
         assert_ne!(trees, boost(samples, &BoostParams { depth: 3, trees: 20, one_of: 2, seed: 6 }));
     }
 

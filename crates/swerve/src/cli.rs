@@ -5,9 +5,9 @@ use std::ffi::OsString;
 use clap::{Parser, Subcommand};
 use swerve_drive::process;
 use swerve_stack::Registry;
-use swerve_study::{calibrate, dataset};
+use swerve_study::{calibrate, dataset, train};
 
-use crate::{check, doctor, graph, new, operators, plan, replay, run, scenarios};
+use crate::{check, doctor, graph, look_detector, new, operators, plan, replay, run, scenarios};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -41,6 +41,10 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Make labelled images and point clouds of scenarios, as KITTI and COCO have them
     Dataset(dataset::DatasetArgs),
+    /// Train a detector on images of random streets
+    Train(train::TrainArgs),
+    /// Find objects in images: boxes, as a table, JSON or pictures
+    Look(look_detector::LookArgs),
     /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
     /// Make a folder to begin in: a scenario, a configuration, an operator of one's own, and what is what
@@ -71,6 +75,8 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Check(args) => check::run(args, registry),
         Command::Calibrate(args) => calibrate::run(args, registry),
         Command::Dataset(args) => dataset::run(args, registry),
+        Command::Train(args) => train::run(args, registry),
+        Command::Look(args) => look_detector::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::New(args) => new::run(args),
         Command::Scenarios(args) => scenarios::run(args),

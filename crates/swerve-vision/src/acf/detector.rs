@@ -234,6 +234,32 @@ impl Scanner {
         [start(0), start(1) + level.top_px, side(0), side(1)]
     }
 
+    /// The windows of a model whose object is nearest to a box: one on each of the two levels nearest in height, if any is
+    /// within a fifth of it.
+    pub fn around(&self, model: usize, bbox: [f64; 4]) -> Vec<Candidate> {
+        let (window, inset) = (&self.weights.models[model], self.inset_px(&self.weights.models[model]));
+        let apart = |level: usize| {
+            let ratio = bbox[3] * self.pyramid.levels()[level].scale[1] / window.object_px[1];
+            ratio.max(1.0 / ratio)
+        };
+        let mut levels: Vec<usize> = (0..self.levels()).filter(|level| apart(*level) < 1.2).collect();
+        levels.sort_by(|a, b| apart(*a).total_cmp(&apart(*b)));
+        let middle = [bbox[0] + 0.5 * bbox[2], bbox[1] + 0.5 * bbox[3]];
+        let nearest = |level: &usize| {
+            let (at, top_px) = (&self.pyramid.levels()[*level], self.pyramid.levels()[*level].top_px);
+            let cell = |k: usize, from_px: f64| {
+                let start_px = (middle[k] - from_px) * at.scale[k] - 0.5 * window.object_px[k] - inset[k];
+                (start_px / self.cell_px()).round()
+            };
+            let (cells, place) = (self.cells(*level), [cell(0, 0.0), cell(1, top_px)]);
+            let fits = |k: usize, all: usize| place[k] >= 0.0 && place[k] as usize + window.cells[k] <= all;
+            let at = [place[0] as usize, place[1] as usize];
+            let fits = fits(0, cells.width()) && fits(1, cells.height());
+            fits.then_some(Candidate { model, level: *level, at, score: 0.0 })
+        };
+        levels.iter().take(2).filter_map(nearest).collect()
+    }
+
     /// The features of a window in units of [`feature_step`], a byte each.
     pub fn features(&self, candidate: &Candidate, into: &mut Vec<u8>) {
         let ([columns, lines], cells) =
