@@ -138,7 +138,7 @@ fn steepest(horizontal: [f32; 3], vertical: [f32; 3]) -> (f32, f32) {
 
 /// Where a direction points, whichever way along it: 0 to 6 for half a turn; off by less than 1e-5.
 #[inline(always)]
-fn orientation(gx: f32, gy: f32) -> f32 {
+pub(crate) fn orientation(gx: f32, gy: f32) -> f32 {
     /// The arc tangent's odd powers on [0, 1] (Hastings, "Approximations for digital computers", 1955, sheet 11).
     const POWERS: [f32; 6] =
         [0.999_977_26, -0.332_623_47, 0.193_543_46, -0.116_432_87, 0.052_653_32, -0.011_721_2];

@@ -8,11 +8,14 @@
 pub mod acf;
 pub mod boosting;
 pub mod channels;
+pub mod hog;
 mod image;
 pub mod pyramid;
 pub mod shipped;
 mod stack;
 pub mod svm;
+#[cfg(test)]
+mod video;
 
 pub use image::{ImageError, Plane, Rgb};
 pub use stack::Stack;

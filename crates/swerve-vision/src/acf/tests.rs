@@ -76,7 +76,7 @@ fn squares_are_found_where_they_are_at_any_size() {
     let found = found(&squares(), 1, [160, 140], &bytes, None);
     for [left, top, side] in wanted.map(|square| square.map(|n| n as f64)) {
         let best = found.iter().map(|one| iou(one.bbox, [left, top, side, side])).fold(0.0, f64::max);
-        assert!(best >= 0.6, "{left}, {top}, {side}: {best}, {found:?}");
+        assert!(best > 0.5, "{left}, {top}, {side}: {best}, {found:?}");
     }
     assert!(found.iter().all(|one| (0.5..=1.0).contains(&one.score)), "{found:?}");
 }
