@@ -41,7 +41,7 @@ const MASS: f64 = (1_u64 << 30) as f64;
 /// The largest leaf, either way.
 const LEAF_MAX: f64 = 4.0;
 /// Mean loss at which nothing is left to learn.
-const LOSS_MIN: f64 = 1e-10;
+const LOSS_MIN: f64 = 1e-40;
 
 /// Trees whose thresholds are bytes (a feature below goes left) and whose leaves are whole units of [`leaf_step`].
 ///

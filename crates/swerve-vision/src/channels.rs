@@ -12,7 +12,7 @@ use core::ops::Range;
 
 use crate::stack::Stack;
 
-pub use filter::{halve, resample, smooth};
+pub use filter::{Resampler, halve, smooth};
 pub use luv::Luv;
 
 /// How many planes: L, u, v, magnitude, six orientations.
@@ -129,11 +129,16 @@ fn steepest(horizontal: [f32; 3], vertical: [f32; 3]) -> (f32, f32) {
     for (x, y) in horizontal.into_iter().zip(vertical) {
         let square = x * x + y * y;
         let more = square > most;
-        most = if more { square } else { most };
-        gx = if more { x } else { gx };
-        gy = if more { y } else { gy };
+        (most, gx, gy) = (select(more, square, most), select(more, x, gx), select(more, y, gy));
     }
     (most.sqrt(), orientation(gx, gy))
+}
+
+/// One of two, without a branch: a compiler that is free to choose stores under a condition, number by number.
+#[inline(always)]
+pub(crate) fn select(first: bool, a: f32, b: f32) -> f32 {
+    let mask = u32::from(first).wrapping_neg();
+    f32::from_bits(a.to_bits() & mask | b.to_bits() & !mask)
 }
 
 /// Where a direction points, whichever way along it: 0 to 6 for half a turn; off by less than 1e-5.
@@ -149,7 +154,7 @@ pub(crate) fn orientation(gx: f32, gy: f32) -> f32 {
     let angle =
         slope * POWERS.into_iter().rev().fold(0.0, |sum, power| sum * square + power) * BINS_PER_RADIAN;
     let angle = if ay > ax { 3.0 - angle } else { angle };
-    let angle = if (gx < 0.0) == (gy < 0.0) { angle } else { 6.0 - angle };
+    let angle = if gx * gy < 0.0 { 6.0 - angle } else { angle };
     if angle >= 6.0 { angle - 6.0 } else { angle }
 }
 

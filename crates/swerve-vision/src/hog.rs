@@ -74,6 +74,11 @@ impl HogDetector {
             "weights of {:?} cells",
             model.cells
         );
+        let mut placed = model.weights.clone();
+        for (k, weight) in model.weights.iter().enumerate() {
+            placed[k / BLOCK * BLOCK + place(k % BLOCK)] = *weight;
+        }
+        let model = LinearHog { weights: placed, ..model };
         let (gradients, blocks) = (Gradients::default(), Blocks::default());
         Self { model, gradients, blocks, resizer: Resizer::default(), small: Vec::new() }
     }
@@ -112,8 +117,9 @@ impl HogDetector {
         self.blocks.compute(&self.gradients);
         let [columns, rows] = self.model.cells.map(|cells| cells - 1);
         // The padding is one cell.
-        let block = |k: usize| self.blocks.block(1 + k / rows, 1 + k % rows);
-        Some((0..columns * rows).flat_map(block).copied().collect())
+        let block = |k: usize| &self.blocks.column(1 + k / rows)[(1 + k % rows) * BLOCK..][..BLOCK];
+        let ordered = |k: usize| (0..BLOCK).map(move |n| block(k)[place(n)]);
+        Some((0..columns * rows).flat_map(ordered).collect())
     }
 
     fn scan(&self, scale: f64, least: f32, found: &mut Vec<Detection>) {
@@ -126,7 +132,9 @@ impl HogDetector {
                 // A column's blocks lie one after another.
                 let strips = self.model.weights.chunks_exact(rows * BLOCK).enumerate();
                 let strip = |k: usize| &self.blocks.column(x + k)[y * BLOCK..][..rows * BLOCK];
-                let sum = self.model.offset + strips.map(|(k, weights)| dot(weights, strip(k))).sum::<f32>();
+                let mut sums = [0.0; LANES];
+                strips.for_each(|(k, weights)| dot(weights, strip(k), &mut sums));
+                let sum = self.model.offset + sums.iter().sum::<f32>();
                 if sum >= least {
                     let at = [corner(x), corner(y)].map(f64::round_ties_even);
                     found.push(Detection {
@@ -140,15 +148,27 @@ impl HogDetector {
     }
 }
 
-/// The sum of products, in twelve parts side by side.
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0; 12];
-    for (a, b) in a.chunks_exact(12).zip(b.chunks_exact(12)) {
-        for k in 0..12 {
-            sums[k] += a[k] * b[k];
+/// Sums that are kept side by side, so that none waits for the one before.
+const LANES: usize = 24;
+
+/// Adds products to sums side by side.
+fn dot(a: &[f32], b: &[f32], sums: &mut [f32; LANES]) {
+    let mut own = *sums;
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a.iter().zip(b) {
+        for k in 0..LANES {
+            own[k] += a[k] * b[k];
         }
     }
-    sums.iter().sum()
+    own.iter_mut().zip(a_rest.iter().zip(b_rest)).for_each(|(sum, (a, b))| *sum += a * b);
+    *sums = own;
+}
+
+/// Where a block here keeps a number: upper cells, then lower; bin after bin; left, then right. A block of the weights
+/// has cell after cell, left above, left below, right above, right below.
+fn place(number: usize) -> usize {
+    let (cell, bin) = (number / BINS, number % BINS);
+    (cell % 2) * 2 * BINS + 2 * bin + cell / 2
 }
 
 /// The blocks of one image, column by column.
@@ -157,11 +177,14 @@ struct Blocks {
     columns: usize,
     rows: usize,
     numbers: Vec<f32>,
-    /// Of each square of eight by eight pixels: for each way of lying in a block and each bin, what it adds to the
-    /// cells. See [`Weights`].
-    squares: Vec<[[Lanes; BINS]; 4]>,
+    /// Of each square of eight by eight pixels what it adds to the cells of a block.
+    squares: Vec<Square>,
     weights: Weights,
 }
+
+/// For the upper and the lower cells of a block that the square lies above in, then of one that it lies below in; each
+/// where it lies left, then right; each bin after bin, the left cell's and the right cell's.
+type Square = [[[[f32; 2]; BINS]; 2]; 4];
 
 /// One number for each of: left in a block, to its left and right cell; right in a block, the same.
 type Lanes = [f32; 4];
@@ -188,21 +211,21 @@ impl Blocks {
         let across = gradients.width / CELL_PX;
         let down = gradients.height / CELL_PX;
         (self.columns, self.rows) = (across.saturating_sub(1), down.saturating_sub(1));
-        self.squares.resize(across * down, [[[0.0; 4]; BINS]; 4]);
+        self.squares.resize(across * down, Square::default());
         for (k, square) in self.squares.iter_mut().enumerate() {
             gather(gradients, [k % across * CELL_PX, k / across * CELL_PX], &self.weights, square);
         }
         self.numbers.resize(self.columns * self.rows * BLOCK, 0.0);
         for (k, block) in self.numbers.chunks_exact_mut(BLOCK).enumerate() {
             let (x, y) = (k / self.rows, k % self.rows);
-            // Cells column by column: left above, left below, right above, right below.
-            for (cell, bins) in block.chunks_exact_mut(BINS).enumerate() {
-                let (right, below) = (cell / 2, cell % 2);
-                for (bin, number) in bins.iter_mut().enumerate() {
-                    let part = |i: usize, j: usize| {
-                        self.squares[(y + j) * across + x + i][2 * j + below][bin][2 * i + right]
-                    };
-                    *number = part(0, 0) + part(1, 0) + part(0, 1) + part(1, 1);
+            for (below, bins) in block.chunks_exact_mut(2 * BINS).enumerate() {
+                let part = |i: usize, j: usize| {
+                    self.squares[(y + j) * across + x + i][2 * j + below][i].as_flattened()
+                };
+                let upper = part(0, 0).iter().zip(part(1, 0));
+                let lower = part(0, 1).iter().zip(part(1, 1));
+                for ((number, (a, b)), (c, d)) in bins.iter_mut().zip(upper).zip(lower) {
+                    *number = a + b + c + d;
                 }
             }
             normalise(block);
@@ -212,36 +235,31 @@ impl Blocks {
     fn column(&self, x: usize) -> &[f32] {
         &self.numbers[x * self.rows * BLOCK..][..self.rows * BLOCK]
     }
-
-    fn block(&self, x: usize, y: usize) -> &[f32] {
-        &self.column(x)[y * BLOCK..][..BLOCK]
-    }
 }
 
 /// Adds up one square of pixels.
-fn gather(
-    gradients: &Gradients,
-    [left, top]: [usize; 2],
-    weights: &Weights,
-    square: &mut [[Lanes; BINS]; 4],
-) {
-    *square = [[[0.0; 4]; BINS]; 4];
+fn gather(gradients: &Gradients, [left, top]: [usize; 2], weights: &Weights, square: &mut Square) {
+    *square = Square::default();
     for (row, down) in weights.0.iter().enumerate() {
         let mut sums = [[0.0; 4]; BINS];
         let at = (top + row) * gradients.width + left;
-        let pixels = gradients.pixels[at..at + CELL_PX].iter().zip(&weights.0);
-        for (pixel, across) in pixels {
-            let (first, second) = (usize::from(pixel.bin), usize::from(pixel.bin + 1));
-            let second = if second == BINS { 0 } else { second };
+        let [shares, others] = gradients.shares.each_ref().map(|shares| &shares[at..at + CELL_PX]);
+        let pixels = gradients.bins[at..at + CELL_PX].iter().zip(shares.iter().zip(others)).zip(&weights.0);
+        for ((bin, (share, other)), across) in pixels {
+            let first = usize::from(*bin).min(BINS - 1);
+            let second = if first == BINS - 1 { 0 } else { first + 1 };
             for k in 0..4 {
-                sums[first][k] += pixel.share[0] * across[k];
+                sums[first][k] += share * across[k];
             }
             for k in 0..4 {
-                sums[second][k] += pixel.share[1] * across[k];
+                sums[second][k] += other * across[k];
             }
         }
+        let half = |i: usize| sums.map(|lanes| [lanes[2 * i], lanes[2 * i + 1]]);
+        let halves = [half(0), half(1)];
         for (out, weight) in square.iter_mut().zip(down) {
-            for (out, sum) in out.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
+            let out = out.as_flattened_mut().as_flattened_mut();
+            for (out, sum) in out.iter_mut().zip(halves.as_flattened().as_flattened()) {
                 *out += sum * weight;
             }
         }
@@ -250,7 +268,13 @@ fn gather(
 
 /// To length one, cut, and again.
 fn normalise(block: &mut [f32]) {
-    let square = |block: &[f32]| block.iter().map(|n| n * n).sum::<f32>();
+    let square = |block: &[f32]| {
+        let mut sums = [0.0; 12];
+        for chunk in block.as_chunks::<12>().0 {
+            sums.iter_mut().zip(chunk).for_each(|(sum, n)| *sum += n * n);
+        }
+        sums.iter().sum::<f32>()
+    };
     let scale = 1.0 / (square(block).sqrt() + BLOCK as f32 * 0.1);
     block.iter_mut().for_each(|n| *n = (*n * scale).min(CUT));
     let scale = 1.0 / (square(block).sqrt() + 1e-3);

@@ -9,7 +9,7 @@ use core::ops::Range;
 use serde::{Deserialize, Serialize};
 use swerve_geom::math;
 
-use crate::channels::{CHANNELS, Channels, Luv, halve, resample, smooth};
+use crate::channels::{CHANNELS, Channels, Luv, Resampler, halve, smooth};
 use crate::image::Rgb;
 use crate::stack::Stack;
 
@@ -45,6 +45,7 @@ pub struct Level {
     /// Its width and height in cells, padding left out.
     size: [usize; 2],
     gains: [f32; 3],
+    resampler: Resampler,
 }
 
 /// One octave: a picture half as large as the one before.
@@ -69,6 +70,7 @@ pub struct Pyramid {
     channels: Channels,
     resized: Vec<f32>,
     smoothed: Vec<f32>,
+    doubler: Resampler,
     row: Vec<f32>,
 }
 
@@ -87,6 +89,7 @@ impl Pyramid {
             channels: Channels::default(),
             resized: Vec::new(),
             smoothed: Vec::new(),
+            doubler: Resampler::default(),
             row: Vec::new(),
         }
     }
@@ -108,7 +111,7 @@ impl Pyramid {
             let Octave { luv, cells, rows } = &mut rest[0];
             let before = before.last().map_or(&self.base, |before| &before.luv);
             match octave {
-                1 => double(before, luv, &mut self.row),
+                1 => double(before, luv, &mut self.doubler),
                 0 => core::mem::swap(luv, &mut self.base),
                 _ => half(before, luv),
             }
@@ -120,12 +123,12 @@ impl Pyramid {
             level.cells.shape(CHANNELS, width + 2 * across, height + 2 * down);
             self.resized.resize(width * height, 0.0);
             self.smoothed.resize(width * height, 0.0);
+            level.resampler.set([from.width(), level.lines.len()], level.size);
             for plane in 0..CHANNELS {
                 let gain = level.gains[plane.saturating_sub(2).min(2)];
                 let lines = level.lines.clone();
                 let part = &from.plane(plane)[lines.start * from.width()..lines.end * from.width()];
-                let source = (part, [from.width(), lines.len()]);
-                resample(source, gain, (&mut self.resized, level.size), &mut self.row);
+                level.resampler.plane(part, gain, &mut self.resized);
                 smooth::<1>(&self.resized, width, &mut self.smoothed, &mut self.row);
                 padded(&self.smoothed, self.params.pad, level.size, level.cells.plane_mut(plane));
             }
@@ -137,12 +140,12 @@ impl Pyramid {
 }
 
 /// Twice as large.
-fn double(from: &Stack, into: &mut Stack, row: &mut Vec<f32>) {
+fn double(from: &Stack, into: &mut Stack, resampler: &mut Resampler) {
     let size = [from.width() * 2, from.height() * 2];
     into.shape(3, size[0], size[1]);
+    resampler.set([from.width(), from.height()], size);
     for plane in 0..3 {
-        let source = (from.plane(plane), [from.width(), from.height()]);
-        resample(source, 1.0, (into.plane_mut(plane), size), row);
+        resampler.plane(from.plane(plane), 1.0, into.plane_mut(plane));
     }
 }
 
@@ -216,6 +219,7 @@ impl Plan {
                 top_px: rows.start as f64 + lines.start as f64 * cell_px,
                 gains: params.decay.map(|power| math::pow(ratio, f64::from(-power)) as f32),
                 cells: Stack::default(),
+                resampler: Resampler::default(),
                 octave,
                 lines,
                 size,

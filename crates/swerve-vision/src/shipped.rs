@@ -3,7 +3,8 @@
 use crate::acf::{Weights, WeightsError};
 
 /// Names and files.
-const DETECTORS: [(&str, &[u8]); 2] = [
+const DETECTORS: [(&str, &[u8]); 3] = [
+    ("street", include_bytes!("../detectors/street.weights")),
     ("acf_inria", include_bytes!("../detectors/acf_inria.weights")),
     ("ldcf_inria", include_bytes!("../detectors/ldcf_inria.weights")),
 ];

@@ -109,7 +109,7 @@ pub(super) fn images(
     read(&out.join("kitti/training"))
 }
 
-fn camera_text(camera: &Camera) -> String {
+pub(super) fn camera_text(camera: &Camera) -> String {
     format!(
         "[camera.front]\nat_m = [1.75, 0.0, {:?}]\nwidth_px = {}\nheight_px = {}\nfov_deg = {:?}\nperiod_ms = {:?}\n\
          outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"]\n[render]\nthreads = 1\n",

@@ -58,30 +58,53 @@ pub fn halve(from: &[f32], width: usize, into: &mut [f32]) {
     }
 }
 
-/// Resizes a plane, both sizes as width and height: between the two nearest pixels along each axis, times `gain`.
-pub fn resample(from: (&[f32], [usize; 2]), gain: f32, into: (&mut [f32], [usize; 2]), row: &mut Vec<f32>) {
-    let ((from, [width, height]), (into, [columns, lines])) = (from, into);
-    if width == 0 || height == 0 {
-        return;
-    }
-    row.resize(width, 0.0);
-    for (y, out) in into.chunks_exact_mut(columns.max(1)).enumerate() {
-        let (above, below, share) = nearest(y, lines, height);
-        let (above, below) = (&from[above * width..][..width], &from[below * width..][..width]);
-        for ((value, a), b) in row.iter_mut().zip(above).zip(below) {
-            *value = (a + (b - a) * share) * gain;
+/// Resizes planes of one size to one size: between the two nearest pixels along each axis.
+#[derive(Clone, Debug, Default)]
+pub struct Resampler {
+    from: [usize; 2],
+    into: [usize; 2],
+    /// The left pixel of each column, and the right one's share.
+    columns: Vec<(u32, f32)>,
+    row: Vec<f32>,
+}
+
+impl Resampler {
+    /// Takes in the sizes: width and height before and after. Nothing where they are as before.
+    pub fn set(&mut self, from: [usize; 2], into: [usize; 2]) {
+        if (self.from, self.into) != (from, into) {
+            (self.from, self.into) = (from, into);
+            self.columns.clear();
+            self.columns.extend((0..into[0]).map(|x| nearest(x, into[0], from[0])));
         }
-        for (x, out) in out.iter_mut().enumerate() {
-            let (left, right, share) = nearest(x, columns, width);
-            *out = row[left] + (row[right] - row[left]) * share;
+    }
+
+    /// Resizes a plane, times `gain`.
+    pub fn plane(&mut self, from: &[f32], gain: f32, into: &mut [f32]) {
+        let ([width, height], [columns, lines]) = (self.from, self.into);
+        if width == 0 || height == 0 {
+            return;
+        }
+        // One more, that the last column may have a right neighbour.
+        self.row.resize(width + 1, 0.0);
+        for (y, out) in into.chunks_exact_mut(columns.max(1)).enumerate() {
+            let (above, share) = nearest(y, lines, height);
+            let below = (above as usize + 1).min(height - 1);
+            let (above, below) = (&from[above as usize * width..][..width], &from[below * width..][..width]);
+            for ((value, a), b) in self.row.iter_mut().zip(above).zip(below) {
+                *value = (a + (b - a) * share) * gain;
+            }
+            self.row[width] = self.row[width - 1];
+            for (out, &(left, share)) in out.iter_mut().zip(&self.columns) {
+                let pair = &self.row[left as usize..][..2];
+                *out = pair[0] + (pair[1] - pair[0]) * share;
+            }
         }
     }
 }
 
-/// The two of `n` pixels around the middle of pixel `k` of `of`, and the second's share.
-#[inline(always)]
-fn nearest(k: usize, of: usize, n: usize) -> (usize, usize, f32) {
-    let at = ((k as f32 + 0.5) * (n as f32 / of as f32) - 0.5).clamp(0.0, (n - 1) as f32);
-    let first = at as usize;
-    (first, (first + 1).min(n - 1), at - first as f32)
+/// The first of the two of `n` pixels around the middle of pixel `k` of `of`, and the second's share.
+fn nearest(k: usize, of: usize, n: usize) -> (u32, f32) {
+    let at = ((k as f32 + 0.5) * (n as f32 / of as f32) - 0.5).clamp(0.0, n.saturating_sub(1) as f32);
+    let first = at as u32;
+    (first, at - first as f32)
 }

@@ -1,24 +1,20 @@
 //! Gradients of an image and their shares in two of nine orientations.
 
 use super::BINS;
+use crate::channels::{orientation, select};
 
 /// Pixels that the image is continued by on each side, mirrored at its outermost ones.
 pub(super) const PADDING_PX: usize = 8;
-
-/// A pixel's gradient.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Gradient {
-    /// Its length, as far as it is of `bin`, and of the next.
-    pub(super) share: [f32; 2],
-    pub(super) bin: u8,
-}
 
 /// The gradients of an image, padded.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Gradients {
     pub(super) width: usize,
     pub(super) height: usize,
-    pub(super) pixels: Vec<Gradient>,
+    /// Of each pixel the lower of two orientations.
+    pub(super) bins: Vec<u8>,
+    /// The gradient's length, as far as it is of that one, and of the next.
+    pub(super) shares: [Vec<f32>; 2],
     roots: Roots,
     horizontal: Vec<f32>,
     vertical: Vec<f32>,
@@ -50,7 +46,8 @@ impl Gradients {
     /// Of an image of this width and height, three bytes a pixel.
     pub(super) fn compute(&mut self, rgb: &[u8], [width, height]: [usize; 2]) {
         (self.width, self.height) = (width + 2 * PADDING_PX, height + 2 * PADDING_PX);
-        self.pixels.resize(self.width * self.height, Gradient::default());
+        self.bins.resize(self.width * self.height, 0);
+        self.shares.iter_mut().for_each(|shares| shares.resize(self.width * self.height, 0.0));
         self.horizontal.resize(self.width, 0.0);
         self.vertical.resize(self.width, 0.0);
         for y in 0..self.height {
@@ -63,9 +60,11 @@ impl Gradients {
             }
             self.roots(rgb, width, source(1), 2);
             self.differences();
-            let out = &mut self.pixels[y * self.width..][..self.width];
-            for ((out, dx), dy) in out.iter_mut().zip(&self.horizontal).zip(&self.vertical) {
-                *out = shared(*dx, *dy);
+            let row = y * self.width..(y + 1) * self.width;
+            let [first, second] = &mut self.shares;
+            let out = self.bins[row.clone()].iter_mut().zip(&mut first[row.clone()]).zip(&mut second[row]);
+            for (((bin, first), second), (dx, dy)) in out.zip(self.horizontal.iter().zip(&self.vertical)) {
+                (*bin, *first, *second) = shared(*dx, *dy);
             }
         }
     }
@@ -92,33 +91,34 @@ impl Gradients {
     /// The differences across each pixel of the row in the middle, of the colour where they are longest.
     fn differences(&mut self) {
         let (width, padded) = (self.width, self.width + 2);
-        let colour = |row: usize, k: usize| &self.rows[row][k * padded..][..padded];
-        let [above, at, below]: [[&[f32]; 3]; 3] =
-            core::array::from_fn(|row| core::array::from_fn(|k| colour(row, k)));
-        let (horizontal, vertical) = (&mut self.horizontal[..width], &mut self.vertical[..width]);
-        for x in 0..width {
-            let (mut most, mut best) = (-1.0, [0.0; 2]);
-            for k in 0..3 {
-                let [dx, dy] = [at[k][x + 2] - at[k][x], below[k][x + 1] - above[k][x + 1]];
-                let square = dx * dx + dy * dy;
-                let more = square > most;
-                best = if more { [dx, dy] } else { best };
-                most = if more { square } else { most };
+        self.horizontal.fill(0.0);
+        self.vertical.fill(0.0);
+        for colour in 0..3 {
+            let part = |row: usize, first: usize| &self.rows[row][colour * padded + first..][..width];
+            let across = part(1, 0).iter().zip(part(1, 2));
+            let down = part(0, 1).iter().zip(part(2, 1));
+            let longest = self.horizontal.iter_mut().zip(&mut self.vertical);
+            for (((left, right), (above, below)), (x, y)) in across.zip(down).zip(longest) {
+                let (dx, dy) = (right - left, below - above);
+                let more = dx * dx + dy * dy > *x * *x + *y * *y;
+                (*x, *y) = (select(more, dx, *x), select(more, dy, *y));
             }
-            [horizontal[x], vertical[x]] = best;
         }
     }
 }
 
-/// Splits a gradient's length between the two orientations nearest to it, whichever way it points along them.
+/// Splits a gradient's length between the two orientations nearest to it, whichever way it points along them: the lower
+/// of the two, and the shares.
 #[inline(always)]
-fn shared(dx: f32, dy: f32) -> Gradient {
+fn shared(dx: f32, dy: f32) -> (u8, f32, f32) {
     let length = (dx * dx + dy * dy).sqrt();
     // Six to half a turn there, nine here; the first is centred half a bin from the axis.
-    let at = crate::channels::orientation(dx, dy) * (BINS as f32 / 6.0) - 0.5;
-    let below = at < 0.0;
-    let whole = if below { -1.0 } else { at.trunc() };
-    let rest = at - whole;
-    let bin = if below { BINS as u8 - 1 } else { whole as u8 };
-    Gradient { share: [length * (1.0 - rest), length * rest], bin: bin.min(BINS as u8 - 1) }
+    let at = orientation(dx, dy) * (BINS as f32 / 6.0) + 0.5;
+    // Where one is the last bit, what is added is rounded to whole numbers, and the last bits count them.
+    const ONES: f32 = 8_388_608.0;
+    let snapped = (at - 0.5) + ONES;
+    let rest = at - (snapped - ONES);
+    let whole = snapped.to_bits() as u8;
+    let bin = if whole == 0 { BINS as u8 } else { whole } - 1;
+    (bin, length * (1.0 - rest), length * rest)
 }

@@ -2,7 +2,7 @@
 
 use crate::image::Rgb;
 
-/// Resizes; it keeps its memory.
+/// Resizes images of two pixels at least along each side; it keeps its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Resizer {
     columns: Vec<(u32, u16)>,
@@ -22,7 +22,7 @@ impl Resizer {
         into.resize(width * height * 3, 0);
         for (y, out) in into.chunks_exact_mut(width * 3).enumerate() {
             let (above, share) = nearest(y, height, image.height());
-            let below = (above + 1).min(image.height() - 1);
+            let below = above + 1;
             if self.held[1] == above {
                 self.rows.swap(0, 1);
                 self.held.swap(0, 1);
@@ -44,11 +44,10 @@ impl Resizer {
         self.held[place] = row;
         let (from, into) = (image.row(row), &mut self.rows[place]);
         into.resize(self.columns.len() * 3, 0);
-        for (out, &(first, share)) in into.chunks_exact_mut(3).zip(&self.columns) {
-            let left = 3 * first as usize;
-            let right = (left + 3).min(from.len() - 3);
+        for (out, &(first, share)) in into.as_chunks_mut::<3>().0.iter_mut().zip(&self.columns) {
+            let pair = &from[3 * first as usize..][..6];
             for k in 0..3 {
-                out[k] = u16::from(from[left + k]) * (256 - share) + u16::from(from[right + k]) * share;
+                out[k] = u16::from(pair[k]) * (256 - share) + u16::from(pair[k + 3]) * share;
             }
         }
     }
@@ -62,7 +61,7 @@ fn nearest(k: usize, of: usize, n: usize) -> (usize, u16) {
     }
     let first = at.floor();
     if first >= (n - 1) as f64 {
-        return (n - 1, 0);
+        return (n - 2, 256);
     }
     (first as usize, ((at - first) * 256.0).round_ties_even() as u16)
 }
