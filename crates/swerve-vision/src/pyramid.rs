@@ -194,7 +194,7 @@ impl Plan {
             (start.min(rows.start as usize / coarse * coarse), end.max(rows.end.ceil() as usize))
         });
         let rows = ends.0.min(ends.1)..ends.1;
-        let mut octaves = vec![Octave { rows: usize::MAX..0, ..Octave::default() }; count];
+        let mut octaves = vec![Octave::default(); count];
         let mut levels = Vec::new();
         for (k, scale) in scales.iter().enumerate() {
             let octave = of(k);
@@ -212,8 +212,9 @@ impl Plan {
                 continue;
             }
             let covered = &mut octaves[octave].rows;
-            *covered =
-                covered.start.min(lines.start * params.shrink)..covered.end.max(lines.end * params.shrink);
+            let own = lines.start * params.shrink..lines.end * params.shrink;
+            let start = if covered.end == 0 { own.start } else { covered.start.min(own.start) };
+            *covered = start..covered.end.max(own.end);
             levels.push(Level {
                 scale: [size[0] as f64 / all[0] as f64 * times, size[1] as f64 / lines.len() as f64 * times],
                 top_px: rows.start as f64 + lines.start as f64 * cell_px,
@@ -228,9 +229,6 @@ impl Plan {
         for level in &mut levels {
             let first = octaves[level.octave].rows.start / params.shrink;
             level.lines = level.lines.start - first..level.lines.end - first;
-        }
-        for octave in &mut octaves {
-            octave.rows.start = octave.rows.start.min(octave.rows.end);
         }
         Self { rows, octaves, levels }
     }

@@ -3,6 +3,7 @@
 //! A street is a straight, a bend or none, and a straight again, with pavements; people walk and stand on both sides and
 //! two cross, cars are parked in some, come towards the ego and drive ahead of it, with trucks and cyclists among them.
 
+use core::f64::consts::PI;
 use core::fmt::Write as _;
 
 use swerve_core::Rng;
@@ -75,7 +76,7 @@ impl Street {
                 let heading_rad = self.rng.uniform(-3.1, 3.1);
                 self.person([s, d], heading_rad, "");
             } else {
-                let (direction, heading_rad) = self.one_of(&[("ahead", 0.0), ("back", 3.141_59)]);
+                let (direction, heading_rad) = self.one_of(&[("ahead", 0.0), ("back", PI)]);
                 let speed_mps = self.rng.uniform(1.0, 1.7);
                 let walk =
                     format!("speed_mps = {speed_mps:.2}, distance_m = 40.0, direction = \"{direction}\"");
@@ -110,7 +111,7 @@ impl Street {
         let mut s = self.rng.uniform(10.0, 25.0);
         while s < 150.0 {
             if self.chance(0.6) {
-                let (heading_rad, size) = (self.one_of(&[0.0, 3.141_59]), self.car());
+                let (heading_rad, size) = (self.one_of(&[0.0, PI]), self.car());
                 self.actor("car", [s, 6.9], heading_rad, size);
             }
             s += self.rng.uniform(7.0, 12.0);
@@ -127,11 +128,11 @@ impl Street {
                 self.actor(
                     "car",
                     [s, 3.9],
-                    3.141_59,
+                    PI,
                     &format!("{size}\nmotion = [{{ drive = {{ {drive} }} }}]"),
                 );
             } else {
-                self.actor("truck", [s, 4.0], 3.141_59, "");
+                self.actor("truck", [s, 4.0], PI, "");
             }
             s += self.rng.uniform(22.0, 45.0);
         }
@@ -142,7 +143,7 @@ impl Street {
         }
         for k in 0..self.rng.below(3) {
             let from_m = 20.0 + 50.0 * k as f64;
-            let (s, heading_rad) = (self.rng.uniform(from_m, from_m + 45.0), self.one_of(&[0.0, 3.141_59]));
+            let (s, heading_rad) = (self.rng.uniform(from_m, from_m + 45.0), self.one_of(&[0.0, PI]));
             let d = if heading_rad == 0.0 { -1.5 } else { 2.0 };
             self.actor("cyclist", [s, d], heading_rad, "");
         }
