@@ -125,12 +125,7 @@ impl Street {
                 let (size, speed_mps) = (self.car(), self.rng.uniform(2.0, 6.0));
                 let drive =
                     format!("along = \"road\", speed_mps = {speed_mps:.1}, distance_m = {:.1}", s - 8.0);
-                self.actor(
-                    "car",
-                    [s, 3.9],
-                    PI,
-                    &format!("{size}\nmotion = [{{ drive = {{ {drive} }} }}]"),
-                );
+                self.actor("car", [s, 3.9], PI, &format!("{size}\nmotion = [{{ drive = {{ {drive} }} }}]"));
             } else {
                 self.actor("truck", [s, 4.0], PI, "");
             }

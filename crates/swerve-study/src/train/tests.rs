@@ -25,7 +25,7 @@ fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
             "window[0].cells: expected 1 to 64 cells, room for the object",
         ),
         ("streets = [900, 903]", "streets = [3, 5]", "streets that are not both trained on and held out"),
-        ("class = \"truck\"", "class = \"lorry\"", "unknown variant `lorry`"),
+        ("class = \"truck\"", "class = \"lorry\"", "found \"lorry\""),
         ("weather = \"clear_noon\"", "weather = \"clear_moon\"", "unknown weather `clear_moon`"),
         ("per_octave = 4", "per_octave = 0", "rung[0]"),
     ];
