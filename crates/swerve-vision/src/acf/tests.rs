@@ -140,6 +140,20 @@ fn a_scanner_forgets_the_image_before() {
 }
 
 #[test]
+fn nothing_is_allocated_from_the_second_image_on() {
+    let weights = shipped::detector("street").unwrap().unwrap();
+    let bytes = image(320, 240, &[[20, 20, 12], [100, 90, 40]]);
+    let ground = Ground { horizon_px: 120.0, focal_px: 230.0, height_m: 1.35 };
+    for rung in &weights.rungs {
+        let mut scanner = Scanner::new(weights.clone(), rung.clone(), [320, 240], Some(ground));
+        let mut found = Vec::new();
+        let mut look = || scanner.detect(Rgb::new(320, 240, &bytes).unwrap(), &mut found).unwrap();
+        look();
+        assert_eq!(allocation_counter::measure(look).count_total, 0, "{}", rung.name);
+    }
+}
+
+#[test]
 fn weights_are_read_as_written() {
     let weights = squares();
     assert_eq!(Weights::read(&weights.write()).unwrap(), weights);
