@@ -33,22 +33,22 @@ use sample::{Collector, Sample};
 pub struct DatasetArgs {
     /// Scenario files (TOML)
     #[arg(required = true)]
-    scenarios: Vec<PathBuf>,
+    pub(crate) scenarios: Vec<PathBuf>,
     /// Output folder; must be empty or absent
     #[arg(long)]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Configuration file with one camera, and a lidar or none [default: a camera and a lidar as KITTI's]
     #[arg(short, long)]
-    config: Option<PathBuf>,
+    pub(crate) config: Option<PathBuf>,
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    pub(crate) set: Vec<String>,
     /// Seeds, each a data set's worth of drives
     #[arg(long, value_delimiter = ',', default_value = "1")]
-    seeds: Vec<u32>,
+    pub(crate) seeds: Vec<u32>,
     /// Weathers, such as clear_noon,hard_rain_sunset,clear_night
     #[arg(long, value_delimiter = ',', default_value = "clear_noon")]
-    weathers: Vec<WeatherPreset>,
+    pub(crate) weathers: Vec<WeatherPreset>,
 }
 
 /// A camera and a lidar like those of the KITTI car.

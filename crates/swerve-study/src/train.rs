@@ -1,6 +1,10 @@
 //! `swerve train`: models that perception is shipped with, learned from simulated drives.
 
+mod detector;
 mod lidar;
+
+pub use detector::read_png;
+use swerve_stack::Registry;
 
 /// `swerve train`.
 #[derive(clap::Args, Debug)]
@@ -11,6 +15,8 @@ pub struct TrainArgs {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
+    /// A camera's object detector, on images of random streets, by a recipe
+    Detector(detector::DetectorArgs),
     /// Trees that tell objects in the points of a lidar; and how good they are, on streets that they have not seen
     Lidar(lidar::LidarArgs),
 }
@@ -19,8 +25,9 @@ enum What {
 ///
 /// # Errors
 /// When a drive is not to be made, or the result not to be written.
-pub fn run(args: &TrainArgs) -> anyhow::Result<()> {
+pub fn run(args: &TrainArgs, registry: &Registry) -> anyhow::Result<()> {
     match &args.what {
+        What::Detector(args) => detector::run(args, registry),
         What::Lidar(args) => lidar::run(args),
     }
 }

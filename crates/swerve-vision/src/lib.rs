@@ -5,9 +5,20 @@
 //!
 //! Absences: no message, no engine, no simulator, no file, no clock, no thread.
 
+pub mod acf;
+pub mod boosting;
+pub mod channels;
+pub mod hog;
 mod image;
+pub mod pyramid;
 #[cfg(test)]
 mod samples;
+pub mod shipped;
+mod stack;
 pub mod stereo;
+pub mod svm;
+#[cfg(test)]
+mod video;
 
 pub use image::{ImageError, Plane, Rgb};
+pub use stack::Stack;

@@ -7,7 +7,7 @@ use swerve_drive::process;
 use swerve_stack::Registry;
 use swerve_study::{calibrate, dataset, evaluate, track, train};
 
-use crate::{check, doctor, graph, new, operators, plan, replay, run, scenarios};
+use crate::{check, doctor, graph, look_detector, new, operators, plan, replay, run, scenarios};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -47,6 +47,8 @@ enum Command {
     Track(track::TrackArgs),
     /// Learn what perception is shipped with from simulated drives
     Train(train::TrainArgs),
+    /// Find objects in images: boxes, as a table, JSON or pictures
+    Look(look_detector::LookArgs),
     /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
     /// Make a folder to begin in: a scenario, a configuration, an operator of one's own, and what is what
@@ -79,7 +81,8 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Dataset(args) => dataset::run(args, registry),
         Command::Eval(args) => evaluate::run(args),
         Command::Track(args) => track::run(args),
-        Command::Train(args) => train::run(args),
+        Command::Train(args) => train::run(args, registry),
+        Command::Look(args) => look_detector::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::New(args) => new::run(args),
         Command::Scenarios(args) => scenarios::run(args),

@@ -1,0 +1,209 @@
+//! Rounds of training: windows from the images, trees from the windows, and again with what the trees took wrongly.
+
+use rayon::prelude::*;
+use swerve_core::Rng;
+use swerve_report::progress::Progress;
+use swerve_vision::acf::{Candidate, Model, Overlap, Rung, Scanner, Trees, Weights, feature_step, iou};
+use swerve_vision::boosting::{BoostParams, Samples, boost};
+use swerve_vision::channels::{CHANNELS, ORIENTATIONS};
+
+use super::labelled::Labelled;
+use super::recipe::{Recipe, Window};
+
+/// Powers of the scale that colour, magnitude and orientations fall with (Dollár et al. 2014, table 2).
+const DECAY: [f32; 3] = [0.0, 0.11, 0.11];
+/// Windows that share less than this with an object are none: at first, and of those that were taken for one.
+const APART: [f64; 2] = [0.1, 0.3];
+
+/// Weights without trees.
+pub(super) fn untrained(recipe: &Recipe, source: String) -> Weights {
+    let mut classes: Vec<_> = recipe.window.iter().map(|window| window.class).collect();
+    classes.sort_unstable();
+    classes.dedup();
+    let model = |window: &Window| Model {
+        class: classes.iter().position(|class| *class == window.class).unwrap_or(0),
+        cells: window.cells,
+        object_px: window.object_px,
+        heights_m: window.heights_m,
+        trees: Trees { depth: recipe.learning.depth, ..Trees::default() },
+    };
+    Weights {
+        source,
+        shrink: recipe.learning.shrink,
+        decay: DECAY,
+        filters: Vec::new(),
+        classes: classes.iter().map(|class| class.name().to_owned()).collect(),
+        models: recipe.window.iter().map(model).collect(),
+        rungs: recipe.rung.iter().map(|rung| rung.rung()).collect(),
+        overlap: (0.5, Overlap::Union),
+    }
+}
+
+/// Windows of one model, a byte a feature.
+#[derive(Clone, Default)]
+struct Windows {
+    positive: Vec<u8>,
+    negative: Vec<u8>,
+}
+
+/// Grows the trees of all windows; the same on any number of threads.
+pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights, progress: &Progress) {
+    let looking = Rung {
+        name: String::new(),
+        first_octave: 0,
+        per_octave: 8,
+        stride: 1,
+        trees: usize::MAX,
+        reject: -1.0,
+        tolerance_rad: None,
+        calibrations: Vec::new(),
+    };
+    let size = [recipe.camera.width_px, recipe.camera.height_px].map(|px| px as usize);
+    let mut kept = vec![Windows::default(); weights.models.len()];
+    for (round, trees) in recipe.learning.rounds.iter().enumerate() {
+        let scanner = Scanner::new(weights.clone(), looking.clone(), size, None);
+        let mined: Vec<Vec<Windows>> = images
+            .par_iter()
+            .enumerate()
+            .map_init(|| scanner.clone(), |scanner, (k, image)| mine(recipe, scanner, image, [round, k]))
+            .collect();
+        for (model, kept) in kept.iter_mut().enumerate() {
+            let features = features(&recipe.window[model]);
+            let fresh: Vec<u8> = mined.iter().flat_map(|windows| &windows[model].negative).copied().collect();
+            kept.positive.extend(mined.iter().flat_map(|windows| &windows[model].positive));
+            let room = (recipe.learning.negatives[1] * features).saturating_sub(fresh.len()) / features;
+            thin(
+                &mut kept.negative,
+                features,
+                room,
+                &mut Rng::keyed(recipe.seed, "kept", &[round as i64, model as i64]),
+            );
+            kept.negative.extend(&fresh);
+            let params = BoostParams {
+                depth: recipe.learning.depth,
+                trees: *trees,
+                one_of: recipe.learning.one_of,
+                seed: recipe.seed + model as u64,
+            };
+            let samples = Samples { features, positive: &kept.positive, negative: &kept.negative };
+            let grown = to_floats(boost(samples, &params), &recipe.window[model]);
+            progress.tell(&format!(
+                "{} {model}, round {round}: {} windows with, {} without, {} of them new; {} trees",
+                recipe.window[model].class.name(),
+                kept.positive.len() / features,
+                kept.negative.len() / features,
+                fresh.len() / features,
+                grown.len(),
+            ));
+            weights.models[model].trees = grown;
+        }
+    }
+}
+
+fn features(window: &Window) -> usize {
+    CHANNELS * window.cells[0] * window.cells[1]
+}
+
+/// Leaves so many rows, drawn at random, in their order.
+fn thin(rows: &mut Vec<u8>, width: usize, room: usize, rng: &mut Rng) {
+    let count = rows.len() / width;
+    let mut chosen: Vec<usize> = (0..count).collect();
+    for k in 0..room.min(count) {
+        let other = k + rng.below(count - k);
+        chosen.swap(k, other);
+    }
+    chosen.truncate(room);
+    chosen.sort_unstable();
+    *rows = chosen.iter().flat_map(|k| &rows[k * width..][..width]).copied().collect();
+}
+
+/// Thresholds in the features' own units.
+fn to_floats(mut trees: Trees, window: &Window) -> Trees {
+    let plane = window.cells[0] * window.cells[1];
+    for (feature, threshold) in trees.features.iter().zip(&mut trees.thresholds) {
+        *threshold *= feature_step(usize::from(*feature) / plane);
+    }
+    trees
+}
+
+/// What one image adds.
+fn mine(
+    recipe: &Recipe,
+    scanner: &mut Scanner,
+    image: &Labelled,
+    [round, number]: [usize; 2],
+) -> Vec<Windows> {
+    let mut windows = vec![Windows::default(); recipe.window.len()];
+    if scanner.fill(image.rgb()).is_err() {
+        return windows;
+    }
+    let mut candidates = Vec::new();
+    scanner.candidates(&mut candidates);
+    candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let mut rng = Rng::keyed(recipe.seed, "windows", &[number as i64]);
+    for (model, (window, out)) in recipe.window.iter().zip(&mut windows).enumerate() {
+        if round == 0 {
+            for bbox in image.examples(window.class, recipe.learning.within_m) {
+                let aspect = bbox[2] / bbox[3];
+                if (window.aspects[0]..window.aspects[1]).contains(&aspect) {
+                    example(scanner, window, (model, bbox), &mut out.positive);
+                }
+            }
+        }
+        let most = recipe.learning.negatives[0];
+        let mut chosen: Vec<[f64; 4]> = Vec::new();
+        let mut add = |candidate: &Candidate, chosen: &mut Vec<[f64; 4]>| {
+            let bbox = scanner.bbox(candidate);
+            let own = image.overlap(window.class, bbox) < APART[round.min(1)];
+            if own && !chosen.iter().any(|other| iou(*other, bbox) > 0.5) {
+                scanner.features(candidate, &mut out.negative);
+                chosen.push(bbox);
+            }
+        };
+        if round == 0 {
+            for _ in 0..most {
+                if let Some(candidate) = anywhere(scanner, model, &mut rng) {
+                    add(&candidate, &mut chosen);
+                }
+            }
+        }
+        for candidate in candidates.iter().filter(|candidate| candidate.model == model) {
+            if chosen.len() >= most {
+                break;
+            }
+            add(candidate, &mut chosen);
+        }
+    }
+    windows
+}
+
+/// A window drawn at random.
+fn anywhere(scanner: &Scanner, model: usize, rng: &mut Rng) -> Option<Candidate> {
+    if scanner.levels() == 0 {
+        return None;
+    }
+    let level = rng.below(scanner.levels());
+    let [columns, lines] = scanner.places(model, level);
+    let at = [columns.start + rng.below(columns.len()), lines.start + rng.below(lines.len())];
+    let fits = !columns.is_empty() && !lines.is_empty();
+    fits.then_some(Candidate { model, level, at, score: 0.0 })
+}
+
+/// The windows nearest to a box, and their mirror images.
+fn example(scanner: &Scanner, window: &Window, (model, bbox): (usize, [f64; 4]), into: &mut Vec<u8>) {
+    for candidate in scanner.around(model, bbox) {
+        let start = into.len();
+        scanner.features(&candidate, into);
+        let mirrored = mirror(&into[start..], window.cells);
+        into.extend(mirrored);
+    }
+}
+
+/// A window's features as they would be in a mirror: gradients lean the other way.
+fn mirror(features: &[u8], [columns, lines]: [usize; 2]) -> Vec<u8> {
+    let plane = |k: usize| &features[k * columns * lines..][..columns * lines];
+    let first = CHANNELS - ORIENTATIONS;
+    let source = |k: usize| if k < first { k } else { first + (ORIENTATIONS - (k - first)) % ORIENTATIONS };
+    let planes = (0..CHANNELS).map(|k| plane(source(k)));
+    planes.flat_map(|plane| plane.chunks_exact(columns).flat_map(|row| row.iter().rev().copied())).collect()
+}

@@ -1,0 +1,125 @@
+//! How good a detector is on images that it was not trained on, and how likely a score is right.
+
+use rayon::prelude::*;
+use swerve_eval::{AveragePrecision, Found, Recalls};
+use swerve_geom::math;
+use swerve_vision::acf::{Calibration, Detection, Ground, Rung, Scanner, Weights, iou};
+
+use super::labelled::Labelled;
+use super::recipe::{Class, Recipe};
+
+/// Boxes that share this are of one object.
+const OVERLAP: f64 = 0.5;
+
+/// What is found in each image.
+pub(super) fn detect(
+    recipe: &Recipe,
+    weights: &Weights,
+    rung: &Rung,
+    images: &[Labelled],
+) -> Vec<Vec<Detection>> {
+    let camera = &recipe.camera;
+    let ground = Ground {
+        horizon_px: 0.5 * f64::from(camera.height_px),
+        focal_px: camera.focal_px(),
+        height_m: camera.height_m,
+    };
+    let size = [camera.width_px, camera.height_px].map(|px| px as usize);
+    let scanner = Scanner::new(weights.clone(), rung.clone(), size, Some(ground));
+    let look = |scanner: &mut Scanner, image: &Labelled| {
+        let mut found = Vec::new();
+        scanner.detect(image.rgb(), &mut found).map(|()| found).unwrap_or_default()
+    };
+    images.par_iter().map_init(|| scanner.clone(), look).collect()
+}
+
+/// Average precision of a class at an overlap of one half over COCO's recalls, and how many were to be found.
+pub(super) fn average_precision(
+    found: &[Vec<Detection>],
+    images: &[Labelled],
+    (index, class): (usize, Class),
+    within_m: f64,
+) -> (Option<f64>, u64) {
+    let mut ap = AveragePrecision::new(OVERLAP);
+    for (found, image) in found.iter().zip(images) {
+        let (boxes, counts): (Vec<_>, Vec<_>) = image.wanted(class, within_m).into_iter().unzip();
+        let found: Vec<&Detection> = found.iter().filter(|one| one.class == index).collect();
+        let scores: Vec<Found> = found.iter().map(|one| Found { score: one.score, counts: true }).collect();
+        ap.frame(&scores, &counts, |f, w| iou(found[f].bbox, boxes[w]));
+    }
+    (ap.value(Recalls::Coco101), ap.wanted())
+}
+
+/// Scores of a class with whether each is right; what is near an object that does not count is left out.
+pub(super) fn judged(
+    found: &[Vec<Detection>],
+    images: &[Labelled],
+    (index, class): (usize, Class),
+    within_m: f64,
+) -> Vec<(f64, bool)> {
+    let mut judged = Vec::new();
+    for (found, image) in found.iter().zip(images) {
+        let wanted = image.wanted(class, within_m);
+        for one in found.iter().filter(|one| one.class == index) {
+            let near = |counts: bool| {
+                wanted.iter().any(|(bbox, own)| *own == counts && iou(*bbox, one.bbox) >= OVERLAP)
+            };
+            if near(true) || !near(false) {
+                judged.push((one.score, near(true)));
+            }
+        }
+    }
+    judged
+}
+
+/// The logistic function that makes what was seen likeliest (Platt 1999; Newton's method, with his targets).
+pub(super) fn calibrate(judged: &[(f64, bool)]) -> Calibration {
+    let right = judged.iter().filter(|(_, right)| *right).count() as f64;
+    let wrong = judged.len() as f64 - right;
+    let target = |is_right: bool| if is_right { (right + 1.0) / (right + 2.0) } else { 1.0 / (wrong + 2.0) };
+    let mut fit = Calibration { slope: 0.5, offset: 0.0 };
+    for _ in 0..50 {
+        // A little ridge, so that one kind alone has an answer too.
+        let (mut gradient, mut curvature) =
+            ([1e-3 * (fit.slope - 0.5), 1e-3 * fit.offset], [1e-3, 0.0, 1e-3]);
+        for &(score, is_right) in judged {
+            let p = fit.probability(score);
+            let (error, weight) = (p - target(is_right), p * (1.0 - p));
+            gradient = [gradient[0] + error * score, gradient[1] + error];
+            curvature =
+                [curvature[0] + weight * score * score, curvature[1] + weight * score, curvature[2] + weight];
+        }
+        let [a, b, c] = curvature;
+        let determinant = (a * c - b * b).max(1e-12);
+        let step = [
+            (c * gradient[0] - b * gradient[1]) / determinant,
+            (a * gradient[1] - b * gradient[0]) / determinant,
+        ];
+        let length = math::hypot(step[0], step[1]).max(1.0);
+        fit = Calibration {
+            slope: (fit.slope - step[0] / length).max(1e-3),
+            offset: fit.offset - step[1] / length,
+        };
+    }
+    fit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_seen_so_often_is_as_likely() {
+        // Right in 1, 3, 5, 7 and 9 of 10 at scores of -2 to 2.
+        let judged: Vec<(f64, bool)> =
+            (0..500).map(|k| (f64::from(k % 5) - 2.0, k / 5 % 10 < 2 * (k % 5) + 1)).collect();
+        let fit = calibrate(&judged);
+        for (score, share) in [(-2.0, 0.1), (0.0, 0.5), (2.0, 0.9)] {
+            assert!((fit.probability(score) - share).abs() < 0.04, "{score}: {}", fit.probability(score));
+        }
+        for one_kind in [vec![(1.0, true); 9], vec![(1.0, false); 9], Vec::new()] {
+            let fit = calibrate(&one_kind);
+            assert!(fit.slope > 0.0 && (0.0..=1.0).contains(&fit.probability(5.0)), "{fit:?}");
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! Random streets, as scenarios: what detectors are trained and tested on.
+//!
+//! A street is a straight, a bend or none, and a straight again, with pavements; people walk and stand on both sides and
+//! two cross, cars are parked in some, come towards the ego and drive ahead of it, with trucks and cyclists among them.
+
+use core::f64::consts::PI;
+use core::fmt::Write as _;
+
+use swerve_core::Rng;
+
+/// Where the ego's drive ends, metres.
+const END_M: f64 = 130.0;
+
+/// The text of a scenario; every number is drawn under the street's own.
+pub(super) fn street(number: u32) -> String {
+    let mut street =
+        Street { rng: Rng::keyed(u64::from(number), "street", &[]), text: String::new(), actors: 0 };
+    let bend = street.one_of(&["0.0", "0.0", "0.008", "-0.008", "0.012"]);
+    let left_m = if street.chance(0.5) { 6.0 } else { 8.0 };
+    let first_m = street.rng.uniform(50.0, 90.0);
+    street.text = format!(
+        "name = \"street_{number}\"\ndescription = \"a random street\"\n\
+         [expect]\nverdict = \"avoided\"\nmin_distance_m = {{ min = 0.0 }}\n\
+         [road]\nsegments = [{{ length_m = {first_m:.1} }}, {{ length_m = 60.0, curvature_1pm = {bend} }}, {{ length_m = 90.0 }}]\n\
+         lane_width_m = 4.0\nleft_m = {left_m:.1}\nright_m = 2.0\n\
+         [ego]\ntarget_speed_mps = 9.0\nend_m = {END_M:.1}\n[end]\ntimeout_s = 25.0\n"
+    );
+    street.people(left_m);
+    street.parked(left_m);
+    street.traffic();
+    street.text
+}
+
+struct Street {
+    rng: Rng,
+    text: String,
+    actors: usize,
+}
+
+impl Street {
+    fn chance(&mut self, share: f64) -> bool {
+        self.rng.unit() < share
+    }
+
+    fn one_of<T: Copy>(&mut self, all: &[T]) -> T {
+        all[self.rng.below(all.len())]
+    }
+
+    /// An actor at an arc length and offset, with a heading along the road and further keys.
+    fn actor(&mut self, kind: &str, at_m: [f64; 2], heading_rad: f64, more: &str) {
+        self.actors += 1;
+        let ([s, d], number) = (at_m, self.actors);
+        // Writing to a text cannot fail.
+        let _ = write!(
+            self.text,
+            "[[actor]]\nname = \"{kind}{number}\"\nkind = \"{kind}\"\ns_m = {s:.2}\nd_m = {d:.2}\nheading_rad = {heading_rad:.3}\n{more}\n"
+        );
+    }
+
+    fn person(&mut self, at_m: [f64; 2], heading_rad: f64, motion: &str) {
+        let height_m = self.rng.uniform(1.5, 1.95);
+        let more = format!("size = {{ radius_m = 0.25, height_m = {height_m:.2} }}\n{motion}");
+        self.actor("pedestrian", at_m, heading_rad, &more);
+    }
+
+    fn people(&mut self, left_m: f64) {
+        let mut s = 8.0;
+        while s < 165.0 {
+            let right = self.chance(0.55);
+            let d = if right {
+                self.rng.uniform(-4.2, -2.7)
+            } else {
+                self.rng.uniform(left_m + 0.9, left_m + 2.2)
+            };
+            if self.chance(0.25) {
+                let heading_rad = self.rng.uniform(-3.1, 3.1);
+                self.person([s, d], heading_rad, "");
+            } else {
+                let (direction, heading_rad) = self.one_of(&[("ahead", 0.0), ("back", PI)]);
+                let speed_mps = self.rng.uniform(1.0, 1.7);
+                let walk =
+                    format!("speed_mps = {speed_mps:.2}, distance_m = 40.0, direction = \"{direction}\"");
+                self.person([s, d], heading_rad, &format!("motion = [{{ walk = {{ {walk} }} }}]"));
+            }
+            s += self.rng.uniform(4.0, 14.0);
+        }
+        for from_m in [60.0, 106.0] {
+            let (s, speed_mps) = (self.rng.uniform(from_m, from_m + 45.0), self.rng.uniform(0.8, 1.4));
+            let walk = format!(
+                "speed_mps = {speed_mps:.2}, distance_m = {:.1}, direction = \"right\"",
+                left_m - 2.2
+            );
+            self.person([s, left_m + 0.3], -1.57, &format!("motion = [{{ walk = {{ {walk} }} }}]"));
+        }
+    }
+
+    fn car(&mut self) -> &'static str {
+        self.one_of(&[
+            "size = { length_m = 4.5, width_m = 1.8, height_m = 1.5 }",
+            "size = { length_m = 4.0, width_m = 1.75, height_m = 1.48 }",
+            "size = { length_m = 4.7, width_m = 1.9, height_m = 1.7 }",
+            "size = { length_m = 5.2, width_m = 2.0, height_m = 2.2 }",
+        ])
+    }
+
+    /// A row at the far side, where the road is wide enough.
+    fn parked(&mut self, left_m: f64) {
+        if left_m < 8.0 {
+            return;
+        }
+        let mut s = self.rng.uniform(10.0, 25.0);
+        while s < 150.0 {
+            if self.chance(0.6) {
+                let (heading_rad, size) = (self.one_of(&[0.0, PI]), self.car());
+                self.actor("car", [s, 6.9], heading_rad, size);
+            }
+            s += self.rng.uniform(7.0, 12.0);
+        }
+    }
+
+    fn traffic(&mut self) {
+        let mut s = self.rng.uniform(30.0, 60.0);
+        for _ in 0..self.one_of(&[2, 3]) {
+            if self.chance(0.7) {
+                let (size, speed_mps) = (self.car(), self.rng.uniform(2.0, 6.0));
+                let drive =
+                    format!("along = \"road\", speed_mps = {speed_mps:.1}, distance_m = {:.1}", s - 8.0);
+                self.actor("car", [s, 3.9], PI, &format!("{size}\nmotion = [{{ drive = {{ {drive} }} }}]"));
+            } else {
+                self.actor("truck", [s, 4.0], PI, "");
+            }
+            s += self.rng.uniform(22.0, 45.0);
+        }
+        if self.chance(0.7) {
+            let (s, size, speed_mps) = (self.rng.uniform(14.0, 30.0), self.car(), self.rng.uniform(7.0, 9.0));
+            let drive = format!("along = \"road\", speed_mps = {speed_mps:.1}, distance_m = 120.0");
+            self.actor("car", [s, 0.0], 0.0, &format!("{size}\nmotion = [{{ drive = {{ {drive} }} }}]"));
+        }
+        for k in 0..self.rng.below(3) {
+            let from_m = 20.0 + 50.0 * k as f64;
+            let (s, heading_rad) = (self.rng.uniform(from_m, from_m + 45.0), self.one_of(&[0.0, PI]));
+            let d = if heading_rad == 0.0 { -1.5 } else { 2.0 };
+            self.actor("cyclist", [s, d], heading_rad, "");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streets_are_scenarios_and_no_two_alike() {
+        let texts: Vec<String> = (0..40).chain(100..106).chain(900..912).map(street).collect();
+        for (k, text) in texts.iter().enumerate() {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("street.toml");
+            std::fs::write(&path, text).unwrap();
+            swerve_drive::read_scenario(&path).unwrap_or_else(|error| panic!("street {k}: {error:#}"));
+            assert_eq!(texts.iter().filter(|other| *other == text).count(), 1);
+        }
+        for kind in ["pedestrian", "car", "truck", "cyclist"] {
+            let with = texts.iter().filter(|text| text.contains(&format!("kind = \"{kind}\""))).count();
+            assert!(with >= 15, "{with} streets with a {kind}");
+        }
+    }
+}

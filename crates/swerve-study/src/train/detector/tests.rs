@@ -1,0 +1,62 @@
+use std::path::Path;
+
+use super::labelled::{camera_text, read_png};
+use super::recipe::Recipe;
+
+const RECIPE: &str = include_str!("../../../../swerve-vision/detectors/street.toml");
+
+fn told(text: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recipe.toml");
+    std::fs::write(&path, text).unwrap();
+    let error = Recipe::read(&path).err().map_or_else(|| "nothing".to_owned(), |error| format!("{error:#}"));
+    error.replace(&path.display().to_string(), "recipe.toml")
+}
+
+#[test]
+fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
+    assert_eq!(told(RECIPE), "nothing");
+    let cases = [
+        ("shrink = 2", "shrink = 0", "learning.shrink: expected 1 to 8"),
+        ("depth = 3", "deepth = 3", "did you mean \"depth\"?"),
+        (
+            "cells = [9, 17]",
+            "cells = [2, 17]",
+            "window[0].cells: expected 1 to 64 cells, room for the object",
+        ),
+        ("streets = [900, 903]", "streets = [3, 5]", "streets that are not both trained on and held out"),
+        ("class = \"truck\"", "class = \"lorry\"", "found \"lorry\""),
+        ("weather = \"clear_noon\"", "weather = \"clear_moon\"", "unknown weather `clear_moon`"),
+        ("per_octave = 4", "per_octave = 0", "rung[0]"),
+    ];
+    for (from, to, expected) in cases {
+        let text = RECIPE.replacen(from, to, 1);
+        assert_ne!(text, RECIPE, "{from}");
+        let said = told(&text);
+        let line = text.lines().position(|line| line.contains(to)).unwrap() + 1;
+        assert!(said.contains(expected) && said.starts_with("recipe.toml:"), "{said}");
+        // A table's problem stands at the table's own line.
+        assert!(
+            expected.starts_with("rung") || said.contains(&format!("recipe.toml:{line}:")),
+            "{line}: {said}"
+        );
+    }
+}
+
+#[test]
+fn the_stored_detector_is_of_the_recipe() {
+    let (recipe, text) = Recipe::read(Path::new("../swerve-vision/detectors/street.toml")).unwrap();
+    let weights = swerve_vision::shipped::detector("street").unwrap().unwrap();
+    let source = format!("swerve train detector street.toml (recipe {})", swerve_core::digest_of(&text));
+    assert_eq!(weights.source, source, "train the detector again: its recipe has changed");
+    assert_eq!(weights.models.len(), recipe.window.len());
+    let names: Vec<String> = recipe.rung.iter().map(|rung| rung.rung().name).collect();
+    assert!(weights.rungs.iter().map(|rung| &rung.name).eq(&names), "{names:?}");
+    assert!(camera_text(&recipe.camera).contains("fov_deg = 70.0"));
+}
+
+#[test]
+fn a_file_that_is_no_image_is_told() {
+    let error = read_png(Path::new("Cargo.toml")).unwrap_err();
+    assert!(format!("{error:#}").starts_with("reading Cargo.toml: "), "{error:#}");
+}

@@ -1,0 +1,51 @@
+//! Of boxes that overlap, the best.
+
+use super::Detection;
+
+/// What an overlap is a share of.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, serde::Serialize, serde::Deserialize)]
+pub enum Overlap {
+    /// All that the two cover.
+    Union,
+    /// The smaller of the two.
+    Smaller,
+}
+
+/// Boxes beyond this are never looked at: many more than there can be objects.
+const KEPT_MAX: usize = 1000;
+
+/// Sorts by falling score and leaves out each that shares more than `most` with a better one of its class.
+pub fn suppress(found: &mut Vec<Detection>, most: f64, of: Overlap) {
+    found.sort_unstable_by(|a, b| {
+        let boxes = a.bbox.iter().zip(&b.bbox).map(|(a, b)| a.total_cmp(b));
+        let place = boxes.fold(core::cmp::Ordering::Equal, core::cmp::Ordering::then);
+        b.score.total_cmp(&a.score).then(place).then(a.class.cmp(&b.class))
+    });
+    found.truncate(KEPT_MAX);
+    let mut kept = 0;
+    for k in 0..found.len() {
+        let one = found[k];
+        let hides = |other: &Detection| other.class == one.class && share(other.bbox, one.bbox, of) > most;
+        if !found[..kept].iter().any(hides) {
+            found[kept] = one;
+            kept += 1;
+        }
+    }
+    found.truncate(kept);
+}
+
+/// The area that two boxes share, as a share of the union.
+pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
+    share(a, b, Overlap::Union)
+}
+
+fn share(a: [f64; 4], b: [f64; 4], of: Overlap) -> f64 {
+    let side = |k: usize| (a[k] + a[k + 2]).min(b[k] + b[k + 2]) - a[k].max(b[k]);
+    let shared = side(0).max(0.0) * side(1).max(0.0);
+    let (first, second) = (a[2] * a[3], b[2] * b[3]);
+    let whole = match of {
+        Overlap::Union => first + second - shared,
+        Overlap::Smaller => first.min(second),
+    };
+    if shared > 0.0 { shared / whole } else { 0.0 }
+}

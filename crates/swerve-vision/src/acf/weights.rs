@@ -1,0 +1,210 @@
+//! What a detector has learnt, as a file.
+//!
+//! Eight bytes that say what it is, a version, the digest (XXH3) of the rest, and the rest in postcard's form. Trees
+//! that were trained here keep thresholds in a byte and leaves in two; other makers' keep them as they are.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Digest;
+use thiserror::Error;
+
+use super::Trees;
+use super::decorrelate::SIDE;
+use super::stored::Stored;
+use super::suppress::Overlap;
+use crate::channels::CHANNELS;
+
+const MAGIC: [u8; 8] = *b"SWERVDET";
+const VERSION: u8 = 1;
+
+/// All that a detector has learnt, and how it is to be used.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Weights {
+    /// Where it comes from, in words.
+    pub source: String,
+    /// Pixels along a cell.
+    pub shrink: usize,
+    /// Powers of the scale that colour, magnitude and orientations fall with, negative.
+    pub decay: [f32; 3],
+    /// Filters of each channel, none for ACF: filter after filter, channel after channel, five rows of five.
+    pub filters: Vec<f32>,
+    /// Names of what is found.
+    pub classes: Vec<String>,
+    /// One or more for each class.
+    pub models: Vec<Model>,
+    /// Ways to use it, from fast to good.
+    pub rungs: Vec<Rung>,
+    /// Boxes that share more than this with a better one are left out.
+    pub overlap: (f64, Overlap),
+}
+
+/// A window and its trees.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(from = "Stored", into = "Stored")]
+pub struct Model {
+    /// Of the classes.
+    pub class: usize,
+    /// Width and height of the window in cells, of halved planes where there are filters.
+    pub cells: [usize; 2],
+    /// Width and height of the object in the middle of the window, in pixels.
+    pub object_px: [f64; 2],
+    /// The smallest and the largest height that an object has, for ground that is known.
+    pub heights_m: [f64; 2],
+    /// What the score is the sum of.
+    pub trees: Trees,
+}
+
+/// A way to use a detector.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Rung {
+    /// What it goes by.
+    pub name: String,
+    /// 1 to look at the image twice as large, 0 as it is, -1 half as large.
+    pub first_octave: i32,
+    /// Levels from one size to half of it.
+    pub per_octave: usize,
+    /// Cells from one window to the next, across and down.
+    pub stride: usize,
+    /// How many trees of each model are asked, at most.
+    pub trees: usize,
+    /// A window whose score falls to this or below is given up.
+    pub reject: f32,
+    /// How far the horizon may be off if the camera is known and objects stand on the ground; none to look anywhere.
+    pub tolerance_rad: Option<f64>,
+    /// Of each class; none to give scores as they are.
+    pub calibrations: Vec<Calibration>,
+}
+
+/// Probability of a score: the logistic function of `slope * score + offset` (Platt 1999).
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Calibration {
+    /// How fast it rises.
+    pub slope: f64,
+    /// Of a score of zero.
+    pub offset: f64,
+}
+
+impl Calibration {
+    /// How likely a window of this score is right, 0 to 1.
+    pub fn probability(&self, score: f64) -> f64 {
+        1.0 / (1.0 + swerve_geom::math::exp(-(self.slope * score + self.offset)))
+    }
+}
+
+/// What is wrong with a file of weights.
+#[derive(Clone, PartialEq, Eq, Debug, Error)]
+pub enum WeightsError {
+    /// Its first bytes are something else's.
+    #[error("no weights of a detector: expected a file that begins with `SWERVDET`")]
+    Foreign,
+    /// It is of a version that is not known.
+    #[error("weights of version {0}, expected {VERSION}")]
+    Version(u8),
+    /// Its digest is another one.
+    #[error("damaged weights: their digest is {found}, expected {expected}")]
+    Damaged {
+        /// Of what is there.
+        found: Digest,
+        /// What the file says.
+        expected: Digest,
+    },
+    /// It is whole, but makes no sense.
+    #[error("weights that make no sense: {0}")]
+    Content(&'static str),
+}
+
+impl Weights {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Where it is none, or not whole.
+    pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
+        let (Some(MAGIC), Some(&version)) = (bytes.first_chunk().copied(), bytes.get(8)) else {
+            return Err(WeightsError::Foreign);
+        };
+        if version != VERSION {
+            return Err(WeightsError::Version(version));
+        }
+        let expected =
+            bytes.get(9..).and_then(|rest| rest.first_chunk()).map_or(0, |sum| u64::from_le_bytes(*sum));
+        let rest = bytes.get(17..).unwrap_or_default();
+        let (found, expected) = (digest(rest), Digest(expected));
+        if found != expected {
+            return Err(WeightsError::Damaged { found, expected });
+        }
+        let weights: Self = postcard::from_bytes(rest).map_err(|_| WeightsError::Content("cut short"))?;
+        weights.check().map_err(WeightsError::Content)?;
+        Ok(weights)
+    }
+
+    /// The bytes of a file.
+    ///
+    /// # Panics
+    /// Never: what is stored is plain numbers and text.
+    pub fn write(&self) -> Vec<u8> {
+        let rest = postcard::to_allocvec(self).expect("numbers and text are always written");
+        let mut bytes = [&MAGIC[..], &[VERSION], &digest(&rest).0.to_le_bytes()].concat();
+        bytes.extend(rest);
+        bytes
+    }
+
+    /// Planes that features are taken from.
+    pub fn planes(&self) -> usize {
+        if self.filters.is_empty() { CHANNELS } else { self.filters.len() / (SIDE * SIDE) }
+    }
+
+    fn check(&self) -> Result<(), &'static str> {
+        let filters = CHANNELS * SIDE * SIDE;
+        let finite = |numbers: &[f32]| numbers.iter().all(|number| number.is_finite());
+        let ensure = |holds: bool, what| if holds { Ok(()) } else { Err(what) };
+        ensure((1..=16).contains(&self.shrink), "cells of 1 to 16 pixels expected")?;
+        ensure(
+            self.filters.len().is_multiple_of(filters) && finite(&self.filters),
+            "filters of ten channels expected",
+        )?;
+        ensure(finite(&self.decay), "finite powers expected")?;
+        ensure(!self.classes.is_empty() && !self.rungs.is_empty(), "a class and a rung expected")?;
+        ensure(self.overlap.0 >= 0.0, "an overlap of at least 0 expected")?;
+        for rung in &self.rungs {
+            ensure((-1..=1).contains(&rung.first_octave), "a first octave of -1, 0 or 1 expected")?;
+            ensure((1..=32).contains(&rung.per_octave), "1 to 32 levels an octave expected")?;
+            ensure(rung.stride > 0 && rung.trees > 0, "a stride and trees of at least 1 expected")?;
+            let calibrated = rung.calibrations.len();
+            ensure(
+                calibrated == 0 || calibrated == self.classes.len(),
+                "a calibration of each class expected",
+            )?;
+        }
+        self.models.iter().try_for_each(|model| {
+            let [columns, lines] = model.cells;
+            ensure(
+                (1..=256).contains(&columns) && (1..=256).contains(&lines),
+                "windows of 1 to 256 cells expected",
+            )?;
+            let (trees, features) = (&model.trees, self.planes() * columns * lines);
+            ensure((1..=8).contains(&trees.depth), "trees of 1 to 8 levels expected")?;
+            let nodes = trees.len() * ((1 << trees.depth) - 1);
+            let whole = trees.leaves.len() == trees.len() << trees.depth;
+            ensure(
+                whole && nodes == trees.features.len() && nodes == trees.thresholds.len(),
+                "full trees expected",
+            )?;
+            ensure(
+                trees.features.iter().all(|f| usize::from(*f) < features),
+                "features within the window expected",
+            )?;
+            ensure(
+                finite(&trees.thresholds) && finite(&trees.leaves),
+                "finite thresholds and leaves expected",
+            )?;
+            ensure(model.class < self.classes.len(), "models of the classes expected")?;
+            let sizes = [model.object_px, model.heights_m].concat();
+            ensure(sizes.iter().all(|size| size.is_finite() && *size > 0.0), "objects of some size expected")
+        })
+    }
+}
+
+fn digest(bytes: &[u8]) -> Digest {
+    let mut hasher = swerve_core::Hasher::new();
+    hasher.bytes(bytes);
+    hasher.digest()
+}

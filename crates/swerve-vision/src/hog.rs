@@ -1,0 +1,285 @@
+//! Histograms of oriented gradients, and a linear detector over them at many scales.
+//!
+//! Dalal, Triggs: "Histograms of oriented gradients for human detection", CVPR 2005, in the form that OpenCV 4 gives it:
+//! the root of each colour, the gradient of the colour that changes most, nine unsigned orientations, blocks of 2 x 2
+//! cells of 8 x 8 pixels under a Gaussian, every 8 pixels, normalised, cut at 0.2 and normalised again. A pixel's weight
+//! in a block is a product of one for its column and one for its row, so that each pixel is added to four sums (column
+//! in which of two blocks, cell on which side), and each row of eight pixels to sixteen.
+
+mod gradient;
+mod resize;
+
+use crate::acf::Detection;
+use crate::image::Rgb;
+use gradient::{Gradients, PADDING_PX};
+use resize::Resizer;
+
+/// Pixels along a cell, and from one block or window to the next.
+const CELL_PX: usize = 8;
+const BINS: usize = 9;
+/// Numbers of a block: two by two cells.
+const BLOCK: usize = 4 * BINS;
+/// What a normalised number is cut at.
+const CUT: f32 = 0.2;
+/// From one scale to the next, and how many of them at most.
+const SCALE: f64 = 1.05;
+const SCALES: usize = 64;
+
+/// Weights over the blocks of a window, column by column, each with its cells column by column.
+#[derive(Clone, PartialEq, Debug)]
+pub struct LinearHog {
+    /// Width and height of the window in cells, 2 at least.
+    pub cells: [usize; 2],
+    /// For each number of each block.
+    pub weights: Vec<f32>,
+    /// Added to the sum.
+    pub offset: f32,
+}
+
+impl LinearHog {
+    /// How many numbers describe a window.
+    pub fn features(cells: [usize; 2]) -> usize {
+        (cells[0] - 1) * (cells[1] - 1) * BLOCK
+    }
+
+    /// OpenCV's default people detector: a person of 96 pixels in a window of 64 x 128.
+    pub fn people() -> Self {
+        let bytes = include_bytes!("../detectors/people_hog.f32");
+        let numbers = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        let mut weights: Vec<f32> = numbers.collect();
+        let offset = weights.pop().unwrap_or(0.0);
+        Self { cells: [8, 16], weights, offset }
+    }
+}
+
+/// Finds windows in images; it keeps its memory.
+#[derive(Clone, Debug)]
+pub struct HogDetector {
+    model: LinearHog,
+    gradients: Gradients,
+    blocks: Blocks,
+    resizer: Resizer,
+    small: Vec<u8>,
+}
+
+impl HogDetector {
+    /// With these weights.
+    ///
+    /// # Panics
+    /// Where the weights are not those of a window of that size.
+    pub fn new(model: LinearHog) -> Self {
+        assert_eq!(
+            model.weights.len(),
+            LinearHog::features(model.cells),
+            "weights of {:?} cells",
+            model.cells
+        );
+        let mut placed = model.weights.clone();
+        for (k, weight) in model.weights.iter().enumerate() {
+            placed[k / BLOCK * BLOCK + place(k % BLOCK)] = *weight;
+        }
+        let model = LinearHog { weights: placed, ..model };
+        let (gradients, blocks) = (Gradients::default(), Blocks::default());
+        Self { model, gradients, blocks, resizer: Resizer::default(), small: Vec::new() }
+    }
+
+    /// Every window at every scale whose sum is at least `least`, from the smallest scale on, row by row; boxes are the
+    /// windows', in whole pixels, scores the sums.
+    pub fn detect(&mut self, image: Rgb<'_>, least: f32, found: &mut Vec<Detection>) {
+        found.clear();
+        let window = self.model.cells.map(|cells| cells * CELL_PX);
+        let mut scale = 1.0;
+        for _ in 0..SCALES {
+            let size =
+                [image.width(), image.height()].map(|px| (px as f64 / scale).round_ties_even() as usize);
+            if size[0] < window[0] || size[1] < window[1] {
+                break;
+            }
+            if scale == 1.0 {
+                self.gradients.compute(image.bytes(), size);
+            } else {
+                self.resizer.resize(image, size, &mut self.small);
+                self.gradients.compute(&self.small, size);
+            }
+            self.blocks.compute(&self.gradients);
+            self.scan(scale, least, found);
+            scale *= SCALE;
+        }
+    }
+
+    /// What describes an image of the window's size, as [`crate::svm`] trains on it; none of another size.
+    pub fn describe(&mut self, window: Rgb<'_>) -> Option<Vec<f32>> {
+        let size = self.model.cells.map(|cells| cells * CELL_PX);
+        if [window.width(), window.height()] != size {
+            return None;
+        }
+        self.gradients.compute(window.bytes(), size);
+        self.blocks.compute(&self.gradients);
+        let [columns, rows] = self.model.cells.map(|cells| cells - 1);
+        // The padding is one cell.
+        let block = |k: usize| &self.blocks.column(1 + k / rows)[(1 + k % rows) * BLOCK..][..BLOCK];
+        let ordered = |k: usize| (0..BLOCK).map(move |n| block(k)[place(n)]);
+        Some((0..columns * rows).flat_map(ordered).collect())
+    }
+
+    fn scan(&self, scale: f64, least: f32, found: &mut Vec<Detection>) {
+        let [columns, rows] = self.model.cells.map(|cells| cells - 1);
+        let px = |cells: usize| ((cells * CELL_PX) as f64 * scale).round_ties_even();
+        let side = self.model.cells.map(px);
+        let corner = |cell: usize| ((cell * CELL_PX) as f64 - PADDING_PX as f64) * scale;
+        for y in 0..(self.blocks.rows + 1).saturating_sub(rows) {
+            for x in 0..(self.blocks.columns + 1).saturating_sub(columns) {
+                // A column's blocks lie one after another.
+                let strips = self.model.weights.chunks_exact(rows * BLOCK).enumerate();
+                let strip = |k: usize| &self.blocks.column(x + k)[y * BLOCK..][..rows * BLOCK];
+                let mut sums = [0.0; LANES];
+                strips.for_each(|(k, weights)| dot(weights, strip(k), &mut sums));
+                let sum = self.model.offset + sums.iter().sum::<f32>();
+                if sum >= least {
+                    let at = [corner(x), corner(y)].map(f64::round_ties_even);
+                    found.push(Detection {
+                        class: 0,
+                        bbox: [at[0], at[1], side[0], side[1]],
+                        score: sum.into(),
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// Sums that are kept side by side, so that none waits for the one before.
+const LANES: usize = 24;
+
+/// Adds products to sums side by side.
+fn dot(a: &[f32], b: &[f32], sums: &mut [f32; LANES]) {
+    let mut own = *sums;
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a.iter().zip(b) {
+        for k in 0..LANES {
+            own[k] += a[k] * b[k];
+        }
+    }
+    own.iter_mut().zip(a_rest.iter().zip(b_rest)).for_each(|(sum, (a, b))| *sum += a * b);
+    *sums = own;
+}
+
+/// Where a block here keeps a number: upper cells, then lower; bin after bin; left, then right. A block of the weights
+/// has cell after cell, left above, left below, right above, right below.
+fn place(number: usize) -> usize {
+    let (cell, bin) = (number / BINS, number % BINS);
+    (cell % 2) * 2 * BINS + 2 * bin + cell / 2
+}
+
+/// The blocks of one image, column by column.
+#[derive(Clone, Debug, Default)]
+struct Blocks {
+    columns: usize,
+    rows: usize,
+    numbers: Vec<f32>,
+    /// Of each square of eight by eight pixels what it adds to the cells of a block.
+    squares: Vec<Square>,
+    weights: Weights,
+}
+
+/// For the upper and the lower cells of a block that the square lies above in, then of one that it lies below in; each
+/// where it lies left, then right; each bin after bin, the left cell's and the right cell's.
+type Square = [[[[f32; 2]; BINS]; 2]; 4];
+
+/// One number for each of: left in a block, to its left and right cell; right in a block, the same.
+type Lanes = [f32; 4];
+
+/// Of each of a square's eight columns, or rows: its weight in the lanes.
+#[derive(Clone, Debug)]
+struct Weights([Lanes; CELL_PX]);
+
+impl Default for Weights {
+    fn default() -> Self {
+        // The Gaussian has a deviation of a quarter of the block, and its middle on a pixel.
+        let gaussian = |k: usize| swerve_geom::math::exp(-(k as f64 - 8.0) * (k as f64 - 8.0) / 32.0);
+        let lane = |k: usize, lane: usize| {
+            let (within, cell) = (k + CELL_PX * (lane / 2), (lane % 2) as f64);
+            let place = (within as f64 + 0.5) / CELL_PX as f64 - 0.5;
+            (gaussian(within) * (1.0 - (place - cell).abs()).max(0.0)) as f32
+        };
+        Self(core::array::from_fn(|k| core::array::from_fn(|l| lane(k, l))))
+    }
+}
+
+impl Blocks {
+    fn compute(&mut self, gradients: &Gradients) {
+        let across = gradients.width / CELL_PX;
+        let down = gradients.height / CELL_PX;
+        (self.columns, self.rows) = (across.saturating_sub(1), down.saturating_sub(1));
+        self.squares.resize(across * down, Square::default());
+        for (k, square) in self.squares.iter_mut().enumerate() {
+            gather(gradients, [k % across * CELL_PX, k / across * CELL_PX], &self.weights, square);
+        }
+        self.numbers.resize(self.columns * self.rows * BLOCK, 0.0);
+        for (k, block) in self.numbers.chunks_exact_mut(BLOCK).enumerate() {
+            let (x, y) = (k / self.rows, k % self.rows);
+            for (below, bins) in block.chunks_exact_mut(2 * BINS).enumerate() {
+                let part = |i: usize, j: usize| {
+                    self.squares[(y + j) * across + x + i][2 * j + below][i].as_flattened()
+                };
+                let upper = part(0, 0).iter().zip(part(1, 0));
+                let lower = part(0, 1).iter().zip(part(1, 1));
+                for ((number, (a, b)), (c, d)) in bins.iter_mut().zip(upper).zip(lower) {
+                    *number = a + b + c + d;
+                }
+            }
+            normalise(block);
+        }
+    }
+
+    fn column(&self, x: usize) -> &[f32] {
+        &self.numbers[x * self.rows * BLOCK..][..self.rows * BLOCK]
+    }
+}
+
+/// Adds up one square of pixels.
+fn gather(gradients: &Gradients, [left, top]: [usize; 2], weights: &Weights, square: &mut Square) {
+    *square = Square::default();
+    for (row, down) in weights.0.iter().enumerate() {
+        let mut sums = [[0.0; 4]; BINS];
+        let at = (top + row) * gradients.width + left;
+        let [shares, others] = gradients.shares.each_ref().map(|shares| &shares[at..at + CELL_PX]);
+        let pixels = gradients.bins[at..at + CELL_PX].iter().zip(shares.iter().zip(others)).zip(&weights.0);
+        for ((bin, (share, other)), across) in pixels {
+            let first = usize::from(*bin).min(BINS - 1);
+            let second = if first == BINS - 1 { 0 } else { first + 1 };
+            for k in 0..4 {
+                sums[first][k] += share * across[k];
+            }
+            for k in 0..4 {
+                sums[second][k] += other * across[k];
+            }
+        }
+        let half = |i: usize| sums.map(|lanes| [lanes[2 * i], lanes[2 * i + 1]]);
+        let halves = [half(0), half(1)];
+        for (out, weight) in square.iter_mut().zip(down) {
+            let out = out.as_flattened_mut().as_flattened_mut();
+            for (out, sum) in out.iter_mut().zip(halves.as_flattened().as_flattened()) {
+                *out += sum * weight;
+            }
+        }
+    }
+}
+
+/// To length one, cut, and again.
+fn normalise(block: &mut [f32]) {
+    let square = |block: &[f32]| {
+        let mut sums = [0.0; 12];
+        for chunk in block.as_chunks::<12>().0 {
+            sums.iter_mut().zip(chunk).for_each(|(sum, n)| *sum += n * n);
+        }
+        sums.iter().sum::<f32>()
+    };
+    let scale = 1.0 / (square(block).sqrt() + BLOCK as f32 * 0.1);
+    block.iter_mut().for_each(|n| *n = (*n * scale).min(CUT));
+    let scale = 1.0 / (square(block).sqrt() + 1e-3);
+    block.iter_mut().for_each(|n| *n *= scale);
+}
+
+#[cfg(test)]
+mod tests;

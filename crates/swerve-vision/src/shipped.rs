@@ -1,0 +1,20 @@
+//! Detectors that are in the program.
+
+use crate::acf::{Weights, WeightsError};
+
+/// Names and files.
+const DETECTORS: [(&str, &[u8]); 3] = [
+    ("street", include_bytes!("../detectors/street.weights")),
+    ("acf_inria", include_bytes!("../detectors/acf_inria.weights")),
+    ("ldcf_inria", include_bytes!("../detectors/ldcf_inria.weights")),
+];
+
+/// Names of the detectors that are in the program.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    DETECTORS.iter().map(|(name, _)| *name)
+}
+
+/// A detector that is in the program; none of another name.
+pub fn detector(name: &str) -> Option<Result<Weights, WeightsError>> {
+    DETECTORS.iter().find(|(of, _)| *of == name).map(|(_, bytes)| Weights::read(bytes))
+}

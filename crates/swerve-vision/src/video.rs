@@ -1,0 +1,48 @@
+//! Frames of OpenCV's sample video, for tests.
+
+use std::path::Path;
+use std::process::Command;
+
+/// Of the repository.
+pub(crate) const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// Every so many frames of the video; width and height.
+pub(crate) struct Video {
+    folder: tempfile::TempDir,
+    numbers: Vec<usize>,
+    pub(crate) size: [usize; 2],
+}
+
+impl Video {
+    /// Decodes some frames by OpenCV; none, and it says so, where video or OpenCV are absent.
+    pub(crate) fn open(first: usize, step: usize, count: usize) -> Option<Self> {
+        let path = Path::new(ROOT).join("../shared/data/perception/opencv_samples/vtest.avi");
+        let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
+        let folder = tempfile::tempdir().unwrap();
+        let mut call = Command::new(&python);
+        call.arg(Path::new(ROOT).join("tests/reference/vision/frames.py")).arg(&path);
+        call.args([first, step, count].map(|n| n.to_string())).arg(folder.path());
+        match call.output() {
+            Ok(output) if path.exists() && output.status.success() => {
+                let said = String::from_utf8(output.stdout).unwrap();
+                let size: Vec<usize> = said.split_whitespace().map(|n| n.parse().unwrap()).collect();
+                let numbers = (0..count).map(|k| first + step * k).collect();
+                Some(Self { folder, numbers, size: [size[0], size[1]] })
+            }
+            _ => {
+                println!("skipped: needs {} and a Python with OpenCV (SWERVE_PYTHON)", path.display());
+                None
+            }
+        }
+    }
+
+    /// Which frames there are, counted from 1.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = usize> {
+        self.numbers.iter().copied()
+    }
+
+    /// The bytes of one.
+    pub(crate) fn frame(&self, number: usize) -> Vec<u8> {
+        std::fs::read(self.folder.path().join(format!("{number}.rgb"))).unwrap()
+    }
+}

@@ -1,0 +1,49 @@
+use crate::support::Bench;
+
+/// Writes an image of one colour.
+fn image(bench: &Bench, name: &str, [width, height]: [u32; 2], value: u8) {
+    let file = std::fs::File::create(bench.path(name)).unwrap();
+    let mut encoder = png::Encoder::new(file, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&vec![value; (3 * width * height) as usize]).unwrap();
+}
+
+#[test]
+fn images_with_nothing_in_them_have_no_objects() {
+    let bench = Bench::new();
+    image(&bench, "dot.png", [1, 1], 255);
+    image(&bench, "black.png", [160, 120], 0);
+    image(&bench, "white.png", [97, 61], 255);
+    let names = ["dot.png", "black.png", "white.png"];
+    for rung in ["fastest", "full"] {
+        let rest = ["--detector", "street", "--rung", rung, "--fov", "70", "--json", "--out", "boxes"];
+        let said = bench.good(&[&["look"], &names[..], &rest[..]].concat());
+        let expected = names.map(|name| format!("{{\"image\":\"{name}\",\"objects\":[]}}\n")).concat();
+        assert_eq!(said, expected, "{rung}");
+    }
+    assert!(bench.path("boxes/white.png").exists());
+}
+
+#[test]
+fn what_cannot_be_looked_with_is_told() {
+    let bench = Bench::new();
+    image(&bench, "dot.png", [1, 1], 255);
+    bench.write("text.weights", "no weights");
+    bench.write("text.png", "no image");
+    for (args, expected) in [
+        (&["dot.png", "--detector", "stret"][..], "no detector `stret`; did you mean \"street\"?"),
+        (&["dot.png", "--detector", "text.weights"], "text.weights: no weights of a detector"),
+        (&["dot.png", "--detector", "street", "--rung", "fasst"], "no rung `fasst`; did you mean \"fast\"?"),
+        (
+            &["dot.png", "--detector", "street", "--rung", "fast"],
+            "rung `fast` needs the camera: expected --fov",
+        ),
+        (&["dot.png", "--detector", "street", "--fov", "180"], "expected 1 to 170 degrees"),
+        (&["text.png", "--detector", "street"], "reading text.png: "),
+        (&["absent.png", "--detector", "street"], "reading absent.png: "),
+    ] {
+        let said = bench.swerve(&[&["look"], args].concat());
+        assert!(said.code != Some(0) && said.stderr.contains(expected), "{args:?}: {said:?}");
+    }
+}
