@@ -6,7 +6,7 @@ use swerve_geom::{Point2, Pose2};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_planning::path::ground::around;
 use swerve_planning::path::points::with_curvature;
-use swerve_planning::path::route::{route_path, route_pose_ahead};
+use swerve_planning::path::route::route_path;
 use swerve_planning::{Budget, Counted, Request};
 
 use crate::boxes::{Boxes, Sight};
@@ -73,7 +73,8 @@ impl Replanner {
         if self.boxes.is_empty() {
             return along_route(request, rules, request.target_speed_mps, PlanStatus::Route);
         }
-        let goal = route_pose_ahead(request.route.line(), start, settings.goal_ahead_m);
+        let line = request.route.line();
+        let goal = line.at(first_m(line.project(start.point()).s_m, rules) + settings.goal_ahead_m).pose;
         let task = Task {
             boxes: &self.boxes,
             start,
@@ -95,6 +96,11 @@ impl Replanner {
 /// From the ego origin forward to the point that is planned for, metres.
 pub(crate) fn planned_ahead_m(request: &Request<'_>, rules: &Rules) -> f64 {
     if rules.middle_of_car { request.shape.center_ahead_m() } else { 0.0 }
+}
+
+/// The route's waypoint that counts as the first for somebody beside this arc length, metres.
+pub(crate) fn first_m(s_m: f64, rules: &Rules) -> f64 {
+    if rules.whole_metres { s_m.round() } else { s_m }
 }
 
 /// The pose that is planned from.
@@ -122,7 +128,9 @@ pub(crate) fn nothing_found(request: &Request<'_>, rules: &Rules) -> Plan {
 }
 
 fn along_route(request: &Request<'_>, rules: &Rules, speed_mps: f64, status: PlanStatus) -> Plan {
-    let path = route_path(request.route.line(), planned(request, rules), (ROUTE_POINTS - 1) as f64);
+    let line = request.route.line();
+    let first = line.at(first_m(line.project(planned(request, rules).point()).s_m, rules)).pose;
+    let path = route_path(line, first, (ROUTE_POINTS - 1) as f64);
     let poses: Vec<Pose2> = path.iter().map(|p| p.pose).collect();
     through(request, rules, &poses, (speed_mps, status))
 }
@@ -199,9 +207,13 @@ mod tests {
     fn the_plan_is_of_the_ego_origin_whatever_point_is_planned_for() {
         let world = World::straight(10.0);
         for middle_of_car in [true, false] {
-            let rules = Rules { middle_of_car, ..rules(Fallback::StopOnRoute) };
-            let plan = along_route(&world.request(), &rules, 10.0, PlanStatus::Route);
-            assert!(plan.points[0].pose.point().distance(Point2::new(0.0, 0.0)) < 1e-9);
+            let first = |whole_metres| {
+                let rules = Rules { middle_of_car, whole_metres, ..rules(Fallback::StopOnRoute) };
+                along_route(&world.request(), &rules, 10.0, PlanStatus::Route).points[0].pose.x_m
+            };
+            let ahead_m = if middle_of_car { world.shape.center_ahead_m() } else { 0.0 };
+            assert!(first(false).abs() < 1e-9);
+            assert!((first(true) - (ahead_m.round() - ahead_m)).abs() < 1e-9);
         }
     }
 }

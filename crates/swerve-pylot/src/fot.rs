@@ -15,7 +15,7 @@ use swerve_planning::{Budget, CollisionMode, Counted, Obstacles, Planner, Progre
 use swerve_vehicle::Shape;
 
 use crate::boxes::{Boxes, Sight};
-use crate::closed_loop::{ROUTE_POINTS, nothing_found, planned, planned_ahead_m};
+use crate::closed_loop::{ROUTE_POINTS, first_m, nothing_found, planned, planned_ahead_m};
 use crate::{Original, Rules};
 
 /// Largest time between two points of a plan that has not the samples for points, seconds.
@@ -107,7 +107,7 @@ impl Planner for Fot {
         let middle = Shape { rear_overhang_m: 0.5 * request.shape.length_m, ..*request.shape };
         let shape = if self.rules.middle_of_car { &middle } else { request.shape };
         let checks = checks(&self.params, &Request { shape, ..*request }, &self.obstacles);
-        let route_end_m = start.s[0] + (ROUTE_POINTS - 1) as f64;
+        let route_end_m = first_m(start.s[0], &self.rules) + (ROUTE_POINTS - 1) as f64;
         let cut_m = if self.rules.cut_at_route_end { route_end_m } else { f64::INFINITY };
         let task = Task { params: &self.params, line: self.line.line(), cut_m, start, target_mps, checks };
         let Self { search, lattice, boxes, rules, .. } = self;
@@ -287,15 +287,15 @@ mod tests {
     fn the_plan_has_the_samples_for_points_and_ends_where_the_route_does() {
         let world = World::straight(16.0);
         let points = |change: fn(&mut Rules)| {
-            let mut rules = Rules::of(Era::May2020, Original::Fot);
+            let mut rules = Rules { whole_metres: false, ..Rules::of(Era::May2020, Original::Fot) };
             change(&mut rules);
             let mut planner = Fot::new(swept(), rules).unwrap();
             let plan = planner.plan(&world.request(), &mut Unlimited::default());
             let last = plan.points[plan.points.len() - 1].pose.x_m;
             (plan.points.len(), last)
         };
-        // 16 m/s times 0.3 s is 4.8 m: 29 m hold six of them, and the start.
-        assert_eq!(points(|_| ()).0, 7);
+        // 16 m/s times 0.3 s is 4.8 m: 29 m hold six of them, and the start; of whole metres fewer are left.
+        assert_eq!([points(|_| ()).0, points(|rules| rules.whole_metres = true).0], [7, 6]);
         assert!(points(|_| ()).1 < 29.0 && points(|rules| rules.cut_at_route_end = false).1 > 31.9);
         assert_eq!(points(|rules| rules.sparse_points = false).0, 19);
     }

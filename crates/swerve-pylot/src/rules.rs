@@ -100,6 +100,10 @@ pub struct Rules {
     /// Whether the middle of the car is what is planned and steered for; off, the middle of the rear axle. Source: `pylot`
     /// be7bf9c, `planning/rrt_star/rrt_star_planner.py:85-89`, `control/pid_control_operator.py:77-88`.
     pub middle_of_car: bool,
+    /// Whether the route is a row of waypoints a metre apart, counted from its start, of which the one nearest to the
+    /// planned point is the first: goals, the way along the route and FOT's end are such points; off, they are so many
+    /// metres from the planned point itself. Source: `pylot` be7bf9c, `planning/flags.py`, `planning/waypoints.py`.
+    pub whole_metres: bool,
     /// Whether FOT's candidates end where the route's 30 waypoints do. Source: `frenet_optimal_trajectory_planner`
     /// `CubicSpline1D.cpp:44`, `FrenetPath.cpp:17-19`.
     pub cut_at_route_end: bool,
@@ -142,6 +146,7 @@ impl Rules {
             nearest_free: true,
             rewiring: false,
             middle_of_car: true,
+            whole_metres: true,
             cut_at_route_end: true,
             sparse_points: true,
             borders_only: true,
