@@ -187,7 +187,8 @@ impl PathSearch for LatticeSearch {
     }
 }
 
-/// Poses a metre apart along each piece from its beginning, and the end of each.
+/// Poses a metre apart along each piece from its beginning, and the end of each: where two meet the pose stands twice, and
+/// counts twice where points are counted. Source: `hybrid_astar_planner` `Dubins.cpp:37-101`, `HybridAStar.cpp:45-62`.
 fn place(start: Pose2, pieces: &[Piece], path: &mut Vec<Pose2>) {
     path.clear();
     let mut from = start;
@@ -195,8 +196,8 @@ fn place(start: Pose2, pieces: &[Piece], path: &mut Vec<Pose2>) {
         let n = (length_m / POINT_M).ceil() as usize;
         path.extend((0..n).map(|k| advance(from, curvature_1pm, POINT_M * k as f64)));
         from = advance(from, curvature_1pm, length_m);
+        path.push(from);
     }
-    path.push(from);
     path.truncate(POINTS_MAX);
 }
 
