@@ -232,7 +232,8 @@ impl Study {
         if let Some(timely) = &file.timely {
             timely.check(document, &axes, &mut problems);
             if file.budget.is_some() || file.curve.is_some() || file.ranking.is_some() {
-                problems.push(document.problem("timely", "not with budget, curve or ranking: nothing is driven"));
+                problems
+                    .push(document.problem("timely", "not with budget, curve or ranking: nothing is driven"));
             }
         }
         check_left_out(document, &file.leave_out, (&axes, &steps), &mut problems);

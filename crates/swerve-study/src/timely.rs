@@ -234,17 +234,25 @@ impl Timely {
         for (time, &after) in times.iter().enumerate() {
             let finished = |&frame: &usize| Finished { stamp: frames[frame], after };
             let results: Vec<Finished> = due.iter().map(finished).collect();
-            pairs.extend(start_anchored(frames, &results, Snap::Ceil).into_iter().map(|(result, there)| {
-                Pair { anchor: Anchor::Start, time, seen: Some(due[result]), there }
-            }));
+            pairs.extend(
+                start_anchored(frames, &results, Snap::Ceil).into_iter().map(|(result, there)| Pair {
+                    anchor: Anchor::Start,
+                    time,
+                    seen: Some(due[result]),
+                    there,
+                }),
+            );
             if !streams {
                 continue;
             }
             let taken = back_to_back(frames, after);
             let results: Vec<Finished> = taken.iter().map(finished).collect();
             let newest = end_anchored(frames, &results, Snap::Ceil);
-            pairs.extend(due.iter().map(|&there| {
-                Pair { anchor: Anchor::End, time, seen: newest[there].map(|result| taken[result]), there }
+            pairs.extend(due.iter().map(|&there| Pair {
+                anchor: Anchor::End,
+                time,
+                seen: newest[there].map(|result| taken[result]),
+                there,
             }));
         }
         pairs

@@ -333,7 +333,11 @@ fn take(
 
 /// What a detector without fault would report.
 /// The box that a perfect detector would report.
-pub(crate) fn true_box(obstacle: &Obstacle, seen: &Surroundings, camera: Option<&ImageCamera>) -> DetectedBox {
+pub(crate) fn true_box(
+    obstacle: &Obstacle,
+    seen: &Surroundings,
+    camera: Option<&ImageCamera>,
+) -> DetectedBox {
     let at: Point2<Ego> = seen.ego.to_local(obstacle.pose.point());
     let pose = Pose2::new(at.x_m, at.y_m, obstacle.pose.heading_rad - seen.ego.heading_rad);
     let image_px = camera.and_then(|camera| camera.image_px(pose, 0.0, obstacle.extent));

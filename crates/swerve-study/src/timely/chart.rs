@@ -33,12 +33,16 @@ pub(crate) struct Chart<'a> {
 impl<'a> Chart<'a> {
     /// Of the cells that are there; seeds are put together.
     pub(crate) fn of(study: &'a Study, timely: &Timely, results: &[Option<CellResult>]) -> Self {
-        let by_time = if timely.run_times_ms.is_empty() { "share of published run time" } else { "run time, ms" };
+        let by_time =
+            if timely.run_times_ms.is_empty() { "share of published run time" } else { "run time, ms" };
         let over = study.axes.iter().position(|axis| timely.over.as_ref() == Some(axis));
         let mut lines: Vec<Line> = Vec::new();
         for result in results.iter().flatten() {
             let named = (0..study.axes.len()).filter(|&a| study.axes[a] != "seed" && Some(a) != over);
-            let name = named.map(|a| format!("{} {}", study.axes[a], result.labels[a])).collect::<Vec<_>>().join(", ");
+            let name = named
+                .map(|a| format!("{} {}", study.axes[a], result.labels[a]))
+                .collect::<Vec<_>>()
+                .join(", ");
             for reading in &result.timely {
                 let label = over.and_then(|axis| result.labels[axis].parse().ok());
                 let (panel, x) = match label {
@@ -108,9 +112,9 @@ impl<'a> Chart<'a> {
         let mut csv = "panel,line,x,lower_quartile,median,upper_quartile,values\n".to_owned();
         for line in &self.lines {
             for point in &line.points {
-                let quartiles = point.quartiles().map_or([String::new(), String::new(), String::new()], |q| {
-                    q.map(|x| format!("{x:.6}"))
-                });
+                let quartiles = point
+                    .quartiles()
+                    .map_or([String::new(), String::new(), String::new()], |q| q.map(|x| format!("{x:.6}")));
                 let _infallible = writeln!(
                     csv,
                     "\"{}\",\"{}\",{},{},{}",
@@ -188,7 +192,8 @@ impl Scale {
     fn of(lines: &[&Line], top: f64) -> Self {
         let points = || lines.iter().flat_map(|line| &line.points);
         let least = points().filter_map(Point::quartiles).fold(0.0_f64, |least, q| least.min(q[0]));
-        let [from, to] = points().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], p| [a.min(p.x), b.max(p.x)]);
+        let [from, to] =
+            points().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], p| [a.min(p.x), b.max(p.x)]);
         Self { x: [from, if to > from { to } else { from + 1.0 }], y: [least, 1.0], top }
     }
 

@@ -148,9 +148,8 @@ impl Eyes {
         let asks = |of: &[Measure]| timely.measures.iter().any(|measure| of.contains(measure));
         let tracks = asks(&[Measure::Sort, Measure::Bytetrack]);
         let pixels = asks(&[Measure::Miou, Measure::Ap50]).then(|| Pixels::new(config, ride)).transpose()?;
-        let emulated = (tracks || asks(&[Measure::DetectorAp50]))
-            .then(|| Emulated::new(config, tracks))
-            .transpose()?;
+        let emulated =
+            (tracks || asks(&[Measure::DetectorAp50])).then(|| Emulated::new(config, tracks)).transpose()?;
         Ok(Self { pixels, emulated, within_m: timely.within_m })
     }
 
@@ -222,7 +221,10 @@ impl Emulated {
             .emulated()
             .map_err(|(key, message)| anyhow!("perception.{key}: {message}"))?
             .ok_or_else(|| anyhow!("perception.detector: expected one to emulate, found `truth`"))?;
-        ensure!(emulated.sensing == Sensing::Camera, "perception.detector: expected one that looks with a camera");
+        ensure!(
+            emulated.sensing == Sensing::Camera,
+            "perception.detector: expected one that looks with a camera"
+        );
         let mounted = config.detector_camera(emulated.sensing).context("perception.camera: no camera")?;
         let camera = image_camera(&mounted).context("perception.camera: expected a camera with a lens")?;
         let detector = Detector::new(emulated.params, Some(camera), config.seed, "detector")?;
