@@ -27,6 +27,8 @@ pub(crate) struct Chart<'a> {
     title: &'a str,
     /// What the lines go over.
     over: String,
+    /// Whether lines are rivals: over an axis, each is another choice under the same run time.
+    is_contest: bool,
     lines: Vec<Line>,
 }
 
@@ -62,7 +64,8 @@ impl<'a> Chart<'a> {
             }
         }
         let title = if study.description.is_empty() { &study.name } else { &study.description };
-        Self { title, over: over.map_or(by_time.into(), |axis| study.axes[axis].clone()), lines }
+        let is_contest = over.is_some();
+        Self { title, over: over.map_or(by_time.into(), |axis| study.axes[axis].clone()), is_contest, lines }
     }
 
     /// The panels, in the order of the cells.
@@ -80,7 +83,7 @@ impl<'a> Chart<'a> {
         self.lines.iter().filter(move |line| line.panel == panel)
     }
 
-    /// Medians with quartiles, a table for each panel; with several lines, which is best where.
+    /// Medians with quartiles, a table for each panel; over an axis with several lines, which is best where.
     pub(crate) fn text(&self) -> String {
         let mut text = String::new();
         for panel in self.panels() {
@@ -96,7 +99,7 @@ impl<'a> Chart<'a> {
                 });
                 std::iter::once(line.name.clone()).chain(cells).collect()
             }));
-            if lines.len() > 1 {
+            if self.is_contest && lines.len() > 1 {
                 let best = |k: usize| best(&lines, k).map_or("-".into(), |line| line.name.clone());
                 let cells = (0..lines[0].points.len()).map(best);
                 rows.push(std::iter::once("best".to_owned()).chain(cells).collect());

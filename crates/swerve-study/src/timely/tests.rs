@@ -92,12 +92,12 @@ fn charts_go_over_run_time_or_over_an_axis() {
     let timely = "measures = [\"detector_ap50\"]\nof_published = [0, 1]\njudge_ms = 200";
     let axes = "[[axis]]\nname = \"detector\"\nkey = \"perception.detector\"\n\
                 values = [\"efficientdet-d0@v100\", \"efficientdet-d6@v100\"]\n";
-    for (over, panels, points) in [("", 2, 2), ("over = \"speed_mps\"", 4, 2)] {
+    for (over, contests, points) in [("", 0, 2), ("over = \"speed_mps\"", 4, 2)] {
         let bench = bench("", &format!("{timely}\n{over}"), &format!("{axes}{}", speeds("10, 20"))).unwrap();
         let results = results(&bench);
         let chart = Chart::of(&bench.study, bench.study.timely.as_ref().unwrap(), &results);
         let (csv, text, svg) = (chart.csv(), chart.text(), chart.draw());
-        assert_eq!(text.matches("\nbest").count(), panels, "{text}");
+        assert_eq!(text.matches("\nbest").count(), contests, "{text}");
         // Two anchors, two run times, two speeds, two detectors: a row each.
         assert_eq!(csv.lines().count(), 1 + 16, "{csv}");
         assert_eq!(svg.matches("fill-opacity=\"0.12\"").count(), 16 / points, "{svg}");
