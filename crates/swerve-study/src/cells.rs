@@ -10,6 +10,7 @@ use swerve_core::{Digest, Hasher};
 use swerve_report::progress::Progress;
 
 use super::grid::{Cell, Study};
+use super::timely::Reading;
 
 /// What one cell came to.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -47,6 +48,9 @@ pub struct CellResult {
     /// The study's curve, where it asks for one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curve: Vec<f64>,
+    /// What is measured in a timely study.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub timely: Vec<Reading>,
     /// What went wrong, when the run itself failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
@@ -69,6 +73,7 @@ impl CellResult {
             misses: 0,
             budget_ms: None,
             curve: Vec::new(),
+            timely: Vec::new(),
             error: None,
         }
     }

@@ -146,7 +146,7 @@ impl Series<'_> {
 }
 
 /// Lower quartile, median, upper quartile; zeros of nothing.
-fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
+pub(super) fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
     [1, 2, 3].map(|q| values.get((last * q + 2) / 4).copied().unwrap_or(0.0))

@@ -11,6 +11,7 @@ use swerve_text::{Document, Problem, Problems, is_within, number};
 
 use super::curve::Curve;
 use super::ranking::Ranking;
+use super::timely::Timely;
 
 /// A study as its file says it.
 #[derive(Clone, PartialEq, Debug, Deserialize)]
@@ -38,6 +39,8 @@ pub struct StudyFile {
     pub leave_out: Vec<LeaveOut>,
     /// Which setting is best, where that is asked for.
     pub ranking: Option<Ranking>,
+    /// What is measured in the place of a verdict.
+    pub timely: Option<Timely>,
 }
 
 /// Steps by axis.
@@ -166,6 +169,8 @@ pub struct Study {
     pub leave_out: Vec<LeaveOut>,
     /// Which setting is best, where asked for.
     pub ranking: Option<Ranking>,
+    /// What is measured in the place of a verdict.
+    pub timely: Option<Timely>,
 }
 
 /// Configuration keys with their values, in the order in which they are set.
@@ -224,6 +229,13 @@ impl Study {
         if let Some(ranking) = &file.ranking {
             ranking.check(document, &axes, &mut problems);
         }
+        if let Some(timely) = &file.timely {
+            timely.check(document, &axes, &mut problems);
+            if file.budget.is_some() || file.curve.is_some() || file.ranking.is_some() {
+                problems
+                    .push(document.problem("timely", "not with budget, curve or ranking: nothing is driven"));
+            }
+        }
         check_left_out(document, &file.leave_out, (&axes, &steps), &mut problems);
         if !problems.is_empty() {
             return Err(problems);
@@ -249,6 +261,7 @@ impl Study {
             curve: file.curve,
             leave_out: file.leave_out,
             ranking: file.ranking,
+            timely: file.timely,
         })
     }
 

@@ -16,6 +16,7 @@ pub mod grid;
 pub mod heatmap;
 pub mod ranking;
 pub mod table;
+pub mod timely;
 pub mod track;
 pub mod train;
 
@@ -224,7 +225,7 @@ impl Bench {
         for program in config.programs() {
             hasher.bytes(&std::fs::read(program).with_context(|| format!("reading {}", program.display()))?);
         }
-        hasher.value(&self.study.curve.is_some());
+        hasher.value(&(self.study.curve.is_some(), &self.study.timely));
         hasher
             .value(&self.study.budget.as_ref().map(|b| (b.max_ms, b.scan_ms, b.resolution_ms, &cell.labels)));
         Ok(hasher.digest())
@@ -233,6 +234,9 @@ impl Bench {
     /// Runs one cell.
     pub fn run_cell(&self, cell: &Cell) -> anyhow::Result<CellResult> {
         let (config, (scenario, _)) = (self.config(cell)?, self.scenario(cell));
+        if let Some(timely) = &self.study.timely {
+            return timely.run(cell, &config, scenario);
+        }
         match &self.study.budget {
             Some(budget) if cell.labels.iter().any(|l| l == grid::LIMIT) => {
                 limit::largest_reaction(cell, &config, scenario, budget)
@@ -273,11 +277,21 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
         misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
         budget_ms: None,
         curve: Vec::new(),
+        timely: Vec::new(),
         error: None,
     }
 }
 
 fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::Result<()> {
+    if let Some(timely) = &study.timely {
+        let chart = timely::chart::Chart::of(study, timely, results);
+        write_whole(&out.join("timely.csv"), chart.csv().as_bytes())?;
+        write_whole(&out.join("timely.svg"), chart.draw().as_bytes())?;
+        let (done, all) = (results.iter().flatten().count(), study.cells.len());
+        let at = out.display();
+        let text = format!("{}{done} of {all} cells in {at}: timely.csv, timely.svg\n", chart.text());
+        return swerve_report::output::print(&text);
+    }
     let grid = table::Grid::of(study, results);
     let title = if study.description.is_empty() { &study.name } else { &study.description };
     write_whole(&out.join("cells.csv"), table::csv(study, results).as_bytes())?;

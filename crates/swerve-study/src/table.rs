@@ -278,6 +278,7 @@ mod tests {
             curve: None,
             leave_out: vec![],
             ranking: None,
+            timely: None,
         }
     }
 

@@ -224,7 +224,7 @@ const REFUSED: &[(&str, &str)] = &[
     (
         "[operator.tracker]\nreads = { boxes = \"camera\" }\n",
         "c.toml:2: operator.tracker.reads.boxes: `tracker` has this port where `Detections` are published, and nobody \
-         publishes any: `perception.detector = \"NAME\"` brings one that does, or an operator of one's own",
+         publishes any: `perception.detector = \"NAME\"` or `[operator.NAME] kind = \"lidar_objects\"` brings one that does",
     ),
     (
         "[operator.x]\nkind = \"fusion\"\nreads = { boxes = \"camera\" }\n[operator.tracker]\nreads = { boxes = \"x\" }\n",

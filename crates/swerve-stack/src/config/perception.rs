@@ -104,8 +104,11 @@ impl PerceptionConfig {
         find(&self.detector).map(|published| published.ms)
     }
 
-    /// The detector that is emulated, if one is; what is wrong with it, by key.
-    pub(super) fn emulated(&self) -> Result<Option<Emulated>, (&'static str, String)> {
+    /// The detector that is emulated, if one is.
+    ///
+    /// # Errors
+    /// What is wrong with it, by key.
+    pub fn emulated(&self) -> Result<Option<Emulated>, (&'static str, String)> {
         let (family, sensing, ms) = match self.detector.as_str() {
             TRUTH => return Ok(None),
             CUSTOM => (detector::Params::default(), Sensing::Camera, None),

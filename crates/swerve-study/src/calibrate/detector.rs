@@ -77,7 +77,7 @@ fn distance(text: &str) -> Result<f64, String> {
 const EVERY: Span = Span::from_ms(200);
 
 /// Of what is less in sight than this nobody expects a detection (KITTI: partly occluded).
-const VISIBLE_SHARE_MIN: f64 = 1.0 / 3.0;
+pub(crate) const VISIBLE_SHARE_MIN: f64 = 1.0 / 3.0;
 
 /// Draws of the detector's errors over the same frames; the mean of their precisions is what is fitted. With one alone
 /// the mean over eleven recalls leaps where the last of them is just reached.
@@ -332,7 +332,12 @@ fn take(
 }
 
 /// What a detector without fault would report.
-fn true_box(obstacle: &Obstacle, seen: &Surroundings, camera: Option<&ImageCamera>) -> DetectedBox {
+/// The box that a perfect detector would report.
+pub(crate) fn true_box(
+    obstacle: &Obstacle,
+    seen: &Surroundings,
+    camera: Option<&ImageCamera>,
+) -> DetectedBox {
     let at: Point2<Ego> = seen.ego.to_local(obstacle.pose.point());
     let pose = Pose2::new(at.x_m, at.y_m, obstacle.pose.heading_rad - seen.ego.heading_rad);
     let image_px = camera.and_then(|camera| camera.image_px(pose, 0.0, obstacle.extent));

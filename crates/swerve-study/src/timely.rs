@@ -1,0 +1,279 @@
+//! Timely accuracy as a study: what perception is worth when it arrives, on a drive whose speed is given (Gog et al.
+//! 2021, section 5). `[timely]` in a study file takes the place of a verdict.
+//!
+//! A cell is a ride along a straight between walkers. What was seen at one instant is judged by what is there at the
+//! instant at which its run time is over. Two anchors: `start`, one result every `judge_ms`, each judged at its end
+//! (the paper's); `end`, one result after the other as soon as the processor is free, and every `judge_ms` the newest
+//! finished one is judged (streaming accuracy, Li et al. 2020).
+
+pub(super) mod chart;
+mod ride;
+mod score;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, ensure};
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_eval::timely::{Finished, Snap, end_anchored, start_anchored};
+use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+use swerve_stack::span_of_ms;
+use swerve_text::{Document, Problems, number};
+
+use super::cells::CellResult;
+use super::grid::Cell;
+use ride::{Eyes, Ride, Sight};
+use score::Score;
+
+/// `[timely]` of a study file.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Timely {
+    /// What is measured.
+    pub measures: Vec<Measure>,
+    /// From a frame until its result, ms; instead of `of_published`.
+    #[serde(default)]
+    pub run_times_ms: Vec<f64>,
+    /// The same in shares of the published run time of `perception.detector`: 1 is its authors' machine.
+    #[serde(default)]
+    pub of_published: Vec<f64>,
+    /// The axis with numbers that pictures and tables go over, where that is not the run time.
+    pub over: Option<String>,
+    /// People on the pavements, drawn by the cell's seed.
+    #[serde(default = "Timely::walkers")]
+    pub walkers: usize,
+    /// Length of the straight, metres.
+    #[serde(default = "Timely::length_m")]
+    pub length_m: f64,
+    /// From one judgement to the next, ms; also from frame to frame of a tracker.
+    #[serde(default = "Timely::judge_ms")]
+    pub judge_ms: f64,
+    /// People count up to this distance, metres.
+    #[serde(default = "Timely::within_m")]
+    pub within_m: f64,
+}
+
+/// What is measured. All values are 0 to 1 but for MOTA, which may be below.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Measure {
+    /// Mean intersection over union of rendered classes.
+    Miou,
+    /// Of the rendered boxes of people: the share of the old ones that still are on somebody (overlap 0.5). That is
+    /// the paper's AP50 of a perfect detector, whose scores are all 1.
+    Ap50,
+    /// AP50 over the whole ride, of the detector that `perception.detector` emulates.
+    DetectorAp50,
+    /// MOTA, IDF1 and HOTA of SORT behind that detector.
+    Sort,
+    /// The same of ByteTrack.
+    Bytetrack,
+}
+
+/// Which result is judged when.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Anchor {
+    Start,
+    End,
+}
+
+/// One measure under one run time: a value of each judgement, or one of the whole ride.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Reading {
+    /// Measure and anchor.
+    pub series: String,
+    /// The run time, ms or share of the published one.
+    pub at: f64,
+    /// The values.
+    pub values: Vec<f64>,
+}
+
+/// One judgement: the frame that was seen, none where nothing is finished yet, and the frame that is there.
+struct Pair {
+    anchor: Anchor,
+    /// Place of the run time.
+    time: usize,
+    seen: Option<usize>,
+    there: usize,
+}
+
+/// Most run times of one study.
+const TIMES_MAX: usize = 200;
+
+impl Timely {
+    fn walkers() -> usize {
+        91
+    }
+
+    fn length_m() -> f64 {
+        370.0
+    }
+
+    fn judge_ms() -> f64 {
+        250.0
+    }
+
+    fn within_m() -> f64 {
+        125.0
+    }
+
+    /// What is wrong with the table itself.
+    pub(super) fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
+        let mut wrong =
+            |key: &str, message: String| problems.push(document.problem(&format!("timely.{key}"), message));
+        if self.measures.is_empty() {
+            wrong("measures", "expected at least one measure".into());
+        }
+        if self.run_times_ms.is_empty() == self.of_published.is_empty() {
+            wrong("run_times_ms", "expected numbers here or in `of_published`, not in both".into());
+        }
+        for (key, times, most) in
+            [("run_times_ms", &self.run_times_ms, 5000.0), ("of_published", &self.of_published, 100.0)]
+        {
+            let rises = times.windows(2).all(|pair| pair[0] < pair[1]);
+            let fits = times.iter().all(|x| (0.0..=most).contains(x)) && times.len() <= TIMES_MAX;
+            if !(rises && fits) {
+                let message =
+                    format!("expected rising numbers from 0 to {}, at most {TIMES_MAX}", number(most));
+                wrong(key, message);
+            }
+        }
+        let ranges = [
+            ("walkers", self.walkers as f64, [0.0, 1000.0]),
+            ("length_m", self.length_m, [20.0, 5000.0]),
+            ("judge_ms", self.judge_ms, [1.0, 10_000.0]),
+            ("within_m", self.within_m, [1.0, 1000.0]),
+        ];
+        for (key, value, [least, most]) in ranges {
+            if !(least..=most).contains(&value) {
+                let (least, most) = (number(least), number(most));
+                wrong(key, format!("expected {least} to {most}, found {}", number(value)));
+            }
+        }
+        if let Some(axis) = self.over.as_ref().filter(|axis| !axes.contains(axis)) {
+            wrong("over", format!("no axis of the name `{axis}`"));
+        }
+    }
+
+    /// The run times as the picture names them.
+    fn named_times(&self) -> &[f64] {
+        if self.run_times_ms.is_empty() { &self.of_published } else { &self.run_times_ms }
+    }
+
+    fn times(&self, config: &Config) -> anyhow::Result<Vec<Span>> {
+        let unit_ms = match self.of_published.is_empty() {
+            true => 1.0,
+            false => config.perception.published_ms().with_context(|| {
+                format!("perception.detector: `{}` has no published run time", config.perception.detector)
+            })?,
+        };
+        Ok(self.named_times().iter().map(|x| span_of_ms(x * unit_ms)).collect())
+    }
+
+    /// One ride, measured.
+    ///
+    /// # Errors
+    /// The configuration lacks what is measured, or the camera's images cannot be drawn.
+    pub(super) fn run(
+        &self,
+        cell: &Cell,
+        config: &Config,
+        scenario: &Scenario,
+    ) -> anyhow::Result<CellResult> {
+        let times = self.times(config)?;
+        let mut ride = Ride::new(self, config, scenario)?;
+        let mut eyes = Eyes::new(self, config, &ride)?;
+        let due = self.due(&ride.frames);
+        let pairs = self.pairs(&ride.frames, &times, &due);
+        let mut by_frame: Vec<Vec<&Pair>> = ride.frames.iter().map(|_| Vec::new()).collect();
+        let mut last_use = BTreeMap::<usize, usize>::new();
+        for pair in &pairs {
+            by_frame[pair.there].push(pair);
+            for frame in pair.seen.into_iter().chain([pair.there]) {
+                let last = last_use.entry(frame).or_default();
+                *last = pair.there.max(*last);
+            }
+        }
+        let mut scores: Vec<Score> = self
+            .measures
+            .iter()
+            .flat_map(|&measure| (0..times.len()).flat_map(move |time| Score::both(measure, time)))
+            .collect();
+        let mut sights = BTreeMap::<usize, Sight>::new();
+        for (frame, judged) in by_frame.iter().enumerate() {
+            let world = ride.next();
+            if last_use.contains_key(&frame) {
+                sights.insert(frame, eyes.look(&world, due.binary_search(&frame).is_ok())?);
+            }
+            for pair in judged {
+                let seen = pair.seen.and_then(|seen| sights.get(&seen));
+                let of_pair = |s: &&mut Score| s.time == pair.time && s.anchor == pair.anchor;
+                scores.iter_mut().filter(of_pair).for_each(|score| score.take(seen, &sights[&frame]));
+            }
+            sights.retain(|seen, _| last_use[seen] > frame);
+        }
+        let named = self.named_times();
+        let timely = scores.into_iter().flat_map(|score| score.readings(named)).collect();
+        Ok(CellResult { timely, ..CellResult::blank(cell, "measured") })
+    }
+
+    /// The frames that are `judge_ms` apart: the first one in each such time.
+    fn due(&self, frames: &[Time]) -> Vec<usize> {
+        let judge = span_of_ms(self.judge_ms);
+        let nth = |frame: usize| frames[frame].ns() / judge.ns();
+        (0..frames.len()).filter(|&frame| frame == 0 || nth(frame) > nth(frame - 1)).collect()
+    }
+
+    /// All judgements of a ride.
+    fn pairs(&self, frames: &[Time], times: &[Span], due: &[usize]) -> Vec<Pair> {
+        let streams = self.measures.iter().any(|measure| !measure.tracks());
+        let mut pairs = Vec::new();
+        for (time, &after) in times.iter().enumerate() {
+            let finished = |&frame: &usize| Finished { stamp: frames[frame], after };
+            let results: Vec<Finished> = due.iter().map(finished).collect();
+            pairs.extend(
+                start_anchored(frames, &results, Snap::Ceil).into_iter().map(|(result, there)| Pair {
+                    anchor: Anchor::Start,
+                    time,
+                    seen: Some(due[result]),
+                    there,
+                }),
+            );
+            if !streams {
+                continue;
+            }
+            let taken = back_to_back(frames, after);
+            let results: Vec<Finished> = taken.iter().map(finished).collect();
+            let newest = end_anchored(frames, &results, Snap::Ceil);
+            pairs.extend(due.iter().map(|&there| Pair {
+                anchor: Anchor::End,
+                time,
+                seen: newest[there].map(|result| taken[result]),
+                there,
+            }));
+        }
+        pairs
+    }
+}
+
+/// The frames that one processor takes: each time the first one that comes when it is free.
+fn back_to_back(frames: &[Time], after: Span) -> Vec<usize> {
+    let (mut taken, mut free) = (Vec::new(), Time::ZERO);
+    for (frame, &stamp) in frames.iter().enumerate() {
+        if stamp >= free {
+            taken.push(frame);
+            free = stamp + after;
+        }
+    }
+    taken
+}
+
+/// The speed that the ego is forced to, m/s.
+fn speed_mps(config: &Config, scenario: &Scenario) -> anyhow::Result<f64> {
+    let speed_mps = config.ego.speed_mps.unwrap_or(scenario.ego.target_speed_mps);
+    ensure!(speed_mps > 0.0, "ego.speed_mps: expected a speed above 0, found {}", number(speed_mps));
+    Ok(speed_mps)
+}

@@ -1,0 +1,233 @@
+//! What a timely study came to: text, rows and a picture, with quartiles over all judgements of all seeds.
+
+use std::fmt::Write as _;
+
+use swerve_report::canvas::{Canvas, Text, color, multiples, number, round_step};
+use swerve_report::output::align;
+
+use super::Timely;
+use crate::cells::CellResult;
+use crate::curve::quartiles;
+use crate::grid::Study;
+
+/// A line in the picture: one combination of the axes, under one measure.
+struct Line {
+    panel: String,
+    name: String,
+    points: Vec<Point>,
+}
+
+struct Point {
+    x: f64,
+    values: Vec<f64>,
+}
+
+/// All results as lines.
+pub(crate) struct Chart<'a> {
+    title: &'a str,
+    /// What the lines go over.
+    over: String,
+    /// Whether lines are rivals: over an axis, each is another choice under the same run time.
+    is_contest: bool,
+    lines: Vec<Line>,
+}
+
+impl<'a> Chart<'a> {
+    /// Of the cells that are there; seeds are put together.
+    pub(crate) fn of(study: &'a Study, timely: &Timely, results: &[Option<CellResult>]) -> Self {
+        let by_time =
+            if timely.run_times_ms.is_empty() { "share of published run time" } else { "run time, ms" };
+        let over = study.axes.iter().position(|axis| timely.over.as_ref() == Some(axis));
+        let mut lines: Vec<Line> = Vec::new();
+        for result in results.iter().flatten() {
+            let named = (0..study.axes.len()).filter(|&a| study.axes[a] != "seed" && Some(a) != over);
+            let name = named
+                .map(|a| format!("{} {}", study.axes[a], result.labels[a]))
+                .collect::<Vec<_>>()
+                .join(", ");
+            for reading in &result.timely {
+                let label = over.and_then(|axis| result.labels[axis].parse().ok());
+                let (panel, x) = match label {
+                    Some(x) => (format!("{}, {by_time} {}", reading.series, number(reading.at)), x),
+                    None => (reading.series.clone(), reading.at),
+                };
+                let found = lines.iter().position(|line| line.panel == panel && line.name == name);
+                let line = found.unwrap_or_else(|| {
+                    lines.push(Line { panel, name: name.clone(), points: Vec::new() });
+                    lines.len() - 1
+                });
+                let points = &mut lines[line].points;
+                match points.iter_mut().find(|point| point.x == x) {
+                    Some(point) => point.values.extend(&reading.values),
+                    None => points.push(Point { x, values: reading.values.clone() }),
+                }
+            }
+        }
+        let title = if study.description.is_empty() { &study.name } else { &study.description };
+        let is_contest = over.is_some();
+        Self { title, over: over.map_or(by_time.into(), |axis| study.axes[axis].clone()), is_contest, lines }
+    }
+
+    /// The panels, in the order of the cells.
+    fn panels(&self) -> Vec<&str> {
+        let mut panels: Vec<&str> = Vec::new();
+        for line in &self.lines {
+            if !panels.contains(&line.panel.as_str()) {
+                panels.push(&line.panel);
+            }
+        }
+        panels
+    }
+
+    fn lines_of<'b>(&'b self, panel: &'b str) -> impl Iterator<Item = &'b Line> {
+        self.lines.iter().filter(move |line| line.panel == panel)
+    }
+
+    /// Medians with quartiles, a table for each panel; over an axis with several lines, which is best where.
+    pub(crate) fn text(&self) -> String {
+        let mut text = String::new();
+        for panel in self.panels() {
+            let lines: Vec<&Line> = self.lines_of(panel).collect();
+            let mut head = vec![format!("{panel} over {}", self.over)];
+            head.extend(lines[0].points.iter().map(|point| number(point.x)));
+            let mut rows = vec![head];
+            rows.extend(lines.iter().map(|line| {
+                let cells = line.points.iter().map(|point| match point.quartiles() {
+                    Some([low, mid, high]) if low < high => format!("{mid:.2} ({low:.2}-{high:.2})"),
+                    Some([_, mid, _]) => format!("{mid:.2}"),
+                    None => "-".into(),
+                });
+                std::iter::once(line.name.clone()).chain(cells).collect()
+            }));
+            if self.is_contest && lines.len() > 1 {
+                let best = |k: usize| best(&lines, k).map_or("-".into(), |line| line.name.clone());
+                let cells = (0..lines[0].points.len()).map(best);
+                rows.push(std::iter::once("best".to_owned()).chain(cells).collect());
+            }
+            text += &align(&rows);
+            text.push('\n');
+        }
+        text
+    }
+
+    /// One row for each point.
+    pub(crate) fn csv(&self) -> String {
+        let mut csv = "panel,line,x,lower_quartile,median,upper_quartile,values\n".to_owned();
+        for line in &self.lines {
+            for point in &line.points {
+                let quartiles = point
+                    .quartiles()
+                    .map_or([String::new(), String::new(), String::new()], |q| q.map(|x| format!("{x:.6}")));
+                let _infallible = writeln!(
+                    csv,
+                    "\"{}\",\"{}\",{},{},{}",
+                    line.panel.replace('"', "\"\""),
+                    line.name.replace('"', "\"\""),
+                    point.x,
+                    quartiles.join(","),
+                    point.values.len()
+                );
+            }
+        }
+        csv
+    }
+
+    /// A panel for each measure, a line with its quartiles for each combination.
+    pub(crate) fn draw(&self) -> String {
+        let mut canvas = Canvas::default();
+        canvas.text((LEFT, 28.0), self.title, Text { size: 16.0, bold: true, ..Text::default() });
+        let panels = self.panels();
+        for (row, panel) in panels.iter().enumerate() {
+            let lines: Vec<&Line> = self.lines_of(panel).collect();
+            let scale = Scale::of(&lines, TOP + row as f64 * (PANEL_H + GAP));
+            scale.draw_axes(&mut canvas, &format!("{panel} (median and quartiles over {})", self.over));
+            for (k, line) in lines.iter().enumerate() {
+                scale.draw_line(&mut canvas, line, COLORS[k % COLORS.len()]);
+                let at = (LEFT + PANEL_W + 12.0, scale.top + 12.0 + 16.0 * k as f64);
+                let how = Text { color: COLORS[k % COLORS.len()], bold: true, ..Text::default() };
+                canvas.text(at, &line.name, how);
+            }
+        }
+        let height = TOP + panels.len() as f64 * (PANEL_H + GAP) + 10.0;
+        canvas.finish(LEFT + PANEL_W + LEGEND_W, height, self.title)
+    }
+}
+
+impl Point {
+    fn quartiles(&self) -> Option<[f64; 3]> {
+        (!self.values.is_empty()).then(|| quartiles(self.values.clone()))
+    }
+}
+
+/// The line with the largest median at a point; of equal ones the first.
+fn best<'a>(lines: &[&'a Line], point: usize) -> Option<&'a Line> {
+    let median = |line: &Line| line.points.get(point)?.quartiles().map(|quartiles| quartiles[1]);
+    let known = lines.iter().filter_map(|line| Some((median(line)?, *line)));
+    let largest = known.reduce(|best, next| if next.0 > best.0 { next } else { best });
+    largest.map(|(_, line)| line)
+}
+
+const LEFT: f64 = 64.0;
+const TOP: f64 = 64.0;
+const PANEL_W: f64 = 620.0;
+const PANEL_H: f64 = 200.0;
+const GAP: f64 = 64.0;
+const LEGEND_W: f64 = 300.0;
+const COLORS: [&str; 8] = [
+    color::EGO,
+    color::PERSON,
+    color::PLAN,
+    color::FALLBACK,
+    color::SIGHT,
+    color::VEHICLE,
+    color::INK,
+    color::ALARM,
+];
+
+/// Which numbers a panel shows: at least 0 to 1 upwards.
+struct Scale {
+    x: [f64; 2],
+    y: [f64; 2],
+    top: f64,
+}
+
+impl Scale {
+    fn of(lines: &[&Line], top: f64) -> Self {
+        let points = || lines.iter().flat_map(|line| &line.points);
+        let least = points().filter_map(Point::quartiles).fold(0.0_f64, |least, q| least.min(q[0]));
+        let [from, to] =
+            points().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], p| [a.min(p.x), b.max(p.x)]);
+        Self { x: [from, if to > from { to } else { from + 1.0 }], y: [least, 1.0], top }
+    }
+
+    fn at(&self, x: f64, y: f64) -> (f64, f64) {
+        let share = |[low, high]: [f64; 2], value: f64| (value - low) / (high - low);
+        (LEFT + PANEL_W * share(self.x, x), self.top + PANEL_H * (1.0 - share(self.y, y)))
+    }
+
+    fn draw_axes(&self, canvas: &mut Canvas, title: &str) {
+        let line = format!("stroke=\"{}\" stroke-width=\"1\"", color::GRID);
+        let soft = Text { color: color::SOFT, ..Text::default() };
+        canvas.text((LEFT, self.top - 8.0), title, soft);
+        for y in multiples(self.y[0], self.y[1], round_step(self.y[1] - self.y[0], 5.0)) {
+            let ends = [self.at(self.x[0], y), self.at(self.x[1], y)];
+            canvas.line(ends[0], ends[1], &line);
+            canvas.text((LEFT - 8.0, ends[0].1 + 4.0), &number(y), Text { anchor: "end", ..soft });
+        }
+        for x in multiples(self.x[0], self.x[1], round_step(self.x[1] - self.x[0], 8.0)) {
+            let ends = [self.at(x, self.y[0]), self.at(x, self.y[1])];
+            canvas.line(ends[0], ends[1], &line);
+            canvas.text((ends[0].0, ends[0].1 + 16.0), &number(x), Text { anchor: "middle", ..soft });
+        }
+    }
+
+    fn draw_line(&self, canvas: &mut Canvas, line: &Line, paint: &str) {
+        let known: Vec<(f64, [f64; 3])> =
+            line.points.iter().filter_map(|point| Some((point.x, point.quartiles()?))).collect();
+        let low = known.iter().map(|(x, q)| self.at(*x, q[0]));
+        let high = known.iter().rev().map(|(x, q)| self.at(*x, q[2]));
+        canvas.path(low.chain(high), true, &format!("fill=\"{paint}\" fill-opacity=\"0.12\""));
+        let style = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.6\"");
+        canvas.path(known.iter().map(|(x, q)| self.at(*x, q[1])), false, &style);
+    }
+}

@@ -1,0 +1,123 @@
+//! What was seen against what is there, summed up over a ride.
+
+use swerve_eval::{AveragePrecision, Confusion, Found, Recalls, TrackingFrame, TrackingMetrics, image_iou};
+
+use super::ride::{Boxed, Sight};
+use super::{Anchor, Measure, Reading};
+
+/// Cityscapes ids are below this; 0 is nothing known and no class.
+const CLASSES: u8 = 34;
+/// The least overlap of a match.
+const OVERLAP_MIN: f64 = 0.5;
+
+/// One measure under one run time.
+pub(super) struct Score {
+    measure: Measure,
+    pub(super) anchor: Anchor,
+    pub(super) time: usize,
+    values: Vec<f64>,
+    precision: AveragePrecision,
+    tracked: Vec<TrackingFrame>,
+}
+
+impl Score {
+    /// Under both anchors; what tracks takes a steady stream of frames, so it is judged by their starts alone.
+    pub(super) fn both(measure: Measure, time: usize) -> impl Iterator<Item = Self> {
+        let is_asked = move |anchor: &Anchor| *anchor == Anchor::Start || !measure.tracks();
+        [Anchor::Start, Anchor::End].into_iter().filter(is_asked).map(move |anchor| Self {
+            measure,
+            anchor,
+            time,
+            values: Vec::new(),
+            precision: AveragePrecision::new(OVERLAP_MIN),
+            tracked: Vec::new(),
+        })
+    }
+
+    /// Judges what was seen, none being a report of nothing, by what is there.
+    pub(super) fn take(&mut self, seen: Option<&Sight>, there: &Sight) {
+        let nothing = Sight::default();
+        let found = seen.unwrap_or(&nothing);
+        match self.measure {
+            Measure::Miou => {
+                let value = seen.map_or(Some(0.0), |seen| mean_iou(&there.labels, &seen.labels));
+                self.values.extend(value);
+            }
+            Measure::Ap50 => self.values.extend(share_right(&there.people, &found.people)),
+            Measure::DetectorAp50 => {
+                let all: Vec<Found> =
+                    found.found.iter().map(|&(f, counts)| Found { score: f.score, counts }).collect();
+                let wanted: Vec<bool> = there.wanted.iter().map(|(_, counts)| *counts).collect();
+                let overlap = |f: usize, w: usize| image_iou(found.found[f].0.box_px, there.wanted[w].0.1);
+                self.precision.frame(&all, &wanted, overlap);
+            }
+            Measure::Sort | Measure::Bytetrack => {
+                let counting = there.wanted.iter().filter(|(_, counts)| *counts);
+                let truth: Vec<Boxed> = counting.map(|(boxed, _)| *boxed).collect();
+                let place = self.measure.place().unwrap_or_default();
+                self.tracked.push(TrackingFrame::of_boxes(&truth, &found.tracks[place]));
+            }
+        }
+    }
+
+    /// The readings, by the run times as they are named.
+    pub(super) fn readings(self, named: &[f64]) -> Vec<Reading> {
+        let at = named[self.time];
+        let anchor = if self.anchor == Anchor::Start { "start" } else { "end" };
+        let of = |series: String, values: Vec<f64>| Reading { series, at, values };
+        let one = |series: String, value: Option<f64>| of(series, value.into_iter().collect());
+        match self.measure {
+            Measure::Miou => vec![of(format!("mIoU {anchor}"), self.values)],
+            Measure::Ap50 => vec![of(format!("AP50 {anchor}"), self.values)],
+            Measure::DetectorAp50 => {
+                vec![one(format!("detector AP50 {anchor}"), self.precision.value(Recalls::Coco101))]
+            }
+            Measure::Sort | Measure::Bytetrack => {
+                let name = if self.measure == Measure::Sort { "SORT" } else { "ByteTrack" };
+                let all = TrackingMetrics::of(&self.tracked);
+                vec![
+                    one(format!("MOTA {name}"), all.clear.mota),
+                    one(format!("IDF1 {name}"), all.identity.idf1),
+                    one(format!("HOTA {name}"), Some(all.hota.hota)),
+                ]
+            }
+        }
+    }
+}
+
+impl Measure {
+    /// Whether it needs a steady stream of frames.
+    pub(super) fn tracks(self) -> bool {
+        self.place().is_some()
+    }
+
+    /// Of what tracks, its place among the tracks of a sight.
+    fn place(self) -> Option<usize> {
+        match self {
+            Self::Sort => Some(0),
+            Self::Bytetrack => Some(1),
+            Self::Miou | Self::Ap50 | Self::DetectorAp50 => None,
+        }
+    }
+}
+
+/// Mean over the classes that are in either image; `None` if none is.
+pub(super) fn mean_iou(there: &[u8], seen: &[u8]) -> Option<f64> {
+    let mut confusion = Confusion::new(CLASSES, None);
+    confusion.image(there, seen).expect("the renderer's labels are Cityscapes ids");
+    let ious: Vec<f64> = (1..CLASSES).filter_map(|class| confusion.iou(class)).collect();
+    (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64)
+}
+
+/// The share of the boxes seen that are on somebody who is there, each on somebody else; 0 where nobody was seen and
+/// somebody is there, `None` where nobody is in either.
+pub(super) fn share_right(there: &[Boxed], seen: &[Boxed]) -> Option<f64> {
+    let mut one = AveragePrecision::new(OVERLAP_MIN);
+    let found = vec![Found { score: 1.0, counts: true }; seen.len()];
+    one.frame(&found, &vec![true; there.len()], |f, w| image_iou(seen[f].1, there[w].1));
+    match (there.len(), seen.len()) {
+        (0, 0) => None,
+        (_, 0) | (0, _) => Some(0.0),
+        _ => one.curve()?.last().map(|(_, precision)| *precision),
+    }
+}
