@@ -43,7 +43,7 @@ pub(crate) struct LookArgs {
 
 fn fov(text: &str) -> Result<f64, String> {
     match text.trim().parse() {
-        Ok(degrees) if degrees >= 1.0 && degrees <= 170.0 => Ok(degrees),
+        Ok(degrees) if (1.0..=170.0).contains(&degrees) => Ok(degrees),
         _ => Err("expected 1 to 170 degrees".to_owned()),
     }
 }
