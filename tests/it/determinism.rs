@@ -64,7 +64,7 @@ fn recorded_run_times_give_back_the_run_that_they_are_of() {
         // Another model under the recorded times: it must not be asked.
         let other = config(&["operator.planner.runtime={ fixed_ms = 1 }"]);
         let mut pipeline = Pipeline::build(&other, &scenario).unwrap();
-        record_run_times(&mut pipeline, &Log::read(&log).unwrap());
+        record_run_times(&mut pipeline, &Log::read(&log).unwrap(), |_| true);
         let recorded = drive_pipeline(pipeline, other.seed, 1, &mut []).unwrap();
         assert_eq!(recorded.digest, modelled.digest, "{runtime}");
         assert_ne!(digest(&other, 1), modelled.digest, "{runtime}: the run times do not show in the digest");

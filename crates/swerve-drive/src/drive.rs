@@ -79,9 +79,9 @@ pub fn drive_pipeline(
     })
 }
 
-/// Gives every operator the run times that it had in an earlier run.
-pub fn record_run_times(pipeline: &mut Pipeline, log: &Log) {
-    for (operator, times) in log.run_times() {
+/// Gives every operator that `takes` them the run times that it had in an earlier run.
+pub fn record_run_times(pipeline: &mut Pipeline, log: &Log, takes: impl Fn(&str) -> bool) {
+    for (operator, times) in log.run_times().into_iter().filter(|(operator, _)| takes(operator)) {
         if let Ok(node) = pipeline.graph.operator(&operator) {
             let times = Arc::new(times.into_iter().collect());
             let _configured = node.runtime(RuntimeModel::Recorded(times));

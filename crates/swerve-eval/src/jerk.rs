@@ -1,5 +1,7 @@
 //! Lateral jerk from the inertial measurement unit.
 
+use core::f64::consts::SQRT_2;
+
 use swerve_core::{Span, Time};
 use swerve_geom::math;
 
@@ -11,6 +13,10 @@ pub const CUTOFF_HZ: f64 = 10.0;
 /// Oppenheim and Schafer, *Discrete-Time Signal Processing*, 7.1), transposed direct form II.
 #[derive(Clone, Debug)]
 pub struct LowPass {
+    cutoff_hz: f64,
+    rate_hz: f64,
+    /// Pre-warped corner frequency times half the spacing, rad.
+    k: f64,
     b: [f64; 3],
     a: [f64; 2],
     state: [f64; 2],
@@ -23,12 +29,34 @@ impl LowPass {
             return None;
         }
         let k = math::tan(core::f64::consts::PI * cutoff_hz / rate_hz);
-        let scale = 1.0 / (1.0 + core::f64::consts::SQRT_2 * k + k * k);
+        let mut filter = Self::of(cutoff_hz, rate_hz, k);
+        let (b, a) = (filter.b, filter.a);
+        filter.state = [(b[1] - a[0] + b[2] - a[1]) * value, (b[2] - a[1]) * value];
+        Some(filter)
+    }
+
+    fn of(cutoff_hz: f64, rate_hz: f64, k: f64) -> Self {
+        let scale = 1.0 / (1.0 + SQRT_2 * k + k * k);
         let b0 = k * k * scale;
         let b = [b0, 2.0 * b0, b0];
-        let a = [2.0 * (k * k - 1.0) * scale, (1.0 - core::f64::consts::SQRT_2 * k + k * k) * scale];
-        let state = [(b[1] - a[0] + b[2] - a[1]) * value, (b[2] - a[1]) * value];
-        Some(Self { b, a, state })
+        let a = [2.0 * (k * k - 1.0) * scale, (1.0 - SQRT_2 * k + k * k) * scale];
+        Self { cutoff_hz, rate_hz, k, b, a, state: [0.0; 2] }
+    }
+
+    /// The filter at another rate, going on where this one is after the sample `x` with the output `y`: the bilinear
+    /// transform is the trapezoidal rule, whose state, `y` and its slope, does not depend on the spacing. The
+    /// corner stays pre-warped as at first: it is no other one after every step. `None` as for [`new`](Self::new).
+    fn at_rate(&self, rate_hz: f64, (x, y): (f64, f64)) -> Option<Self> {
+        if self.cutoff_hz >= 0.5 * rate_hz {
+            return None;
+        }
+        let mut other = Self::of(self.cutoff_hz, rate_hz, self.k * self.rate_hz / rate_hz);
+        // Half a spacing of the slope is added twice in a step; the rest of a step's sum is of `x` and `y`.
+        let rest = |of: &Self| of.k * of.k * x + (1.0 + SQRT_2 * of.k - of.k * of.k) * y;
+        let scale = |of: &Self| 1.0 + SQRT_2 * of.k + of.k * of.k;
+        let slope = (self.state[0] * scale(self) - rest(self)) * self.rate_hz;
+        other.state = [(slope / rate_hz + rest(&other)) / scale(&other), other.b[2] * x - other.a[1] * y];
+        Some(other)
     }
 
     /// Takes in the next sample, gives the next output.
@@ -43,8 +71,8 @@ impl LowPass {
 /// Largest lateral jerk: raw, the difference of two readings over their spacing (as Pylot logs it), and of
 /// the readings after a [`LowPass`] at [`CUTOFF_HZ`].
 ///
-/// The filter starts settled on the first reading, and anew where the spacing of readings changes. Readings
-/// slower than twice the cut-off pass unfiltered.
+/// The filter starts settled on the first reading, and goes on where the spacing of readings changes. Readings
+/// slower than twice the cut-off pass unfiltered, and it starts anew after them.
 #[derive(Clone, Debug, Default)]
 pub struct LateralJerk {
     last: Option<Reading>,
@@ -72,10 +100,16 @@ impl LateralJerk {
             }
             let dt_s = spacing.as_secs();
             let mut before_mps2 = last.smooth_mps2;
-            if self.filter.as_ref().is_none_or(|(of, _)| *of != spacing) {
-                before_mps2 = last.raw_mps2;
-                self.filter = LowPass::new(CUTOFF_HZ, 1.0 / dt_s, before_mps2).map(|f| (spacing, f));
+            let rate_hz = 1.0 / dt_s;
+            self.filter = match self.filter.take() {
+                Some((of, filter)) if of == spacing => Some(filter),
+                Some((_, filter)) => filter.at_rate(rate_hz, (last.raw_mps2, last.smooth_mps2)),
+                None => {
+                    before_mps2 = last.raw_mps2;
+                    LowPass::new(CUTOFF_HZ, rate_hz, before_mps2)
+                }
             }
+            .map(|filter| (spacing, filter));
             smooth_mps2 = self.filter.as_mut().map_or(lateral_mps2, |(_, f)| f.next(lateral_mps2));
             raise(&mut self.raw_max, (lateral_mps2 - last.raw_mps2) / dt_s);
             raise(&mut self.smooth_max, (smooth_mps2 - before_mps2) / dt_s);
@@ -146,8 +180,39 @@ mod tests {
         assert!(smooth > 4.0 && smooth < 4.0 * 1.05, "a slight overshoot of the filter: {smooth}");
     }
 
+    /// Spacings of readings in turn, ms: a period and steps of the simulation that are no multiples of each other.
+    const SPACINGS_MS: [&[i64]; 5] = [&[10], &[8, 12], &[7, 14, 7], &[5, 10], &[10, 10, 10, 20]];
+
     #[test]
-    fn slow_readings_pass_unfiltered_and_a_gap_starts_anew() {
+    fn uneven_spacing_leaves_the_smoothed_jerk_of_a_swerve_as_it_is() {
+        let (amplitude, rate) = (2.0, 2.0 * core::f64::consts::PI * 1.5);
+        // Of a harmonic motion far below the cut-off: the gain of Butterworth's filter, 1 / sqrt(1 + (f / fc)^4).
+        let expected = amplitude * rate / (1.0 + (1.5 / CUTOFF_HZ).powi(4)).sqrt();
+        for spacings in SPACINGS_MS {
+            let (mut jerk, mut ms) = (LateralJerk::default(), 0);
+            for spacing in spacings.iter().cycle().take(300) {
+                let t = Time::from_ms(ms);
+                jerk.take(t, amplitude * (1.0 - math::cos(rate * t.as_secs())));
+                ms += spacing;
+            }
+            let smooth = jerk.smooth_max_mps3().unwrap();
+            assert!((smooth / expected - 1.0).abs() < 0.02, "{spacings:?}: {smooth}, expected {expected}");
+        }
+    }
+
+    #[test]
+    fn another_rate_goes_on_where_the_filter_is() {
+        let mut filter = LowPass::new(CUTOFF_HZ, 100.0, 1.0).unwrap();
+        let x = 3.0;
+        let y = filter.next(x);
+        let twice = filter.at_rate(73.0, (x, y)).unwrap().at_rate(100.0, (x, y)).unwrap();
+        assert!(filter.state.iter().zip(twice.state).all(|(a, b)| (a - b).abs() < 1e-12));
+        let settled = LowPass::new(CUTOFF_HZ, 100.0, 4.0).unwrap().at_rate(250.0, (4.0, 4.0));
+        assert!((settled.unwrap().next(4.0) - 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn slow_readings_pass_unfiltered_and_a_gap_makes_no_jerk() {
         let mut slow = LateralJerk::default();
         [0.0, 1.0, 0.0].iter().enumerate().for_each(|(k, x)| slow.take(Time::from_ms(100 * k as i64), *x));
         assert_eq!(slow.raw_max_mps3(), slow.smooth_max_mps3());

@@ -338,7 +338,7 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let name = args.config.file_stem().map_or_else(|| "live".into(), |s| s.to_string_lossy().into_owned());
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
-    std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
+    let _held = swerve_report::files::claim(&out)?;
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut recorder = Recorder::create(&log_part, &run_start(&drive)?)?;
     set_up(&mut recorder, &drive);

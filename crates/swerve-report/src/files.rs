@@ -1,10 +1,10 @@
 //! Files written whole or not at all.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 
 /// Writes `bytes` under `path`: first beside it, then renamed, so that a reader never sees half a file.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
@@ -12,6 +12,22 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     std::fs::write(&beside, bytes)
         .and_then(|()| std::fs::rename(&beside, path))
         .with_context(|| format!("writing {}", path.display()))
+}
+
+/// Makes a folder for results, and holds it until what this gives is dropped: two runs at once would mix theirs.
+/// Nothing is left in the folder, and a program that is killed holds nothing.
+pub fn claim(folder: &Path) -> anyhow::Result<Option<File>> {
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    // Not every system opens folders, and not every file system has locks.
+    let Ok(held) = File::open(folder) else { return Ok(None) };
+    match held.try_lock() {
+        Ok(()) => Ok(Some(held)),
+        Err(TryLockError::WouldBlock) => bail!(
+            "{}: another run writes its results there: expected an output folder (--out) of its own",
+            folder.display()
+        ),
+        Err(TryLockError::Error(_)) => Ok(None),
+    }
 }
 
 /// Writes `metrics.json` of a run beside its other files. The line for the terminal that says where they all are, and
@@ -62,17 +78,19 @@ pub fn refuse_toml(picture: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The `.toml` files below `folder`, in order of their names.
+/// The `.toml` files below `folder`, in order of their names. Links to folders are not followed, as they may lead back,
+/// and what is no file (a pipe, a device) is left out.
 pub fn toml_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
         let entries = std::fs::read_dir(&folder).with_context(|| format!("reading {}", folder.display()))?;
         for entry in entries {
-            let path = entry?.path();
-            if path.is_dir() {
+            let entry = entry?;
+            let (path, kind) = (entry.path(), entry.file_type());
+            if kind.is_ok_and(|kind| kind.is_dir()) {
                 folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "toml") {
+            } else if path.is_file() && path.extension().is_some_and(|e| e == "toml") {
                 found.push(path);
             }
         }

@@ -27,8 +27,8 @@ pub(super) fn largest_latency(
     Ok(result)
 }
 
-/// The largest good value below the first bad one, in ms: scanned in steps from zero, then bisected. `None` when
-/// zero itself is bad.
+/// The largest good value below the first bad one, in ms: scanned in steps from zero, of which the last ends at the
+/// largest value, then bisected. That largest value when none is bad, `None` when zero itself is.
 ///
 /// What is good again beyond the first bad value is so by chance, and nobody would build on it.
 pub(super) fn edge(
@@ -38,12 +38,12 @@ pub(super) fn edge(
     if !good(0.0)? {
         return Ok(None);
     }
-    let (mut low, mut high) = (0.0, budget.scan_ms);
-    while high <= budget.max_ms && good(high)? {
-        (low, high) = (high, high + budget.scan_ms);
-    }
-    if high > budget.max_ms {
-        return Ok(Some(low));
+    let (mut low, mut high) = (0.0, budget.scan_ms.min(budget.max_ms));
+    while good(high)? {
+        if high >= budget.max_ms {
+            return Ok(Some(budget.max_ms));
+        }
+        (low, high) = (high, (high + budget.scan_ms).min(budget.max_ms));
     }
     while high - low > budget.resolution_ms {
         let middle = 0.5 * (low + high);
@@ -63,5 +63,22 @@ mod tests {
         assert!((226.0..231.0).contains(&found), "{found}");
         assert_eq!(edge(&budget, |ms| Ok(ms > 0.0)).unwrap(), None);
         assert_eq!(edge(&budget, |_| Ok(true)).unwrap(), Some(600.0));
+    }
+
+    #[test]
+    fn all_up_to_the_largest_value_is_looked_at() {
+        for (max_ms, scan_ms, first_bad_ms) in
+            [(300.0, 70.0, 290.0), (300.0, 100.0, 299.0), (300.0, 300.0, 20.0), (300.0, 70.0, 301.0)]
+        {
+            let budget = Budget { max_ms, scan_ms, resolution_ms: 5.0, limit: None };
+            let mut most = 0.0_f64;
+            let found = edge(&budget, |ms| {
+                most = most.max(ms);
+                Ok(ms < first_bad_ms)
+            });
+            let (found, wanted) = (found.unwrap().unwrap(), first_bad_ms.min(max_ms));
+            assert!(wanted - 5.0 <= found && found <= wanted, "{max_ms}, {scan_ms}: {found} for {wanted}");
+            assert!(most <= max_ms, "{most}");
+        }
     }
 }

@@ -1,10 +1,9 @@
 //! Runs the cells of a study: in parallel, resumable, each result kept the moment it is there.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use anyhow::Context as _;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Hasher};
 use swerve_report::progress::Progress;
@@ -194,7 +193,6 @@ impl Runner<'_> {
         P: Fn(&Cell) -> anyhow::Result<Digest> + Sync,
         F: Fn(&Cell) -> anyhow::Result<CellResult> + Sync,
     {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
         let mine = |cell: &&Cell| self.shard.is_none_or(|shard| shard.holds(cell));
         let progress = Progress::cells(study.cells.iter().filter(mine).count());
         let one = |cell: &Cell| -> anyhow::Result<Option<CellResult>> {
@@ -220,12 +218,81 @@ impl Runner<'_> {
             progress.one_done();
             Ok(Some(result))
         };
-        let results = pool.install(|| study.cells.par_iter().with_max_len(1).map(one).collect());
+        let results = on_threads(self.threads, &study.cells, one);
         progress.finish();
         results
     }
 }
 
+/// `one` of each item, in their order, on threads of their own: one that waits for threads within a cell, such as those
+/// that render, takes no other cell meanwhile, as one of a pool would, on top of its stack. After an error no further
+/// item is begun.
+fn on_threads<T: Sync, R: Send>(
+    threads: usize,
+    items: &[T],
+    one: impl Fn(&T) -> anyhow::Result<R> + Sync,
+) -> anyhow::Result<Vec<R>> {
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let work = || {
+        let mut done = Vec::new();
+        while !failed.load(Ordering::Relaxed) {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(index) else { break };
+            let result = one(item);
+            failed.fetch_or(result.is_err(), Ordering::Relaxed);
+            done.push((index, result));
+        }
+        done
+    };
+    let mut all = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
+        let joined = workers.into_iter().map(|worker| worker.join());
+        joined
+            .flat_map(|done| done.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect::<Vec<_>>()
+    });
+    all.sort_by_key(|(index, _)| *index);
+    all.into_iter().map(|(_, result)| result).collect()
+}
+
 fn failed(cell: &Cell, error: &anyhow::Error) -> CellResult {
     CellResult { error: Some(format!("{error:#}")), ..CellResult::blank(cell, "failed") }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    thread_local! {
+        static WITHIN: Cell<usize> = const { Cell::new(0) };
+    }
+
+    /// As where images are rendered: each cell waits for a pool of its own.
+    #[test]
+    fn a_cell_that_waits_for_a_pool_begins_no_other_on_its_stack() {
+        let items: Vec<usize> = (0..64).collect();
+        let one = |item: &usize| {
+            let depth = WITHIN.replace(WITHIN.get() + 1);
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+            pool.install(|| (0..200).for_each(|_| std::thread::yield_now()));
+            WITHIN.set(depth);
+            anyhow::ensure!(depth == 0, "cell {item} within {depth} others");
+            Ok(2 * item)
+        };
+        assert_eq!(on_threads(3, &items, one).unwrap(), items.iter().map(|k| 2 * k).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn the_first_error_is_told_and_ends_the_work() {
+        let items: Vec<usize> = (0..1000).collect();
+        let begun = AtomicUsize::new(0);
+        let said = on_threads(1, &items, |item| {
+            begun.fetch_add(1, Ordering::Relaxed);
+            anyhow::ensure!(*item < 3, "item {item}");
+            Ok(())
+        });
+        assert_eq!((said.unwrap_err().to_string().as_str(), begun.into_inner()), ("item 3", 4));
+    }
 }

@@ -16,7 +16,7 @@ use swerve_drive::shipped::Kind;
 use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_gpu as gpu;
-use swerve_report::files::write_whole;
+use swerve_report::files::{claim, write_whole};
 use swerve_report::progress::Progress;
 use swerve_scene::WeatherPreset;
 use swerve_stack::Registry;
@@ -63,13 +63,17 @@ pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
     let (camera, lidar) = sensors(&base)?;
     let occupied = std::fs::read_dir(&args.out).is_ok_and(|mut entries| entries.next().is_some());
     if occupied {
-        bail!("{}: expected an empty folder, or none: samples are never mixed", args.out.display());
+        bail!(
+            "{}: expected an empty folder, or none: samples are never mixed (those of an interrupted call lack `index.csv`)",
+            args.out.display()
+        );
     }
+    let _held = claim(&args.out)?;
     let scenarios: Vec<_> =
         args.scenarios.iter().map(|path| read_scenario(path)).collect::<anyhow::Result<_>>()?;
     let drives = scenarios.len() * args.seeds.len() * args.weathers.len();
     let progress = Progress::cells(drives);
-    let mut writer = Writer::create(&args.out, &base, &camera, lidar.as_ref().map(|(_, mount)| *mount))?;
+    let mut writer = Writer::new(&args.out, &base, &camera, lidar.as_ref().map(|(_, mount)| *mount))?;
     for scenario in &scenarios {
         for &seed in &args.seeds {
             for &weather in &args.weathers {
@@ -155,7 +159,7 @@ struct Writer {
 }
 
 impl Writer {
-    fn create(
+    fn new(
         out: &Path,
         config: &Config,
         camera: &str,
@@ -163,7 +167,7 @@ impl Writer {
     ) -> anyhow::Result<Self> {
         let missing = || anyhow!("the camera is not in the configuration");
         let camera = config.camera.get(camera).ok_or_else(missing)?;
-        let kitti = Kitti::create(&out.join("kitti/training"), camera, ego_from_lidar)?;
+        let kitti = Kitti::new(&out.join("kitti/training"), camera, ego_from_lidar)?;
         let index = "sample,scenario,seed,weather,stamp_s,cloud_stamp_s\n".to_owned();
         Ok(Self { out: out.to_owned(), kitti, coco: Coco::default(), index, count: 0 })
     }

@@ -94,10 +94,10 @@ pub struct Setting {
 pub struct Budget {
     /// Largest added latency looked at, ms.
     pub max_ms: f64,
-    /// Step of the scan, ms.
+    /// Step of the scan, ms; at most `max_ms`.
     #[serde(default = "Budget::scan_ms")]
     pub scan_ms: f64,
-    /// Bisection ends at this width, ms.
+    /// Bisection ends at this width, ms; at most `scan_ms`.
     #[serde(default = "Budget::resolution_ms")]
     pub resolution_ms: f64,
     /// Axis that gets one more step, `limit`: the largest reaction time at which the vehicle itself can still clear.
@@ -116,18 +116,28 @@ impl Budget {
         5.0
     }
 
+    /// Whether a budget of so many milliseconds is a lower bound: nothing that was looked at failed.
+    pub fn is_bound(&self, ms: f64) -> bool {
+        ms >= self.max_ms
+    }
+
     fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
         if let Some(axis) = self.limit.as_ref().filter(|name| !axes.contains(name)) {
             problems.push(document.problem("budget.limit", format!("no axis of the name `{axis}`")));
         }
         let times =
             [("max_ms", self.max_ms), ("scan_ms", self.scan_ms), ("resolution_ms", self.resolution_ms)];
+        let mut below = (1e5, String::new());
         for (name, ms) in times {
-            if !(ms.is_finite() && ms > 0.0 && ms <= 1e5) {
+            let (most_ms, whose) = below;
+            if !(ms.is_finite() && ms > 0.0 && ms <= most_ms) {
+                let (most, found) = (number(most_ms), number(ms));
                 let message =
-                    format!("expected milliseconds above 0 and at most 100000, found {}", number(ms));
+                    format!("expected milliseconds above 0 and at most {most}{whose}, found {found}");
                 problems.push(document.problem(&format!("budget.{name}"), message));
+                return;
             }
+            below = (ms, format!(" (budget.{name})"));
         }
     }
 }

@@ -55,12 +55,13 @@ fn draw_square(canvas: &mut Canvas, square: &Square, (x, y): At, budget_max: Opt
     let size = (SQUARE_W - 4.0, SQUARE_H - 4.0);
     canvas.rect((x + 2.0, y + 2.0), size, &format!("rx=\"4\" fill=\"{fill}\""));
     let middle = x + 0.5 * SQUARE_W;
-    let (first, second) = match (square.budget_median_ms(), square.runs) {
+    let (first, second) = match (square.budget_text(), square.runs) {
+        (_, 0) if square.failed > 0 => (square.text(), String::new()),
         (_, 0) => ("not run".to_owned(), String::new()),
-        (Some(ms), _) => (
-            format!("{ms:.0} ms"),
-            format!("{:.0}-{:.0} ms", square.budget_ms[0], square.budget_ms[square.budget_ms.len() - 1]),
-        ),
+        (Some([median, range]), _) => {
+            let rest: String = square.rest().map(|(verdict, n)| format!(", {n} {verdict}")).collect();
+            (median, format!("{range} ms{rest}"))
+        }
         (None, runs) => (
             format!("{} of {runs} hit nothing", square.no_collision),
             core::iter::once(format!("{} on the road", square.on_road))

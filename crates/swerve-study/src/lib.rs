@@ -100,7 +100,7 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             let runner = Runner { store: &store, threads, shard: args.shard, stop: &stop };
             let results =
                 runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
-            report(&bench.study, &results, &out)?;
+            report(&bench, &results, &out)?;
             finish(&bench.study, &results, args.shard, &stop)
         }
         (None, None) => bail!("expected a study file"),
@@ -231,6 +231,24 @@ impl Bench {
         Ok(hasher.digest())
     }
 
+    /// A line of `commands.txt`: the drive of a cell; of a latency budget the one with that latency, the largest that
+    /// still avoids, or the one without any that does not. A comment where no single drive is behind the figure.
+    fn repeat(&self, cell: &Cell, result: Option<&CellResult>) -> anyhow::Result<String> {
+        let command = self.study.command(cell);
+        if self.study.budget.is_none() {
+            return Ok(command);
+        }
+        if is_limit(cell) {
+            return Ok(format!(
+                "# [{}]: a search over manoeuvres without a pipeline, no drive",
+                cell.labels.join(" ")
+            ));
+        }
+        let Some(added_ms) = result.and_then(|result| result.budget_ms) else { return Ok(command) };
+        let whole_ms = self.config(cell)?.planning.added_latency_ms + added_ms;
+        Ok(format!("{command} --set planning.added_latency_ms={whole_ms}"))
+    }
+
     /// Runs one cell.
     pub fn run_cell(&self, cell: &Cell) -> anyhow::Result<CellResult> {
         let (config, (scenario, _)) = (self.config(cell)?, self.scenario(cell));
@@ -238,9 +256,7 @@ impl Bench {
             return timely.run(cell, &config, scenario);
         }
         match &self.study.budget {
-            Some(budget) if cell.labels.iter().any(|l| l == grid::LIMIT) => {
-                limit::largest_reaction(cell, &config, scenario, budget)
-            }
+            Some(budget) if is_limit(cell) => limit::largest_reaction(cell, &config, scenario, budget),
             Some(budget) => budget::largest_latency(cell, &config, scenario, budget),
             None => match self.study.curve {
                 Some(curve) => {
@@ -251,6 +267,11 @@ impl Bench {
             },
         }
     }
+}
+
+/// Whether it is of the vehicle's own limit.
+fn is_limit(cell: &Cell) -> bool {
+    cell.labels.iter().any(|label| label == grid::LIMIT)
 }
 
 /// One number for the running executable.
@@ -282,7 +303,8 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
     }
 }
 
-fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::Result<()> {
+fn report(bench: &Bench, results: &[Option<CellResult>], out: &Path) -> anyhow::Result<()> {
+    let study = &bench.study;
     if let Some(timely) = &study.timely {
         let chart = timely::chart::Chart::of(study, timely, results);
         write_whole(&out.join("timely.csv"), chart.csv().as_bytes())?;
@@ -296,9 +318,14 @@ fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::
     let title = if study.description.is_empty() { &study.name } else { &study.description };
     write_whole(&out.join("cells.csv"), table::csv(study, results).as_bytes())?;
     write_whole(&out.join("heatmap.svg"), heatmap::draw(&grid, title).as_bytes())?;
-    let commands: String = study.cells.iter().map(|cell| study.command(cell) + "\n").collect();
+    let lines = study.cells.iter().zip(results).map(|(cell, result)| bench.repeat(cell, result.as_ref()));
+    let commands = lines.collect::<anyhow::Result<Vec<_>>>()?.join("\n") + "\n";
     write_whole(&out.join("commands.txt"), commands.as_bytes())?;
     let done = results.iter().flatten().count();
+    let repeats = match study.budget {
+        None => "repeats each cell",
+        Some(_) => "drives each cell at its budget",
+    };
     let mut more = "";
     if let Some(curve) = study.curve {
         write_whole(&out.join("curve.svg"), curve.draw(study, results).as_bytes())?;
@@ -311,7 +338,7 @@ fn report(study: &Study, results: &[Option<CellResult>], out: &Path) -> anyhow::
         ranked += &(ranking::text(ranking, &settings) + "\n");
     }
     swerve_report::output::print(&format!(
-        "{}\n{ranked}{done} of {} cells in {}: cells.csv, heatmap.svg, {more}commands.txt (one line repeats each cell)\n",
+        "{}\n{ranked}{done} of {} cells in {}: cells.csv, heatmap.svg, {more}commands.txt (one line {repeats})\n",
         grid.text(),
         study.cells.len(),
         out.display()
@@ -359,7 +386,7 @@ fn merge(
         }
         results.push(result);
     }
-    report(&bench.study, &results, &out)?;
+    report(&bench, &results, &out)?;
     let missing = results.iter().filter(|r| r.is_none()).count();
     anyhow::ensure!(
         missing == 0,

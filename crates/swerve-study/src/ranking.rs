@@ -113,7 +113,7 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// All settings, the best first.
+/// All settings, the best first. Cells that failed have no result and count nowhere.
 pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]) -> Vec<Ranked> {
     let axes: Vec<usize> =
         ranking.settings.iter().filter_map(|name| study.axes.iter().position(|axis| axis == name)).collect();
@@ -121,7 +121,7 @@ pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]
         axes.iter().filter_map(|&axis| result.labels.get(axis).cloned()).collect()
     };
     let mut by_labels: Vec<(Vec<String>, Vec<&CellResult>)> = Vec::new();
-    for result in results.iter().flatten() {
+    for result in results.iter().flatten().filter(|result| result.error.is_none()) {
         let labels = labels_of(result);
         match by_labels.iter_mut().find(|(known, _)| *known == labels) {
             Some((_, pooled)) => pooled.push(result),
@@ -236,6 +236,12 @@ mod tests {
             ["a", "3", "1"] => Some(4.0),
             _ => None,
         });
+        let mut with_failed = results.clone();
+        let hit = with_failed[0].as_mut().unwrap();
+        (hit.verdict, hit.error) = ("failed".into(), Some("no such file".into()));
+        let pooled = settings(&study, &ranking, &with_failed);
+        let of_failed = pooled.iter().find(|s| s.labels == ["a", "1"]).unwrap();
+        assert_eq!((of_failed.runs, of_failed.collisions, of_failed.others), (1, 1, 0));
         let settings = settings(&study, &ranking, &results);
         let order: Vec<String> = settings.iter().map(|s| s.labels.join(" ")).collect();
         assert_eq!(order, ["b 1", "a 3", "a 2", "a 1"]);

@@ -14,9 +14,8 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
     for axis in &study.axes {
         let _ = write!(text, "{},", field(axis));
     }
-    let budget = study.budget.is_some();
-    text += if budget {
-        "budget_ms,verdict\n"
+    text += if study.budget.is_some() {
+        "budget_ms,budget_is_at_least,verdict\n"
     } else {
         "verdict,no_collision,on_road,min_distance_m,impact_speed_mps,lateral_jerk_max,digest,response_p50_ms,response_p99_ms,misses\n"
     };
@@ -24,8 +23,9 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
         for label in &result.labels {
             let _ = write!(text, "{},", field(label));
         }
-        if budget {
-            let _ = writeln!(text, "{},{}", number(result.budget_ms), result.verdict);
+        if let Some(budget) = &study.budget {
+            let bound = result.budget_ms.map_or_else(String::new, |ms| budget.is_bound(ms).to_string());
+            let _ = writeln!(text, "{},{bound},{}", number(result.budget_ms), result.verdict);
             continue;
         }
         let fact = |holds: bool| if result.error.is_none() { holds.to_string() } else { String::new() };
@@ -78,9 +78,11 @@ pub struct Grid {
 /// One square of the grid: all seeds of one combination.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Square {
-    /// Finished runs.
+    /// Runs with a result.
     pub runs: usize,
-    /// Of these, avoided.
+    /// Beside these, cells that failed: they have no result.
+    pub failed: usize,
+    /// Of the runs, avoided.
     pub avoided: usize,
     /// Of these, without a collision.
     pub no_collision: usize,
@@ -88,12 +90,14 @@ pub struct Square {
     pub on_road: usize,
     /// Of these, good: avoided, or what else counts as that.
     pub good: usize,
-    /// Of these, what neither avoided nor hit, by verdict: `left_road`, `timeout`, `failed`.
+    /// Of these, what neither avoided nor hit, by verdict: `left_road`, `timeout`.
     pub others: BTreeMap<String, usize>,
     /// Impact speeds of the others, m/s, sorted.
     pub impact_mps: Vec<f64>,
     /// Latency budgets, ms, sorted.
     pub budget_ms: Vec<f64>,
+    /// How many of these, the last ones, are lower bounds.
+    pub budget_bounds: usize,
 }
 
 impl Grid {
@@ -160,6 +164,10 @@ impl Grid {
 
 impl Square {
     fn add(&mut self, result: &CellResult, study: &Study) {
+        if result.error.is_some() {
+            self.failed += 1;
+            return;
+        }
         self.runs += 1;
         self.avoided += usize::from(result.avoided());
         self.no_collision += usize::from(result.no_collision);
@@ -175,12 +183,15 @@ impl Square {
         }
         self.impact_mps.extend(result.impact_speed_mps.filter(|_| result.verdict == "collision"));
         self.budget_ms.extend(result.budget_ms);
+        let is_bound = |ms| study.budget.as_ref().is_some_and(|budget| budget.is_bound(ms));
+        self.budget_bounds += usize::from(result.budget_ms.is_some_and(is_bound));
     }
 
-    /// What the two counts do not tell: verdicts other than `left_road`, with how many there are.
+    /// What the two counts do not tell: verdicts other than `left_road`, and failures, with how many there are.
     pub(super) fn rest(&self) -> impl Iterator<Item = (&str, usize)> {
         let rest = self.others.iter().filter(|(verdict, _)| *verdict != "left_road");
-        rest.map(|(verdict, n)| (verdict.as_str(), *n))
+        let failed = (self.failed > 0).then_some(("failed", self.failed));
+        rest.map(|(verdict, n)| (verdict.as_str(), *n)).chain(failed)
     }
 
     /// Share of good runs, 0 to 1; `None` before any finished.
@@ -198,15 +209,30 @@ impl Square {
         self.budget_ms.get(self.budget_ms.len() / 2).copied()
     }
 
+    /// Median latency budget with its unit, and the range; where nothing failed, that it is a lower bound.
+    pub(super) fn budget_text(&self) -> Option<[String; 2]> {
+        let (low, median, high) = (self.budget_ms.first()?, self.budget_median_ms()?, self.budget_ms.last()?);
+        let (n, exact) = (self.budget_ms.len(), self.budget_ms.len() - self.budget_bounds);
+        let at_least = if n / 2 >= exact { "at least " } else { "" };
+        let range = match exact {
+            0 => format!("{low:.0} or more"),
+            _ if exact < n => format!("{low:.0}-{high:.0} or more"),
+            _ => format!("{low:.0}-{high:.0}"),
+        };
+        Some([format!("{at_least}{median:.0} ms"), range])
+    }
+
     /// What stands in the terminal's table.
     pub fn text(&self) -> String {
+        let failed = match self.failed {
+            0 => String::new(),
+            n => format!(", {n} failed"),
+        };
         if self.runs == 0 {
-            return "-".into();
+            return if self.failed > 0 { failed[2..].to_owned() } else { "-".into() };
         }
-        if let (Some(low), Some(median), Some(high)) =
-            (self.budget_ms.first(), self.budget_median_ms(), self.budget_ms.last())
-        {
-            return format!("{median:.0} ms ({low:.0}-{high:.0}, {}/{})", self.avoided, self.runs);
+        if let Some([median, range]) = self.budget_text() {
+            return format!("{median} ({range}, {}/{}){failed}", self.avoided, self.runs);
         }
         let (low, high) = wilson(self.no_collision, self.runs);
         let mut text =
@@ -246,7 +272,7 @@ fn unique(items: impl Iterator<Item = String>) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Cell;
+    use crate::grid::{Budget, Cell};
 
     fn study() -> Study {
         let label = |p: &str, v: &str, s: &str| vec![p.to_owned(), v.to_owned(), s.to_owned()];
@@ -322,6 +348,45 @@ mod tests {
         assert_eq!(of(&study).share(), Some(0.5));
         assert_eq!(of(&study).text(), "2/2 (0.34-1.00), 1 on road");
         assert_eq!(of(&Study { off_road_is_good: true, ..study }).share(), Some(1.0));
+    }
+
+    #[test]
+    fn a_cell_that_failed_is_told_and_counts_nowhere() {
+        let study = study();
+        let failed = |k: usize| {
+            let blank = CellResult::blank(&study.cells[k], "failed");
+            Some(CellResult { error: Some("no such file".into()), ..blank })
+        };
+        let results = [failed(0), result(&study.cells[1], "avoided", None), failed(2), failed(3)];
+        let grid = Grid::of(&study, &results);
+        assert_eq!(grid.squares[0].text(), "1/1 (0.21-1.00), 1 on road, 1 failed");
+        assert_eq!((grid.squares[0].share(), grid.squares[1].share()), (Some(1.0), None));
+        assert_eq!(grid.squares[1].text(), "2 failed");
+        let picture = crate::heatmap::draw(&grid, "t");
+        assert!(picture.contains(">2 failed<") && picture.contains("1 of 1 hit nothing"), "{picture}");
+    }
+
+    #[test]
+    fn a_budget_up_to_which_nothing_failed_is_a_lower_bound() {
+        let budget = Budget { max_ms: 300.0, scan_ms: 50.0, resolution_ms: 5.0, limit: None };
+        let study = Study { budget: Some(budget), ..study() };
+        for (first, second, told) in [
+            (Some(300.0), Some(300.0), "at least 300 ms (300 or more, 2/2)"),
+            (Some(300.0), Some(120.0), "at least 300 ms (120-300 or more, 2/2)"),
+            (Some(295.0), Some(120.0), "295 ms (120-295, 2/2)"),
+        ] {
+            let one = |k: usize, ms| {
+                Some(CellResult { budget_ms: ms, ..CellResult::blank(&study.cells[k], "avoided") })
+            };
+            let results = [one(0, first), one(1, second), None, None];
+            let grid = Grid::of(&study, &results);
+            assert_eq!(grid.squares[0].text(), told);
+            let picture = crate::heatmap::draw(&grid, "t");
+            assert!(picture.contains(&format!(">{}<", told.split_once(" (").unwrap().0)), "{picture}");
+            let csv = csv(&study, &results);
+            let wanted = format!("fot,16,1,{:.4},{},avoided", first.unwrap(), first == Some(300.0));
+            assert_eq!(csv.lines().nth(1), Some(wanted.as_str()));
+        }
     }
 
     #[test]

@@ -2,11 +2,18 @@
 
 use crate::{KeyProblem, Problem};
 
+/// Parts of a key, as deep as the reader of files goes: tables are walked by recursion.
+const DEPTH_MAX: usize = 80;
+
 /// Sets the value at dotted `key`, making tables on the way.
 ///
 /// # Errors
-/// A part of the way is a value: `key` and a message.
+/// A part of the way is a value, or the key is deeper than TOML nests: `key` (its beginning) and a message.
 pub fn set(table: &mut toml::Table, key: &str, value: toml::Value) -> Result<(), KeyProblem> {
+    if key.split('.').count() > DEPTH_MAX {
+        let start: String = key.chars().take(40).collect();
+        return Err((format!("{start}..."), format!("expected a key of at most {DEPTH_MAX} parts")));
+    }
     let (path, name) = key.rsplit_once('.').unwrap_or(("", key));
     let mut at = table;
     for part in path.split('.').filter(|part| !part.is_empty()) {
@@ -54,5 +61,13 @@ mod tests {
         set(&mut table, "a.b.c", toml::Value::Integer(1)).unwrap();
         let (key, message) = set(&mut table, "a.b.c.d", toml::Value::Integer(1)).unwrap_err();
         assert_eq!((key.as_str(), message.as_str()), ("a.b.c.d", "`c` is a value, not a table"));
+    }
+
+    #[test]
+    fn a_key_deeper_than_any_file_is_refused_in_short() {
+        let set = |parts: usize| set(&mut toml::Table::new(), &vec!["a"; parts].join("."), true.into());
+        assert_eq!(set(DEPTH_MAX), Ok(()));
+        let (key, message) = set(20_000).unwrap_err();
+        assert!(key.len() < 50 && message.contains("at most 80 parts"), "{key}: {message}");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use swerve_drive::frames::Frames;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
@@ -14,7 +14,7 @@ use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
 use swerve_log::{Log, Recorder, TraceWriter};
 use swerve_msg::{Command, EgoState, MotionCommand};
-use swerve_report::files::{write_metrics, write_whole};
+use swerve_report::files::{claim, write_metrics, write_whole};
 use swerve_report::output::print;
 use swerve_report::progress::Progress;
 use swerve_report::story::{Story, draw};
@@ -42,7 +42,7 @@ pub(crate) struct RunArgs {
     /// Write a picture of the drive every 50 ms into this folder
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
-    /// Take run times from an earlier log instead of the configuration
+    /// Take run times from an earlier log instead of the configuration; --set operator.NAME.runtime goes before
     #[arg(long, value_name = "LOG")]
     runtimes: Option<PathBuf>,
     /// What moves the run, in place of the configuration's clock.source
@@ -93,10 +93,12 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
     if let Some(log) = &args.runtimes {
-        record_run_times(&mut pipeline, &Log::read(log)?);
+        let said = sets(&input.set)?;
+        let is_set = |name: &str| said.get("operator").is_some_and(|all| runtime_of(all, name).is_some());
+        record_run_times(&mut pipeline, &Log::read(log)?, |name| !is_set(name));
     }
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
-    std::fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
+    let _held = claim(&out)?;
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
     // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
@@ -177,6 +179,21 @@ impl Ends<'_> {
         write_whole(&self.out.join("story.svg"), draw(story).as_bytes())?;
         write_metrics(self.out, "story.svg, log.mcap, trace.json", json)
     }
+}
+
+/// What `--set` says, as one table.
+fn sets(words: &[String]) -> anyhow::Result<toml::Table> {
+    let mut table = toml::Table::new();
+    for word in words {
+        let (key, value) = swerve_text::parse_assignment(word)?;
+        swerve_text::set(&mut table, &key, value)
+            .map_err(|(key, message)| anyhow!("--set: {key}: {message}"))?;
+    }
+    Ok(table)
+}
+
+fn runtime_of<'a>(operators: &'a toml::Value, name: &str) -> Option<&'a toml::Value> {
+    operators.get(name)?.get("runtime")
 }
 
 /// The operator that asks the car for something: arrows from a sensor's frame end there.

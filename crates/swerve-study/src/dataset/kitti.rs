@@ -18,28 +18,31 @@ pub(super) const PIXELS_MIN: usize = 10;
 const OCCLUSION: [f64; 2] = [0.8, 0.4];
 
 /// Writes `image_2`, `label_2`, `calib`, `velodyne`, `depth`, `semantic`, `instance`; points as x, y, z, intensity.
+///
+/// The folders are made with the first sample: a call that ends before it leaves an empty folder, which the next takes.
 pub(super) struct Kitti {
     folder: PathBuf,
+    folders: Vec<&'static str>,
     calibration: String,
 }
 
 impl Kitti {
-    pub(super) fn create(
+    pub(super) fn new(
         folder: &Path,
         camera: &CameraConfig,
         ego_from_lidar: Option<Transform<Ego, Lidar>>,
     ) -> anyhow::Result<Self> {
         let mut folders = vec!["image_2", "label_2", "calib", "depth", "semantic", "instance"];
         folders.extend(ego_from_lidar.is_some().then_some("velodyne"));
-        for name in folders {
-            let path = folder.join(name);
-            std::fs::create_dir_all(&path).with_context(|| format!("making {}", path.display()))?;
-        }
         let calibration = calibration(camera, ego_from_lidar)?;
-        Ok(Self { folder: folder.to_owned(), calibration })
+        Ok(Self { folder: folder.to_owned(), folders, calibration })
     }
 
-    pub(super) fn add(&self, name: &str, sample: &Sample<'_>) -> anyhow::Result<()> {
+    pub(super) fn add(&mut self, name: &str, sample: &Sample<'_>) -> anyhow::Result<()> {
+        for name in self.folders.drain(..) {
+            let path = self.folder.join(name);
+            std::fs::create_dir_all(&path).with_context(|| format!("making {}", path.display()))?;
+        }
         let file = |folder: &str, ending: &str| self.folder.join(folder).join(format!("{name}.{ending}"));
         let rgb = sample.rgb;
         let colour = (png::ColorType::Rgb, png::BitDepth::Eight);

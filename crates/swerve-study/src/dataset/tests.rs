@@ -94,3 +94,12 @@ fn a_configuration_that_makes_no_data_set_is_refused() {
     assert!(told(&["camera.other.fov_deg=80"]).contains("of one camera"));
     assert!(!out.exists());
 }
+
+#[test]
+fn a_call_that_ends_before_its_first_sample_leaves_nothing_in_the_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = Config { camera: [("eye".into(), kitti_camera())].into(), ..Config::default() };
+    let out = folder.path().join("set");
+    drop(Writer::new(&out, &config, "eye", None).unwrap());
+    data_set(&out, &["log.sensors=[]", "camera.eye.period_ms=4000"]).unwrap();
+}

@@ -54,6 +54,27 @@ fn nonsense_names_its_place() {
          s.toml:8: budget.limit: no axis of the name `planer`\n\
          s.toml:7: budget.max_ms: expected milliseconds above 0 and at most 100000, found 1e308"
     );
+    let budget = |keys: &str| {
+        wrong(&format!(
+            "base = {{ scenario = \"a\" }}\naxis = [{{ key = \"seed\", values = [1] }}]\n[budget]\n{keys}"
+        ))
+    };
+    for (keys, said) in [
+        (
+            "max_ms = 300\nscan_ms = 301\n",
+            "5: budget.scan_ms: expected milliseconds above 0 and at most 300 (budget.max_ms), found 301",
+        ),
+        (
+            "max_ms = 30\n",
+            "3: budget.scan_ms: expected milliseconds above 0 and at most 30 (budget.max_ms), found 50",
+        ),
+        (
+            "max_ms = 300\nscan_ms = 5\nresolution_ms = 6\n",
+            "6: budget.resolution_ms: expected milliseconds above 0 and at most 5 (budget.scan_ms), found 6",
+        ),
+    ] {
+        assert_eq!(budget(keys), format!("s.toml:{said}"));
+    }
     assert_eq!(
         wrong("base = { scenari = \"a\" }\n[[axis]]\nkey = \"seed\"\nvalues = 3\n"),
         "s.toml:1: base.scenari: unknown key; did you mean \"scenario\"?\n\

@@ -288,6 +288,48 @@ fn the_doctor_says_what_there_is_and_nothing_else() {
     assert!(!said.stdout.contains("XDG_RUNTIME_DIR"), "{said:?}");
 }
 
+/// As if another run were at work there.
+#[test]
+fn a_folder_in_which_another_run_writes_is_refused() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "o"]);
+    let log = bench.path("o/log.mcap");
+    let before = std::fs::read(&log).unwrap();
+    let held = swerve_report::files::claim(&bench.path("o")).unwrap();
+    let args = ["run", "short.toml", "--out", "o", "--seed", "9"];
+    check(&bench.swerve(&args), &["error: o: another run writes its results there"], &args);
+    assert!(std::fs::read(&log).unwrap() == before && !bench.path("o/log.partial.mcap").exists());
+    drop(held);
+    bench.good(&args);
+    assert!(std::fs::read(&log).unwrap() != before);
+}
+
+#[test]
+fn a_key_without_end_is_refused() {
+    let bench = Bench::new();
+    bench
+        .write("s.toml", "base = { scenario = \"short.toml\" }\naxis = [{ key = \"seed\", values = [1] }]\n");
+    let set = format!("{}=1", vec!["a"; 20_000].join("."));
+    for args in [["run", "short.toml", "--set", &set], ["study", "s.toml", "--set", &set]] {
+        let said = bench.swerve(&args);
+        assert_eq!(said.code, Some(1), "{}", args[0]);
+        assert!(said.stderr.contains("at most 80 parts") && said.stderr.len() < 500, "{}", said.stderr);
+    }
+}
+
+/// A pipe that nobody writes to, and a way back.
+#[cfg(unix)]
+#[test]
+fn a_folder_is_checked_without_what_is_no_file_of_it() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("all")).unwrap();
+    bench.write("all/lane.toml", crate::support::SHORT);
+    let pipe = bench.path("all/x.toml");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    std::os::unix::fs::symlink(bench.path("all"), bench.path("all/again")).unwrap();
+    assert_eq!(bench.good(&["check", "all"]), "1 file, no problem\n");
+}
+
 #[test]
 fn numbers_beyond_all_measure_are_told_in_short() {
     let bench = Bench::new();

@@ -49,6 +49,21 @@ fn the_seed_varies_the_run_and_threads_do_not() {
     assert_eq!(digest(&["--seed", "2"]), digest(&["--set", "seed=2"]));
 }
 
+#[test]
+fn a_run_time_that_is_set_goes_before_the_log() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "o", "--set", "operator.planner.runtime={fixed_ms=20}"]);
+    let digest = |extra: &[&str]| {
+        let args = [&["run", "short.toml", "--json", "--out", "p"][..], extra].concat();
+        json(&bench.good(&args))["digest"].clone()
+    };
+    let log = ["--runtimes", "o/log.mcap"];
+    let set = ["--set", "operator.planner.runtime={fixed_ms=400}"];
+    assert_eq!(digest(&log), json(&bench.read("o/metrics.json"))["digest"]);
+    assert_eq!(digest(&[log, set].concat()), digest(&set));
+    assert_ne!(digest(&set), digest(&log));
+}
+
 /// The world stands still between its steps: a time-out is found at the next one.
 #[test]
 fn a_timeout_between_two_steps_of_the_world_is_one() {

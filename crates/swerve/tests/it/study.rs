@@ -80,6 +80,29 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
 }
 
 #[test]
+fn commands_of_a_budget_drive_it() {
+    let bench = Bench::new();
+    bench.write(
+        "budget.toml",
+        "base = { scenario = \"short.toml\", set = { \"planning.added_latency_ms\" = 10 } }\n\
+         budget = { max_ms = 40, scan_ms = 30, limit = \"planner\" }\n\
+         axis = [{ name = \"planner\", key = \"planning.planner\", values = [\"fot\"] }]\n",
+    );
+    bench.good(&["study", "budget.toml", "--out", "o"]);
+    let csv = bench.read("o/cells.csv");
+    assert!(csv.starts_with("planner,budget_ms,budget_is_at_least,verdict\n"), "{csv}");
+    let commands = bench.read("o/commands.txt");
+    let lines: Vec<&str> = commands.lines().collect();
+    let budget_ms: f64 = csv.lines().nth(1).unwrap().split(',').nth(1).unwrap().parse().unwrap();
+    let added = format!(" --set planning.added_latency_ms={}", budget_ms + 10.0);
+    assert!(lines.len() == 2 && lines[0].ends_with(&added), "{commands}");
+    assert!(lines[1].starts_with("# [limit]: "), "{commands}");
+    let said = bench.shell(&format!("{} --json --out again", lines[0]));
+    let again: Value = serde_json::from_str(&said.stdout).unwrap();
+    assert_eq!(again["verdict"], "avoided", "{}", said.stderr);
+}
+
+#[test]
 fn finished_cells_are_kept_and_the_rest_is_run() {
     let bench = bench();
     bench.good(&["study", "study.toml", "--out", "o"]);
