@@ -9,5 +9,6 @@ mod image;
 #[cfg(test)]
 mod samples;
 pub mod stereo;
+pub mod traffic_light;
 
 pub use image::{ImageError, Plane, Rgb};
