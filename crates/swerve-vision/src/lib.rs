@@ -17,6 +17,7 @@ pub mod shipped;
 mod stack;
 pub mod stereo;
 pub mod svm;
+pub mod traffic_light;
 #[cfg(test)]
 mod video;
 

