@@ -5,6 +5,7 @@
 //!
 //! Absences: no message, no engine, no simulator, no file, no clock, no thread.
 
+pub mod correlation;
 mod image;
 #[cfg(test)]
 mod samples;
