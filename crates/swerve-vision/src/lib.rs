@@ -8,6 +8,7 @@
 pub mod acf;
 pub mod boosting;
 pub mod channels;
+pub mod correlation;
 pub mod hog;
 mod image;
 pub mod pyramid;
