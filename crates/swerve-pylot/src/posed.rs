@@ -60,6 +60,17 @@ pub struct Problems {
 /// An axis-aligned box: x_min, y_min, x_max, y_max, metres.
 pub type AxisBox = [f64; 4];
 
+/// Reads boxes; one whose corners are swapped is none.
+fn boxes<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<AxisBox>, D::Error> {
+    let boxes = Vec::<AxisBox>::deserialize(deserializer)?;
+    match boxes.iter().find(|b| b[0] > b[2] || b[1] > b[3]) {
+        Some(b) => Err(serde::de::Error::custom(format!(
+            "an obstacle is {b:?}, expected [x_min, y_min, x_max, y_max] with the least first"
+        ))),
+        None => Ok(boxes),
+    }
+}
+
 /// The rectangle of an [`AxisBox`].
 pub fn obb(b: &AxisBox) -> Obb {
     Obb::axis_aligned(b[0], b[1], b[2], b[3])
@@ -77,6 +88,7 @@ pub struct FotProblem {
     /// Reference line, metres.
     pub waypoints: Vec<[f64; 2]>,
     /// Obstacles.
+    #[serde(deserialize_with = "boxes")]
     pub obstacles: Vec<AxisBox>,
     /// Position of the vehicle's centre, metres; not needed with `frenet_ic`.
     #[serde(default)]
@@ -160,6 +172,7 @@ pub struct RrtStarProblem {
     /// Goal, metres.
     pub goal: [f64; 2],
     /// Obstacles.
+    #[serde(deserialize_with = "boxes")]
     pub obstacles: Vec<AxisBox>,
     /// Remark.
     #[serde(default)]
@@ -196,6 +209,7 @@ pub struct HybridAstarProblem {
     /// Goal pose: x, y, heading.
     pub goal: [f64; 3],
     /// Obstacles.
+    #[serde(deserialize_with = "boxes")]
     pub obstacles: Vec<AxisBox>,
     /// Remark.
     #[serde(default)]

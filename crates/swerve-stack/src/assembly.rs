@@ -82,6 +82,8 @@ pub struct Output {
     pub port: OutputInfo,
     /// Whether nothing comes of it under these settings.
     pub silent: bool,
+    /// Why it holds nothing at all, where it does not.
+    pub empty: Option<String>,
 }
 
 impl Placed {
@@ -226,6 +228,7 @@ fn placed(
     let outputs = ports.into_iter().map(|port| Output {
         stream: if several { format!("{}.{}", placed.name, port.name) } else { placed.name.clone() },
         silent: placed.kind.is_silent(&settings, &port.name),
+        empty: placed.kind.is_empty(&settings, &port.name),
         port,
     });
     placed.outputs = outputs.collect();

@@ -274,6 +274,11 @@ pub trait OperatorKind: Send + Sync {
         false
     }
 
+    /// Why an output holds nothing at all under these settings, where that is so: nobody may read it.
+    fn is_empty(&self, _settings: &Settings<'_>, _output: &str) -> Option<String> {
+        None
+    }
+
     /// What it reads, in the order of its ports.
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo>;
 

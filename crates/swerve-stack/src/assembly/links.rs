@@ -154,6 +154,8 @@ struct Offer {
     /// The first of its operator, which goes by the operator's name too.
     first: bool,
     silent: bool,
+    /// Why it holds nothing, where it does not.
+    empty: Option<String>,
 }
 
 fn streams(operators: &[Placed]) -> Vec<Offer> {
@@ -165,6 +167,7 @@ fn streams(operators: &[Placed]) -> Vec<Offer> {
             payload: output.port.payload,
             first: k == 0,
             silent: output.silent,
+            empty: output.empty.clone(),
         };
         outputs.map(offer).collect()
     };
@@ -288,6 +291,9 @@ fn named_stream<'a>(name: &str, payload: PayloadType, streams: &'a [Offer]) -> R
             "expected a stream of `{payload}`, found `{}` of `{}`",
             offer.stream, offer.payload
         ));
+    }
+    if let Some(why) = &offer.empty {
+        return Err(format!("`{}` holds nothing: {why}", offer.stream));
     }
     Ok(offer)
 }

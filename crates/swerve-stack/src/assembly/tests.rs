@@ -308,6 +308,11 @@ const REFUSED: &[(&str, &str)] = &[
         "c.toml:1: operator.watch.sensor: is missing: expected a camera or a lidar, one of front",
     ),
     (
+        "[camera.left]\noutputs = [\"rgb\"]\n[operator.m]\nkind = \"sensor_monitor\"\nsensor = \"left\"\n\
+         reads = { image = \"left.depth\" }\n",
+        "c.toml:6: operator.m.reads.image: `left.depth` holds nothing: `camera.left.outputs` has rgb alone",
+    ),
+    (
         "[monitor.watch]\n",
         "c.toml:1: monitor.watch.sensor: is missing: expected a camera or a lidar; [camera.NAME] or [lidar.NAME] makes one",
     ),

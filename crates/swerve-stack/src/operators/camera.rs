@@ -67,9 +67,15 @@ impl OperatorKind for Cameras {
     }
 
     fn is_silent(&self, settings: &Settings<'_>, output: &str) -> bool {
+        self.is_empty(settings, output).is_some()
+    }
+
+    fn is_empty(&self, settings: &Settings<'_>, output: &str) -> Option<String> {
         let camera = settings.config.camera.get(settings.name);
-        let gives = |camera: &CameraConfig| camera.outputs.iter().any(|given| given.name() == output);
-        settings.config.live.is_none() && !camera.is_some_and(gives)
+        let made: Vec<&str> =
+            camera.map(|camera| camera.outputs.iter().map(|o| o.name()).collect()).unwrap_or_default();
+        let is_made = settings.config.live.is_some() || made.contains(&output);
+        (!is_made).then(|| format!("`camera.{}.outputs` has {} alone", settings.name, made.join(", ")))
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {

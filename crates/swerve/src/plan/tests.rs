@@ -151,6 +151,14 @@ fn numbers_out_of_range_are_told_with_key_and_range() {
     }
 }
 
+#[test]
+fn a_box_with_its_corners_swapped_is_none() {
+    let swapped = FILE.replace("[[28, -0.5, 29, 0.5]]", "[[29, -0.5, 28, 0.5]]");
+    let error = serde_json::from_str::<ProblemFile>(&swapped).unwrap_err();
+    assert!(error.to_string().starts_with("an obstacle is [29.0, -0.5, 28.0, 0.5], expected "), "{error}");
+    assert_eq!(error.line(), 15);
+}
+
 /// The how-to page shows what the command prints, but for what differs from host to host.
 #[test]
 fn the_page_shows_what_is_printed() {
