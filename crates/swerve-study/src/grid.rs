@@ -3,7 +3,7 @@
 mod places;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use swerve_drive::shipped::Kind;
@@ -259,8 +259,8 @@ impl Study {
             files: places::files(document, &file, folder),
             name,
             description: file.description,
-            scenario: beside(folder, &file.base.scenario, Kind::Scenario),
-            config: file.base.config.as_ref().map(|config| beside(folder, config, Kind::Config)),
+            scenario: places::beside(folder, &file.base.scenario, Kind::Scenario),
+            config: file.base.config.as_ref().map(|config| places::beside(folder, config, Kind::Config)),
             axes,
             base,
             steps,
@@ -318,24 +318,6 @@ impl Study {
         }
         line
     }
-}
-
-/// `path` as seen from where `folder` is, without the detours (`configs/../scenarios`) that lead to the same file; or
-/// the name of a file that is in the program.
-fn beside(folder: &Path, path: &Path, kind: Kind) -> PathBuf {
-    let joined = folder.join(path);
-    let mut short = PathBuf::new();
-    for part in joined.components() {
-        match (part, short.components().next_back()) {
-            (Component::ParentDir, Some(Component::Normal(_))) => {
-                short.pop();
-            }
-            _ => short.push(part),
-        }
-    }
-    // Through a symbolic link, `a/..` may be elsewhere.
-    let same = joined.canonicalize().ok() == short.canonicalize().ok();
-    kind.meant(path, if same { short } else { joined })
 }
 
 /// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
@@ -454,7 +436,7 @@ impl Axis {
         let from_settings = self.settings.iter().map(|setting| {
             let mut sets = Vec::new();
             flatten("", &setting.set, &mut sets);
-            let scenario = setting.scenario.as_ref().map(|path| beside(folder, path, Kind::Scenario));
+            let scenario = setting.scenario.as_ref().map(|path| places::beside(folder, path, Kind::Scenario));
             Ok(Step { label: setting.name.clone(), scenario, sets })
         });
         let steps: Vec<Step> = from_values.chain(from_settings).collect::<Result<_, &str>>()?;

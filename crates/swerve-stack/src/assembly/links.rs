@@ -232,8 +232,17 @@ fn edges(
             );
             return Err(Wrong::Said((key(), message)));
         }
-        return named_edges(port, payload, reads, streams)
-            .map_err(|(last, message)| Wrong::Said((key() + last, message)));
+        let edges = named_edges(port, payload, reads, streams)
+            .map_err(|(last, message)| Wrong::Said((key() + last, message)))?;
+        // What settings of another name say is told with these.
+        let is_own = config.operator.get(operator).is_some_and(|own| own.reads.contains_key(&*port.name));
+        let is_read = |offer: &&Offer| edges.iter().any(|edge| edge.stream == offer.stream);
+        return match streams.iter().filter(is_read).find_map(|offer| Some((offer, offer.empty.as_ref()?))) {
+            Some((offer, why)) if is_own => {
+                Err(Wrong::Said((key(), format!("`{}` holds nothing: {why}", offer.stream))))
+            }
+            _ => Ok(edges),
+        };
     }
     let edge = |offer: &Offer| Edge { stream: offer.stream.clone(), feedback: port.feedback, raw: port.raw };
     let fits = streams
@@ -291,9 +300,6 @@ fn named_stream<'a>(name: &str, payload: PayloadType, streams: &'a [Offer]) -> R
             "expected a stream of `{payload}`, found `{}` of `{}`",
             offer.stream, offer.payload
         ));
-    }
-    if let Some(why) = &offer.empty {
-        return Err(format!("`{}` holds nothing: {why}", offer.stream));
     }
     Ok(offer)
 }

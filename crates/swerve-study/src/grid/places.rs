@@ -1,12 +1,12 @@
 //! Where the file of a study says what.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problem};
 
-use super::{StudyFile, beside, flatten};
+use super::{StudyFile, flatten};
 
 /// The lines of the file that set configuration keys, by key.
 pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
@@ -50,4 +50,22 @@ pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTr
         Some((beside(folder, path?, kind), document.problem(&key, "")))
     };
     named.into_iter().rev().filter_map(place).collect()
+}
+
+/// `path` as seen from where `folder` is, without the detours (`configs/../scenarios`) that lead to the same file; or
+/// the name of a file that is in the program.
+pub(super) fn beside(folder: &Path, path: &Path, kind: Kind) -> PathBuf {
+    let joined = folder.join(path);
+    let mut short = PathBuf::new();
+    for part in joined.components() {
+        match (part, short.components().next_back()) {
+            (Component::ParentDir, Some(Component::Normal(_))) => {
+                short.pop();
+            }
+            _ => short.push(part),
+        }
+    }
+    // Through a symbolic link, `a/..` may be elsewhere.
+    let same = joined.canonicalize().ok() == short.canonicalize().ok();
+    kind.meant(path, if same { short } else { joined })
 }
