@@ -80,7 +80,20 @@ pub fn read<T: DeserializeOwned>(table: &Table) -> Result<T, Vec<KeyProblem>> {
 /// # Errors
 /// All that has not the form of a `T`.
 pub fn read_meant<T: DeserializeOwned>(table: &Table) -> Result<T, Misread<T>> {
-    first::<T>(table).map_err(|fault| misread::<T>(table, fault))
+    first::<T>(table).map_err(|fault| {
+        let (problems, guessed, meant) = misread(&|table| first::<T>(table).err(), table, fault);
+        let meant = meant.and_then(|table| first(&table).ok());
+        Misread { problems, meant, guessed }
+    })
+}
+
+/// The value of a text that is part of the program.
+///
+/// # Panics
+/// The text has not the form of a `T`: a test reads each such text.
+pub fn built_in<T: DeserializeOwned>(text: &str) -> T {
+    let table = toml::from_str(text).expect("a test reads every text of the program");
+    first(&table).expect("a test reads every text of the program")
 }
 
 /// The keys that a `T` has in the table at dotted `within`; none where that takes any, or is no table.
@@ -102,7 +115,16 @@ fn first<T: DeserializeOwned>(table: &Table) -> Result<T, Fault> {
     T::deserialize(Whole(table))
 }
 
-fn misread<T: DeserializeOwned>(table: &Table, first_fault: Fault) -> Misread<T> {
+/// The first fault of a table for some type. All that finds and mends faults knows the type by this alone, so that the
+/// program has that code once.
+type FirstFault<'a> = &'a dyn Fn(&Table) -> Option<Fault>;
+
+/// The problems of a table, what of it was guessed, and the table that was meant.
+fn misread(
+    fault_of: FirstFault<'_>,
+    table: &Table,
+    first_fault: Fault,
+) -> (Vec<KeyProblem>, Guessed, Option<Table>) {
     let mut table = table.clone();
     let mut found: Vec<KeyProblem> = Vec::new();
     let (mut meant, mut guessed) = (None, Vec::new());
@@ -113,22 +135,22 @@ fn misread<T: DeserializeOwned>(table: &Table, first_fault: Fault) -> Misread<T>
         // A key with a slip in its name is not missing as well.
         let is_told = matches!(fault.kind, Kind::Missing(_)) && guessed.contains(&key);
         if !is_told && !found.iter().any(|(outer, _)| is_within(&key, outer)) {
-            found.push((key.clone(), message::<T>(&fault, &table)));
+            found.push((key.clone(), message(fault_of, &fault, &table)));
         }
         guessed.extend(meant_path(&fault).as_deref().map(dotted));
         guessed.push(key);
-        if !mend::<T>(&fault, &mut table) {
+        if !mend(fault_of, &fault, &mut table) {
             break;
         }
-        match first::<T>(&table) {
-            Ok(value) => meant = Some(value),
-            Err(fault) => next = Some(fault),
+        next = fault_of(&table);
+        if next.is_none() {
+            meant = Some(table.clone());
         }
     }
     // A value that is wrong as a whole may show only after what is in it.
     let keys: Vec<String> = found.iter().map(|(key, _)| key.clone()).collect();
     found.retain(|(key, _)| !keys.iter().any(|outer| outer != key && is_within(key, outer)));
-    Misread { problems: found, meant, guessed: Guessed(guessed) }
+    (found, Guessed(guessed), meant)
 }
 
 /// The key that was meant by an unknown one.
@@ -140,10 +162,10 @@ fn meant_path(fault: &Fault) -> Option<Vec<Part>> {
     Some([parents, &[near]].concat())
 }
 
-fn message<T: DeserializeOwned>(fault: &Fault, table: &Table) -> String {
+fn message(fault_of: FirstFault<'_>, fault: &Fault, table: &Table) -> String {
     match &fault.kind {
         Kind::Missing(_) => {
-            let wanted = wanted::<T>(&fault.path(), table).unwrap_or_else(|| "a value".to_owned());
+            let wanted = wanted(fault_of, &fault.path(), table).unwrap_or_else(|| "a value".to_owned());
             format!("is missing: expected {wanted}")
         }
         Kind::UnknownKey { wrong, known } => unknown_key(wrong, known),
@@ -156,19 +178,19 @@ fn message<T: DeserializeOwned>(fault: &Fault, table: &Table) -> String {
     }
 }
 
-/// The kind of value that `T` takes at a place where there is none.
-fn wanted<T: DeserializeOwned>(path: &[Part], table: &Table) -> Option<String> {
+/// The kind of value that a type takes at a place where there is none.
+fn wanted(fault_of: FirstFault<'_>, path: &[Part], table: &Table) -> Option<String> {
     let mut table = table.clone();
     put(&mut table, path, Some(true.into()));
-    match first::<T>(&table).err().filter(|fault| fault.path() == path) {
+    match fault_of(&table).filter(|fault| fault.path() == path) {
         None => Some("true or false".to_owned()),
         Some(Fault { kind: Kind::Expected(wanted), .. }) => Some(in_words(&wanted).into_owned()),
         Some(_) => None,
     }
 }
 
-/// Takes the slip out of a name that is near another one; false, and nothing done, where `T` does not take that.
-fn mend_name<T: DeserializeOwned>(fault: &Fault, table: &mut Table) -> bool {
+/// Takes the slip out of a name that is near another one; false, and nothing done, where a type does not take that.
+fn mend_name(fault_of: FirstFault<'_>, fault: &Fault, table: &mut Table) -> bool {
     let path = fault.path();
     let Some(value) = get(table, &path).cloned() else { return false };
     let mut mended = table.clone();
@@ -188,20 +210,20 @@ fn mend_name<T: DeserializeOwned>(fault: &Fault, table: &mut Table) -> bool {
         }
         _ => return false,
     };
-    let is_good = first::<T>(&mended).err().is_none_or(|next| !next.path().starts_with(&place));
+    let is_good = fault_of(&mended).is_none_or(|next| !next.path().starts_with(&place));
     if is_good {
         *table = mended;
     }
     is_good
 }
 
-/// Puts something in the place of a fault that `T` takes; false where nothing was found.
-fn mend<T: DeserializeOwned>(fault: &Fault, table: &mut Table) -> bool {
-    if mend_name::<T>(fault, table) {
+/// Puts something in the place of a fault that a type takes; false where nothing was found.
+fn mend(fault_of: FirstFault<'_>, fault: &Fault, table: &mut Table) -> bool {
+    if mend_name(fault_of, fault, table) {
         return true;
     }
     let path = fault.path();
-    let next = |table: &Table| first::<T>(table).err().map(|fault| fault.path());
+    let next = |table: &Table| fault_of(table).map(|fault| fault.path());
     if !matches!(fault.kind, Kind::Missing(_)) && matches!(path.last(), Some(Part::Key(_))) {
         put(table, &path, None);
         // Where the table around it cannot be without it, another value has to stand there.
@@ -215,7 +237,7 @@ fn mend<T: DeserializeOwned>(fault: &Fault, table: &mut Table) -> bool {
     let name = match &fault.kind {
         Kind::UnknownName { known, .. } => known.first().copied().unwrap_or_default().to_owned(),
         _ => {
-            let wanted = wanted::<T>(&path, table).unwrap_or_default();
+            let wanted = wanted(fault_of, &path, table).unwrap_or_default();
             wanted.split('"').nth(1).unwrap_or_default().to_owned()
         }
     };

@@ -18,7 +18,7 @@ mod words;
 
 pub use assign::{parse_assignment, set};
 pub use document::{Document, read_text, unreadable};
-pub use form::{Guessed, Misread, is_within, keys, read, read_meant};
+pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};
 pub use overridden::overridden;
 pub use problem::{KeyProblem, Problem, Problems, in_one_line};
 pub use table::{Range, Reading, TableReader};

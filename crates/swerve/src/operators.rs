@@ -7,6 +7,7 @@ use swerve_report::output::print;
 use swerve_stack::assembly::COMMON_KEYS;
 use swerve_stack::config::Config;
 use swerve_stack::{OperatorKind, Registry, Settings};
+use swerve_text::Document;
 use swerve_text::nearest;
 
 /// `swerve operators`.
@@ -141,8 +142,9 @@ fn keys(kind: &dyn OperatorKind) -> String {
     }
     if let Some(section) = node.named_section {
         let known = swerve_text::keys::<Config>(&format!("{section}.any"));
-        let entry = toml::from_str::<Config>(&format!("[{section}.any]"));
-        let table = entry.ok().and_then(|config| toml::Table::try_from(config).ok());
+        let any = Document::parse("", format!("[{section}.any]")).ok();
+        let entry = any.and_then(|text| text.to::<Config>().ok());
+        let table = entry.and_then(|config| toml::Table::try_from(config).ok());
         let entry = table.as_ref().and_then(|table| table.get(section)?.get("any")?.as_table()).cloned();
         text += &format!(
             "\nkeys of [operator.NAME] or [{section}.NAME]\n{}",

@@ -64,7 +64,7 @@ pub(super) fn view(
     if !wrong.is_empty() {
         return Err(wrong);
     }
-    let mut changed: Config = table.try_into().expect("every key of it was read");
+    let mut changed: Config = swerve_text::read(&table).expect("every key of it was read");
     changed.operator = config.operator.clone();
     changed.registry = config.registry.clone();
     let (before, _) = resolved(config);
@@ -147,7 +147,7 @@ mod tests {
     fn the_keys_of_every_operator_are_those_that_are_read() {
         let every = "kind = \"x\"\nenabled = true\nreads = { a = \"b\" }\nruntime = { zero = true }\npolicy = \"p\"\n\
                      deadline = { ms = 1 }\nuses = \"r\"\ndelay_ms = 1\n";
-        let own: OperatorConfig = toml::from_str(every).unwrap();
+        let own: OperatorConfig = swerve_text::built_in(every);
         assert!(own.keys.is_empty(), "{:?}", own.keys);
         let mut keys: Vec<String> = Table::try_from(&own).unwrap().keys().cloned().collect();
         keys.sort_by_key(|key| COMMON_KEYS.iter().position(|(common, _)| common == key));

@@ -114,8 +114,7 @@ pub fn published() -> &'static [Published] {
         struct File {
             ladder: Vec<Ladder>,
         }
-        let file: File =
-            toml::from_str(include_str!("detectors.toml")).expect("a test reads the built-in ladders");
+        let file: File = swerve_text::built_in(include_str!("detectors.toml"));
         file.ladder.into_iter().flat_map(rungs).collect()
     });
     &ALL
@@ -144,9 +143,8 @@ pub fn find(name: &str) -> Option<&'static Published> {
 
 /// The built-in fits, by name.
 pub fn fits() -> &'static BTreeMap<String, Fit> {
-    static ALL: LazyLock<BTreeMap<String, Fit>> = LazyLock::new(|| {
-        toml::from_str(include_str!("detector_fits.toml")).expect("a test reads the built-in fits")
-    });
+    static ALL: LazyLock<BTreeMap<String, Fit>> =
+        LazyLock::new(|| swerve_text::built_in(include_str!("detector_fits.toml")));
     &ALL
 }
 

@@ -91,8 +91,7 @@ pub enum StartState {
 pub(crate) type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
 
 /// Read once: every default configuration has it.
-static BUILT_IN_COST: LazyLock<Cost> =
-    LazyLock::new(|| toml::from_str(include_str!("cost.toml")).expect("a test reads the built-in costs"));
+static BUILT_IN_COST: LazyLock<Cost> = LazyLock::new(|| swerve_text::built_in(include_str!("cost.toml")));
 
 /// The motion planner.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]

@@ -138,11 +138,8 @@ impl<'de> Deserializer<'de> for Source<'de> {
             Value::Integer(n) => visitor.visit_i64(*n),
             Value::Float(x) => visitor.visit_f64(*x),
             Value::Boolean(truth) => visitor.visit_bool(*truth),
-            Value::Datetime(_) => {
-                // Only TOML's own types take one.
-                let expected = Wanted(&visitor).to_string();
-                self.0.clone().deserialize_any(visitor).map_err(|_| Fault::new(Kind::Expected(expected)))
-            }
+            // No type of a key of ours takes one.
+            Value::Datetime(_) => Err(Fault::new(Kind::Expected(Wanted(&visitor).to_string()))),
             Value::Array(items) => array(items, visitor),
             Value::Table(inner) => table(inner, visitor),
         }
@@ -167,8 +164,8 @@ impl<'de> Deserializer<'de> for Source<'de> {
         visitor: V,
     ) -> Result<V::Value, Fault> {
         match self.0 {
-            Value::Array(_) => Err(serde::de::Error::invalid_type(Unexpected::Seq, &visitor)),
-            _ => self.deserialize_any(visitor),
+            Value::Table(inner) => table(inner, visitor),
+            _ => Err(Fault::new(Kind::Expected(Wanted(&visitor).to_string()))),
         }
     }
 
