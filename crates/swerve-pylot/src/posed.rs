@@ -258,6 +258,8 @@ pub struct Solution {
     pub found: bool,
     /// Why not, in words; empty when found.
     pub reason: String,
+    /// Whether it was not solved because a number of it, or of the settings, is out of range.
+    pub invalid: bool,
     /// Run time of the call, milliseconds: filled in by whoever measures, zero else.
     pub time_ms: f64,
     /// Things looked at: candidates (FOT), iterations (RRT*), neighbours (Hybrid A*).
@@ -286,8 +288,15 @@ impl Solution {
 
     /// No path: for what is wrong with the problem, if anything is, else for how the search ended.
     fn without(id: &str, (outcome, checked): (Outcome, Result<(), ParamError>), work: u64) -> Self {
-        let wrong = checked.err().map(|error| error.to_string());
-        Self::not_found(id, wrong.as_deref().unwrap_or(outcome.reason()), work)
+        match checked {
+            Err(wrong) => Self::invalid(id, &wrong.to_string()),
+            Ok(()) => Self::not_found(id, outcome.reason(), work),
+        }
+    }
+
+    /// No path, for what is wrong with the problem or its settings.
+    fn invalid(id: &str, reason: &str) -> Self {
+        Self { invalid: true, ..Self::not_found(id, reason, 0) }
     }
 }
 

@@ -185,14 +185,19 @@ fn placed(
     (name, own): (String, OperatorConfig),
     problems: &mut KeyProblems,
 ) -> Option<Placed> {
-    let mut tell = |key: String, message: String| problems.push((key, message));
     let Some(kind) = &own.kind else {
-        tell(format!("operator.{name}"), unknown_operator(config, &name));
+        // A watcher of no sensor stands behind none; `check_monitors` says so.
+        if !config.monitor.contains_key(&name) {
+            problems.push((format!("operator.{name}"), unknown_operator(config, &name)));
+        }
         return None;
     };
     let Some(kind) = config.registry.kind(kind).cloned() else {
         let names: Vec<&str> = config.registry.kinds().map(|kind| kind.node().kind).collect();
-        tell(format!("operator.{name}.kind"), format!("unknown kind `{kind}`{}", one_of(kind, &names)));
+        problems.push((
+            format!("operator.{name}.kind"),
+            format!("unknown kind `{kind}`{}", one_of(kind, &names)),
+        ));
         return None;
     };
     if own.enabled == Some(false) {

@@ -75,7 +75,7 @@ impl Faulty<()> {
         Ok(Self {
             name: name.to_owned(),
             stream: fault.stream.clone(),
-            kind: fault.kind()?,
+            kind: fault.kind().map_err(|(_, message)| message)?,
             probability: fault.probability,
             stamps: fault.stamps().map_err(|(_, message)| message)?,
             seed: fault.seed.unwrap_or(run_seed),

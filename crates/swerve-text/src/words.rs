@@ -8,12 +8,14 @@ pub fn number(x: f64) -> String {
     if is_plain { x.to_string() } else { format!("{x:e}") }
 }
 
-/// The name nearest to `wrong`, if any is near: by letters in common or by few slips of the pen.
+/// The name nearest to `wrong`, if any is near: by letters in common, by few slips of the pen, or because `wrong` is a
+/// part of it.
 pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
-    let score = |name| {
+    let score = |name: &'n str| {
         let slips = strsim::damerau_levenshtein(wrong, name);
         let likeness = strsim::jaro_winkler(wrong, name);
-        let is_near = likeness > 0.75 || slips <= wrong.chars().count() / 3;
+        let is_part = name.split('_').any(|part| part == wrong);
+        let is_near = likeness > 0.75 || slips <= wrong.chars().count() / 3 || is_part;
         is_near.then_some((likeness - slips as f64 * 0.01, name))
     };
     // Of names that are equally near, the first.
@@ -81,12 +83,13 @@ mod tests {
 
     #[test]
     fn the_nearest_name_is_one_slip_or_many_letters_away() {
-        let names = ["planner", "predictor", "gate", "fps"];
+        let names = ["planner", "predictor", "gate", "fps", "emulated_detector"];
         for (wrong, near) in [
             ("planer", Some("planner")),
             ("predict", Some("predictor")),
             ("gaet", Some("gate")),
             ("fsp", Some("fps")),
+            ("detector", Some("emulated_detector")),
             ("world", None),
             ("", None),
         ] {

@@ -23,12 +23,15 @@ pub(crate) struct CheckArgs {
 /// What is checked where nothing is named.
 const FOLDERS: [&str; 2] = ["scenarios", "configs"];
 
+/// Files of a package that are nobody's configuration.
+const CARGOS: [&str; 2] = ["Cargo.toml", "rust-toolchain.toml"];
+
 /// What could be checked in a folder without these.
 fn hint() -> String {
     let entries = std::fs::read_dir(".").into_iter().flatten().flatten().map(|entry| entry.file_name());
     let names = entries.map(|name| name.to_string_lossy().into_owned());
     let mut ours: Vec<String> =
-        names.filter(|name| name.ends_with(".toml") && name != "Cargo.toml").collect();
+        names.filter(|name| name.ends_with(".toml") && !CARGOS.contains(&name.as_str())).collect();
     ours.sort();
     let ours: Vec<String> = ours.iter().map(|name| quoted(name)).collect();
     match ours.is_empty() {

@@ -18,6 +18,7 @@ static TEMPLATE: &[Shipped] = shipped! { "../template":
     "config.toml"
     "own.toml"
     "package.toml"
+    "rust-toolchain.toml"
     "scenario.toml"
     "src/main.rs"
     "src/slow_down.rs"
@@ -111,6 +112,13 @@ mod tests {
         let elsewhere = dependencies(None);
         assert!(elsewhere.starts_with("# Where Swerve is"), "{elsewhere}");
         assert!(read(elsewhere)["swerve"]["git"].as_str().unwrap().starts_with("https://"));
+    }
+
+    #[test]
+    fn a_new_folder_builds_with_the_compiler_that_swerve_builds_with() {
+        let channel = |text: &str| text.parse::<toml::Table>().unwrap()["toolchain"]["channel"].to_string();
+        let ours = channel(include_str!("../../../rust-toolchain.toml"));
+        assert_eq!(channel(include_str!("../template/rust-toolchain.toml")), ours);
     }
 
     #[test]

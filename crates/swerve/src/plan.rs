@@ -12,12 +12,12 @@ mod tests;
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use swerve_pylot::Preset;
 use swerve_pylot::posed::Solution;
 use swerve_report::files::write_whole;
-use swerve_report::output::align;
+use swerve_report::output::{self, align};
 
 pub use read::{Posed, read};
 pub use solve::{REPEATS, solve_all};
@@ -78,7 +78,8 @@ pub struct PlanArgs {
 ///
 /// # Errors
 /// When the file cannot be read or is no problem file (file and line), when it has no such configuration (the nearest
-/// name is offered) or no problem for the planner, or when a picture cannot be written.
+/// name is offered) or no problem for the planner, when a number of a problem or of its settings is out of range (said
+/// after the others are solved and printed), or when a picture cannot be written.
 pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
     let preset = match args.preset {
         PresetName::Paper => Preset::Paper,
@@ -97,7 +98,19 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
     }
     let text =
         if args.json { serde_json::to_string_pretty(&solutions)? + "\n" } else { table(args, &solutions) };
-    swerve_report::output::print(&text)
+    output::print(&text)?;
+    let invalid: Vec<&Solution> = solutions.iter().filter(|solution| solution.invalid).collect();
+    match invalid.first() {
+        None => Ok(()),
+        Some(first) => bail!(
+            "{}: {} of {} problems have a number that is out of range, the first is `{}`: {}",
+            args.file.display(),
+            invalid.len(),
+            solutions.len(),
+            first.id,
+            first.reason
+        ),
+    }
 }
 
 /// A file name for a problem's picture, whatever characters its name has.
@@ -124,7 +137,8 @@ fn table(args: &PlanArgs, solutions: &[Solution]) -> String {
     }
     let mut times: Vec<f64> = solutions.iter().map(|s| s.time_ms).collect();
     times.sort_by(f64::total_cmp);
-    let at = |share: f64| times[((times.len() - 1) as f64 * share).round() as usize];
+    // The nearest rank.
+    let at = |share: f64| times[((times.len() as f64 * share).ceil() as usize).max(1) - 1];
     let found = solutions.iter().filter(|s| s.found).count();
     format!(
         "{}{} {}: {found} of {} solved, p50 {:.3} ms, p99 {:.3} ms (each call: the best of {REPEATS})\n",

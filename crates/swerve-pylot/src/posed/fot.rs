@@ -195,7 +195,7 @@ fn frenet(problem: &FotProblem, polyline: &Polyline, line: &Line) -> Result<Fren
 pub fn solve(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Solution {
     let posed = match Posed::new(problem, config, preset) {
         Ok(posed) => posed,
-        Err(reason) => return Solution::not_found(&problem.id, &reason, 0),
+        Err(reason) => return Solution::invalid(&problem.id, &reason),
     };
     let task = posed.task();
     let (mut search, mut lattice, mut coarse) = (Search::default(), Lattice::default(), Lattice::default());

@@ -327,6 +327,12 @@ const REFUSED: &[(&str, &str)] = &[
 ];
 
 #[test]
+fn an_operator_whose_own_keys_are_wrong_is_not_unknown_as_well() {
+    let told = read("[operator.watch]\nkind = \"sensor_monitor\"\n", &[]).unwrap_err();
+    assert_eq!(told.len(), 1, "{told:?}");
+}
+
+#[test]
 fn what_does_not_fit_is_refused_with_line_key_and_nearest_name() {
     for (text, expected) in REFUSED {
         let problems = read(text, &[]).err().unwrap_or_default();

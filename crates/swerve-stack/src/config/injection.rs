@@ -121,25 +121,30 @@ impl fmt::Display for Carries {
 }
 
 impl FaultConfig {
-    /// What it does, or what is wrong.
-    pub fn kind(&self) -> Result<FaultKind, String> {
+    /// What it does, or what is wrong with which key; the empty one is the whole table.
+    pub fn kind(&self) -> Result<FaultKind, (&'static str, String)> {
         let mut kinds = Vec::new();
         for (name, given, kind) in
             [("drop", self.drop, FaultKind::Drop), ("nan", self.nan, FaultKind::Corrupt(Corruption::Nan))]
         {
             match given {
                 Some(true) => kinds.push(kind),
-                Some(false) => return Err(format!("`{name}` can only be true; leave it out instead")),
+                Some(false) => return Err((name, "it can only be true; leave it out instead".into())),
                 None => {}
             }
         }
-        let delay = self.delay_ms.map(span_ms).transpose()?.map(FaultKind::Delay);
-        let jitter = self.jitter_ms.map(span_ms).transpose()?.map(FaultKind::Jitter);
-        let freeze = self.freeze_ms.map(span_ms).transpose()?.map(FaultKind::Freeze);
-        kinds.extend([delay, jitter, freeze].into_iter().flatten());
+        let spans: [(_, _, fn(Span) -> FaultKind); 3] = [
+            ("delay_ms", self.delay_ms, FaultKind::Delay),
+            ("jitter_ms", self.jitter_ms, FaultKind::Jitter),
+            ("freeze_ms", self.freeze_ms, FaultKind::Freeze),
+        ];
+        for (key, ms, kind) in spans {
+            let Some(ms) = ms else { continue };
+            kinds.push(kind(span_ms(ms).map_err(|message| (key, message))?));
+        }
         if let Some(sigma) = self.noise {
             if !(0.0..=1e6).contains(&sigma) {
-                return Err(format!("expected a noise of 0 to 1000000, found {}", number(sigma)));
+                return Err(("noise", format!("expected 0 to 1000000, found {}", number(sigma))));
             }
             kinds.push(FaultKind::Corrupt(Corruption::Noise(sigma)));
         }
@@ -148,9 +153,11 @@ impl FaultConfig {
         }
         match kinds.len() {
             1 => Ok(kinds.remove(0)),
-            n => Err(format!(
-                "expected exactly one of drop, delay_ms, jitter_ms, freeze_ms, noise, nan, flip_bits; found {n}"
-            )),
+            n => {
+                let one =
+                    "expected exactly one of drop, delay_ms, jitter_ms, freeze_ms, noise, nan, flip_bits";
+                Err(("", format!("{one}; found {n}")))
+            }
         }
     }
 
@@ -179,9 +186,12 @@ impl Config {
                 let names: Vec<&str> = streams.iter().map(|(name, _)| name.as_str()).collect();
                 let near = nearest(&fault.stream, names.iter().copied())
                     .map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+                let wrong = match fault.stream.as_str() {
+                    "" => "is missing:".to_owned(),
+                    other => format!("unknown stream `{other}`,"),
+                };
                 let message = format!(
-                    "unknown stream `{}`, expected one of {}{near}; sensors that only the log reads run where `log.sensors` names them",
-                    fault.stream,
+                    "{wrong} expected one of {}{near}; sensors that only the log reads run where `log.sensors` names them",
                     names.join(", ")
                 );
                 told.push((key("stream"), message));
@@ -192,7 +202,8 @@ impl Config {
                 _ => true,
             };
             match (fault.kind(), stream) {
-                (Err(message), _) => told.push((format!("fault.{name}"), message)),
+                (Err(("", message)), _) => told.push((format!("fault.{name}"), message)),
+                (Err((last, message)), _) => told.push((key(last), message)),
                 (Ok(kind), Some((_, carries))) if !fits(kind, *carries) => told.push((
                     key(kind.name()),
                     format!("`{}` carries {carries}: this fault cannot befall it", fault.stream),
@@ -255,8 +266,8 @@ mod tests {
                 "stream = \"pose\"\ndrop = true\nprobability = 1.5",
                 "c.toml:4: fault.f.probability: expected 0",
             ),
-            ("stream = \"pose\"\ndelay_ms = -1", "c.toml:1: fault.f: expected milliseconds"),
-            ("stream = \"pose\"\nnoise = nan", "c.toml:1: fault.f: expected a noise of"),
+            ("stream = \"pose\"\ndelay_ms = -1", "c.toml:3: fault.f.delay_ms: expected milliseconds"),
+            ("stream = \"pose\"\nnoise = nan", "c.toml:3: fault.f.noise: expected 0 to 1000000, found NaN"),
             ("stream = \"pose\"\ndrop = true\nfrom_ms = 5\nuntil_ms = 4", "c.toml:5: fault.f.until_ms: "),
             ("stream = \"front.rgb\"\ndrop = true", "c.toml:2: fault.f.stream: unknown stream `front.rgb`"),
         ];
