@@ -15,6 +15,7 @@ pub mod pyramid;
 #[cfg(test)]
 mod samples;
 pub mod shipped;
+pub mod signs;
 mod stack;
 pub mod stereo;
 pub mod svm;

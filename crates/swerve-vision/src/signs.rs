@@ -1,0 +1,115 @@
+//! Traffic signs: stop signs and speed limits (Vienna Convention: a red octagon, a red ring with a number in it), found
+//! by colour and shape.
+//!
+//! Nothing is trained. What is red and hangs together is a sign where its outline fills as much of its box as an octagon
+//! or a circle does; what is in it says which one. A number is the one whose drawing is most like the dark pixels inside
+//! of the ring.
+
+mod number;
+mod regions;
+#[cfg(test)]
+mod tests;
+
+use crate::Rgb;
+use number::Reader;
+use regions::{Region, Regions};
+
+/// What a sign says.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Meaning {
+    /// Stop.
+    Stop,
+    /// Not faster than this, km/h.
+    SpeedLimit(u8),
+}
+
+/// A sign in an image.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Sign {
+    /// What it says.
+    pub meaning: Meaning,
+    /// Left, top, width and height of its red, pixels.
+    pub bbox: [f64; 4],
+    /// How sure that is, 0 to 1: the correlation of a number with its drawing, the share of an octagon that is as it
+    /// should be.
+    pub score: f64,
+}
+
+/// Signs are looked for from this size on, pixels: below it a number cannot be read.
+pub const SIZE_MIN_PX: usize = 12;
+/// Width over height; signs are seen from the side up to 50 degrees.
+const ASPECT: [f64; 2] = [0.64, 1.25];
+/// Share of its box that an outline fills: a circle has 0.785, an octagon 0.828, a triangle 0.5, a box 1.
+const FILLED: [f64; 2] = [0.68, 0.9];
+/// Share of the red in the outline of a stop sign, and of the white: letters and, where it is not cut off, a rim.
+const STOP: [[f64; 2]; 2] = [[0.45, 0.95], [0.03, 0.5]];
+/// Share of the red in the outline of a speed limit.
+const RING: [f64; 2] = [0.15, 0.6];
+/// Of the radius, what is within the ring.
+const DISC: f64 = 0.74;
+/// Likeness of a number to its drawing, at the least.
+const LIKENESS_MIN: f64 = 0.5;
+
+/// Finds signs, with memory kept between images.
+#[derive(Clone, Debug, Default)]
+pub struct SignFinder {
+    regions: Regions,
+    reader: Reader,
+}
+
+impl SignFinder {
+    /// Appends the signs of an image, from the top to the bottom; none where nothing is as red and as round as a sign.
+    pub fn find(&mut self, image: Rgb<'_>, found: &mut Vec<Sign>) {
+        self.regions.find(image, is_red, SIZE_MIN_PX);
+        for region in self.regions.regions() {
+            let aspect = region.width() as f64 / region.height() as f64;
+            if !(ASPECT[0]..=ASPECT[1]).contains(&aspect) {
+                continue;
+            }
+            found.extend(sign(&mut self.reader, image, &self.regions, region));
+        }
+    }
+}
+
+/// What a region is, if anything.
+fn sign(reader: &mut Reader, image: Rgb<'_>, regions: &Regions, region: &Region) -> Option<Sign> {
+    let (mut outline, mut red, mut white) = (0_usize, 0_usize, 0_usize);
+    for y in region.top..region.bottom {
+        let Some((from, to)) = regions.span(region, y) else { continue };
+        outline += to - from;
+        red += regions.row(y)[from..to].iter().filter(|label| **label == region.label).count();
+        let bytes = &image.row(y)[3 * from..3 * to];
+        white += bytes.chunks_exact(3).filter(|rgb| is_white(rgb)).count();
+    }
+    let area = (region.width() * region.height()) as f64;
+    let [filled, red, white] =
+        [outline as f64 / area, red as f64 / outline as f64, white as f64 / outline as f64];
+    let is_in = |share: f64, [low, high]: [f64; 2]| (low..=high).contains(&share);
+    if !is_in(filled, FILLED) {
+        return None;
+    }
+    let [left, top, width, height] =
+        [region.left, region.top, region.width(), region.height()].map(|n| n as f64);
+    let sign = |meaning, score| Sign { meaning, bbox: [left, top, width, height], score };
+    if is_in(red, RING) {
+        let (number, score) =
+            reader.read(image, [left + 0.5 * width, top + 0.5 * height], [DISC * width, DISC * height])?;
+        return (score >= LIKENESS_MIN).then(|| sign(Meaning::SpeedLimit(number), score));
+    }
+    (is_in(red, STOP[0]) && is_in(white, STOP[1])).then(|| sign(Meaning::Stop, (red + white).min(1.0)))
+}
+
+/// Red as of paint in any light: by the ratio of its colours.
+fn is_red(rgb: &[u8]) -> bool {
+    let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(u32::from);
+    let other = g.max(b);
+    // 1.5 times the other colours, and blue is not far below green as in what is orange or brown.
+    r >= 28 && 2 * r >= 3 * other && r >= other + 14 && 3 * b + 30 >= 2 * g
+}
+
+/// White or grey.
+fn is_white(rgb: &[u8]) -> bool {
+    let (most, least) = (rgb[0].max(rgb[1]).max(rgb[2]), rgb[0].min(rgb[1]).min(rgb[2]));
+    // Not more than a third off grey.
+    most >= 40 && 3 * u32::from(least) >= 2 * u32::from(most)
+}

@@ -1,0 +1,135 @@
+//! Regions of an image: pixels of a kind that hang together.
+
+use crate::{Plane, Rgb};
+
+/// Pixels that hang together by sides or corners.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Region {
+    /// What its pixels have as a label.
+    pub(super) label: u32,
+    /// First column.
+    pub(super) left: usize,
+    /// First row.
+    pub(super) top: usize,
+    /// Behind the last column.
+    pub(super) right: usize,
+    /// Behind the last row.
+    pub(super) bottom: usize,
+}
+
+impl Region {
+    pub(super) fn width(&self) -> usize {
+        self.right - self.left
+    }
+
+    pub(super) fn height(&self) -> usize {
+        self.bottom - self.top
+    }
+}
+
+/// The regions of the newest image, in the order of their first rows.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Regions {
+    /// 0 where a pixel is of no region.
+    labels: Plane<u32>,
+    /// For each label one that is the same region, at last itself.
+    parents: Vec<u32>,
+    bounds: Vec<Region>,
+    regions: Vec<Region>,
+}
+
+impl Regions {
+    /// Finds what is at least `size_min` pixels wide and high (two passes with union of labels, Rosenfeld and Pfaltz
+    /// 1966).
+    pub(super) fn find(&mut self, image: Rgb<'_>, is_of: impl Fn(&[u8]) -> bool, size_min: usize) {
+        let (width, height) = (image.width(), image.height());
+        self.labels.reset(width, height);
+        self.parents.clear();
+        self.parents.push(0);
+        for y in 0..height {
+            for (x, rgb) in image.row(y).chunks_exact(3).enumerate() {
+                if is_of(rgb) {
+                    let label = self.label_at(x, y);
+                    self.labels.row_mut(y)[x] = label;
+                }
+            }
+        }
+        self.bound(size_min);
+    }
+
+    /// The label of a pixel: that of its neighbours before it, which become one region, or a new one.
+    fn label_at(&mut self, x: usize, y: usize) -> u32 {
+        let mut label = if x > 0 { self.labels.row(y)[x - 1] } else { 0 };
+        if y > 0 {
+            for near in x.saturating_sub(1)..(x + 2).min(self.labels.width()) {
+                let above = self.labels.row(y - 1)[near];
+                label = match (label, above) {
+                    (label, 0) => label,
+                    (0, above) => above,
+                    (label, above) => self.join(label, above),
+                };
+            }
+        }
+        if label == 0 {
+            label = self.parents.len() as u32;
+            self.parents.push(label);
+        }
+        label
+    }
+
+    fn root(&self, mut label: u32) -> u32 {
+        while self.parents[label as usize] != label {
+            label = self.parents[label as usize];
+        }
+        label
+    }
+
+    fn join(&mut self, a: u32, b: u32) -> u32 {
+        let (a, b) = (self.root(a), self.root(b));
+        let (first, second) = (a.min(b), a.max(b));
+        self.parents[second as usize] = first;
+        first
+    }
+
+    fn bound(&mut self, size_min: usize) {
+        for label in 1..self.parents.len() as u32 {
+            // Parents come first, so that theirs is final.
+            self.parents[label as usize] = self.parents[self.parents[label as usize] as usize];
+        }
+        let empty = |label| Region { label, left: usize::MAX, top: usize::MAX, right: 0, bottom: 0 };
+        self.bounds.clear();
+        self.bounds.extend((0..self.parents.len() as u32).map(empty));
+        for y in 0..self.labels.height() {
+            for (x, label) in self.labels.row_mut(y).iter_mut().enumerate() {
+                if *label == 0 {
+                    continue;
+                }
+                *label = self.parents[*label as usize];
+                let of = &mut self.bounds[*label as usize];
+                (of.left, of.top) = (of.left.min(x), of.top.min(y));
+                (of.right, of.bottom) = (of.right.max(x + 1), of.bottom.max(y + 1));
+            }
+        }
+        self.regions.clear();
+        let is_large = |of: &&Region| of.right > 0 && of.width() >= size_min && of.height() >= size_min;
+        self.regions.extend(self.bounds.iter().filter(is_large));
+    }
+
+    /// Those that are large enough.
+    pub(super) fn regions(&self) -> &[Region] {
+        &self.regions
+    }
+
+    /// The labels of a row.
+    pub(super) fn row(&self, y: usize) -> &[u32] {
+        self.labels.row(y)
+    }
+
+    /// The columns of a row from the first pixel of a region to behind its last.
+    pub(super) fn span(&self, region: &Region, y: usize) -> Option<(usize, usize)> {
+        let row = &self.labels.row(y)[region.left..region.right];
+        let from = row.iter().position(|label| *label == region.label)?;
+        let to = row.iter().rposition(|label| *label == region.label)?;
+        Some((region.left + from, region.left + to + 1))
+    }
+}

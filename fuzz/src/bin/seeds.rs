@@ -1,0 +1,128 @@
+//! Writes what the fuzz targets begin with into a folder: `seeds FOLDER`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use anyhow::Context as _;
+use swerve_drive::{drive_pipeline, run_start};
+use swerve_flow::{Answered, Call, Event, Lost, Observer, RemoteExecutor, Worker};
+use swerve_fuzz::WORKERS;
+use swerve_log::Recorder;
+use swerve_ros2::{Kind, cdr, samples};
+use swerve_stack::config::Config;
+
+fn main() -> anyhow::Result<()> {
+    let folder = std::env::args().nth(1).context("expected a folder")?;
+    let folder = Path::new(&folder);
+    copied(folder)?;
+    for (k, kind) in Kind::ALL.iter().enumerate() {
+        let payload = cdr::encode(&samples::sample(*kind));
+        put(folder, "cdr", kind.name(), &[&[k as u8], &payload[..]].concat())?;
+    }
+    driven(folder)
+}
+
+/// Files of the repository: each target begins with those that it is for.
+fn copied(folder: &Path) -> anyhow::Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let of = [
+        ("scenario", "scenarios", "toml"),
+        ("config", "configs", "toml"),
+        ("config", "configs/live", "toml"),
+        ("study", "configs/studies", "toml"),
+        ("plan_problems", "configs/problems", "json"),
+        ("detector_weights", "crates/swerve-vision/detectors", "weights"),
+        ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),
+        ("png", "docs/img", "png"),
+    ];
+    for (target, from, ending) in of {
+        for entry in std::fs::read_dir(root.join(from)).with_context(|| from.to_owned())? {
+            let path = entry?.path();
+            if path.extension().is_some_and(|end| end == ending) {
+                let name = path.file_name().context("a file has a name")?.to_string_lossy().into_owned();
+                put(folder, target, &name, &std::fs::read(&path)?)?;
+            }
+        }
+    }
+    let mot = "1,1,10,10,20,40,1,-1,-1,-1\n2,1,12,10,20,40,1,-1,-1,-1\n---\n1,7,11,10,20,40,1,-1,-1,-1\n";
+    let kitti = "Car 0.00 0 1.57 10 20 60 80 1.5 1.6 4.0 1.0 1.5 20.0 1.57\n---\n\
+                 Car -1 -1 1.57 11 20 60 80 1.5 1.6 4.0 1.0 1.5 20.0 1.57 0.9\n";
+    let coco = "{\"images\":[{\"id\":1}],\"categories\":[{\"id\":1,\"name\":\"car\"}],\"annotations\":[{\"id\":1,\
+                \"image_id\":1,\"category_id\":1,\"bbox\":[1,2,30,40],\"area\":1200,\"iscrowd\":0}]}\n---\n\
+                [{\"image_id\":1,\"category_id\":1,\"bbox\":[1,2,30,41],\"score\":0.9}]";
+    put(folder, "mot", "two", mot.as_bytes())?;
+    put(folder, "kitti", "one", kitti.as_bytes())?;
+    put(folder, "coco", "one", coco.as_bytes())?;
+    put(folder, "ros2_mapping", "some", b"vehicle = \"autoware\"\n[topics.pose]\ntopic = \"/x\"\n")
+}
+
+/// What a short drive logs, sends to other processes, and asks of them.
+fn driven(folder: &Path) -> anyhow::Result<()> {
+    let mut pipeline = swerve_fuzz::pipeline();
+    let calls: Arc<Mutex<Vec<Vec<u8>>>> = Arc::default();
+    for operator in WORKERS {
+        let worker = swerve_fuzz::pipeline().graph.into_worker(&[operator.to_owned()])?;
+        let asked = Asked { worker, calls: calls.clone() };
+        let _remote = pipeline.graph.operator(operator)?.remote(Box::new(asked));
+    }
+    let log = swerve_fuzz::Scratch::file("log.mcap", &[]);
+    let start = run_start(&Config::default(), Path::new("person_behind_truck"))?;
+    let mut recorder = Recorder::create(log.path(), &start)?;
+    let mut messages = Messages::default();
+    drive_pipeline(pipeline, 1, 1, &mut [&mut messages, &mut recorder])?;
+    recorder.finish()?;
+    put(folder, "log", "drive", &std::fs::read(log.path())?)?;
+    put(folder, "rosbag", "drive", &std::fs::read(log.path())?)?;
+    for (stream, [wire, cbor]) in &messages.0 {
+        put(folder, "message", &format!("{stream}.wire"), wire)?;
+        put(folder, "message", &format!("{stream}.cbor"), cbor)?;
+    }
+    for (k, call) in calls.lock().expect("no thread has panicked").iter().enumerate().step_by(7) {
+        put(folder, "worker_call", &k.to_string(), call)?;
+    }
+    Ok(())
+}
+
+/// Keeps the calls, and has them answered here.
+struct Asked {
+    worker: Worker,
+    calls: Arc<Mutex<Vec<Vec<u8>>>>,
+}
+
+impl RemoteExecutor for Asked {
+    fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost> {
+        let mut bytes = Vec::new();
+        call.encode(&mut bytes);
+        self.worker.answer(&bytes, answer).map_err(|error| Lost(error.to_string()))?;
+        self.calls.lock().expect("no thread has panicked").push(bytes);
+        Ok(Answered::InTurn)
+    }
+}
+
+/// One message of each stream, between processes and in a log.
+#[derive(Default)]
+struct Messages(BTreeMap<String, [Vec<u8>; 2]>);
+
+impl Observer for Messages {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload else { return };
+        let [wire, cbor] = self.0.entry(publication.stream.to_owned()).or_default();
+        wire.clear();
+        cbor.clear();
+        payload.to_wire(wire);
+        payload.to_cbor(cbor);
+    }
+}
+
+fn put(folder: &Path, target: &str, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
+    // Whole images and clouds slow every run of a target down and say nothing new.
+    const BYTES_MAX: usize = 200_000;
+    let folder = folder.join(target);
+    std::fs::create_dir_all(&folder)?;
+    if bytes.len() <= BYTES_MAX || target == "log" || target.ends_with("weights") {
+        std::fs::write(folder.join(name), bytes)?;
+    }
+    Ok(())
+}
