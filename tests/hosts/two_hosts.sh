@@ -13,6 +13,7 @@ out=$(realpath "$3")
 shift 3
 repository=$(realpath "$(dirname "$0")/../..")
 a=swerve_a_$$ b=swerve_b_$$
+unset XDG_RUNTIME_DIR # files are in the same place on any machine then
 files=${TMPDIR:-/tmp}/swerve_ipc_$(id -u)
 
 end() {
@@ -24,7 +25,7 @@ end() {
 trap end EXIT
 trap 'exit 1' INT TERM
 
-mkdir -p "$files"
+mkdir -p -m 700 "$files"
 ip netns add $a
 ip netns add $b
 ip link add va$$ netns $a type veth peer name vb$$ netns $b

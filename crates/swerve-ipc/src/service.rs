@@ -5,7 +5,9 @@ use core::fmt::Debug;
 #[cfg(test)]
 use core::mem::offset_of;
 use std::collections::BTreeSet;
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions, Permissions};
+use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -125,6 +127,8 @@ impl Backing {
         for file in self.files().difference(&before) {
             // One that is gone already needs nothing.
             let Ok(opened) = OpenOptions::new().write(true).open(file) else { continue };
+            // iceoryx2 0.10 makes one file that anybody on the machine may write to.
+            close_to_others(&opened).map_err(IpcError::of("closing shared memory to other users"))?;
             let length = opened.metadata().map_or(0, |file| file.len());
             if length > 0
                 && let Err(error) = fallocate(&opened, FallocateFlags::empty(), 0, length)
@@ -134,6 +138,12 @@ impl Backing {
         }
         Ok(made)
     }
+}
+
+/// Takes all rights from others than the owner of a file.
+fn close_to_others(file: &File) -> io::Result<()> {
+    let mode = file.metadata()?.permissions().mode();
+    file.set_permissions(Permissions::from_mode(mode & 0o700))
 }
 
 /// The writing end of a service of messages.
@@ -340,6 +350,19 @@ mod tests {
         let refused = hub.lending_sender("memory/big", TALK, 2, 1 << 30, 1 << 20).unwrap_err().to_string();
         assert!(refused.contains("would be needed"), "{refused}");
         hub.lending_sender("memory/small", TALK, 2, 4, 1 << 16).unwrap();
+    }
+
+    #[test]
+    fn no_other_user_reads_or_writes_what_a_run_shares() {
+        let folder = crate::folder::RunFolder::create().unwrap();
+        let hub = Hub::join(&folder.address).unwrap();
+        let _ends = (hub.sender("a", TALK, 100).unwrap(), hub.receiver::<u8>("a", TALK).unwrap());
+        let files = shared_files(&folder.address.prefix);
+        assert!(files.len() > 2, "{files:?}");
+        for file in files {
+            let mode = std::fs::metadata(&file).unwrap().permissions().mode();
+            assert_eq!(mode & 0o077, 0, "{}: {mode:o}", file.display());
+        }
     }
 
     #[test]
