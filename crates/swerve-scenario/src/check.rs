@@ -1,11 +1,11 @@
 //! Checks that no single value allows: geometry, and what refers to what.
 
-use swerve_geom::Obb;
+use swerve_geom::{Obb, Polyline, math};
 use swerve_msg::ActorKind;
 use swerve_vehicle::Shape;
 
 use crate::draw::EGO_START_M;
-use crate::{Scenario, Subject, Trigger};
+use crate::{Actor, Scenario, Subject, Trigger};
 
 /// Problems of a scenario whose values are each in range, as (key, message).
 pub(crate) fn problems(scenario: &Scenario) -> Vec<(String, String)> {
@@ -83,18 +83,35 @@ fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) 
 /// Actors that can be pushed must not start inside one another: physics would throw them apart.
 fn actors(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     let line = scenario.road.line();
-    for (i, actor) in scenario.actors.iter().enumerate() {
-        for other in &scenario.actors[..i] {
-            let both_fixed = actor.kind == ActorKind::Static && other.kind == ActorKind::Static;
-            // Of two round bodies the box of one is taken, which is larger than it.
-            let (round, square) = if actor.is_round() { (actor, other) } else { (other, actor) };
-            let rectangle = square.extent.footprint(square.pose(&line));
-            if !both_fixed && round.distance_to(&line, &rectangle) == 0.0 {
-                let message = format!("starts inside the actor \"{}\"", other.name);
-                found.push((format!("actor.{}", actor.name), message));
-            }
+    for (i, other) in near(scenario, &line) {
+        let (actor, other) = (&scenario.actors[i], &scenario.actors[other]);
+        let both_fixed = actor.kind == ActorKind::Static && other.kind == ActorKind::Static;
+        // Of two round bodies the box of one is taken, which is larger than it.
+        let (round, square) = if actor.is_round() { (actor, other) } else { (other, actor) };
+        let rectangle = square.extent.footprint(square.pose(&line));
+        if !both_fixed && round.distance_to(&line, &rectangle) == 0.0 {
+            let message = format!("starts inside the actor \"{}\"", other.name);
+            found.push((format!("actor.{}", actor.name), message));
         }
     }
+}
+
+/// Pairs of actors, the later one first, that are so near along x that they could touch; in their order.
+fn near(scenario: &Scenario, line: &Polyline) -> Vec<(usize, usize)> {
+    let reach = |(i, actor): (usize, &Actor)| {
+        let at = actor.extent.footprint(actor.pose(line));
+        let radius_m = math::hypot(at.half_length_m, at.half_width_m);
+        (at.center.x_m - radius_m, at.center.x_m + radius_m, i)
+    };
+    let mut reaches: Vec<(f64, f64, usize)> = scenario.actors.iter().enumerate().map(reach).collect();
+    reaches.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut pairs = Vec::new();
+    for (k, (_, to, i)) in reaches.iter().enumerate() {
+        let behind = reaches[k + 1..].iter().take_while(|(from, _, _)| from <= to);
+        pairs.extend(behind.map(|(_, _, j)| (*i.max(j), *i.min(j))));
+    }
+    pairs.sort_unstable();
+    pairs
 }
 
 fn triggers(scenario: &Scenario, found: &mut Vec<(String, String)>) {

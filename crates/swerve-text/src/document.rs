@@ -1,5 +1,6 @@
 //! TOML text with problems that name file, line and key.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -64,12 +65,14 @@ pub struct Document {
     pub text: Arc<str>,
     /// The values.
     pub table: toml::Table,
-    places: Vec<Place>,
+    places: Places,
 }
+
+/// Where the value at each dotted key stands.
+type Places = BTreeMap<String, Place>;
 
 #[derive(Clone, Debug)]
 struct Place {
-    key: String,
     /// Byte of the text.
     start: usize,
     /// From 1.
@@ -99,13 +102,13 @@ impl Document {
             message: not_toml(error.message().trim_end()),
         };
         let parsed = DeTable::parse(text).map_err(syntax)?;
-        let mut places = Vec::new();
-        note_table(parsed.get_ref(), "", text, &mut places);
+        let mut places = Places::new();
+        note_table(parsed.get_ref(), "", &Lines::of(text), &mut places);
         let table = toml::from_str(text).map_err(|error| {
             let at = error.span().map_or(0, |span| span.start);
-            let before = places.iter().filter(|place| place.start <= at);
+            let before = places.iter().filter(|(_, place)| place.start <= at);
             let key =
-                before.max_by_key(|place| place.start).map_or_else(String::new, |place| place.key.clone());
+                before.max_by_key(|(_, place)| place.start).map_or_else(String::new, |(key, _)| key.clone());
             Problem { key, ..syntax(error) }
         })?;
         Ok(Self { file: file.to_owned(), text: text.into(), table, places })
@@ -172,7 +175,7 @@ impl Document {
     }
 
     fn place(&self, key: &str) -> Option<&Place> {
-        self.places.iter().find(|place| place.key == key)
+        self.places.get(key)
     }
 }
 
@@ -188,7 +191,21 @@ fn not_toml(message: &str) -> String {
     format!("not TOML: {message}")
 }
 
-fn note_table(table: &DeTable<'_>, prefix: &str, text: &str, places: &mut Vec<Place>) {
+/// Where the lines of a text end.
+struct Lines(Vec<usize>);
+
+impl Lines {
+    fn of(text: &str) -> Self {
+        Self(text.match_indices('\n').map(|(at, _)| at).collect())
+    }
+
+    /// The line of a byte, from 1.
+    fn line(&self, offset: usize) -> usize {
+        self.0.partition_point(|end| *end < offset) + 1
+    }
+}
+
+fn note_table(table: &DeTable<'_>, prefix: &str, lines: &Lines, places: &mut Places) {
     for (name, value) in table {
         let name_start = name.span().start;
         let name = name.get_ref();
@@ -196,17 +213,17 @@ fn note_table(table: &DeTable<'_>, prefix: &str, text: &str, places: &mut Vec<Pl
         // A table with a heading of its own begins at that heading, not where a table within it is first named.
         let is_table = matches!(value.get_ref(), DeValue::Table(_));
         let start = if is_table { name_start.max(value.span().start) } else { name_start };
-        note(value.get_ref(), &key, start, text, places);
+        note(value.get_ref(), &key, start, lines, places);
     }
 }
 
-fn note(value: &DeValue<'_>, key: &str, start: usize, text: &str, places: &mut Vec<Place>) {
-    places.push(Place { key: key.to_owned(), start, line: line_of(text, start) });
+fn note(value: &DeValue<'_>, key: &str, start: usize, lines: &Lines, places: &mut Places) {
+    places.entry(key.to_owned()).or_insert_with(|| Place { start, line: lines.line(start) });
     match value {
-        DeValue::Table(inner) => note_table(inner, key, text, places),
+        DeValue::Table(inner) => note_table(inner, key, lines, places),
         DeValue::Array(items) => {
             for (i, item) in items.iter().enumerate() {
-                note(item.get_ref(), &format!("{key}[{i}]"), item.span().start, text, places);
+                note(item.get_ref(), &format!("{key}[{i}]"), item.span().start, lines, places);
             }
         }
         _ => {}

@@ -395,3 +395,20 @@ fn no_text_makes_the_reader_panic() {
         })
         .unwrap();
 }
+
+/// Ten thousand people in rows, two of them in one place: minutes, were every pair of them or every key compared.
+#[test]
+fn a_crowd_is_checked_and_the_one_inside_another_is_found() {
+    use std::fmt::Write as _;
+    let mut text = FULL.split("[[actor]]").next().unwrap().to_owned();
+    for k in 0..10_000 {
+        let (s_m, d_m) = (10 + k % 400, 20 + k / 400);
+        write!(text, "[[actor]]\nname = \"p{k}\"\nkind = \"pedestrian\"\ns_m = {s_m}\nd_m = {d_m}\n")
+            .unwrap();
+    }
+    text += "[[actor]]\nname = \"twin\"\nkind = \"pedestrian\"\ns_m = 210.1\nd_m = 30.0\n";
+    let found = Scenario::parse("crowd.toml", &text).unwrap_err();
+    let twin: Vec<_> = found.iter().filter(|problem| problem.key.contains("twin")).collect();
+    assert_eq!(twin.len(), 1, "{found}");
+    assert_eq!(twin[0].message, "starts inside the actor \"p4200\"");
+}
