@@ -47,7 +47,8 @@ pub struct GateParams {
     /// A report of the vehicle older than this is none, seconds.
     pub report_timeout_s: f64,
     /// The same numbers under new stamps for longer than this, while the car moves, are no command, seconds; 0 for no
-    /// bound. A controller that measures never says the same for long; one that hangs behind a live wire does.
+    /// bound. A controller that measures never says the same for long, as ours does not; what is known to say only what it
+    /// wants, such as a constant speed along a straight lane, may.
     pub repeat_max_s: f64,
     /// A command is refused whose newest sensor frame is older than this, seconds; 0 for no bound. What follows a plan
     /// of long ago is new itself, and blind.
@@ -312,17 +313,18 @@ impl SafetyGate {
         if driver {
             return GateMode::Manual;
         }
-        let command = self.command.is_some_and(|c| is_fresh(c.stamp, now, self.params.command_timeout_s))
-            && !self.hangs(now);
+        let command = self.command.is_some_and(|c| is_fresh(c.stamp, now, self.params.command_timeout_s));
         let report = self.report.is_some_and(|r| is_fresh(r.stamp, now, self.params.report_timeout_s));
         let rising = input.enable && !self.enable_before;
-        let may_start = rising && command && report && !input.emergency;
+        let hangs = self.hangs(now);
+        let may_start = rising && command && !hangs && report && !input.emergency;
         match self.mode {
             GateMode::Manual if may_start => GateMode::Driving,
             GateMode::Manual => GateMode::Manual,
             GateMode::Driving if input.emergency => GateMode::Stopping(StopCause::Emergency),
             GateMode::Driving if !report => GateMode::Stopping(StopCause::ReportTimeout),
             GateMode::Driving if !command => GateMode::Stopping(StopCause::CommandTimeout),
+            GateMode::Driving if hangs => GateMode::Stopping(StopCause::CommandFrozen),
             GateMode::Driving if !input.enable => GateMode::Stopping(StopCause::Released),
             GateMode::Driving => GateMode::Driving,
             GateMode::Stopping(cause) if report && self.stands() => {

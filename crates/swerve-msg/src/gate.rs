@@ -52,6 +52,8 @@ pub enum StopCause {
     Released,
     /// The emergency stop.
     Emergency,
+    /// Commands come, and say the same for too long.
+    CommandFrozen,
 }
 
 impl StopCause {
@@ -62,6 +64,7 @@ impl StopCause {
             Self::ReportTimeout => "no sound report of the vehicle",
             Self::Released => "the switch was released",
             Self::Emergency => "emergency stop",
+            Self::CommandFrozen => "the command is frozen",
         }
     }
 }

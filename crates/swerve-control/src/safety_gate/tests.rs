@@ -125,7 +125,7 @@ fn silence_of_the_stack_is_a_controlled_stop_after_half_a_second() {
 }
 
 #[test]
-fn a_command_that_is_said_again_and_again_is_silence_where_that_is_asked_for() {
+fn a_command_that_is_said_again_and_again_is_frozen_where_that_is_asked_for() {
     let mut bench = Bench::driving();
     assert_eq!(bench.run(500).mode, GateMode::Driving, "no bound by default");
 
@@ -141,7 +141,19 @@ fn a_command_that_is_said_again_and_again_is_silence_where_that_is_asked_for() {
     while bench.tick().mode == GateMode::Driving {}
     let after_ms = bench.now_ms - hangs_since;
     assert!((1000..=1040).contains(&after_ms), "{after_ms} ms");
-    assert_eq!(bench.run(1).mode, GateMode::Stopping(StopCause::CommandTimeout));
+    assert_eq!(bench.run(1).mode, GateMode::Stopping(StopCause::CommandFrozen));
+    // It stands, says what it says, and is let in again by a new act.
+    for _ in 0..50 {
+        bench.report().speed_mps = 0.0;
+        bench.tick();
+    }
+    assert_eq!(bench.tick().mode, GateMode::Holding(StopCause::CommandFrozen));
+    bench.input.enable = false;
+    bench.run(1);
+    bench.input.enable = true;
+    bench.report().speed_mps = 0.0;
+    assert_eq!(bench.tick().mode, GateMode::Driving);
+    assert_eq!(bench.gate.refusals(), Refusals::default(), "none of its commands was refused");
     // A car that stands is asked for the same as long as it stands.
     let mut bench = Bench::driving();
     bench.gate.params.repeat_max_s = 1.0;

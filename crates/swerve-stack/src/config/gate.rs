@@ -43,7 +43,12 @@ impl Config {
     /// # Errors
     /// What is wrong with them.
     pub(super) fn gate_params(&self) -> Result<GateParams, String> {
-        let params: GateParams = overridden(&GateParams::new(&self.sim.vehicle), &self.gate.params)?;
+        let mut params = GateParams::new(&self.sim.vehicle);
+        if self.is_driven_over_ros2() {
+            // What another stack says may be the same for as long as the road is straight.
+            params.repeat_max_s = 0.0;
+        }
+        let params: GateParams = overridden(&params, &self.gate.params)?;
         params.validate().map_err(|error| error.to_string())?;
         Ok(params)
     }
@@ -83,6 +88,18 @@ mod tests {
         assert_eq!((params.stop_decel_mps2, params.steering_max_rad), (2.5, 0.4));
         let of_car = Config::default().gate_params().unwrap();
         assert!(of_car.decel_max_mps2 > 9.81, "full brakes pass: {}", of_car.decel_max_mps2);
+    }
+
+    #[test]
+    fn another_stack_may_say_the_same_for_as_long_as_it_likes_unless_it_is_asked_not_to() {
+        let repeat_max_s = |text: &str| {
+            let document = Document::parse("c.toml", text).unwrap();
+            Config::from_document(&document, &[]).unwrap().gate_params().unwrap().repeat_max_s
+        };
+        let foreign =
+            "[clock]\nsource = \"wall\"\n[ego]\ndriver = \"ros2\"\n[ros2]\n[gate]\nenabled = true\n";
+        assert_eq!((repeat_max_s(""), repeat_max_s(foreign)), (1.0, 0.0));
+        assert_eq!(repeat_max_s(&format!("{foreign}params = {{ repeat_max_s = 2 }}\n")), 2.0);
     }
 
     #[test]
