@@ -62,6 +62,8 @@ class StopCause(str, Enum):
     """The person let go of the switch."""
     EMERGENCY = "emergency"
     """The emergency stop."""
+    COMMAND_FROZEN = "command_frozen"
+    """Commands come, and say the same for too long."""
 
 
 class Refusal(str, Enum):
