@@ -42,6 +42,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/street.toml"
     "scenarios/traffic_jam.toml"
     "configs/best.toml"
+    "configs/camera_objects.toml"
     "configs/deadlines.toml"
     "configs/detector.toml"
     "configs/lidar_objects.toml"

@@ -244,11 +244,12 @@ fn length(
     config: &Config,
     problems: &mut KeyProblems,
 ) -> Option<Span> {
+    let takes_ms = placed.kind.takes_ms(&placed.settings(config));
     let config = placed.settings(config).config;
     for (key, message) in scheduled.problems(config, &placed.own) {
         problems.push((format!("operator.{}.{key}", placed.name), message.into()));
     }
-    scheduled.length(config, &placed.own, &placed.resolved).unwrap_or_else(|message| {
+    scheduled.length(config, &placed.own, &placed.resolved, takes_ms).unwrap_or_else(|message| {
         let problem = (format!("execution.{}", scheduled.key()), message);
         // Of several detectors or planners each would say it.
         if !problems.contains(&problem) {

@@ -1,6 +1,7 @@
 //! The operators of Swerve: a file each, and a line each in the registry.
 
 mod camera;
+mod camera_objects;
 mod commands;
 mod controller;
 mod deadlines;
@@ -55,6 +56,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(lidar::Lidars)
         .with_kind(monitor::Monitors)
         .with_kind(detector::EmulatedDetector)
+        .with_kind(camera_objects::CameraDetector)
         .with::<lidar_objects::Objects>()
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()

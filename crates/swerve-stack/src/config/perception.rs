@@ -157,14 +157,7 @@ impl Config {
     /// Expected time from a sensor frame to its plan's first effect, ms: the detector's and the planner's.
     pub fn expected_ms(&self) -> f64 {
         let PlanningConfig { expected_ms, .. } = self.planning;
-        let named = scheduled_operator(self, Scheduled::Detector).and_then(|own| own.runtime);
-        let detector_ms = match self.perception.detector.as_str() {
-            TRUTH => 0.0,
-            _ => named.map_or_else(
-                || self.perception.published_ms().unwrap_or(0.0),
-                |runtime| runtime.typical_ms(),
-            ),
-        };
+        let detector_ms = scheduled_operator(self, Scheduled::Detector).flatten().unwrap_or(0.0);
         expected_ms.unwrap_or_else(|| self.planning.expected_ms() + detector_ms)
     }
 
