@@ -151,8 +151,7 @@ impl<'a> Measured<'a> {
         let across_m = params.bearing_noise_rad * range_m;
         let (sin, cos) = math::sin_cos(math::atan2(y, x) + ego.heading_rad);
         let turn = Matrix2::new(cos, -sin, sin, cos);
-        let [floor_m, place_m] = [params.floor_noise_m, params.motion(found.kind).place_noise_m];
-        let square = |m: f64| m * m + floor_m * floor_m + place_m * place_m;
+        let square = |m: f64| m * m + params.floor_noise_m * params.floor_noise_m;
         let spread = Matrix2::new(square(along_m), 0.0, 0.0, square(across_m));
         let at = ego.from_local::<Ego>(found.pose.point());
         Self {

@@ -18,10 +18,6 @@ pub struct Motion {
     /// Standard deviation of a sudden change of each part of the velocity, m/s: what tracks and boxes that found none
     /// otherwise are tried with.
     pub change_mps: f64,
-    /// Standard deviation of a box's place in any direction, on top of what all have, metres: of what is large, one
-    /// side alone may be seen.
-    #[serde(default)]
-    pub place_noise_m: f64,
 }
 
 /// Parameters of the tracker.
@@ -71,9 +67,9 @@ impl Default for Params {
             range_noise_share: 0.03,
             bearing_noise_rad: 0.002,
             floor_noise_m: 0.02,
-            person: Motion { speed_mps: 2.0, accel_density: 2.0, change_mps: 3.0, place_noise_m: 0.0 },
-            vehicle: Motion { speed_mps: 8.0, accel_density: 4.0, change_mps: 3.0, place_noise_m: 0.0 },
-            fixed: Motion { speed_mps: 0.05, accel_density: 1e-4, change_mps: 0.05, place_noise_m: 0.0 },
+            person: Motion { speed_mps: 2.0, accel_density: 2.0, change_mps: 3.0 },
+            vehicle: Motion { speed_mps: 8.0, accel_density: 4.0, change_mps: 3.0 },
+            fixed: Motion { speed_mps: 0.05, accel_density: 1e-4, change_mps: 0.05 },
         }
     }
 }
@@ -108,15 +104,12 @@ impl Params {
             ("person.speed_mps", self.person.speed_mps, [1e-3, 100.0]),
             ("person.accel_density", self.person.accel_density, [1e-6, 1e3]),
             ("person.change_mps", self.person.change_mps, [0.0, 100.0]),
-            ("person.place_noise_m", self.person.place_noise_m, [0.0, 10.0]),
             ("vehicle.speed_mps", self.vehicle.speed_mps, [1e-3, 100.0]),
             ("vehicle.accel_density", self.vehicle.accel_density, [1e-6, 1e3]),
             ("vehicle.change_mps", self.vehicle.change_mps, [0.0, 100.0]),
-            ("vehicle.place_noise_m", self.vehicle.place_noise_m, [0.0, 10.0]),
             ("fixed.speed_mps", self.fixed.speed_mps, [1e-3, 100.0]),
             ("fixed.accel_density", self.fixed.accel_density, [1e-6, 1e3]),
             ("fixed.change_mps", self.fixed.change_mps, [0.0, 100.0]),
-            ("fixed.place_noise_m", self.fixed.place_noise_m, [0.0, 10.0]),
         ];
         within(&all)
     }
