@@ -1,12 +1,15 @@
-//! Perception: an emulated detector, objects from lidar, and a tracker.
+//! Perception: an emulated detector, objects from lidar, and trackers.
 //!
 //! [`detector`] takes what a sensor could see (truth) and makes of it what a detector of a given accuracy would have
-//! reported: boxes in the ego frame and in the image, some missed, some wrong, some of nothing. [`tracker`] makes
-//! tracks of such boxes on the ground, [`image_plane`] in the image. [`lidar`] makes boxes of the points of a lidar, without neural networks.
+//! reported: boxes in the ego frame and in the image, some missed, some wrong, some of nothing. [`tracker`] and
+//! [`ab3dmot`] make tracks of such boxes on the ground, [`image_plane`] in the image. [`lidar`] makes boxes of the points of a lidar, without neural networks.
 //!
 //! Absences: no engine, no simulator, no file, no clock; how long a detector takes is for the caller.
 
+pub mod ab3dmot;
 pub mod assignment;
+mod axis;
+mod bound;
 pub mod detector;
 pub mod image_box;
 pub mod image_plane;
@@ -14,6 +17,7 @@ pub mod lidar;
 pub mod tracker;
 mod validate;
 
+pub use ab3dmot::Ab3dMot;
 pub use detector::Detector;
 pub use lidar::LidarObjects;
 pub use tracker::Tracker;
