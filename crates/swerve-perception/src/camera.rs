@@ -118,7 +118,7 @@ impl CameraObjects {
             if out.boxes.iter().zip(&kept).any(is_again) {
                 continue;
             }
-            let Some(pose) = eye.place(&class, one.bbox, size[1], &road) else { continue };
+            let Some((pose, covariance_m2)) = eye.place(&class, one.bbox, size[1], &road) else { continue };
             out.boxes.push(DetectedBox {
                 kind: class.kind,
                 score: one.score,
@@ -126,6 +126,8 @@ impl CameraObjects {
                 bottom_m: 0.0,
                 extent: class.extent,
                 image_px: Some(cut(one.bbox, size)),
+                covariance_m2: Some(covariance_m2),
+                radial_speed_mps: None,
             });
             kept.push(one.bbox);
         }

@@ -273,5 +273,7 @@ fn boxed(rectangle: &Rectangle, class: &Class, cluster: Cluster, lane: Option<(f
         bottom_m: 0.0,
         extent: Extent { length_m, width_m, height_m: f64::from(cluster.top_m).max(least_m) },
         image_px: None,
+        covariance_m2: None,
+        radial_speed_mps: None,
     }
 }

@@ -16,7 +16,7 @@ use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
 use crate::config::resolved::Resolved;
 use crate::config::{Config, OperatorConfig};
 use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
-use swerve_msg::Detections;
+use swerve_msg::{Detections, Image};
 use swerve_text::nearest;
 
 pub(crate) use base::{pipeline_names, scheduled_operator, sensor_operators};
@@ -170,6 +170,16 @@ impl Assembly {
         let payload = PayloadType::of::<T>();
         let carries = |(_, output): &(&Placed, &Output)| output.port.payload == payload;
         self.streams().find(carries).map(|(placed, _)| placed.name.as_str())
+    }
+
+    /// The stream of images that an operator looks for boxes in, where it is one that detects.
+    pub fn image_of(&self, detector: &str) -> Option<&str> {
+        let placed = self.operator(detector)?;
+        let carries = |of: PayloadType, payload: Option<PayloadType>| payload == Some(of);
+        let detects = |output: &Output| carries(PayloadType::of::<Detections>(), Some(output.port.payload));
+        let is_image = |input: &&Input| carries(PayloadType::of::<Image>(), input.port.payload);
+        let image = placed.inputs.iter().find(is_image).filter(|_| placed.outputs.iter().any(detects))?;
+        image.from.first().map(|edge| edge.stream.as_str())
     }
 
     /// The pipeline as the text that makes it: what `config` sets, and every operator with its kind and what it reads;

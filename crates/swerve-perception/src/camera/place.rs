@@ -6,7 +6,7 @@ use swerve_vision::acf::Ground;
 
 use crate::road::Road;
 
-/// Deviation of the row of a box's foot, as a share of its height, and of that height.
+/// Deviation of the row of a box's foot, as a share of its height, and of that height; of its middle column, half as much.
 const EDGE_SHARE: f64 = 0.04;
 /// Deviation of the camera's pitch over the ground, radians: what the springs do beside what is known of them.
 const PITCH_RAD: f64 = 0.003;
@@ -25,20 +25,27 @@ pub(super) struct Class {
     pub(super) extent: Extent,
     /// Deviation of the height, as a share.
     height_share: f64,
+    /// Deviation of its middle from where the face that is seen says that it is, metres: lengths differ.
+    middle_m: f64,
 }
 
-const fn class(name: &'static str, kind: ActorKind, size_m: [f64; 3], height_share: f64) -> Class {
+const fn class(
+    name: &'static str,
+    kind: ActorKind,
+    size_m: [f64; 3],
+    [height_share, middle_m]: [f64; 2],
+) -> Class {
     let [length_m, width_m, height_m] = size_m;
-    Class { name, kind, extent: Extent { length_m, width_m, height_m }, height_share }
+    Class { name, kind, extent: Extent { length_m, width_m, height_m }, height_share, middle_m }
 }
 
 /// The classes that are known. Sizes and deviations are those of adults, cars and vans, lorries, riders; a van is taken
 /// for a car as often as for a truck, so that the height of neither says much.
 pub(super) const CLASSES: [Class; 4] = [
-    class("pedestrian", ActorKind::Pedestrian, [0.5, 0.5, 1.73], 0.07),
-    class("car", ActorKind::Car, [4.5, 1.9, 1.7], 0.3),
-    class("truck", ActorKind::Truck, [6.5, 2.55, 3.0], 0.3),
-    class("cyclist", ActorKind::Cyclist, [1.8, 0.6, 1.75], 0.07),
+    class("pedestrian", ActorKind::Pedestrian, [0.5, 0.5, 1.73], [0.07, 0.05]),
+    class("car", ActorKind::Car, [4.5, 1.9, 1.7], [0.3, 0.5]),
+    class("truck", ActorKind::Truck, [6.5, 2.55, 3.0], [0.3, 0.8]),
+    class("cyclist", ActorKind::Cyclist, [1.8, 0.6, 1.75], [0.07, 0.2]),
 ];
 
 impl Class {
@@ -80,15 +87,15 @@ impl Eye {
         Ground { horizon_px, focal_px: self.lens.fy_px, height_m: self.height_m }
     }
 
-    /// Where something of a class stands whose picture is this box (left, top, width, height; the image has `rows`);
-    /// none for what would stand nowhere on the ground.
+    /// Where something of a class stands whose picture is this box (left, top, width, height; the image has `rows`), with
+    /// the covariance of that (xx, xy, yy, m²); none for what would stand nowhere on the ground.
     pub(super) fn place(
         &self,
         class: &Class,
         bbox: [f64; 4],
         rows: f64,
         road: &Road<'_>,
-    ) -> Option<Pose2<Ego>> {
+    ) -> Option<(Pose2<Ego>, [f64; 3])> {
         let [left, top, across, down] = bbox;
         let foot = self.foot(left + 0.5 * across, top + down);
         let by_foot = foot.rho.filter(|_| top + down < rows).map(|rho| {
@@ -97,12 +104,21 @@ impl Eye {
         });
         let rho = down / (self.lens.fy_px * class.extent.height_m);
         let by_height = (rho, sum_of_squares([EDGE_SHARE * rho, class.height_share * rho]));
-        let weigh = |all: &[(f64, f64)]| {
-            let weight = all.iter().map(|(_, variance)| 1.0 / variance).sum::<f64>();
-            all.iter().map(|(rho, variance)| rho / variance).sum::<f64>() / weight
-        };
-        let rho = by_foot.map_or(by_height.0, |by_foot| weigh(&[by_foot, by_height]));
-        (rho * FAR_M > 1.0).then(|| self.complete(class, 1.0 / rho, foot.leftwards, road))
+        let (rho, variance) = by_foot.map_or(by_height, |by_foot| mean(by_foot, by_height));
+        if rho * FAR_M <= 1.0 {
+            return None;
+        }
+        let pose = self.complete(class, 1.0 / rho, foot.leftwards, road);
+        // An error of depth moves it along its ray, one of the column across the axis.
+        let depth = sum_of_squares([variance.sqrt() / (rho * rho), class.middle_m]);
+        let column = 0.5 * EDGE_SHARE * down / (self.lens.fx_px * rho);
+        let across = sum_of_squares([column, 0.5 * class.middle_m]);
+        let (sin, cos) = math::sin_cos(self.stand.heading_rad);
+        let ray = [cos - foot.leftwards * sin, sin + foot.leftwards * cos];
+        let part = |a: f64, b: f64, c: f64, d: f64| depth * a * b + across * c * d;
+        let covariance =
+            [part(ray[0], ray[0], sin, sin), part(ray[0], ray[1], -sin, cos), part(ray[1], ray[1], cos, cos)];
+        Some((pose, covariance))
     }
 
     /// The middle of a thing whose nearest face is so far off along the camera's axis, metres, and whose picture's middle
@@ -147,6 +163,12 @@ struct Foot {
     rho: Option<f64>,
     /// To the left for each metre of depth.
     leftwards: f64,
+}
+
+/// The mean of two numbers with their variances, and its own.
+fn mean(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    let weight = 1.0 / a.1 + 1.0 / b.1;
+    ((a.0 / a.1 + b.0 / b.1) / weight, 1.0 / weight)
 }
 
 fn sum_of_squares<const N: usize>(parts: [f64; N]) -> f64 {

@@ -47,10 +47,14 @@ proptest! {
         let Some([l, t, r, b]) = seen.image_px(there, 0.0, class.extent) else { return Ok(()) };
         prop_assume!(l > 0.0 && t > 0.0 && b < 600.0);
         let road = Road::new(None, Pose2::default());
-        let found = Eye::new(&mounted, body).place(&class, [l, t, r - l, b - t], 600.0, &road).unwrap();
+        let placed = Eye::new(&mounted, body).place(&class, [l, t, r - l, b - t], 600.0, &road);
+        let (found, [xx, xy, yy]) = placed.unwrap();
         let off = found.point().distance(there.point());
         // Of a box seen from a corner the highest and the lowest pixel are not at one depth.
         prop_assert!(off < 0.02 * x + 0.3 * class.extent.width_m, "{found:?} {there:?}");
+        // Its errors are those of a distance of a few percent, and a covariance.
+        prop_assert!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy, "{xx} {xy} {yy}");
+        prop_assert!((xx + yy).sqrt() < 1.0 + 0.2 * x, "{xx} {yy} at {x}");
     }
 }
 

@@ -92,6 +92,8 @@ fn boxes(tracks: &TrackList, tracker: &Tracker, ego: Pose2) -> Vec<DetectedBox> 
             bottom_m: 0.0,
             extent: track.extent,
             image_px: None,
+            covariance_m2: None,
+            radial_speed_mps: None,
         }
     };
     tracks.tracks.iter().map(of).collect()
