@@ -6,6 +6,7 @@ mod controller;
 mod deadlines;
 mod detector;
 mod events;
+mod fusion;
 mod gate;
 mod gnss;
 mod imu;
@@ -56,6 +57,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(monitor::Monitors)
         .with_kind(detector::EmulatedDetector)
         .with::<lidar_objects::Objects>()
+        .with_kind(fusion::Fusions)
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
         .with_kind(deadlines::DeadlinePolicy)

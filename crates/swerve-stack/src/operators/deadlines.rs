@@ -123,7 +123,8 @@ impl Policy {
         };
         let seen_s = period_s + config.control.period_ms * 1e-3 + config.sim.vehicle.dead_time_s;
         // Frames until something that comes into sight is reported.
-        let confirmed = resolved.detector.as_ref().map_or(0, |_| resolved.tracker.hits_min.saturating_sub(1));
+        let confirmed =
+            resolved.detector.as_ref().map_or(0, |_| resolved.tracker.hits_min().saturating_sub(1));
         let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
         let route = site.surroundings().route.clone();
         Self { params, overhead, route, vehicle: config.sim.vehicle.clone() }
