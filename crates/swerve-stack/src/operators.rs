@@ -7,6 +7,7 @@ mod controller;
 mod deadlines;
 mod detector;
 mod events;
+mod fusion;
 mod gate;
 mod gnss;
 mod imu;
@@ -58,6 +59,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(detector::EmulatedDetector)
         .with_kind(camera_objects::CameraDetector)
         .with::<lidar_objects::Objects>()
+        .with_kind(fusion::Fusions)
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
         .with_kind(deadlines::DeadlinePolicy)

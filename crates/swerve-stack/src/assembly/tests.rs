@@ -419,7 +419,7 @@ fn no_truth_is_read_behind_the_sensors() {
     assert_eq!(told("detector.toml"), ["detector.surroundings"]);
 }
 
-const NO_TRUTH: [&str; 2] = ["camera_objects.toml", "lidar_objects.toml"];
+const NO_TRUTH: [&str; 3] = ["camera_objects.toml", "lidar_objects.toml", "fused_objects.toml"];
 
 const EYE: &str = "[camera.eye]\n[operator.objects]\nkind = \"camera_objects\"\n";
 

@@ -3,7 +3,7 @@
 use swerve_control::safety_gate::GateParams;
 use swerve_core::Span;
 use swerve_flow::Reaction;
-use swerve_perception::{detector, tracker};
+use swerve_perception::{GroundParams, detector};
 use swerve_planning::deadline;
 use swerve_pylot::Rules;
 use swerve_text::number;
@@ -28,7 +28,7 @@ pub struct Resolved {
     /// Its ladder, the fastest first; empty where it always is the same.
     pub detector_rungs: Vec<Rung<detector::Params>>,
     /// The tracker behind a detector.
-    pub tracker: tracker::Params,
+    pub tracker: GroundParams,
     /// The planner's ladder, the fastest first, each with the parameters that make it; empty where it always is the same.
     pub planner_rungs: Vec<Rung<toml::Table>>,
     /// The rules of the paper's preset for the chosen planner.
@@ -61,7 +61,7 @@ impl Resolved {
         let tracker =
             perception.tracker(&behind, config.prediction.past_steps).unwrap_or_else(|(key, message)| {
                 tell(format!("perception.{key}"), message);
-                tracker::Params::default()
+                GroundParams::default()
             });
         let detector_rungs = config.detector_rungs().unwrap_or_else(|(key, message)| {
             tell(format!("perception.{key}"), message);

@@ -68,7 +68,8 @@ fn a_file_that_is_no_image_is_told() {
 fn learnt(threads: usize) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tiny.toml");
-    let tiny = RECIPE.replace("width_px = 800", "width_px = 176").replace("height_px = 600", "height_px = 88");
+    let tiny =
+        RECIPE.replace("width_px = 800", "width_px = 176").replace("height_px = 600", "height_px = 88");
     std::fs::write(&path, tiny.replace("rounds = [64, 1024]", "rounds = [4, 12]")).unwrap();
     let (mut recipe, _) = Recipe::read(&path).unwrap();
     recipe.window.retain(|window| window.class.name() == "car");
