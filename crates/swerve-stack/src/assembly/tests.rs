@@ -24,7 +24,7 @@ struct FusionIn {
 }
 
 impl Kind for Fusion {
-    const NODE: Node = Node::new("fusion", "boxes of all detectors in one list");
+    const NODE: Node = Node::new("all_boxes", "boxes of all detectors in one list");
     type Table = NoKeys;
 
     fn new(_: NoKeys, _: &Site<'_>) -> anyhow::Result<Self> {
@@ -188,7 +188,7 @@ camera = "right"
 reads = { surroundings = "right_sight.surroundings" }
 
 [operator.fusion]
-kind = "fusion"
+kind = "all_boxes"
 reads = { boxes = ["left_detector", "right_detector"] }
 [operator.tracker]
 reads = { boxes = "fusion" }
@@ -228,7 +228,7 @@ const REFUSED: &[(&str, &str)] = &[
          publishes any: `perception.detector = \"NAME\"` or `[operator.NAME] kind = \"lidar_objects\"` brings one that does",
     ),
     (
-        "[operator.x]\nkind = \"fusion\"\nreads = { boxes = \"camera\" }\n[operator.tracker]\nreads = { boxes = \"x\" }\n",
+        "[operator.x]\nkind = \"all_boxes\"\nreads = { boxes = \"camera\" }\n[operator.tracker]\nreads = { boxes = \"x\" }\n",
         "c.toml:3: operator.x.reads.boxes: unknown stream `camera`, expected one of x",
     ),
     (
@@ -263,7 +263,7 @@ const REFUSED: &[(&str, &str)] = &[
         "[operator.predictor]\nhorizon_ms = 1\n",
         "c.toml:2: operator.predictor.horizon_ms: expected 50 to 60000, found 1",
     ),
-    ("[operator.x]\nkind = \"fusion\"\nkey = 1\n", "c.toml:3: operator.x.key: unknown key"),
+    ("[operator.x]\nkind = \"all_boxes\"\nkey = 1\n", "c.toml:3: operator.x.key: unknown key"),
     (
         "[operator.world]\nreads = { command = { stream = \"controller\", feedback = false } }\n",
         "c.toml:2: operator.world.reads: a cycle without a feedback edge goes through world,",
@@ -433,7 +433,7 @@ fn a_detector_that_cannot_look_is_told_with_its_line() {
     for (line, expected) in [
         (&*format!("detector = \"{foreign}\""), "detector: PATH: no weights of a detector: expected a file"),
         ("detector = \"stret\"", "detector: no detector `stret`; did you mean \"street\"?"),
-        ("detector = \"acf_inria\"\nrung = \"acf\"", "detector"),
+        ("detector = \"acf_inria\"\nrung = \"as_it_is\"", "detector: `acf_inria`: it finds"),
         ("rung = \"grund\"", "rung: no rung `grund`; did you mean \"ground\"?"),
         ("score_min = 2", "score_min: expected 0 to 1, found 2"),
         ("run_times_ms = { fasst = 3 }", "run_times_ms.fasst: no rung `fasst`"),
