@@ -205,7 +205,7 @@ impl Operator for Fusion {
             camera: camera.as_ref().map(|(found, ego)| CameraSight {
                 boxes: Sighted { found, ego: *ego },
                 camera: self.view,
-                depth: depth.map(|image| &***image),
+                depth: depth.map(|image| &**image),
             }),
             lidar: lidar.as_ref().map(|(found, ego)| Sighted { found, ego: *ego }),
             radar: echoes,
