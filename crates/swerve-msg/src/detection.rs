@@ -29,7 +29,8 @@ pub struct DetectedBox {
 }
 
 impl DetectedBox {
-    /// Whether it is somewhere and has a size; where its errors are told, whether they are a covariance.
+    /// Whether it is somewhere and has a size, and whether what is told of its picture and its errors are edges and a
+    /// covariance.
     pub fn is_finite(&self) -> bool {
         let Extent { length_m, width_m, height_m } = self.extent;
         let is_spread =
@@ -37,6 +38,7 @@ impl DetectedBox {
         self.pose.is_finite()
             && self.bottom_m.is_finite()
             && [length_m, width_m, height_m].iter().all(|m| m.is_finite() && *m > 0.0)
+            && self.image_px.is_none_or(|edges| edges.iter().all(|px| px.is_finite()))
             && self.covariance_m2.is_none_or(is_spread)
     }
 }

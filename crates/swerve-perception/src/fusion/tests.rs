@@ -283,12 +283,16 @@ proptest! {
             radar: Some(super::tests::echoes(&scan)),
         };
         let told = fuse(&sources, &Params::default()).unwrap();
-        let sound = |list: &Detections| {
-            let is_near = |b: &DetectedBox| b.pose.point().distance(Point2::default()) < 1e6;
-            list.boxes.iter().filter(|b| b.is_finite() && b.score <= 1.0 && is_near(b)).count()
+        let sound = |list: &Detections, within_m: f64| {
+            let is_sound = |b: &&DetectedBox| {
+                b.is_finite() && b.score <= 1.0 && b.pose.point().distance(Point2::default()) <= within_m
+            };
+            list.boxes.iter().filter(is_sound).count()
         };
-        let (seen, measured) = (sound(&camera), sound(&lidar));
-        prop_assert!(told.boxes.len() <= seen + measured && told.boxes.len() >= seen.max(measured));
+        // Errors at 1e300 m have no number, so what is there may stay or go.
+        let most = sound(&camera, f64::INFINITY) + sound(&lidar, f64::INFINITY);
+        let least = sound(&camera, 1e3).max(sound(&lidar, 1e3));
+        prop_assert!((least..=most).contains(&told.boxes.len()), "{} {} {:?}", least, most, told);
         prop_assert!(told.boxes.iter().all(|b| b.is_finite() && b.covariance_m2.is_some()), "{told:?}");
         prop_assert!(told.boxes.is_sorted_by(|a, b| a.score >= b.score));
         prop_assert_eq!(told.stamp, Time::from_ms(20));
