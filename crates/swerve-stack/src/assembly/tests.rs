@@ -225,7 +225,7 @@ const REFUSED: &[(&str, &str)] = &[
     (
         "[operator.tracker]\nreads = { boxes = \"camera\" }\n",
         "c.toml:2: operator.tracker.reads.boxes: `tracker` has this port where `Detections` are published, and nobody \
-         publishes any: `perception.detector = \"NAME\"` or `[operator.NAME] kind = \"lidar_objects\"` brings one that does",
+         publishes any: `[operator.NAME] kind = \"camera_objects\"` or `perception.detector = \"NAME\"` or `[operator.NAME] kind = \"lidar_objects\"` brings one that does",
     ),
     (
         "[operator.x]\nkind = \"all_boxes\"\nreads = { boxes = \"camera\" }\n[operator.tracker]\nreads = { boxes = \"x\" }\n",
@@ -433,7 +433,10 @@ fn a_detector_that_cannot_look_is_told_with_its_line() {
     for (line, expected) in [
         (&*format!("detector = \"{foreign}\""), "detector: PATH: no weights of a detector: expected a file"),
         ("detector = \"stret\"", "detector: no detector `stret`; did you mean \"street\"?"),
-        ("detector = \"acf_inria\"\nrung = \"as_it_is\"", "detector: `acf_inria`: it finds"),
+        (
+            "detector = \"acf_inria\"\nrung = \"as_it_is\"",
+            "detector: `acf_inria`: its scores are sums of trees",
+        ),
         ("rung = \"grund\"", "rung: no rung `grund`; did you mean \"ground\"?"),
         ("score_min = 2", "score_min: expected 0 to 1, found 2"),
         ("run_times_ms = { fasst = 3 }", "run_times_ms.fasst: no rung `fasst`"),
