@@ -1,15 +1,32 @@
-//! Trackers in the image: frames of MOT15's detections a second, on one thread.
+//! Trackers, on one thread: frames of MOT15's detections a second, in the image, beside the program of SORT's authors in
+//! the same run; a crowd on the ground; a target followed by its pixels.
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::path::Path;
+use std::process::Command;
 
 use criterion::Criterion;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
-use swerve_perception::image_plane::{ByteTrack, ImageDetection, ImageTracker, Sort};
+use swerve_core::{Rng, Time};
+use swerve_geom::Pose2;
+use swerve_msg::{ActorKind, DetectedBox, Detections, Extent};
+use swerve_perception::image_plane::{Appearance, ByteTrack, DeepSort, ImageDetection, ImageTracker, Sort};
+use swerve_perception::{GroundParams, GroundTracker, ab3dmot, tracker};
+use swerve_vision::correlation::{Area, Correlation};
+use swerve_vision::{Plane, Rgb};
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
 
 /// Where the detections are, if they are there: a file a sequence, of frame,left,top,width,height,score.
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/mot15/det");
+
+/// The frames that dlib follows a target in.
+const VIDEO: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/perception/dlib/examples/video_frames");
+
+/// How many times as fast as SORT's authors' program ours is to be.
+const TIMES: f64 = 20.0;
 
 /// Passes over all sequences in a round.
 const PASSES: usize = 20;
@@ -52,9 +69,114 @@ fn per_second(sequences: &[Frames], pass: fn(&[Frames])) -> f64 {
     (PASSES * frames) as f64 / start.elapsed().as_secs_f64()
 }
 
+/// Frames a second of the program of SORT's authors; none where this Python (`SWERVE_PYTHON`) has it not.
+fn of_the_authors() -> Option<f64> {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/tracking/sort_speed.py");
+    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
+    let output = Command::new(python).arg(script).arg(FOLDER).output().ok()?;
+    String::from_utf8(output.stdout).ok()?.trim().parse().ok()
+}
+
+/// Fifty cars and fifty people who go their ways, frame by frame.
+fn crowd() -> Vec<Detections> {
+    let mut rng = Rng::keyed(1, "crowd", &[]);
+    let all: Vec<[f64; 4]> = (0..100)
+        .map(|_| [rng.uniform(-50.0, 50.0), rng.uniform(-50.0, 50.0), 3.0 * rng.normal(), 3.0 * rng.normal()])
+        .collect();
+    let mut found = |k: usize, t: f64| {
+        let ([x, y, vx, vy], is_car) = (all[k], k % 2 == 0);
+        let [length_m, width_m, height_m] = if is_car { [4.4, 1.8, 1.5] } else { [0.5, 0.5, 1.7] };
+        DetectedBox {
+            kind: if is_car { ActorKind::Car } else { ActorKind::Pedestrian },
+            score: rng.uniform(0.5, 1.0),
+            pose: Pose2::new(x + vx * t + 0.1 * rng.normal(), y + vy * t + 0.1 * rng.normal(), vy.atan2(vx)),
+            bottom_m: 0.0,
+            extent: Extent { length_m, width_m, height_m },
+            image_px: None,
+            covariance_m2: None,
+            radial_speed_mps: None,
+        }
+    };
+    let frame = |k: i64| Detections {
+        stamp: Time::from_ms(100 * k),
+        boxes: (0..100).map(|n| found(n, 0.1 * k as f64)).collect(),
+    };
+    (0..100).map(frame).collect()
+}
+
+/// Milliseconds that each tracker on the ground takes for a frame of a hundred boxes.
+fn on_the_ground(rows: &mut Rows) {
+    let crowd = crowd();
+    let trackers = [
+        ("sort on the ground", GroundParams::Sort(tracker::Params::default())),
+        ("ab3dmot", GroundParams::Ab3dmot(ab3dmot::Params::default())),
+    ];
+    for (name, params) in trackers {
+        let figures = (0..5).map(|_| {
+            let mut tracker = GroundTracker::new(params).expect("the defaults are within their ranges");
+            let start = now();
+            for found in &crowd {
+                black_box(tracker.update(found, Pose2::default()));
+            }
+            1e3 * start.elapsed().as_secs_f64() / crowd.len() as f64
+        });
+        let sample = Sample::new(figures.collect());
+        rows.row(&format!("{name}, 100 boxes a frame"), sample.least(), &sample.text(2, "ms"), Goal::None);
+    }
+}
+
+/// Milliseconds of a frame of dlib's video: a target followed, and what it looks like told.
+fn by_pixels(rows: &mut Rows) {
+    let mut paths: Vec<_> =
+        std::fs::read_dir(VIDEO).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    if paths.is_empty() {
+        return rows.skipped("correlation (DSST), a frame", &format!("no frames in {VIDEO}"));
+    }
+    let read = |path: &std::path::PathBuf| {
+        let mut decoder = JpegDecoder::new(ZCursor::new(std::fs::read(path).expect("it was listed")));
+        let bytes = decoder.decode().expect("a picture");
+        let info = decoder.info().expect("a picture");
+        (usize::from(info.width), usize::from(info.height), bytes)
+    };
+    let images: Vec<_> = paths.iter().map(read).collect();
+    let rgb = |k: usize| Rgb::new(images[k].0, images[k].1, &images[k].2).expect("three colours");
+    let gray: Vec<Plane<u8>> = (0..images.len())
+        .map(|k| {
+            let mut gray = Plane::default();
+            rgb(k).gray(&mut gray);
+            gray
+        })
+        .collect();
+    let area = Area { middle: [93.0, 110.0], size: [38.0, 86.0] };
+    let followed = (0..5).map(|_| {
+        let mut target = Correlation::new(&gray[0], area).expect("it is in the image");
+        let start = now();
+        for image in &gray[1..] {
+            black_box(target.follow(image));
+        }
+        1e3 * start.elapsed().as_secs_f64() / (gray.len() - 1) as f64
+    });
+    let sample = Sample::new(followed.collect());
+    rows.row("correlation (DSST), a frame", sample.least(), &sample.text(2, "ms"), Goal::Most(2.0));
+    let mut appearance = Appearance::default();
+    let looks = (0..5).map(|_| {
+        let start = now();
+        for k in 0..images.len() {
+            black_box(appearance.describe(rgb(k), [74.0, 67.0, 112.0, 153.0]));
+        }
+        1e3 * start.elapsed().as_secs_f64() / images.len() as f64
+    });
+    let sample = Sample::new(looks.collect());
+    rows.row("deepsort, a look at a box", sample.least(), &sample.text(3, "ms"), Goal::None);
+}
+
 fn main() {
-    let trackers: [Row; 2] =
-        [("sort", pass::<Sort>, Goal::Least(100_000.0)), ("bytetrack", pass::<ByteTrack>, Goal::None)];
+    let trackers: [Row; 3] = [
+        ("sort", pass::<Sort>, Goal::Least(100_000.0)),
+        ("bytetrack", pass::<ByteTrack>, Goal::None),
+        ("deepsort by motion", pass::<DeepSort>, Goal::None),
+    ];
     let sequences = sequences();
     let mut criterion = Criterion::default().configure_from_args();
     for (name, pass, _) in trackers {
@@ -72,6 +194,17 @@ fn main() {
         }
         let sample = Sample::new((0..11).map(|_| per_second(&sequences, pass)).collect());
         rows.row(&what, sample.median(), &sample.text(0, "1/s"), goal);
+        let authors = if name == "sort" { of_the_authors() } else { continue };
+        let what = "sort, times the frames a second of its authors' program";
+        match authors {
+            Some(theirs) => {
+                let times = sample.median() / theirs;
+                rows.row(what, times, &format!("{times:.0} x ({theirs:.0} 1/s)"), Goal::Least(TIMES));
+            }
+            None => rows.skipped(what, "needs a Python with sort-tracker-py (SWERVE_PYTHON)"),
+        }
     }
+    on_the_ground(&mut rows);
+    by_pixels(&mut rows);
     rows.finish();
 }

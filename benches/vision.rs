@@ -1,9 +1,23 @@
 //! Vision without neural networks on one thread, on real images beside the repository, and what OpenCV and dlib
-//! take for the same: their figures are those that `tests/reference/vision` measured and stored.
+//! take for the same: their figures are those that `tests/reference/vision` measured and stored; and what each rung of
+//! the camera detector takes.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
+use swerve_camera::{Camera, CameraSpec, FrameMut, Intrinsics, RenderOptions, Renderer, View, mount};
+use swerve_core::Span;
+use swerve_geom::{Ego, Map, Point, Pose2, Transform};
+use swerve_msg::{CameraInfo, Detections, Encoding, Image, Pixels};
+use swerve_perception::CameraObjects;
+use swerve_perception::camera::Shot;
+use swerve_scenario::Scenario;
+use swerve_scene::WeatherPreset;
+use swerve_sim::{SimParams, Simulator};
+use swerve_stack::street::{EGO_INSTANCE, Street};
+use swerve_vehicle::VehicleParams;
+use swerve_vision::shipped;
 use swerve_vision::stereo::{PathCount, Stereo, StereoSettings};
 use swerve_vision::{Plane, Rgb};
 
@@ -62,11 +76,81 @@ fn stereo(folder: &Path, rows: &mut Rows) {
     }
 }
 
+/// Images of what the camera of `configs/camera_objects.toml` sees along a street, 800 x 600 pixels: the ego is put
+/// every 4 m, the others stand where they begin.
+fn street_images() -> Vec<Image> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/street.toml");
+    let scenario = Scenario::read(&file).expect("a scenario of ours");
+    let vehicle = VehicleParams::default();
+    let params = SimParams { dt: Span::from_ms(5), vehicle: vehicle.clone() };
+    let world = Simulator::exact(scenario.clone(), &params).expect("it drives").state().clone();
+    let mut street = Street::new(&scenario, &vehicle.shape, WeatherPreset::default(), 1);
+    street.show(&world);
+    let intrinsics = Intrinsics::HorizontalFovRad(70.0_f64.to_radians());
+    let spec = CameraSpec { width_px: 800, height_px: 600, intrinsics, ..CameraSpec::default() };
+    let camera = Camera::new(spec).expect("a camera");
+    let ego_from_camera = mount([1.75, 0.0, 1.35], 0.0, 0.0, 0.0);
+    let (fx_px, fy_px, cx_px, cy_px) = camera.focal_px();
+    let lens =
+        swerve_msg::Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion: [0.0; 5], is_parallel: false };
+    let mut renderer =
+        Renderer::new(RenderOptions { threads: 1, ..RenderOptions::default() }).expect("the CPU");
+    let take = |k: usize| {
+        let at = Point::new(4.0 * k as f64, 0.0, 0.0);
+        let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(at, 0.0, 0.0, 0.0);
+        let mut view = View::new(&camera, map_from_ego * ego_from_camera);
+        view.hidden_instance = Some(EGO_INSTANCE);
+        let mut image = Image::new(800, 600, Encoding::Rgb8);
+        image.camera = CameraInfo { intrinsics: lens, ego_from_camera };
+        let Pixels::Rgb8(rgb) = &mut image.pixels else { unreachable!("it was made so") };
+        let frame = FrameMut { rgb: Some(&mut rgb[..]), depth_m: None, semantic: None, instance: None };
+        renderer.render(street.scene(), &view, frame).expect("an image of that size");
+        image
+    };
+    (0..25).map(take).collect()
+}
+
+/// What each rung of the camera detector takes an image, boxes put on the ground: one thread, each image in turn.
+fn rungs(rows: &mut Rows) {
+    let images = street_images();
+    let weights = shipped::detector("street").expect("it is in the program").expect("whole");
+    let mut medians = BTreeMap::new();
+    for rung in &weights.rungs {
+        let mut objects =
+            CameraObjects::new(weights.clone(), rung.clone(), 0.3).expect("a detector of a street");
+        let mut found = Detections::default();
+        let mut look = |image: &Image| {
+            let shot = Shot { image, ego: Pose2::default(), pitch_rad: 0.0, route: None };
+            let began = now();
+            objects.detect(&shot, &mut found).expect("an image");
+            1e3 * began.elapsed().as_secs_f64()
+        };
+        look(&images[0]);
+        let took = Sample::new((0..12).flat_map(|_| images.iter()).map(&mut look).collect());
+        let goal = match rung.name.as_str() {
+            "full" => Goal::Most(60.0),
+            "fastest" => Goal::Most(6.0),
+            _ => Goal::None,
+        };
+        rows.row(&format!("camera objects, rung {}", rung.name), took.median(), &took.text(1, "ms"), goal);
+        let at = [0.0, 0.5, 0.9, 0.99].map(|share| format!("[{}, {:.1}]", 100.0 * share, took.at(share)));
+        print(&format!("  {} = [{}]", rung.name, at.join(", ")));
+        medians.insert(rung.name.clone(), took.median());
+    }
+    let times = medians["full"] / medians["fastest"];
+    rows.row("camera objects, full over fastest", times, &format!("{times:.1}"), Goal::Least(8.0));
+}
+
 fn main() {
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "vision");
-    match data().filter(|_| is_asked_to_measure()) {
+    let all = !std::env::args().any(|argument| argument == "rungs");
+    match data().filter(|_| all && is_asked_to_measure()) {
         Some(folder) => stereo(&folder, &mut rows),
         None => rows.skipped("vision", "not asked to measure, or no shared/data beside the repository"),
+    }
+    // `-- rungs` measures them alone.
+    if is_asked_to_measure() {
+        rungs(&mut rows);
     }
     rows.finish();
 }

@@ -293,6 +293,12 @@ class DetectedBox(Message):
     """Left, top, right and bottom edge of its picture, cut at the image's edges, pixels; `None` without a
     camera and where nothing of it is in the image.
     """
+    covariance_m2: tuple[float, float, float] | None = None
+    """Covariance of the place in the ego frame: xx, xy, yy, m²; `None` from what does not know it."""
+    radial_speed_mps: float | None = None
+    """Speed over ground along the line of sight, m/s, positive for what goes away; `None` where no radar says
+    it.
+    """
 
 
 @dataclass(slots=True)

@@ -17,9 +17,10 @@ use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Image, ObstacleList, Pixels, Plan};
+use swerve_msg::{Detections, Image, ObstacleList, Pixels, Plan};
 use swerve_report::files::write_png;
 use swerve_scenario::Scenario;
+use swerve_stack::assembly::{Assembly, Placed};
 use swerve_stack::config::Config;
 use swerve_stack::street::{EGO_INSTANCE, Street};
 
@@ -55,6 +56,9 @@ pub struct Frames {
     /// Of each stream of images: the camera, and how many were written.
     cameras: BTreeMap<String, Camera>,
     written: BTreeMap<String, usize>,
+    /// Of each stream the newest image, which detectors still look at; and who looks at which.
+    waiting: BTreeMap<String, (Time, Frame)>,
+    detectors: BTreeMap<String, String>,
     failure: Option<anyhow::Error>,
 }
 
@@ -106,6 +110,10 @@ impl Frames {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         remove_pictures(folder)?;
         let ahead_m = shape.center_ahead_m();
+        let assembly = Assembly::new(config)?;
+        let looks_at = |placed: &Placed| {
+            assembly.image_of(&placed.name).map(|stream| (placed.name.clone(), stream.to_owned()))
+        };
         let follower = Eye::new((WIDTH_PX, HEIGHT_PX), 70.0, [ahead_m - 9.5, 0.0, 4.2], 14.0)?;
         let eye_m = [ahead_m + 0.35, 0.36, 1.25];
         let mut driver = Eye::new((INSET_WIDTH_PX, INSET_HEIGHT_PX), 75.0, eye_m, 2.0)?;
@@ -126,6 +134,8 @@ impl Frames {
             seen: Seen::default(),
             cameras: cameras.collect::<Result<_, _>>()?,
             written: BTreeMap::new(),
+            waiting: BTreeMap::new(),
+            detectors: assembly.operators().iter().filter_map(looks_at).collect(),
             failure: None,
         })
     }
@@ -135,10 +145,14 @@ impl Frames {
     /// # Errors
     /// The first that could not be.
     pub fn finish(&mut self) -> anyhow::Result<usize> {
-        self.failure.take().map_or(Ok(self.count), Err)
+        let waiting: Vec<String> = self.waiting.keys().cloned().collect();
+        let written = waiting.iter().try_for_each(|stream| self.write(stream));
+        let failure = self.failure.take().or(written.err());
+        failure.map_or(Ok(self.count), Err)
     }
 
-    /// Writes an image of a camera of the configuration: colour with what the stack sees in it, others in colours.
+    /// Draws an image of a camera of the configuration: colour with what the stack sees in it, others in colours. It is
+    /// written with the boxes that detectors find in it, or without when the next one comes.
     fn camera(&mut self, operator: &str, stream: &str, image: &Image) -> anyhow::Result<()> {
         let (width_px, height_px) = (image.width_px as usize, image.height_px as usize);
         let mut frame = Frame { width_px, height_px, rgb: colours::of(&image.pixels), ..Frame::default() };
@@ -151,6 +165,26 @@ impl Frames {
                 canvas.obstacles(list, world);
             }
         }
+        self.write(stream)?;
+        self.waiting.insert(stream.to_owned(), (image.stamp, frame));
+        Ok(())
+    }
+
+    /// What a detector found, drawn into the image that it looked at, if that is the newest one.
+    fn found(&mut self, operator: &str, found: &Detections) -> anyhow::Result<()> {
+        let Some(stream) = self.detectors.get(operator).cloned() else { return Ok(()) };
+        let newest = self.waiting.get_mut(&stream).filter(|(stamp, _)| *stamp == found.stamp);
+        let camera = stream.split('.').next().and_then(|camera| self.cameras.get(camera));
+        let (Some((_, frame)), Some(camera)) = (newest, camera) else { return Ok(()) };
+        // Boxes are in the image already.
+        let nowhere = Transform::from_roll_pitch_yaw(swerve_geom::Point::default(), 0.0, 0.0, 0.0);
+        Canvas::new(frame, camera, nowhere).found(found);
+        self.write(&stream)
+    }
+
+    /// Writes the image of a stream that waits.
+    fn write(&mut self, stream: &str) -> anyhow::Result<()> {
+        let Some((_, frame)) = self.waiting.remove(stream) else { return Ok(()) };
         let folder = self.folder.join(stream.replace('.', "/"));
         let count = match self.written.get(stream) {
             Some(count) => *count,
@@ -193,6 +227,10 @@ impl Observer for Frames {
         if let Some(image) = payload.downcast_ref::<Image>() {
             if self.failure.is_none() {
                 self.failure = self.camera(publication.operator, publication.stream, image).err();
+            }
+        } else if let Some(found) = payload.downcast_ref::<Detections>() {
+            if self.failure.is_none() {
+                self.failure = self.found(publication.operator, found).err();
             }
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             self.seen.plan = Some(plan.clone());

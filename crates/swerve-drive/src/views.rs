@@ -10,7 +10,13 @@ use swerve_stack::pipeline::Pipeline;
 
 /// Road, car and sensors of a run.
 pub fn views_of(config: &Config, pipeline: &Pipeline) -> Setup {
-    Setup { mounts: mounts(config, |name| config.runs(name)), ..setup(config, &pipeline.scenario) }
+    let assembly = &pipeline.assembly;
+    let camera = |stream: &str| stream.split('.').next().unwrap_or_default().to_owned();
+    let detectors = assembly.operators().iter().filter_map(|placed| {
+        assembly.image_of(&placed.name).map(|stream| (placed.name.clone(), camera(stream)))
+    });
+    let (detectors, mounts) = (detectors.collect(), mounts(config, |name| config.runs(name)));
+    Setup { mounts, detectors, ..setup(config, &pipeline.scenario) }
 }
 
 /// Road, car and sensors of a drive with a vehicle: all sensors that have a place run.
@@ -32,6 +38,7 @@ fn setup(config: &Config, scenario: &Scenario) -> Setup {
         shape: vehicle.shape,
         dead_time: Span::from_secs(vehicle.dead_time_s),
         mounts: Vec::new(),
+        detectors: Vec::new(),
         images: match log.images {
             Images::None => None,
             Images::Jpeg => Some(ImageForm::Jpeg(log.jpeg_quality)),

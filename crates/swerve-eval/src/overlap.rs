@@ -1,38 +1,9 @@
 //! How much two boxes have in common: intersection over union.
 
-use swerve_geom::{Obb, Point2, image_iou};
+use swerve_geom::{Obb, image_iou};
 use swerve_msg::DetectedBox;
 
-/// Corners of an intersection of two rectangles: at most eight.
-const CORNERS_MAX: usize = 8;
-
-/// Area that two rectangles share, m²: one, corner by corner, cut by each side of the other (Sutherland and Hodgman
-/// 1974). Zero where a number is not finite.
-pub fn shared_area_m2<F: Copy>(a: &Obb<F>, b: &Obb<F>) -> f64 {
-    let mut polygon = Vec::with_capacity(CORNERS_MAX);
-    polygon.extend(a.corners());
-    let cutter = b.corners();
-    for k in 0..4 {
-        let (from, side) = (cutter[k], cutter[(k + 1) % 4] - cutter[k]);
-        // Corners go round counter-clockwise: inside is to the left.
-        let inside = |p: Point2<F>| side.cross(p - from);
-        let mut rest = Vec::with_capacity(CORNERS_MAX);
-        for (i, &p) in polygon.iter().enumerate() {
-            let q = polygon[(i + 1) % polygon.len()];
-            let (at_p, at_q) = (inside(p), inside(q));
-            if at_p >= 0.0 {
-                rest.push(p);
-            }
-            if (at_p > 0.0 && at_q < 0.0) || (at_p < 0.0 && at_q > 0.0) {
-                rest.push(p + (q - p) * (at_p / (at_p - at_q)));
-            }
-        }
-        polygon = rest;
-    }
-    let Some(&first) = polygon.first() else { return 0.0 };
-    let doubled: f64 = polygon.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum();
-    if doubled.is_finite() { (0.5 * doubled).max(0.0) } else { 0.0 }
-}
+pub use swerve_geom::shared_area_m2;
 
 /// Intersection over union on the ground (bird's eye view), 0 to 1.
 pub fn ground_iou(a: &DetectedBox, b: &DetectedBox) -> f64 {
@@ -159,6 +130,8 @@ mod tests {
             bottom_m,
             extent: Extent { length_m: 2.0, width_m: 2.0, height_m: 2.0 },
             image_px: None,
+            covariance_m2: None,
+            radial_speed_mps: None,
         };
         near(ground_iou(&cube(0.0, 0.0), &cube(1.0, 5.0)), 2.0 / 6.0);
         near(volume_iou(&cube(0.0, 0.0), &cube(1.0, 0.0)), 2.0 / 6.0);

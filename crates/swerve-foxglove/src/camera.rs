@@ -9,9 +9,9 @@ use foxglove::messages::{
 use jpeg_encoder::{ColorType, Encoder};
 use swerve_core::Time;
 use swerve_geom::{Camera, Map, Point, Pose2, Transform};
-use swerve_msg::{ActorKind, CameraInfo, Extent, Intrinsics};
+use swerve_msg::{ActorKind, CameraInfo, Detections, Extent, Intrinsics};
 
-use crate::form::{colour, colour_of, frame_of, timestamp};
+use crate::form::{colour, colour_of, frame_of, name_of, timestamp};
 use crate::scene::{box_edges, label};
 
 /// Nothing is drawn nearer to the camera than this, metres.
@@ -157,6 +157,34 @@ pub(crate) fn annotations(
     shown
 }
 
+/// Boxes that a detector found in an image, with kind and score.
+pub(crate) fn detections(found: &Detections) -> ImageAnnotations {
+    let stamp = Some(timestamp(found.stamp));
+    let mut shown = ImageAnnotations { timestamp: stamp, ..ImageAnnotations::default() };
+    for one in &found.boxes {
+        let Some([left, top, right, bottom]) = one.image_px else { continue };
+        let corner = |x, y| Point2 { x, y };
+        shown.points.push(PointsAnnotation {
+            timestamp: stamp,
+            r#type: Points::LineLoop as i32,
+            points: vec![corner(left, top), corner(right, top), corner(right, bottom), corner(left, bottom)],
+            outline_color: Some(colour_of(one.kind, 255)),
+            thickness: 2.0,
+            ..PointsAnnotation::default()
+        });
+        shown.texts.push(TextAnnotation {
+            timestamp: stamp,
+            position: Some(corner(left, top)),
+            text: format!("{} {:.2}", name_of(one.kind), one.score),
+            font_size: 12.0,
+            text_color: Some(colour([255, 255, 255, 255])),
+            background_color: Some(colour([0, 0, 0, 120])),
+            ..TextAnnotation::default()
+        });
+    }
+    shown
+}
+
 /// From places before the camera to the image, and what of a line is in it.
 struct Lens {
     intrinsics: Intrinsics,
@@ -292,6 +320,24 @@ mod tests {
             (shown.texts[0].text.as_str(), shown.timestamp.unwrap().nsec()),
             ("car 11 m", 500_000_000)
         );
+    }
+
+    #[test]
+    fn boxes_of_a_detector_are_drawn_where_they_are_in_the_image() {
+        let in_image = swerve_msg::DetectedBox {
+            kind: ActorKind::Pedestrian,
+            score: 0.876,
+            pose: Pose2::new(11.0, 0.0, 0.0),
+            bottom_m: 0.0,
+            extent: Extent::default(),
+            image_px: Some([10.0, 20.0, 30.0, 80.0]),
+            covariance_m2: None,
+            radial_speed_mps: None,
+        };
+        let elsewhere = swerve_msg::DetectedBox { image_px: None, ..in_image };
+        let shown = detections(&Detections { stamp: Time::from_ms(1500), boxes: vec![in_image, elsewhere] });
+        assert_eq!(bounds(&shown), [10.0, 30.0, 20.0, 80.0]);
+        assert_eq!((shown.points.len(), shown.texts[0].text.as_str()), (1, "pedestrian 0.88"));
     }
 
     #[test]

@@ -11,8 +11,8 @@ use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector2};
 use swerve_log::{View, Views};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
-    Command, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, ObstacleList, Pixels, Plan, PlanStatus,
-    PointCloud, PredictionList, RadarScan, Route, TrackList,
+    Command, Detections, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, ObstacleList, Pixels, Plan,
+    PlanStatus, PointCloud, PredictionList, RadarScan, Route, TrackList,
 };
 use swerve_vehicle::Shape;
 
@@ -47,6 +47,8 @@ pub struct Setup {
     pub images: Option<ImageForm>,
     /// Whether depth and classes are shown too, each image with all its numbers.
     pub raw_images: bool,
+    /// Detectors of boxes in images, and their cameras.
+    pub detectors: Vec<(String, String)>,
     /// Whether the ego is where localization says, for want of a world that knows better.
     pub ego_from_pose: bool,
 }
@@ -128,6 +130,7 @@ impl Foxglove {
             })
             .on::<RadarScan>(Watch::radar)
             .on::<PointCloud>(Watch::lidar)
+            .on::<Detections>(Watch::detections)
             .on::<Image>(Watch::image);
         Self { watch }
     }
@@ -192,6 +195,14 @@ impl Watch {
         let (cloud, sensor, motion) = (cloud.clone(), p.operator.to_owned(), self.motion(p.operator, cloud));
         let (topic, bytes) = (format!("{sensor}/points"), 22 * cloud.len());
         self.out.show(&topic, When::new(p), bytes, move || cloud::lidar(&sensor, &cloud, &motion));
+    }
+
+    /// What a detector found in the images of a camera, drawn over them.
+    fn detections(&mut self, p: &Publication<'_>, found: &Detections) {
+        let camera = self.setup.detectors.iter().find(|(detector, _)| detector == p.operator);
+        let Some((_, camera)) = camera.filter(|_| self.setup.images.is_some()) else { return };
+        let (topic, found) = (format!("{camera}/detections"), found.clone());
+        self.out.show(&topic, When::new(p), 0, move || Some(camera::detections(&found)));
     }
 
     fn scene<T: Clone + Send + 'static>(

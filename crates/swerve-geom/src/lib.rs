@@ -13,6 +13,7 @@
 //! machine. Absences: no parry, no rapier, no glam.
 
 mod angle;
+mod area;
 mod assignment;
 mod frame;
 pub mod math;
@@ -22,6 +23,7 @@ mod polyline;
 mod rectangle;
 
 pub use angle::{angle_between, wrap_angle};
+pub use area::{hull_area_m2, shared_area_m2};
 pub use assignment::heaviest_pairs;
 pub use frame::{Camera, Ego, Lidar, Map, Point, Transform, Vector};
 pub use obb::Obb;

@@ -1,12 +1,11 @@
 //! Who goes with whom at the least total cost.
 
-use pathfinding::kuhn_munkres::kuhn_munkres_min;
-use pathfinding::matrix::Matrix;
+use swerve_geom::heaviest_pairs;
 
-/// Costs are counted in parts of this size: the solver is exact on integers, and the same on every machine.
+/// Costs are counted in parts of this size: sums of whole numbers are exact.
 const PART: f64 = 1e-6;
 
-/// Larger costs count as this many parts: sums of as many as there can be stay far from overflow.
+/// Larger costs count as this many parts: sums of a thousand of them are still exact in `f64`.
 const PARTS_MAX: f64 = 1e12;
 
 /// Pairs (row, column), rows increasing, whose sum of costs is least when a row or column that stays alone costs half
@@ -19,29 +18,16 @@ pub fn assign(
     gate: f64,
     cost: impl Fn(usize, usize) -> f64,
 ) -> Vec<(usize, usize)> {
-    if rows == 0 || columns == 0 {
-        return Vec::new();
-    }
-    let parts = |x: f64| (x / PART).clamp(-PARTS_MAX, PARTS_MAX).round() as i64;
+    let parts = |x: f64| (x / PART).clamp(-PARTS_MAX, PARTS_MAX).round();
     let far = parts(gate);
-    let capped = |row, column| {
+    let all = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
+    let saved = |(row, column)| {
         let cost = cost(row, column);
-        if cost.is_finite() { parts(cost).min(far) } else { far }
+        (row, column, if cost.is_finite() { far - parts(cost) } else { 0.0 })
     };
-    // The solver wants at least as many columns as rows.
-    let is_tall = rows > columns;
-    let (short, long) = if is_tall { (columns, rows) } else { (rows, columns) };
-    let at = |s: usize, l: usize| if is_tall { capped(l, s) } else { capped(s, l) };
-    let matrix = Matrix::from_fn(short, long, |(s, l)| at(s, l));
-    let (_, chosen) = kuhn_munkres_min(&matrix);
-    let mut pairs: Vec<(usize, usize)> = chosen
-        .into_iter()
-        .enumerate()
-        .filter(|&(s, l)| matrix[(s, l)] < far)
-        .map(|(s, l)| if is_tall { (l, s) } else { (s, l) })
-        .collect();
-    pairs.sort_unstable();
-    pairs
+    // To save the most is to cost the least: who stays alone saves nothing.
+    let near: Vec<(usize, usize, f64)> = all.map(saved).filter(|(_, _, saved)| *saved > 0.0).collect();
+    heaviest_pairs(rows, columns, &near)
 }
 
 #[cfg(test)]

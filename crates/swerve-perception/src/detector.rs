@@ -111,6 +111,8 @@ impl Detector {
             bottom_m: 0.0,
             extent: Extent { length_m, width_m, height_m: size("height", obstacle.extent.height_m) },
             image_px: None,
+            covariance_m2: None,
+            radial_speed_mps: None,
         })
     }
 

@@ -1,16 +1,23 @@
-//! Tracks in the image: SORT and ByteTrack.
+//! Tracks in the image: SORT, ByteTrack and DeepSORT.
 //!
-//! Both follow rectangles from frame to frame with a Kalman filter of constant velocity whose noises couple no two
+//! All follow rectangles from frame to frame with a Kalman filter of constant velocity whose noises couple no two
 //! coordinates, so that each coordinate is a filter of its own. Frames are taken to be evenly spaced; one without
-//! boxes is to be told too.
+//! boxes is to be told too. Of more than [`BOXES_MAX`] boxes in a frame the surest ones count, so that a step ends.
 
-mod axis;
+mod appearance;
 mod byte_track;
+mod deep_sort;
+mod motion;
 mod sort;
 #[cfg(test)]
 mod tests;
 
+use crate::bound::surest;
+
+pub use crate::bound::BOXES_MAX;
+pub use appearance::{Appearance, Look};
 pub use byte_track::{ByteTrack, Params as ByteTrackParams};
+pub use deep_sort::{DeepSort, Params as DeepSortParams};
 pub use sort::{Params as SortParams, Sort};
 
 /// One rectangle of a detector.
@@ -37,6 +44,13 @@ pub struct ImageTrack {
 pub trait ImageTracker {
     /// Takes in the next frame and gives the tracks that are reported of it.
     fn update(&mut self, found: &[ImageDetection]) -> Vec<ImageTrack>;
+}
+
+/// Those that can be followed, each with its place, in their order.
+fn surest_usable(found: &[ImageDetection]) -> Vec<(usize, &ImageDetection)> {
+    let mut usable: Vec<_> = found.iter().enumerate().filter(|(_, found)| is_usable(found)).collect();
+    surest(&mut usable, |(_, found)| found.score);
+    usable
 }
 
 fn is_usable(found: &ImageDetection) -> bool {

@@ -15,9 +15,10 @@ pub mod train;
 
 use serde::{Deserialize, Serialize};
 use swerve_core::ParamError;
-use swerve_geom::{Ego, FrenetPoint, Lidar, Obb, Point2, Pose2, Transform};
+use swerve_geom::{Ego, Lidar, Obb, Point2, Pose2, Transform};
 use swerve_msg::{ActorKind, DetectedBox, Detections, EgoState, Extent, PointCloud, Route};
 
+use crate::road::Road;
 use crate::validate::within;
 use boxes::{CLASSES, Class, Fit, Rectangle, complete, fit, quarter};
 use clusters::{Cluster, Clusters};
@@ -154,13 +155,14 @@ impl LidarObjects {
     /// All boxes that are looked at, before any is scored.
     pub fn propose(&mut self, scan: &Scan<'_>) -> &[Candidate] {
         self.cluster(scan);
-        let road = Road::of(scan);
+        let road = Road::new(scan.route, scan.ego.pose);
         let sensor = scan.ego_from_lidar.origin().coords;
         let sensor = [sensor.x as f32, sensor.y as f32];
         self.candidates.clear();
         for &cluster in &self.clusters.found {
             let points = self.clusters.of(cluster);
-            let lane = road.at(points[0]);
+            let [x, y, ..] = points[0].map(f64::from);
+            let lane = road.at(Point2::new(x, y)).map(|(heading, beyond)| (heading as f32, beyond as f32));
             let fit = fit(points, lane.map(|(heading, _)| heading));
             for (k, class) in CLASSES.iter().enumerate() {
                 if cluster.top_m < class.top_m[0] || cluster.top_m > class.top_m[1] {
@@ -196,35 +198,6 @@ fn surest_first(a: &Candidate, b: &Candidate) -> core::cmp::Ordering {
         let pairs = place(a).into_iter().zip(place(b));
         pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(core::cmp::Ordering::Equal)
     })
-}
-
-/// The way as it lies in the ego frame.
-struct Road<'a> {
-    route: Option<&'a Route>,
-    ego: Pose2,
-    near_s_m: f64,
-}
-
-/// How far along the way from the ego it is looked at, metres.
-const ALONG_M: f64 = 80.0;
-
-impl<'a> Road<'a> {
-    fn of(scan: &Scan<'a>) -> Self {
-        let ego = scan.ego.pose;
-        let route = scan.route.filter(|_| ego.is_finite());
-        let near_s_m = route.map_or(0.0, |route| route.project(ego.point()).s_m);
-        Self { route, ego, near_s_m }
-    }
-
-    /// Its heading beside a point, in the ego frame, radians, and how far beyond the drivable ground the point is, metres.
-    fn at(&self, [x, y, ..]: [f32; 4]) -> Option<(f32, f32)> {
-        let route = self.route?;
-        let at = self.ego.from_local::<Ego>(Point2::new(f64::from(x), f64::from(y)));
-        let FrenetPoint { s_m, d_m } = route.project_near(at, self.near_s_m, ALONG_M);
-        let heading_rad = route.line().at(s_m).pose.heading_rad - self.ego.heading_rad;
-        let beyond_m = (d_m - route.left_m(s_m)).max(-d_m - route.right_m(s_m));
-        Some((heading_rad as f32, beyond_m as f32))
-    }
 }
 
 /// How far beyond the drivable ground all is where none is known, metres: deeper in it than anything else.
@@ -300,5 +273,7 @@ fn boxed(rectangle: &Rectangle, class: &Class, cluster: Cluster, lane: Option<(f
         bottom_m: 0.0,
         extent: Extent { length_m, width_m, height_m: f64::from(cluster.top_m).max(least_m) },
         image_px: None,
+        covariance_m2: None,
+        radial_speed_mps: None,
     }
 }

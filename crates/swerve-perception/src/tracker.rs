@@ -18,6 +18,7 @@ use swerve_geom::{Ego, Map, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorId, ActorKind, DetectedBox, Detections, Extent, Sighting, Track, TrackList};
 
 use crate::assignment::assign;
+use crate::bound::surest;
 use kalman::Filter;
 
 pub use params::{Motion, Params};
@@ -71,8 +72,9 @@ impl Tracker {
     /// Takes in what a detector reports of one instant, with the ego's pose in the map then, and gives all confirmed
     /// tracks, ordered by identity.
     ///
-    /// Boxes below the least score are ignored, and so are those whose numbers are not finite. A report that is not
-    /// newer than the one before changes nothing. Identities are counted from 1 in the order in which tracks are
+    /// Boxes below the least score are ignored, and so are those whose numbers are not finite; of more than
+    /// [`BOXES_MAX`](crate::image_plane::BOXES_MAX) the surest count. A report that is not newer than the one before
+    /// changes nothing. Identities are counted from 1 in the order in which tracks are
     /// founded, which is that of falling scores within a frame.
     pub fn update(&mut self, found: &Detections, ego: Pose2<Map>) -> TrackList {
         let newest = self.newest.unwrap_or(Time::MIN);
@@ -91,9 +93,10 @@ impl Tracker {
 
     fn take_in(&mut self, found: &Detections, ego: Pose2<Map>) {
         let params = self.params;
-        let usable = |b: &&DetectedBox| b.score >= params.score_min && is_finite(b);
-        let boxes: Vec<Measured<'_>> =
-            found.boxes.iter().filter(usable).map(|b| Measured::of(b, ego, &params)).collect();
+        let usable = |b: &&DetectedBox| b.score >= params.score_min && b.is_finite();
+        let mut boxes: Vec<&DetectedBox> = found.boxes.iter().filter(usable).collect();
+        surest(&mut boxes, |b| b.score);
+        let boxes: Vec<Measured<'_>> = boxes.into_iter().map(|b| Measured::of(b, ego, &params)).collect();
         for track in &mut self.tracks {
             track.filter.predict(found.stamp, params.motion(track.kind).accel_density);
         }
@@ -153,11 +156,18 @@ impl<'a> Measured<'a> {
         let turn = Matrix2::new(cos, -sin, sin, cos);
         let square = |m: f64| m * m + params.floor_noise_m * params.floor_noise_m;
         let spread = Matrix2::new(square(along_m), 0.0, 0.0, square(across_m));
+        // What knows its own errors is asked; it knows nothing of those of the ego's pose.
+        let own = found.covariance_m2.map(|[xx, xy, yy]| {
+            let (sin, cos) = math::sin_cos(ego.heading_rad);
+            let turn = Matrix2::new(cos, -sin, sin, cos);
+            turn * Matrix2::new(xx, xy, xy, yy) * turn.transpose()
+                + Matrix2::identity() * (params.floor_noise_m * params.floor_noise_m)
+        });
         let at = ego.from_local::<Ego>(found.pose.point());
         Self {
             found,
             at: Column2::new(at.x_m, at.y_m),
-            covariance: turn * spread * turn.transpose(),
+            covariance: own.unwrap_or_else(|| turn * spread * turn.transpose()),
             heading_rad: found.pose.heading_rad + ego.heading_rad,
         }
     }
@@ -223,9 +233,4 @@ impl Followed {
             history: self.filter.smoothed().into_iter().map(sighting).collect(),
         }
     }
-}
-
-fn is_finite(found: &DetectedBox) -> bool {
-    let Extent { length_m, width_m, height_m } = found.extent;
-    found.pose.is_finite() && [length_m, width_m, height_m].iter().all(|m| m.is_finite() && *m > 0.0)
 }

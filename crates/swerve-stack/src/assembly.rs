@@ -16,7 +16,7 @@ use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
 use crate::config::resolved::Resolved;
 use crate::config::{Config, OperatorConfig};
 use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
-use swerve_msg::Detections;
+use swerve_msg::{Detections, Image};
 use swerve_text::nearest;
 
 pub(crate) use base::{pipeline_names, scheduled_operator, sensor_operators};
@@ -172,6 +172,16 @@ impl Assembly {
         self.streams().find(carries).map(|(placed, _)| placed.name.as_str())
     }
 
+    /// The stream of images that an operator looks for boxes in, where it is one that detects.
+    pub fn image_of(&self, detector: &str) -> Option<&str> {
+        let placed = self.operator(detector)?;
+        let carries = |of: PayloadType, payload: Option<PayloadType>| payload == Some(of);
+        let detects = |output: &Output| carries(PayloadType::of::<Detections>(), Some(output.port.payload));
+        let is_image = |input: &&Input| carries(PayloadType::of::<Image>(), input.port.payload);
+        let image = placed.inputs.iter().find(is_image).filter(|_| placed.outputs.iter().any(detects))?;
+        image.from.first().map(|edge| edge.stream.as_str())
+    }
+
     /// The pipeline as the text that makes it: what `config` sets, and every operator with its kind and what it reads;
     /// `graph` says how they run.
     pub fn to_toml(&self, config: &Config, graph: &GraphInfo) -> String {
@@ -249,11 +259,12 @@ fn length(
     config: &Config,
     problems: &mut KeyProblems,
 ) -> Option<Span> {
+    let takes_ms = placed.kind.takes_ms(&placed.settings(config));
     let config = placed.settings(config).config;
     for (key, message) in scheduled.problems(config, &placed.own) {
         problems.push((format!("operator.{}.{key}", placed.name), message.into()));
     }
-    scheduled.length(config, &placed.own, &placed.resolved).unwrap_or_else(|message| {
+    scheduled.length(config, &placed.own, &placed.resolved, takes_ms).unwrap_or_else(|message| {
         let problem = (format!("execution.{}", scheduled.key()), message);
         // Of several detectors or planners each would say it.
         if !problems.contains(&problem) {

@@ -4,6 +4,7 @@
 //! angles degrees (their names say so); resolving converts them.
 
 pub mod camera;
+pub mod camera_detectors;
 pub mod car;
 mod check;
 pub mod clock;

@@ -67,7 +67,7 @@ pub enum Role {
 /// What the models of `[execution]` schedule.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Scheduled {
-    /// The emulated detector.
+    /// A detector that has rungs, or is emulated.
     Detector,
     /// The motion planner.
     Planner,
@@ -293,6 +293,11 @@ pub trait OperatorKind: Send + Sync {
     /// What is wrong with the settings that say it.
     fn runtime(&self, _settings: &Settings<'_>) -> Result<RuntimeModel, String> {
         Ok(RuntimeModel::Zero)
+    }
+
+    /// What its steps take where `[operator.NAME]` does not say it, usually and at most, ms; none where nothing does.
+    fn takes_ms(&self, _settings: &Settings<'_>) -> Option<[f64; 2]> {
+        None
     }
 
     /// What lies between a sensor's stamp and its readers.

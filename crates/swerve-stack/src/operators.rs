@@ -1,11 +1,13 @@
 //! The operators of Swerve: a file each, and a line each in the registry.
 
 mod camera;
+mod camera_objects;
 mod commands;
 mod controller;
 mod deadlines;
 mod detector;
 mod events;
+mod fusion;
 mod gate;
 mod gnss;
 mod imu;
@@ -55,7 +57,9 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(lidar::Lidars)
         .with_kind(monitor::Monitors)
         .with_kind(detector::EmulatedDetector)
+        .with_kind(camera_objects::CameraDetector)
         .with::<lidar_objects::Objects>()
+        .with_kind(fusion::Fusions)
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
         .with_kind(deadlines::DeadlinePolicy)

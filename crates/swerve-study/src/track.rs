@@ -2,13 +2,20 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::{Context as _, anyhow, bail, ensure};
 use clap::ValueEnum;
-use swerve_perception::image_plane::{ByteTrack, ImageDetection, ImageTracker, Sort};
+use swerve_perception::image_plane::{
+    Appearance, BOXES_MAX, ByteTrack, DeepSort, ImageDetection, ImageTrack, ImageTracker, Look, Sort,
+};
 use swerve_report::files::{refuse_unwritable, write_whole};
+use swerve_vision::Rgb;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
 
 use crate::evaluate::mot;
+use crate::train::read_png;
 
 /// `swerve track`.
 #[derive(clap::Args, Debug)]
@@ -18,6 +25,9 @@ pub struct TrackArgs {
     /// How boxes become tracks
     #[arg(long, value_enum)]
     tracker: TrackerName,
+    /// Images of the frames for `deepsort`: 000001.png or 000001.jpg, and so on; without them it goes by motion alone
+    #[arg(long, value_name = "FOLDER")]
+    images: Option<PathBuf>,
     /// Write the tracks to this file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -29,38 +39,99 @@ enum TrackerName {
     Sort,
     /// Boxes of low scores keep tracks alive (Zhang et al. 2022)
     Bytetrack,
+    /// Looks and motion, those seen last first (Wojke et al. 2017)
+    Deepsort,
 }
 
 /// Runs `swerve track`.
 ///
 /// # Errors
-/// When the detections cannot be read or are no such rows (file, line, and what was expected), or the tracks cannot be
-/// written.
+/// When the detections cannot be read or are no such rows (file, line, and what was expected), an image is missing or
+/// cannot be read, or the tracks cannot be written.
 pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
-    let mut frames = BTreeMap::<u64, Vec<ImageDetection>>::new();
+    let is_deep = args.tracker == TrackerName::Deepsort;
+    ensure!(is_deep || args.images.is_none(), "--images: only `--tracker deepsort` looks at images");
+    let mut frames = Frames::new();
     for (_, row) in mot::read(&args.detections)? {
         let [left, top, width, height] = row.box_px;
         let found = ImageDetection { box_px: [left, top, left + width, top + height], score: row.confidence };
         frames.entry(row.frame).or_default().push(found);
     }
     refuse_unwritable(&args.out)?;
-    let rows = match args.tracker {
-        TrackerName::Sort => tracks(&mut Sort::default(), &frames),
-        TrackerName::Bytetrack => tracks(&mut ByteTrack::default(), &frames),
-    };
+    let rows = match (args.tracker, &args.images) {
+        (TrackerName::Sort, _) => tracks(&frames, by_boxes(Sort::default())),
+        (TrackerName::Bytetrack, _) => tracks(&frames, by_boxes(ByteTrack::default())),
+        (TrackerName::Deepsort, None) => tracks(&frames, by_boxes(DeepSort::default())),
+        (TrackerName::Deepsort, Some(folder)) => tracks(&frames, by_looks(folder)),
+    }?;
     write_whole(&args.out, rows.as_bytes())?;
     let (boxes, last) = (rows.lines().count(), frames.keys().max().unwrap_or(&0));
-    swerve_report::output::print(&format!(
-        "{boxes} boxes of tracks in {last} frames in {}\n",
-        args.out.display()
-    ))
+    let mut told = format!("{boxes} boxes of tracks in {last} frames in {}\n", args.out.display());
+    if is_deep && args.images.is_none() {
+        told += "by motion alone: --images FOLDER has it look at the boxes too\n";
+    }
+    let most = frames.values().map(Vec::len).max().unwrap_or(0);
+    if most > BOXES_MAX {
+        let _infallible =
+            writeln!(told, "{most} boxes in a frame: the {BOXES_MAX} surest of each were followed");
+    }
+    swerve_report::output::print(&told)
+}
+
+/// What was found, by frame.
+type Frames = BTreeMap<u64, Vec<ImageDetection>>;
+
+/// A tracker that is told boxes alone.
+fn by_boxes(
+    mut tracker: impl ImageTracker,
+) -> impl FnMut(u64, &[ImageDetection]) -> anyhow::Result<Vec<ImageTrack>> {
+    move |_, found| Ok(tracker.update(found))
+}
+
+/// DeepSORT, which is told too what the boxes look like in the images of a folder.
+fn by_looks(folder: &Path) -> impl FnMut(u64, &[ImageDetection]) -> anyhow::Result<Vec<ImageTrack>> {
+    let (mut tracker, mut appearance) = (DeepSort::default(), Appearance::default());
+    move |frame, found| {
+        let mut looks: Vec<Option<Look>> = Vec::new();
+        if !found.is_empty() {
+            let (size, bytes) = image_of(folder, frame)?;
+            let image = Rgb::new(size[0], size[1], &bytes)?;
+            looks.extend(found.iter().map(|found| appearance.describe(image, found.box_px)));
+        }
+        Ok(tracker.update_seen(found, &looks))
+    }
+}
+
+/// The image of a frame, in a file as MOTChallenge names it: width and height, and bytes of three colours.
+fn image_of(folder: &Path, frame: u64) -> anyhow::Result<([usize; 2], Vec<u8>)> {
+    let [png, jpg] = ["png", "jpg"].map(|ending| folder.join(format!("{frame:06}.{ending}")));
+    match (png.is_file(), jpg.is_file()) {
+        (true, _) => read_png(&png),
+        (false, true) => read_jpeg(&jpg),
+        _ => bail!("{}: no image of frame {frame}, expected {frame:06}.png or .jpg", folder.display()),
+    }
+}
+
+fn read_jpeg(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
+    let reading = || format!("reading {}", path.display());
+    let mut decoder = JpegDecoder::new(ZCursor::new(std::fs::read(path).with_context(reading)?));
+    let bytes = decoder.decode().map_err(|error| anyhow!("{error:?}")).with_context(reading)?;
+    let info = decoder.info().with_context(reading)?;
+    let size = [usize::from(info.width), usize::from(info.height)];
+    // Brightness alone has one byte a pixel.
+    let is_grey = bytes.len() == size[0] * size[1];
+    Ok((size, if is_grey { bytes.iter().flat_map(|value| [*value; 3]).collect() } else { bytes }))
 }
 
 /// The rows of all frames from the first to the last, also those in which nothing was found.
-fn tracks(tracker: &mut impl ImageTracker, frames: &BTreeMap<u64, Vec<ImageDetection>>) -> String {
+fn tracks(
+    frames: &Frames,
+    mut update: impl FnMut(u64, &[ImageDetection]) -> anyhow::Result<Vec<ImageTrack>>,
+) -> anyhow::Result<String> {
     let mut rows = String::new();
     for frame in 1..=frames.keys().max().copied().unwrap_or(0) {
-        for track in tracker.update(frames.get(&frame).map_or(&[][..], Vec::as_slice)) {
+        let found = frames.get(&frame).map_or(&[][..], Vec::as_slice);
+        for track in update(frame, found).with_context(|| format!("frame {frame}"))? {
             let [left, top, right, bottom] = track.box_px;
             let (width, height) = (right - left, bottom - top);
             let _infallible = writeln!(
@@ -70,7 +141,7 @@ fn tracks(tracker: &mut impl ImageTracker, frames: &BTreeMap<u64, Vec<ImageDetec
             );
         }
     }
-    rows
+    Ok(rows)
 }
 
 #[cfg(test)]
@@ -81,7 +152,7 @@ mod tests {
         let folder = tempfile::tempdir()?;
         let (detections, out) = (folder.path().join("det.txt"), folder.path().join("tracks.txt"));
         std::fs::write(&detections, rows)?;
-        run(&TrackArgs { detections, tracker, out: out.clone() })?;
+        run(&TrackArgs { detections, tracker, images: None, out: out.clone() })?;
         Ok(std::fs::read_to_string(out)?)
     }
 
@@ -100,7 +171,43 @@ mod tests {
         assert_eq!(starts, ["1,2,", "1,1,", "2,1,"], "{sorted}");
         assert!(sorted.ends_with(",0.900000,-1,-1,-1\n"), "{sorted}");
         assert_eq!(run_on("", TrackerName::Sort).unwrap(), "");
+        // Reported from its third box on, the score of the fourth frame being too low for one.
+        assert_eq!(run_on(ROWS, TrackerName::Deepsort).unwrap(), "");
+        let steady = "1,-1,0,0,40,80,0.9\n2,-1,5,0,40,80,0.9\n3,-1,10,0,40,80,0.9\n";
+        let tracked = run_on(steady, TrackerName::Deepsort).unwrap();
+        assert!(tracked.starts_with("3,1,") && tracked.lines().count() == 1, "{tracked}");
         let error = run_on("1,-1,0,0,40\n", TrackerName::Sort).unwrap_err().to_string();
         assert!(error.contains("det.txt:1: expected at least 6 columns"), "{error}");
+    }
+
+    #[test]
+    fn images_are_looked_at_and_one_that_is_missing_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let (detections, out) = (folder.path().join("det.txt"), folder.path().join("tracks.txt"));
+        let rows: String = (1..=4).map(|frame| format!("{frame},-1,{},2,20,40,0.9\n", 3 * frame)).collect();
+        std::fs::write(&detections, rows).unwrap();
+        let args = |tracker| TrackArgs {
+            detections: detections.clone(),
+            tracker,
+            images: Some(folder.path().to_owned()),
+            out: out.clone(),
+        };
+        for frame in 1..=3 {
+            let file = std::fs::File::create(folder.path().join(format!("{frame:06}.png"))).unwrap();
+            let mut encoder = png::Encoder::new(file, 64, 48);
+            encoder.set_color(png::ColorType::Rgb);
+            let bytes: Vec<u8> = (0..64 * 48 * 3).map(|k| (k % 251) as u8).collect();
+            encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+        }
+        let told = |tracker| format!("{:#}", run(&args(tracker)).unwrap_err());
+        let missing = told(TrackerName::Deepsort);
+        assert!(missing.contains("no image of frame 4, expected 000004.png or .jpg"), "{missing}");
+        assert!(told(TrackerName::Sort).starts_with("--images: only"));
+        std::fs::copy(folder.path().join("000003.png"), folder.path().join("000004.png")).unwrap();
+        run(&args(TrackerName::Deepsort)).unwrap();
+        let tracked = std::fs::read_to_string(&out).unwrap();
+        assert!(tracked.starts_with("3,1,") && tracked.contains("\n4,1,"), "{tracked}");
+        std::fs::write(folder.path().join("000002.png"), "no image").unwrap();
+        assert!(told(TrackerName::Deepsort).contains("000002.png"));
     }
 }

@@ -16,6 +16,7 @@ mod car;
 mod kinematic;
 mod params;
 mod pedals;
+mod pitch;
 mod shape;
 mod single_track;
 mod steering;
@@ -30,6 +31,7 @@ pub use params::{
     VehicleParams, WheelParams,
 };
 pub use pedals::{Pedals, accel_for_pedals, pedals_for_accel};
+pub use pitch::Pitch;
 pub use shape::{Limits, Shape};
 pub use single_track::{SingleTrack, SingleTrackState};
 pub use steering::SteeringParams;

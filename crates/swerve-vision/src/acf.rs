@@ -15,7 +15,7 @@ mod weights;
 pub use detector::{Candidate, Scanner, SizeError};
 pub use ground::Ground;
 pub use stored::{feature_step, leaf_step};
-pub use suppress::{Overlap, iou, suppress};
+pub use suppress::{Overlap, iou, share, suppress, vote};
 pub use weights::{Calibration, Model, Rung, Weights, WeightsError};
 
 use serde::{Deserialize, Serialize};

@@ -18,3 +18,6 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 pub fn detector(name: &str) -> Option<Result<Weights, WeightsError>> {
     DETECTORS.iter().find(|(of, _)| *of == name).map(|(_, bytes)| Weights::read(bytes))
 }
+
+/// What the rungs of these detectors take, as TOML: a table a detector, of each rung pairs of percentile and milliseconds.
+pub const RUN_TIMES: &str = include_str!("../detectors/run_times.toml");

@@ -7,10 +7,10 @@ use serde::Serialize;
 use swerve_geom::math;
 use swerve_report::files::write_png;
 use swerve_report::output;
+use swerve_stack::config::camera_detectors;
 use swerve_study::train::read_png;
 use swerve_vision::Rgb;
 use swerve_vision::acf::{Detection, Ground, Rung, Scanner, Weights};
-use swerve_vision::shipped;
 
 /// `swerve look`.
 #[derive(clap::Args, Debug)]
@@ -73,7 +73,7 @@ struct Object<'a> {
 
 /// Runs `swerve look`.
 pub(crate) fn run(args: &LookArgs) -> anyhow::Result<()> {
-    let weights = weights(&args.detector)?;
+    let weights = camera_detectors::weights(&args.detector).map_err(|message| anyhow!(message))?;
     let rung = rung(&weights, args)?;
     // Scores of others' detectors are sums, which no probability bounds.
     let least = if rung.calibrations.is_empty() { f64::NEG_INFINITY } else { args.least };
@@ -102,23 +102,6 @@ pub(crate) fn run(args: &LookArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn weights(name: &str) -> anyhow::Result<Weights> {
-    if let Some(weights) = shipped::detector(name) {
-        return Ok(weights?);
-    }
-    let path = Path::new(name);
-    if !path.exists() {
-        let names: Vec<&str> = shipped::names().collect();
-        let near = swerve_text::did_you_mean(name, names.iter().copied());
-        return Err(anyhow!(
-            "no detector `{name}`{near}; expected {}, or a file of weights",
-            swerve_text::list(&names)
-        ));
-    }
-    let bytes = std::fs::read(path).with_context(|| format!("reading {name}"))?;
-    Weights::read(&bytes).with_context(|| name.to_owned())
-}
-
 /// The rung asked for; else the last that does without the camera, or, where that is known, the last that knows it.
 fn rung(weights: &Weights, args: &LookArgs) -> anyhow::Result<Rung> {
     let grounded = |rung: &&Rung| rung.tolerance_rad.is_some() == args.fov.is_some();
@@ -126,11 +109,7 @@ fn rung(weights: &Weights, args: &LookArgs) -> anyhow::Result<Rung> {
         let rung = weights.rungs.iter().rfind(grounded).or(weights.rungs.last());
         return rung.cloned().context("weights without a rung");
     };
-    let names: Vec<&str> = weights.rungs.iter().map(|rung| rung.name.as_str()).collect();
-    let rung = weights.rungs.iter().find(|rung| rung.name == *name).ok_or_else(|| {
-        let near = swerve_text::did_you_mean(name, names.iter().copied());
-        anyhow!("no rung `{name}`{near}; expected {}", swerve_text::list(&names))
-    })?;
+    let rung = camera_detectors::rung(weights, name).map_err(|message| anyhow!(message))?;
     anyhow::ensure!(
         rung.tolerance_rad.is_none() || args.fov.is_some(),
         "rung `{name}` needs the camera: expected --fov"

@@ -14,12 +14,13 @@ use swerve_camera::{Camera, Frame};
 use swerve_core::Time;
 use swerve_geom::{Map, Point, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorKind, Obstacle, ObstacleList, Plan};
+use swerve_msg::{ActorKind, Detections, Obstacle, ObstacleList, Plan};
 
 const PLAN: Rgb888 = Rgb888::new(60, 230, 120);
 const FALLBACK: Rgb888 = Rgb888::new(255, 170, 40);
 const BOX: Rgb888 = Rgb888::new(80, 190, 255);
 const PERSON: Rgb888 = Rgb888::new(255, 90, 200);
+const FOUND: Rgb888 = Rgb888::new(255, 235, 60);
 const ALARM: Rgb888 = Rgb888::new(225, 40, 40);
 /// The plan is drawn this far over the road, metres.
 const PLAN_UP_M: f64 = 0.05;
@@ -70,6 +71,19 @@ impl<'a> Canvas<'a> {
             if let Some([x, y]) = self.pixel(top) {
                 self.label(At::new(x as i32 - 4 * words.len() as i32, y as i32), &words, colour);
             }
+        }
+    }
+
+    /// What a detector found in this image, as rectangles with kind and score.
+    pub(super) fn found(&mut self, found: &Detections) {
+        for one in &found.boxes {
+            let Some(edges) = one.image_px else { continue };
+            let [left, top, right, bottom] = edges.map(|px| px.round() as i32);
+            let size = Size::new((right - left).max(1) as u32, (bottom - top).max(1) as u32);
+            let style = PrimitiveStyle::with_stroke(FOUND, 2);
+            let Ok(()) = Rectangle::new(At::new(left, top), size).into_styled(style).draw(self);
+            let words = format!("{:?} {:.2}", one.kind, one.score).to_lowercase();
+            self.label(At::new(left, top - 4), &words, FOUND);
         }
     }
 

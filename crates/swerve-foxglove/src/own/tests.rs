@@ -55,6 +55,7 @@ fn foxglove() -> Foxglove {
         lines_m: vec![],
         shape: VehicleParams::default().shape,
         dead_time: Span::ZERO,
+        detectors: Vec::new(),
         mounts: vec![],
         images: None,
         raw_images: false,

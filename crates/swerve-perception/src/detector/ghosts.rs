@@ -68,6 +68,8 @@ impl Detector {
                 height_m: extent.height_m * size,
             },
             image_px: None,
+            covariance_m2: None,
+            radial_speed_mps: None,
         })
     }
 }

@@ -2,14 +2,8 @@
 
 use swerve_geom::{heaviest_pairs, image_iou};
 
-use super::axis::Axis;
-use super::{ImageDetection, ImageTrack, ImageTracker, centred, edges, is_usable};
-
-/// Standard deviations of place and size over the height of the box (Wojke et al. 2017).
-const PLACE: f64 = 1.0 / 20.0;
-
-/// The same of their rates per frame.
-const RATE: f64 = 1.0 / 160.0;
+use super::motion::Motion;
+use super::{ImageDetection, ImageTrack, ImageTracker, surest_usable};
 
 /// What may be set. Scores are between 0 and 1; a detector with others is to be calibrated first.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -63,8 +57,7 @@ struct Followed {
     id: u64,
     state: State,
     score: f64,
-    /// Centre (across, down), width over height, height: px, px, 1, px.
-    axes: [Axis; 4],
+    motion: Motion,
     founded: u64,
     last_seen: u64,
 }
@@ -121,7 +114,7 @@ impl ImageTracker for ByteTrack {
     fn update(&mut self, found: &[ImageDetection]) -> Vec<ImageTrack> {
         self.frames += 1;
         let params = self.params;
-        let usable = || found.iter().filter(|f| is_usable(f));
+        let usable = || surest_usable(found).into_iter().map(|(_, found)| found);
         let mut high: Vec<&ImageDetection> = usable().filter(|f| f.score > params.score_high).collect();
         let mut low: Vec<&ImageDetection> =
             usable().filter(|f| f.score > params.score_low && f.score < params.score_high).collect();
@@ -145,50 +138,26 @@ impl ImageTracker for ByteTrack {
     }
 }
 
-/// Centre, aspect and height of a rectangle.
-fn shape(box_px: [f64; 4]) -> [f64; 4] {
-    let [x, y, width, height] = centred(box_px);
-    [x, y, width / height, height]
-}
-
-/// Variances of a rectangle of this height: the deviations of the aspect are its own.
-fn variances(height: f64, of_height: f64, of_aspect: f64) -> [f64; 4] {
-    let square = |x: f64| x * x;
-    let size = square(of_height * height);
-    [size, size, square(of_aspect), size]
-}
-
 impl Followed {
     fn founded(id: u64, found: &ImageDetection, now: u64) -> Self {
         let state = if now == 1 { State::Tracked } else { State::New };
-        let measured = shape(found.box_px);
-        let (places, rates) =
-            (variances(measured[3], 2.0 * PLACE, 1e-2), variances(measured[3], 10.0 * RATE, 1e-5));
-        let axes = core::array::from_fn(|k| Axis::new(measured[k], [places[k], rates[k]]));
-        Self { id, state, score: found.score, axes, founded: now, last_seen: now }
+        let motion = Motion::founded(found.box_px);
+        Self { id, state, score: found.score, motion, founded: now, last_seen: now }
     }
 
     fn predict(&mut self) {
         if self.state == State::Lost {
-            self.axes[3].rate = 0.0;
+            self.motion.stop_growing();
         }
-        let height = self.axes[3].value;
-        let (places, rates) = (variances(height, PLACE, 1e-2), variances(height, RATE, 1e-5));
-        for (k, axis) in self.axes.iter_mut().enumerate() {
-            axis.predict([places[k], rates[k]]);
-        }
+        self.motion.predict();
     }
 
     fn update(&mut self, found: &ImageDetection, now: u64) {
-        let noise = variances(self.axes[3].value, PLACE, 1e-1);
-        for ((axis, measured), variance) in self.axes.iter_mut().zip(shape(found.box_px)).zip(noise) {
-            axis.update(measured, variance);
-        }
+        self.motion.update(found.box_px);
         (self.state, self.score, self.last_seen) = (State::Tracked, found.score, now);
     }
 
     fn edges(&self) -> [f64; 4] {
-        let [x, y, aspect, height] = self.axes.map(|axis| axis.value);
-        edges([x, y, aspect * height, height])
+        self.motion.edges()
     }
 }

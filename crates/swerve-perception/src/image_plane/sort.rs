@@ -2,8 +2,8 @@
 
 use swerve_geom::{heaviest_pairs, image_iou};
 
-use super::axis::Axis;
-use super::{ImageDetection, ImageTrack, ImageTracker, centred, edges, is_usable};
+use super::{ImageDetection, ImageTrack, ImageTracker, centred, edges, surest_usable};
+use crate::axis::Axis;
 
 /// Variances of the first sight: of centre, area and aspect; of their rates, which nobody has seen yet.
 const FIRST: [f64; 2] = [10.0, 1e4];
@@ -95,7 +95,7 @@ impl ImageTracker for Sort {
     /// Tracks that have a box in this frame, the newest first.
     fn update(&mut self, found: &[ImageDetection]) -> Vec<ImageTrack> {
         self.frames += 1;
-        let found: Vec<&ImageDetection> = found.iter().filter(|f| is_usable(f)).collect();
+        let found: Vec<&ImageDetection> = surest_usable(found).into_iter().map(|(_, found)| found).collect();
         self.tracks.iter_mut().for_each(Followed::predict);
         self.tracks.retain(|track| track.edges().iter().all(|x| x.is_finite()));
         let predicted: Vec<[f64; 4]> = self.tracks.iter().map(Followed::edges).collect();
@@ -141,7 +141,7 @@ impl Followed {
             area.rate = 0.0;
         }
         for (axis, noise) in self.state.iter_mut().zip([0, 0, 1, 2]) {
-            axis.predict(NOISE[noise]);
+            axis.predict(1.0, NOISE[noise]);
         }
         if self.unseen > 0 {
             self.streak = 0;

@@ -16,6 +16,8 @@ fn found(kind: ActorKind, x_m: f64, y_m: f64) -> DetectedBox {
         bottom_m: 0.0,
         extent: PERSON,
         image_px: None,
+        covariance_m2: None,
+        radial_speed_mps: None,
     }
 }
 
@@ -228,4 +230,35 @@ fn who_stops_dead_stays_one_track_that_stands_at_once() {
             }
         }
     }
+}
+
+#[test]
+fn of_ten_thousand_boxes_the_surest_count() {
+    let mut tracker = tracker(Params::default());
+    let at = |k: u32| found(ActorKind::Pedestrian, 5.0 + f64::from(k % 100), f64::from(k / 100));
+    let boxes: Vec<DetectedBox> =
+        (0..10_000).map(|k| DetectedBox { score: if k % 10 == 3 { 0.9 } else { 0.7 }, ..at(k) }).collect();
+    let mut told = TrackList::default();
+    for k in 0..3 {
+        told = tracker.update(&frame(50 * k, boxes.clone()), origin());
+    }
+    assert_eq!(told.tracks.len(), crate::image_plane::BOXES_MAX);
+    assert!(told.tracks.iter().all(|track| tracker.score(track.id) == Some(0.9)));
+}
+
+/// A box that knows its errors is weighed by them: of two that contradict each other the surer one's place holds.
+#[test]
+fn a_covariance_of_its_own_weighs_a_box() {
+    let place = |covariance_m2| {
+        let mut tracker = tracker(Params { floor_noise_m: 0.01, ..Params::default() });
+        let first = found(ActorKind::Static, 20.0, 0.0);
+        tracker.update(
+            &frame(0, vec![DetectedBox { covariance_m2: Some([0.04, 0.0, 0.04]), ..first }]),
+            origin(),
+        );
+        let second = DetectedBox { covariance_m2, ..found(ActorKind::Static, 20.4, 0.0) };
+        tracker.update(&frame(100, vec![second]), origin()).tracks[0].pose.x_m
+    };
+    let (sure, unsure) = (place(Some([0.01, 0.0, 0.01])), place(Some([4.0, 0.0, 0.04])));
+    assert!(sure > 20.25 && unsure < 20.05, "{sure} {unsure}");
 }

@@ -4,8 +4,9 @@ use std::sync::LazyLock;
 
 use toml::de::DeTable;
 
+use crate::config::execution::Runtime;
 use crate::config::{Config, OperatorConfig};
-use crate::kind::{Role, Scheduled};
+use crate::kind::{Role, Scheduled, Settings};
 
 /// A part of the pipeline: its operators, in order.
 struct Part(LazyLock<Vec<(String, OperatorConfig)>>);
@@ -103,11 +104,16 @@ pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
     has(&VEHICLE) && !has(&WORLD)
 }
 
-/// The first operator of which the models of execution rule this.
-pub(crate) fn scheduled_operator(config: &Config, scheduled: Scheduled) -> Option<OperatorConfig> {
-    let of = |own: &OperatorConfig| config.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());
-    let is_scheduled = |own: &OperatorConfig| of(own).is_some_and(|node| node.scheduled == Some(scheduled));
-    entries(config).into_iter().map(|(_, own)| own).find(is_scheduled)
+/// The first operator of which the models of execution rule this, if one takes part: what it usually takes, ms, where
+/// that is known.
+pub(crate) fn scheduled_operator(config: &Config, scheduled: Scheduled) -> Option<Option<f64>> {
+    entries(config).into_iter().filter(|(_, own)| own.enabled != Some(false)).find_map(|(name, own)| {
+        let kind = config.registry.kind(own.kind.as_deref()?)?;
+        let settings = Settings { name: &name, config, offered: &[] };
+        let is_meant = kind.node().scheduled == Some(scheduled) && kind.is_there(&settings);
+        let said_ms = own.runtime.as_ref().map(Runtime::typical_ms);
+        is_meant.then(|| said_ms.or_else(|| kind.takes_ms(&settings).map(|[usual_ms, _]| usual_ms)))
+    })
 }
 
 /// The names of all sensors, whether or not they run.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_msg::Detections;
+use swerve_msg::truth::{Surroundings, WorldState};
 use swerve_scenario::Scenario;
 use swerve_text::{Document, parse_assignment};
 
@@ -23,7 +24,7 @@ struct FusionIn {
 }
 
 impl Kind for Fusion {
-    const NODE: Node = Node::new("fusion", "boxes of all detectors in one list");
+    const NODE: Node = Node::new("all_boxes", "boxes of all detectors in one list");
     type Table = NoKeys;
 
     fn new(_: NoKeys, _: &Site<'_>) -> anyhow::Result<Self> {
@@ -187,7 +188,7 @@ camera = "right"
 reads = { surroundings = "right_sight.surroundings" }
 
 [operator.fusion]
-kind = "fusion"
+kind = "all_boxes"
 reads = { boxes = ["left_detector", "right_detector"] }
 [operator.tracker]
 reads = { boxes = "fusion" }
@@ -224,10 +225,10 @@ const REFUSED: &[(&str, &str)] = &[
     (
         "[operator.tracker]\nreads = { boxes = \"camera\" }\n",
         "c.toml:2: operator.tracker.reads.boxes: `tracker` has this port where `Detections` are published, and nobody \
-         publishes any: `perception.detector = \"NAME\"` or `[operator.NAME] kind = \"lidar_objects\"` brings one that does",
+         publishes any: `[operator.NAME] kind = \"camera_objects\"` or `perception.detector = \"NAME\"` or `[operator.NAME] kind = \"lidar_objects\"` brings one that does",
     ),
     (
-        "[operator.x]\nkind = \"fusion\"\nreads = { boxes = \"camera\" }\n[operator.tracker]\nreads = { boxes = \"x\" }\n",
+        "[operator.x]\nkind = \"all_boxes\"\nreads = { boxes = \"camera\" }\n[operator.tracker]\nreads = { boxes = \"x\" }\n",
         "c.toml:3: operator.x.reads.boxes: unknown stream `camera`, expected one of x",
     ),
     (
@@ -262,7 +263,7 @@ const REFUSED: &[(&str, &str)] = &[
         "[operator.predictor]\nhorizon_ms = 1\n",
         "c.toml:2: operator.predictor.horizon_ms: expected 50 to 60000, found 1",
     ),
-    ("[operator.x]\nkind = \"fusion\"\nkey = 1\n", "c.toml:3: operator.x.key: unknown key"),
+    ("[operator.x]\nkind = \"all_boxes\"\nkey = 1\n", "c.toml:3: operator.x.key: unknown key"),
     (
         "[operator.world]\nreads = { command = { stream = \"controller\", feedback = false } }\n",
         "c.toml:2: operator.world.reads: a cycle without a feedback edge goes through world,",
@@ -397,4 +398,78 @@ fn every_kind_says_what_it_is() {
         assert!(node.kind.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'), "{}", node.kind);
     }
     assert!(registry.kinds().count() >= 30);
+}
+
+/// Configurations that say of themselves that nothing in the stack is told the truth of others.
+#[test]
+fn no_truth_is_read_behind_the_sensors() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+    let told = |file: &str| -> Vec<String> {
+        let document = Document::read(&folder.join(file)).unwrap();
+        let assembly = Assembly::new(&Config::from_document(&document, &[]).unwrap()).unwrap();
+        let is_truth = |edge: &Edge| {
+            let (by, output) = assembly.stream(&edge.stream).unwrap();
+            let truths = [PayloadType::of::<WorldState>(), PayloadType::of::<Surroundings>()];
+            truths.contains(&output.port.payload) || by.kind.node().kind == "obstacle_sensor"
+        };
+        let stack = assembly.operators().iter().filter(|placed| placed.kind.node().role == Role::Stack);
+        let reads = stack.flat_map(|placed| placed.inputs.iter().map(move |input| (placed, input)));
+        let truths = reads.filter(|(_, input)| input.from.iter().any(is_truth));
+        truths.map(|(placed, input)| format!("{}.{}", placed.name, input.port.name)).collect()
+    };
+    for file in NO_TRUTH {
+        assert_eq!(told(file), Vec::<String>::new(), "{file}");
+    }
+    // The walk finds it where it is.
+    assert_eq!(told("best.toml"), ["tracker.obstacles"]);
+    assert_eq!(told("detector.toml"), ["detector.surroundings"]);
+}
+
+const NO_TRUTH: [&str; 3] = ["camera_objects.toml", "lidar_objects.toml", "fused_objects.toml"];
+
+const EYE: &str = "[camera.eye]\n[operator.objects]\nkind = \"camera_objects\"\n";
+
+#[test]
+fn a_detector_that_cannot_look_is_told_with_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let foreign = folder.path().join("foreign.weights");
+    std::fs::write(&foreign, "a text").unwrap();
+    let foreign = foreign.display().to_string();
+    let said = |line: &str| read(&format!("{EYE}{line}\n"), &[]).unwrap_err().join("\n");
+    for (line, expected) in [
+        (&*format!("detector = \"{foreign}\""), "detector: PATH: no weights of a detector: expected a file"),
+        ("detector = \"stret\"", "detector: no detector `stret`; did you mean \"street\"?"),
+        (
+            "detector = \"acf_inria\"\nrung = \"as_it_is\"",
+            "detector: `acf_inria`: its scores are sums of trees",
+        ),
+        ("rung = \"grund\"", "rung: no rung `grund`; did you mean \"ground\"?"),
+        ("score_min = 2", "score_min: expected 0 to 1, found 2"),
+        ("run_times_ms = { fasst = 3 }", "run_times_ms.fasst: no rung `fasst`"),
+        ("runtime = { fixed_ms = 5 }\nladder = true", "runtime: the rungs of its ladder"),
+    ] {
+        let said = said(line).replace(&foreign, "PATH");
+        assert!(said.starts_with("c.toml:4: operator.objects."), "{said}");
+        assert!(said.contains(expected), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
+    let whole = folder.path().join("my.weights");
+    std::fs::write(&whole, swerve_vision::shipped::detector("street").unwrap().unwrap().write()).unwrap();
+    let own = format!("{EYE}detector = \"{}\"\n", whole.display());
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/lane.toml");
+    let untimed = Pipeline::build(&read(&own, &[]).unwrap(), &Scenario::read(&file).unwrap());
+    let told = format!("{:#}", untimed.err().expect("nobody measured it"));
+    assert!(told.contains("expected what rung `ground` takes"), "{told}");
+    let timed = format!("{own}run_times_ms = {{ ground = 12.5 }}\n");
+    assert_eq!(read(&timed, &[]).unwrap().expected_ms(), Config::default().expected_ms() + 12.5);
+}
+
+#[test]
+fn the_ladder_of_a_camera_detector_ends_at_the_rung_that_is_named() {
+    let text = "[sensing]\nperiod_ms = 100\n[execution]\nmodel = \"static_deadlines\"\nplanner_ms = 20\n";
+    let config = read(&format!("{text}{EYE}rung = \"full\"\nladder = true\n"), &[]).unwrap();
+    let objects = Assembly::new(&config).unwrap().operator("objects").unwrap().clone();
+    let full = crate::config::camera_detectors::run_time("street", "full").unwrap();
+    assert_eq!(objects.length.map(Span::as_ms), Some(full.most_ms()));
+    assert_eq!(objects.kind.takes_ms(&objects.settings(&config)), Some([full.most_ms(); 2]));
 }

@@ -79,6 +79,12 @@ impl Runtime {
             .unwrap_or(0.0)
     }
 
+    /// What a step takes at most, ms, as far as the model itself tells; else what it usually takes.
+    pub fn most_ms(&self) -> f64 {
+        let last = |points: &Vec<[f64; 2]>| points.last().map_or(0.0, |[_, ms]| *ms);
+        self.percentiles_ms.as_ref().map_or_else(|| self.typical_ms(), last)
+    }
+
     /// The engine's model, or what is wrong.
     pub fn model(&self) -> Result<RuntimeModel, String> {
         let mut models = Vec::new();

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_perception::detector::{self, Sensing};
 use swerve_perception::image_box::ImageCamera;
-use swerve_perception::tracker;
+use swerve_perception::{Algorithm, GroundParams, ab3dmot, tracker};
 use swerve_text::nearest;
 
 use super::camera::CameraConfig;
@@ -34,7 +34,8 @@ pub struct PerceptionConfig {
     pub ladder: bool,
     /// Parameters of the emulation that differ from the named detector's.
     pub params: toml::Table,
-    /// Parameters of the tracker that differ from its defaults; its measurement noise is that of the detector.
+    /// The tracker behind a detector, `algorithm`: `sort` when absent, or `ab3dmot`; and its parameters that differ from
+    /// its defaults. The measurement noise of `sort` is that of the detector.
     pub tracker: toml::Table,
     /// Where `params` come from, where `swerve calibrate detector` wrote them; nothing reads it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -130,18 +131,35 @@ impl PerceptionConfig {
         &self,
         behind: &detector::Params,
         sightings_max: usize,
-    ) -> Result<tracker::Params, (&'static str, String)> {
-        let defaults = tracker::Params {
-            sightings_max,
-            range_noise_m: behind.range_noise_m,
-            range_noise_share: behind.range_noise_share,
-            bearing_noise_rad: behind.bearing_noise_rad,
-            ..tracker::Params::default()
+    ) -> Result<GroundParams, (&'static str, String)> {
+        let told = |message| ("tracker", message);
+        let mut own = self.tracker.clone();
+        let params = match own.remove("algorithm").map_or(Ok(Algorithm::Sort), algorithm).map_err(told)? {
+            Algorithm::Sort => {
+                let defaults = tracker::Params {
+                    sightings_max,
+                    range_noise_m: behind.range_noise_m,
+                    range_noise_share: behind.range_noise_share,
+                    bearing_noise_rad: behind.bearing_noise_rad,
+                    ..tracker::Params::default()
+                };
+                GroundParams::Sort(overridden(&defaults, &own).map_err(told)?)
+            }
+            Algorithm::Ab3dmot => {
+                let defaults = ab3dmot::Params { sightings_max, ..ab3dmot::Params::default() };
+                GroundParams::Ab3dmot(overridden(&defaults, &own).map_err(told)?)
+            }
         };
-        let params = overridden(&defaults, &self.tracker).map_err(|message| ("tracker", message))?;
-        params.validate().map_err(|error| ("tracker", error.to_string()))?;
+        params.validate().map_err(|error| told(error.to_string()))?;
         Ok(params)
     }
+}
+
+/// The tracker of a name.
+fn algorithm(name: toml::Value) -> Result<Algorithm, String> {
+    let told = format!("algorithm: expected \"sort\" or \"ab3dmot\", found {name}");
+    let near = name.as_str().map_or_else(String::new, |name| hint(name, ["sort", "ab3dmot"]));
+    name.try_into().map_err(|_| told + &near)
 }
 
 impl Config {
@@ -157,14 +175,7 @@ impl Config {
     /// Expected time from a sensor frame to its plan's first effect, ms: the detector's and the planner's.
     pub fn expected_ms(&self) -> f64 {
         let PlanningConfig { expected_ms, .. } = self.planning;
-        let named = scheduled_operator(self, Scheduled::Detector).and_then(|own| own.runtime);
-        let detector_ms = match self.perception.detector.as_str() {
-            TRUTH => 0.0,
-            _ => named.map_or_else(
-                || self.perception.published_ms().unwrap_or(0.0),
-                |runtime| runtime.typical_ms(),
-            ),
-        };
+        let detector_ms = scheduled_operator(self, Scheduled::Detector).flatten().unwrap_or(0.0);
         expected_ms.unwrap_or_else(|| self.planning.expected_ms() + detector_ms)
     }
 
@@ -240,10 +251,35 @@ mod tests {
         let config = config(text, &["operator.planner.runtime={ zero = true }"]).unwrap();
         let emulated = config.perception.emulated().unwrap().unwrap();
         assert_eq!((emulated.params.score_gap, emulated.params.missed.period_s), (9.0, 1.5));
-        let tracker = config.perception.tracker(&emulated.params, 7).unwrap();
+        let GroundParams::Sort(tracker) = config.perception.tracker(&emulated.params, 7).unwrap() else {
+            panic!("another tracker than the usual one")
+        };
         assert_eq!((tracker.hits_min, tracker.sightings_max), (4, 7));
         assert_eq!(tracker.range_noise_share, emulated.params.range_noise_share);
         assert!((config.expected_ms() - config.planning.expected_ms() - 5.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_tracker_is_chosen_by_its_name() {
+        let text = "[perception]\ntracker = { algorithm = \"ab3dmot\", vehicle = { death = 5 } }\n";
+        let config = config(text, &[]).unwrap();
+        let GroundParams::Ab3dmot(tracker) = config.perception.tracker(&Default::default(), 7).unwrap()
+        else {
+            panic!("the usual one")
+        };
+        assert_eq!((tracker.vehicle.death, tracker.vehicle.birth, tracker.cyclist.death), (5, 3, 4));
+        for (tracker, told) in [
+            ("{ algorithm = \"ab3dmt\" }", "did you mean `ab3dmot`?"),
+            ("{ algorithm = 3 }", "expected \"sort\" or \"ab3dmot\", found 3"),
+            ("{ algorithm = \"ab3dmot\", gate = 3 }", "gate"),
+            (
+                "{ algorithm = \"ab3dmot\", pedestrian = { limit = -2 } }",
+                "`pedestrian.limit` is -2, expected -1 to 1",
+            ),
+        ] {
+            let said = self::config(&format!("[perception]\ntracker = {tracker}\n"), &[]).unwrap_err();
+            assert!(said.contains("perception.tracker") && said.contains(told), "{tracker}: {said}");
+        }
     }
 
     #[test]

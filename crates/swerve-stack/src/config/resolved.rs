@@ -3,15 +3,17 @@
 use swerve_control::safety_gate::GateParams;
 use swerve_core::Span;
 use swerve_flow::Reaction;
-use swerve_perception::{detector, tracker};
+use swerve_perception::{GroundParams, detector};
 use swerve_planning::deadline;
 use swerve_pylot::Rules;
 use swerve_text::number;
+use toml::Value;
 
 use super::execution::{Runtime, span_ms};
 use super::model::{Model, Rung};
 use super::perception::Emulated;
 use super::{Config, OperatorConfig};
+use crate::assembly::scheduled_operator;
 use crate::kind::{KeyProblems, Scheduled};
 
 /// What the texts of a configuration come to, once. Operators are made of it, and ask no text.
@@ -26,7 +28,7 @@ pub struct Resolved {
     /// Its ladder, the fastest first; empty where it always is the same.
     pub detector_rungs: Vec<Rung<detector::Params>>,
     /// The tracker behind a detector.
-    pub tracker: tracker::Params,
+    pub tracker: GroundParams,
     /// The planner's ladder, the fastest first, each with the parameters that make it; empty where it always is the same.
     pub planner_rungs: Vec<Rung<toml::Table>>,
     /// The rules of the paper's preset for the chosen planner.
@@ -59,7 +61,7 @@ impl Resolved {
         let tracker =
             perception.tracker(&behind, config.prediction.past_steps).unwrap_or_else(|(key, message)| {
                 tell(format!("perception.{key}"), message);
-                tracker::Params::default()
+                GroundParams::default()
             });
         let detector_rungs = config.detector_rungs().unwrap_or_else(|(key, message)| {
             tell(format!("perception.{key}"), message);
@@ -91,8 +93,8 @@ impl Scheduled {
         }
     }
 
-    /// The period or the fixed deadline of an operator, under the models that have one: as said, else what its highest
-    /// rung or its fixed run time takes.
+    /// The period or the fixed deadline of an operator, under the models that have one: as said, else what its fixed run
+    /// time or its highest rung takes; `takes_ms` is what its kind says.
     ///
     /// # Errors
     /// Nothing says it, or it is none.
@@ -101,16 +103,14 @@ impl Scheduled {
         config: &Config,
         own: &OperatorConfig,
         resolved: &Resolved,
+        takes_ms: Option<[f64; 2]>,
     ) -> Result<Option<Span>, String> {
         let execution = &config.execution;
         if !execution.model.has_lengths() {
             return Ok(None);
         }
         let (given, top) = match self {
-            Self::Detector => {
-                let top = resolved.detector_rungs.last().map(|rung| rung.run_time.as_ms());
-                (execution.detector_ms, top.or(resolved.detector.as_ref().and_then(|detector| detector.ms)))
-            }
+            Self::Detector => (execution.detector_ms, takes_ms.map(|[_, most_ms]| most_ms)),
             Self::Planner => {
                 (execution.planner_ms, resolved.planner_rungs.last().map(|rung| rung.run_time.as_ms()))
             }
@@ -131,7 +131,9 @@ impl Scheduled {
             wrong.push(("deadline", "`execution.model` sets the deadline of this operator"));
         }
         let ladder = match self {
-            Self::Detector => config.perception.ladder,
+            Self::Detector => {
+                config.perception.ladder || own.keys.get("ladder").and_then(Value::as_bool) == Some(true)
+            }
             Self::Planner => config.planning.ladder.is_some(),
         };
         if ladder && own.runtime.as_ref().is_some_and(|runtime: &Runtime| runtime.model().is_ok()) {
@@ -151,8 +153,9 @@ impl Config {
             told.push(("execution.reaction".into(), message.into()));
         }
         let used = execution.model.has_lengths();
+        let detects = scheduled_operator(self, Scheduled::Detector).is_some();
         let lengths = [
-            (Scheduled::Detector, execution.detector_ms, self.perception.emulates()),
+            (Scheduled::Detector, execution.detector_ms, detects),
             (Scheduled::Planner, execution.planner_ms, true),
         ];
         for (scheduled, _, runs) in

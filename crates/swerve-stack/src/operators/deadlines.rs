@@ -6,7 +6,7 @@ use swerve_flow::{
     Anchor, At, Context, Deadline, Feedback, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo,
     Outputs, Port, PortInfo,
 };
-use swerve_msg::{EgoState, PredictionList, ResponseBudget, Route};
+use swerve_msg::{Detections, EgoState, PredictionList, ResponseBudget, Route};
 use swerve_planning::deadline::{Overhead, Params, Situation, nearest_hazard, obstacles_near, respond};
 use swerve_vehicle::VehicleParams;
 
@@ -123,7 +123,8 @@ impl Policy {
         };
         let seen_s = period_s + config.control.period_ms * 1e-3 + config.sim.vehicle.dead_time_s;
         // Frames until something that comes into sight is reported.
-        let confirmed = resolved.detector.as_ref().map_or(0, |_| resolved.tracker.hits_min.saturating_sub(1));
+        let detects = site.assembly.publisher::<Detections>().is_some();
+        let confirmed = if detects { resolved.tracker.hits_min().saturating_sub(1) } else { 0 };
         let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
         let route = site.surroundings().route.clone();
         Self { params, overhead, route, vehicle: config.sim.vehicle.clone() }

@@ -94,6 +94,10 @@ impl OperatorKind for EmulatedDetector {
         span_ms(settings.config.perception.published_ms().unwrap_or(0.0)).map(RuntimeModel::Fixed)
     }
 
+    fn takes_ms(&self, settings: &Settings<'_>) -> Option<[f64; 2]> {
+        settings.config.perception.published_ms().map(|ms| [ms, ms])
+    }
+
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
         let (name, config) = (settings.name, settings.config);

@@ -4,7 +4,7 @@ use swerve_flow::{
     At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
 };
 use swerve_msg::{Detections, EgoState, ObstacleList, TrackList};
-use swerve_perception::tracker::Tracker as Sort;
+use swerve_perception::GroundTracker;
 use swerve_prediction::{History, HistoryParams};
 
 use crate::kind::{Node, OperatorKind, Settings};
@@ -18,7 +18,7 @@ pub(super) struct Trackers;
 
 /// What a detector found, and where the ego was.
 #[derive(Inputs)]
-struct SortIn {
+struct BoxesIn {
     /// Boxes.
     boxes: At<Detections>,
     /// Where the ego was.
@@ -33,7 +33,7 @@ struct HistoryIn {
 }
 
 /// Follows what a detector reports, in the map.
-struct SortTracker(Sort);
+struct BoxTracker(GroundTracker);
 
 /// Follows what the sensor reports by its identity and keeps past sightings.
 struct HistoryTracker(History);
@@ -49,7 +49,7 @@ impl OperatorKind for Trackers {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        if settings.offers::<Detections>() { SortIn::ports() } else { HistoryIn::ports() }
+        if settings.offers::<Detections>() { BoxesIn::ports() } else { HistoryIn::ports() }
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
@@ -60,16 +60,16 @@ impl OperatorKind for Trackers {
             let params = HistoryParams { sightings_max, ..HistoryParams::default() };
             return site.add(HistoryTracker(History::new(params)), None);
         }
-        let tracker = Sort::new(site.resolved().tracker)?;
-        site.add(SortTracker(tracker), None)
+        let tracker = GroundTracker::new(site.resolved().tracker)?;
+        site.add(BoxTracker(tracker), None)
     }
 }
 
-impl Operator for SortTracker {
-    type In = SortIn;
+impl Operator for BoxTracker {
+    type In = BoxesIn;
     type Out = Port<TrackList>;
 
-    fn step(&mut self, _: &mut Context<'_>, input: &SortIn, out: &mut Self::Out) {
+    fn step(&mut self, _: &mut Context<'_>, input: &BoxesIn, out: &mut Self::Out) {
         let (Some(boxes), poses) = (input.boxes.get(), input.poses.get()) else { return };
         // Measured before the frame: a later one is not known where a detector takes no time.
         let before = poses.iter().rev().find(|pose| pose.header().stamp <= boxes.stamp);

@@ -341,7 +341,16 @@ pub(crate) fn true_box(
     let at: Point2<Ego> = seen.ego.to_local(obstacle.pose.point());
     let pose = Pose2::new(at.x_m, at.y_m, obstacle.pose.heading_rad - seen.ego.heading_rad);
     let image_px = camera.and_then(|camera| camera.image_px(pose, 0.0, obstacle.extent));
-    DetectedBox { kind: obstacle.kind, score: 1.0, pose, bottom_m: 0.0, extent: obstacle.extent, image_px }
+    DetectedBox {
+        kind: obstacle.kind,
+        score: 1.0,
+        pose,
+        bottom_m: 0.0,
+        extent: obstacle.extent,
+        image_px,
+        covariance_m2: None,
+        radial_speed_mps: None,
+    }
 }
 
 fn overlap(of: Overlap, a: &DetectedBox, b: &DetectedBox) -> f64 {

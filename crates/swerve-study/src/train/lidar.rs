@@ -188,7 +188,7 @@ mod tests {
     #[ignore = "minutes of drives"]
     fn what_is_learned_holds_elsewhere() {
         let learned = judge(&learn(2, 30).unwrap(), &[Drive::of_street(1001).unwrap()]).unwrap();
-        let [one, _] = learned.cars();
+        let [one, ..] = learned.cars();
         assert!(one > 0.6, "{}", learned.table());
     }
 
@@ -198,7 +198,6 @@ mod tests {
     fn the_shipped_weights_find_cars_on_streets_that_they_have_not_seen() {
         let drives: Vec<Drive> = (1001..1005).map(|seed| Drive::of_street(seed).unwrap()).collect();
         let judged = judge(&Model::shipped(), &drives).unwrap();
-        let [one, tracked] = judged.cars();
-        assert!(one >= 0.8 && tracked >= 0.8, "{}", judged.table());
+        assert!(judged.cars().into_iter().all(|precision| precision >= 0.8), "{}", judged.table());
     }
 }

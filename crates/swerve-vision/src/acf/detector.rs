@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::decorrelate::decorrelate;
 use super::ground::Ground;
 use super::{Detection, Model, Rung, Trees, Weights, feature_step, suppress};
-use crate::channels::CHANNELS;
+use crate::channels::{CHANNELS, select};
 use crate::image::Rgb;
 use crate::pyramid::{Pyramid, PyramidParams};
 use crate::stack::Stack;
@@ -116,13 +116,22 @@ impl Scanner {
     /// # Errors
     /// Where the image is of another size.
     pub fn detect(&mut self, image: Rgb<'_>, found: &mut Vec<Detection>) -> Result<(), SizeError> {
+        self.detect_all(image, found)?;
+        suppress(found, self.weights.overlap.0, self.weights.overlap.1);
+        Ok(())
+    }
+
+    /// All boxes of an image that are not given up, also those that share most of their area, in no order.
+    ///
+    /// # Errors
+    /// Where the image is of another size.
+    pub fn detect_all(&mut self, image: Rgb<'_>, found: &mut Vec<Detection>) -> Result<(), SizeError> {
         self.fill(image)?;
         let mut candidates = core::mem::take(&mut self.candidates);
         self.candidates(&mut candidates);
         found.clear();
         found.extend(candidates.iter().map(|candidate| self.detection(candidate)));
         self.candidates = candidates;
-        suppress(found, self.weights.overlap.0, self.weights.overlap.1);
         Ok(())
     }
 
@@ -182,21 +191,20 @@ impl Scanner {
         let depth = if D == 0 { trees.depth } else { D };
         let [columns, lines] = self.places(model, level);
         let (inner, reject) = ((1 << depth) - 1, self.rung.reject);
+        let all = || nodes.chunks_exact(inner).zip(trees.leaves.chunks_exact(inner + 1));
         for line in lines.step_by(self.rung.stride) {
-            for column in columns.clone().step_by(self.rung.stride) {
-                let window = &cells.numbers()[line * cells.width() + column..];
-                let mut score = 0.0;
-                for (nodes, leaves) in nodes.chunks_exact(inner).zip(trees.leaves.chunks_exact(inner + 1)) {
-                    let mut k = 0;
-                    for _ in 0..depth {
-                        let node = nodes[k];
-                        k = 2 * k + if window[node.offset as usize] < node.threshold { 1 } else { 2 };
-                    }
-                    score += leaves[k - inner];
-                    if score <= reject {
-                        break;
-                    }
+            let mut rest = columns.clone();
+            if (1..=DEEPEST).contains(&D) && self.rung.stride == 1 {
+                while rest.len() >= LANES {
+                    let windows = &cells.numbers()[line * cells.width() + rest.start..];
+                    let mut report = |lane, score| report([rest.start + lane, line], score);
+                    side_by_side::<D>(windows, all(), reject, &mut report);
+                    rest.start += LANES;
                 }
+            }
+            for column in rest.step_by(self.rung.stride) {
+                let window = &cells.numbers()[line * cells.width() + column..];
+                let score = climb(window, all(), depth, (0.0, reject));
                 if score > reject {
                     report([column, line], score);
                 }
@@ -308,6 +316,76 @@ impl Scanner {
         };
         [of(0), of(1)]
     }
+}
+
+/// Windows of neighbouring columns that are scored at once.
+const LANES: usize = 8;
+/// Deeper trees are climbed one by one: all nodes of a tree are looked at where several windows are.
+const DEEPEST: usize = 3;
+/// Where no more windows than this are left of those, they are followed one by one.
+const FEW: usize = 2;
+
+/// The score of a window from one of its trees on, given up once it is at `reject` or below.
+fn climb<'a>(
+    window: &[f32],
+    trees: impl Iterator<Item = (&'a [Node], &'a [f32])>,
+    depth: usize,
+    (mut score, reject): (f32, f32),
+) -> f32 {
+    for (nodes, leaves) in trees {
+        let mut k = 0;
+        for _ in 0..depth {
+            let node = nodes[k];
+            k = 2 * k + if window[node.offset as usize] < node.threshold { 1 } else { 2 };
+        }
+        score += leaves[k - nodes.len()];
+        if score <= reject {
+            break;
+        }
+    }
+    score
+}
+
+/// Scores windows of neighbouring columns, tree by tree, and reports those that are not given up: the same sums, term by
+/// term, as each has by itself.
+fn side_by_side<'a, const D: usize>(
+    windows: &[f32],
+    mut trees: impl Iterator<Item = (&'a [Node], &'a [f32])> + Clone,
+    reject: f32,
+    report: &mut impl FnMut(usize, f32),
+) {
+    let (mut scores, mut alive) = ([0.0; LANES], [true; LANES]);
+    while alive.iter().filter(|alive| **alive).count() > FEW {
+        let Some((nodes, leaves)) = trees.next() else { break };
+        let values = leaves_of::<D>(nodes, leaves, windows);
+        for lane in 0..LANES {
+            scores[lane] += values[lane];
+            alive[lane] &= scores[lane] > reject;
+        }
+    }
+    for lane in (0..LANES).filter(|lane| alive[*lane]) {
+        let score = climb(&windows[lane..], trees.clone(), D, (scores[lane], reject));
+        if score > reject {
+            report(lane, score);
+        }
+    }
+}
+
+/// The leaf of one tree that each of the windows comes to: from the leaves down to the root, each node keeps one of two.
+#[inline(always)]
+fn leaves_of<const D: usize>(nodes: &[Node], leaves: &[f32], windows: &[f32]) -> [f32; LANES] {
+    let mut values = [[0.0; LANES]; 1 << DEEPEST];
+    values.iter_mut().zip(leaves).for_each(|(value, leaf)| *value = [*leaf; LANES]);
+    for level in (0..D).rev() {
+        for k in 0..1 << level {
+            let node = nodes[(1 << level) - 1 + k];
+            let row = &windows[node.offset as usize..][..LANES];
+            values[k] = core::array::from_fn(|lane| {
+                select(row[lane] < node.threshold, values[2 * k][lane], values[2 * k + 1][lane])
+            });
+        }
+    }
+    values[0]
 }
 
 /// Pixels along a cell that features are taken from.

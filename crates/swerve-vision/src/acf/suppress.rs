@@ -34,12 +34,32 @@ pub fn suppress(found: &mut Vec<Detection>, most: f64, of: Overlap) {
     found.truncate(kept);
 }
 
+/// Moves each of the boxes that were kept to the mean of all of its class that share more than `least` of the union with
+/// it, weighed by their scores, probabilities: a place between those that windows have.
+///
+/// Gidaris, Komodakis: "Object detection via a multi-region and semantic segmentation-aware CNN model", ICCV 2015,
+/// section 4 (box voting).
+pub fn vote(kept: &mut [Detection], all: &[Detection], least: f64) {
+    for one in kept {
+        let near = all.iter().filter(|other| other.class == one.class && iou(other.bbox, one.bbox) > least);
+        let (mut sum, mut weight) = ([0.0; 4], 0.0);
+        for other in near {
+            weight += other.score;
+            sum.iter_mut().zip(other.bbox).for_each(|(sum, px)| *sum += other.score * px);
+        }
+        if weight > 0.0 {
+            one.bbox = sum.map(|sum| sum / weight);
+        }
+    }
+}
+
 /// The area that two boxes share, as a share of the union.
 pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
     share(a, b, Overlap::Union)
 }
 
-fn share(a: [f64; 4], b: [f64; 4], of: Overlap) -> f64 {
+/// The area that two boxes share, as a share of the union or of the smaller one.
+pub fn share(a: [f64; 4], b: [f64; 4], of: Overlap) -> f64 {
     let side = |k: usize| (a[k] + a[k + 2]).min(b[k] + b[k + 2]) - a[k].max(b[k]);
     let shared = side(0).max(0.0) * side(1).max(0.0);
     let (first, second) = (a[2] * a[3], b[2] * b[3]);

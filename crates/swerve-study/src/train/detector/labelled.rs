@@ -36,6 +36,24 @@ struct Truth {
 }
 
 impl Labelled {
+    /// A noisy image of cars, all of them whole, none behind another: grey boxes with dark wheels.
+    #[cfg(test)]
+    pub(super) fn drawn(size: [usize; 2], seed: u64) -> Self {
+        let mut rng = swerve_core::Rng::keyed(seed, "drawn", &[]);
+        let mut rgb: Vec<u8> = (0..3 * size[0] * size[1]).map(|_| 90 + rng.below(40) as u8).collect();
+        let mut truths = Vec::new();
+        for k in 0..3 {
+            let [left, top] = [10 + 50 * k + rng.below(8), 20 + rng.below(30)];
+            for (x, y) in (0..23).flat_map(|x| (0..20).map(move |y| (x, y))) {
+                let shade = if y > 15 && x % 16 < 7 { 10 } else { 200 };
+                rgb[3 * ((top + y) * size[0] + left + x)..][..3].fill(shade);
+            }
+            let bbox = [left as f64, top as f64, 23.0, 20.0];
+            truths.push(Truth { kind: "Car".into(), truncated: 0.0, occluded: 0, bbox, depth_m: 20.0 });
+        }
+        Self { size, rgb, truths }
+    }
+
     pub(super) fn rgb(&self) -> Rgb<'_> {
         Rgb::new(self.size[0], self.size[1], &self.rgb).expect("the size was that of the file")
     }

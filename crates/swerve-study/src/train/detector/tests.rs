@@ -1,7 +1,10 @@
 use std::path::Path;
 
-use super::labelled::{camera_text, read_png};
+use swerve_report::progress::Progress;
+
+use super::labelled::{Labelled, camera_text, read_png};
 use super::recipe::Recipe;
+use super::{learn, score};
 
 const RECIPE: &str = include_str!("../../../../swerve-vision/detectors/street.toml");
 
@@ -59,4 +62,35 @@ fn the_stored_detector_is_of_the_recipe() {
 fn a_file_that_is_no_image_is_told() {
     let error = read_png(Path::new("Cargo.toml")).unwrap_err();
     assert!(format!("{error:#}").starts_with("reading Cargo.toml: "), "{error:#}");
+}
+
+/// The bytes of weights learnt from drawn images, on a number of threads.
+fn learnt(threads: usize) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tiny.toml");
+    let tiny =
+        RECIPE.replace("width_px = 800", "width_px = 176").replace("height_px = 600", "height_px = 88");
+    std::fs::write(&path, tiny.replace("rounds = [64, 1024]", "rounds = [4, 12]")).unwrap();
+    let (mut recipe, _) = Recipe::read(&path).unwrap();
+    recipe.window.retain(|window| window.class.name() == "car");
+    let images: Vec<Labelled> = (0..7).map(|k| Labelled::drawn([176, 88], k)).collect();
+    let mut weights = learn::untrained(&recipe, "drawn".to_owned());
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| {
+        learn::learn(&recipe, &images, &mut weights, &Progress::fits(1));
+        let found = score::detect(&recipe, &weights, &weights.rungs[5], &images);
+        let car = (0, recipe.window[0].class);
+        let judged = score::judged(&found, &images, car, recipe.learning.within_m);
+        weights.rungs[5].calibrations = vec![score::calibrate(&judged)];
+        let (ap, wanted) = score::average_precision(&found, &images, car, recipe.learning.within_m);
+        assert!(wanted == 21 && ap.unwrap() > 0.5, "{ap:?} of {wanted}: nothing was learnt");
+    });
+    weights.write()
+}
+
+#[test]
+fn weights_are_the_same_bytes_on_any_number_of_threads() {
+    let one = learnt(1);
+    assert!(one.len() > 300);
+    assert_eq!(one, learnt(4));
 }

@@ -93,5 +93,14 @@ impl Watch<'_> {
 fn true_box(actor: &Actor, ego: Pose2) -> DetectedBox {
     let at: Point2<Ego> = ego.to_local(actor.pose.point());
     let pose = Pose2::new(at.x_m, at.y_m, actor.pose.heading_rad - ego.heading_rad);
-    DetectedBox { kind: actor.kind, score: 1.0, pose, bottom_m: 0.0, extent: actor.extent, image_px: None }
+    DetectedBox {
+        kind: actor.kind,
+        score: 1.0,
+        pose,
+        bottom_m: 0.0,
+        extent: actor.extent,
+        image_px: None,
+        covariance_m2: None,
+        radial_speed_mps: None,
+    }
 }

@@ -8,7 +8,7 @@ use swerve_geom::{Ego, Point2, Pose2};
 use swerve_msg::{ActorKind, DetectedBox, Detections, TrackList};
 use swerve_perception::lidar::Scan;
 use swerve_perception::tracker::Params;
-use swerve_perception::{LidarObjects, Tracker};
+use swerve_perception::{GroundParams, GroundTracker, LidarObjects, ab3dmot};
 
 use super::frames::There;
 
@@ -26,63 +26,74 @@ const KINDS: [(ActorKind, &str, usize, f64); 4] = [
 /// Takes in sweeps in the order of their drives.
 pub(super) struct Judge {
     one: Vec<AveragePrecision>,
-    tracked: Vec<AveragePrecision>,
-    tracker: Tracker,
+    /// Of each tracker, in the order of [`trackers`].
+    tracked: [Vec<AveragePrecision>; 2],
+    trackers: [GroundTracker; 2],
     found: Detections,
 }
 
 impl Judge {
     pub(super) fn new() -> Self {
         let each = || KINDS.iter().map(|(_, _, _, overlap)| AveragePrecision::new(*overlap)).collect();
-        let tracker = Tracker::new(Params::default()).expect("the defaults are within their ranges");
-        Self { one: each(), tracked: each(), tracker, found: Detections::default() }
+        let trackers = trackers().expect("these are within their ranges");
+        Self { one: each(), tracked: [each(), each()], trackers, found: Detections::default() }
     }
 
     /// Forgets the tracks of the drive before.
     pub(super) fn begin_drive(&mut self) -> Result<(), ParamError> {
-        // As in configs/lidar_objects.toml.
-        self.tracker = Tracker::new(Params {
-            score_min: 0.3,
-            range_noise_m: 0.15,
-            range_noise_share: 0.005,
-            bearing_noise_rad: 0.005,
-            ..Params::default()
-        })?;
+        self.trackers = trackers()?;
         Ok(())
     }
 
     pub(super) fn take(&mut self, objects: &mut LidarObjects, scan: &Scan<'_>, there: &[There]) {
         objects.detect(scan, &mut self.found);
         count(&mut self.one, &self.found.boxes, there);
-        let tracks = self.tracker.update(&self.found, scan.ego.pose);
-        count(&mut self.tracked, &boxes(&tracks, &self.tracker, scan.ego.pose), there);
+        for (tracker, tracked) in self.trackers.iter_mut().zip(&mut self.tracked) {
+            let tracks = tracker.update(&self.found, scan.ego.pose);
+            count(tracked, &boxes(&tracks, tracker, scan.ego.pose), there);
+        }
     }
 
-    /// Average precision of cars: of single sweeps, and of tracks.
+    /// Average precision of cars: of single sweeps, and of the tracks of each tracker.
     #[cfg(test)]
-    pub(super) fn cars(&self) -> [f64; 2] {
-        [&self.one, &self.tracked].map(|all| all[0].value(Recalls::Kitti40).unwrap_or(0.0))
+    pub(super) fn cars(&self) -> [f64; 3] {
+        [&self.one, &self.tracked[0], &self.tracked[1]]
+            .map(|all| all[0].value(Recalls::Kitti40).unwrap_or(0.0))
     }
 
     /// All of it, for people.
     pub(super) fn table(&self) -> String {
         let mut text = format!(
-            "within {NEAR_M} m, mean of 40 recalls      there  one sweep  tracked  least overlap, points\n"
+            "within {NEAR_M} m, mean of 40 recalls      there  one sweep     sort  ab3dmot  least overlap, points\n"
         );
         for (k, (_, name, points, overlap)) in KINDS.iter().enumerate() {
             let value = |all: &[AveragePrecision]| {
                 all[k].value(Recalls::Kitti40).map_or("-".to_owned(), |value| format!("{value:.3}"))
             };
-            let (one, tracked) = (value(&self.one), value(&self.tracked));
+            let (one, [sort, ab3dmot]) = (value(&self.one), self.tracked.each_ref().map(|all| value(all)));
             let there = self.one[k].wanted();
-            let _ = writeln!(text, "{name:<38} {there:>8} {one:>10} {tracked:>8}  {overlap}, {points}");
+            let _ =
+                writeln!(text, "{name:<38} {there:>8} {one:>10} {sort:>8} {ab3dmot:>8}  {overlap}, {points}");
         }
         text
     }
 }
 
+/// The trackers to be judged, the one of `configs/lidar_objects.toml` first.
+fn trackers() -> Result<[GroundTracker; 2], ParamError> {
+    let sort = Params {
+        score_min: 0.3,
+        range_noise_m: 0.15,
+        range_noise_share: 0.005,
+        bearing_noise_rad: 0.005,
+        ..Params::default()
+    };
+    let overlap = ab3dmot::Params { score_min: 0.3, ..ab3dmot::Params::default() };
+    Ok([GroundTracker::new(GroundParams::Sort(sort))?, GroundTracker::new(GroundParams::Ab3dmot(overlap))?])
+}
+
 /// Tracks as boxes in the ego frame.
-fn boxes(tracks: &TrackList, tracker: &Tracker, ego: Pose2) -> Vec<DetectedBox> {
+fn boxes(tracks: &TrackList, tracker: &GroundTracker, ego: Pose2) -> Vec<DetectedBox> {
     let of = |track: &swerve_msg::Track| {
         let at = ego.to_local::<Ego>(track.pose.point());
         DetectedBox {
@@ -92,6 +103,8 @@ fn boxes(tracks: &TrackList, tracker: &Tracker, ego: Pose2) -> Vec<DetectedBox> 
             bottom_m: 0.0,
             extent: track.extent,
             image_px: None,
+            covariance_m2: None,
+            radial_speed_mps: None,
         }
     };
     tracks.tracks.iter().map(of).collect()

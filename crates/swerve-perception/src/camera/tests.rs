@@ -1,0 +1,111 @@
+use proptest::prelude::*;
+use swerve_geom::{Camera, Ego, Point, Transform};
+use swerve_msg::{CameraInfo, Encoding, Intrinsics};
+use swerve_vision::shipped;
+
+use super::*;
+use crate::image_box::ImageCamera;
+
+const SIZE: [u32; 2] = [800, 600];
+
+/// 800 x 600 pixels, 70 degrees, 1.35 m up, looking ahead but for these angles, nose down and to the left positive.
+fn camera(pitch_rad: f64, yaw_rad: f64) -> CameraInfo {
+    let focal_px = 571.26;
+    let intrinsics = Intrinsics {
+        fx_px: focal_px,
+        fy_px: focal_px,
+        cx_px: 400.0,
+        cy_px: 300.0,
+        distortion: [0.0; 5],
+        is_parallel: false,
+    };
+    let quarter = core::f64::consts::FRAC_PI_2;
+    let turned: Transform<Ego, Ego> =
+        Transform::from_roll_pitch_yaw(Point::new(1.75, 0.0, 1.35), 0.0, pitch_rad, yaw_rad);
+    let looking: Transform<Ego, Camera> =
+        Transform::from_roll_pitch_yaw(Point::default(), -quarter, 0.0, -quarter);
+    CameraInfo { intrinsics, ego_from_camera: turned * looking }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    /// What is of the usual size, on level ground, seen without error, is put where it stands.
+    #[test]
+    fn a_picture_leads_back_to_its_place(
+        x in 8.0..60.0, share in -0.45..0.45, class in 0_usize..4, pitch in -0.06..0.06, yaw in -0.5..0.5, body in -0.03..0.03,
+    ) {
+        let class = CLASSES[class];
+        let mounted = camera(pitch, yaw);
+        let (sin, cos) = swerve_geom::math::sin_cos(yaw);
+        let (ahead, left) = (x + 0.5 * class.extent.length_m, share * x);
+        let there = Pose2::<Ego>::new(1.75 + ahead * cos - left * sin, ahead * sin + left * cos, 0.0);
+        // As the camera sees it on a body that is pitched.
+        let tilt: Transform<Ego, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, body, 0.0);
+        let at = mounted.ego_from_camera.origin();
+        let turned = Transform::new(at, (tilt * mounted.ego_from_camera).rotation());
+        let seen = ImageCamera { info: CameraInfo { ego_from_camera: turned, ..mounted }, width_px: 100_000, height_px: 100_000 };
+        let Some([l, t, r, b]) = seen.image_px(there, 0.0, class.extent) else { return Ok(()) };
+        prop_assume!(l > 0.0 && t > 0.0 && b < 600.0);
+        let road = Road::new(None, Pose2::default());
+        let placed = Eye::new(&mounted, body).place(&class, [l, t, r - l, b - t], 600.0, &road);
+        let (found, [xx, xy, yy]) = placed.unwrap();
+        let off = found.point().distance(there.point());
+        // Of a box seen from a corner the highest and the lowest pixel are not at one depth.
+        prop_assert!(off < 0.02 * x + 0.3 * class.extent.width_m, "{found:?} {there:?}");
+        // Its errors are those of a distance of a few percent, and a covariance.
+        prop_assert!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy, "{xx} {xy} {yy}");
+        prop_assert!((xx + yy).sqrt() < 1.0 + 0.2 * x, "{xx} {yy} at {x}");
+    }
+}
+
+#[test]
+fn the_horizon_follows_the_pitch() {
+    let at = |mount: f64, body: f64| Eye::new(&camera(mount, 0.0), body).ground().horizon_px;
+    assert!((at(0.0, 0.0) - 300.0).abs() < 1e-9);
+    for (mount, body) in [(0.05, 0.0), (0.0, 0.05), (0.03, 0.02)] {
+        let expected = 300.0 - 571.26 * swerve_geom::math::tan(0.05);
+        assert!((at(mount, body) - expected).abs() < 1e-6, "{mount} {body}");
+    }
+}
+
+fn shot(image: &Image) -> Shot<'_> {
+    Shot { image, ego: Pose2::default(), pitch_rad: 0.0, route: None }
+}
+
+fn street() -> CameraObjects {
+    let weights = shipped::detector("street").unwrap().unwrap();
+    let rung = weights.rungs[0].clone();
+    CameraObjects::new(weights, rung, 0.3).unwrap()
+}
+
+#[test]
+fn images_without_objects_have_none_and_others_are_refused() {
+    let mut objects = street();
+    let mut found = Detections::default();
+    for size in [SIZE, [1, 1], [0, 0], [640, 360]] {
+        let mut image = Image::new(size[0], size[1], Encoding::Rgb8);
+        image.camera = camera(0.0, 0.0);
+        image.stamp = swerve_core::Time::from_ms(40);
+        assert_eq!(objects.detect(&shot(&image), &mut found), Ok(()));
+        assert_eq!((found.boxes.len(), found.stamp), (0, image.stamp), "{size:?}");
+    }
+    let depth = Image::new(8, 8, Encoding::DepthF32M);
+    assert_eq!(objects.detect(&shot(&depth), &mut found), Err(ShotError::NoColour));
+    let mut cut = Image::new(8, 8, Encoding::Rgb8);
+    cut.width_px = 9;
+    assert!(matches!(objects.detect(&shot(&cut), &mut found), Err(ShotError::Size(_))));
+    let mut parallel = Image::new(8, 8, Encoding::Rgb8);
+    parallel.camera.intrinsics.is_parallel = true;
+    assert_eq!(objects.detect(&shot(&parallel), &mut found), Err(ShotError::Parallel));
+}
+
+#[test]
+fn detectors_of_other_things_are_refused() {
+    let weights = shipped::detector("acf_inria").unwrap().unwrap();
+    let rung = weights.rungs[0].clone();
+    let said = CameraObjects::new(weights.clone(), rung.clone(), 0.3).unwrap_err().to_string();
+    assert!(said.contains("sums of trees") || said.contains("expected classes of pedestrian, car"), "{said}");
+    let named = Weights { classes: vec!["sheep".into()], ..weights };
+    let said = CameraObjects::new(named, rung, 0.3).unwrap_err();
+    assert_eq!(said, DetectorError::Class("sheep".into()));
+}

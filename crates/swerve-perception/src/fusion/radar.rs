@@ -1,0 +1,105 @@
+//! Echoes of a radar, and the objects that they come from.
+
+use swerve_geom::{Ego, Map, Point2, Pose2, Vector2, angle_between, math};
+use swerve_msg::{EgoState, RadarScan};
+
+use super::place::{Spread, moved, polar};
+use super::{Object, Params};
+
+/// A scan of a radar, and what the ego did then.
+#[derive(Clone, Copy, Debug)]
+pub struct Echoes<'a> {
+    /// Echoes.
+    pub scan: &'a RadarScan,
+    /// The ego at their stamp.
+    pub ego: EgoState,
+    /// Where the radar sits and looks.
+    pub ego_from_radar: Pose2<Ego>,
+}
+
+/// An echo, seen from where the radar was, in the ego frame of the newest boxes.
+struct Echo {
+    bearing_rad: f64,
+    range_m: f64,
+    /// Along the line of sight over ground, positive for what goes away.
+    speed_mps: f64,
+    snr_db: f64,
+}
+
+/// Standard deviations of an object's distance that an echo may be off.
+const DEVIATIONS: f64 = 3.0;
+
+impl Echoes<'_> {
+    /// Gives each object the speed of its strongest echo, and to one whose distance is a guess that echo's distance. An
+    /// echo is of the object that is nearest to it, if that is within its gate.
+    pub(super) fn add_to(&self, objects: &mut [Object], ego: Pose2<Map>, params: &Params) {
+        if !self.ego.is_plausible() {
+            return;
+        }
+        let (radar, _) = moved((self.ego_from_radar, Spread::along(0.0, 0.0, 0.0)), self.ego.pose, ego);
+        let mut strongest: Vec<Option<Echo>> = objects.iter().map(|_| None).collect();
+        for echo in self.echoes(radar) {
+            let near = objects
+                .iter()
+                .enumerate()
+                .filter_map(|(k, object)| Some((k, echo.off(object, radar, params)?)));
+            let Some((k, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+            if strongest[k].as_ref().is_none_or(|known| echo.snr_db > known.snr_db) {
+                strongest[k] = Some(echo);
+            }
+        }
+        for (object, echo) in objects.iter_mut().zip(strongest) {
+            if let Some(echo) = echo {
+                echo.tell(object, radar, params);
+            }
+        }
+    }
+
+    /// Echoes whose numbers are finite, about the radar's place in the newest frame.
+    fn echoes(&self, radar: Pose2<Ego>) -> impl Iterator<Item = Echo> {
+        let Pose2 { x_m, y_m, heading_rad, .. } = self.ego_from_radar;
+        // The radar goes round with the car.
+        let turn = self.ego.yaw_rate_radps;
+        let own_mps = Vector2::<Ego>::new(self.ego.speed_mps - turn * y_m, turn * x_m);
+        self.scan.detections.iter().filter_map(move |echo| {
+            let own_mps = own_mps.dot(Vector2::from_heading(heading_rad + echo.azimuth_rad));
+            let (bearing_rad, speed_mps) =
+                (radar.heading_rad + echo.azimuth_rad, echo.range_rate_mps + own_mps);
+            let is_sound = bearing_rad.is_finite()
+                && speed_mps.is_finite()
+                && echo.range_m > 0.0
+                && echo.range_m.is_finite();
+            is_sound.then_some(Echo { bearing_rad, range_m: echo.range_m, speed_mps, snr_db: echo.snr_db })
+        })
+    }
+}
+
+impl Echo {
+    /// How far off an object it is, as shares of the gate of distance and bearing; none beyond it.
+    fn off(&self, object: &Object, radar: Pose2<Ego>, params: &Params) -> Option<f64> {
+        let (bearing_rad, range_m) = polar(object.found.pose.point() - radar.point());
+        let half_m = 0.5 * object.found.extent.length_m.max(object.found.extent.width_m);
+        let range_gate_m =
+            params.radar_range_m + half_m + DEVIATIONS * object.spread.deviation_m(bearing_rad);
+        let bearing_gate_rad = params.radar_bearing_rad + math::atan2(half_m, range_m);
+        let by_range = (self.range_m - range_m).abs() / range_gate_m;
+        let by_bearing = angle_between(self.bearing_rad, bearing_rad).abs() / bearing_gate_rad;
+        (by_range <= 1.0 && by_bearing <= 1.0).then(|| math::hypot(by_range, by_bearing))
+    }
+
+    fn tell(&self, object: &mut Object, radar: Pose2<Ego>, params: &Params) {
+        object.found.radial_speed_mps = Some(self.speed_mps);
+        let (bearing_rad, _) = polar(object.found.pose.point() - radar.point());
+        if !object.is_guessed || object.spread.deviation_m(bearing_rad) <= params.radar_noise_m {
+            return;
+        }
+        // The bearing stays the camera's; the echo comes from what faces the radar.
+        let Pose2 { heading_rad, .. } = object.found.pose;
+        let range_m = self.range_m + 0.5 * object.found.extent.length_m.min(object.found.extent.width_m);
+        let across_m = object.spread.deviation_m(bearing_rad + core::f64::consts::FRAC_PI_2);
+        let way = Vector2::from_heading(bearing_rad) * range_m;
+        let at: Point2<Ego> = radar.point() + way;
+        object.found.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
+        object.spread = Spread::along(bearing_rad, params.radar_noise_m, across_m);
+    }
+}

@@ -1,0 +1,301 @@
+use super::*;
+use crate::image_box::tests::camera;
+use proptest::prelude::*;
+use swerve_geom::{Ego, Point2};
+use swerve_msg::{ActorKind, EgoState, Encoding, Extent, Pixels, RadarDetection, RadarScan};
+
+const CAR: Extent = Extent { length_m: 4.4, width_m: 1.8, height_m: 1.5 };
+const PERSON: Extent = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.75 };
+
+fn found(kind: ActorKind, x_m: f64, y_m: f64, score: f64) -> DetectedBox {
+    DetectedBox {
+        kind,
+        score,
+        pose: Pose2::new(x_m, y_m, 0.0),
+        bottom_m: 0.0,
+        extent: if kind.is_person() { PERSON } else { CAR },
+        image_px: None,
+        covariance_m2: None,
+        radial_speed_mps: None,
+    }
+}
+
+/// What a camera's detector tells of something: its picture, and a place that may be off.
+fn seen(kind: ActorKind, at: [f64; 2], told: [f64; 2], score: f64) -> DetectedBox {
+    let truth = found(kind, at[0], at[1], score);
+    let image_px = camera().image_px(truth.pose, truth.bottom_m, truth.extent);
+    DetectedBox { pose: Pose2::new(told[0], told[1], 0.0), image_px, ..truth }
+}
+
+fn list(ms: i64, boxes: Vec<DetectedBox>) -> Detections {
+    Detections { stamp: Time::from_ms(ms), boxes }
+}
+
+fn origin() -> Pose2<Map> {
+    Pose2::new(0.0, 0.0, 0.0)
+}
+
+fn by_camera(found: &Detections) -> CameraSight<'_> {
+    CameraSight { boxes: Sighted { found, ego: origin() }, camera: camera(), depth: None }
+}
+
+fn by_lidar(found: &Detections) -> Sighted<'_> {
+    Sighted { found, ego: origin() }
+}
+
+fn fused(sources: &Sources<'_>) -> Vec<DetectedBox> {
+    fuse(sources, &Params::default()).unwrap().boxes
+}
+
+#[test]
+fn the_camera_says_what_and_the_lidar_where() {
+    // The camera puts both 4 m too far; the lidar takes the person for a cyclist.
+    let camera = list(
+        100,
+        vec![
+            seen(ActorKind::Pedestrian, [20.0, 3.0], [24.0, 3.6], 0.7),
+            seen(ActorKind::Car, [30.0, -2.0], [34.0, -2.3], 0.8),
+        ],
+    );
+    let lidar =
+        list(100, vec![found(ActorKind::Car, 30.0, -2.0, 0.6), found(ActorKind::Cyclist, 20.0, 3.0, 0.5)]);
+    let sources =
+        Sources { camera: Some(by_camera(&camera)), lidar: Some(by_lidar(&lidar)), ..Sources::default() };
+    let boxes = fused(&sources);
+    let kinds: Vec<ActorKind> = boxes.iter().map(|b| b.kind).collect();
+    assert_eq!(kinds, [ActorKind::Car, ActorKind::Pedestrian], "{boxes:?}");
+    assert_eq!(boxes[0].pose.point(), Point2::new(30.0, -2.0));
+    assert_eq!(boxes[1].pose.point(), Point2::new(20.0, 3.0));
+    assert!((boxes[0].score - 0.92).abs() < 1e-12 && (boxes[1].score - 0.85).abs() < 1e-12);
+    assert_eq!(boxes[1].image_px, camera.boxes[0].image_px);
+    let [xx, _, yy] = boxes[0].covariance_m2.unwrap();
+    assert!(xx < 0.15 && yy < 0.15, "that of the lidar: {xx} {yy}");
+}
+
+#[test]
+fn what_one_source_alone_sees_stays_with_its_errors() {
+    let camera = list(0, vec![seen(ActorKind::Pedestrian, [30.0, 0.0], [30.0, 0.0], 0.7)]);
+    let lidar = list(0, vec![found(ActorKind::Car, 15.0, 9.0, 0.6)]);
+    let none = list(0, vec![]);
+    let both = |camera, lidar| {
+        fused(&Sources {
+            camera: Some(by_camera(camera)),
+            lidar: Some(by_lidar(lidar)),
+            ..Sources::default()
+        })
+    };
+    let kinds = |boxes: &[DetectedBox]| boxes.iter().map(|b| b.kind).collect::<Vec<_>>();
+    assert_eq!(kinds(&both(&camera, &lidar)), [ActorKind::Pedestrian, ActorKind::Car]);
+    assert_eq!(kinds(&both(&none, &lidar)), [ActorKind::Car]);
+    let alone = both(&camera, &none);
+    assert_eq!(kinds(&alone), [ActorKind::Pedestrian]);
+    // Seen from 1.4 m over the ground, 28.25 m ahead: a pixel is 1/320.
+    let [along, _, across] = alone[0].covariance_m2.unwrap().map(f64::sqrt);
+    let expected = 28.25 * 28.25 / 1.4 * (2.0_f64 / 320.0).hypot(0.003);
+    assert!((along - expected).abs() < 0.01 && (across - 28.25 / 160.0).abs() < 0.01, "{along} {across}");
+    // A covariance that a detector tells itself holds.
+    let told = list(0, vec![DetectedBox { covariance_m2: Some([2.0, 0.5, 1.0]), ..camera.boxes[0] }]);
+    assert_eq!(both(&told, &none)[0].covariance_m2, Some([2.0, 0.5, 1.0]));
+    assert_eq!(fuse(&Sources::default(), &Params::default()), None);
+}
+
+#[test]
+fn without_a_picture_errors_tell_who_is_who() {
+    let plain = |x, y| found(ActorKind::Pedestrian, x, y, 0.7);
+    // Errors of a camera are long: 3 m farther is the same, 3 m to the side is not.
+    for (at, is_one) in [([33.0, 0.0], true), ([30.0, 3.0], false)] {
+        let (camera, lidar) = (list(0, vec![plain(at[0], at[1])]), list(0, vec![plain(30.0, 0.0)]));
+        let sources =
+            Sources { camera: Some(by_camera(&camera)), lidar: Some(by_lidar(&lidar)), ..Sources::default() };
+        assert_eq!(fused(&sources).len(), if is_one { 1 } else { 2 }, "{at:?}");
+    }
+}
+
+#[test]
+fn depth_says_the_distance_where_no_lidar_does() {
+    let camera = list(40, vec![seen(ActorKind::Pedestrian, [21.75, 2.0], [26.0, 2.4], 0.7)]);
+    let [left, top, right, bottom] = camera.boxes[0].image_px.unwrap();
+    let mut depth = Image::new(320, 180, Encoding::DepthF32M);
+    depth.stamp = Time::from_ms(40);
+    let Pixels::DepthF32M(metres) = &mut depth.pixels else { panic!("it has depths") };
+    for (k, metres) in metres.iter_mut().enumerate() {
+        // Half the size of the camera's image; the wall behind is 60 m away, some pixels know nothing.
+        let (u, v) = (2.0 * (k % 320) as f64 + 1.0, 2.0 * (k / 320) as f64 + 1.0);
+        let is_on = (left..right).contains(&u) && (top..bottom).contains(&v);
+        *metres = if k % 7 == 0 {
+            f32::NAN
+        } else if is_on {
+            19.75
+        } else {
+            60.0
+        };
+    }
+    let at = |depth: Option<&Image>| {
+        let sight = CameraSight { depth, ..by_camera(&camera) };
+        fused(&Sources { camera: Some(sight), ..Sources::default() })[0]
+    };
+    let measured = at(Some(&depth));
+    assert!(measured.pose.point().distance(Point2::new(21.75, 2.0)) < 0.15, "{measured:?}");
+    assert!(measured.covariance_m2.unwrap()[0] < 0.3, "{measured:?}");
+    // An image of another instant, or one that is not whole, says nothing.
+    depth.stamp = Time::from_ms(41);
+    assert_eq!(at(Some(&depth)).pose, camera.boxes[0].pose);
+    (depth.stamp, depth.width_px) = (Time::from_ms(40), 999);
+    assert_eq!(at(Some(&depth)).pose, camera.boxes[0].pose);
+}
+
+/// A radar at the front of a car that drives at 10 m/s and turns.
+fn echoes(scan: &RadarScan) -> Echoes<'_> {
+    let ego = EgoState { speed_mps: 10.0, yaw_rate_radps: 0.2, ..EgoState::default() };
+    Echoes { scan, ego, ego_from_radar: Pose2::new(3.5, 0.5, 0.1) }
+}
+
+/// The echo of something at a place in the ego frame that moves over ground.
+fn echo(at: [f64; 2], speed_mps: [f64; 2], snr_db: f64) -> RadarDetection {
+    let way = [at[0] - 3.5, at[1] - 0.5];
+    let range_m = way[0].hypot(way[1]);
+    let own_mps = [10.0 - 0.2 * 0.5, 0.2 * 3.5];
+    let range_rate_mps = (0..2).map(|k| (speed_mps[k] - own_mps[k]) * way[k] / range_m).sum::<f64>();
+    let azimuth_rad = way[1].atan2(way[0]) - 0.1;
+    RadarDetection { range_m, range_rate_mps, azimuth_rad, elevation_rad: None, rcs_dbsm: 10.0, snr_db }
+}
+
+#[test]
+fn the_radar_says_how_fast_over_ground() {
+    let lidar = list(0, vec![found(ActorKind::Car, 40.0, 3.0, 0.9), found(ActorKind::Car, 40.0, -6.0, 0.8)]);
+    let strong = echo([38.0, 3.0], [-8.0, 0.0], 20.0);
+    let scan = RadarScan {
+        stamp: Time::ZERO,
+        detections: vec![
+            echo([37.5, 2.8], [5.0, 0.0], 12.0),
+            strong,
+            RadarDetection { range_rate_mps: f64::NAN, ..strong },
+            RadarDetection { range_m: f64::INFINITY, ..strong },
+            echo([70.0, 0.0], [1.0, 0.0], 30.0),
+        ],
+    };
+    let sources = Sources { lidar: Some(by_lidar(&lidar)), radar: Some(echoes(&scan)), ..Sources::default() };
+    let boxes = fused(&sources);
+    let speed = boxes[0].radial_speed_mps.unwrap();
+    assert!((-8.0..-7.9).contains(&speed), "of its strongest echo: {speed}");
+    assert_eq!(boxes[1].radial_speed_mps, None, "no echo, no speed");
+    assert_eq!(boxes.len(), 2, "an echo alone is no object");
+    assert_eq!(boxes[0].pose, lidar.boxes[0].pose, "a lidar's distance is better than a radar's");
+}
+
+#[test]
+fn the_radar_says_the_distance_where_the_ground_plane_guesses() {
+    let camera = list(0, vec![seen(ActorKind::Car, [45.0, 4.0], [52.0, 4.7], 0.8)]);
+    let scan = RadarScan { stamp: Time::ZERO, detections: vec![echo([44.1, 4.0], [0.0, 0.0], 15.0)] };
+    let sources =
+        Sources { camera: Some(by_camera(&camera)), radar: Some(echoes(&scan)), ..Sources::default() };
+    let [only] = fused(&sources)[..] else { panic!("one object") };
+    assert!(only.pose.point().distance(Point2::new(45.0, 4.0)) < 0.7, "{only:?}");
+    assert!(only.radial_speed_mps.unwrap().abs() < 1e-9, "it stands: {only:?}");
+    let [xx, _, _] = only.covariance_m2.unwrap();
+    assert!(xx.sqrt() < 0.6, "{xx}");
+}
+
+#[test]
+fn boxes_of_an_older_instant_come_along() {
+    // The ego has driven 2 m and turned by 0.1 since the camera looked.
+    let then = Pose2::new(100.0, 50.0, 1.0);
+    let now = Pose2::new(100.0 + 2.0 * 1.0_f64.cos(), 50.0 + 2.0 * 1.0_f64.sin(), 1.1);
+    let camera_list = list(0, vec![seen(ActorKind::Pedestrian, [25.0, 2.0], [25.5, 2.0], 0.7)]);
+    let at = now.to_local::<Ego>(then.from_local::<Ego>(Point2::new(25.0, 2.0)));
+    let lidar_list = list(80, vec![found(ActorKind::Pedestrian, at.x_m, at.y_m, 0.5)]);
+    let sight = CameraSight { boxes: Sighted { found: &camera_list, ego: then }, ..by_camera(&camera_list) };
+    let lidar = Sighted { found: &lidar_list, ego: now };
+    let both =
+        fuse(&Sources { camera: Some(sight), lidar: Some(lidar), ..Sources::default() }, &Params::default());
+    let both = both.unwrap();
+    assert_eq!((both.stamp, both.boxes.len()), (Time::from_ms(80), 1), "{both:?}");
+    let none = list(80, vec![]);
+    let lidar = Sighted { found: &none, ego: now };
+    let alone =
+        fuse(&Sources { camera: Some(sight), lidar: Some(lidar), ..Sources::default() }, &Params::default());
+    let moved = now.to_local::<Ego>(then.from_local::<Ego>(Point2::new(25.5, 2.0)));
+    assert!(alone.unwrap().boxes[0].pose.point().distance(moved) < 1e-9);
+}
+
+#[test]
+fn parameters_out_of_their_range_are_told() {
+    let told = Params { iou_min: 2.0, ..Params::default() }.validate().unwrap_err().to_string();
+    assert_eq!(told, "`iou_min` is 2, expected 0.01 to 1");
+}
+
+#[test]
+fn of_ten_thousand_boxes_the_surest_count_and_a_lost_ego_leaves_nothing() {
+    let place = |k: u32| [5.0 + f64::from(k % 100), f64::from(k / 100) - 50.0];
+    let boxes: Vec<DetectedBox> = (0..10_000)
+        .map(|k| seen(ActorKind::Pedestrian, place(k), place(k), if k % 10 == 3 { 0.9 } else { 0.7 }))
+        .collect();
+    let many = list(0, boxes);
+    let sources =
+        Sources { camera: Some(by_camera(&many)), lidar: Some(by_lidar(&many)), ..Sources::default() };
+    let boxes = fused(&sources);
+    assert!((1000..=2000).contains(&boxes.len()) && boxes.iter().all(|b| b.score >= 0.9), "{}", boxes.len());
+    let lost = Sighted { found: &many, ego: Pose2::new(f64::NAN, 0.0, 0.0) };
+    assert_eq!(fuse(&Sources { lidar: Some(lost), ..Sources::default() }, &Params::default()), None);
+}
+
+/// Boxes of any numbers.
+fn any_box() -> impl Strategy<Value = DetectedBox> {
+    let number =
+        prop_oneof![8 => -60.0..60.0_f64, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(1e300)];
+    let place = prop::array::uniform3(number.clone());
+    let picture = prop::option::of(prop::array::uniform4(prop_oneof![8 => 0.0..640.0_f64, 1 => number]));
+    let spread = prop::option::of(prop::array::uniform3(-1.0..9.0_f64));
+    (place, 0.0..1.2_f64, 0.1..5.0_f64, picture, spread, any::<bool>()).prop_map(
+        |([x, y, heading], score, size, image_px, covariance_m2, is_person)| DetectedBox {
+            pose: Pose2::new(x, y, heading),
+            extent: Extent { length_m: size, width_m: 0.5 * size, height_m: 1.5 },
+            image_px,
+            covariance_m2,
+            ..found(if is_person { ActorKind::Pedestrian } else { ActorKind::Car }, 0.0, 0.0, score)
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    /// Whatever comes: no object more than there are sound boxes and none less than the larger source has, each with a
+    /// place and a covariance, by falling score, and the same again.
+    #[test]
+    fn lists_are_sound_whatever_comes(
+        camera in prop::collection::vec(any_box(), 0..8),
+        lidar in prop::collection::vec(any_box(), 0..8),
+        echoes in prop::collection::vec((0.0..80.0_f64, -1.0..1.0_f64, -30.0..30.0_f64), 0..8),
+    ) {
+        let scan = RadarScan {
+            stamp: Time::ZERO,
+            detections: echoes
+                .iter()
+                .map(|&(range_m, azimuth_rad, range_rate_mps)| RadarDetection {
+                    range_m, azimuth_rad, range_rate_mps, elevation_rad: None, rcs_dbsm: 0.0, snr_db: range_m,
+                })
+                .collect(),
+        };
+        let (camera, lidar) = (list(20, camera), list(0, lidar));
+        let sources = Sources {
+            camera: Some(by_camera(&camera)),
+            lidar: Some(by_lidar(&lidar)),
+            radar: Some(super::tests::echoes(&scan)),
+        };
+        let told = fuse(&sources, &Params::default()).unwrap();
+        let sound = |list: &Detections, within_m: f64| {
+            let is_sound = |b: &&DetectedBox| {
+                b.is_finite() && b.score <= 1.0 && b.pose.point().distance(Point2::default()) <= within_m
+            };
+            list.boxes.iter().filter(is_sound).count()
+        };
+        // Errors at 1e300 m have no number, so what is there may stay or go.
+        let most = sound(&camera, f64::INFINITY) + sound(&lidar, f64::INFINITY);
+        let least = sound(&camera, 1e3).max(sound(&lidar, 1e3));
+        prop_assert!((least..=most).contains(&told.boxes.len()), "{} {} {:?}", least, most, told);
+        prop_assert!(told.boxes.iter().all(|b| b.is_finite() && b.covariance_m2.is_some()), "{told:?}");
+        prop_assert!(told.boxes.is_sorted_by(|a, b| a.score >= b.score));
+        prop_assert_eq!(told.stamp, Time::from_ms(20));
+        prop_assert_eq!(Some(told), fuse(&sources, &Params::default()));
+    }
+}

@@ -1,0 +1,79 @@
+//! The motion of a rectangle with deviations in proportion to its height (Wojke et al. 2017, section 2.1): what DeepSORT
+//! and ByteTrack follow.
+
+use super::{centred, edges};
+use crate::axis::Axis;
+
+/// Standard deviations of place and size over the height of the rectangle.
+const PLACE: f64 = 1.0 / 20.0;
+
+/// The same of their rates per frame.
+const RATE: f64 = 1.0 / 160.0;
+
+/// Estimate of a rectangle and of its rates per frame.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Motion {
+    /// Centre (across, down), width over height, height: px, px, 1, px.
+    axes: [Axis; 4],
+}
+
+impl Motion {
+    /// First seen as this rectangle.
+    pub(super) fn founded(box_px: [f64; 4]) -> Self {
+        let measured = shape(box_px);
+        let (places, rates) =
+            (variances(measured[3], 2.0 * PLACE, 1e-2), variances(measured[3], 10.0 * RATE, 1e-5));
+        Self { axes: core::array::from_fn(|k| Axis::new(measured[k], [places[k], rates[k]])) }
+    }
+
+    /// One frame on.
+    pub(super) fn predict(&mut self) {
+        let height = self.axes[3].value;
+        let (places, rates) = (variances(height, PLACE, 1e-2), variances(height, RATE, 1e-5));
+        for (k, axis) in self.axes.iter_mut().enumerate() {
+            axis.predict(1.0, [places[k], rates[k]]);
+        }
+    }
+
+    /// Takes it to keep its size from now on.
+    pub(super) fn stop_growing(&mut self) {
+        self.axes[3].rate = 0.0;
+    }
+
+    /// Takes in a measured rectangle.
+    pub(super) fn update(&mut self, box_px: [f64; 4]) {
+        let noise = self.noise();
+        for ((axis, measured), variance) in self.axes.iter_mut().zip(shape(box_px)).zip(noise) {
+            axis.update(measured, variance);
+        }
+    }
+
+    /// Squared distance of a measured rectangle, in standard deviations (Mahalanobis; four degrees of freedom).
+    pub(super) fn squared_distance(&self, box_px: [f64; 4]) -> f64 {
+        let measured = self.axes.iter().zip(shape(box_px)).zip(self.noise());
+        measured.map(|((axis, measured), variance)| axis.squared_distance(measured, variance)).sum()
+    }
+
+    /// Left, top, right, bottom.
+    pub(super) fn edges(&self) -> [f64; 4] {
+        let [x, y, aspect, height] = self.axes.map(|axis| axis.value);
+        edges([x, y, aspect * height, height])
+    }
+
+    fn noise(&self) -> [f64; 4] {
+        variances(self.axes[3].value, PLACE, 1e-1)
+    }
+}
+
+/// Centre, aspect and height of a rectangle.
+fn shape(box_px: [f64; 4]) -> [f64; 4] {
+    let [x, y, width, height] = centred(box_px);
+    [x, y, width / height, height]
+}
+
+/// Variances of a rectangle of this height: the deviations of the aspect are its own.
+fn variances(height: f64, of_height: f64, of_aspect: f64) -> [f64; 4] {
+    let square = |x: f64| x * x;
+    let size = square(of_height * height);
+    [size, size, square(of_aspect), size]
+}

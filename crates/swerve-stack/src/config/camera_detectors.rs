@@ -1,0 +1,91 @@
+//! Detectors for the images of cameras: by name or from files, their rungs, and what these take.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use swerve_text::{did_you_mean, list};
+use swerve_vision::acf::{Rung, Weights};
+use swerve_vision::shipped;
+
+use super::execution::Runtime;
+
+/// The detector of this name, or the one in this file.
+///
+/// # Errors
+/// There is none, or the file holds none that is whole.
+pub fn weights(name: &str) -> Result<Weights, String> {
+    if let Some(weights) = shipped::detector(name) {
+        return weights.map_err(|error| error.to_string());
+    }
+    let path = Path::new(name);
+    if !path.exists() {
+        let names: Vec<&str> = shipped::names().collect();
+        let near = did_you_mean(name, names.iter().copied());
+        return Err(format!("no detector `{name}`{near}; expected {}, or a file of weights", list(&names)));
+    }
+    let bytes = std::fs::read(path).map_err(|error| format!("reading {name}: {error}"))?;
+    Weights::read(&bytes).map_err(|error| format!("{name}: {error}"))
+}
+
+/// The rung of this name.
+///
+/// # Errors
+/// There is none.
+pub fn rung<'a>(weights: &'a Weights, name: &str) -> Result<&'a Rung, String> {
+    weights.rungs.iter().find(|rung| rung.name == name).ok_or_else(|| {
+        let names: Vec<&str> = weights.rungs.iter().map(|rung| rung.name.as_str()).collect();
+        format!("no rung `{name}`{}; expected {}", did_you_mean(name, names.iter().copied()), list(&names))
+    })
+}
+
+/// What a rung of a detector that is in the program was measured to take, on one core; none for others.
+pub fn run_time(detector: &str, rung: &str) -> Option<Runtime> {
+    static ALL: LazyLock<BTreeMap<String, BTreeMap<String, Vec<[f64; 2]>>>> =
+        LazyLock::new(|| toml::from_str(shipped::RUN_TIMES).expect("a test reads the measured times"));
+    let percentiles_ms = ALL.get(detector)?.get(rung).cloned();
+    percentiles_ms.map(|all| Runtime { percentiles_ms: Some(all), ..Runtime::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_rung_of_a_calibrated_detector_has_a_measured_time() {
+        for name in shipped::names() {
+            let weights = weights(name).unwrap();
+            for rung in weights.rungs.iter().filter(|rung| !rung.calibrations.is_empty()) {
+                let time = run_time(name, &rung.name).unwrap_or_else(|| panic!("{name} {}", rung.name));
+                assert!(time.model().is_ok() && time.typical_ms() > 0.0, "{name} {}", rung.name);
+            }
+        }
+        assert_eq!(run_time("street", "ground floor"), None);
+    }
+
+    #[test]
+    fn what_is_no_detector_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("my.weights");
+        let path = path.to_str().unwrap();
+        let whole = weights("street").unwrap().write();
+        let mut damaged = whole.clone();
+        *damaged.last_mut().unwrap() ^= 1;
+        let mut newer = whole.clone();
+        newer[8] = 9;
+        for (bytes, expected) in [
+            (&b"no weights"[..], "no weights of a detector: expected a file that begins with `SWERVDET`"),
+            (&[], "no weights of a detector"),
+            (&whole[..whole.len() / 2], "damaged weights"),
+            (&damaged, "damaged weights: their digest is"),
+            (&newer, "weights of version 9, expected 1"),
+        ] {
+            std::fs::write(path, bytes).unwrap();
+            let said = weights(path).unwrap_err();
+            assert!(said.starts_with(&format!("{path}: ")) && said.contains(expected), "{said}");
+        }
+        std::fs::write(path, &whole).unwrap();
+        assert!(rung(&weights(path).unwrap(), "fasst").unwrap_err().contains("did you mean \"fast\"?"));
+        assert!(weights("stret").unwrap_err().contains("did you mean \"street\"?"));
+    }
+}

@@ -1,0 +1,289 @@
+//! Objects in the images of a camera: boxes on the ground, without neural networks.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_flow::{
+    At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
+    PortInfo, RuntimeModel, Window,
+};
+use swerve_msg::{Detections, EgoState, Image, Route, RungTaken};
+use swerve_perception::CameraObjects;
+use swerve_perception::camera::Shot;
+use swerve_text::number;
+use swerve_vehicle::{Pitch, VehicleParams};
+use swerve_vision::acf::Weights;
+
+use super::ladder::{on_ladder, take};
+use crate::config::camera_detectors::{run_time, rung, weights};
+use crate::config::execution::{Runtime, span_ms};
+use crate::config::model::{Model, Rung};
+use crate::kind::{Heavy, KeyProblems, Node, OperatorKind, Scheduled, Settings};
+use crate::registry::Registry;
+use crate::site::Site;
+
+/// Past poses kept to find the one measured at an image's stamp, and how the body pitched until then: at 100 Hz.
+const POSES: usize = 256;
+
+/// The body's pitch is followed in steps of at most so much, seconds.
+const PITCH_STEP_S: f64 = 0.01;
+
+/// Finds objects in a camera's images, on one rung of a detector or on the one that fits the time left.
+pub(super) struct CameraDetector;
+
+/// Its keys.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Table {
+    /// A detector that is in the program, or a file of weights.
+    detector: String,
+    /// The way to use it.
+    rung: String,
+    /// Whether it gives way to faster rungs where it would not be done by its deadline.
+    ladder: bool,
+    /// Boxes with a lower score are not reported.
+    score_min: f64,
+    /// What rungs take, ms, where that is not what was measured for the detectors in the program.
+    run_times_ms: BTreeMap<String, f64>,
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Self {
+            detector: "street".into(),
+            rung: "ground".into(),
+            ladder: false,
+            score_min: 0.3,
+            run_times_ms: BTreeMap::new(),
+        }
+    }
+}
+
+/// The image of this stamp, and where the ego was.
+#[derive(Inputs)]
+struct In {
+    /// What the camera sees, in colour.
+    image: At<Image>,
+    /// Where the ego was.
+    poses: Window<EgoState, POSES>,
+}
+
+/// The newest image, at each tick.
+#[derive(Inputs)]
+struct PeriodicIn {
+    /// The detector's period.
+    tick: Every,
+    /// What the camera sees, in colour.
+    image: Latest<Image>,
+    /// Where the ego was.
+    poses: Window<EgoState, POSES>,
+}
+
+/// Boxes, and how they came about.
+#[derive(Outputs)]
+struct Out {
+    /// What was found.
+    boxes: Port<Detections>,
+    /// The rung that it took.
+    rung: Port<RungTaken>,
+}
+
+impl Table {
+    /// That of an operator; the defaults where it is not as it should be, which is told where the keys are checked.
+    fn of(settings: &Settings<'_>) -> Self {
+        let own = settings.config.operator.get(settings.name).map(|own| &own.keys);
+        own.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
+    }
+
+    fn problems(&self) -> KeyProblems {
+        let mut told = KeyProblems::new();
+        let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
+        if !(0.0..=1.0).contains(&self.score_min) {
+            tell("score_min", format!("expected 0 to 1, found {}", number(self.score_min)));
+        }
+        let weights = match weights(&self.detector) {
+            Ok(weights) => weights,
+            Err(message) => {
+                tell("detector", message);
+                return told;
+            }
+        };
+        for (name, ms) in &self.run_times_ms {
+            let wrong = rung(&weights, name).err().or_else(|| span_ms(*ms).err());
+            wrong.into_iter().for_each(|message| tell(&format!("run_times_ms.{name}"), message));
+        }
+        match rung(&weights, &self.rung) {
+            Err(message) => tell("rung", message),
+            Ok(_) => {
+                let wrong = self.rungs(&weights).err();
+                wrong.into_iter().for_each(|(key, message)| tell(key, message));
+            }
+        }
+        told
+    }
+
+    /// What a rung takes.
+    fn run_time(&self, rung: &str) -> Option<Runtime> {
+        let own = self.run_times_ms.get(rung).map(|ms| Runtime::fixed(*ms));
+        own.or_else(|| run_time(&self.detector, rung))
+    }
+
+    /// The rungs that it may take, the fastest first, the one that is named last; on a ladder each with what it takes at
+    /// most.
+    fn rungs(&self, weights: &Weights) -> Result<Vec<Rung<CameraObjects>>, (&'static str, String)> {
+        let named = weights.rungs.iter().position(|rung| rung.name == self.rung).unwrap_or(0);
+        let first = if self.ladder { 0 } else { named };
+        let mut rungs = Vec::new();
+        for rung in &weights.rungs[first..=named] {
+            let what = CameraObjects::new(weights.clone(), rung.clone(), self.score_min);
+            let what = what.map_err(|error| ("detector", format!("`{}`: {error}", self.detector)))?;
+            let time = self.run_time(&rung.name).map(|time| time.most_ms());
+            let untimed =
+                || ("run_times_ms", format!("expected what rung `{}` takes: nobody measured it", rung.name));
+            let most_ms = if self.ladder { time.ok_or_else(untimed)? } else { time.unwrap_or(0.0) };
+            let run_time = span_ms(most_ms).map_err(|message| ("run_times_ms", message))?;
+            rungs.push(Rung { name: rung.name.clone(), run_time, what });
+        }
+        // One that is slower than a better one is on no ladder.
+        let top = rungs.last().map_or(Span::ZERO, |rung| rung.run_time);
+        rungs.retain(|rung| rung.run_time <= top);
+        rungs.sort_by_key(|rung| rung.run_time);
+        Ok(rungs)
+    }
+}
+
+impl OperatorKind for CameraDetector {
+    fn node(&self) -> Node {
+        Node::new("camera_objects", "boxes of people, cars, trucks and cyclists in a camera's images")
+            .heavy(Heavy::Yes)
+            .scheduled(Scheduled::Detector)
+    }
+
+    fn keys(&self) -> toml::Table {
+        toml::Table::try_from(Table::default()).unwrap_or_default()
+    }
+
+    fn problems(&self, keys: &toml::Table, _: &Registry) -> KeyProblems {
+        swerve_text::read::<Table>(keys).map_or_else(|problems| problems, |table| table.problems())
+    }
+
+    fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
+        Out::ports()
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        match settings.config.execution.model {
+            Model::Periodic => PeriodicIn::ports(),
+            _ => In::ports(),
+        }
+    }
+
+    fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
+        let table = Table::of(settings);
+        if table.ladder {
+            return Ok(on_ladder());
+        }
+        let time = table.run_time(&table.rung);
+        time.ok_or_else(|| format!("expected what rung `{}` takes: nobody measured it", table.rung))?.model()
+    }
+
+    fn takes_ms(&self, settings: &Settings<'_>) -> Option<[f64; 2]> {
+        let table = Table::of(settings);
+        let time = table.run_time(&table.rung)?;
+        Some([if table.ladder { time.most_ms() } else { time.typical_ms() }, time.most_ms()])
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let table = Table::of(&site.settings());
+        let wrong = |message| anyhow::anyhow!("operator.{}.detector: {message}", site.name());
+        let weights = weights(&table.detector).map_err(wrong)?;
+        let (rungs, around) =
+            (table.rungs(&weights).map_err(|(_, message)| wrong(message))?, site.surroundings());
+        let (route, vehicle) = (around.route.clone(), around.vehicle.clone());
+        let detector = Detector { rungs, spends: table.ladder, route, vehicle };
+        match site.own_timer() {
+            Some(timer) => site.add(Periodic { detector, last: None }, Some(timer))?,
+            None => site.add(detector, None)?,
+        }
+        if let Some(deadline) = site.own_deadline() {
+            let _configured = site.node()?.deadline(deadline);
+        }
+        Ok(())
+    }
+}
+
+/// One that runs on its images.
+struct Detector {
+    rungs: Vec<Rung<CameraObjects>>,
+    /// On a ladder the rung says what a step takes.
+    spends: bool,
+    route: Route,
+    vehicle: VehicleParams,
+}
+
+/// One that runs on a timer, on the newest image there is; on none twice.
+struct Periodic {
+    detector: Detector,
+    last: Option<Time>,
+}
+
+impl Detector {
+    fn look(&mut self, cx: &mut Context<'_>, image: &Image, poses: &[EgoState], out: &mut Out) {
+        let before = poses.partition_point(|pose| pose.stamp <= image.stamp);
+        let Some(measured) = poses[..before].last().or(poses.first()) else { return };
+        let ego = measured.pose_after((image.stamp - measured.stamp).as_secs());
+        let pitch_rad = pitch_rad(&poses[..before], &self.vehicle);
+        let (objects, taken) = if self.spends {
+            take(&mut self.rungs, cx)
+        } else {
+            let left = cx.deadline().map(|deadline| deadline - cx.now());
+            let Some(Rung { name, run_time, what }) = self.rungs.last_mut() else { return };
+            (what, RungTaken { stamp: cx.stamp(), rung: name.clone(), run_time: *run_time, left })
+        };
+        let mut found = Detections::default();
+        let shot = Shot { image, ego, pitch_rad, route: Some(&self.route) };
+        if let Err(error) = objects.detect(&shot, &mut found) {
+            return cx.stop_run(format!("{}: {error}", cx.name()));
+        }
+        out.boxes.loan().send(found);
+        out.rung.send(taken);
+    }
+}
+
+/// How the body is pitched after these poses, nose down positive.
+fn pitch_rad(poses: &[EgoState], vehicle: &VehicleParams) -> f64 {
+    let mut pitch = Pitch::default();
+    for pair in poses.windows(2).filter(|pair| pair[0].is_plausible()) {
+        let passed_s = (pair[1].stamp - pair[0].stamp).as_secs().clamp(0.0, 1.0);
+        let steps = (passed_s / PITCH_STEP_S).ceil();
+        for _ in 0..steps as usize {
+            pitch.step(vehicle, pair[0].accel_mps2, passed_s / steps);
+        }
+    }
+    pitch.angle_rad
+}
+
+impl Operator for Detector {
+    type In = In;
+    type Out = Out;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
+        let Some(image) = input.image.get() else { return };
+        let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
+        self.look(cx, image, &poses, out);
+    }
+}
+
+impl Operator for Periodic {
+    type In = PeriodicIn;
+    type Out = Out;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &PeriodicIn, out: &mut Out) {
+        let newest = input.image.get().filter(|image| self.last != Some(image.stamp));
+        let Some(image) = newest else { return };
+        self.last = Some(image.stamp);
+        let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
+        self.detector.look(cx, image, &poses, out);
+    }
+}

@@ -1,0 +1,220 @@
+//! One list of objects of what detectors find with a camera and a lidar, and of a radar's echoes.
+
+use anyhow::{Context as _, bail, ensure};
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_flow::{
+    Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
+};
+use swerve_geom::{Ego, Pose2};
+use swerve_msg::{Detections, EgoState, Image, RadarScan};
+use swerve_perception::fusion::{CameraSight, Echoes, Params, Sighted, Sources, fuse};
+use swerve_perception::image_box::ImageCamera;
+
+use crate::config::camera::CameraConfig;
+use crate::config::perception::image_camera;
+use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
+use crate::registry::Registry;
+use crate::site::Site;
+
+/// Past poses kept to find those measured at the stamps of what is fused.
+const POSES: usize = 256;
+/// Past depth images kept to find that of the boxes' stamp: detectors take their time.
+const DEPTHS: usize = 8;
+
+/// Fusions of a camera's and a lidar's objects with a radar's echoes.
+pub(super) struct Fusions;
+
+/// Its keys in `[operator.NAME]`.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Table {
+    /// The `[camera.NAME]` that the boxes' pictures are in; when absent the only one there is, else the emulated
+    /// detector's own.
+    view: Option<String>,
+    /// Between two lists, ms; where nothing is new there is none.
+    period_ms: f64,
+    /// What is older is not taken in, ms.
+    age_max_ms: f64,
+    /// Errors that sources are expected to have, and limits of what may be one thing.
+    params: Params,
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Self { view: None, period_ms: 50.0, age_max_ms: 200.0, params: Params::default() }
+    }
+}
+
+/// What there is when a list is due. Streams that `reads` does not name are no part of it.
+#[derive(Inputs)]
+struct In {
+    /// Its period.
+    tick: Every,
+    /// Boxes found in a camera's images.
+    camera: Option<Latest<Detections>>,
+    /// Boxes found in a lidar's points.
+    lidar: Option<Latest<Detections>>,
+    /// Echoes of a radar.
+    radar: Option<Latest<RadarScan>>,
+    /// Depth images of the camera.
+    depth: Option<Window<Image, DEPTHS>>,
+    /// Where the ego was.
+    poses: Window<EgoState, POSES>,
+}
+
+/// The ports that run where they are named.
+const NAMED: [&str; 4] = ["camera", "lidar", "radar", "depth"];
+
+impl Table {
+    /// The operator's own keys, which the configuration's check has read already.
+    fn of(settings: &Settings<'_>) -> Self {
+        let own = settings.config.operator.get(settings.name).map(|own| own.keys.clone());
+        own.and_then(|keys| swerve_text::read(&keys).ok()).unwrap_or_default()
+    }
+
+    fn problems(&self) -> KeyProblems {
+        let mut told = KeyProblems::new();
+        for (key, ms) in [("period_ms", self.period_ms), ("age_max_ms", self.age_max_ms)] {
+            if !(1.0..=10_000.0).contains(&ms) {
+                told.push((key.into(), format!("expected 1 to 10000, found {}", swerve_text::number(ms))));
+            }
+        }
+        if let Err(error) = self.params.validate() {
+            let message = format!("expected {}, found {}", error.expected, error.value);
+            told.push((format!("params.{}", error.key), message));
+        }
+        told
+    }
+}
+
+impl OperatorKind for Fusions {
+    fn node(&self) -> Node {
+        Node::new("fusion", "one list of the objects of a camera and a lidar, with a radar's speeds")
+    }
+
+    fn keys(&self) -> toml::Table {
+        toml::Table::try_from(Table::default()).unwrap_or_default()
+    }
+
+    fn problems(&self, keys: &toml::Table, _: &Registry) -> KeyProblems {
+        swerve_text::read::<Table>(keys).map_or_else(|problems| problems, |table| table.problems())
+    }
+
+    fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
+        <Port<Detections> as NamedOutputs>::ports()
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        let reads = settings.config.operator.get(settings.name).map(|own| &own.reads);
+        let named = |port: &str| reads.is_some_and(|reads| reads.contains_key(port));
+        let all = In::ports();
+        // Two lists of boxes are told apart by name alone; where none is named, or a name is wrong, all ports are told.
+        let is_known =
+            reads.is_some_and(|reads| reads.keys().all(|name| all.iter().any(|port| *port.name == **name)));
+        if !is_known || !NAMED.iter().any(|port| named(port)) {
+            return all;
+        }
+        all.into_iter().filter(|port| !NAMED.contains(&&*port.name) || named(&port.name)).collect()
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let (name, config, settings) = (site.name().to_owned(), site.config(), site.settings());
+        let table = Table::of(&settings);
+        let own = config.operator.get(&name);
+        let is_read = |port: &str| own.is_some_and(|own| own.reads.contains_key(port));
+        ensure!(
+            is_read("camera") || is_read("lidar"),
+            "operator.{name}.reads: expected `camera` or `lidar`, or both: the boxes that are to be fused"
+        );
+        let ego_from_radar = match site.source_of("radar").filter(|_| is_read("radar")) {
+            None => Pose2::default(),
+            Some(radar) => {
+                let at = config.radar.get(radar).with_context(|| {
+                    format!("operator.{name}: expected echoes of a [radar.NAME], which says where it sits, found `{radar}`")
+                })?;
+                let mount = at.mount(&config.sim.vehicle.shape);
+                Pose2::new(mount.x_m, mount.y_m, mount.yaw_rad)
+            }
+        };
+        let view = match (&table.view, config.camera.len()) {
+            (Some(view), _) => config.camera.get(view).cloned().with_context(|| {
+                let names: Vec<&str> = config.camera.keys().map(String::as_str).collect();
+                let near = swerve_text::nearest(view, names.iter().copied());
+                let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+                format!(
+                    "operator.{name}.view: unknown camera `{view}`, expected one of [{}]{near}",
+                    names.join(", ")
+                )
+            })?,
+            (None, 1) => config.camera.values().next().cloned().unwrap_or_default(),
+            (None, _) => CameraConfig::default(),
+        };
+        let Some(view) = image_camera(&view) else {
+            bail!("operator.{name}.view: expected a camera whose rays meet in one point");
+        };
+        let period = span_of_ms(table.period_ms);
+        let operator = Fusion {
+            params: table.params,
+            age_max: span_of_ms(table.age_max_ms),
+            view,
+            ego_from_radar,
+            newest: None,
+        };
+        let timer = settings.drawn_timer(period);
+        site.add(operator, Some(timer))
+    }
+}
+
+/// Fuses what is newest of each source.
+struct Fusion {
+    params: Params,
+    age_max: Span,
+    view: ImageCamera,
+    ego_from_radar: Pose2<Ego>,
+    /// Stamp of the newest list.
+    newest: Option<Time>,
+}
+
+impl Operator for Fusion {
+    type In = In;
+    type Out = Port<Detections>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<Detections>) {
+        let (now, poses) = (cx.now(), input.poses.get());
+        let ego_at = |stamp: Time| {
+            let before = poses.iter().rev().find(|pose| pose.header().stamp <= stamp).or(poses.first())?;
+            let mut ego = **before;
+            ego.pose = before.pose_after((stamp - before.stamp).as_secs());
+            Some(ego)
+        };
+        let is_fresh = |stamp: Time| now - stamp <= self.age_max;
+        let sighted = |port: &'_ Option<Latest<Detections>>| {
+            let found = port.as_ref()?.get().filter(|found| is_fresh(found.stamp))?;
+            Some((found.clone(), ego_at(found.stamp)?.pose))
+        };
+        let (camera, lidar) = (sighted(&input.camera), sighted(&input.lidar));
+        let depth = camera.as_ref().and_then(|(found, _)| {
+            input.depth.as_ref()?.get().iter().find(|image| image.stamp == found.stamp)
+        });
+        let echoes = input.radar.as_ref().and_then(|radar| {
+            let scan = radar.get().filter(|scan| is_fresh(scan.stamp))?;
+            Some(Echoes { scan, ego: ego_at(scan.stamp)?, ego_from_radar: self.ego_from_radar })
+        });
+        let sources = Sources {
+            camera: camera.as_ref().map(|(found, ego)| CameraSight {
+                boxes: Sighted { found, ego: *ego },
+                camera: self.view,
+                depth: depth.map(|image| &**image),
+            }),
+            lidar: lidar.as_ref().map(|(found, ego)| Sighted { found, ego: *ego }),
+            radar: echoes,
+        };
+        let Some(fused) = fuse(&sources, &self.params) else { return };
+        // A list of the same instant as the last one says nothing new.
+        if self.newest.is_none_or(|newest| fused.stamp > newest) {
+            self.newest = Some(fused.stamp);
+            out.loan().send(fused);
+        }
+    }
+}
