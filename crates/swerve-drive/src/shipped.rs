@@ -44,6 +44,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/best.toml"
     "configs/deadlines.toml"
     "configs/detector.toml"
+    "configs/fusion.toml"
     "configs/lidar_objects.toml"
     "configs/live/autoware.toml"
     "configs/live/dataspeed.toml"
