@@ -78,10 +78,14 @@ fn images_that_a_detector_looks_at_are_written_with_what_it_finds() {
         covariance_m2: None,
         radial_speed_mps: None,
     };
-    // What it finds in the last image, which comes after the end of the run here.
-    let (stream, (stamp, before)) =
-        frames.waiting.iter().next().map(|(s, w)| (s.clone(), w.clone())).unwrap();
+    // One more image after the end of the run, and what is found in it.
+    assert!(frames.waiting.is_empty(), "each image had its report");
+    let mut image = Image::new(160, 120, swerve_msg::Encoding::Rgb8);
+    image.stamp = Time::from_ms(250);
+    frames.camera("eye", "eye.rgb", &image).unwrap();
+    let (stream, stamp) = ("eye.rgb".to_owned(), image.stamp);
     let pixel = |frame: &Frame| frame.rgb[3 * (60 * 160 + 40)..][..3].to_vec();
+    let before = frames.waiting[&stream].1.clone();
     let late = Detections { stamp: stamp + Span::from_ms(1), boxes: vec![found] };
     frames.found("objects", &late).unwrap();
     assert_eq!(pixel(&frames.waiting[&stream].1), pixel(&before), "of another image");
