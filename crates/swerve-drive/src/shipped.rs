@@ -46,6 +46,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/deadlines.toml"
     "configs/detector.toml"
     "configs/fused_objects.toml"
+    "configs/fusion.toml"
     "configs/lidar_objects.toml"
     "configs/live/autoware.toml"
     "configs/live/dataspeed.toml"

@@ -96,6 +96,51 @@ fn a_slow_detector_drops_frames() {
     assert_eq!(seen.boxes.len(), seen.tracks.len());
 }
 
+/// Boxes of the fusion: nothing else in its pipeline tells covariances.
+fn fused(seen: &Seen) -> Vec<&Detections> {
+    let is_fused = |boxes: &Detections| boxes.boxes.iter().any(|b| b.covariance_m2.is_some());
+    seen.boxes.iter().map(|(_, boxes)| boxes).filter(|boxes| is_fused(boxes)).collect()
+}
+
+/// A car stands in sight of camera, lidar and radar. Whichever of the first two is blind, it is followed: the camera's
+/// kind and the lidar's place where there are both, each sensor's own where it is alone.
+#[test]
+fn what_is_fused_stays_when_a_sensor_is_blind() {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
+    let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
+    let scenario = Scenario::parse("near", &text).unwrap();
+    let config = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/fusion.toml"));
+    for (blind, off_max_m) in [(None, 0.7), (Some("detector"), 0.7), (Some("lidar_objects"), 4.0)] {
+        let fault = blind.map(|stream| format!("fault.blind={{ stream = \"{stream}\", drop = true }}"));
+        let sets = common::sets(&fault.iter().map(String::as_str).collect::<Vec<_>>());
+        let config = Config::from_document(&Document::read(config).unwrap(), &sets).unwrap();
+        let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
+        pipeline.until = Time::from_ms(1000);
+        let mut seen = Seen::default();
+        drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
+        let (lists, tracks) = (fused(&seen), seen.tracks.last().unwrap());
+        assert!(lists.len() > 5, "{blind:?}: {}", lists.len());
+        let newest = lists.last().unwrap();
+        let world = seen.worlds.iter().find(|world| world.stamp >= newest.stamp).unwrap();
+        let (truck, ego) = (&world.actors[0], world.ego.state.pose);
+        let off_m =
+            |b: &&swerve_msg::DetectedBox| ego.from_local(b.pose.point()).distance(truck.pose.point());
+        // False positives of the emulated detector score low.
+        let sure = newest.boxes.iter().filter(|b| b.score > 0.4);
+        let found = sure.min_by(|a, b| off_m(a).total_cmp(&off_m(b))).unwrap();
+        assert!(off_m(&found) < off_max_m && found.kind == truck.kind, "{blind:?}: {found:?}");
+        let [xx, _, yy] = found.covariance_m2.unwrap();
+        assert_eq!(xx.max(yy) < 0.15, blind != Some("lidar_objects"), "{blind:?}: {xx} {yy}");
+        assert_eq!(found.image_px.is_some(), blind != Some("detector"), "{blind:?}");
+        let speed_mps = found.radial_speed_mps.expect("the radar sees a truck");
+        assert!(speed_mps.abs() < 1.0, "{blind:?}: it stands: {speed_mps}");
+        assert!(
+            tracks.tracks.iter().any(|t| t.pose.point().distance(truck.pose.point()) < off_max_m),
+            "{blind:?}"
+        );
+    }
+}
+
 /// Somebody runs into the lane from behind a truck and stops dead in it, while another truck comes the other way.
 const RUNNER: &str = r#"
 name = "runner"

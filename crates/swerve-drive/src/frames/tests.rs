@@ -55,3 +55,49 @@ fn a_picture_that_cannot_be_written_is_told() {
     let error = format!("{:#}", frames.finish().unwrap_err());
     assert!(error.contains("00000.png"), "{error}");
 }
+
+/// The images of a camera wait for the detector that looks at them; all of them are written, in their order.
+#[test]
+fn images_that_a_detector_looks_at_are_written_with_what_it_finds() {
+    let text = "[camera.eye]\nwidth_px = 160\nheight_px = 120\nperiod_ms = 50\n\
+                [operator.objects]\nkind = \"camera_objects\"\nrung = \"fastest\"\n";
+    let document = swerve_text::Document::parse("c.toml", text).unwrap();
+    let config = Config::from_document(&document, &[]).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut pipeline = Pipeline::build(&config, &scenario()).unwrap();
+    pipeline.until = Time::ZERO + Span::from_ms(220);
+    let mut frames = Frames::create(folder.path(), String::new(), &pipeline.scenario, &config).unwrap();
+    drive_pipeline(pipeline, config.seed, 1, &mut [&mut frames]).unwrap();
+    let found = swerve_msg::DetectedBox {
+        kind: swerve_msg::ActorKind::Pedestrian,
+        score: 0.9,
+        pose: swerve_geom::Pose2::new(10.0, 0.0, 0.0),
+        bottom_m: 0.0,
+        extent: swerve_msg::Extent { length_m: 0.5, width_m: 0.5, height_m: 1.7 },
+        image_px: Some([40.0, 30.0, 60.0, 90.0]),
+        covariance_m2: None,
+        radial_speed_mps: None,
+    };
+    // One more image after the end of the run, and what is found in it.
+    assert!(frames.waiting.is_empty(), "each image had its report");
+    let mut image = Image::new(160, 120, swerve_msg::Encoding::Rgb8);
+    image.stamp = Time::from_ms(250);
+    frames.camera("eye", "eye.rgb", &image).unwrap();
+    let (stream, stamp) = ("eye.rgb".to_owned(), image.stamp);
+    let pixel = |frame: &Frame| frame.rgb[3 * (60 * 160 + 40)..][..3].to_vec();
+    let before = frames.waiting[&stream].1.clone();
+    let late = Detections { stamp: stamp + Span::from_ms(1), boxes: vec![found] };
+    frames.found("objects", &late).unwrap();
+    assert_eq!(pixel(&frames.waiting[&stream].1), pixel(&before), "of another image");
+    frames.found("objects", &Detections { stamp, boxes: vec![found] }).unwrap();
+    assert!(frames.waiting.is_empty());
+    frames.finish().unwrap();
+    let mut names: Vec<_> = std::fs::read_dir(folder.path().join("eye/rgb")).unwrap().collect();
+    let last = folder.path().join("eye/rgb").join(format!("{:05}.png", names.len() - 1));
+    assert!(names.len() >= 4 && names.drain(..).all(|entry| entry.is_ok()));
+    let mut reader =
+        png::Decoder::new(std::io::BufReader::new(std::fs::File::open(last).unwrap())).read_info().unwrap();
+    let mut rgb = vec![0; 3 * 160 * 120];
+    reader.next_frame(&mut rgb).unwrap();
+    assert_ne!(rgb[3 * (60 * 160 + 40)..][..3], pixel(&before)[..], "the box's edge");
+}

@@ -12,6 +12,9 @@ const EDGE_SHARE: f64 = 0.04;
 const PITCH_RAD: f64 = 0.003;
 /// Deviation of the ground's level where something stands, as a share of the camera's height: kerbs.
 const LEVEL_SHARE: f64 = 0.06;
+/// Errors of depth go on from frame to frame, as the same person is as tall and the same kerb as high. Filters take them
+/// for new ones each time, and would believe them too soon: their deviation is told so many times as large.
+const GOES_ON: f64 = 2.0;
 /// Things farther off than this are not placed, metres.
 const FAR_M: f64 = 120.0;
 
@@ -110,7 +113,7 @@ impl Eye {
         }
         let pose = self.complete(class, 1.0 / rho, foot.leftwards, road);
         // An error of depth moves it along its ray, one of the column across the axis.
-        let depth = sum_of_squares([variance.sqrt() / (rho * rho), class.middle_m]);
+        let depth = sum_of_squares([GOES_ON * variance.sqrt() / (rho * rho), class.middle_m]);
         let column = 0.5 * EDGE_SHARE * down / (self.lens.fx_px * rho);
         let across = sum_of_squares([column, 0.5 * class.middle_m]);
         let (sin, cos) = math::sin_cos(self.stand.heading_rad);

@@ -39,9 +39,12 @@ pub fn rung<'a>(weights: &'a Weights, name: &str) -> Result<&'a Rung, String> {
     })
 }
 
+/// Of each rung pairs of percentile and milliseconds.
+type Percentiles = BTreeMap<String, Vec<[f64; 2]>>;
+
 /// What a rung of a detector that is in the program was measured to take, on one core; none for others.
 pub fn run_time(detector: &str, rung: &str) -> Option<Runtime> {
-    static ALL: LazyLock<BTreeMap<String, BTreeMap<String, Vec<[f64; 2]>>>> =
+    static ALL: LazyLock<BTreeMap<String, Percentiles>> =
         LazyLock::new(|| toml::from_str(shipped::RUN_TIMES).expect("a test reads the measured times"));
     let percentiles_ms = ALL.get(detector)?.get(rung).cloned();
     percentiles_ms.map(|all| Runtime { percentiles_ms: Some(all), ..Runtime::default() })

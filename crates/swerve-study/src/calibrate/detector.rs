@@ -331,7 +331,6 @@ fn take(
     precision.frame(&found, &counts, |f, w| overlap(measure.overlap, &boxes[f], &there[w].0));
 }
 
-/// What a detector without fault would report.
 /// The box that a perfect detector would report.
 pub(crate) fn true_box(
     obstacle: &Obstacle,
