@@ -133,6 +133,7 @@ fn on_the_ground(rows: &mut Rows) {
 fn by_pixels(rows: &mut Rows) {
     let mut paths: Vec<_> =
         std::fs::read_dir(VIDEO).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.retain(|path| path.extension().is_some_and(|ending| ending == "jpg"));
     paths.sort();
     if paths.is_empty() {
         return rows.skipped("correlation (DSST), a frame", &format!("no frames in {VIDEO}"));
