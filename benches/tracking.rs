@@ -9,7 +9,7 @@ use std::process::Command;
 use criterion::Criterion;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_core::{Rng, Time};
-use swerve_geom::Pose2;
+use swerve_geom::{Pose2, math};
 use swerve_msg::{ActorKind, DetectedBox, Detections, Extent};
 use swerve_perception::image_plane::{Appearance, ByteTrack, DeepSort, ImageDetection, ImageTracker, Sort};
 use swerve_perception::{GroundParams, GroundTracker, ab3dmot, tracker};
@@ -89,7 +89,11 @@ fn crowd() -> Vec<Detections> {
         DetectedBox {
             kind: if is_car { ActorKind::Car } else { ActorKind::Pedestrian },
             score: rng.uniform(0.5, 1.0),
-            pose: Pose2::new(x + vx * t + 0.1 * rng.normal(), y + vy * t + 0.1 * rng.normal(), vy.atan2(vx)),
+            pose: Pose2::new(
+                x + vx * t + 0.1 * rng.normal(),
+                y + vy * t + 0.1 * rng.normal(),
+                math::atan2(vy, vx),
+            ),
             bottom_m: 0.0,
             extent: Extent { length_m, width_m, height_m },
             image_px: None,
@@ -129,6 +133,7 @@ fn on_the_ground(rows: &mut Rows) {
 fn by_pixels(rows: &mut Rows) {
     let mut paths: Vec<_> =
         std::fs::read_dir(VIDEO).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.retain(|path| path.extension().is_some_and(|ending| ending == "jpg"));
     paths.sort();
     if paths.is_empty() {
         return rows.skipped("correlation (DSST), a frame", &format!("no frames in {VIDEO}"));

@@ -56,7 +56,7 @@ fn over_union(shared: f64, a: f64, b: f64) -> f64 {
 mod tests {
     use super::*;
     use swerve_core::Rng;
-    use swerve_geom::{Map, Pose2};
+    use swerve_geom::{Map, Point2, Pose2};
     use swerve_msg::{ActorKind, Extent};
 
     fn near(a: f64, b: f64) {

@@ -1,7 +1,7 @@
 use super::*;
 use crate::image_box::tests::camera;
 use proptest::prelude::*;
-use swerve_geom::{Ego, Point2};
+use swerve_geom::{Ego, Point2, math};
 use swerve_msg::{ActorKind, EgoState, Encoding, Extent, Pixels, RadarDetection, RadarScan};
 
 const CAR: Extent = Extent { length_m: 4.4, width_m: 1.8, height_m: 1.5 };
@@ -91,7 +91,7 @@ fn what_one_source_alone_sees_stays_with_its_errors() {
     assert_eq!(kinds(&alone), [ActorKind::Pedestrian]);
     // Seen from 1.4 m over the ground, 28.25 m ahead: a pixel is 1/320.
     let [along, _, across] = alone[0].covariance_m2.unwrap().map(f64::sqrt);
-    let expected = 28.25 * 28.25 / 1.4 * (2.0_f64 / 320.0).hypot(0.003);
+    let expected = 28.25 * 28.25 / 1.4 * math::hypot(2.0 / 320.0, 0.003);
     assert!((along - expected).abs() < 0.01 && (across - 28.25 / 160.0).abs() < 0.01, "{along} {across}");
     // A covariance that a detector tells itself holds.
     let told = list(0, vec![DetectedBox { covariance_m2: Some([2.0, 0.5, 1.0]), ..camera.boxes[0] }]);
@@ -153,10 +153,10 @@ fn echoes(scan: &RadarScan) -> Echoes<'_> {
 /// The echo of something at a place in the ego frame that moves over ground.
 fn echo(at: [f64; 2], speed_mps: [f64; 2], snr_db: f64) -> RadarDetection {
     let way = [at[0] - 3.5, at[1] - 0.5];
-    let range_m = way[0].hypot(way[1]);
+    let range_m = math::hypot(way[0], way[1]);
     let own_mps = [10.0 - 0.2 * 0.5, 0.2 * 3.5];
     let range_rate_mps = (0..2).map(|k| (speed_mps[k] - own_mps[k]) * way[k] / range_m).sum::<f64>();
-    let azimuth_rad = way[1].atan2(way[0]) - 0.1;
+    let azimuth_rad = math::atan2(way[1], way[0]) - 0.1;
     RadarDetection { range_m, range_rate_mps, azimuth_rad, elevation_rad: None, rcs_dbsm: 10.0, snr_db }
 }
 
@@ -200,7 +200,8 @@ fn the_radar_says_the_distance_where_the_ground_plane_guesses() {
 fn boxes_of_an_older_instant_come_along() {
     // The ego has driven 2 m and turned by 0.1 since the camera looked.
     let then = Pose2::new(100.0, 50.0, 1.0);
-    let now = Pose2::new(100.0 + 2.0 * 1.0_f64.cos(), 50.0 + 2.0 * 1.0_f64.sin(), 1.1);
+    let there = then.ahead(2.0);
+    let now = Pose2::new(there.x_m, there.y_m, 1.1);
     let camera_list = list(0, vec![seen(ActorKind::Pedestrian, [25.0, 2.0], [25.5, 2.0], 0.7)]);
     let at = now.to_local::<Ego>(then.from_local::<Ego>(Point2::new(25.0, 2.0)));
     let lidar_list = list(80, vec![found(ActorKind::Pedestrian, at.x_m, at.y_m, 0.5)]);
