@@ -11,6 +11,7 @@ mod gnss;
 mod imu;
 mod inputs;
 mod ladder;
+mod lanes;
 mod lidar;
 mod lidar_objects;
 mod monitor;
@@ -56,6 +57,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(monitor::Monitors)
         .with_kind(detector::EmulatedDetector)
         .with::<lidar_objects::Objects>()
+        .with::<lanes::LaneLines>()
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
         .with_kind(deadlines::DeadlinePolicy)

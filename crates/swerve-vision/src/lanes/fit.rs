@@ -47,6 +47,9 @@ const LENGTH_M: f64 = 6.0;
 const MARKS: usize = 12;
 /// Between two strokes of a broken line at the most, metres.
 const GAP_M: f64 = 14.0;
+/// Where a line begins, so many marks lie within this length, metres.
+const TOGETHER: usize = 4;
+const TOGETHER_M: f64 = 1.0;
 /// Marks on a line are so many times as dense as those beside it, at the least.
 const DENSER: f64 = 2.5;
 /// How far from a line are those beside it, metres.
@@ -208,6 +211,9 @@ impl Fit {
             }
         }
         self.on_line.sort_unstable_by(f64::total_cmp);
+        // A mark alone in front is the car's own nose.
+        let nose = self.on_line.windows(TOGETHER).position(|few| few[TOGETHER - 1] - few[0] < TOGETHER_M)?;
+        self.on_line.drain(..nose);
         let first = *self.on_line.first()?;
         let whole = self.on_line.windows(2).take_while(|pair| pair[1] - pair[0] < GAP_M).count() + 1;
         let last = self.on_line[whole - 1];
