@@ -136,3 +136,42 @@ fn road_camera(size_px: [u32; 2], camera: &CameraInfo) -> Result<RoadCamera, Str
         ego_from_camera: camera.ego_from_camera,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use swerve_msg::{Encoding, Intrinsics};
+
+    use super::*;
+
+    fn found(image: &Image) -> Result<Lanes, String> {
+        LaneLines { settings: LaneSettings::default(), finder: None }.find(image)
+    }
+
+    #[test]
+    fn images_that_cannot_be_looked_at_are_told() {
+        let mut image = Image::new(64, 48, Encoding::Rgb8);
+        let lens = Intrinsics { fx_px: 50.0, fy_px: 50.0, cx_px: 32.0, cy_px: 24.0, ..Intrinsics::default() };
+        image.camera.intrinsics = lens;
+        assert!(found(&image).unwrap_err().starts_with("`camera height` is 0, expected 0.1 to 100 m"));
+        image.camera.ego_from_camera = RoadCamera::looking_ahead(1.3, 0.0);
+        let nothing = Lanes { stamp: image.stamp, ..Lanes::default() };
+        assert_eq!(found(&image), Ok(nothing));
+        image.camera.intrinsics.is_parallel = true;
+        assert_eq!(found(&image).unwrap_err(), "expected a camera with a lens, found parallel rays");
+        image.camera.intrinsics = Intrinsics { fx_px: f64::NAN, ..lens };
+        assert!(found(&image).unwrap_err().starts_with("`focal length across` is NaN"));
+        image.camera.intrinsics = lens;
+        image.width_px = 65;
+        assert_eq!(found(&image).unwrap_err(), "9216 numbers for an image of 65 x 48 pixels, expected 9360");
+        image.reset(64, 48, Encoding::DepthF32M);
+        assert_eq!(found(&image).unwrap_err(), "expected images in colours, found DepthF32M");
+    }
+
+    #[test]
+    fn keys_out_of_their_range_are_told_in_their_unit() {
+        let table = Table { pitch_deviation_deg: 5.0, ..Table::default() };
+        let told = LaneLines::problems(&table);
+        assert_eq!(told[0].1, "expected 0.006 to 2.8 degrees, found 5");
+        assert!(LaneLines::problems(&Table::default()).is_empty());
+    }
+}
