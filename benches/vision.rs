@@ -17,9 +17,11 @@ use swerve_scene::WeatherPreset;
 use swerve_sim::{SimParams, Simulator};
 use swerve_stack::street::{EGO_INSTANCE, Street};
 use swerve_vehicle::VehicleParams;
+use swerve_vision::lanes::{LaneFinder, LaneSettings, Method, RoadCamera};
 use swerve_vision::shipped;
 use swerve_vision::stereo::{PathCount, Stereo, StereoSettings};
 use swerve_vision::{Plane, Rgb};
+use zune_jpeg::zune_core::bytestream::ZCursor;
 
 const ROUNDS: usize = 15;
 
@@ -141,11 +143,31 @@ fn rungs(rows: &mut Rows) {
     rows.row("camera objects, full over fastest", times, &format!("{times:.1}"), Goal::Least(8.0));
 }
 
+/// A photograph of a road with a camera about as it was.
+fn lanes(folder: &Path, rows: &mut Rows) {
+    let path = folder.join("lanes_real/solidWhiteRight.jpg");
+    let file = std::fs::read(path).expect("the folder is there");
+    let mut decoder = zune_jpeg::JpegDecoder::new(ZCursor::new(&file[..]));
+    let bytes = decoder.decode().expect("a JPEG file");
+    let image = Rgb::new(960, 540, &bytes).expect("three colours");
+    let camera = RoadCamera::pinhole([960, 540], 1.01, RoadCamera::looking_ahead(1.2, -0.044));
+    for method in Method::ALL {
+        let settings = LaneSettings { method, ..LaneSettings::default() };
+        let mut finder = LaneFinder::new(camera, settings).expect("a camera on a car");
+        let took = ms(|| assert!(finder.find(image).is_ok_and(|lanes| lanes.left.is_some())));
+        let what = format!("lanes, {}, 960 x 540", method.name());
+        rows.row(&what, took.least(), &took.text(1, "ms"), Goal::None);
+    }
+}
+
 fn main() {
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "vision");
     let all = !std::env::args().any(|argument| argument == "rungs");
     match data().filter(|_| all && is_asked_to_measure()) {
-        Some(folder) => stereo(&folder, &mut rows),
+        Some(folder) => {
+            stereo(&folder, &mut rows);
+            lanes(&folder, &mut rows);
+        }
         None => rows.skipped("vision", "not asked to measure, or no shared/data beside the repository"),
     }
     // `-- rungs` measures them alone.

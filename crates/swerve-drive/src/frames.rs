@@ -8,7 +8,7 @@ mod colours;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -17,7 +17,7 @@ use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Detections, Image, ObstacleList, Pixels, Plan};
+use swerve_msg::{Detections, Image, Lanes, ObstacleList, Pixels, Plan};
 use swerve_report::files::write_png;
 use swerve_scenario::Scenario;
 use swerve_stack::assembly::{Assembly, Placed};
@@ -28,6 +28,8 @@ use annotate::Canvas;
 
 /// Between two pictures.
 const PERIOD: Span = Span::from_ms(50);
+/// How long the ego's poses are remembered, for what is told later than it was seen.
+const MEMORY: Span = Span::from_ms(1000);
 /// The picture, and the driver's view in its upper right corner, pixels.
 const WIDTH_PX: u32 = 1280;
 const HEIGHT_PX: u32 = 720;
@@ -40,6 +42,10 @@ struct Seen {
     world: Option<WorldState>,
     plan: Option<Plan>,
     obstacles: Option<ObstacleList>,
+    /// The lines of the lane that each operator found last, and where the ego was then.
+    lanes: BTreeMap<String, (Lanes, Transform<Map, Ego>)>,
+    /// Where the ego was of late, oldest first.
+    poses: VecDeque<(Time, Transform<Map, Ego>)>,
 }
 
 /// Writes a picture of the run into a folder every 50 ms.
@@ -161,6 +167,7 @@ impl Frames {
         {
             let camera_from_map = (world.ego.map_from_ego * image.camera.ego_from_camera).inverse();
             let mut canvas = Canvas::new(&mut frame, camera, camera_from_map);
+            self.seen.lanes.values().for_each(|(lanes, map_from_ego)| canvas.lanes(lanes, *map_from_ego));
             if let Some(list) = &self.seen.obstacles {
                 canvas.obstacles(list, world);
             }
@@ -209,6 +216,7 @@ impl Frames {
         if let Some(plan) = &self.seen.plan {
             canvas.plan(plan, world.stamp);
         }
+        self.seen.lanes.values().for_each(|(lanes, map_from_ego)| canvas.lanes(lanes, *map_from_ego));
         if let Some(list) = &self.seen.obstacles {
             canvas.obstacles(list, world);
         }
@@ -236,10 +244,19 @@ impl Observer for Frames {
             self.seen.plan = Some(plan.clone());
         } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {
             self.seen.obstacles = Some(list.clone());
+        } else if let Some(lanes) = payload.downcast_ref::<Lanes>() {
+            let then = self.seen.poses.iter().rev().find(|(at, _)| *at <= lanes.stamp);
+            if let Some((_, map_from_ego)) = then {
+                self.seen.lanes.insert(publication.operator.to_owned(), (lanes.clone(), *map_from_ego));
+            }
         } else if let Some(world) = payload.downcast_ref::<WorldState>()
             && self.failure.is_none()
         {
             self.seen.world = Some(world.clone());
+            self.seen.poses.push_back((world.stamp, world.ego.map_from_ego));
+            while self.seen.poses.front().is_some_and(|(at, _)| world.stamp - *at > MEMORY) {
+                self.seen.poses.pop_front();
+            }
             if world.stamp >= self.next || world.ended.is_some() {
                 self.next = world.stamp + PERIOD;
                 self.failure = self.take(world).err();

@@ -9,7 +9,7 @@ use foxglove::messages::{
 use swerve_core::Time;
 use swerve_geom::{Ego, FrenetPoint, Map, Pose2, Transform};
 use swerve_msg::truth::Actor;
-use swerve_msg::{ActorKind, Extent, Plan, PredictionList, TrackList};
+use swerve_msg::{ActorKind, Extent, Lanes, Plan, PredictionList, TrackList};
 
 use crate::form::{
     EGO, MAP, colour, colour_of, coords, frame_of, name_of, point, rotation, timestamp, upright, vector,
@@ -23,6 +23,7 @@ const STEP_M: f64 = 2.0;
 const WHITE: [u8; 4] = [235, 235, 235, 255];
 const GREY: [u8; 4] = [120, 120, 120, 255];
 const GREEN: [u8; 4] = [60, 230, 120, 255];
+const CYAN: [u8; 4] = [40, 220, 255, 255];
 const ORANGE: [u8; 4] = [255, 170, 40, 255];
 
 /// Where the car is.
@@ -115,6 +116,17 @@ pub(crate) fn plan(plan: &Plan) -> SceneUpdate {
     let path = plan.points.iter().map(|p| [p.pose.x_m, p.pose.y_m, 2.0 * OVER_M]).map(point).collect();
     let line = strip(path, if plan.status.is_fallback() { ORANGE } else { GREEN }, 0.3);
     anew(plan.stamp, vec![SceneEntity { lines: vec![line], ..entity(plan.stamp, "plan") }])
+}
+
+/// The lines of the lane, where they were seen.
+pub(crate) fn lanes(lanes: &Lanes) -> SceneUpdate {
+    let line = |line: swerve_msg::LaneLine| {
+        strip(line.places().map(|[x, y]| point([x, y, 2.0 * OVER_M])).collect(), CYAN, 0.15)
+    };
+    let lines = [lanes.left, lanes.right].into_iter().flatten().map(line).collect();
+    let seen =
+        SceneEntity { frame_id: EGO.into(), frame_locked: false, lines, ..entity(lanes.stamp, "lanes") };
+    anew(lanes.stamp, vec![seen])
 }
 
 /// These entities instead of all that the topic showed before.

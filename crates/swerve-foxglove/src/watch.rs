@@ -11,8 +11,8 @@ use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector2};
 use swerve_log::{View, Views};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
-    Command, Detections, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, ObstacleList, Pixels, Plan,
-    PlanStatus, PointCloud, PredictionList, RadarScan, Route, TrackList,
+    Command, Detections, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, Lanes, ObstacleList, Pixels,
+    Plan, PlanStatus, PointCloud, PredictionList, RadarScan, Route, TrackList,
 };
 use swerve_vehicle::Shape;
 
@@ -124,6 +124,7 @@ impl Foxglove {
             .on::<PredictionList>(|watch, p, list| {
                 watch.scene("predictions", list, scene::predictions, When::new(p));
             })
+            .on::<Lanes>(|watch, p, lanes| watch.scene(p.operator, lanes, scene::lanes, When::new(p)))
             .on::<Gnss>(|watch, p, fix| {
                 let fix = *fix;
                 watch.out.show("gnss", When::new(p), 0, move || Some(location(&fix)));

@@ -13,6 +13,7 @@ mod event;
 mod gate;
 mod health;
 mod image;
+mod lane;
 mod obstacle;
 mod odometry;
 mod packed;
@@ -33,6 +34,7 @@ pub use event::{
 pub use gate::{GateMode, GateOutput, Refusal, Refusals, StopCause, Switch, VehicleReport};
 pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
+pub use lane::{LaneLine, Lanes};
 pub use obstacle::{
     ActorId, ActorKind, Extent, Obstacle, ObstacleList, PredictedPose, Prediction, PredictionList, Sighting,
     Track, TrackList,

@@ -13,6 +13,7 @@ mod gnss;
 mod imu;
 mod inputs;
 mod ladder;
+mod lanes;
 mod lidar;
 mod lidar_objects;
 mod monitor;
@@ -60,6 +61,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(camera_objects::CameraDetector)
         .with::<lidar_objects::Objects>()
         .with_kind(fusion::Fusions)
+        .with::<lanes::LaneLines>()
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
         .with_kind(deadlines::DeadlinePolicy)

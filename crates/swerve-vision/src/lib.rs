@@ -11,6 +11,7 @@ pub mod channels;
 pub mod correlation;
 pub mod hog;
 mod image;
+pub mod lanes;
 pub mod pyramid;
 #[cfg(test)]
 mod samples;

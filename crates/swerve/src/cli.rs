@@ -7,7 +7,7 @@ use swerve_drive::process;
 use swerve_stack::Registry;
 use swerve_study::{calibrate, dataset, evaluate, track, train};
 
-use crate::{check, doctor, graph, look_detector, new, operators, plan, replay, run, scenarios};
+use crate::{check, doctor, graph, look, new, operators, plan, replay, run, scenarios};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -48,7 +48,7 @@ enum Command {
     /// Learn what perception is shipped with from simulated drives
     Train(train::TrainArgs),
     /// Find objects in images: boxes, as a table, JSON or pictures
-    Look(look_detector::LookArgs),
+    Look(look::LookArgs),
     /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
     /// Make a folder to begin in: a scenario, a configuration, an operator of one's own, and what is what
@@ -82,7 +82,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Eval(args) => evaluate::run(args),
         Command::Track(args) => track::run(args),
         Command::Train(args) => train::run(args, registry),
-        Command::Look(args) => look_detector::run(args),
+        Command::Look(args) => look::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::New(args) => new::run(args),
         Command::Scenarios(args) => scenarios::run(args),

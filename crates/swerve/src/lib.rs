@@ -4,7 +4,7 @@ mod check;
 pub mod cli;
 mod doctor;
 mod graph;
-mod look_detector;
+mod look;
 mod new;
 mod operators;
 pub mod plan;

@@ -8,7 +8,7 @@ use swerve_drive::{Outcome, drive_pipeline, left_out_of_logs, read_scenario, run
 use swerve_flow::{Event, Observer};
 use swerve_log::{Log, Recorder};
 use swerve_msg::truth::{PointInstances, RadarSources, WorldState};
-use swerve_msg::{ActorId, PointCloud};
+use swerve_msg::{ActorId, Lanes, PointCloud};
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
@@ -278,4 +278,40 @@ fn the_world_of_a_run_without_sensors_is_that_of_one_with_them() {
         poses.0
     };
     assert_eq!(poses(&config(SENSORS, &[])), poses(&Config::default()));
+}
+
+/// The lines that an operator finds, and where the ego was then, metres to the left of its lane's middle.
+#[derive(Default)]
+struct LanesSeen {
+    worlds: Vec<(Time, f64)>,
+    lanes: Vec<Lanes>,
+}
+
+impl Observer for LanesSeen {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        if let Some(world) = payload.downcast_ref::<WorldState>() {
+            self.worlds.push((world.stamp, world.ego.state.pose.y_m));
+        } else if let Some(lanes) = payload.downcast_ref::<Lanes>() {
+            self.lanes.push(lanes.clone());
+        }
+    }
+}
+
+#[test]
+fn the_lines_of_the_lane_are_where_the_road_has_its_paint() {
+    let camera = "[camera.front]\nat_m = [1.75, 0.0, 1.35]\npitch_deg = 1.7\nwidth_px = 640\nheight_px = 480\n\
+        fov_deg = 70\nperiod_ms = 100\n[operator.lanes]\nkind = \"lanes\"\nruntime = { fixed_ms = 15 }\n";
+    let mut seen = LanesSeen::default();
+    drive(&config(camera, &[]), &mut [&mut seen]);
+    assert!(seen.lanes.len() >= 2, "{:?}", seen.lanes);
+    for lanes in &seen.lanes {
+        let (_, d_m) = seen.worlds.iter().find(|(stamp, _)| *stamp == lanes.stamp).unwrap();
+        // Between the lanes, and a quarter of a metre from the edge.
+        for (line, truth_m) in [(lanes.left, 2.0), (lanes.right, -1.75)] {
+            let [x_m, y_m] = line.unwrap().places().find(|[x_m, _]| *x_m > 15.0).unwrap();
+            assert!((y_m + d_m - truth_m).abs() < 0.15, "{y_m} at {x_m} ahead, {truth_m}: {lanes:?}");
+        }
+    }
 }

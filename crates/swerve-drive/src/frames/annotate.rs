@@ -12,15 +12,16 @@ use embedded_graphics::primitives::{Line, PrimitiveStyle, Rectangle};
 use embedded_graphics::text::Text;
 use swerve_camera::{Camera, Frame};
 use swerve_core::Time;
-use swerve_geom::{Map, Point, Transform};
+use swerve_geom::{Ego, Map, Point, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorKind, Detections, Obstacle, ObstacleList, Plan};
+use swerve_msg::{ActorKind, Detections, Lanes, Obstacle, ObstacleList, Plan};
 
 const PLAN: Rgb888 = Rgb888::new(60, 230, 120);
 const FALLBACK: Rgb888 = Rgb888::new(255, 170, 40);
 const BOX: Rgb888 = Rgb888::new(80, 190, 255);
 const PERSON: Rgb888 = Rgb888::new(255, 90, 200);
 const FOUND: Rgb888 = Rgb888::new(255, 235, 60);
+const LANE: Rgb888 = Rgb888::new(40, 220, 255);
 const ALARM: Rgb888 = Rgb888::new(225, 40, 40);
 /// The plan is drawn this far over the road, metres.
 const PLAN_UP_M: f64 = 0.05;
@@ -50,6 +51,15 @@ impl<'a> Canvas<'a> {
         for pair in ahead.windows(2) {
             let [a, b] = [pair[0], pair[1]].map(|p| [p.x_m, p.y_m, PLAN_UP_M]);
             self.segment(a, b, (colour, 4));
+        }
+    }
+
+    /// The lines of the lane, over the road, from where to where they were seen.
+    pub(super) fn lanes(&mut self, lanes: &Lanes, map_from_ego: Transform<Map, Ego>) {
+        for line in [lanes.left, lanes.right].into_iter().flatten() {
+            let place = |[x, y]: [f64; 2]| (map_from_ego * Point::new(x, y, PLAN_UP_M)).coords.into();
+            let places: Vec<[f64; 3]> = line.places().map(place).collect();
+            places.windows(2).for_each(|pair| self.segment(pair[0], pair[1], (LANE, 3)));
         }
     }
 

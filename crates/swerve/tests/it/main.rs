@@ -7,7 +7,7 @@ mod bad_input; // what is wrong is told once, with its place, and nothing finish
 mod decoders; // bytes from outside never make a decoder panic
 mod interrupt; // Ctrl-C in a study
 mod live; // a car of another make, driven over ROS 2's topics
-mod look_detector; // objects in images, and what cannot be looked with
+mod look; // objects, lanes, lamps and depth in images, and what cannot be looked with
 mod names; // what goes by its name, and a folder to begin in
 mod output; // what goes where, and which options change it
 mod processes; // runs over several processes: the same digest, and what is lost is noticed

@@ -26,11 +26,35 @@ fn images_with_nothing_in_them_have_no_objects() {
 }
 
 #[test]
+fn images_with_nothing_in_them_have_no_lines_no_lamps_and_no_depth() {
+    let bench = Bench::new();
+    image(&bench, "dot.png", [1, 1], 255);
+    image(&bench, "black.png", [160, 120], 0);
+    let nothing =
+        |name: &str| format!("{{\"image\":\"{name}\",\"pitch_deg\":0.0,\"left\":null,\"right\":null}}\n");
+    for lanes in ["--lanes", "--lanes=hough"] {
+        let said =
+            bench.good(&["look", "dot.png", "black.png", lanes, "--fov", "70", "--json", "--out", "drawn"]);
+        assert_eq!(said, nothing("dot.png") + &nothing("black.png"), "{lanes}");
+    }
+    assert!(bench.path("drawn/black.png").exists());
+    let said = bench.good(&["look", "dot.png", "--traffic-light", "--json"]);
+    assert_eq!(said, "{\"image\":\"dot.png\",\"lamp\":null,\"share\":0.0}\n");
+    let said = bench.good(&["look", "--stereo", "black.png", "black.png", "--out", "d.pfm", "--json"]);
+    assert!(said.contains("\"known\":0.0,\"median_px\":null"), "{said}");
+    let file = std::fs::read(bench.path("d.pfm")).unwrap();
+    let head = b"Pf\n160 120\n-1.0\n";
+    assert!(file.starts_with(head) && file.len() == head.len() + 4 * 160 * 120);
+    assert!(file[head.len()..].chunks(4).all(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]).is_infinite()));
+}
+
+#[test]
 fn what_cannot_be_looked_with_is_told() {
     let bench = Bench::new();
     image(&bench, "dot.png", [1, 1], 255);
     bench.write("text.weights", "no weights");
     bench.write("text.png", "no image");
+    std::fs::write(bench.path("cut.jpg"), [0xff, 0xd8, 0xff, 0xe0, 0]).unwrap();
     for (args, expected) in [
         (&["dot.png", "--detector", "stret"][..], "no detector `stret`; did you mean \"street\"?"),
         (&["dot.png", "--detector", "text.weights"], "text.weights: no weights of a detector"),
@@ -40,6 +64,20 @@ fn what_cannot_be_looked_with_is_told() {
             "rung `fast` needs the camera: expected --fov",
         ),
         (&["dot.png", "--detector", "street", "--fov", "180"], "expected 1 to 170 degrees"),
+        (
+            &["dot.png", "--lanes"],
+            "--lanes needs the camera: expected --fov, or --calibration with 4 to 9 numbers",
+        ),
+        (&["dot.png", "--lanes=rige", "--fov", "70"], "did you mean \"ridge\"?"),
+        (
+            &["dot.png", "--lanes", "--calibration", "nan,1,1,1"],
+            "`focal length across` is NaN, expected 0.001",
+        ),
+        (&["dot.png", "--lanes", "--fov", "70", "--height", "0"], "expected metres above 0 and at most 100"),
+        (&["dot.png", "--lanes", "--traffic-light"], "cannot be used with"),
+        (&["dot.png"], "--detector <NAME>"),
+        (&["--stereo", "dot.png", "dot.png", "--out", "d.pfm"], "expected at least 7 x 7"),
+        (&["cut.jpg", "--lanes", "--fov", "70"], "reading cut.jpg: "),
         (&["text.png", "--detector", "street"], "reading text.png: "),
         (&["absent.png", "--detector", "street"], "reading absent.png: "),
     ] {

@@ -1,59 +1,16 @@
-//! `swerve look`: what a camera's object detector finds in images.
+//! `swerve look --detector`: what a camera's object detector finds.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_geom::math;
-use swerve_report::files::write_png;
 use swerve_report::output;
 use swerve_stack::config::camera_detectors;
-use swerve_study::train::read_png;
-use swerve_vision::Rgb;
 use swerve_vision::acf::{Detection, Ground, Rung, Scanner, Weights};
 
-/// `swerve look`.
-#[derive(clap::Args, Debug)]
-pub(crate) struct LookArgs {
-    /// Images (PNG)
-    #[arg(required = true)]
-    images: Vec<PathBuf>,
-    /// Detector that is in the program, or a file of weights
-    #[arg(long, value_name = "NAME")]
-    detector: String,
-    /// Way to use it, from fast to good [default: the last that the camera allows]
-    #[arg(long)]
-    rung: Option<String>,
-    /// Horizontal field of view, degrees: objects stand on flat ground then, below a level camera's horizon
-    #[arg(long, value_name = "DEG", value_parser = fov)]
-    fov: Option<f64>,
-    /// Of the camera above that ground, m
-    #[arg(long, value_name = "M", default_value_t = 1.35, value_parser = height)]
-    height: f64,
-    /// Leave out what is less likely
-    #[arg(long, value_name = "0..1", default_value_t = 0.5)]
-    least: f64,
-    /// Print one JSON object an image
-    #[arg(long)]
-    json: bool,
-    /// Write the images with boxes in them into this folder
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
-}
-
-fn fov(text: &str) -> Result<f64, String> {
-    match text.trim().parse() {
-        Ok(degrees) if (1.0..=170.0).contains(&degrees) => Ok(degrees),
-        _ => Err("expected 1 to 170 degrees".to_owned()),
-    }
-}
-
-fn height(text: &str) -> Result<f64, String> {
-    match text.trim().parse() {
-        Ok(m) if m > 0.0 && m <= 100.0 => Ok(m),
-        _ => Err("expected metres above 0 and at most 100".to_owned()),
-    }
-}
+use super::LookArgs;
+use super::images::{Picture, make_folder};
 
 /// What is printed of an image.
 #[derive(Serialize)]
@@ -71,32 +28,29 @@ struct Object<'a> {
     score: f64,
 }
 
-/// Runs `swerve look`.
-pub(crate) fn run(args: &LookArgs) -> anyhow::Result<()> {
-    let weights = camera_detectors::weights(&args.detector).map_err(|message| anyhow!(message))?;
+/// Runs it.
+pub(super) fn run(args: &LookArgs, detector: &str) -> anyhow::Result<()> {
+    let weights = camera_detectors::weights(detector).map_err(|message| anyhow!(message))?;
     let rung = rung(&weights, args)?;
     // Scores of others' detectors are sums, which no probability bounds.
     let least = if rung.calibrations.is_empty() { f64::NEG_INFINITY } else { args.least };
-    if let Some(out) = &args.out {
-        std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
-    }
+    make_folder(args.out.as_deref())?;
     let mut scanner: Option<([usize; 2], Scanner)> = None;
     for path in &args.images {
-        let (size, mut bytes) = read_png(path)?;
+        let mut picture = Picture::read(path)?;
+        let size = picture.size;
         if scanner.as_ref().is_none_or(|(of, _)| *of != size) {
             scanner = Some((size, Scanner::new(weights.clone(), rung.clone(), size, ground(args, size))));
         }
         let mut found = Vec::new();
         if let Some((_, scanner)) = &mut scanner {
-            scanner.detect(Rgb::new(size[0], size[1], &bytes)?, &mut found)?;
+            scanner.detect(picture.rgb()?, &mut found)?;
         }
         found.retain(|one| one.score >= least);
         tell(path, &weights, &found, args.json)?;
         if let Some(out) = &args.out {
-            found.iter().for_each(|one| draw(&mut bytes, size, one));
-            let name = path.file_name().unwrap_or_default();
-            let colour = (png::ColorType::Rgb, png::BitDepth::Eight);
-            write_png(&out.join(name), (size[0] as u32, size[1] as u32), colour, &bytes)?;
+            found.iter().for_each(|one| draw(&mut picture, one));
+            picture.write(out, path)?;
         }
     }
     Ok(())
@@ -142,17 +96,15 @@ fn tell(path: &Path, weights: &Weights, found: &[Detection], json: bool) -> anyh
 }
 
 /// Draws the edges of a box, one colour a class.
-fn draw(bytes: &mut [u8], [width, height]: [usize; 2], one: &Detection) {
+fn draw(picture: &mut Picture, one: &Detection) {
     const COLOURS: [[u8; 3]; 4] = [[255, 64, 64], [64, 200, 255], [255, 210, 0], [80, 255, 80]];
+    let colour = COLOURS[one.class % COLOURS.len()];
     let [left, top, across, down] = one.bbox;
+    let [width, height] = picture.size;
     let within = |px: f64, n: usize| px.round().clamp(0.0, n as f64 - 1.0) as usize;
-    let (columns, rows) = (
-        within(left, width)..=within(left + across, width),
-        within(top, height)..=within(top + down, height),
-    );
-    let mut dot = |x: usize, y: usize| {
-        bytes[3 * (y * width + x)..][..3].copy_from_slice(&COLOURS[one.class % COLOURS.len()]);
-    };
-    columns.clone().for_each(|x| [*rows.start(), *rows.end()].into_iter().for_each(|y| dot(x, y)));
-    rows.for_each(|y| [*columns.start(), *columns.end()].into_iter().for_each(|x| dot(x, y)));
+    let (columns, rows) =
+        ([left, left + across].map(|px| within(px, width)), [top, top + down].map(|px| within(px, height)));
+    let mut dot = |x: usize, y: usize| picture.dot([x as f64, y as f64], 0, colour);
+    (columns[0]..=columns[1]).for_each(|x| rows.iter().for_each(|y| dot(x, *y)));
+    (rows[0]..=rows[1]).for_each(|y| columns.iter().for_each(|x| dot(*x, y)));
 }

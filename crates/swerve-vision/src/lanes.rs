@@ -1,0 +1,331 @@
+//! The lines of the ego's lane in the image of one camera, as curves on the road.
+//!
+//! ```text
+//! image ─> level view ─┬─ ridges ─> offsets that line up ───┬─> joint fit of both lines and the pitch ─> lines
+//!                      └─ edges ─> Hough: two lines that meet ┘
+//! ```
+//!
+//! The level view is what a perfect camera in the same place would see that looks straight ahead: lens and mount are
+//! gone, and each of its rows is a distance on a flat road. What a body pitches and a road rises by shows as one more
+//! angle, found in every frame anew: half a degree moves the road 20 m ahead by 2.6 m under a camera of 1.35 m.
+//! In it both lines of a lane are parabolas with one heading and one curvature (Guiducci, "Parametric model of the
+//! perspective projection of a road", 2000; McCall and Trivedi, IEEE T-ITS 7(1), 2006, on what the methods share).
+//!
+//! Not modelled: that the camera's height is known to a few percent only (offsets scale with it), that a body rolls,
+//! that a road bends upwards.
+
+mod edges;
+mod fit;
+mod level;
+mod ridge;
+mod search;
+#[cfg(test)]
+mod simulated;
+#[cfg(test)]
+mod tests;
+
+use swerve_core::ParamError;
+use swerve_core::param::require;
+use swerve_geom::{Camera, Ego, Point, Transform, math};
+use thiserror::Error;
+
+use self::edges::Edges;
+use self::fit::{Fit, Fitted, Road};
+use self::level::{Lens, LevelView};
+use self::ridge::Ridges;
+use self::search::Offsets;
+use crate::Rgb;
+
+/// A camera as calibration knows it: Brown's lens behind a pinhole, as OpenCV has it, and where it sits.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct RoadCamera {
+    /// Columns and rows of its images.
+    pub size_px: [usize; 2],
+    /// Focal lengths across and down, pixels.
+    pub focal_px: [f64; 2],
+    /// Column and row of the optical axis; the centre of the first pixel is at (0.5, 0.5).
+    pub center_px: [f64; 2],
+    /// `k1, k2, p1, p2, k3`; all zero for a lens that does not bend.
+    pub distortion: [f64; 5],
+    /// Where it sits on a car that does not pitch.
+    pub ego_from_camera: Transform<Ego, Camera>,
+}
+
+impl RoadCamera {
+    /// A camera without a lens that sees this much from its left to its right edge, radians.
+    pub fn pinhole(size_px: [usize; 2], fov_rad: f64, ego_from_camera: Transform<Ego, Camera>) -> Self {
+        let center_px = size_px.map(|px| 0.5 * px as f64);
+        let focal_px = [center_px[0] / math::tan(0.5 * fov_rad); 2];
+        Self { size_px, focal_px, center_px, distortion: [0.0; 5], ego_from_camera }
+    }
+
+    /// Where a camera sits that looks straight ahead over the ego's origin, and down by `pitch_rad`.
+    pub fn looking_ahead(height_m: f64, pitch_rad: f64) -> Transform<Ego, Camera> {
+        let quarter = core::f64::consts::FRAC_PI_2;
+        let body = Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, height_m), 0.0, pitch_rad, 0.0);
+        body * Transform::<Ego, Camera>::from_roll_pitch_yaw(Point::default(), -quarter, 0.0, -quarter)
+    }
+
+    /// Column and row at which a place on the road appears, metres in the ego frame, where the camera looks down by
+    /// `pitch_rad` more than it is mounted; none outside the image.
+    pub fn pixel(&self, [x_m, y_m]: [f64; 2], pitch_rad: f64) -> Option<[f64; 2]> {
+        let at = self.ego_from_camera.origin().coords;
+        let ([ahead_m, left_m], (sin, cos)) = ([x_m - at.x, y_m - at.y], math::sin_cos(pitch_rad));
+        let (ahead, down) = (ahead_m * cos + at.z * sin, at.z * cos - ahead_m * sin);
+        let pixel = Lens::new(self).pixel([left_m / ahead, down / ahead]).filter(|_| ahead > 0.0);
+        pixel.map(|px| px.map(|px| px + 0.5))
+    }
+}
+
+/// How marks are found.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Method {
+    /// Edges (Canny, PAMI 1986) that lie on two straight lines (Hough; Duda and Hart, CACM 1972).
+    Hough,
+    /// Strips as wide as paint that are brighter than both neighbours, wherever they line up along the road.
+    #[default]
+    Ridge,
+}
+
+impl Method {
+    /// All.
+    pub const ALL: [Self; 2] = [Self::Hough, Self::Ridge];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        ["hough", "ridge"][self as usize]
+    }
+}
+
+/// What is looked for.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct LaneSettings {
+    /// How.
+    pub method: Method,
+    /// Width of the paint of a line, metres.
+    pub mark_m: f64,
+    /// Nothing farther from the camera is looked at, metres. More of it: curves told earlier, from fewer pixels.
+    pub reach_m: f64,
+    /// Standard deviation of the pitch, radians; what is looked for reaches to three of them.
+    pub pitch_deviation_rad: f64,
+    /// Narrowest and widest lane, metres.
+    pub width_m: [f64; 2],
+}
+
+impl Default for LaneSettings {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            mark_m: 0.15,
+            reach_m: 50.0,
+            pitch_deviation_rad: 0.015,
+            width_m: [2.4, 4.8],
+        }
+    }
+}
+
+impl LaneSettings {
+    /// Whether all numbers are in their ranges.
+    ///
+    /// # Errors
+    /// The first that is not.
+    pub fn validate(&self) -> Result<(), ParamError> {
+        let [narrow, wide] = self.width_m;
+        require("mark_m", self.mark_m, (0.02..=1.0).contains(&self.mark_m), "0.02 to 1 m")?;
+        require("reach_m", self.reach_m, (10.0..=200.0).contains(&self.reach_m), "10 to 200 m")?;
+        let pitch = self.pitch_deviation_rad;
+        require("pitch_deviation_rad", pitch, (1e-4..=0.05).contains(&pitch), "0.0001 to 0.05")?;
+        require("width_m", narrow, (1.0..=20.0).contains(&narrow), "a narrowest lane of 1 to 20 m")?;
+        require(
+            "width_m",
+            wide,
+            wide > narrow && wide <= 20.0,
+            "a widest lane beyond the narrowest, at most 20 m",
+        )
+    }
+}
+
+/// A line of paint beside the ego: `y = c0 + c1 x + c2 x²` in the ego frame, metres, where it was seen.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct LaneLine {
+    /// `c0` (m), `c1`, `c2` (1/m).
+    pub coefficients: [f64; 3],
+    /// Of these.
+    pub covariance: [[f64; 3]; 3],
+    /// `x` of the nearest and of the farthest mark of it that was seen, metres; marks between them have gaps.
+    pub seen_m: [f64; 2],
+}
+
+impl LaneLine {
+    /// Its lateral place at `x_m` ahead of the ego's origin, and the standard deviation of that, metres; none where
+    /// it was not seen.
+    pub fn at(&self, x_m: f64) -> Option<(f64, f64)> {
+        let powers = [1.0, x_m, x_m * x_m];
+        let is_seen = self.seen_m[0] <= x_m && x_m <= self.seen_m[1];
+        is_seen.then(|| {
+            let y_m = (0..3).map(|k| self.coefficients[k] * powers[k]).sum();
+            let terms = (0..9).map(|k| powers[k / 3] * self.covariance[k / 3][k % 3] * powers[k % 3]);
+            (y_m, terms.sum::<f64>().max(0.0).sqrt())
+        })
+    }
+}
+
+/// What one image shows of the lane.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Lanes {
+    /// On the ego's left.
+    pub left: Option<LaneLine>,
+    /// On its right.
+    pub right: Option<LaneLine>,
+    /// By how much further down the camera looked at the road than it is mounted, radians; zero without lines.
+    pub pitch_rad: f64,
+}
+
+/// Why an image was not looked at.
+#[derive(Clone, PartialEq, Debug, Error)]
+pub enum LaneError {
+    /// A camera that cannot be, or that looks at no road, or a setting out of its range.
+    #[error(transparent)]
+    Param(#[from] ParamError),
+    /// An image of another camera.
+    #[error("an image of {found:?} pixels, expected {expected:?}, which the camera is calibrated for")]
+    Size {
+        /// Columns and rows.
+        expected: [usize; 2],
+        /// Columns and rows.
+        found: [usize; 2],
+    },
+}
+
+/// Finds the lines of the ego's lane, with the memory that it needs for an image.
+#[derive(Clone, Debug)]
+pub struct LaneFinder {
+    camera: RoadCamera,
+    settings: LaneSettings,
+    view: LevelView,
+    ridges: Ridges,
+    offsets: Offsets,
+    edges: Edges,
+    marks: Vec<Mark>,
+    guesses: Vec<Road>,
+    fit: Fit,
+}
+
+/// A piece of paint in one row of the level view, as the slopes of its ray: what goes left and down for each metre
+/// ahead.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Mark {
+    left: f64,
+    down: f64,
+    /// Brighter than what is beside it, levels of 255.
+    contrast: f64,
+}
+
+impl Mark {
+    /// What it counts for: the brighter, the likelier it is paint.
+    fn weight(&self) -> f64 {
+        (self.contrast / CONTRAST_FULL).min(1.0)
+    }
+
+    /// The place on the road that it is seen at by a camera at `height_m` that looks down by `pitch_rad` more than it
+    /// is mounted: metres ahead of the camera and to its left; none above the horizon.
+    fn on_road(&self, height_m: f64, [sin, cos]: [f64; 2]) -> Option<[f64; 2]> {
+        let ahead = cos - self.down * sin;
+        let down = self.down * cos + sin;
+        (down > 0.0 && ahead > 0.0).then(|| [height_m * ahead / down, height_m * self.left / down])
+    }
+}
+
+/// Contrast from which on all marks count the same, levels.
+const CONTRAST_FULL: f64 = 100.0;
+/// A pitch beyond which the widths of marks are worth a second look, radians.
+const LOOK_AGAIN_RAD: f64 = 0.004;
+
+impl LaneFinder {
+    /// For the images of one camera.
+    ///
+    /// # Errors
+    /// Where a number of the camera or the settings is out of its range.
+    pub fn new(camera: RoadCamera, settings: LaneSettings) -> Result<Self, LaneError> {
+        check_camera(&camera)?;
+        settings.validate()?;
+        let pitch_rad = 3.0 * settings.pitch_deviation_rad;
+        Ok(Self {
+            camera,
+            settings,
+            view: LevelView::new(&camera, pitch_rad, settings.reach_m),
+            ridges: Ridges::default(),
+            offsets: Offsets::new(settings),
+            edges: Edges::new(settings),
+            marks: Vec::new(),
+            guesses: Vec::new(),
+            fit: Fit::new(settings, camera.ego_from_camera.origin().coords.into()),
+        })
+    }
+
+    /// What an image shows of the lane.
+    ///
+    /// # Errors
+    /// Where it is not of the camera's size.
+    pub fn find(&mut self, image: Rgb<'_>) -> Result<Lanes, LaneError> {
+        let found = [image.width(), image.height()];
+        if found != self.camera.size_px {
+            return Err(LaneError::Size { expected: self.camera.size_px, found });
+        }
+        self.view.look(image);
+        let mut fitted = self.look(0.0);
+        if let Some(first) = fitted.filter(|first| first.road.pitch_rad.abs() > LOOK_AGAIN_RAD) {
+            fitted = self.look(first.road.pitch_rad);
+        }
+        Ok(fitted.map(|fitted| self.fit.lanes(&fitted, &self.marks)).unwrap_or_default())
+    }
+
+    /// The road with the most marks on its lines; those are taken to be as wide as they are for a camera of this pitch.
+    fn look(&mut self, pitch_rad: f64) -> Option<Fitted> {
+        let (height_m, mark_m) = (self.view.height_m(), self.settings.mark_m);
+        self.guesses.clear();
+        match self.settings.method {
+            Method::Ridge => {
+                self.ridges.find(&self.view, pitch_rad, mark_m, &mut self.marks);
+                self.offsets.guess(&self.marks, height_m, &mut self.guesses);
+            }
+            Method::Hough => {
+                self.edges.find(&self.view, pitch_rad, mark_m, &mut self.marks);
+                self.edges.guess(&self.marks, height_m, &mut self.guesses);
+            }
+        }
+        let fits =
+            self.guesses.iter().map(|guess| self.fit.refine(*guess, &self.marks, self.view.focal_px()));
+        let fits = fits.filter(|fitted| self.fit.is_plausible(&fitted.road));
+        fits.reduce(|best, other| if other.support > best.support { other } else { best })
+    }
+}
+
+fn check_camera(camera: &RoadCamera) -> Result<(), ParamError> {
+    let side = "1 to 8192 pixels";
+    for (key, px) in [("width", camera.size_px[0]), ("height", camera.size_px[1])] {
+        require(key, px, (1..=8192).contains(&px), side)?;
+    }
+    for (key, focal) in
+        [("focal length across", camera.focal_px[0]), ("focal length down", camera.focal_px[1])]
+    {
+        require(key, focal, (1e-3..=1e6).contains(&focal), "0.001 to 1000000 pixels")?;
+    }
+    for (key, center) in
+        [("optical axis, column", camera.center_px[0]), ("optical axis, row", camera.center_px[1])]
+    {
+        require(key, center, center.abs() <= 32768.0, "within 32768 pixels")?;
+    }
+    for k in camera.distortion {
+        require("distortion", k, k.abs() <= 10.0, "-10 to 10")?;
+    }
+    let height_m = camera.ego_from_camera.origin().coords.z;
+    require("camera height", height_m, (0.1..=100.0).contains(&height_m), "0.1 to 100 m over the road")?;
+    let ahead = camera.ego_from_camera * swerve_geom::Vector::new(0.0, 0.0, 1.0);
+    require(
+        "camera direction",
+        ahead.coords.x,
+        ahead.coords.x > 0.5,
+        "less than 60 degrees from straight ahead",
+    )
+}

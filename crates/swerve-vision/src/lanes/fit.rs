@@ -1,0 +1,224 @@
+//! Both lines of a lane and the pitch, fitted jointly to the marks.
+//!
+//! With `(x, y)` the place of a mark on the road, metres ahead of the camera and to its left, its residual is
+//! `y - (o + ψ x + c x² / 2)`: the offset `o` is a line's own, heading `ψ` and curvature `c` are the lane's, and place
+//! depends on the pitch. Weights are Tukey's, of a width that shrinks (IRLS; Huber, "Robust Statistics", 1981).
+
+use nalgebra::{Matrix3, Matrix5, SMatrix, Vector5};
+use swerve_geom::math;
+
+use super::{LaneLine, LaneSettings, Lanes, Mark};
+
+/// A lane seen from the camera.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Road {
+    pub(super) pitch_rad: f64,
+    pub(super) heading_rad: f64,
+    pub(super) curvature_1pm: f64,
+    /// Of the left and the right line where the camera is, metres to its left.
+    pub(super) offsets_m: [Option<f64>; 2],
+}
+
+/// A road as it fits the marks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fitted {
+    pub(super) road: Road,
+    /// Of pitch, heading, curvature and both offsets.
+    covariance: Matrix5<f64>,
+    /// How many marks are on its lines, those at the edge less.
+    pub(super) support: f64,
+}
+
+/// More marks than this are no more to be learnt from.
+const MARKS_MAX: usize = 2000;
+/// Rounds, and what a mark may be off by in the first and at the end of them, metres.
+const ROUNDS: usize = 12;
+const GATE_M: [f64; 2] = [0.45, 0.18];
+/// How well a mark is known: across the road, metres, and in the image, pixels.
+const DEVIATION_M: f64 = 0.04;
+const DEVIATION_PX: f64 = 0.7;
+/// Marks of neighbouring rows err alike: so many count as one.
+const ALIKE: f64 = 4.0;
+/// What headings and curvatures are before anything is seen: standard deviations, radians and 1/m.
+const HEADING_RAD: f64 = 0.2;
+const CURVATURE_1PM: f64 = 0.01;
+/// A line has marks over this length at the least, metres, and so many of them.
+const LENGTH_M: f64 = 6.0;
+const MARKS: usize = 12;
+/// Between two strokes of a broken line at the most, metres.
+const GAP_M: f64 = 14.0;
+/// Where a line begins, so many marks lie within this length, metres.
+const TOGETHER: usize = 4;
+const TOGETHER_M: f64 = 1.0;
+/// Marks on a line are so many times as dense as those beside it, at the least.
+const DENSER: f64 = 2.5;
+/// How far from a line are those beside it, metres.
+const BESIDE_M: [f64; 2] = [0.3, 0.75];
+
+/// A fit, with its memory.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    settings: LaneSettings,
+    /// Of the camera in the ego frame, metres.
+    camera_m: [f64; 3],
+    /// Distances of the marks on one line, metres.
+    on_line: Vec<f64>,
+}
+
+/// What the marks say together: normal equations of pitch, heading, curvature and both offsets.
+struct Equations {
+    matrix: Matrix5<f64>,
+    side: Vector5<f64>,
+    /// Sum of the weighted squares of the residuals, and of the weights, in their deviations.
+    squares: f64,
+    weights: f64,
+}
+
+impl Fit {
+    pub(super) fn new(settings: LaneSettings, camera_m: [f64; 3]) -> Self {
+        Self { settings, camera_m, on_line: Vec::new() }
+    }
+
+    /// The road that fits the marks, from a guess of it on.
+    pub(super) fn refine(&self, guess: Road, marks: &[Mark], focal_px: f64) -> Fitted {
+        let mut fitted = Fitted { road: guess, covariance: Matrix5::zeros(), support: 0.0 };
+        for round in 0..ROUNDS {
+            let share = (round as f64 / (ROUNDS as f64 - 3.0)).min(1.0);
+            let gate_m = GATE_M[0] + (GATE_M[1] - GATE_M[0]) * share;
+            let Fitted { road, .. } = &mut fitted;
+            let equations = self.equations(road, marks, focal_px, gate_m);
+            let Some(inverse) = equations.matrix.try_inverse() else { break };
+            let step = inverse * equations.side;
+            road.pitch_rad += step[0];
+            road.heading_rad += step[1];
+            road.curvature_1pm += step[2];
+            for (offset, step) in road.offsets_m.iter_mut().zip([step[3], step[4]]) {
+                *offset = offset.map(|offset_m| offset_m + step);
+            }
+            let spread = equations.squares / equations.weights.max(1.0);
+            fitted.covariance = inverse * (ALIKE * spread.max(1.0));
+            fitted.support = equations.weights;
+        }
+        fitted
+    }
+
+    fn equations(&self, road: &Road, marks: &[Mark], focal_px: f64, gate_m: f64) -> Equations {
+        let height_m = self.camera_m[2];
+        let turn: [f64; 2] = math::sin_cos(road.pitch_rad).into();
+        let mut sums = self.before(road);
+        for mark in marks.iter().step_by(1 + marks.len() / MARKS_MAX) {
+            let Some([x, y]) = mark.on_road(height_m, turn).filter(|[x, _]| *x < self.settings.reach_m)
+            else {
+                continue;
+            };
+            let own_m = y - x * (road.heading_rad + 0.5 * road.curvature_1pm * x);
+            let off = |k: usize| road.offsets_m[k].map_or(f64::INFINITY, |offset_m| own_m - offset_m);
+            let line = usize::from(off(1).abs() < off(0).abs());
+            let residual = off(line);
+            let image_m = DEVIATION_PX * x / focal_px;
+            let variance = DEVIATION_M * DEVIATION_M + image_m * image_m;
+            let out = residual * residual / (gate_m * gate_m).max(9.0 * variance);
+            if out >= 1.0 {
+                continue;
+            }
+            let weight = mark.weight() * (1.0 - out) * (1.0 - out) / variance;
+            // By the pitch, the mark's place moves: x towards the camera, y with it.
+            let slope = height_m / x;
+            let closer = -x * (slope + 1.0 / slope);
+            let by_pitch = -y / slope - (road.heading_rad + road.curvature_1pm * x) * closer;
+            let of_line = |k: usize| if k == line { 1.0 } else { 0.0 };
+            let row = Vector5::new(-by_pitch, x, 0.5 * x * x, of_line(0), of_line(1));
+            sums.matrix += row * row.transpose() * weight;
+            sums.side += row * (residual * weight);
+            sums.squares += weight * residual * residual;
+            sums.weights += weight * variance;
+        }
+        sums
+    }
+
+    /// What is known before any mark is seen; a line that nobody looks for stays where it is.
+    fn before(&self, road: &Road) -> Equations {
+        let information = |deviation: f64| ALIKE / (deviation * deviation);
+        let free = |offset: Option<f64>| if offset.is_some() { 1e-6 } else { 1.0 };
+        let diagonal = Vector5::new(
+            information(self.settings.pitch_deviation_rad),
+            information(HEADING_RAD),
+            information(CURVATURE_1PM),
+            free(road.offsets_m[0]),
+            free(road.offsets_m[1]),
+        );
+        let at = Vector5::new(road.pitch_rad, road.heading_rad, road.curvature_1pm, 0.0, 0.0);
+        let matrix = Matrix5::from_diagonal(&diagonal);
+        Equations { matrix, side: -(matrix * at), squares: 0.0, weights: 0.0 }
+    }
+
+    /// Whether a road is one that is looked for.
+    pub(super) fn is_plausible(&self, road: &Road) -> bool {
+        let [narrow_m, wide_m] = self.settings.width_m;
+        let is_lane = match road.offsets_m {
+            [Some(left_m), Some(right_m)] => (narrow_m..=wide_m).contains(&(left_m - right_m)),
+            _ => true,
+        };
+        let pitch_rad = road.pitch_rad.abs();
+        is_lane
+            && pitch_rad <= 3.0 * self.settings.pitch_deviation_rad
+            && road.heading_rad.abs() <= HEADING_RAD
+    }
+
+    /// The lines of the road that are there, in the ego frame.
+    pub(super) fn lanes(&mut self, fitted: &Fitted, marks: &[Mark]) -> Lanes {
+        let [left, right] = [0, 1].map(|k| self.line(fitted, k, marks));
+        let pitch_rad = if left.is_some() || right.is_some() { fitted.road.pitch_rad } else { 0.0 };
+        Lanes { left, right, pitch_rad }
+    }
+
+    fn line(&mut self, fitted: &Fitted, line: usize, marks: &[Mark]) -> Option<LaneLine> {
+        let road = &fitted.road;
+        let offset_m = road.offsets_m[line]?;
+        let seen_m = self.seen(road, offset_m, marks)?;
+        // From the camera's place to the ego's origin.
+        let [ahead_m, aside_m, _] = self.camera_m;
+        let (heading, bend) = (road.heading_rad, 0.5 * road.curvature_1pm);
+        let coefficients = [
+            aside_m + offset_m - ahead_m * heading + ahead_m * ahead_m * bend,
+            heading - 2.0 * ahead_m * bend,
+            bend,
+        ];
+        let moved = Matrix3::new(1.0, -ahead_m, ahead_m * ahead_m, 0.0, 1.0, -2.0 * ahead_m, 0.0, 0.0, 1.0);
+        let mut pick = SMatrix::<f64, 3, 5>::zeros();
+        (pick[(0, 3 + line)], pick[(1, 1)], pick[(2, 2)]) = (1.0, 1.0, 0.5);
+        let of_these = moved * pick;
+        let covariance = of_these * fitted.covariance * of_these.transpose();
+        Some(LaneLine {
+            coefficients,
+            covariance: [0, 1, 2].map(|i| [0, 1, 2].map(|j| 0.5 * (covariance[(i, j)] + covariance[(j, i)]))),
+            seen_m: seen_m.map(|x_m| x_m + ahead_m),
+        })
+    }
+
+    /// From where to where, metres ahead of the camera, a line was seen; none where what is there is no line.
+    fn seen(&mut self, road: &Road, offset_m: f64, marks: &[Mark]) -> Option<[f64; 2]> {
+        let turn: [f64; 2] = math::sin_cos(road.pitch_rad).into();
+        let mut beside = 0;
+        self.on_line.clear();
+        for mark in marks {
+            let Some([x, y]) = mark.on_road(self.camera_m[2], turn) else { continue };
+            let off_m = (y - x * (road.heading_rad + 0.5 * road.curvature_1pm * x) - offset_m).abs();
+            if x < self.settings.reach_m && off_m < GATE_M[1] {
+                self.on_line.push(x);
+            } else if x < self.settings.reach_m && (BESIDE_M[0]..BESIDE_M[1]).contains(&off_m) {
+                beside += 1;
+            }
+        }
+        self.on_line.sort_unstable_by(f64::total_cmp);
+        // A mark alone in front is the car's own nose.
+        let nose = self.on_line.windows(TOGETHER).position(|few| few[TOGETHER - 1] - few[0] < TOGETHER_M)?;
+        self.on_line.drain(..nose);
+        let first = *self.on_line.first()?;
+        let whole = self.on_line.windows(2).take_while(|pair| pair[1] - pair[0] < GAP_M).count() + 1;
+        let last = self.on_line[whole - 1];
+        let expected = f64::from(beside) * GATE_M[1] / (BESIDE_M[1] - BESIDE_M[0]);
+        let is_line = whole >= MARKS && last - first >= LENGTH_M && whole as f64 >= DENSER * expected;
+        is_line.then_some([first, last])
+    }
+}

@@ -1,0 +1,188 @@
+//! The level view: an image without lens and mount.
+
+use swerve_geom::{Camera, Transform, Vector, math};
+
+use super::RoadCamera;
+use crate::{Plane, Rgb};
+
+/// Slope to the left and right beyond which nothing is looked at: 60 degrees.
+const LEFT_MAX: f64 = 1.7;
+/// Below the horizon by more than this slope is the car's own nose.
+const DOWN_MAX: f64 = 0.7;
+/// Share of a pixel in positions, bits.
+const SHARE_BITS: u32 = 7;
+
+/// What a perfect camera in the place of the real one would see that looks straight ahead.
+///
+/// Its colour is red and green less blue, -255 to 510: as bright as grey on grey, and yellow paint on concrete stands out.
+#[derive(Clone, Debug)]
+pub(super) struct LevelView {
+    height_m: f64,
+    focal_px: f64,
+    left: f64,
+    top: f64,
+    lookups: Vec<Lookup>,
+    /// Of each row the columns that the real camera sees.
+    seen: Vec<[usize; 2]>,
+    /// Rows of the image that are looked up.
+    rows: [usize; 2],
+    colour: Plane<i16>,
+    pixels: Plane<i16>,
+}
+
+/// Where a pixel comes from: its upper left neighbour of four, and the shares of the right and the lower ones.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lookup {
+    at: u32,
+    right: u16,
+    lower: u16,
+}
+
+impl LevelView {
+    /// Of what a camera sees of a road up to `reach_m`, whatever it pitches by up to `pitch_rad`.
+    pub(super) fn new(camera: &RoadCamera, pitch_rad: f64, reach_m: f64) -> Self {
+        let height_m = camera.ego_from_camera.origin().coords.z;
+        let focal_px = camera.focal_px[0].min(camera.size_px[0].max(64) as f64 * 2.0);
+        let lens = Lens::new(camera);
+        let top = height_m / reach_m - math::tan(pitch_rad);
+        let downs = (0..((DOWN_MAX - top) * focal_px) as usize).map(|v| top + (v as f64 + 0.5) / focal_px);
+        let lefts = 0..(2.0 * LEFT_MAX * focal_px) as usize;
+        let left_of = |u: usize| LEFT_MAX - (u as f64 + 0.5) / focal_px;
+        let sees = |u: usize, down: f64| lens.pixel([left_of(u), down]).is_some();
+        let is_column = |u: &usize| downs.clone().step_by(8).any(|down| sees(*u, down));
+        let first = lefts.clone().find(is_column).unwrap_or(0);
+        let end = lefts.rev().find(is_column).map_or(first, |last| last + 1);
+        let mut view = Self {
+            height_m,
+            focal_px,
+            left: LEFT_MAX - first as f64 / focal_px,
+            top,
+            lookups: Vec::new(),
+            seen: Vec::new(),
+            rows: [usize::MAX, 0],
+            colour: Plane::default(),
+            pixels: Plane::default(),
+        };
+        let rows: Vec<f64> = downs.collect();
+        let last = rows.iter().rposition(|down| (first..end).step_by(4).any(|u| sees(u, *down)));
+        for down in &rows[..last.map_or(0, |last| last + 1)] {
+            view.add_row((first..end).map(|u| lens.pixel([left_of(u), *down])), camera.size_px[0]);
+        }
+        view.pixels = Plane::new(end - first, view.seen.len());
+        view
+    }
+
+    fn add_row(&mut self, pixels: impl Iterator<Item = Option<[f64; 2]>>, width: usize) {
+        let mut seen = [usize::MAX, 0];
+        for (u, pixel) in pixels.enumerate() {
+            let Some([column, row]) = pixel else {
+                self.lookups.push(Lookup::default());
+                continue;
+            };
+            let one = f64::from(1_u32 << SHARE_BITS);
+            let share = |at: f64| ((at - at.floor()) * one) as u16;
+            let at = row as usize * width + column as usize;
+            self.lookups.push(Lookup { at: at as u32, right: share(column), lower: share(row) });
+            seen = [seen[0].min(u), u + 1];
+            self.rows = [self.rows[0].min(row as usize), self.rows[1].max(row as usize + 2)];
+        }
+        self.seen.push(if seen[1] == 0 { [0, 0] } else { seen });
+    }
+
+    /// Takes in an image of the camera.
+    pub(super) fn look(&mut self, image: Rgb<'_>) {
+        let (width, rows) = (image.width(), self.rows[0]..self.rows[1]);
+        if rows.is_empty() {
+            return;
+        }
+        if self.colour.width() != width {
+            self.colour.reset(width, image.height());
+        }
+        for y in rows {
+            let from = image.row(y).chunks_exact(3);
+            for (into, rgb) in self.colour.row_mut(y).iter_mut().zip(from) {
+                *into = i16::from(rgb[0]) + i16::from(rgb[1]) - i16::from(rgb[2]);
+            }
+        }
+        let colour = self.colour.pixels();
+        for (into, lookup) in self.pixels.pixels_mut().iter_mut().zip(&self.lookups) {
+            let at = lookup.at as usize;
+            // The last pixel has no neighbours; no lookup that is used begins there.
+            let Some(below) = colour.get(at + width..at + width + 2) else { continue };
+            let (right, lower) = (i32::from(lookup.right), i32::from(lookup.lower));
+            let one = 1 << SHARE_BITS;
+            let upper = i32::from(colour[at]) * (one - right) + i32::from(colour[at + 1]) * right;
+            let below = i32::from(below[0]) * (one - right) + i32::from(below[1]) * right;
+            *into = ((upper * (one - lower) + below * lower) >> (2 * SHARE_BITS)) as i16;
+        }
+    }
+
+    /// Of the camera over the road, metres.
+    pub(super) fn height_m(&self) -> f64 {
+        self.height_m
+    }
+
+    /// Pixels for each unit of slope.
+    pub(super) fn focal_px(&self) -> f64 {
+        self.focal_px
+    }
+
+    /// All of it.
+    pub(super) fn pixels(&self) -> &Plane<i16> {
+        &self.pixels
+    }
+
+    /// The columns of a row that were seen.
+    pub(super) fn seen(&self, row: usize) -> [usize; 2] {
+        self.seen[row]
+    }
+
+    /// The slope downwards of a row's middle.
+    pub(super) fn down(&self, row: f64) -> f64 {
+        self.top + (row + 0.5) / self.focal_px
+    }
+
+    /// The slope to the left of a column's middle.
+    pub(super) fn left(&self, column: f64) -> f64 {
+        self.left - (column + 0.5) / self.focal_px
+    }
+
+    /// The width of a mark in a row for a camera that looks down by `pitch_rad` more than it is mounted, pixels.
+    pub(super) fn mark_px(&self, row: usize, pitch_rad: f64, mark_m: f64) -> f64 {
+        (self.down(row as f64) + pitch_rad).max(0.0) * mark_m * self.focal_px / self.height_m
+    }
+}
+
+/// From rays of the level view to pixels of the camera.
+pub(super) struct Lens {
+    camera: RoadCamera,
+    camera_from_ego: Transform<Camera, swerve_geom::Ego>,
+    /// Beyond this the lens model bends rays back into the image: `r²`.
+    radius2_max: f64,
+}
+
+impl Lens {
+    pub(super) fn new(camera: &RoadCamera) -> Self {
+        let [k1, k2, _, _, k3] = camera.distortion;
+        let grows = |r2: f64| 1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) > 0.0;
+        let radius2_max = (1..=400).map(|k| f64::from(k) * 0.02).find(|r2| !grows(*r2)).unwrap_or(1e3);
+        Self { camera: *camera, camera_from_ego: camera.ego_from_camera.inverse(), radius2_max }
+    }
+
+    /// Column and row, from the centre of the first pixel, of a ray that goes this much left and down for each metre
+    /// ahead; none where the image has not four pixels around it.
+    pub(super) fn pixel(&self, [left, down]: [f64; 2]) -> Option<[f64; 2]> {
+        let ray = (self.camera_from_ego * Vector::new(1.0, left, -down)).coords;
+        let [x, y] = [ray.x / ray.z, ray.y / ray.z];
+        let r2 = x * x + y * y;
+        let [k1, k2, p1, p2, k3] = self.camera.distortion;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let bent = [
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ];
+        let at = [0, 1].map(|k| self.camera.focal_px[k] * bent[k] + self.camera.center_px[k] - 0.5);
+        let inside = |k: usize| at[k] >= 0.0 && at[k] + 1.0 < self.camera.size_px[k] as f64;
+        (ray.z > 0.0 && r2 < self.radius2_max && inside(0) && inside(1)).then_some(at)
+    }
+}

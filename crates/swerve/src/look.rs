@@ -1,0 +1,103 @@
+//! `swerve look`: what images show, without neural networks; one mode a file.
+
+mod images;
+mod lamps;
+mod lanes;
+mod objects;
+mod stereo;
+
+use std::path::PathBuf;
+
+use clap::ArgGroup;
+use swerve_vision::lanes::Method;
+
+/// `swerve look`.
+#[derive(clap::Args, Debug)]
+#[command(group = ArgGroup::new("mode").required(true).args(["detector", "lanes", "stereo", "traffic_light"]))]
+pub(crate) struct LookArgs {
+    /// Images (PNG, JPEG)
+    #[arg(required_unless_present = "stereo", conflicts_with = "stereo")]
+    images: Vec<PathBuf>,
+    /// Find objects: the detector that is in the program, or a file of weights
+    #[arg(long, value_name = "NAME")]
+    detector: Option<String>,
+    /// Find the lines of the ego's lane, in metres on the road; by ridges where no method is named
+    #[arg(long, value_name = "METHOD", num_args = 0..=1, require_equals = true, default_missing_value = "ridge", value_parser = method)]
+    lanes: Option<Method>,
+    /// Find the disparity of each pixel of the left one of a rectified pair
+    #[arg(long, num_args = 2, value_names = ["LEFT", "RIGHT"], requires = "out")]
+    stereo: Option<Vec<PathBuf>>,
+    /// Tell which lamp is lit in crops around the heads of traffic lights
+    #[arg(long)]
+    traffic_light: bool,
+    /// Way to use a detector, from fast to good [default: the last that the camera allows]
+    #[arg(long, requires = "detector")]
+    rung: Option<String>,
+    /// Leave out objects that are less likely
+    #[arg(long, value_name = "0..1", default_value_t = 0.5)]
+    least: f64,
+    /// Horizontal field of view, degrees: objects stand, and lines lie, on flat ground then
+    #[arg(long, value_name = "DEG", value_parser = fov)]
+    fov: Option<f64>,
+    /// Of the camera above that ground, m
+    #[arg(long, value_name = "M", default_value_t = 1.35, value_parser = height)]
+    height: f64,
+    /// By which the camera of --lanes looks down, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = pitch)]
+    pitch: f64,
+    /// Calibration for --lanes instead of --fov, as OpenCV has it: fx,fy,cx,cy and the lens, k1,k2,p1,p2,k3
+    #[arg(
+        long,
+        value_name = "PX,...",
+        value_delimiter = ',',
+        allow_negative_numbers = true,
+        conflicts_with = "fov"
+    )]
+    calibration: Vec<f64>,
+    /// Disparities to be looked for, a multiple of 16
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    disparities: usize,
+    /// Print one JSON object an image
+    #[arg(long)]
+    json: bool,
+    /// Folder for the images with what was found drawn in; for --stereo, the file of disparities (PFM)
+    #[arg(long, value_name = "PATH", conflicts_with = "traffic_light")]
+    out: Option<PathBuf>,
+}
+
+/// Runs `swerve look`.
+pub(crate) fn run(args: &LookArgs) -> anyhow::Result<()> {
+    match (&args.detector, args.lanes, &args.stereo) {
+        (Some(detector), ..) => objects::run(args, detector),
+        (_, Some(method), _) => lanes::run(args, method),
+        (.., Some(pair)) => stereo::run(args, pair),
+        _ => lamps::run(args),
+    }
+}
+
+fn method(text: &str) -> Result<Method, String> {
+    let names = Method::ALL.map(Method::name);
+    let found = Method::ALL.into_iter().find(|method| method.name() == text);
+    found.ok_or_else(|| {
+        format!("expected {}{}", swerve_text::list(&names), swerve_text::did_you_mean(text, names))
+    })
+}
+
+fn number(text: &str, least: f64, most: f64, expected: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(value) if (least..=most).contains(&value) => Ok(value),
+        _ => Err(format!("expected {expected}")),
+    }
+}
+
+fn fov(text: &str) -> Result<f64, String> {
+    number(text, 1.0, 170.0, "1 to 170 degrees")
+}
+
+fn height(text: &str) -> Result<f64, String> {
+    number(text, f64::MIN_POSITIVE, 100.0, "metres above 0 and at most 100")
+}
+
+fn pitch(text: &str) -> Result<f64, String> {
+    number(text, -45.0, 45.0, "-45 to 45 degrees")
+}

@@ -1,0 +1,35 @@
+//! `swerve look --traffic-light`: the lamp that is lit in a crop.
+
+use anyhow::Context as _;
+use serde::Serialize;
+use swerve_report::output;
+use swerve_vision::traffic_light::lit;
+
+use super::LookArgs;
+use super::images::Picture;
+
+/// What is printed of a crop.
+#[derive(Serialize)]
+struct Seen {
+    image: String,
+    lamp: Option<&'static str>,
+    /// Of all that votes for a lamp, what votes for this one, 0 to 1.
+    share: f64,
+}
+
+/// Runs it.
+pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
+    let mut rows = vec![["image", "lamp", "share"].map(str::to_owned).to_vec()];
+    for path in &args.images {
+        let picture = Picture::read(path)?;
+        let found = lit(picture.rgb().with_context(|| path.display().to_string())?);
+        let (lamp, share) = found.map_or((None, 0.0), |(lamp, share)| (Some(lamp.name()), share));
+        let seen = Seen { image: path.display().to_string(), lamp, share: (share * 1000.0).round() / 1000.0 };
+        if args.json {
+            output::print(&(serde_json::to_string(&seen)? + "\n"))?;
+        } else {
+            rows.push(vec![seen.image, lamp.unwrap_or("-").to_owned(), format!("{share:.3}")]);
+        }
+    }
+    if args.json { Ok(()) } else { output::print(&output::align(&rows)) }
+}

@@ -1,0 +1,114 @@
+//! `swerve look --lanes`: the lines of the ego's lane.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use serde::Serialize;
+use swerve_report::output;
+use swerve_vision::lanes::{LaneFinder, LaneLine, LaneSettings, Lanes, Method, RoadCamera};
+
+use super::LookArgs;
+use super::images::{Picture, make_folder};
+
+const COLOURS: [[u8; 3]; 2] = [[255, 40, 40], [40, 90, 255]];
+/// Between two dots of a line that is drawn, metres.
+const STEP_M: f64 = 0.05;
+
+/// What is printed of an image.
+#[derive(Serialize)]
+struct Seen {
+    image: String,
+    /// By how much further down the camera looked than was said.
+    pitch_deg: f64,
+    left: Option<Line>,
+    right: Option<Line>,
+}
+
+/// `y = c0 + c1 x + c2 x²`, metres, `x` ahead of the camera and `y` to its left.
+#[derive(Serialize)]
+struct Line {
+    coefficients: [f64; 3],
+    covariance: [[f64; 3]; 3],
+    seen_m: [f64; 2],
+}
+
+/// Runs it.
+pub(super) fn run(args: &LookArgs, method: Method) -> anyhow::Result<()> {
+    make_folder(args.out.as_deref())?;
+    let mut finder: Option<(RoadCamera, LaneFinder)> = None;
+    for path in &args.images {
+        let mut picture = Picture::read(path)?;
+        let camera = camera(args, picture.size)?;
+        if finder.as_ref().is_none_or(|(of, _)| *of != camera) {
+            let settings = LaneSettings { method, ..LaneSettings::default() };
+            finder = Some((camera, LaneFinder::new(camera, settings)?));
+        }
+        let Some((_, finder)) = &mut finder else { continue };
+        let lanes = finder.find(picture.rgb()?).with_context(|| path.display().to_string())?;
+        tell(path, &lanes, args.json)?;
+        if let Some(out) = &args.out {
+            draw(&mut picture, &camera, &lanes);
+            picture.write(out, path)?;
+        }
+    }
+    Ok(())
+}
+
+fn camera(args: &LookArgs, size_px: [usize; 2]) -> anyhow::Result<RoadCamera> {
+    let ego_from_camera = RoadCamera::looking_ahead(args.height, args.pitch.to_radians());
+    if let Some(fov_deg) = args.fov {
+        return Ok(RoadCamera::pinhole(size_px, fov_deg.to_radians(), ego_from_camera));
+    }
+    let &[fx, fy, cx, cy, ref lens @ ..] = &args.calibration[..] else {
+        anyhow::bail!("--lanes needs the camera: expected --fov, or --calibration with 4 to 9 numbers");
+    };
+    anyhow::ensure!(lens.len() <= 5, "--calibration has {} numbers, expected 4 to 9", 4 + lens.len());
+    let distortion = core::array::from_fn(|k| lens.get(k).copied().unwrap_or(0.0));
+    Ok(RoadCamera { size_px, focal_px: [fx, fy], center_px: [cx, cy], distortion, ego_from_camera })
+}
+
+fn tell(path: &Path, lanes: &Lanes, json: bool) -> anyhow::Result<()> {
+    let line = |line: LaneLine| Line {
+        coefficients: line.coefficients,
+        covariance: line.covariance,
+        seen_m: line.seen_m,
+    };
+    let image = path.display().to_string();
+    if json {
+        let pitch_deg = lanes.pitch_rad.to_degrees();
+        let seen = Seen { image, pitch_deg, left: lanes.left.map(line), right: lanes.right.map(line) };
+        return output::print(&(serde_json::to_string(&seen)? + "\n"));
+    }
+    let heads = ["line", "from m", "to m", "at its start m", "in the middle m", "at its end m"];
+    let mut rows = vec![heads.map(str::to_owned).to_vec()];
+    for (name, line) in [("left", lanes.left), ("right", lanes.right)] {
+        let Some(line) = line else {
+            rows.push([name, "-", "-", "-", "-", "-"].map(str::to_owned).to_vec());
+            continue;
+        };
+        let [from, to] = line.seen_m;
+        let places = [from, 0.5 * (from + to), to].map(|x_m| {
+            line.at(x_m).map_or_else(String::new, |(y_m, deviation_m)| format!("{y_m:.2} ± {deviation_m:.2}"))
+        });
+        rows.push(
+            [name.to_owned(), format!("{from:.1}"), format!("{to:.1}")].into_iter().chain(places).collect(),
+        );
+    }
+    let pitch_deg = lanes.pitch_rad.to_degrees();
+    output::print(&format!("{image}, {pitch_deg:.2} degrees further down\n{}", output::align(&rows)))
+}
+
+fn draw(picture: &mut Picture, camera: &RoadCamera, lanes: &Lanes) {
+    let radius = 1 + picture.size[0] as i64 / 600;
+    for (line, colour) in [lanes.left, lanes.right].into_iter().zip(COLOURS) {
+        let Some(line) = line else { continue };
+        let [from, to] = line.seen_m;
+        for k in 0..=((to - from) / STEP_M) as usize {
+            let x_m = from + k as f64 * STEP_M;
+            let pixel = line.at(x_m).and_then(|(y_m, _)| camera.pixel([x_m, y_m], lanes.pitch_rad));
+            if let Some(pixel) = pixel {
+                picture.dot(pixel, radius, colour);
+            }
+        }
+    }
+}
