@@ -24,6 +24,7 @@ mod predictor;
 mod python;
 mod radar;
 mod report;
+mod segmentation;
 mod switch;
 mod tracker;
 mod world;
@@ -56,6 +57,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(monitor::Monitors)
         .with_kind(detector::EmulatedDetector)
         .with::<lidar_objects::Objects>()
+        .with::<segmentation::Segmentation>()
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
         .with_kind(deadlines::DeadlinePolicy)

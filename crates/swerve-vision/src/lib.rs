@@ -14,6 +14,7 @@ mod image;
 pub mod pyramid;
 #[cfg(test)]
 mod samples;
+pub mod segmentation;
 pub mod shipped;
 mod stack;
 pub mod stereo;
@@ -21,6 +22,7 @@ pub mod svm;
 pub mod traffic_light;
 #[cfg(test)]
 mod video;
+mod weights_file;
 
 pub use image::{ImageError, Plane, Rgb};
 pub use stack::Stack;

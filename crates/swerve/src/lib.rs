@@ -5,6 +5,7 @@ pub mod cli;
 mod doctor;
 mod graph;
 mod look_detector;
+mod look_segmentation;
 mod new;
 mod operators;
 pub mod plan;

@@ -1,4 +1,4 @@
-//! `swerve look`: what a camera's object detector finds in images.
+//! `swerve look`: what a camera's object detector finds in images, or what their pixels are labelled as.
 
 use std::path::{Path, PathBuf};
 
@@ -9,24 +9,36 @@ use swerve_report::files::write_png;
 use swerve_report::output;
 use swerve_study::train::read_png;
 use swerve_vision::Rgb;
-use swerve_vision::acf::{Detection, Ground, Rung, Scanner, Weights};
+use swerve_vision::acf::{Detection, Ground, Rung, Scanner, Weights, WeightsError};
 use swerve_vision::shipped;
+
+use crate::look_segmentation;
 
 /// `swerve look`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct LookArgs {
     /// Images (PNG)
     #[arg(required = true)]
-    images: Vec<PathBuf>,
-    /// Detector that is in the program, or a file of weights
-    #[arg(long, value_name = "NAME")]
-    detector: String,
-    /// Way to use it, from fast to good [default: the last that the camera allows]
-    #[arg(long)]
+    pub(crate) images: Vec<PathBuf>,
+    /// Find objects: the detector that is in the program, or a file of weights
+    #[arg(long, value_name = "NAME", required_unless_present = "segmentation")]
+    detector: Option<String>,
+    /// Label all pixels: by the weights that are in the program, or a file of them [default: street]
+    #[arg(
+        long,
+        value_name = "NAME",
+        num_args = 0..=1,
+        default_missing_value = "street",
+        conflicts_with = "detector",
+        requires = "fov"
+    )]
+    segmentation: Option<String>,
+    /// Way to use a detector, from fast to good [default: the last that the camera allows]
+    #[arg(long, requires = "detector")]
     rung: Option<String>,
     /// Horizontal field of view, degrees: objects stand on flat ground then, below a level camera's horizon
     #[arg(long, value_name = "DEG", value_parser = fov)]
-    fov: Option<f64>,
+    pub(crate) fov: Option<f64>,
     /// Of the camera above that ground, m
     #[arg(long, value_name = "M", default_value_t = 1.35, value_parser = height)]
     height: f64,
@@ -35,10 +47,10 @@ pub(crate) struct LookArgs {
     least: f64,
     /// Print one JSON object an image
     #[arg(long)]
-    json: bool,
-    /// Write the images with boxes in them into this folder
+    pub(crate) json: bool,
+    /// Write the images with what was found in them into this folder
     #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
 }
 
 fn fov(text: &str) -> Result<f64, String> {
@@ -73,7 +85,11 @@ struct Object<'a> {
 
 /// Runs `swerve look`.
 pub(crate) fn run(args: &LookArgs) -> anyhow::Result<()> {
-    let weights = weights(&args.detector)?;
+    let Some(detector) = &args.detector else {
+        return look_segmentation::run(args, args.segmentation.as_deref().unwrap_or_default());
+    };
+    let weights =
+        named("detector", detector, shipped::names().collect(), shipped::detector(detector), Weights::read)?;
     let rung = rung(&weights, args)?;
     // Scores of others' detectors are sums, which no probability bounds.
     let least = if rung.calibrations.is_empty() { f64::NEG_INFINITY } else { args.least };
@@ -102,21 +118,27 @@ pub(crate) fn run(args: &LookArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn weights(name: &str) -> anyhow::Result<Weights> {
-    if let Some(weights) = shipped::detector(name) {
+/// Weights that are in the program, if there are some of this name, or of a file.
+pub(crate) fn named<T>(
+    what: &str,
+    name: &str,
+    names: Vec<&str>,
+    shipped: Option<Result<T, WeightsError>>,
+    read: impl Fn(&[u8]) -> Result<T, WeightsError>,
+) -> anyhow::Result<T> {
+    if let Some(weights) = shipped {
         return Ok(weights?);
     }
     let path = Path::new(name);
     if !path.exists() {
-        let names: Vec<&str> = shipped::names().collect();
         let near = swerve_text::did_you_mean(name, names.iter().copied());
         return Err(anyhow!(
-            "no detector `{name}`{near}; expected {}, or a file of weights",
+            "no {what} `{name}`{near}; expected {}, or a file of weights",
             swerve_text::list(&names)
         ));
     }
     let bytes = std::fs::read(path).with_context(|| format!("reading {name}"))?;
-    Weights::read(&bytes).with_context(|| name.to_owned())
+    read(&bytes).with_context(|| name.to_owned())
 }
 
 /// The rung asked for; else the last that does without the camera, or, where that is known, the last that knows it.
@@ -138,7 +160,8 @@ fn rung(weights: &Weights, args: &LookArgs) -> anyhow::Result<Rung> {
     Ok(rung.clone())
 }
 
-fn ground(args: &LookArgs, [width, height]: [usize; 2]) -> Option<Ground> {
+/// The ground before the camera, where that is known.
+pub(crate) fn ground(args: &LookArgs, [width, height]: [usize; 2]) -> Option<Ground> {
     let fov_deg = args.fov?;
     let focal_px = 0.5 * width as f64 / math::tan(0.5 * fov_deg.to_radians());
     Some(Ground { horizon_px: 0.5 * height as f64, focal_px, height_m: args.height })

@@ -1,0 +1,109 @@
+//! Classes of the pixels of a camera's images.
+
+use anyhow::anyhow;
+use serde::{Deserialize, Serialize};
+use swerve_flow::{At, Context, Inputs, Operator, Port};
+use swerve_geom::Point;
+use swerve_msg::{Image, Pixels};
+use swerve_vision::acf::Ground;
+use swerve_vision::segmentation::{Segmenter, Weights};
+use swerve_vision::{Rgb, shipped};
+
+use crate::kind::{Heavy, KeyProblems, Kind, Node};
+use crate::site::Site;
+
+/// Labels the pixels of each image of a camera, without neural networks.
+pub(super) struct Segmentation {
+    weights: Weights,
+    /// For the size and the camera of the last image.
+    segmenter: Option<([usize; 2], Ground, Segmenter)>,
+}
+
+/// Its keys.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Table {
+    /// Weights that are in the program, by name.
+    weights: String,
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Self { weights: "street".into() }
+    }
+}
+
+impl Table {
+    fn weights(&self) -> Result<Weights, String> {
+        let names: Vec<&str> = shipped::segmentations().collect();
+        let near = swerve_text::did_you_mean(&self.weights, names.iter().copied());
+        let found = shipped::segmentation(&self.weights).ok_or_else(|| {
+            format!("expected {}, found `{}`{near}", swerve_text::list(&names), self.weights)
+        })?;
+        found.map_err(|error| error.to_string())
+    }
+}
+
+/// An image.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// What the camera sees, in colour.
+    image: At<Image>,
+}
+
+impl Kind for Segmentation {
+    const NODE: Node =
+        Node::new("segmentation", "road, sidewalk, buildings, people and more, pixel by pixel")
+            .heavy(Heavy::Yes);
+    type Table = Table;
+
+    fn problems(table: &Table) -> KeyProblems {
+        table.weights().err().map(|message| ("weights".to_owned(), message)).into_iter().collect()
+    }
+
+    fn new(table: Table, _: &Site<'_>) -> anyhow::Result<Self> {
+        Ok(Self { weights: table.weights().map_err(|message| anyhow!(message))?, segmenter: None })
+    }
+}
+
+impl Operator for Segmentation {
+    type In = In;
+    type Out = Port<Image>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<Image>) {
+        let Some(image) = input.image.get() else { return };
+        match self.labels(image) {
+            Ok(labels) => out.send(Image { pixels: Pixels::ClassU8(labels.into()), ..(**image).clone() }),
+            Err(message) => cx.stop_run(format!("{}: {message}", cx.name())),
+        }
+    }
+}
+
+impl Segmentation {
+    /// Cityscapes' id of each pixel.
+    fn labels(&mut self, image: &Image) -> Result<Vec<u8>, String> {
+        let Pixels::Rgb8(bytes) = &image.pixels else {
+            return Err("expected an image in colour; `reads = { image = \"CAMERA.rgb\" }` names one".into());
+        };
+        let size = [image.width_px as usize, image.height_px as usize];
+        let ground = ground(image);
+        if !self.segmenter.as_ref().is_some_and(|(of, seen_by, _)| (*of, *seen_by) == (size, ground)) {
+            self.segmenter = Some((size, ground, Segmenter::new(self.weights.clone(), size, ground)));
+        }
+        let mut labels = vec![0; size[0] * size[1]];
+        if let Some((.., segmenter)) = &mut self.segmenter {
+            let rgb = Rgb::new(size[0], size[1], bytes).map_err(|error| error.to_string())?;
+            segmenter.segment(rgb, &mut labels).map_err(|error| error.to_string())?;
+        }
+        Ok(labels)
+    }
+}
+
+/// Where the camera of an image has flat ground.
+fn ground(image: &Image) -> Ground {
+    let (lens, ego_from_camera) = (&image.camera.intrinsics, image.camera.ego_from_camera);
+    let [at, ahead] = [0.0, 1.0].map(|z| (ego_from_camera * Point::new(0.0, 0.0, z)).coords);
+    let axis = ahead - at;
+    let level = (axis.x * axis.x + axis.y * axis.y).sqrt();
+    Ground { horizon_px: lens.cy_px + lens.fy_px * axis.z / level, focal_px: lens.fx_px, height_m: at.z }
+}

@@ -1,0 +1,71 @@
+//! `swerve look --segmentation`: what the pixels of images are labelled as.
+
+use std::collections::BTreeMap;
+
+use anyhow::Context as _;
+use serde::Serialize;
+use swerve_drive::frames::overlay;
+use swerve_report::files::write_png;
+use swerve_report::output;
+use swerve_study::train::read_png;
+use swerve_vision::segmentation::{Class, Segmenter, Weights};
+use swerve_vision::{Rgb, shipped};
+
+use crate::look_detector::{LookArgs, ground, named};
+
+/// What is printed of an image.
+#[derive(Serialize)]
+struct Seen<'a> {
+    image: String,
+    /// Of all pixels, by class.
+    shares: BTreeMap<&'a str, f64>,
+}
+
+/// Labels the pixels of images.
+pub(crate) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
+    let names = shipped::segmentations().collect();
+    let weights = named("segmentation", name, names, shipped::segmentation(name), Weights::read)?;
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
+    }
+    let mut segmenter: Option<([usize; 2], Segmenter)> = None;
+    for path in &args.images {
+        let (size, mut bytes) = read_png(path)?;
+        let ground = ground(args, size).context("expected --fov")?;
+        if segmenter.as_ref().is_none_or(|(of, _)| *of != size) {
+            segmenter = Some((size, Segmenter::new(weights.clone(), size, ground)));
+        }
+        let mut labels = vec![0; size[0] * size[1]];
+        if let Some((_, segmenter)) = &mut segmenter {
+            segmenter.segment(Rgb::new(size[0], size[1], &bytes)?, &mut labels)?;
+        }
+        let seen = Seen { image: path.display().to_string(), shares: shares(&weights.classes, &labels) };
+        tell(&seen, args.json)?;
+        if let Some(out) = &args.out {
+            let names: Vec<(&str, u8)> =
+                weights.classes.iter().map(|class| (class.name.as_str(), class.id)).collect();
+            overlay(&mut bytes, size, &labels, &names);
+            let name = path.file_name().unwrap_or_default();
+            let colour = (png::ColorType::Rgb, png::BitDepth::Eight);
+            write_png(&out.join(name), (size[0] as u32, size[1] as u32), colour, &bytes)?;
+        }
+    }
+    Ok(())
+}
+
+/// Of each class the share of the pixels, in 1/10,000.
+fn shares<'a>(classes: &'a [Class], labels: &[u8]) -> BTreeMap<&'a str, f64> {
+    let mut counts = [0_usize; 256];
+    labels.iter().for_each(|id| counts[usize::from(*id)] += 1);
+    let share = |class: &Class| 1e4 * counts[usize::from(class.id)] as f64 / labels.len() as f64;
+    classes.iter().map(|class| (class.name.as_str(), share(class).round() / 1e4)).collect()
+}
+
+fn tell(seen: &Seen<'_>, json: bool) -> anyhow::Result<()> {
+    if json {
+        return output::print(&(serde_json::to_string(seen)? + "\n"));
+    }
+    let mut lines = vec![["class", "share"].map(str::to_owned).to_vec()];
+    lines.extend(seen.shares.iter().map(|(name, share)| vec![(*name).to_owned(), format!("{share:.4}")]));
+    output::print(&format!("{}\n{}", seen.image, output::align(&lines)))
+}
