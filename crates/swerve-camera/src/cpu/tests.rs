@@ -11,6 +11,7 @@ use crate::*;
 
 mod geometry;
 mod light;
+mod pair;
 
 type Pose = Transform<Map, swerve_geom::Camera>;
 

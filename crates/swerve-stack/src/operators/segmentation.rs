@@ -107,3 +107,52 @@ fn ground(image: &Image) -> Ground {
     let level = (axis.x * axis.x + axis.y * axis.y).sqrt();
     Ground { horizon_px: lens.cy_px + lens.fy_px * axis.z / level, focal_px: lens.fx_px, height_m: at.z }
 }
+
+#[cfg(test)]
+mod tests {
+    use swerve_msg::{CameraInfo, Intrinsics};
+
+    use super::*;
+
+    fn image(pixels: Pixels, [width_px, height_px]: [u32; 2], pitch_rad: f64) -> Image {
+        let intrinsics =
+            Intrinsics { fx_px: 60.0, fy_px: 60.0, cx_px: 32.0, cy_px: 24.0, ..Intrinsics::default() };
+        let ego_from_camera = swerve_camera::mount([1.0, 0.0, 1.35], 0.0, pitch_rad, 0.0);
+        Image {
+            stamp: Default::default(),
+            width_px,
+            height_px,
+            camera: CameraInfo { intrinsics, ego_from_camera },
+            pixels,
+        }
+    }
+
+    #[test]
+    fn images_of_any_size_are_labelled_and_others_told() {
+        let weights = Table::default().weights().unwrap();
+        let mut operator = Segmentation { weights, segmenter: None };
+        for size in [[64, 48], [1, 1], [64, 48], [32, 24]] {
+            let n = (size[0] * size[1]) as usize;
+            let labels = operator.labels(&image(Pixels::Rgb8(vec![90; 3 * n].into()), size, 0.0)).unwrap();
+            let known = [7, 8, 11, 21, 23, 24, 26, 0];
+            assert!(labels.len() == n && labels.iter().all(|id| known.contains(id)), "{size:?}");
+        }
+        let told = |pixels| operator.labels(&image(pixels, [2, 1], 0.0)).unwrap_err();
+        let mut told = told;
+        assert!(told(Pixels::DepthF32M(vec![1.0; 2].into())).starts_with("expected an image in colour"));
+        assert!(told(Pixels::Rgb8(vec![0; 5].into())).starts_with("5 numbers for an image of 2 x 1"));
+        let table = Table { weights: "stret".into() };
+        assert_eq!(
+            table.weights().unwrap_err(),
+            "expected \"street\", found `stret`; did you mean \"street\"?"
+        );
+    }
+
+    #[test]
+    fn a_camera_that_looks_down_has_its_horizon_higher() {
+        let row = |pitch_rad| ground(&image(Pixels::default(), [64, 48], pitch_rad));
+        assert_eq!((row(0.0).horizon_px.round(), row(0.0).height_m), (24.0, 1.35));
+        let down = row(0.1).horizon_px;
+        assert!((down - (24.0 - 60.0 * 0.1_f64.tan())).abs() < 1e-6, "{down}");
+    }
+}

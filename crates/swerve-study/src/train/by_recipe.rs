@@ -1,6 +1,6 @@
 //! What is trained by a recipe: weights of a detector, of a segmentation.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_report::files::{refuse_unwritable, write_whole};
@@ -26,6 +26,13 @@ pub(super) struct RecipeArgs {
     test: Option<PathBuf>,
 }
 
+#[cfg(test)]
+impl RecipeArgs {
+    pub(super) fn of(recipe: &Path, data: &Path) -> Self {
+        Self { recipe: recipe.to_owned(), data: data.to_owned(), out: None, threads: 1, test: None }
+    }
+}
+
 /// Recipes of one kind, and the weights that they make.
 pub(super) trait Trained: Sized + Send + Sync {
     /// What `swerve train` calls it.
@@ -33,7 +40,7 @@ pub(super) trait Trained: Sized + Send + Sync {
     type Weights: Send + Sync;
 
     /// Reads and checks a recipe; with its text.
-    fn recipe(path: &std::path::Path) -> anyhow::Result<(Self, String)>;
+    fn recipe(path: &Path) -> anyhow::Result<(Self, String)>;
     fn read(bytes: &[u8]) -> anyhow::Result<Self::Weights>;
     fn write(weights: &Self::Weights) -> Vec<u8>;
     /// `source` tells where the weights come from.
@@ -48,7 +55,7 @@ pub(super) trait Trained: Sized + Send + Sync {
 }
 
 /// Where the weights of a recipe come from, in words.
-pub(super) fn source<T: Trained>(recipe: &std::path::Path, text: &str) -> String {
+pub(super) fn source<T: Trained>(recipe: &Path, text: &str) -> String {
     let name = recipe.file_name().unwrap_or_default().to_string_lossy();
     format!("swerve train {} {name} (recipe {})", T::NAME, swerve_core::digest_of(text))
 }
