@@ -1,12 +1,14 @@
-//! Vision without neural networks on one thread, on real images beside the repository, and what OpenCV and dlib
-//! take for the same: their figures are those that `tests/reference/vision` measured and stored; and what each rung of
-//! the camera detector takes.
+//! Vision without neural networks on one thread, on rendered streets and on real images beside the repository, and what
+//! OpenCV and dlib take for the same: their figures are those that `tests/reference/vision` measured and stored; and
+//! what each rung of the camera detector takes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
-use swerve_camera::{Camera, CameraSpec, FrameMut, Intrinsics, RenderOptions, Renderer, View, mount};
+use swerve_camera::{
+    Camera, CameraSpec, Frame, FrameMut, Intrinsics, Outputs, RenderOptions, Renderer, View, mount,
+};
 use swerve_core::Span;
 use swerve_geom::{Ego, Map, Point, Pose2, Transform};
 use swerve_msg::{CameraInfo, Detections, Encoding, Image, Pixels};
@@ -14,16 +16,21 @@ use swerve_perception::CameraObjects;
 use swerve_perception::camera::Shot;
 use swerve_scenario::Scenario;
 use swerve_scene::WeatherPreset;
+use swerve_scene::town::town;
 use swerve_sim::{SimParams, Simulator};
 use swerve_stack::street::{EGO_INSTANCE, Street};
 use swerve_vehicle::VehicleParams;
+use swerve_vision::acf::Ground;
+use swerve_vision::hog::{HogDetector, LinearHog};
 use swerve_vision::lanes::{LaneFinder, LaneSettings, Method, RoadCamera};
-use swerve_vision::shipped;
+use swerve_vision::segmentation::Segmenter;
 use swerve_vision::stereo::{PathCount, Stereo, StereoSettings};
-use swerve_vision::{Plane, Rgb};
+use swerve_vision::{Plane, Rgb, shipped};
 use zune_jpeg::zune_core::bytestream::ZCursor;
 
 const ROUNDS: usize = 15;
+/// Milliseconds of OpenCV 4.14 for the same, one thread of the machine of the rows in docs/performance.md.
+const HOG_MS: f64 = 150.0;
 
 /// Real data, where it lies beside the repository.
 fn data() -> Option<PathBuf> {
@@ -160,9 +167,48 @@ fn lanes(folder: &Path, rows: &mut Rows) {
     }
 }
 
+/// A street of the simulator, as the camera of the segmentation's recipe sees it.
+fn street() -> (Frame, Ground) {
+    let intrinsics = Intrinsics::HorizontalFovRad(70_f64.to_radians());
+    let spec = CameraSpec { width_px: 800, height_px: 600, intrinsics, ..CameraSpec::default() };
+    let camera = Camera::new(spec).expect("the camera is fine");
+    let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
+    let view = View::new(&camera, map_from_ego * mount([0.0, -1.9, 1.35], 0.0, 0.0, 0.0));
+    let mut frame = Frame::new(&camera, Outputs::RGB);
+    let mut renderer = Renderer::new(RenderOptions::default()).expect("the CPU draws");
+    let scene = town(WeatherPreset::ClearNoon, 7, 100.0);
+    renderer.render(&scene, &view, frame.as_mut()).expect("scene and view are fine");
+    (frame, Ground { horizon_px: 300.0, focal_px: camera.focal_px().0, height_m: 1.35 })
+}
+
+fn segmentation(rows: &mut Rows) {
+    let (frame, ground) = street();
+    let rgb = Rgb::new(frame.width_px, frame.height_px, &frame.rgb).expect("three colours");
+    let weights = shipped::segmentation("street").expect("it is in the program").expect("it is whole");
+    let mut segmenter = Segmenter::new(weights, [frame.width_px, frame.height_px], ground);
+    let mut labels = vec![0; frame.width_px * frame.height_px];
+    let took = ms(|| segmenter.segment(rgb, &mut labels).expect("it is of that size"));
+    let what = "segmentation street, 800 x 600 pixels";
+    rows.row(what, took.least(), &took.text(1, "ms"), Goal::Most(30.0));
+}
+
+/// A floor: one and a half times as fast as OpenCV 4.14's default people detector, window and scales alike.
+fn hog(rows: &mut Rows) {
+    let (frame, _) = street();
+    let rgb = Rgb::new(frame.width_px, frame.height_px, &frame.rgb).expect("three colours");
+    let (mut detector, mut found) = (HogDetector::new(LinearHog::people()), Vec::new());
+    let took = ms(|| detector.detect(rgb, 0.0, &mut found));
+    let what = format!("HOG people, 800 x 600 pixels (OpenCV {HOG_MS} ms)");
+    rows.row(&what, took.least(), &took.text(1, "ms"), Goal::Most(HOG_MS / 1.5));
+}
+
 fn main() {
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "vision");
     let all = !std::env::args().any(|argument| argument == "rungs");
+    if all && is_asked_to_measure() {
+        segmentation(&mut rows);
+        hog(&mut rows);
+    }
     match data().filter(|_| all && is_asked_to_measure()) {
         Some(folder) => {
             stereo(&folder, &mut rows);

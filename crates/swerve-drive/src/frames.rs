@@ -5,6 +5,7 @@
 
 mod annotate;
 mod colours;
+mod overlay;
 #[cfg(test)]
 mod tests;
 
@@ -25,6 +26,8 @@ use swerve_stack::config::Config;
 use swerve_stack::street::{EGO_INSTANCE, Street};
 
 use annotate::Canvas;
+
+pub use overlay::overlay;
 
 /// Between two pictures.
 const PERIOD: Span = Span::from_ms(50);

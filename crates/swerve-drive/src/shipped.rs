@@ -56,6 +56,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/paper_this_host.toml"
     "configs/problems/detour.json"
     "configs/ros2.toml"
+    "configs/segmentation.toml"
     "configs/showcase.toml"
     "configs/showcase_processes.toml"
     "configs/studies/budget.toml"

@@ -27,6 +27,7 @@ mod predictor;
 mod python;
 mod radar;
 mod report;
+mod segmentation;
 mod switch;
 mod tracker;
 mod world;
@@ -62,6 +63,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<lidar_objects::Objects>()
         .with_kind(fusion::Fusions)
         .with::<lanes::LaneLines>()
+        .with::<segmentation::Segmentation>()
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
         .with_kind(deadlines::DeadlinePolicy)

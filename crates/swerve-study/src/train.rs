@@ -1,9 +1,13 @@
 //! `swerve train`: models that perception is shipped with, learned from simulated drives.
 
+mod by_recipe;
 mod detector;
+mod images;
 mod lidar;
+mod segmentation;
+mod street;
 
-pub use detector::read_png;
+pub use images::read_png;
 use swerve_stack::Registry;
 
 /// `swerve train`.
@@ -16,7 +20,9 @@ pub struct TrainArgs {
 #[derive(clap::Subcommand, Debug)]
 enum What {
     /// A camera's object detector, on images of random streets, by a recipe
-    Detector(detector::DetectorArgs),
+    Detector(by_recipe::RecipeArgs),
+    /// A camera's labels of pixels, on images of random streets, by a recipe
+    Segmentation(by_recipe::RecipeArgs),
     /// Trees that tell objects in the points of a lidar; and how good they are, on streets that they have not seen
     Lidar(lidar::LidarArgs),
 }
@@ -27,7 +33,8 @@ enum What {
 /// When a drive is not to be made, or the result not to be written.
 pub fn run(args: &TrainArgs, registry: &Registry) -> anyhow::Result<()> {
     match &args.what {
-        What::Detector(args) => detector::run(args, registry),
+        What::Detector(args) => by_recipe::run::<detector::Recipe>(args, registry),
+        What::Segmentation(args) => by_recipe::run::<segmentation::Recipe>(args, registry),
         What::Lidar(args) => lidar::run(args),
     }
 }

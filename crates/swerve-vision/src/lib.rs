@@ -15,6 +15,7 @@ pub mod lanes;
 pub mod pyramid;
 #[cfg(test)]
 mod samples;
+pub mod segmentation;
 pub mod shipped;
 pub mod signs;
 mod stack;
@@ -23,6 +24,7 @@ pub mod svm;
 pub mod traffic_light;
 #[cfg(test)]
 mod video;
+mod weights_file;
 
 pub use image::{ImageError, Plane, Rgb};
 pub use stack::Stack;

@@ -4,6 +4,8 @@ mod images;
 mod lamps;
 mod lanes;
 mod objects;
+mod segmentation;
+mod signs;
 mod stereo;
 
 use std::path::PathBuf;
@@ -13,7 +15,7 @@ use swerve_vision::lanes::Method;
 
 /// `swerve look`.
 #[derive(clap::Args, Debug)]
-#[command(group = ArgGroup::new("mode").required(true).args(["detector", "lanes", "stereo", "traffic_light"]))]
+#[command(group = ArgGroup::new("mode").required(true).args(["detector", "lanes", "segmentation", "signs", "stereo", "traffic_light"]))]
 pub(crate) struct LookArgs {
     /// Images (PNG, JPEG)
     #[arg(required_unless_present = "stereo", conflicts_with = "stereo")]
@@ -24,6 +26,12 @@ pub(crate) struct LookArgs {
     /// Find the lines of the ego's lane, in metres on the road; by ridges where no method is named
     #[arg(long, value_name = "METHOD", num_args = 0..=1, require_equals = true, default_missing_value = "ridge", value_parser = method)]
     lanes: Option<Method>,
+    /// Label all pixels: by the weights that are in the program, or a file of them [default: street]
+    #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "street", requires = "fov")]
+    segmentation: Option<String>,
+    /// Find stop signs and speed limits, and read these
+    #[arg(long)]
+    signs: bool,
     /// Find the disparity of each pixel of the left one of a rectified pair
     #[arg(long, num_args = 2, value_names = ["LEFT", "RIGHT"], requires = "out")]
     stereo: Option<Vec<PathBuf>>,
@@ -67,11 +75,18 @@ pub(crate) struct LookArgs {
 
 /// Runs `swerve look`.
 pub(crate) fn run(args: &LookArgs) -> anyhow::Result<()> {
-    match (&args.detector, args.lanes, &args.stereo) {
-        (Some(detector), ..) => objects::run(args, detector),
-        (_, Some(method), _) => lanes::run(args, method),
-        (.., Some(pair)) => stereo::run(args, pair),
-        _ => lamps::run(args),
+    if let Some(detector) = &args.detector {
+        objects::run(args, detector)
+    } else if let Some(method) = args.lanes {
+        lanes::run(args, method)
+    } else if let Some(weights) = &args.segmentation {
+        segmentation::run(args, weights)
+    } else if let Some(pair) = &args.stereo {
+        stereo::run(args, pair)
+    } else if args.signs {
+        signs::run(args)
+    } else {
+        lamps::run(args)
     }
 }
 

@@ -11,6 +11,7 @@ use crate::*;
 
 mod geometry;
 mod light;
+mod pair;
 mod signs;
 
 type Pose = Transform<Map, swerve_geom::Camera>;

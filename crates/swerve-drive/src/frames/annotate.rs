@@ -16,6 +16,8 @@ use swerve_geom::{Ego, Map, Point, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorKind, Detections, Lanes, Obstacle, ObstacleList, Plan};
 
+use super::overlay::Sheet;
+
 const PLAN: Rgb888 = Rgb888::new(60, 230, 120);
 const FALLBACK: Rgb888 = Rgb888::new(255, 170, 40);
 const BOX: Rgb888 = Rgb888::new(80, 190, 255);
@@ -189,13 +191,7 @@ impl DrawTarget for Canvas<'_> {
     type Error = Infallible;
 
     fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(&mut self, pixels: I) -> Result<(), Infallible> {
-        let (width, height) = (self.frame.width_px as i32, self.frame.height_px as i32);
-        for Pixel(at, colour) in pixels {
-            if (0..width).contains(&at.x) && (0..height).contains(&at.y) {
-                let start = 3 * (at.y as usize * self.frame.width_px + at.x as usize);
-                self.frame.rgb[start..start + 3].copy_from_slice(&[colour.r(), colour.g(), colour.b()]);
-            }
-        }
-        Ok(())
+        let size = self.size();
+        Sheet { rgb: &mut self.frame.rgb, size }.draw_iter(pixels)
     }
 }

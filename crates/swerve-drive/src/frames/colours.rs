@@ -21,7 +21,7 @@ fn near(depth_m: f32) -> u8 {
 }
 
 /// The palette of the Cityscapes data set.
-fn class(id: u8) -> [u8; 3] {
+pub(super) fn class(id: u8) -> [u8; 3] {
     use SemanticClass as C;
     match SemanticClass::from_id(id) {
         Some(C::Road) => [128, 64, 128],

@@ -4,83 +4,65 @@ mod labelled;
 mod learn;
 mod recipe;
 mod score;
-mod street;
 #[cfg(test)]
 mod tests;
 
-use std::path::PathBuf;
+use std::path::Path;
 
-use anyhow::Context as _;
-use swerve_report::files::{refuse_unwritable, write_whole};
-use swerve_report::output;
 use swerve_report::progress::Progress;
 use swerve_stack::Registry;
 use swerve_vision::acf::Weights;
 
-pub use labelled::read_png;
-use labelled::{Labelled, images};
-use recipe::{Class, Purpose, Recipe};
+use super::by_recipe::{RecipeArgs, Trained};
+use super::images::{Purpose, rendered};
+use labelled::Labelled;
+use recipe::Class;
+pub(super) use recipe::Recipe;
 
-/// `swerve train detector`.
-#[derive(clap::Args, Debug)]
-pub(super) struct DetectorArgs {
-    /// Recipe (TOML): streets, weathers, windows, rounds, rungs
-    recipe: PathBuf,
-    /// Folder of the labelled images; those that are not there are made
-    #[arg(long, default_value = "out/training")]
-    data: PathBuf,
-    /// Write the weights to this file [default: the recipe's, with the ending .weights]
-    #[arg(long)]
-    out: Option<PathBuf>,
-    /// Images looked at at once; the weights are the same for any number
-    #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
-    threads: usize,
-    /// Test these weights instead of training
-    #[arg(long, value_name = "FILE", conflicts_with = "out")]
-    test: Option<PathBuf>,
-}
+impl Trained for Recipe {
+    const NAME: &str = "detector";
+    type Weights = Weights;
 
-/// Runs `swerve train detector`.
-pub(super) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()> {
-    let (recipe, text) = Recipe::read(&args.recipe)?;
-    let out = args.out.clone().unwrap_or_else(|| args.recipe.with_extension("weights"));
-    if args.test.is_none() {
-        refuse_unwritable(&out)?;
+    fn recipe(path: &Path) -> anyhow::Result<(Self, String)> {
+        Self::read(path)
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
-    let weights = match &args.test {
-        Some(path) => {
-            let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
-            Weights::read(&bytes).with_context(|| path.display().to_string())?
-        }
-        None => {
-            let name = args.recipe.file_name().unwrap_or_default().to_string_lossy();
-            let source = format!("swerve train detector {name} (recipe {})", swerve_core::digest_of(&text));
-            let weights = pool.install(|| train(&recipe, source, args, registry))?;
-            write_whole(&out, &weights.write())?;
-            weights
-        }
-    };
-    let lines = pool.install(|| test(&recipe, &weights, args, registry))?;
-    output::print(&output::align(&lines))
+
+    fn read(bytes: &[u8]) -> anyhow::Result<Weights> {
+        Ok(Weights::read(bytes)?)
+    }
+
+    fn write(weights: &Weights) -> Vec<u8> {
+        weights.write()
+    }
+
+    fn train(&self, source: String, args: &RecipeArgs, registry: &Registry) -> anyhow::Result<Weights> {
+        train(self, source, args, registry)
+    }
+
+    fn test(
+        &self,
+        weights: &Weights,
+        args: &RecipeArgs,
+        registry: &Registry,
+    ) -> anyhow::Result<Vec<Vec<String>>> {
+        test(self, weights, args, registry)
+    }
 }
 
 fn all(
     recipe: &Recipe,
     purpose: Purpose,
-    args: &DetectorArgs,
+    args: &RecipeArgs,
     registry: &Registry,
 ) -> anyhow::Result<Vec<(String, Vec<Labelled>)>> {
     let sets = recipe.set.iter().filter(|set| set.purpose == purpose);
-    sets.map(|set| Ok((set.name.clone(), images(recipe, set, &args.data, registry)?))).collect()
+    sets.map(|set| {
+        Ok((set.name.clone(), labelled::read(&rendered(&recipe.camera, set, &args.data, registry)?)?))
+    })
+    .collect()
 }
 
-fn train(
-    recipe: &Recipe,
-    source: String,
-    args: &DetectorArgs,
-    registry: &Registry,
-) -> anyhow::Result<Weights> {
+fn train(recipe: &Recipe, source: String, args: &RecipeArgs, registry: &Registry) -> anyhow::Result<Weights> {
     let of = |purpose| -> anyhow::Result<Vec<Labelled>> {
         Ok(all(recipe, purpose, args, registry)?.into_iter().flat_map(|(_, images)| images).collect())
     };
@@ -113,7 +95,7 @@ fn classes(recipe: &Recipe) -> Vec<Class> {
 fn test(
     recipe: &Recipe,
     weights: &Weights,
-    args: &DetectorArgs,
+    args: &RecipeArgs,
     registry: &Registry,
 ) -> anyhow::Result<Vec<Vec<String>>> {
     let sets = all(recipe, Purpose::Test, args, registry)?;

@@ -1,20 +1,19 @@
 //! What a detector has learnt, as a file.
 //!
-//! Eight bytes that say what it is, a version, the digest (XXH3) of the rest, and the rest in postcard's form. Trees
-//! that were trained here keep thresholds in a byte and leaves in two; other makers' keep them as they are.
+//! Trees that were trained here keep thresholds in a byte and leaves in two; other makers' keep them as they are.
 
 use serde::{Deserialize, Serialize};
-use swerve_core::Digest;
-use thiserror::Error;
 
 use super::Trees;
 use super::decorrelate::SIDE;
 use super::stored::Stored;
 use super::suppress::Overlap;
 use crate::channels::CHANNELS;
+use crate::weights_file::{WeightsFile, ensure};
 
-const MAGIC: [u8; 8] = *b"SWERVDET";
-const VERSION: u8 = 1;
+pub use crate::weights_file::WeightsError;
+
+const FILE: WeightsFile = WeightsFile { of: "detector", magic: "SWERVDET", version: 1 };
 
 /// All that a detector has learnt, and how it is to be used.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -90,48 +89,13 @@ impl Calibration {
     }
 }
 
-/// What is wrong with a file of weights.
-#[derive(Clone, PartialEq, Eq, Debug, Error)]
-pub enum WeightsError {
-    /// Its first bytes are something else's.
-    #[error("no weights of a detector: expected a file that begins with `SWERVDET`")]
-    Foreign,
-    /// It is of a version that is not known.
-    #[error("weights of version {0}, expected {VERSION}")]
-    Version(u8),
-    /// Its digest is another one.
-    #[error("damaged weights: their digest is {found}, expected {expected}")]
-    Damaged {
-        /// Of what is there.
-        found: Digest,
-        /// What the file says.
-        expected: Digest,
-    },
-    /// It is whole, but makes no sense.
-    #[error("weights that make no sense: {0}")]
-    Content(&'static str),
-}
-
 impl Weights {
     /// Reads a file.
     ///
     /// # Errors
     /// Where it is none, or not whole.
     pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
-        let (Some(MAGIC), Some(&version)) = (bytes.first_chunk().copied(), bytes.get(8)) else {
-            return Err(WeightsError::Foreign);
-        };
-        if version != VERSION {
-            return Err(WeightsError::Version(version));
-        }
-        let expected =
-            bytes.get(9..).and_then(|rest| rest.first_chunk()).map_or(0, |sum| u64::from_le_bytes(*sum));
-        let rest = bytes.get(17..).unwrap_or_default();
-        let (found, expected) = (digest(rest), Digest(expected));
-        if found != expected {
-            return Err(WeightsError::Damaged { found, expected });
-        }
-        let weights: Self = postcard::from_bytes(rest).map_err(|_| WeightsError::Content("cut short"))?;
+        let weights: Self = FILE.read(bytes)?;
         weights.check().map_err(WeightsError::Content)?;
         Ok(weights)
     }
@@ -141,10 +105,7 @@ impl Weights {
     /// # Panics
     /// Never: what is stored is plain numbers and text.
     pub fn write(&self) -> Vec<u8> {
-        let rest = postcard::to_allocvec(self).expect("numbers and text are always written");
-        let mut bytes = [&MAGIC[..], &[VERSION], &digest(&rest).0.to_le_bytes()].concat();
-        bytes.extend(rest);
-        bytes
+        FILE.write(self)
     }
 
     /// Planes that features are taken from.
@@ -155,7 +116,6 @@ impl Weights {
     fn check(&self) -> Result<(), &'static str> {
         let filters = CHANNELS * SIDE * SIDE;
         let finite = |numbers: &[f32]| numbers.iter().all(|number| number.is_finite());
-        let ensure = |holds: bool, what| if holds { Ok(()) } else { Err(what) };
         ensure((1..=16).contains(&self.shrink), "cells of 1 to 16 pixels expected")?;
         ensure(
             self.filters.len().is_multiple_of(filters) && finite(&self.filters),
@@ -201,10 +161,4 @@ impl Weights {
             ensure(sizes.iter().all(|size| size.is_finite() && *size > 0.0), "objects of some size expected")
         })
     }
-}
-
-fn digest(bytes: &[u8]) -> Digest {
-    let mut hasher = swerve_core::Hasher::new();
-    hasher.bytes(bytes);
-    hasher.digest()
 }

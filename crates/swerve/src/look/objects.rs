@@ -71,7 +71,8 @@ fn rung(weights: &Weights, args: &LookArgs) -> anyhow::Result<Rung> {
     Ok(rung.clone())
 }
 
-fn ground(args: &LookArgs, [width, height]: [usize; 2]) -> Option<Ground> {
+/// The ground before the camera, where that is known.
+pub(super) fn ground(args: &LookArgs, [width, height]: [usize; 2]) -> Option<Ground> {
     let fov_deg = args.fov?;
     let focal_px = 0.5 * width as f64 / math::tan(0.5 * fov_deg.to_radians());
     Some(Ground { horizon_px: 0.5 * height as f64, focal_px, height_m: args.height })

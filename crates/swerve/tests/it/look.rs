@@ -49,6 +49,28 @@ fn images_with_nothing_in_them_have_no_lines_no_lamps_and_no_depth() {
 }
 
 #[test]
+fn every_pixel_has_a_class() {
+    let bench = Bench::new();
+    let names = ["dot.png", "black.png", "white.png"];
+    for (name, size, value) in [(names[0], [1, 1], 255), (names[1], [160, 120], 0), (names[2], [97, 61], 255)]
+    {
+        image(&bench, name, size, value);
+    }
+    let rest = ["--segmentation", "street", "--fov", "70", "--json", "--out", "labelled"];
+    let said = bench.good(&[&["look"], &names[..], &rest[..]].concat());
+    for (line, name) in said.lines().zip(names) {
+        let seen: serde_json::Value = serde_json::from_str(line).unwrap();
+        assert_eq!(seen["image"], name);
+        let shares = seen["shares"].as_object().unwrap();
+        let sum: f64 = shares.values().map(|share| share.as_f64().unwrap()).sum();
+        assert!(shares.len() == 8 && (sum - 1.0).abs() < 1e-3, "{line}");
+        assert!(bench.path(&format!("labelled/{name}")).exists());
+    }
+    assert_eq!(said.lines().count(), 3);
+    assert!(said.starts_with("{\"image\":\"dot.png\",\"shares\":{\"building\":0.0,\"other\":1.0,"), "{said}");
+}
+
+#[test]
 fn what_cannot_be_looked_with_is_told() {
     let bench = Bench::new();
     image(&bench, "dot.png", [1, 1], 255);
@@ -79,6 +101,16 @@ fn what_cannot_be_looked_with_is_told() {
         (&["--stereo", "dot.png", "dot.png", "--out", "d.pfm"], "expected at least 7 x 7"),
         (&["cut.jpg", "--lanes", "--fov", "70"], "reading cut.jpg: "),
         (&["text.png", "--detector", "street"], "reading text.png: "),
+        (&["dot.png"], "--detector <NAME>"),
+        (&["dot.png", "--segmentation", "street"], "--fov <DEG>"),
+        (
+            &["dot.png", "--segmentation", "stret", "--fov", "70"],
+            "no segmentation `stret`; did you mean \"street\"?",
+        ),
+        (
+            &["dot.png", "--segmentation", "text.weights", "--fov", "70"],
+            "text.weights: no weights of a segmentation",
+        ),
         (&["absent.png", "--detector", "street"], "reading absent.png: "),
     ] {
         let said = bench.swerve(&[&["look"], args].concat());

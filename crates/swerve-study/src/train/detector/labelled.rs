@@ -1,17 +1,13 @@
-//! Labelled images: made where they are absent, and read.
+//! Labelled images as they are read.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
-use swerve_core::digest_of;
-use swerve_report::files::write_whole;
-use swerve_stack::Registry;
 use swerve_vision::Rgb;
 use swerve_vision::acf::iou;
 
-use super::recipe::{Camera, Class, ImageSet, Recipe};
-use super::street::street;
-use crate::dataset::{self, DatasetArgs};
+use super::recipe::Class;
+use crate::train::images::read_png;
 
 /// More hidden than this (KITTI's level) or beyond the image's edge is not counted.
 const OCCLUDED_MAX: u32 = 1;
@@ -88,55 +84,8 @@ impl Labelled {
     }
 }
 
-/// The images of a set below a folder; rendered first, where they are not there.
-pub(super) fn images(
-    recipe: &Recipe,
-    set: &ImageSet,
-    data: &Path,
-    registry: &Registry,
-) -> anyhow::Result<Vec<Labelled>> {
-    let camera = camera_text(&recipe.camera);
-    let streets: Vec<(u32, String)> = (set.streets[0]..set.streets[1]).map(|k| (k, street(k))).collect();
-    let key = digest_of(&(&camera, &streets, set.seed, set.weather.name()));
-    let out = data.join(format!("{}-{key}", set.name));
-    // The index is what a data set ends with.
-    if !out.join("index.csv").exists() {
-        let texts = data.join("streets");
-        std::fs::create_dir_all(&texts).with_context(|| format!("making {}", texts.display()))?;
-        let config = data.join("camera.toml");
-        write_whole(&config, camera.as_bytes())?;
-        let file = |(k, text): &(u32, String)| -> anyhow::Result<PathBuf> {
-            let path = texts.join(format!("street_{k}.toml"));
-            write_whole(&path, text.as_bytes())?;
-            Ok(path)
-        };
-        let scenarios = streets.iter().map(file).collect::<anyhow::Result<_>>()?;
-        let (seeds, weathers) = (vec![set.seed], vec![set.weather]);
-        dataset::run(
-            &DatasetArgs {
-                scenarios,
-                out: out.clone(),
-                config: Some(config),
-                set: Vec::new(),
-                seeds,
-                weathers,
-            },
-            registry,
-        )?;
-    }
-    read(&out.join("kitti/training"))
-}
-
-pub(super) fn camera_text(camera: &Camera) -> String {
-    format!(
-        "[camera.front]\nat_m = [1.75, 0.0, {:?}]\nwidth_px = {}\nheight_px = {}\nfov_deg = {:?}\nperiod_ms = {:?}\n\
-         outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"]\n[render]\nthreads = 1\n",
-        camera.height_m, camera.width_px, camera.height_px, camera.fov_deg, camera.period_ms
-    )
-}
-
 /// All samples of a folder in KITTI's form, in order of their names.
-fn read(folder: &Path) -> anyhow::Result<Vec<Labelled>> {
+pub(super) fn read(folder: &Path) -> anyhow::Result<Vec<Labelled>> {
     let labels = folder.join("label_2");
     let entries = std::fs::read_dir(&labels).with_context(|| format!("reading {}", labels.display()))?;
     let mut paths: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
@@ -154,27 +103,6 @@ fn read(folder: &Path) -> anyhow::Result<Vec<Labelled>> {
         Ok(Labelled { size: [width, height], rgb, truths })
     };
     paths.iter().map(sample).collect()
-}
-
-/// Width, height and bytes of an image of 8 bits a colour.
-pub fn read_png(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
-    let reading = || format!("reading {}", path.display());
-    let file = std::io::BufReader::new(std::fs::File::open(path).with_context(reading)?);
-    let mut decoder = png::Decoder::new(file);
-    decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
-    let mut reader = decoder.read_info().with_context(reading)?;
-    let size = reader.output_buffer_size().with_context(|| format!("{}: too large", path.display()))?;
-    let mut bytes = vec![0; size];
-    let info = reader.next_frame(&mut bytes).with_context(reading)?;
-    bytes.truncate(info.buffer_size());
-    let rgb = match info.color_type {
-        png::ColorType::Rgb => bytes,
-        png::ColorType::Rgba => bytes.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect(),
-        png::ColorType::Grayscale => bytes.iter().flat_map(|v| [*v; 3]).collect(),
-        png::ColorType::GrayscaleAlpha => bytes.chunks_exact(2).flat_map(|p| [p[0]; 3]).collect(),
-        png::ColorType::Indexed => anyhow::bail!("{}: expected an image in colours", path.display()),
-    };
-    Ok(([info.width as usize, info.height as usize], rgb))
 }
 
 fn truth(line: &str) -> Option<Truth> {

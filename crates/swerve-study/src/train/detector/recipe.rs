@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use serde::Deserialize;
-use swerve_drive::problems_error;
-use swerve_scene::WeatherPreset;
 use swerve_text::{Document, Problem};
 use swerve_vision::acf::Rung;
+
+use crate::train::images::{Camera, ImageSet, Purpose, check, read};
 
 /// The whole recipe.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Recipe {
+pub(in crate::train) struct Recipe {
     /// Of all that is drawn in training.
     pub(super) seed: u64,
     pub(super) camera: Camera,
@@ -20,48 +20,6 @@ pub(super) struct Recipe {
     pub(super) window: Vec<Window>,
     pub(super) learning: Learning,
     pub(super) rung: Vec<Ladder>,
-}
-
-/// The camera that images are taken with, level and straight ahead.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Camera {
-    pub(super) width_px: u32,
-    pub(super) height_px: u32,
-    pub(super) fov_deg: f64,
-    /// Above the ground.
-    pub(super) height_m: f64,
-    pub(super) period_ms: f64,
-}
-
-impl Camera {
-    /// Focal length.
-    pub(super) fn focal_px(&self) -> f64 {
-        0.5 * f64::from(self.width_px) / swerve_geom::math::tan(0.5 * self.fov_deg.to_radians())
-    }
-}
-
-/// What images are for.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Purpose {
-    Training,
-    /// Scores are mapped to probabilities by these.
-    Calibration,
-    Test,
-}
-
-/// Images of some streets.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ImageSet {
-    pub(super) name: String,
-    pub(super) purpose: Purpose,
-    /// The first, and the one behind the last.
-    pub(super) streets: [u32; 2],
-    /// Of the drives.
-    pub(super) seed: u32,
-    pub(super) weather: WeatherPreset,
 }
 
 /// What is found by one set of trees.
@@ -166,13 +124,7 @@ impl Ladder {
 impl Recipe {
     /// Reads and checks a recipe.
     pub(super) fn read(path: &Path) -> anyhow::Result<(Self, String)> {
-        let text =
-            swerve_text::read_text(path).map_err(|e| problems_error(&[swerve_text::unreadable(path, &e)]))?;
-        let document = Document::parse(&path.display().to_string(), &text)
-            .map_err(|problem| problems_error(&[problem]))?;
-        let recipe: Self = document.to().map_err(|problems| problems_error(&problems))?;
-        let problems = recipe.problems(&document);
-        if problems.is_empty() { Ok((recipe, text)) } else { Err(problems_error(&problems)) }
+        read(path, Self::problems)
     }
 
     fn problems(&self, document: &Document) -> Vec<Problem> {
@@ -182,35 +134,12 @@ impl Recipe {
                 problems.push(document.problem(&key, what));
             }
         };
-        let camera = &self.camera;
-        ensure((64..=4096).contains(&camera.width_px), "camera.width_px".into(), "expected 64 to 4096");
-        ensure((64..=4096).contains(&camera.height_px), "camera.height_px".into(), "expected 64 to 4096");
-        ensure(camera.fov_deg > 1.0 && camera.fov_deg < 170.0, "camera.fov_deg".into(), "expected 1 to 170");
-        ensure(camera.height_m > 0.0, "camera.height_m".into(), "expected more than 0");
-        ensure(camera.period_ms > 0.0, "camera.period_ms".into(), "expected more than 0");
-        for (k, set) in self.set.iter().enumerate() {
-            ensure(
-                set.streets[0] < set.streets[1],
-                format!("set[{k}].streets"),
-                "expected the first, and one more than the last",
-            );
-            let others = self
-                .set
-                .iter()
-                .filter(|other| (other.purpose == Purpose::Training) != (set.purpose == Purpose::Training));
-            let shared = others
-                .into_iter()
-                .any(|other| set.streets[0] < other.streets[1] && other.streets[0] < set.streets[1]);
-            ensure(
-                !shared,
-                format!("set[{k}].streets"),
-                "expected streets that are not both trained on and held out",
-            );
-        }
-        for purpose in [Purpose::Training, Purpose::Calibration, Purpose::Test] {
-            let has = self.set.iter().any(|set| set.purpose == purpose);
-            ensure(has, "set".into(), "expected sets for training, calibration and test");
-        }
+        check(
+            &self.camera,
+            &self.set,
+            &[Purpose::Training, Purpose::Calibration, Purpose::Test],
+            &mut ensure,
+        );
         ensure(!self.window.is_empty(), "window".into(), "expected at least one");
         for (k, window) in self.window.iter().enumerate() {
             let room = |side: usize| {

@@ -2,9 +2,11 @@ use std::path::Path;
 
 use swerve_report::progress::Progress;
 
-use super::labelled::{Labelled, camera_text, read_png};
+use super::labelled::Labelled;
 use super::recipe::Recipe;
 use super::{learn, score};
+use crate::train::by_recipe::source;
+use crate::train::images::{camera_text, read_png};
 
 const RECIPE: &str = include_str!("../../../../swerve-vision/detectors/street.toml");
 
@@ -48,10 +50,14 @@ fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
 
 #[test]
 fn the_stored_detector_is_of_the_recipe() {
-    let (recipe, text) = Recipe::read(Path::new("../swerve-vision/detectors/street.toml")).unwrap();
+    let path = Path::new("../swerve-vision/detectors/street.toml");
+    let (recipe, text) = Recipe::read(path).unwrap();
     let weights = swerve_vision::shipped::detector("street").unwrap().unwrap();
-    let source = format!("swerve train detector street.toml (recipe {})", swerve_core::digest_of(&text));
-    assert_eq!(weights.source, source, "train the detector again: its recipe has changed");
+    assert_eq!(
+        weights.source,
+        source::<Recipe>(path, &text),
+        "train the detector again: its recipe has changed"
+    );
     assert_eq!(weights.models.len(), recipe.window.len());
     let names: Vec<String> = recipe.rung.iter().map(|rung| rung.rung().name).collect();
     assert!(weights.rungs.iter().map(|rung| &rung.name).eq(&names), "{names:?}");

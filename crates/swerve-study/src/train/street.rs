@@ -1,4 +1,4 @@
-//! Random streets, as scenarios: what detectors are trained and tested on.
+//! Random streets, as scenarios: what detectors and segmentations are trained and tested on.
 //!
 //! A street is a straight, a bend or none, and a straight again, with pavements; people walk and stand on both sides and
 //! two cross, cars are parked in some, come towards the ego and drive ahead of it, with trucks and cyclists among them.

@@ -1,0 +1,84 @@
+//! What is trained by a recipe: weights of a detector, of a segmentation.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use swerve_report::files::{refuse_unwritable, write_whole};
+use swerve_report::output;
+use swerve_stack::Registry;
+
+/// `swerve train detector`, `swerve train segmentation`.
+#[derive(clap::Args, Debug)]
+pub(super) struct RecipeArgs {
+    /// Recipe (TOML): streets, weathers, and how to learn from them
+    recipe: PathBuf,
+    /// Folder of the labelled images; those that are not there are made
+    #[arg(long, default_value = "out/training")]
+    pub(super) data: PathBuf,
+    /// Write the weights to this file [default: the recipe's, with the ending .weights]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Images and trees looked at at once; the weights are the same for any number
+    #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
+    threads: usize,
+    /// Test these weights instead of training
+    #[arg(long, value_name = "FILE", conflicts_with = "out")]
+    test: Option<PathBuf>,
+}
+
+#[cfg(test)]
+impl RecipeArgs {
+    pub(super) fn of(recipe: &Path, data: &Path) -> Self {
+        Self { recipe: recipe.to_owned(), data: data.to_owned(), out: None, threads: 1, test: None }
+    }
+}
+
+/// Recipes of one kind, and the weights that they make.
+pub(super) trait Trained: Sized + Send + Sync {
+    /// What `swerve train` calls it.
+    const NAME: &str;
+    type Weights: Send + Sync;
+
+    /// Reads and checks a recipe; with its text.
+    fn recipe(path: &Path) -> anyhow::Result<(Self, String)>;
+    fn read(bytes: &[u8]) -> anyhow::Result<Self::Weights>;
+    fn write(weights: &Self::Weights) -> Vec<u8>;
+    /// `source` tells where the weights come from.
+    fn train(&self, source: String, args: &RecipeArgs, registry: &Registry) -> anyhow::Result<Self::Weights>;
+    /// A table of how good they are on the images that the recipe tests by.
+    fn test(
+        &self,
+        weights: &Self::Weights,
+        args: &RecipeArgs,
+        registry: &Registry,
+    ) -> anyhow::Result<Vec<Vec<String>>>;
+}
+
+/// Where the weights of a recipe come from, in words.
+pub(super) fn source<T: Trained>(recipe: &Path, text: &str) -> String {
+    let name = recipe.file_name().unwrap_or_default().to_string_lossy();
+    format!("swerve train {} {name} (recipe {})", T::NAME, swerve_core::digest_of(text))
+}
+
+/// Trains and tests, or tests alone.
+pub(super) fn run<T: Trained>(args: &RecipeArgs, registry: &Registry) -> anyhow::Result<()> {
+    let (recipe, text) = T::recipe(&args.recipe)?;
+    let out = args.out.clone().unwrap_or_else(|| args.recipe.with_extension("weights"));
+    if args.test.is_none() {
+        refuse_unwritable(&out)?;
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    let weights = match &args.test {
+        Some(path) => {
+            let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+            T::read(&bytes).with_context(|| path.display().to_string())?
+        }
+        None => {
+            let weights = pool.install(|| recipe.train(source::<T>(&args.recipe, &text), args, registry))?;
+            write_whole(&out, &T::write(&weights))?;
+            weights
+        }
+    };
+    let lines = pool.install(|| recipe.test(&weights, args, registry))?;
+    output::print(&output::align(&lines))
+}

@@ -1,0 +1,176 @@
+//! Sets of labelled images of random streets: what a recipe says of them, and their making.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use swerve_core::digest_of;
+use swerve_drive::problems_error;
+use swerve_report::files::write_whole;
+use swerve_scene::WeatherPreset;
+use swerve_stack::Registry;
+use swerve_text::{Document, Problem};
+
+use super::street::street;
+use crate::dataset::{self, DatasetArgs};
+
+/// The camera that images are taken with, level and straight ahead.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Camera {
+    pub(in crate::train) width_px: u32,
+    pub(in crate::train) height_px: u32,
+    pub(in crate::train) fov_deg: f64,
+    /// Above the ground.
+    pub(in crate::train) height_m: f64,
+    pub(in crate::train) period_ms: f64,
+}
+
+impl Camera {
+    /// Focal length.
+    pub(in crate::train) fn focal_px(&self) -> f64 {
+        0.5 * f64::from(self.width_px) / swerve_geom::math::tan(0.5 * self.fov_deg.to_radians())
+    }
+}
+
+/// What images are for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Purpose {
+    Training,
+    /// Scores are mapped to probabilities by these.
+    Calibration,
+    Test,
+}
+
+/// Images of some streets.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ImageSet {
+    pub(in crate::train) name: String,
+    pub(in crate::train) purpose: Purpose,
+    /// The first, and the one behind the last.
+    pub(in crate::train) streets: [u32; 2],
+    /// Of the drives.
+    pub(in crate::train) seed: u32,
+    pub(in crate::train) weather: WeatherPreset,
+}
+
+/// Reads a recipe and checks it; with its text.
+pub(super) fn read<T: DeserializeOwned>(
+    path: &Path,
+    problems: impl Fn(&T, &Document) -> Vec<Problem>,
+) -> anyhow::Result<(T, String)> {
+    let text =
+        swerve_text::read_text(path).map_err(|e| problems_error(&[swerve_text::unreadable(path, &e)]))?;
+    let document =
+        Document::parse(&path.display().to_string(), &text).map_err(|problem| problems_error(&[problem]))?;
+    let recipe: T = document.to().map_err(|problems| problems_error(&problems))?;
+    let problems = problems(&recipe, &document);
+    if problems.is_empty() { Ok((recipe, text)) } else { Err(problems_error(&problems)) }
+}
+
+/// What has to hold of a camera and of sets; there is one for each purpose.
+pub(super) fn check(
+    camera: &Camera,
+    sets: &[ImageSet],
+    purposes: &[Purpose],
+    ensure: &mut dyn FnMut(bool, String, &str),
+) {
+    ensure((64..=4096).contains(&camera.width_px), "camera.width_px".into(), "expected 64 to 4096");
+    ensure((64..=4096).contains(&camera.height_px), "camera.height_px".into(), "expected 64 to 4096");
+    ensure(camera.fov_deg > 1.0 && camera.fov_deg < 170.0, "camera.fov_deg".into(), "expected 1 to 170");
+    ensure(camera.height_m > 0.0, "camera.height_m".into(), "expected more than 0");
+    ensure(camera.period_ms > 0.0, "camera.period_ms".into(), "expected more than 0");
+    for (k, set) in sets.iter().enumerate() {
+        ensure(
+            set.streets[0] < set.streets[1],
+            format!("set[{k}].streets"),
+            "expected the first, and one more than the last",
+        );
+        let others = sets
+            .iter()
+            .filter(|other| (other.purpose == Purpose::Training) != (set.purpose == Purpose::Training));
+        let shared = others
+            .into_iter()
+            .any(|other| set.streets[0] < other.streets[1] && other.streets[0] < set.streets[1]);
+        ensure(
+            !shared,
+            format!("set[{k}].streets"),
+            "expected streets that are not both trained on and held out",
+        );
+    }
+    for purpose in purposes {
+        let has = sets.iter().any(|set| set.purpose == *purpose);
+        ensure(has, "set".into(), "expected sets for all purposes");
+    }
+}
+
+/// The folder of a set's images in KITTI's form, below a folder of data; rendered first, where they are not there.
+pub(super) fn rendered(
+    camera: &Camera,
+    set: &ImageSet,
+    data: &Path,
+    registry: &Registry,
+) -> anyhow::Result<PathBuf> {
+    let camera = camera_text(camera);
+    let streets: Vec<(u32, String)> = (set.streets[0]..set.streets[1]).map(|k| (k, street(k))).collect();
+    let key = digest_of(&(&camera, &streets, set.seed, set.weather.name()));
+    let out = data.join(format!("{}-{key}", set.name));
+    // The index is what a data set ends with.
+    if !out.join("index.csv").exists() {
+        let texts = data.join("streets");
+        std::fs::create_dir_all(&texts).with_context(|| format!("making {}", texts.display()))?;
+        let config = data.join("camera.toml");
+        write_whole(&config, camera.as_bytes())?;
+        let file = |(k, text): &(u32, String)| -> anyhow::Result<PathBuf> {
+            let path = texts.join(format!("street_{k}.toml"));
+            write_whole(&path, text.as_bytes())?;
+            Ok(path)
+        };
+        let scenarios = streets.iter().map(file).collect::<anyhow::Result<_>>()?;
+        let (seeds, weathers) = (vec![set.seed], vec![set.weather]);
+        dataset::run(
+            &DatasetArgs {
+                scenarios,
+                out: out.clone(),
+                config: Some(config),
+                set: Vec::new(),
+                seeds,
+                weathers,
+            },
+            registry,
+        )?;
+    }
+    Ok(out.join("kitti/training"))
+}
+
+pub(super) fn camera_text(camera: &Camera) -> String {
+    format!(
+        "[camera.front]\nat_m = [1.75, 0.0, {:?}]\nwidth_px = {}\nheight_px = {}\nfov_deg = {:?}\nperiod_ms = {:?}\n\
+         outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"]\n[render]\nthreads = 1\n",
+        camera.height_m, camera.width_px, camera.height_px, camera.fov_deg, camera.period_ms
+    )
+}
+
+/// Width, height and bytes of an image of 8 bits a colour.
+pub fn read_png(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
+    let reading = || format!("reading {}", path.display());
+    let file = std::io::BufReader::new(std::fs::File::open(path).with_context(reading)?);
+    let mut decoder = png::Decoder::new(file);
+    decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
+    let mut reader = decoder.read_info().with_context(reading)?;
+    let size = reader.output_buffer_size().with_context(|| format!("{}: too large", path.display()))?;
+    let mut bytes = vec![0; size];
+    let info = reader.next_frame(&mut bytes).with_context(reading)?;
+    bytes.truncate(info.buffer_size());
+    let rgb = match info.color_type {
+        png::ColorType::Rgb => bytes,
+        png::ColorType::Rgba => bytes.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect(),
+        png::ColorType::Grayscale => bytes.iter().flat_map(|v| [*v; 3]).collect(),
+        png::ColorType::GrayscaleAlpha => bytes.chunks_exact(2).flat_map(|p| [p[0]; 3]).collect(),
+        png::ColorType::Indexed => anyhow::bail!("{}: expected an image in colours", path.display()),
+    };
+    Ok(([info.width as usize, info.height as usize], rgb))
+}

@@ -1,0 +1,121 @@
+//! What a segmentation is to be trained on, and how: a recipe in TOML.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use swerve_scene::SemanticClass;
+use swerve_text::{Document, Problem};
+use swerve_vision::segmentation::{CLASSES, ForestParams, TREES};
+
+use crate::train::images::{Camera, ImageSet, Purpose, check, read};
+
+/// The whole recipe.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::train) struct Recipe {
+    /// Of all that is drawn in training.
+    pub(super) seed: u64,
+    pub(super) camera: Camera,
+    /// Images, by what they are for.
+    pub(super) set: Vec<ImageSet>,
+    /// What pixels are told apart as; what is in none is one class more.
+    pub(super) class: Vec<Class>,
+    pub(super) learning: Learning,
+}
+
+/// A class of pixels.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Class {
+    pub(super) name: String,
+    /// Names in Cityscapes' table; a mask has the id of the first.
+    labels: Vec<String>,
+}
+
+impl Class {
+    /// Ids of its labels.
+    pub(super) fn ids(&self) -> impl Iterator<Item = u8> {
+        self.labels.iter().filter_map(|name| id(name))
+    }
+}
+
+fn id(name: &str) -> Option<u8> {
+    SemanticClass::ALL.iter().find(|class| class.name() == name).map(|class| *class as u8)
+}
+
+/// How the forest is grown.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Learning {
+    /// Cells of each class that one image adds, at most.
+    pub(super) cells: usize,
+    /// How much a class weighs: its share of all cells to this power; 1 as often as it is, 0 all alike.
+    pub(super) power: f64,
+    /// How far the camera may be tilted unknown, either way; each image draws its own.
+    pub(super) tilt_deg: f64,
+    pub(super) trees: usize,
+    /// Levels of nodes.
+    depth: usize,
+    /// A node with less than this share of all weight is not split.
+    least: f64,
+    /// A node is offered one of so many features.
+    one_of: usize,
+}
+
+impl Learning {
+    pub(super) fn forest(&self, seed: u64) -> ForestParams {
+        ForestParams { depth: self.depth, least: self.least, one_of: self.one_of, seed }
+    }
+}
+
+impl Recipe {
+    /// Reads and checks a recipe.
+    pub(super) fn read(path: &Path) -> anyhow::Result<(Self, String)> {
+        read(path, Self::problems)
+    }
+
+    /// Of each of Cityscapes' ids the place of its class; the last for all else.
+    pub(super) fn class_of(&self) -> [u8; 256] {
+        let mut class_of = [self.class.len() as u8; 256];
+        for (k, class) in self.class.iter().enumerate() {
+            class.ids().for_each(|id| class_of[usize::from(id)] = k as u8);
+        }
+        class_of
+    }
+
+    fn problems(&self, document: &Document) -> Vec<Problem> {
+        let mut problems = Vec::new();
+        let mut ensure = |holds: bool, key: String, what: &str| {
+            if !holds {
+                problems.push(document.problem(&key, what));
+            }
+        };
+        check(&self.camera, &self.set, &[Purpose::Training, Purpose::Test], &mut ensure);
+        let count = self.class.len();
+        ensure((1..CLASSES).contains(&count), "class".into(), &format!("expected 1 to {}", CLASSES - 1));
+        for (k, class) in self.class.iter().enumerate() {
+            ensure(!class.labels.is_empty(), format!("class[{k}].labels"), "expected at least one");
+            for label in class.labels.iter().filter(|label| id(label).is_none()) {
+                let near = swerve_text::did_you_mean(label, SemanticClass::ALL.iter().map(|c| c.name()));
+                ensure(
+                    false,
+                    format!("class[{k}].labels"),
+                    &format!("no class `{label}` of Cityscapes{near}"),
+                );
+            }
+        }
+        let learning = &self.learning;
+        ensure((1..=10_000).contains(&learning.cells), "learning.cells".into(), "expected 1 to 10000");
+        ensure((0.0..=1.0).contains(&learning.power), "learning.power".into(), "expected 0 to 1");
+        ensure((0.0..=10.0).contains(&learning.tilt_deg), "learning.tilt_deg".into(), "expected 0 to 10");
+        ensure(
+            (1..=TREES).contains(&learning.trees),
+            "learning.trees".into(),
+            &format!("expected 1 to {TREES}"),
+        );
+        ensure((1..=24).contains(&learning.depth), "learning.depth".into(), "expected 1 to 24");
+        ensure((0.0..=1.0).contains(&learning.least), "learning.least".into(), "expected 0 to 1");
+        ensure((1..=64).contains(&learning.one_of), "learning.one_of".into(), "expected 1 to 64");
+        problems
+    }
+}

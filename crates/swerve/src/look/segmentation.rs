@@ -1,0 +1,84 @@
+//! `swerve look --segmentation`: what the pixels of images are labelled as.
+
+use std::collections::BTreeMap;
+
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use serde::Serialize;
+use swerve_drive::frames::overlay;
+use swerve_report::output;
+use swerve_vision::segmentation::{Class, Segmenter, Weights};
+use swerve_vision::shipped;
+
+use super::LookArgs;
+use super::images::{Picture, make_folder};
+use super::objects::ground;
+
+/// What is printed of an image.
+#[derive(Serialize)]
+struct Seen<'a> {
+    image: String,
+    /// Of all pixels, by class.
+    shares: BTreeMap<&'a str, f64>,
+}
+
+/// Runs it.
+pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
+    let weights = weights(name)?;
+    make_folder(args.out.as_deref())?;
+    let mut segmenter: Option<([usize; 2], Segmenter)> = None;
+    for path in &args.images {
+        let mut picture = Picture::read(path)?;
+        let size = picture.size;
+        let ground = ground(args, size).context("--segmentation needs the camera: expected --fov")?;
+        if segmenter.as_ref().is_none_or(|(of, _)| *of != size) {
+            segmenter = Some((size, Segmenter::new(weights.clone(), size, ground)));
+        }
+        let mut labels = vec![0; size[0] * size[1]];
+        if let Some((_, segmenter)) = &mut segmenter {
+            segmenter.segment(picture.rgb()?, &mut labels)?;
+        }
+        let seen = Seen { image: path.display().to_string(), shares: shares(&weights.classes, &labels) };
+        tell(&seen, args.json)?;
+        if let Some(out) = &args.out {
+            let names: Vec<(&str, u8)> =
+                weights.classes.iter().map(|class| (class.name.as_str(), class.id)).collect();
+            overlay(&mut picture.bytes, size, &labels, &names);
+            picture.write(out, path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Weights that are in the program, or those of a file.
+fn weights(name: &str) -> anyhow::Result<Weights> {
+    if let Some(weights) = shipped::segmentation(name) {
+        return Ok(weights?);
+    }
+    let path = Path::new(name);
+    if !path.exists() {
+        let names: Vec<&str> = shipped::segmentations().collect();
+        let near = swerve_text::did_you_mean(name, names.iter().copied());
+        bail!("no segmentation `{name}`{near}; expected {}, or a file of weights", swerve_text::list(&names));
+    }
+    let bytes = std::fs::read(path).with_context(|| format!("reading {name}"))?;
+    Weights::read(&bytes).with_context(|| name.to_owned())
+}
+
+/// Of each class the share of the pixels, in 1/10,000.
+fn shares<'a>(classes: &'a [Class], labels: &[u8]) -> BTreeMap<&'a str, f64> {
+    let mut counts = [0_usize; 256];
+    labels.iter().for_each(|id| counts[usize::from(*id)] += 1);
+    let share = |class: &Class| 1e4 * counts[usize::from(class.id)] as f64 / labels.len() as f64;
+    classes.iter().map(|class| (class.name.as_str(), share(class).round() / 1e4)).collect()
+}
+
+fn tell(seen: &Seen<'_>, json: bool) -> anyhow::Result<()> {
+    if json {
+        return output::print(&(serde_json::to_string(seen)? + "\n"));
+    }
+    let mut lines = vec![["class", "share"].map(str::to_owned).to_vec()];
+    lines.extend(seen.shares.iter().map(|(name, share)| vec![(*name).to_owned(), format!("{share:.4}")]));
+    output::print(&format!("{}\n{}", seen.image, output::align(&lines)))
+}
