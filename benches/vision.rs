@@ -21,7 +21,6 @@ use swerve_sim::{SimParams, Simulator};
 use swerve_stack::street::{EGO_INSTANCE, Street};
 use swerve_vehicle::VehicleParams;
 use swerve_vision::acf::Ground;
-use swerve_vision::hog::{HogDetector, LinearHog};
 use swerve_vision::lanes::{LaneFinder, LaneSettings, Method, RoadCamera};
 use swerve_vision::segmentation::Segmenter;
 use swerve_vision::stereo::{PathCount, Stereo, StereoSettings};
@@ -29,8 +28,6 @@ use swerve_vision::{Plane, Rgb, shipped};
 use zune_jpeg::zune_core::bytestream::ZCursor;
 
 const ROUNDS: usize = 15;
-/// Milliseconds of OpenCV 4.14 for the same, one thread of the machine of the rows in docs/performance.md.
-const HOG_MS: f64 = 150.0;
 
 /// Real data, where it lies beside the repository.
 fn data() -> Option<PathBuf> {
@@ -192,22 +189,11 @@ fn segmentation(rows: &mut Rows) {
     rows.row(what, took.least(), &took.text(1, "ms"), Goal::Most(30.0));
 }
 
-/// A floor: one and a half times as fast as OpenCV 4.14's default people detector, window and scales alike.
-fn hog(rows: &mut Rows) {
-    let (frame, _) = street();
-    let rgb = Rgb::new(frame.width_px, frame.height_px, &frame.rgb).expect("three colours");
-    let (mut detector, mut found) = (HogDetector::new(LinearHog::people()), Vec::new());
-    let took = ms(|| detector.detect(rgb, 0.0, &mut found));
-    let what = format!("HOG people, 800 x 600 pixels (OpenCV {HOG_MS} ms)");
-    rows.row(&what, took.least(), &took.text(1, "ms"), Goal::Most(HOG_MS / 1.5));
-}
-
 fn main() {
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "vision");
     let all = !std::env::args().any(|argument| argument == "rungs");
     if all && is_asked_to_measure() {
         segmentation(&mut rows);
-        hog(&mut rows);
     }
     match data().filter(|_| all && is_asked_to_measure()) {
         Some(folder) => {

@@ -1,6 +1,6 @@
 //! Cells of images to learn from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use swerve_core::Rng;
@@ -58,7 +58,7 @@ pub(super) fn samples(recipe: &Recipe, paths: &[PathBuf]) -> anyhow::Result<Samp
     Ok(Samples::new(&rows, labels, weights))
 }
 
-fn draw(recipe: &Recipe, path: &PathBuf, number: i64) -> anyhow::Result<Drawn> {
+fn draw(recipe: &Recipe, path: &Path, number: i64) -> anyhow::Result<Drawn> {
     let image = Labelled::read(recipe, path)?;
     let mut rng = Rng::keyed(recipe.seed, "cells", &[number]);
     let tilt_rad = (recipe.learning.tilt_deg * rng.uniform(-1.0, 1.0)).to_radians();
