@@ -84,7 +84,7 @@ fn crowd() -> Vec<Detections> {
         .map(|_| [rng.uniform(-50.0, 50.0), rng.uniform(-50.0, 50.0), 3.0 * rng.normal(), 3.0 * rng.normal()])
         .collect();
     let mut found = |k: usize, t: f64| {
-        let ([x, y, vx, vy], is_car) = (all[k], k % 2 == 0);
+        let ([x, y, vx, vy], is_car) = (all[k], k.is_multiple_of(2));
         let [length_m, width_m, height_m] = if is_car { [4.4, 1.8, 1.5] } else { [0.5, 0.5, 1.7] };
         DetectedBox {
             kind: if is_car { ActorKind::Car } else { ActorKind::Pedestrian },

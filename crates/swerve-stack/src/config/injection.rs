@@ -133,15 +133,14 @@ impl FaultConfig {
                 None => {}
             }
         }
-        let spans: [(_, _, fn(Span) -> FaultKind); 3] = [
-            ("delay_ms", self.delay_ms, FaultKind::Delay),
-            ("jitter_ms", self.jitter_ms, FaultKind::Jitter),
-            ("freeze_ms", self.freeze_ms, FaultKind::Freeze),
-        ];
-        for (key, ms, kind) in spans {
-            let Some(ms) = ms else { continue };
-            kinds.push(kind(span_ms(ms).map_err(|message| (key, message))?));
-        }
+        let mut span = |key, ms: Option<f64>, kind: fn(Span) -> FaultKind| {
+            let span = ms.map(span_ms).transpose().map_err(|message| (key, message))?;
+            kinds.extend(span.map(kind));
+            Ok(())
+        };
+        span("delay_ms", self.delay_ms, FaultKind::Delay)?;
+        span("jitter_ms", self.jitter_ms, FaultKind::Jitter)?;
+        span("freeze_ms", self.freeze_ms, FaultKind::Freeze)?;
         if let Some(sigma) = self.noise {
             if !(0.0..=1e6).contains(&sigma) {
                 return Err(("noise", format!("expected 0 to 1000000, found {}", number(sigma))));

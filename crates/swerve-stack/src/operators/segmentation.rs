@@ -153,6 +153,6 @@ mod tests {
         let row = |pitch_rad| ground(&image(Pixels::default(), [64, 48], pitch_rad));
         assert_eq!((row(0.0).horizon_px.round(), row(0.0).height_m), (24.0, 1.35));
         let down = row(0.1).horizon_px;
-        assert!((down - (24.0 - 60.0 * 0.1_f64.tan())).abs() < 1e-6, "{down}");
+        assert!((down - (24.0 - 60.0 * swerve_geom::math::tan(0.1))).abs() < 1e-6, "{down}");
     }
 }

@@ -24,7 +24,7 @@ fn images_without_a_sign_have_none() {
     let mut ring = car.clone();
     for k in 0..60 * 40 {
         let (x, y) = (k % 60, k / 60);
-        let away = (x as f64 - 30.0).hypot(y as f64 - 20.0);
+        let away = swerve_geom::math::hypot(x as f64 - 30.0, y as f64 - 20.0);
         let red = [180, 20, 25];
         if (10..50).contains(&x) && (5..35).contains(&y) {
             car[3 * k..3 * k + 3].copy_from_slice(&red);
