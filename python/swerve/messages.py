@@ -556,6 +556,30 @@ class Intrinsics(Message):
 
 
 @dataclass(slots=True)
+class Lanes(Message):
+    """The lines of the ego's lane as a camera sees them."""
+    stamp: Time
+    """Instant of the image."""
+    left: LaneLine | None
+    """On the ego's left."""
+    right: LaneLine | None
+    """On its right."""
+    pitch_rad: float
+    """By how much further down the camera looked at the road than it is mounted, radians; zero without lines."""
+
+
+@dataclass(slots=True)
+class LaneLine(Message):
+    """A line of paint on flat ground: `y = c0 + c1 x + c2 x²` in the ego frame, metres, where it was seen."""
+    coefficients: tuple[float, float, float]
+    """`c0` (m), `c1`, `c2` (1/m)."""
+    covariance: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+    """Of these."""
+    seen_m: tuple[float, float]
+    """`x` of the nearest and of the farthest place at which it was seen, metres."""
+
+
+@dataclass(slots=True)
 class Extent(Message):
     """Full size of a box, metres."""
     length_m: float
@@ -901,6 +925,8 @@ __all__ = [
     "Intrinsics",
     "LaneInvasion",
     "LaneInvasions",
+    "LaneLine",
+    "Lanes",
     "Message",
     "MotionCommand",
     "Obb",

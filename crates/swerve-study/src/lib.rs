@@ -14,6 +14,7 @@ pub mod cells;
 pub mod curve;
 pub mod grid;
 pub mod heatmap;
+pub mod picture;
 pub mod ranking;
 pub mod table;
 pub mod timely;

@@ -4,18 +4,15 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, anyhow, bail, ensure};
+use anyhow::{Context as _, bail, ensure};
 use clap::ValueEnum;
 use swerve_perception::image_plane::{
     Appearance, BOXES_MAX, ByteTrack, DeepSort, ImageDetection, ImageTrack, ImageTracker, Look, Sort,
 };
 use swerve_report::files::{refuse_unwritable, write_whole};
-use swerve_vision::Rgb;
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
 
 use crate::evaluate::mot;
-use crate::train::read_png;
+use crate::picture::Picture;
 
 /// `swerve track`.
 #[derive(clap::Args, Debug)]
@@ -94,33 +91,21 @@ fn by_looks(folder: &Path) -> impl FnMut(u64, &[ImageDetection]) -> anyhow::Resu
     move |frame, found| {
         let mut looks: Vec<Option<Look>> = Vec::new();
         if !found.is_empty() {
-            let (size, bytes) = image_of(folder, frame)?;
-            let image = Rgb::new(size[0], size[1], &bytes)?;
+            let picture = image_of(folder, frame)?;
+            let image = picture.rgb()?;
             looks.extend(found.iter().map(|found| appearance.describe(image, found.box_px)));
         }
         Ok(tracker.update_seen(found, &looks))
     }
 }
 
-/// The image of a frame, in a file as MOTChallenge names it: width and height, and bytes of three colours.
-fn image_of(folder: &Path, frame: u64) -> anyhow::Result<([usize; 2], Vec<u8>)> {
-    let [png, jpg] = ["png", "jpg"].map(|ending| folder.join(format!("{frame:06}.{ending}")));
-    match (png.is_file(), jpg.is_file()) {
-        (true, _) => read_png(&png),
-        (false, true) => read_jpeg(&jpg),
-        _ => bail!("{}: no image of frame {frame}, expected {frame:06}.png or .jpg", folder.display()),
+/// The image of a frame, in a file as MOTChallenge names it.
+fn image_of(folder: &Path, frame: u64) -> anyhow::Result<Picture> {
+    let mut files = ["png", "jpg"].map(|ending| folder.join(format!("{frame:06}.{ending}"))).into_iter();
+    match files.find(|file| file.is_file()) {
+        Some(file) => Picture::read(&file),
+        None => bail!("{}: no image of frame {frame}, expected {frame:06}.png or .jpg", folder.display()),
     }
-}
-
-fn read_jpeg(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
-    let reading = || format!("reading {}", path.display());
-    let mut decoder = JpegDecoder::new(ZCursor::new(std::fs::read(path).with_context(reading)?));
-    let bytes = decoder.decode().map_err(|error| anyhow!("{error:?}")).with_context(reading)?;
-    let info = decoder.info().with_context(reading)?;
-    let size = [usize::from(info.width), usize::from(info.height)];
-    // Brightness alone has one byte a pixel.
-    let is_grey = bytes.len() == size[0] * size[1];
-    Ok((size, if is_grey { bytes.iter().flat_map(|value| [*value; 3]).collect() } else { bytes }))
 }
 
 /// The rows of all frames from the first to the last, also those in which nothing was found.

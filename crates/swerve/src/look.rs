@@ -1,6 +1,5 @@
 //! `swerve look`: what images show, without neural networks; one mode a file.
 
-mod images;
 mod lamps;
 mod lanes;
 mod objects;
@@ -8,8 +7,9 @@ mod segmentation;
 mod signs;
 mod stereo;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use clap::ArgGroup;
 use swerve_vision::lanes::Method;
 
@@ -115,4 +115,11 @@ fn height(text: &str) -> Result<f64, String> {
 
 fn pitch(text: &str) -> Result<f64, String> {
     number(text, -45.0, 45.0, "-45 to 45 degrees")
+}
+
+/// Makes the folder for what is drawn, where one is asked for.
+fn make_folder(folder: Option<&Path>) -> anyhow::Result<()> {
+    folder.map_or(Ok(()), |out| {
+        std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))
+    })
 }

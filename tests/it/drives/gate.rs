@@ -172,7 +172,7 @@ fn a_hanging_controller_is_found_by_saying_the_same() {
     // Under new stamps nothing else tells it from a live one.
     let hangs = fault("controller", "freeze_ms = 60000");
     let (seen, outcome) = drive(&[&hangs]);
-    let stops = seen.begins(GateMode::Stopping(StopCause::CommandTimeout));
+    let stops = seen.begins(GateMode::Stopping(StopCause::CommandFrozen));
     assert!(stops > Time::from_ms(2990) && stops < Time::from_ms(3030), "{stops:?}");
     assert!(outcome.metrics.impact.is_none());
     let (_, outcome) = drive(&[&hangs, "gate.params.repeat_max_s=0"]);

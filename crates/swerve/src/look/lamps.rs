@@ -3,10 +3,10 @@
 use anyhow::Context as _;
 use serde::Serialize;
 use swerve_report::output;
+use swerve_study::picture::Picture;
 use swerve_vision::traffic_light::lit;
 
 use super::LookArgs;
-use super::images::Picture;
 
 /// What is printed of a crop.
 #[derive(Serialize)]

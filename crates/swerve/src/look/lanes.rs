@@ -5,10 +5,11 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde::Serialize;
 use swerve_report::output;
+use swerve_study::picture::Picture;
 use swerve_vision::lanes::{LaneFinder, LaneLine, LaneSettings, Lanes, Method, RoadCamera};
 
 use super::LookArgs;
-use super::images::{Picture, make_folder};
+use super::make_folder;
 
 const COLOURS: [[u8; 3]; 2] = [[255, 40, 40], [40, 90, 255]];
 /// Between two dots of a line that is drawn, metres.

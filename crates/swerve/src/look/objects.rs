@@ -7,10 +7,11 @@ use serde::Serialize;
 use swerve_geom::math;
 use swerve_report::output;
 use swerve_stack::config::camera_detectors;
+use swerve_study::picture::Picture;
 use swerve_vision::acf::{Detection, Ground, Rung, Scanner, Weights};
 
 use super::LookArgs;
-use super::images::{Picture, make_folder};
+use super::make_folder;
 
 /// What is printed of an image.
 #[derive(Serialize)]
@@ -100,12 +101,5 @@ fn tell(path: &Path, weights: &Weights, found: &[Detection], json: bool) -> anyh
 fn draw(picture: &mut Picture, one: &Detection) {
     const COLOURS: [[u8; 3]; 4] = [[255, 64, 64], [64, 200, 255], [255, 210, 0], [80, 255, 80]];
     let colour = COLOURS[one.class % COLOURS.len()];
-    let [left, top, across, down] = one.bbox;
-    let [width, height] = picture.size;
-    let within = |px: f64, n: usize| px.round().clamp(0.0, n as f64 - 1.0) as usize;
-    let (columns, rows) =
-        ([left, left + across].map(|px| within(px, width)), [top, top + down].map(|px| within(px, height)));
-    let mut dot = |x: usize, y: usize| picture.dot([x as f64, y as f64], 0, colour);
-    (columns[0]..=columns[1]).for_each(|x| rows.iter().for_each(|y| dot(x, *y)));
-    (rows[0]..=rows[1]).for_each(|y| columns.iter().for_each(|x| dot(*x, y)));
+    picture.frame(one.bbox, colour);
 }

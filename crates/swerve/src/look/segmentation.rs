@@ -8,11 +8,12 @@ use anyhow::{Context as _, bail};
 use serde::Serialize;
 use swerve_drive::frames::overlay;
 use swerve_report::output;
+use swerve_study::picture::Picture;
 use swerve_vision::segmentation::{Class, Segmenter, Weights};
 use swerve_vision::shipped;
 
 use super::LookArgs;
-use super::images::{Picture, make_folder};
+use super::make_folder;
 use super::objects::ground;
 
 /// What is printed of an image.

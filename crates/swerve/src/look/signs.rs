@@ -3,10 +3,11 @@
 use anyhow::Context as _;
 use serde::Serialize;
 use swerve_report::output;
+use swerve_study::picture::Picture;
 use swerve_vision::signs::{Meaning, Sign, SignFinder};
 
 use super::LookArgs;
-use super::images::{Picture, make_folder};
+use super::make_folder;
 
 /// Of the frames around signs.
 const COLOUR: [u8; 3] = [60, 230, 120];
@@ -51,24 +52,11 @@ pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
         let seen = Seen { image: path.display().to_string(), signs: found.iter().map(Found::new).collect() };
         tell(&seen, args.json)?;
         if let Some(out) = &args.out {
-            seen.signs.iter().for_each(|sign| frame(&mut picture, sign.bbox));
+            seen.signs.iter().for_each(|sign| picture.frame(sign.bbox, COLOUR));
             picture.write(out, path)?;
         }
     }
     Ok(())
-}
-
-/// Draws a frame around a box.
-fn frame(picture: &mut Picture, [left, top, width, height]: [f64; 4]) {
-    let around = |k: f64, from: f64| (0..=k as usize).map(move |step| from + step as f64);
-    for x in around(width, left) {
-        picture.dot([x, top], 1, COLOUR);
-        picture.dot([x, top + height], 1, COLOUR);
-    }
-    for y in around(height, top) {
-        picture.dot([left, y], 1, COLOUR);
-        picture.dot([left + width, y], 1, COLOUR);
-    }
 }
 
 fn tell(seen: &Seen, json: bool) -> anyhow::Result<()> {

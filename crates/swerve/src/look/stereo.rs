@@ -6,11 +6,11 @@ use anyhow::Context as _;
 use serde::Serialize;
 use swerve_report::files::write_whole;
 use swerve_report::output;
+use swerve_study::picture::Picture;
 use swerve_vision::Plane;
 use swerve_vision::stereo::{Stereo, StereoSettings};
 
 use super::LookArgs;
-use super::images::Picture;
 
 /// What is printed of a pair.
 #[derive(Serialize)]
