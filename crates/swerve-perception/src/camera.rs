@@ -3,7 +3,7 @@
 //! A box in the image tells the distance twice (Hoiem, Efros, Hebert: "Putting objects in perspective", IJCV 2008,
 //! section 2). Its foot lies on a ray that meets level ground, and it is as high as such a thing mostly is. Both give
 //! `rho`, one over the depth of the face that is seen, each with a deviation of its own, and the mean weighs them by
-//! these ([`place`]). Objects are completed to the size of their class behind that face.
+//! these (module `place`). Objects are completed to the size of their class behind that face.
 
 mod place;
 #[cfg(test)]
