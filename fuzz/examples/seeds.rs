@@ -11,6 +11,7 @@ use swerve_fuzz::WORKERS;
 use swerve_log::Recorder;
 use swerve_ros2::{Kind, cdr, samples};
 use swerve_stack::config::Config;
+use swerve_study::picture::Picture;
 
 fn main() -> anyhow::Result<()> {
     let folder = std::env::args().nth(1).context("expected a folder")?;
@@ -34,7 +35,6 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
         ("plan_problems", "configs/problems", "json"),
         ("detector_weights", "crates/swerve-vision/detectors", "weights"),
         ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),
-        ("png", "docs/img", "png"),
     ];
     for (target, from, ending) in of {
         for entry in std::fs::read_dir(root.join(from)).with_context(|| from.to_owned())? {
@@ -51,6 +51,9 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
     let coco = "{\"images\":[{\"id\":1}],\"categories\":[{\"id\":1,\"name\":\"car\"}],\"annotations\":[{\"id\":1,\
                 \"image_id\":1,\"category_id\":1,\"bbox\":[1,2,30,40],\"area\":1200,\"iscrowd\":0}]}\n---\n\
                 [{\"image_id\":1,\"category_id\":1,\"bbox\":[1,2,30,41],\"score\":0.9}]";
+    let picture = Picture { size: [5, 3], bytes: (0..45).collect() };
+    std::fs::create_dir_all(folder.join("png"))?;
+    picture.write(&folder.join("png"), Path::new("small"))?;
     put(folder, "mot", "two", mot.as_bytes())?;
     put(folder, "kitti", "one", kitti.as_bytes())?;
     put(folder, "coco", "one", coco.as_bytes())?;

@@ -1,12 +1,12 @@
-//! Detectors for the images of cameras: by name or from files, their rungs, and what these take.
+//! Detectors and labels of pixels for the images of cameras: by name or from files, rungs, and what these take.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
 use swerve_text::{did_you_mean, list};
-use swerve_vision::acf::{Rung, Weights};
-use swerve_vision::shipped;
+use swerve_vision::acf::{Rung, Weights, WeightsError};
+use swerve_vision::{segmentation, shipped};
 
 use super::execution::Runtime;
 
@@ -15,17 +15,35 @@ use super::execution::Runtime;
 /// # Errors
 /// There is none, or the file holds none that is whole.
 pub fn weights(name: &str) -> Result<Weights, String> {
-    if let Some(weights) = shipped::detector(name) {
+    stored("detector", name, (shipped::detector(name), shipped::names().collect()), Weights::read)
+}
+
+/// The weights that label pixels, of this name, or those in this file.
+///
+/// # Errors
+/// There are none, or the file holds none that are whole.
+pub fn segmentation(name: &str) -> Result<segmentation::Weights, String> {
+    let in_program = (shipped::segmentation(name), shipped::segmentations().collect());
+    stored("segmentation", name, in_program, segmentation::Weights::read)
+}
+
+/// What of this name is in the program, beside all names there, or what is in the file of this name.
+fn stored<T>(
+    what: &str,
+    name: &str,
+    (in_program, names): (Option<Result<T, WeightsError>>, Vec<&str>),
+    read: impl FnOnce(&[u8]) -> Result<T, WeightsError>,
+) -> Result<T, String> {
+    if let Some(weights) = in_program {
         return weights.map_err(|error| error.to_string());
     }
     let path = Path::new(name);
     if !path.exists() {
-        let names: Vec<&str> = shipped::names().collect();
         let near = did_you_mean(name, names.iter().copied());
-        return Err(format!("no detector `{name}`{near}; expected {}, or a file of weights", list(&names)));
+        return Err(format!("no {what} `{name}`{near}; expected {}, or a file of weights", list(&names)));
     }
     let bytes = std::fs::read(path).map_err(|error| format!("reading {name}: {error}"))?;
-    Weights::read(&bytes).map_err(|error| format!("{name}: {error}"))
+    read(&bytes).map_err(|error| format!("{name}: {error}"))
 }
 
 /// The rung of this name.
@@ -45,7 +63,7 @@ type Percentiles = BTreeMap<String, Vec<[f64; 2]>>;
 /// What a rung of a detector that is in the program was measured to take, on one core; none for others.
 pub fn run_time(detector: &str, rung: &str) -> Option<Runtime> {
     static ALL: LazyLock<BTreeMap<String, Percentiles>> =
-        LazyLock::new(|| toml::from_str(shipped::RUN_TIMES).expect("a test reads the measured times"));
+        LazyLock::new(|| swerve_text::built_in(shipped::RUN_TIMES));
     let percentiles_ms = ALL.get(detector)?.get(rung).cloned();
     percentiles_ms.map(|all| Runtime { percentiles_ms: Some(all), ..Runtime::default() })
 }

@@ -2,15 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use std::path::Path;
-
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 use swerve_drive::frames::overlay;
 use swerve_report::output;
+use swerve_stack::config::camera_detectors;
 use swerve_study::picture::Picture;
-use swerve_vision::segmentation::{Class, Segmenter, Weights};
-use swerve_vision::shipped;
+use swerve_vision::segmentation::{Class, Segmenter};
 
 use super::LookArgs;
 use super::make_folder;
@@ -26,7 +24,7 @@ struct Seen<'a> {
 
 /// Runs it.
 pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
-    let weights = weights(name)?;
+    let weights = camera_detectors::segmentation(name).map_err(|message| anyhow!(message))?;
     make_folder(args.out.as_deref())?;
     let mut segmenter: Option<([usize; 2], Segmenter)> = None;
     for path in &args.images {
@@ -50,21 +48,6 @@ pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
         }
     }
     Ok(())
-}
-
-/// Weights that are in the program, or those of a file.
-fn weights(name: &str) -> anyhow::Result<Weights> {
-    if let Some(weights) = shipped::segmentation(name) {
-        return Ok(weights?);
-    }
-    let path = Path::new(name);
-    if !path.exists() {
-        let names: Vec<&str> = shipped::segmentations().collect();
-        let near = swerve_text::did_you_mean(name, names.iter().copied());
-        bail!("no segmentation `{name}`{near}; expected {}, or a file of weights", swerve_text::list(&names));
-    }
-    let bytes = std::fs::read(path).with_context(|| format!("reading {name}"))?;
-    Weights::read(&bytes).with_context(|| name.to_owned())
 }
 
 /// Of each class the share of the pixels, in 1/10,000.
