@@ -59,7 +59,8 @@ fn drive(config: &Config, threads: usize, log: Option<&Path>) -> (Seen, Outcome)
     let file = scenario_file("person_crossing");
     let mut pipeline = Pipeline::build(config, &read_scenario(&file).unwrap()).unwrap();
     pipeline.until = Time::from_ms(4000);
-    let mut recorder = log.map(|log| Recorder::create(log, &run_start(config, &file).unwrap()).unwrap());
+    let mut recorder =
+        log.map(|log| Recorder::create(log, &run_start(config, &pipeline.scenario, &file)).unwrap());
     if let Some(recorder) = &mut recorder {
         set_up(recorder, config, &pipeline);
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
-use swerve_scenario::Scenario;
+use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_text::{Document, Problem, nearest, parse_assignment};
@@ -15,10 +15,11 @@ use crate::shipped::Kind;
 pub struct RunInput {
     /// Scenario file (TOML), or the name of one that is in the program: `swerve scenarios`
     pub scenario: PathBuf,
-    /// Configuration file (TOML), or a name such as best; every key that it leaves out has a default
+    /// Configuration file (TOML), or a name such as best; several: the later over the earlier. What they leave out has a
+    /// default
     #[arg(short, long)]
-    pub config: Option<PathBuf>,
-    /// Set a configuration key, such as planning.planner=rrt_star
+    pub config: Vec<PathBuf>,
+    /// Set a key of the configuration (planning.planner=rrt_star) or the scenario (actor.person.speed_mps=4)
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Seed of everything random
@@ -34,8 +35,13 @@ pub fn problems_error<P: ToString>(problems: &[P]) -> anyhow::Error {
 
 /// Reads a scenario, from a file or by its name; all its problems in one error.
 pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
+    read_scenario_with(path, &[])
+}
+
+/// As [`read_scenario`], with single keys changed.
+fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Scenario> {
     let (file, text) = (path.display().to_string(), Kind::Scenario.text(path)?);
-    let scenario = Scenario::parse(&file, &text).map_err(|problems| problems_error(&problems))?;
+    let scenario = Scenario::parse_with(&file, &text, sets).map_err(|problems| problems_error(&problems))?;
     let names: Vec<String> = Config::pipeline_names().collect();
     let known = |name: &&String| names.contains(name);
     let unknown: Vec<&String> =
@@ -59,8 +65,9 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Sc
     if let Some(seed) = input.seed {
         sets.push(("seed".into(), toml::Value::Integer(seed)));
     }
+    let (of_scenario, of_config) = split_sets(&sets);
     let config = Kind::Config
-        .config(registry, input.config.as_deref(), &sets)
+        .config(registry, &input.config, &of_config)
         .map_err(|problems| problems_error(&problems))?;
-    Ok((config, read_scenario(&input.scenario)?))
+    Ok((config, read_scenario_with(&input.scenario, &of_scenario)?))
 }

@@ -7,11 +7,11 @@ use swerve_foxglove::Foxglove;
 use swerve_log::{LeavesOut, LogError, Recorder, RunStart};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud};
+use swerve_scenario::Scenario;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 
-use crate::shipped::Kind;
 use crate::views::views_of;
 
 /// Records a run. When that fails it is said at once, on standard error; a run in virtual time ends then, one against
@@ -84,13 +84,13 @@ pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
 }
 
 /// The head of a log: all that it takes to run again without the files.
-pub fn run_start(config: &Config, scenario: &Path) -> anyhow::Result<RunStart> {
-    let text = Kind::Scenario.text(scenario)?.into_owned();
-    Ok(RunStart {
+pub fn run_start(config: &Config, scenario: &Scenario, file: &Path) -> RunStart {
+    let text = scenario.text.to_string();
+    RunStart {
         version: env!("CARGO_PKG_VERSION").into(),
         seed: config.seed,
         config: config.to_text(),
-        extra: [("scenario".to_owned(), text), ("scenario_file".to_owned(), scenario.display().to_string())]
+        extra: [("scenario".to_owned(), text), ("scenario_file".to_owned(), file.display().to_string())]
             .into(),
-    })
+    }
 }

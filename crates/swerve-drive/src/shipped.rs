@@ -182,18 +182,31 @@ impl Kind {
         Document::parse(&given.display().to_string(), self.text(given)?)
     }
 
-    /// The configuration of a file, or of the shipped one of this name, under assignments; without one all defaults.
+    /// Several configuration files, or shipped ones of these names, as one document: what a later one says goes before.
+    ///
+    /// # Errors
+    /// One cannot be read, or is no TOML.
+    pub fn layers(self, given: &[PathBuf]) -> Result<Document, Problem> {
+        let documents: Vec<Document> =
+            given.iter().map(|path| self.document(path)).collect::<Result<_, _>>()?;
+        match Config::layered(documents) {
+            Some(document) => Ok(document),
+            None => Document::parse("defaults", ""),
+        }
+    }
+
+    /// The configuration of files, or of the shipped ones of these names, the later over the earlier, under assignments;
+    /// without any all defaults.
     ///
     /// # Errors
     /// All that is wrong with it.
     pub fn config(
         self,
         registry: &Registry,
-        given: Option<&Path>,
+        given: &[PathBuf],
         sets: &[(String, toml::Value)],
     ) -> Result<Config, Problems> {
-        let Some(given) = given else { return Config::load_with(registry, None, sets) };
-        Config::from_document_with(registry, &self.document(given)?, sets)
+        Config::from_document_with(registry, &self.layers(given)?, sets)
     }
 
     /// What a file means by `named`, which is `at` as seen from that file: a file that is there, or one in the program.

@@ -122,7 +122,7 @@ impl Drive {
         // A vehicle moves in real time.
         let wall = ("clock.source".to_owned(), toml::Value::from("wall"));
         let sets: Vec<_> = std::iter::once(wall).chain(sets.iter().cloned()).collect();
-        let mut config = Kind::Live.config(registry, Some(file), &sets).map_err(|problems| {
+        let mut config = Kind::Live.config(registry, &[file.to_owned()], &sets).map_err(|problems| {
             let mut all: Vec<String> = problems.iter().map(ToString::to_string).collect();
             let is_set = sets.iter().any(|(key, _)| key == "live.route");
             if let Some(document) = Kind::Live.document(file).ok().filter(|_| !is_set) {
@@ -340,7 +340,7 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
     let _held = swerve_report::files::claim(&out)?;
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
-    let mut recorder = Recorder::create(&log_part, &run_start(&drive)?)?;
+    let mut recorder = Recorder::create(&log_part, &run_start(&drive))?;
     set_up(&mut recorder, &drive);
     let trace = TraceWriter::create(&trace_part, &["gate"])?;
     let mut files = DriveFiles { recorder, trace, folder: out };
@@ -409,6 +409,6 @@ fn set_up(recorder: &mut Recorder, drive: &Drive) {
 }
 
 /// The head of a log: all that it takes to compute it again without the files.
-fn run_start(drive: &Drive) -> anyhow::Result<RunStart> {
-    swerve_drive::run_start(&drive.config, &drive.route)
+fn run_start(drive: &Drive) -> RunStart {
+    swerve_drive::run_start(&drive.config, &drive.scenario, &drive.route)
 }

@@ -75,6 +75,7 @@ mod expect;
 mod model;
 mod parse;
 mod road;
+mod set;
 
 pub use draw::{Draws, sensor_phase};
 pub use expect::{Bound, Expectation, Metric};
@@ -83,4 +84,5 @@ pub use model::{
     Trigger,
 };
 pub use road::{KERB_M, PAVEMENT_M, Road, Segment, TrafficLight};
+pub use set::{is_scenario_key, split_sets};
 pub use swerve_msg::truth::Verdict;

@@ -37,9 +37,10 @@ pub struct DatasetArgs {
     /// Output folder; must be empty or absent
     #[arg(long)]
     pub(crate) out: PathBuf,
-    /// Configuration file with one camera, and a lidar or none [default: a camera and a lidar as KITTI's]
+    /// Configuration file with one camera, and a lidar or none; several: the later over the earlier [default: a camera
+    /// and a lidar as KITTI's]
     #[arg(short, long)]
-    pub(crate) config: Option<PathBuf>,
+    pub(crate) config: Vec<PathBuf>,
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
@@ -95,10 +96,9 @@ pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
 
 fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
     let sets: Result<Vec<_>, _> = args.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
-    let mut config = Kind::Config
-        .config(registry, args.config.as_deref(), &sets?)
-        .map_err(|problems| problems_error(&problems))?;
-    if args.config.is_none() && config.camera.is_empty() {
+    let mut config =
+        Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))?;
+    if args.config.is_empty() && config.camera.is_empty() {
         let (camera, lidar) = KITTI_LIKE;
         config.camera.insert(camera.into(), kitti_camera());
         config.lidar.insert(lidar.into(), LidarConfig::default());

@@ -1,5 +1,6 @@
 //! A study file: a base run and axes over configuration keys, expanded to cells.
 
+mod forms;
 mod places;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,6 +9,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problem, Problems, is_within, number};
+
+pub use forms::{Files, Values};
 
 use super::curve::Curve;
 use super::ranking::Ranking;
@@ -52,8 +55,9 @@ pub type LeaveOut = BTreeMap<String, Vec<String>>;
 pub struct Base {
     /// Scenario file, relative to the study's folder.
     pub scenario: PathBuf,
-    /// Configuration file, relative to the study's folder.
-    pub config: Option<PathBuf>,
+    /// Configuration file, relative to the study's folder, or several: the later over the earlier.
+    #[serde(default)]
+    pub config: Files,
     /// Keys set in every cell.
     #[serde(default)]
     pub set: toml::Table,
@@ -65,11 +69,13 @@ pub struct Base {
 pub struct Axis {
     /// Column name; the key's last part when absent.
     pub name: Option<String>,
-    /// Dotted configuration key that takes the values. Absent when every value sets keys of its own.
+    /// Dotted key of the configuration, or of the scenario (`actor.NAME.KEY`, `scenario.KEY`), that takes the values;
+    /// `scenario` alone: the values are scenario files, relative to the study's folder. Absent when every value sets
+    /// keys of its own.
     pub key: Option<String>,
     /// Values for `key`.
     #[serde(default)]
-    pub values: Vec<toml::Value>,
+    pub values: Values,
     /// Named settings of several keys at once, instead of `values`.
     #[serde(default)]
     pub settings: Vec<Setting>,
@@ -103,6 +109,9 @@ pub struct Budget {
     /// Axis that gets one more step, `limit`: the largest reaction time at which the vehicle itself can still clear.
     pub limit: Option<String>,
 }
+
+/// The key of an axis over scenarios.
+const SCENARIO: &str = "scenario";
 
 /// The name of the step that stands for the vehicle's own limit.
 pub const LIMIT: &str = "limit";
@@ -157,8 +166,8 @@ pub struct Study {
     pub description: String,
     /// Scenario file.
     pub scenario: PathBuf,
-    /// Configuration file.
-    pub config: Option<PathBuf>,
+    /// Configuration files, the later over the earlier.
+    pub config: Vec<PathBuf>,
     /// Column names, one an axis.
     pub axes: Vec<String>,
     /// Keys that every cell sets, before those of the axes.
@@ -260,7 +269,7 @@ impl Study {
             name,
             description: file.description,
             scenario: places::beside(folder, &file.base.scenario, Kind::Scenario),
-            config: file.base.config.as_ref().map(|config| places::beside(folder, config, Kind::Config)),
+            config: file.base.config.0.iter().map(|c| places::beside(folder, c, Kind::Config)).collect(),
             axes,
             base,
             steps,
@@ -290,7 +299,7 @@ impl Study {
         self
     }
 
-    /// The scenario of a cell.
+    /// The scenario file of a cell.
     pub fn scenario<'a>(&'a self, cell: &'a Cell) -> &'a Path {
         cell.scenario.as_deref().unwrap_or(&self.scenario)
     }
@@ -310,7 +319,7 @@ impl Study {
     /// The command line that repeats one cell.
     pub fn command(&self, cell: &Cell) -> String {
         let mut line = format!("swerve run {}", quoted(&self.scenario(cell).display().to_string()));
-        if let Some(config) = &self.config {
+        for config in &self.config {
             line += &format!(" -c {}", quoted(&config.display().to_string()));
         }
         for (key, value) in &cell.sets {
@@ -429,8 +438,14 @@ impl Cell {
 
 impl Axis {
     fn steps(&self, folder: &Path) -> Result<(String, Vec<Step>), String> {
-        let from_values = self.values.iter().map(|value| {
+        let from_values = self.values.0.iter().map(|value| {
             let key = self.key.clone().ok_or("`values` need a `key`")?;
+            if key == SCENARIO {
+                let file = value.as_str().ok_or("expected scenario files")?;
+                let stem = Path::new(file).file_stem().map_or(file.into(), |stem| stem.to_string_lossy());
+                let scenario = places::beside(folder, Path::new(file), Kind::Scenario);
+                return Ok(Step { label: stem.into_owned(), scenario: Some(scenario), sets: Vec::new() });
+            }
             Ok(Step { label: label_of(value), scenario: None, sets: vec![(key, value.clone())] })
         });
         let from_settings = self.settings.iter().map(|setting| {

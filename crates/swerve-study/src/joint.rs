@@ -4,9 +4,12 @@
 //! resource's name on the resources. Axes over keys that have nothing to do with each other are looked at one
 //! after the other; only those that have are looked at in all their combinations.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use swerve_report::progress::Progress;
+use swerve_scenario::{Scenario, is_scenario_key, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_text::{Document, Problem, Problems, is_within};
@@ -23,13 +26,18 @@ const JOINT: [&[&str]; 5] = [
 ];
 
 /// What is wrong, each fault once, with the first cell that has it, in the order of these cells.
-pub(super) fn problems(study: &Study, base: &Document, registry: &Registry) -> Problems {
+pub(super) fn problems(
+    study: &Study,
+    base: &Document,
+    scenarios: &BTreeMap<PathBuf, Scenario>,
+    registry: &Registry,
+) -> Problems {
     // The file's own faults are told with their lines; what is left is a fault of what cells set.
     if let Err(problems) = Config::from_document_with(registry, base, &[]) {
         return problems;
     }
     let classes = classes(&study.steps);
-    let mut found = Found { study, base, first: BTreeMap::new() };
+    let mut found = Found { study, base, scenarios, first: BTreeMap::new() };
     // A value of a wrong form is one in every combination: once told, it needs no combining.
     let mut good: Vec<Vec<usize>> = study.steps.iter().map(|steps| (0..steps.len()).collect()).collect();
     for &axis in classes.iter().filter(|class| class.len() > 1).flatten() {
@@ -57,6 +65,7 @@ pub(super) fn problems(study: &Study, base: &Document, registry: &Registry) -> P
 struct Found<'a> {
     study: &'a Study,
     base: &'a Document,
+    scenarios: &'a BTreeMap<PathBuf, Scenario>,
     first: BTreeMap<Problem, usize>,
 }
 
@@ -71,7 +80,18 @@ impl Found<'_> {
         sets.extend(
             chosen.iter().flat_map(|&(axis, step)| self.study.steps[axis][step].sets.iter().cloned()),
         );
-        let Err(problems) = read(self.base, &sets) else { return true };
+        let (of_scenario, of_config) = split_sets(&sets);
+        let mut problems = read(self.base, &of_config).err().unwrap_or_default();
+        let named =
+            chosen.iter().filter_map(|&(axis, step)| self.study.steps[axis][step].scenario.as_deref());
+        let file = named.last().unwrap_or(&self.study.scenario);
+        // One that cannot be read is told by whoever reads it.
+        if let Some(scenario) = self.scenarios.get(file) {
+            problems.extend(changed(file, scenario, &of_scenario).err().into_iter().flatten());
+        }
+        if problems.is_empty() {
+            return true;
+        }
         let cell = index_of(self.study, chosen);
         for problem in problems {
             let first = self.first.entry(located(self.study, problem)).or_insert(cell);
@@ -79,6 +99,18 @@ impl Found<'_> {
         }
         false
     }
+}
+
+/// A scenario with single keys changed.
+pub(super) fn changed<'a>(
+    file: &Path,
+    scenario: &'a Scenario,
+    sets: &[(String, toml::Value)],
+) -> Result<Cow<'a, Scenario>, Problems> {
+    if sets.is_empty() {
+        return Ok(Cow::Borrowed(scenario));
+    }
+    Scenario::parse_with(&file.display().to_string(), &scenario.text, sets).map(Cow::Owned)
 }
 
 /// The axes in groups of those that have to do with each other.
@@ -105,6 +137,11 @@ fn keys(steps: &[Step]) -> Vec<&str> {
 }
 
 fn are_joint(a: &[Step], b: &[Step]) -> bool {
+    let is_of_scenario =
+        |step: &Step| step.scenario.is_some() || step.sets.iter().any(|(key, _)| is_scenario_key(key));
+    if a.iter().any(is_of_scenario) && b.iter().any(is_of_scenario) {
+        return true;
+    }
     let (a, b) = (keys(a), keys(b));
     let related = |a: &str, b: &str| is_within(a, b) || is_within(b, a);
     let touches = |keys: &[&str], group: &[&str]| {
@@ -211,7 +248,7 @@ mod tests {
     #[test]
     fn as_much_is_found_as_by_looking_at_every_cell() {
         let (study, base) = study();
-        let by_class = problems(&study, &base, &Registry::standard());
+        let by_class = problems(&study, &base, &BTreeMap::new(), &Registry::standard());
         let expanded = study.clone().expand();
         assert_eq!(expanded.cells.len(), 216);
         let mut by_cell: Vec<Problem> = Vec::new();
@@ -239,8 +276,10 @@ mod tests {
     #[test]
     fn the_first_cell_with_a_fault_is_named() {
         let (study, base) = study();
-        let said: Vec<String> =
-            problems(&study, &base, &Registry::standard()).iter().map(Problem::to_string).collect();
+        let said: Vec<String> = problems(&study, &base, &BTreeMap::new(), &Registry::standard())
+            .iter()
+            .map(Problem::to_string)
+            .collect();
         let of =
             |key: &str| said.iter().find(|s| s.contains(key)).unwrap_or_else(|| panic!("{key}: {said:#?}"));
         assert!(of("sim.vehicle.limits").ends_with("in the cell [fot 1 none gpu without 9.0]"), "{said:#?}");

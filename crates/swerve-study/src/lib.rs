@@ -21,6 +21,7 @@ pub mod timely;
 pub mod track;
 pub mod train;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -32,10 +33,10 @@ use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::{Outcome, drive, problems_error};
 use swerve_report::files::write_whole;
-use swerve_scenario::Scenario;
+use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
-use swerve_text::{Document, Problem};
+use swerve_text::{Document, Problem, Problems};
 
 use cells::{CellResult, CellStore, Runner, Shard};
 use grid::{Cell, Study};
@@ -141,8 +142,8 @@ fn out_folder(study: &Study, out: Option<&Path>) -> PathBuf {
 pub struct Bench {
     /// The study.
     pub study: Study,
-    /// Each with its text, by its file.
-    scenarios: BTreeMap<PathBuf, (Scenario, String)>,
+    /// Each by its file.
+    scenarios: BTreeMap<PathBuf, Scenario>,
     base: Document,
     registry: Registry,
     /// The program itself: what another build finished is not taken for its result.
@@ -171,28 +172,23 @@ impl Bench {
         let mut scenarios = BTreeMap::new();
         let mut unread = Vec::new();
         for path in study.scenarios() {
-            let text = match Kind::Scenario.text(path) {
-                Ok(text) => text.into_owned(),
-                Err(problem) => {
-                    unread.push(study.unread(path, problem).to_string());
-                    continue;
-                }
-            };
+            if let Err(problem) = Kind::Scenario.text(path) {
+                unread.push(study.unread(path, problem).to_string());
+                continue;
+            }
             match swerve_drive::read_scenario(path) {
-                Ok(scenario) => drop(scenarios.insert(path.to_owned(), (scenario, text))),
+                Ok(scenario) => drop(scenarios.insert(path.to_owned(), scenario)),
                 Err(error) => unread.push(error.to_string()),
             }
         }
-        let base = match &study.config {
-            Some(path) => match Kind::Config.text(path).map_err(|problem| study.unread(path, problem)) {
-                Ok(text) => Document::parse(&path.display().to_string(), text),
-                Err(problem) => Err(problem),
-            },
-            None => Document::parse("defaults", String::new()),
+        let unread_config = study.config.iter().find_map(|path| Some((path, Kind::Config.text(path).err()?)));
+        let base = match unread_config {
+            Some((path, problem)) => Err(study.unread(path, problem)),
+            None => Kind::Config.layers(&study.config),
         };
         // What is wrong is told before the first cell runs.
         let problems = match &base {
-            Ok(base) => joint::problems(&study, base, registry),
+            Ok(base) => joint::problems(&study, base, &scenarios, registry),
             Err(problem) => problem.clone().into(),
         };
         match base {
@@ -206,23 +202,24 @@ impl Bench {
         }
     }
 
-    /// The scenario of a cell, and its text.
-    fn scenario(&self, cell: &Cell) -> (&Scenario, &str) {
-        let (scenario, text) = &self.scenarios[self.study.scenario(cell)];
-        (scenario, text)
+    /// The scenario of a cell.
+    fn scenario(&self, cell: &Cell) -> anyhow::Result<Cow<'_, Scenario>> {
+        let file = self.study.scenario(cell);
+        let (sets, _) = split_sets(&cell.sets);
+        joint::changed(file, &self.scenarios[file], &sets).map_err(|problems| in_cell(cell, &problems))
     }
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
-        Config::from_document_with(&self.registry, &self.base, &cell.sets).map_err(|problems| {
-            problems_error(&problems).context(format!("cell [{}] of the study", cell.labels.join(" ")))
-        })
+        let (_, sets) = split_sets(&cell.sets);
+        Config::from_document_with(&self.registry, &self.base, &sets)
+            .map_err(|problems| in_cell(cell, &problems))
     }
 
     /// What a cell's result depends on, in one number.
     pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
         let mut hasher = Hasher::new();
         let config = self.config(cell)?;
-        hasher.value(&(self.program, config.to_text(), self.scenario(cell).1));
+        hasher.value(&(self.program, config.to_text(), &*self.scenario(cell)?.text));
         for program in config.programs() {
             hasher.bytes(&std::fs::read(program).with_context(|| format!("reading {}", program.display()))?);
         }
@@ -252,7 +249,8 @@ impl Bench {
 
     /// Runs one cell.
     pub fn run_cell(&self, cell: &Cell) -> anyhow::Result<CellResult> {
-        let (config, (scenario, _)) = (self.config(cell)?, self.scenario(cell));
+        let (config, scenario) = (self.config(cell)?, self.scenario(cell)?);
+        let scenario = &*scenario;
         if let Some(timely) = &self.study.timely {
             return timely.run(cell, &config, scenario);
         }
@@ -268,6 +266,11 @@ impl Bench {
             },
         }
     }
+}
+
+/// Faults of a cell, which the check of the whole study has not found.
+fn in_cell(cell: &Cell, problems: &Problems) -> anyhow::Error {
+    problems_error(problems).context(format!("cell [{}] of the study", cell.labels.join(" ")))
 }
 
 /// Whether it is of the vehicle's own limit.

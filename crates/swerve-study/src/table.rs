@@ -289,7 +289,7 @@ mod tests {
             name: "s".into(),
             description: String::new(),
             scenario: "a".into(),
-            config: None,
+            config: Vec::new(),
             axes: vec!["planner".into(), "speed_mps".into(), "seed".into()],
             base: vec![],
             steps: vec![],

@@ -77,6 +77,8 @@ struct Place {
     start: usize,
     /// From 1.
     line: usize,
+    /// The file, where it is another than the document's own.
+    file: Option<Arc<str>>,
 }
 
 impl Document {
@@ -112,6 +114,19 @@ impl Document {
             Problem { key, ..syntax(error) }
         })?;
         Ok(Self { file: file.to_owned(), text: text.into(), table, places })
+    }
+
+    /// This document with what `base` says besides: tables are taken key by key, every other value is this one's. What
+    /// `base` says stays known by its file and line.
+    #[must_use]
+    pub fn over(mut self, mut base: Self) -> Self {
+        let file: Arc<str> = base.file.as_str().into();
+        for place in base.places.values_mut() {
+            place.file.get_or_insert_with(|| Arc::clone(&file));
+        }
+        lay_over(&mut base.table, self.table, "", &mut base.places);
+        base.places.append(&mut self.places);
+        Self { table: base.table, places: base.places, ..self }
     }
 
     /// The folder of the file, from which relative paths in it count; the working folder for other texts.
@@ -150,9 +165,10 @@ impl Document {
 
     /// A problem with the value at dotted `key` (or, where that is not written, with its nearest parent).
     pub fn problem(&self, key: &str, message: impl Into<String>) -> Problem {
+        let place = self.nearest_place(key);
         Problem {
-            file: self.file.clone(),
-            line: self.line(key),
+            file: place.and_then(|place| place.file.as_deref()).unwrap_or(&self.file).to_owned(),
+            line: place.map(|place| place.line),
             key: key.to_owned(),
             message: message.into(),
         }
@@ -160,10 +176,14 @@ impl Document {
 
     /// The line of the value at dotted `key`, or of its nearest parent that is written.
     pub fn line(&self, key: &str) -> Option<usize> {
+        self.nearest_place(key).map(|place| place.line)
+    }
+
+    fn nearest_place(&self, key: &str) -> Option<&Place> {
         let mut at = key;
         loop {
             if let Some(place) = self.place(at) {
-                return Some(place.line);
+                return Some(place);
             }
             (at, _) = at.rsplit_once(['.', '['])?;
         }
@@ -176,6 +196,22 @@ impl Document {
 
     fn place(&self, key: &str) -> Option<&Place> {
         self.places.get(key)
+    }
+}
+
+/// Puts `top` into `base`; the places of values that go are forgotten.
+fn lay_over(base: &mut toml::Table, top: toml::Table, prefix: &str, places: &mut Places) {
+    for (name, value) in top {
+        let key = format!("{prefix}{name}");
+        match (base.get_mut(&name), value) {
+            (Some(toml::Value::Table(below)), toml::Value::Table(above)) => {
+                lay_over(below, above, &format!("{key}."), places);
+            }
+            (_, value) => {
+                places.retain(|place, _| !crate::is_within(place, &key));
+                base.insert(name, value);
+            }
+        }
     }
 }
 
@@ -218,7 +254,7 @@ fn note_table(table: &DeTable<'_>, prefix: &str, lines: &Lines, places: &mut Pla
 }
 
 fn note(value: &DeValue<'_>, key: &str, start: usize, lines: &Lines, places: &mut Places) {
-    places.entry(key.to_owned()).or_insert_with(|| Place { start, line: lines.line(start) });
+    places.entry(key.to_owned()).or_insert_with(|| Place { start, line: lines.line(start), file: None });
     match value {
         DeValue::Table(inner) => note_table(inner, key, lines, places),
         DeValue::Array(items) => {
@@ -303,6 +339,29 @@ mod tests {
         let said = Document::read(&folder).unwrap_err().to_string();
         std::fs::remove_file(&folder).unwrap();
         assert!(said.ends_with(":2: cannot be read: expected text in UTF-8"), "{said}");
+    }
+
+    #[test]
+    fn one_document_over_another_knows_where_each_value_stands() {
+        let base = Document::parse("base.toml", "a = 1\n[b]\nc = [1, 2]\nd = 3\n[e]\nf = 1\n").unwrap();
+        let top = Document::parse("top.toml", "[b]\nc = [9]\n[g]\nh = 2\n").unwrap();
+        let both = top.over(base);
+        let wanted = "a = 1\nb = { c = [9], d = 3 }\ne = { f = 1 }\ng = { h = 2 }";
+        assert_eq!(both.table, wanted.parse().unwrap());
+        for (key, at) in [
+            ("a", "base.toml:1"),
+            ("b.c[0]", "top.toml:2"),
+            ("b.c[1]", "top.toml:2"),
+            ("b.d", "base.toml:4"),
+            ("e.f.x", "base.toml:6"),
+            ("g.h", "top.toml:4"),
+            ("z", "top.toml"),
+        ] {
+            assert_eq!(both.problem(key, "x").to_string(), format!("{at}: {key}: x"));
+        }
+        let third = Document::parse("third.toml", "[e]\nf = 2\n").unwrap().over(both);
+        assert_eq!(third.problem("b.d", "x").to_string(), "base.toml:4: b.d: x");
+        assert_eq!(third.problem("g.h", "x").to_string(), "top.toml:4: g.h: x");
     }
 
     #[test]

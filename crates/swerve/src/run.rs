@@ -103,7 +103,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut realtime = Realtime::begin(&config.clock);
-    let mut recorder = Recorder::create(&log_part, &run_start(&config, &args.input.scenario)?)?;
+    let mut recorder = Recorder::create(&log_part, &run_start(&config, &scenario, &args.input.scenario))?;
     set_up(&mut recorder, &config, &pipeline);
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
     let mut trace = TraceWriter::create(&trace_part, &acting(&pipeline))?;

@@ -116,7 +116,8 @@ fn a_run_under_dynamic_deadlines_is_the_same_again_and_replays_bit_for_bit() {
     let path = folder.path().join("log.mcap");
     let config = config(&["ego.speed_mps=12"]);
     let scenario = file("scenarios/person_behind_truck.toml");
-    let mut recorder = Recorder::create(&path, &run_start(&config, &scenario).unwrap()).unwrap();
+    let start = run_start(&config, &read_scenario(&scenario).unwrap(), &scenario);
+    let mut recorder = Recorder::create(&path, &start).unwrap();
     let digest = |more: &mut [&mut dyn Observer]| -> Digest { drive(&[], 10_500, more).1.digest };
     assert_eq!(digest(&mut [&mut recorder]), digest(&mut []));
     recorder.finish().unwrap();

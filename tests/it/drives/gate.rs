@@ -225,7 +225,9 @@ fn it_replays_bit_for_bit_from_above_and_from_the_gate() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.mcap");
     let config = config(&[&fault("controller", "jitter_ms = 400, until_ms = 4000")]);
-    let mut recorder = Recorder::create(&path, &run_start(&config, Path::new(SCENARIO)).unwrap()).unwrap();
+    let file = Path::new(SCENARIO);
+    let start = run_start(&config, &read_scenario(file).unwrap(), file);
+    let mut recorder = Recorder::create(&path, &start).unwrap();
     drive_observed(&config, &mut [&mut recorder]);
     recorder.finish().unwrap();
     let log = Log::read(&path).unwrap();

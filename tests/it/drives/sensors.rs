@@ -229,8 +229,9 @@ fn sensors_are_computed_again_from_a_log_without_their_data() {
     let config = config(SENSORS, &["operator.planner.runtime={ fixed_ms = 60 }"]);
     let record = |file: &str, config: &Config| {
         let path = folder.path().join(file);
-        let mut recorder =
-            Recorder::create(&path, &run_start(config, &common::scenario_file(SCENARIO)).unwrap()).unwrap();
+        let scenario = common::scenario_file(SCENARIO);
+        let start = run_start(config, &read_scenario(&scenario).unwrap(), &scenario);
+        let mut recorder = Recorder::create(&path, &start).unwrap();
         if let Some(data) = left_out_of_logs(config.log.images) {
             recorder.leave_out(data);
         }

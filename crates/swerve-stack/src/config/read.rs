@@ -45,6 +45,15 @@ impl Config {
         if sets.is_empty() { Ok(plain) } else { Self::with_sets(registry, document, sets) }
     }
 
+    /// Several files as one: what a later one says goes over what those before it say, key by key.
+    pub fn layered(documents: impl IntoIterator<Item = Document>) -> Option<Document> {
+        let whole = |mut document: Document| {
+            document.table = with_whole_paths(core::mem::take(&mut document.table), document.folder());
+            document
+        };
+        documents.into_iter().map(whole).reduce(|base, top| top.over(base))
+    }
+
     /// A file as it is written; its problems have their lines. What is left then is one of an assignment.
     fn of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());

@@ -36,9 +36,10 @@ pub(crate) struct DetectorArgs {
     /// Average precision to meet, for a detector of one's own by camera
     #[arg(long, value_name = "0..1", value_parser = share)]
     ap: Option<f64>,
-    /// Configuration that the scenarios are driven with, and that the result is written into
+    /// Configuration that the scenarios are driven with, and that the result is written into; several: the later over
+    /// the earlier
     #[arg(short, long)]
-    config: Option<PathBuf>,
+    config: Vec<PathBuf>,
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -89,9 +90,8 @@ const CLOSE: f64 = 0.002;
 /// Runs `swerve calibrate detector`.
 pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()> {
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
-    let base = Kind::Config
-        .config(registry, args.config.as_deref(), &sets?)
-        .map_err(|problems| problems_error(&problems))?;
+    let base =
+        Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))?;
     if let Some(path) = &args.out {
         swerve_report::files::refuse_unwritable(path)?;
     }

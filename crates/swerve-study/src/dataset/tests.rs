@@ -15,7 +15,7 @@ fn data_set(out: &Path, set: &[&str]) -> anyhow::Result<()> {
         &DatasetArgs {
             scenarios: vec![scenario],
             out: out.to_owned(),
-            config: Some(file),
+            config: vec![file],
             set: set.iter().map(|s| (*s).to_owned()).collect(),
             seeds: vec![1],
             weathers: vec![WeatherPreset::default()],

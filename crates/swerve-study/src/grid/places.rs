@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problem};
 
-use super::{StudyFile, flatten};
+use super::{SCENARIO, StudyFile, flatten};
 
 /// The lines of the file that set configuration keys, by key.
 pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
@@ -37,14 +37,21 @@ pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, u
 
 /// The places of the file that name other files, by these as they are looked for.
 pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTreeMap<PathBuf, Problem> {
+    let mut of_values: Vec<(String, PathBuf)> = Vec::new();
     let mut named = vec![("base.scenario".to_owned(), Some(&file.base.scenario), Kind::Scenario)];
-    named.push(("base.config".to_owned(), file.base.config.as_ref(), Kind::Config));
+    named.extend(file.base.config.0.iter().map(|path| ("base.config".to_owned(), Some(path), Kind::Config)));
     for (i, axis) in file.axis.iter().enumerate() {
         for (j, setting) in axis.settings.iter().enumerate() {
             let key = format!("axis[{i}].settings[{j}].scenario");
             named.push((key, setting.scenario.as_ref(), Kind::Scenario));
         }
+        if axis.key.as_deref() == Some(SCENARIO) {
+            let key = format!("axis[{i}].values");
+            of_values
+                .extend(axis.values.0.iter().filter_map(|file| Some((key.clone(), file.as_str()?.into()))));
+        }
     }
+    named.extend(of_values.iter().map(|(key, path)| (key.clone(), Some(path), Kind::Scenario)));
     // Of several places the first counts.
     let place = |(key, path, kind): (String, Option<&PathBuf>, Kind)| {
         Some((beside(folder, path?, kind), document.problem(&key, "")))

@@ -34,6 +34,49 @@ fn what_is_in_the_program_goes_by_its_name_where_no_file_is_beside() {
 }
 
 #[test]
+fn values_can_be_ranges_with_both_ends() {
+    let labels = |values: &str| {
+        let text = format!("base = {{ scenario = \"a\" }}\n[[axis]]\nkey = \"seed\"\nvalues = {values}\n");
+        let study = study(&text).map_err(|problems| problems.iter().next().unwrap().to_string());
+        study.map(|study| study.steps[0].iter().map(|step| step.label.clone()).collect::<Vec<_>>().join(" "))
+    };
+    for (values, wanted) in [
+        ("\"1..4\"", "1 2 3 4"),
+        ("\"-1..0\"", "-1 0"),
+        ("{ from = 0, to = 120, step = 40 }", "0 40 80 120"),
+        ("{ from = 0, to = 100, step = 40 }", "0 40 80"),
+        ("{ from = 0.1, to = 0.5, step = 0.1 }", "0.1 0.2 0.3 0.4 0.5"),
+        ("{ from = 16, to = 17, step = 0.5 }", "16.0 16.5 17.0"),
+    ] {
+        assert_eq!(labels(values).as_deref(), Ok(wanted));
+    }
+    for (values, part) in [
+        ("\"4..1\"", "axis[0].values: expected `from`, `to` and a `step` that is above 0"),
+        ("\"a..b\"", "axis[0].values: expected an array, a range"),
+        ("{ from = 0, to = 1, step = 0 }", "a `step` that is above 0"),
+        ("{ from = 0, to = 1, stp = 1 }", "did you mean \"step\"?"),
+        ("{ from = 0, to = 1e9, step = 1 }", "at most 100000 values"),
+        ("{ from = -9223372036854775807, to = 9223372036854775807, step = 1 }", "expected `from`, `to`"),
+    ] {
+        let said = labels(values).unwrap_err();
+        assert!(said.contains(part), "{values}: {said}");
+    }
+}
+
+#[test]
+fn an_axis_can_be_over_scenarios_and_a_base_of_several_configurations() {
+    let text = "base = { scenario = \"lane\", config = [\"best\", \"ros2\"] }\n\
+                [[axis]]\nkey = \"scenario\"\nvalues = [\"lane\", \"x/a.toml\"]\n\
+                [[axis]]\nkey = \"actor.person.speed_mps\"\nvalues = [2, 3]\n";
+    let study = study(text).unwrap();
+    assert_eq!(study.cells[3].labels, ["a", "3"]);
+    assert_eq!(
+        study.command(&study.cells[3]),
+        "swerve run dir/x/a.toml -c best -c ros2 --set actor.person.speed_mps=3"
+    );
+}
+
+#[test]
 fn nonsense_names_its_place() {
     let wrong = |text: &str| {
         let problems = study(text).expect_err("wrong on purpose");
@@ -78,6 +121,6 @@ fn nonsense_names_its_place() {
     assert_eq!(
         wrong("base = { scenari = \"a\" }\n[[axis]]\nkey = \"seed\"\nvalues = 3\n"),
         "s.toml:1: base.scenari: unknown key; did you mean \"scenario\"?\n\
-         s.toml:4: axis[0].values: expected an array, found 3"
+         s.toml:4: axis[0].values: expected an array, a range such as \"1..20\", or { from = 0, to = 400, step = 40 }, found 3"
     );
 }

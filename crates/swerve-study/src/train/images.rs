@@ -135,7 +135,7 @@ pub(super) fn rendered(
             &DatasetArgs {
                 scenarios,
                 out: out.clone(),
-                config: Some(config),
+                config: vec![config],
                 set: Vec::new(),
                 seeds,
                 weathers,

@@ -131,7 +131,7 @@ sensor = 'roof'
     pipeline.until = Time::from_ms(400);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.mcap");
-    let mut recorder = Recorder::create(&path, &run_start(&config, &file).unwrap()).unwrap();
+    let mut recorder = Recorder::create(&path, &run_start(&config, &pipeline.scenario, &file)).unwrap();
     recorder.leave_out(|payload| payload.is::<PointCloud>() || payload.is::<PointInstances>());
     let mut taker = Taker::default();
     drive_pipeline(pipeline, 1, 1, &mut [&mut taker, &mut recorder]).unwrap();

@@ -245,7 +245,8 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     let (name, process) = all[which % all.len()].clone();
     let publications = if let Moment::Publications(n) = moment { n } else { u64::MAX };
     let mut killer = Killer { after: publications, process, killed: None };
-    let mut recorder = Recorder::create(&log, &run_start(config, &scenario_file()).unwrap()).unwrap();
+    let mut recorder =
+        Recorder::create(&log, &run_start(config, &pipeline.scenario, &scenario_file())).unwrap();
     let other = match moment {
         Moment::Publications(_) => None,
         Moment::After(wait) => Some(after(wait, move || {
@@ -392,7 +393,8 @@ fn lose_one_under_wall_clock(on_loss: OnLoss, until: Time) -> Watcher {
     let process = processes.workers().processes()[1].1;
     let killer = Killer { after: 400, process, killed: None };
     let mut watcher = Watcher { killer, supervision: Vec::new(), brakes: 0.0 };
-    let mut recorder = Recorder::create(&log, &run_start(&config, &scenario_file()).unwrap()).unwrap();
+    let mut recorder =
+        Recorder::create(&log, &run_start(&config, &pipeline.scenario, &scenario_file())).unwrap();
     let outcome = drive_pipeline(pipeline, seed, 3, &mut [&mut watcher, &mut recorder]).unwrap();
     recorder.finish().unwrap();
     drop(processes);

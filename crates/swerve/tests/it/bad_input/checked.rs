@@ -100,8 +100,8 @@ fn check_tells_all_that_is_missing_or_of_another_type() {
     let controllers = "one of \"pid\", \"pure_pursuit\", \"stanley\", \"mpc\"";
     let says = [
         "s.toml:1: base.scenario: is missing: expected a text",
-        "s.toml:1: base.config: expected a text, found 3",
-        "s.toml:3: axis[0].values: expected an array, found 5",
+        "s.toml:1: base.config: expected a file, or an array of files, found 3",
+        "s.toml:3: axis[0].values: expected an array, a range such as",
         "s.toml:4: budget.max_ms: is missing: expected a number",
         "s.toml:5: budget.scan_ms: expected a number, found true",
         "t.toml:1: span_ms: expected a number, found the text \"long\"",

@@ -1,0 +1,249 @@
+//! Single keys of a scenario set from outside: `--set actor.person.speed_mps=4`, an axis of a study.
+
+use swerve_text::{Document, Problem, Problems, did_you_mean, list};
+use toml::{Table, Value};
+
+use crate::Scenario;
+
+/// A dotted key and its value.
+type Set = (String, Value);
+
+/// Assignments in two: those of the scenario, those of the configuration.
+pub fn split_sets(sets: &[Set]) -> (Vec<Set>, Vec<Set>) {
+    sets.iter().cloned().partition(|(key, _)| is_scenario_key(key))
+}
+
+/// Whether a key belongs to the scenario and not to the configuration: `actor.NAME.KEY` or `scenario.KEY`.
+pub fn is_scenario_key(key: &str) -> bool {
+    matches!(key.split('.').next(), Some("actor" | "scenario"))
+}
+
+impl Scenario {
+    /// As [`parse`](Self::parse), with single keys changed.
+    ///
+    /// `actor.person.d_m` is a key of the actor `person`; where it has none of that name, the only one of that name
+    /// within its tables is meant: `actor.person.speed_mps` for `actor.person.motion.0.walk.speed_mps`. All other keys
+    /// are named from `scenario` on: `scenario.road.friction`. Entries of arrays are named by their place, from 0, or by
+    /// their name. The text of the result is that of the scenario with the changes in it.
+    ///
+    /// # Errors
+    /// All problems of the text; if it has none, those of the keys that are set.
+    pub fn parse_with(file: &str, text: &str, sets: &[Set]) -> Result<Self, Problems> {
+        let document = Document::parse(file, text)?;
+        let plain = crate::parse::scenario(&document)?;
+        if sets.is_empty() {
+            return Ok(plain);
+        }
+        let mut table = document.table;
+        let mut places = Vec::new();
+        for (key, value) in sets {
+            let place = put(&mut table, key, value).map_err(|message| of_set(key, message))?;
+            places.push((place, key.as_str()));
+        }
+        let text = toml::to_string(&table).map_err(|error| of_set(&sets[0].0, error.to_string()))?;
+        crate::parse::scenario(&Document::parse(file, text)?).map_err(|problems| {
+            let told = problems.into_iter().map(|problem| {
+                let is_of = |(place, _): &&(String, &str)| {
+                    problem.key.starts_with(place.as_str()) || place.starts_with(&problem.key)
+                };
+                let of_all = if let [(only, _)] = sets { only.as_str() } else { problem.key.as_str() };
+                let key = places.iter().rev().find(is_of).map_or(of_all, |(_, key)| key);
+                of_set(key, problem.message)
+            });
+            told.collect::<Problems>()
+        })
+    }
+}
+
+fn of_set(key: &str, message: String) -> Problem {
+    Problem { file: "--set".to_owned(), line: None, key: key.to_owned(), message }
+}
+
+/// Sets a value; where it stands then, as problems of a scenario name it: `actor.person.motion[0].walk.speed_mps`.
+fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
+    let mut parts: Vec<String> = key.split('.').map(str::to_owned).collect();
+    if parts[0] == "scenario" {
+        parts.remove(0);
+    }
+    if parts.is_empty() || parts == ["actor"] {
+        return Err("expected actor.NAME.KEY or scenario.KEY".to_owned());
+    }
+    if let [first, name, last] = &parts[..]
+        && first == "actor"
+        && let Some(Value::Table(actor)) = table.get("actor").and_then(|actors| entry(actors, name).ok()?.1)
+        && !actor.contains_key(last)
+    {
+        let mut found = Vec::new();
+        within(actor, last, &mut Vec::new(), &mut found);
+        match &found[..] {
+            [] => {}
+            [only] => parts.splice(2.., only.iter().cloned()).for_each(drop),
+            many => {
+                let many: Vec<String> =
+                    many.iter().map(|path| format!("actor.{name}.{}", path.join("."))).collect();
+                let many: Vec<&str> = many.iter().map(String::as_str).collect();
+                return Err(format!("stands there several times; expected one of {}", list(&many)));
+            }
+        }
+    }
+    let mut place = String::new();
+    let mut at = table;
+    let mut parts = parts.iter().map(String::as_str).peekable();
+    while let Some(part) = parts.next() {
+        place += if place.is_empty() { "" } else { "." };
+        place += part;
+        if parts.peek().is_none() {
+            at.insert(part.to_owned(), value.clone());
+            break;
+        }
+        let mut inner = at.entry(part).or_insert_with(|| Table::new().into());
+        while let Value::Array(_) = inner {
+            let Some(name) = parts.next() else { break };
+            let (i, named) = entry(inner, name)?;
+            place += &match named.and_then(|entry| entry.get("name")?.as_str()) {
+                Some(name) => format!(".{name}"),
+                None => format!("[{i}]"),
+            };
+            let Value::Array(entries) = inner else { break };
+            if parts.peek().is_none() {
+                entries[i] = value.clone();
+                return Ok(place);
+            }
+            inner = &mut entries[i];
+        }
+        at = inner.as_table_mut().ok_or_else(|| format!("`{part}` is a value, not a table"))?;
+    }
+    Ok(place)
+}
+
+/// The entry of an array that has this place or name.
+fn entry<'a>(array: &'a Value, name: &str) -> Result<(usize, Option<&'a Value>), String> {
+    let entries = array.as_array().map_or(&[][..], Vec::as_slice);
+    let names: Vec<&str> =
+        entries.iter().filter_map(|entry| entry.get("name").and_then(Value::as_str)).collect();
+    let by_name = || entries.iter().position(|entry| entry.get("name").and_then(Value::as_str) == Some(name));
+    let by_place = || name.parse().ok().filter(|i| *i < entries.len());
+    match by_name().or_else(by_place) {
+        Some(i) => Ok((i, entries.get(i))),
+        None if names.is_empty() => {
+            Err(format!("there is no entry {name}: expected 0 to {}", entries.len().max(1) - 1))
+        }
+        None => {
+            let near = did_you_mean(name, names.iter().copied());
+            Err(format!("there is no \"{name}\"{near}; expected one of {}", list(&names)))
+        }
+    }
+}
+
+/// The paths to all keys of this name in tables within a table.
+fn within(table: &Table, name: &str, path: &mut Vec<String>, found: &mut Vec<Vec<String>>) {
+    for (key, value) in table {
+        path.push(key.clone());
+        if key == name {
+            found.push(path.clone());
+        }
+        match value {
+            Value::Table(inner) => within(inner, name, path, found),
+            Value::Array(entries) => {
+                for (i, entry) in entries.iter().enumerate() {
+                    let Value::Table(inner) = entry else { continue };
+                    path.push(i.to_string());
+                    within(inner, name, path, found);
+                    path.pop();
+                }
+            }
+            _ => {}
+        }
+        path.pop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = r#"
+        name = "two"
+        road = { segments = [{ length_m = 200.0 }] }
+        ego = { target_speed_mps = 10.0, end_m = 100.0 }
+        expect = { verdict = "avoided", min_distance_m = { min = 0.1 } }
+        [[actor]]
+        name = "person"
+        kind = "pedestrian"
+        s_m = 50.0
+        d_m = 4.0
+        size = { radius_m = 0.25, height_m = 1.8 }
+        trigger = { distance = { to = "ego", within_m = 26.0 } }
+        motion = [{ wait = { for_s = 1.0 } }, { walk = { speed_mps = 2.0, distance_m = 4.5, direction = "right" } }]
+        [[actor]]
+        name = "runner"
+        kind = "pedestrian"
+        s_m = 60.0
+        d_m = 4.0
+        size = { radius_m = 0.25, height_m = 1.8 }
+        motion = [
+            { walk = { speed_mps = 2.0, distance_m = 2.0, direction = "right" } },
+            { walk = { speed_mps = 4.0, distance_m = 2.0, direction = "right" } },
+        ]
+    "#;
+
+    fn with(set: &str) -> Result<Scenario, Problems> {
+        Scenario::parse_with("two.toml", TEXT, &[swerve_text::parse_assignment(set).unwrap()])
+    }
+
+    #[test]
+    fn a_key_is_set_where_it_stands() {
+        let base = Scenario::parse("two.toml", TEXT).unwrap();
+        type Change = fn(&mut Scenario);
+        let cases: [(&str, Change); 6] = [
+            ("actor.person.d_m=5", |s| s.actors[0].d_m = 5.0),
+            ("actor.1.d_m=5", |s| s.actors[1].d_m = 5.0),
+            ("scenario.actor.person.d_m=5", |s| s.actors[0].d_m = 5.0),
+            ("scenario.road.friction=0.5", |s| s.road.friction = 0.5),
+            ("scenario.end.timeout_s=3", |s| s.end.timeout_s = 3.0),
+            ("scenario.road.segments.0.length_m=300", |s| s.road.segments[0].length_m = 300.0),
+        ];
+        for (set, change) in cases {
+            let mut wanted = base.clone();
+            change(&mut wanted);
+            let got = with(set).unwrap();
+            assert_eq!(Scenario::parse("again", &got.text).unwrap(), got, "{set}: its text says the same");
+            wanted.text = got.text.clone();
+            assert_eq!(got, wanted, "{set}");
+        }
+    }
+
+    #[test]
+    fn the_only_key_of_a_name_within_an_actor_is_found() {
+        for (short, long) in [
+            ("actor.person.speed_mps=4", "actor.person.motion.1.walk.speed_mps=4"),
+            ("actor.person.within_m=9", "actor.person.trigger.distance.within_m=9"),
+            ("actor.person.for_s=3", "actor.person.motion.0.wait.for_s=3"),
+        ] {
+            let (short, long) = (with(short).unwrap(), with(long).unwrap());
+            assert_eq!(short, long);
+            assert_ne!(short.actors, Scenario::parse("", TEXT).unwrap().actors);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_set_is_told() {
+        for (set, part) in [
+            ("actor.persn.d_m=5", "--set: actor.persn.d_m: there is no \"persn\"; did you mean \"person\"?"),
+            (
+                "actor.runner.speed_mps=4",
+                "expected one of \"actor.runner.motion.0.walk.speed_mps\", \"actor.ru",
+            ),
+            ("actor.person.speed_mps=fast", "--set: actor.person.speed_mps: expected"),
+            ("actor.person.speed_mps=-1", "--set: actor.person.speed_mps: expected"),
+            ("actor.person.sped=1", "--set: actor.person.sped: unknown key"),
+            ("actor.person=1", "--set: actor.person: expected"),
+            ("actor=1", "expected actor.NAME.KEY"),
+            ("scenario.ego.end_m.x=1", "`end_m` is a value"),
+            ("scenario.road.segments.7.length_m=1", "there is no entry 7: expected 0 to 0"),
+        ] {
+            let said = with(set).unwrap_err().to_string();
+            assert!(said.contains(part), "{set}: {said}");
+        }
+    }
+}

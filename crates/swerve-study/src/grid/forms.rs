@@ -1,0 +1,129 @@
+//! Values of a study file that can be written in several ways.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use toml::Value;
+
+/// One file, or an array of them.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Files(pub Vec<PathBuf>);
+
+/// By the kind of value: what is wrong is told in words of the file.
+impl<'de> Deserialize<'de> for Files {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct OneOrMany;
+        impl<'de> Visitor<'de> for OneOrMany {
+            type Value = Files;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a file, or an array of files")
+            }
+
+            fn visit_str<E: de::Error>(self, file: &str) -> Result<Files, E> {
+                Ok(Files(vec![file.into()]))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut files: A) -> Result<Files, A::Error> {
+                let mut all = Vec::new();
+                while let Some(file) = files.next_element()? {
+                    all.push(file);
+                }
+                Ok(Files(all))
+            }
+        }
+        deserializer.deserialize_any(OneOrMany)
+    }
+}
+
+/// The values of an axis: an array, whole numbers `"1..20"` with both ends, or `{ from, to, step }` with both ends.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Values(pub Vec<Value>);
+
+/// More values than this are a mistake.
+const VALUES_MAX: usize = 100_000;
+
+/// Numbers at equal distances, both ends among them.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Range {
+    from: Value,
+    to: Value,
+    step: Value,
+}
+
+impl Range {
+    fn values(&self) -> Result<Vec<Value>, String> {
+        let wrong =
+            || "expected `from`, `to` and a `step` that is above 0 and leads from the one to the other";
+        if let (Value::Integer(from), Value::Integer(to), Value::Integer(step)) =
+            (&self.from, &self.to, &self.step)
+        {
+            let count = to.checked_sub(*from).filter(|way| *way >= 0 && *step > 0).ok_or_else(wrong)? / step;
+            return many(usize::try_from(count).ok(), |k| Value::Integer(from + k as i64 * step));
+        }
+        let number = |value: &Value| match value {
+            Value::Integer(whole) => Some(*whole as f64),
+            Value::Float(x) => Some(*x).filter(|x| x.is_finite()),
+            _ => None,
+        };
+        let all = [&self.from, &self.to, &self.step].map(number);
+        let [Some(from), Some(to), Some(step)] = all else { return Err(wrong().to_owned()) };
+        if !(step > 0.0 && to >= from) {
+            return Err(wrong().to_owned());
+        }
+        // A millionth of a step is the rounding of decimals such as 0.1.
+        let count = ((to - from) / step + 1e-6).floor();
+        // Written with as many places as the step asks for: 0.3, not 0.30000000000000004.
+        let at = |k: usize| Value::Float(((from + k as f64 * step) * 1e9).round() / 1e9);
+        many(Some(count as usize), at)
+    }
+}
+
+/// The first `last` + 1 values.
+fn many(last: Option<usize>, at: impl Fn(usize) -> Value) -> Result<Vec<Value>, String> {
+    match last.filter(|last| *last < VALUES_MAX) {
+        Some(last) => Ok((0..=last).map(at).collect()),
+        None => Err(format!("expected at most {VALUES_MAX} values")),
+    }
+}
+
+impl<'de> Deserialize<'de> for Values {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct AnyForm;
+        impl<'de> Visitor<'de> for AnyForm {
+            type Value = Values;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an array, a range such as \"1..20\", or { from = 0, to = 400, step = 40 }")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Values, E> {
+                let whole = |word: &str| word.trim().parse::<i64>().ok();
+                let ends = text.split_once("..").and_then(|(from, to)| Some((whole(from)?, whole(to)?)));
+                let Some((from, to)) = ends else {
+                    return Err(E::invalid_value(de::Unexpected::Str(text), &self));
+                };
+                let range = Range { from: from.into(), to: to.into(), step: 1.into() };
+                range.values().map(Values).map_err(E::custom)
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<Values, A::Error> {
+                let mut all = Vec::new();
+                while let Some(value) = values.next_element()? {
+                    all.push(value);
+                }
+                Ok(Values(all))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, range: A) -> Result<Values, A::Error> {
+                let range = Range::deserialize(MapAccessDeserializer::new(range))?;
+                range.values().map(Values).map_err(de::Error::custom)
+            }
+        }
+        deserializer.deserialize_any(AnyForm)
+    }
+}
