@@ -120,6 +120,16 @@ fn every_command_parses() {
     assert!(seen >= 20, "only {seen} commands found");
 }
 
+/// `swerve keys --markdown > docs/keys.md` mends it.
+#[test]
+fn the_page_of_keys_is_that_of_the_program() {
+    let page = std::fs::read_to_string(root().join("docs/keys.md")).unwrap_or_default();
+    assert!(
+        page == swerve_reference::keys::whole_page(&swerve::Registry::standard()),
+        "swerve keys --markdown > docs/keys.md"
+    );
+}
+
 #[test]
 fn commands_in_running_text_exist() {
     for (path, text) in pages() {

@@ -82,8 +82,11 @@ fn packages_stay_behind_one_crate() {
         ("ros2-client", "swerve-ros2"),
         ("strsim", "swerve-text"),
         ("cdr-encoding", "swerve-ros2"),
-        ("clap", "swerve swerve-drive swerve-live swerve-stack swerve-study swerve-timing"),
-        ("anyhow", "swerve swerve-drive swerve-live swerve-report swerve-stack swerve-study swerve-timing"),
+        ("clap", "swerve swerve-drive swerve-live swerve-reference swerve-stack swerve-study swerve-timing"),
+        (
+            "anyhow",
+            "swerve swerve-drive swerve-live swerve-reference swerve-report swerve-stack swerve-study swerve-timing",
+        ),
     ];
     for package in metadata()["packages"].as_array().unwrap().iter().filter(|p| p["source"].is_null()) {
         let name = package["name"].as_str().unwrap();

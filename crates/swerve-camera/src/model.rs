@@ -9,6 +9,7 @@ mod distortion;
 
 pub use distortion::Distortion;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require};
 use swerve_geom::{Ego, Point, Transform, math};
@@ -21,7 +22,7 @@ const IMAGE_AREA_MAX_PX: u64 = 1 << 25;
 const SUBFRAMES_MAX: u32 = 32;
 
 /// How rays belong to pixels, before the lens bends them.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Intrinsics {
     /// Angle between the left and the right edge of the image, radians, in (0, pi); square pixels, centred.
@@ -34,7 +35,7 @@ pub enum Intrinsics {
 }
 
 /// How brightness becomes a number.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Exposure {
     /// Follows the light of the scene's weather: the same for every frame of one weather.
@@ -47,7 +48,7 @@ pub enum Exposure {
 }
 
 /// Noise of the image sensor, drawn by a hash of seed, frame and pixel.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SensorNoise {
     /// Standard deviation of the read-out, as a share of full scale.
@@ -65,7 +66,7 @@ impl SensorNoise {
 }
 
 /// When rows see the world.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Shutter {
     /// Time that light is gathered, seconds; with `blur_samples` above 1 motion blurs the colour
@@ -88,7 +89,7 @@ impl Default for Shutter {
 }
 
 /// Description of a camera; [`Camera::new`] checks it.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraSpec {
     /// Columns.

@@ -2,6 +2,7 @@
 
 mod params;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Pose2, math};
@@ -45,7 +46,7 @@ pub struct Output {
 }
 
 /// The path that a command follows.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// No plan yet: the route, at the speed of the first step.
@@ -59,7 +60,7 @@ pub enum Status {
 }
 
 /// Why the ego comes to a stop.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
     /// The plan is older than its horizon.

@@ -2,6 +2,7 @@
 //!
 //! All take the path of the ego origin (centre of the rear axle), as plans give it.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Point2, Pose2, angle_between, math};
 
@@ -14,7 +15,7 @@ use swerve_geom::{Point2, Pose2, angle_between, math};
 /// CARLA turns the wheels less at higher speeds by a curve of its own, which is not carried over; nor is the
 /// sign (left is positive here), nor that the angle is taken from the middle of the car: path and
 /// pose are those of the rear axle here. A road wheel never turns beyond the vehicle's limit.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WaypointParams {
     /// Normalised steer per radian.
@@ -39,7 +40,7 @@ pub fn waypoint_angle(pose: Pose2, waypoint: Point2, params: &WaypointParams) ->
 }
 
 /// Parameters of [`pure_pursuit`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PurePursuitParams {
     /// Look-ahead per speed, seconds. Longer is calmer and slower to come back to the path.
@@ -110,7 +111,7 @@ fn arc_to(from: Pose2, goal: Point2) -> f64 {
 }
 
 /// Parameters of [`stanley`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StanleyParams {
     /// Gain on the cross-track error, 1/s: an error decays about this fast.

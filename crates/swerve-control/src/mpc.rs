@@ -21,6 +21,7 @@ mod program;
 mod tests;
 
 use clarabel::solver::{DefaultSettings, SolverStatus};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::Pose2;
@@ -31,7 +32,7 @@ pub use program::Problem;
 use program::Program;
 
 /// Parameters of the controller.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Steps that it looks ahead.
@@ -75,7 +76,7 @@ impl Default for Params {
 }
 
 /// Weights of the cost, per square of the unit named, each halved.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Weights {
     /// Being early or late along the path, metres.
@@ -188,7 +189,7 @@ impl Knot {
 }
 
 /// Where a command comes from.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
     /// The solution of this step.
@@ -200,7 +201,7 @@ pub enum Source {
 }
 
 /// How the solver ended.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
     /// Solved.
@@ -216,7 +217,7 @@ pub enum Ending {
 }
 
 /// Report of one step of the controller.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
     /// Where the command comes from.
     pub source: Source,

@@ -1,9 +1,10 @@
 //! From a wanted acceleration to pedals.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Positions of the two pedals.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Pedals {
     /// Accelerator, 0 to 1.
     pub throttle: f64,
@@ -26,7 +27,7 @@ impl<F: Fn(f64, f64) -> Pedals + Send> AccelToPedals for F {
 }
 
 /// Acceleration in proportion to the pedal, at any speed.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinearPedals {
     /// Acceleration at full throttle, m/s².

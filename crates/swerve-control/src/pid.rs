@@ -12,6 +12,7 @@
 
 use std::collections::VecDeque;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Pedals;
@@ -20,7 +21,7 @@ use crate::Pedals;
 const KMPH_PER_MPS: f64 = 3.6;
 
 /// Gains and limits of [`Pid`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Pedal per m/s of speed error. Pylot: 1.0 per km/h.

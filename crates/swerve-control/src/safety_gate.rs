@@ -22,6 +22,7 @@
 //!
 //! Pure: the instant is an input.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_within};
 use swerve_core::{Span, Time};
@@ -39,7 +40,7 @@ const STANDSTILL_MPS: f64 = 0.1;
 const TOO_FAST_MPS: f64 = 2.0;
 
 /// Limits and times of a [`SafetyGate`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GateParams {
     /// A command older than this is none, seconds (Autoware: 0.5).

@@ -1,11 +1,12 @@
 //! The speed law of the trackers: planned acceleration ahead, proportional and integral feedback behind.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{AccelToPedals, Pedals};
 
 /// Gains and limits of [`SpeedLaw`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Acceleration per m/s of speed error, 1/s. Higher follows closer and jerks more.

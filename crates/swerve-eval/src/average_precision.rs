@@ -9,7 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The recalls over which the mean is taken. Numbers under different ones are not comparable.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Recalls {
     /// 0, 0.01, ... 1: COCO.

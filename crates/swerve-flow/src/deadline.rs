@@ -24,7 +24,7 @@ pub(crate) enum Length {
 }
 
 /// From when a deadline counts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Anchor {
     /// The first message or tick of the frame became visible.
@@ -37,7 +37,7 @@ pub enum Anchor {
 }
 
 /// What answers a stamp whose deadline passed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reaction {
     /// No message; the watermark rises to the stamp.

@@ -24,7 +24,7 @@ use crate::waker::Waker;
 use crate::{IpcError, Setup, Traffic};
 
 /// What becomes of a worker that died.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnLoss {
     /// It is not started again.

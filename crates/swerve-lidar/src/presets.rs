@@ -3,12 +3,15 @@
 
 use std::str::FromStr;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::{Beam, LidarSpec};
 
 /// A lidar by name.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(try_from = "String", into = "&'static str")]
 pub enum LidarPreset {
     /// Like Velodyne's VLP-32C: 32 beams from -25 to 15 degrees, dense around the horizon, 1800 columns at 10 Hz.

@@ -2,6 +2,7 @@
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require};
 
@@ -17,7 +18,7 @@ const SHOTS_MAX: usize = 1 << 22;
 const SAME_ANGLE_RAD: f64 = 1e-6;
 
 /// One laser of a lidar.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Beam {
     /// Angle above the plane of rotation, radians.
@@ -28,7 +29,7 @@ pub struct Beam {
 }
 
 /// Description of a lidar; [`crate::Sweeper::new`] checks it.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LidarSpec {
     /// The lasers; the ring of a point is the position of its beam here. Presets go from the lowest to the highest.

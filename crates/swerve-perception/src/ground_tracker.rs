@@ -1,5 +1,6 @@
 //! The trackers of boxes on the ground, one of which a pipeline has.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::ParamError;
 use swerve_geom::{Map, Pose2};
@@ -8,7 +9,7 @@ use swerve_msg::{ActorId, ActorKind, Detections, TrackList};
 use crate::{Ab3dMot, Tracker, ab3dmot, tracker};
 
 /// The name of a tracker.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
     /// [`Tracker`].

@@ -13,6 +13,7 @@ pub mod score;
 mod tests;
 pub mod train;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::ParamError;
 use swerve_geom::{Ego, Lidar, Obb, Point2, Pose2, Transform};
@@ -27,7 +28,7 @@ use points::{Place, in_ego_frame};
 use score::{FEATURES, Model};
 
 /// Parameters of finding objects.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// How ground is told.

@@ -3,6 +3,7 @@
 //! The time to collision is measured, not estimated: the ego's outline goes on at its present speed beside
 //! the route, everything else as predicted, until the two touch.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
@@ -16,7 +17,7 @@ use crate::path::speed::SpeedProfile;
 use crate::request::{Budget, Counted, Planner, Progress, Request};
 
 /// Parameters.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Brakes fully when a collision is nearer than this, seconds. Source: ours: a little over the 1.2 s

@@ -9,6 +9,7 @@ mod motion;
 mod solid;
 mod walked;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Obb, Point2, angle_between, math};
@@ -20,7 +21,7 @@ pub use motion::between;
 pub use solid::Solid;
 
 /// How predicted motion enters the collision check.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CollisionMode {
     /// An obstacle is where it is predicted to be at the moment in question.

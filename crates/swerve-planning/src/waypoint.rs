@@ -8,6 +8,7 @@
 //! stops before whatever is, or will be, in the ego's corridor along the route: Pylot's factors, and a speed profile
 //! that ends at zero there. A `standstill_gap_m` of zero leaves the factors alone.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_not_negative, require_positive};
 use swerve_geom::{Polyline, angle_between, math};
@@ -21,7 +22,7 @@ use crate::path::speed::{SpeedProfile, timed_points};
 use crate::request::{Budget, Planner, Progress, Request};
 
 /// Parameters. Source of all defaults that do not say otherwise: Pylot's flags.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Persons within this slow the ego down, metres.

@@ -5,6 +5,7 @@
 //! here the stamps of the sightings and the map are used, so that a missed frame or a turning ego does not
 //! bend the lines.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require, require_not_negative, require_within};
 use swerve_core::{Span, Time};
@@ -12,7 +13,7 @@ use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
 
 /// Treatment of an obstacle that was seen only once.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SingleSighting {
     /// It goes on with its reported velocity.
@@ -23,7 +24,7 @@ pub enum SingleSighting {
 }
 
 /// Parameters of the linear predictor.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Past positions that are fitted, the present one included. More smooth better and lag more. Pylot: 5.

@@ -1,5 +1,6 @@
 //! Hybrid A* as in the original: arcs of one radius, and a path that comes near the goal without regard to its heading.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::ParamError;
 use swerve_core::param::{require, require_not_negative, require_positive};
@@ -19,7 +20,7 @@ const POINT_M: f64 = 1.0;
 const POINTS_MAX: usize = 99;
 
 /// Settings of the original's Hybrid A* in the closed loop.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HybridAstarParams {
     /// How predicted motion enters the collision check.

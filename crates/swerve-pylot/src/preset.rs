@@ -1,12 +1,13 @@
 //! The paper's side or ours, and the settings that differ in numbers alone.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::Following;
 use swerve_planning::waypoint;
 use swerve_prediction::linear::{self, SingleSighting};
 
 /// The side of a comparison.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
     /// The original's behaviour and limits.

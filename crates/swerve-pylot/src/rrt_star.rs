@@ -1,5 +1,6 @@
 //! RRT* as in the original: a point among grown boxes, and the first path that comes near the goal.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Rng;
 use swerve_core::param::ParamError;
@@ -14,7 +15,7 @@ use crate::tree::{Aim, Growth, Tree};
 use crate::{Original, Rules};
 
 /// Settings of the original's RRT* in the closed loop.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RrtStarParams {
     /// How predicted motion enters the collision check.

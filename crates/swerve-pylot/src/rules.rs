@@ -5,11 +5,12 @@
 
 use core::f64::consts::{PI, TAU};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require, require_positive, require_within};
 
 /// A moment of Pylot's history.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Era {
     /// May 2020, the last month in which the mode that Table I was made with could run. Source: `pylot` c0454eb;
@@ -36,7 +37,7 @@ pub enum Original {
 }
 
 /// What is driven when a search finds nothing.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fallback {
     /// Speed zero along what is left of the last plan. Source: `pylot` c0454eb,
@@ -50,7 +51,7 @@ pub enum Fallback {
 }
 
 /// Which point of a plan is steered at.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Waypoint {
     /// Number `2 * int(v / 3)`, counted from the plan's first point, of which at most one is dropped as passed.
@@ -61,7 +62,7 @@ pub enum Waypoint {
 }
 
 /// How throttle and brake follow from the speed to go for.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SpeedLaw {
     /// In proportion to the error, as until May 2020: of `u`, 0.25 per m/s too fast, the throttle is
@@ -75,7 +76,7 @@ pub enum SpeedLaw {
 }
 
 /// Rules of planning and following. [`Rules::of`] has each era's; every one can be switched by itself.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rules {
     /// Whether an obstacle's predicted places count only where they are in range themselves; off, all of them do once one

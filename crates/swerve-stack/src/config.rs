@@ -28,6 +28,7 @@ pub mod source;
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::Following;
 use swerve_pylot::Preset;
@@ -54,7 +55,7 @@ use source::SourceConfig;
 use crate::registry::Registry;
 
 /// A whole configuration: what runs, how long it takes, what is recorded.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// Seed of everything random.
@@ -104,6 +105,7 @@ pub struct Config {
     pub shared_memory: SharedMemoryConfig,
     /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "crate::config::AnyTable")]
     pub ros2: toml::Table,
     /// A recorded drive in the place of a vehicle, for `swerve live`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -149,8 +151,11 @@ impl Default for Config {
     }
 }
 
+/// A table whose keys depend on other keys, in schemas.
+pub(crate) type AnyTable = BTreeMap<String, schemars::Schema>;
+
 /// The ego vehicle in the scenario.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EgoConfig {
     /// Target and start speed, m/s; the scenario's when absent.
@@ -160,7 +165,7 @@ pub struct EgoConfig {
 }
 
 /// The simulator.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimConfig {
     /// Step, ms: 1 to 20.
@@ -180,7 +185,7 @@ impl Default for SimConfig {
 }
 
 /// What the obstacle sensor reports.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
     /// Simulator state cut by range, field of view and occlusion.
@@ -190,7 +195,7 @@ pub enum Source {
 }
 
 /// The sensors.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensingConfig {
     /// What the obstacle sensor reports.
@@ -245,7 +250,7 @@ impl Default for SensingConfig {
 }
 
 /// The predictor.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PredictionConfig {
     /// With one sighting: the reported velocity (`best`), or standing still (`paper`).
@@ -265,7 +270,7 @@ impl Default for PredictionConfig {
 }
 
 /// Controllers by name.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ControllerName {
     /// The paper's speed PID and steering towards a waypoint.
@@ -279,7 +284,7 @@ pub enum ControllerName {
 }
 
 /// The controller.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
     /// Which one.
@@ -297,7 +302,7 @@ impl Default for ControlConfig {
 }
 
 /// What is recorded.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LogConfig {
     /// Sensors that run although no operator reads them: `gnss`, `odometry`, `collisions`, `lane_invasions`,
@@ -318,7 +323,7 @@ impl Default for LogConfig {
 }
 
 /// What a log holds of images and point clouds.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Images {
     /// Their fingerprints: a replay computes them again and compares.

@@ -255,6 +255,11 @@ pub trait OperatorKind: Send + Sync {
         toml::Table::new()
     }
 
+    /// The schema of its own keys, where it tells one: `swerve keys` lists them by it.
+    fn schema(&self) -> Option<schemars::Schema> {
+        None
+    }
+
     /// What is wrong with its own keys.
     fn problems(&self, keys: &toml::Table, _registry: &Registry) -> KeyProblems {
         let unknown = |key: &String| (key.clone(), format!("unknown key: a `{}` has none", self.node().kind));

@@ -5,13 +5,14 @@
 //! the Adams/Tire handbook); \[P\] Pacejka, "Tire and Vehicle Dynamics", 3rd edition; \[E\] an estimate from
 //! the class of car, with the reasoning beside it.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require};
 
 use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape, SteeringParams};
 
 /// The whole car. The default is a Lincoln MKZ with drive-by-wire and 1.8 t.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct VehicleParams {
     /// Outline and wheelbase.
@@ -40,7 +41,7 @@ pub struct VehicleParams {
 }
 
 /// Mass and inertia.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BodyParams {
     /// Mass of the whole car with its load, kg.
@@ -77,7 +78,7 @@ impl Default for BodyParams {
 }
 
 /// Springs, dampers and anti-roll bars, as rates at the wheel. There is no unsprung mass of its own.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SuspensionParams {
     /// Spring rate of one front corner (tyre in series), N/m.
@@ -113,7 +114,7 @@ impl Default for SuspensionParams {
 }
 
 /// Wheels.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WheelParams {
     /// Rolling radius, metres.
@@ -132,7 +133,7 @@ impl Default for WheelParams {
 }
 
 /// Tyres. The peak friction is the ground's; the curve's shape and its initial slope are the tyre's.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TyreParams {
     /// Force over longitudinal slip.
@@ -173,7 +174,7 @@ impl Default for TyreParams {
 
 /// From pedal to drive torque; open differentials (equal torque left and right), no traction control, no
 /// engine braking, no reverse gear, no creep.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DrivetrainParams {
     /// Largest torque at the driven wheels together, N m.
@@ -195,7 +196,7 @@ impl Default for DrivetrainParams {
 }
 
 /// Brakes.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BrakeParams {
     /// Torque of all four brakes together at full pedal, N m.
@@ -217,7 +218,7 @@ impl Default for BrakeParams {
 
 /// Anti-lock control of each wheel: the brake torque is scaled so that slip stays near the target. That the
 /// target follows the ground's friction stands for the search of real units for the peak.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AbsParams {
     /// Whether it is there at all.
@@ -246,7 +247,7 @@ impl Default for AbsParams {
 }
 
 /// Air drag, acting at the centre of gravity.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AeroParams {
     /// Drag coefficient times frontal area, m².

@@ -1,10 +1,11 @@
 //! Outline and limits.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Obb, Point2, Pose2};
 
 /// Outline of a car around its origin, the centre of the rear axle on the ground.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shape {
     /// Overall length, metres.
@@ -44,7 +45,7 @@ impl Shape {
 }
 
 /// Limits of the vehicle; planners and controllers stay within them.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
     /// Largest angle of the front road wheels, radians.

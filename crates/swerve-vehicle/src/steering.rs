@@ -1,9 +1,10 @@
 //! From the angle asked for to that of the wheels.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Steering actuator; the angle and rate limits are in [`Limits`](crate::Limits).
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SteeringParams {
     /// Time constant of the first-order lag before the rate limit, seconds; 0 leaves the rate limit alone.

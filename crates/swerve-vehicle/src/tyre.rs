@@ -1,5 +1,6 @@
 //! Tyre forces: the magic formula, combined slip, load sensitivity, and relaxation down to standstill.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_geom::math;
 
@@ -8,7 +9,7 @@ use crate::TyreParams;
 /// One curve of the magic formula (Pacejka, "Tire and Vehicle Dynamics", 3rd ed., eq. 4.6), in a form
 /// that separates the tyre from the ground: the slope at the origin belongs to the tyre, the peak to the
 /// ground's friction.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MagicFormula {
     /// Slope at the origin: force per load and unit of slip. Raising it makes the response more direct.

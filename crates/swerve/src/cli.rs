@@ -7,7 +7,9 @@ use swerve_drive::process;
 use swerve_stack::Registry;
 use swerve_study::{calibrate, dataset, evaluate, track, train};
 
-use crate::{check, doctor, graph, look, new, operators, plan, replay, run, scenarios};
+use swerve_reference::{keys, operators};
+
+use crate::{check, doctor, graph, look, new, plan, replay, run, scenarios, shell};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -29,6 +31,8 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// List the kinds of operators that a configuration can name, or show one of them
     Operators(operators::OperatorsArgs),
+    /// List the keys of a configuration: type, default, unit, range, values, what for
+    Keys(keys::KeysArgs),
     /// Print the dataflow of a configuration
     Graph(graph::GraphArgs),
     /// Run a pipeline of black boxes: response times, drops, misses, utilisation
@@ -55,6 +59,10 @@ enum Command {
     New(new::NewArgs),
     /// List the scenarios of a folder, and those that are in the program
     Scenarios(scenarios::ScenariosArgs),
+    /// Print what makes a shell complete commands and options
+    Completions(shell::CompletionsArgs),
+    /// Write manual pages
+    Man(shell::ManArgs),
     /// Take steps for a run in another process, which starts this one
     #[command(hide = true)]
     Worker,
@@ -73,6 +81,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Study(args) => swerve_study::run(args, registry),
         Command::Replay(args) => replay::run(args, registry),
         Command::Operators(args) => operators::run(args, registry),
+        Command::Keys(args) => keys::run(args, registry),
         Command::Graph(args) => graph::run(args, registry),
         Command::Timing(args) => swerve_timing::run(args),
         Command::Plan(args) => plan::run(args),
@@ -86,6 +95,8 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Doctor(args) => doctor::run(args),
         Command::New(args) => new::run(args),
         Command::Scenarios(args) => scenarios::run(args),
+        Command::Completions(args) => shell::completions(args),
+        Command::Man(args) => shell::man(args),
         Command::Worker => process::run_worker(registry),
     }
 }

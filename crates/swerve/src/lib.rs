@@ -6,11 +6,11 @@ mod doctor;
 mod graph;
 mod look;
 mod new;
-mod operators;
 pub mod plan;
 pub mod replay;
 mod run;
 mod scenarios;
+mod shell;
 mod summary;
 
 pub use summary::Summary;

@@ -1,9 +1,10 @@
 //! Lens distortion after Brown (1966) and Conrady, with the coefficients in the order of OpenCV.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Radial (`k1`, `k2`, `k3`) and tangential (`p1`, `p2`) coefficients; all zero is a perfect lens.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Distortion {
     /// Radial, second power.

@@ -1,12 +1,13 @@
 //! Parameters of the controller.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::lateral::{PurePursuitParams, StanleyParams, WaypointParams};
 use crate::{mpc, pid, speed};
 
 /// How a plan is followed.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Following {
     /// From the place of the plan that is nearest to the ego; passed points are trimmed, times are ignored, as in
@@ -18,7 +19,7 @@ pub enum Following {
 }
 
 /// Which laws steer and drive.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
     /// Pylot's PID on speed and its steering by the angle to a waypoint.
@@ -33,7 +34,7 @@ pub enum Law {
 }
 
 /// Parameters of a [`Controller`](crate::Controller).
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Which laws steer and drive.
@@ -61,7 +62,7 @@ pub struct Params {
 }
 
 /// Slip of the tyres, which adds to the geometry of steering: fed forward, from the path's own lateral acceleration.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SlipParams {
     /// Slip angle of the rear tyres per lateral acceleration, rad s²/m: in a turn the nose points that much
@@ -78,7 +79,7 @@ impl Default for SlipParams {
 }
 
 /// How the ego stops when there is nothing to follow.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StopParams {
     /// Deceleration of a comfortable stop, m/s² (positive).
@@ -94,7 +95,7 @@ impl Default for StopParams {
 }
 
 /// Correction of being early or late when following by time.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AlongParams {
     /// Speed per metre of lag, 1/s.

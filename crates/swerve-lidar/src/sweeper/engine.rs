@@ -1,9 +1,10 @@
 //! Engines that cast the rays of a lidar.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Engine that casts the rays of a lidar.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LidarEngine {
     /// The trees in this crate: always there; the same bytes on every x86-64 machine and thread count.

@@ -1,5 +1,6 @@
 //! Parameters of the tracker by overlap.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::ParamError;
 use swerve_msg::ActorKind;
@@ -8,7 +9,7 @@ use super::solid::Solid;
 use crate::validate::within;
 
 /// What makes a box and a track alike.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Affinity {
     /// Generalised intersection over union of volumes, -1 to 1.
@@ -20,7 +21,7 @@ pub enum Affinity {
 }
 
 /// How pairs are chosen.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Pairing {
     /// The best pairs in sum.
@@ -30,7 +31,7 @@ pub enum Pairing {
 }
 
 /// How things of some kinds are followed.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rules {
     /// What makes a box and a track alike.
@@ -62,7 +63,7 @@ impl Rules {
 }
 
 /// Parameters of the tracker by overlap.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Boxes with a lower score are ignored.

@@ -1,5 +1,6 @@
 //! Random numbers that change slowly.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
@@ -8,7 +9,7 @@ use swerve_core::{Span, Time};
 /// `sqrt(steady) * slow + sqrt(1 - steady) * new`: `new` is drawn for each instant; `slow` is drawn at multiples of
 /// `period_s`, blended linearly between two of them and scaled so that its deviation stays 1. At each single instant
 /// the number is standard normal; two that are at least two periods apart share no more than chance.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Drift {
     /// Share of the variance that neighbouring instants have in common, 0 to 1.

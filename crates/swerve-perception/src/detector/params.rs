@@ -1,5 +1,6 @@
 //! What an emulated detector gets wrong.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::ParamError;
 use swerve_geom::math;
@@ -9,7 +10,7 @@ use super::drift::Drift;
 use crate::validate::within;
 
 /// What a detector looks with; sets how far off the places are.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sensing {
     /// One camera: bearings are good, distances are guessed from sizes.
@@ -20,7 +21,7 @@ pub enum Sensing {
 }
 
 /// Parameters of the emulation.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Share that is reported of what is near and all in sight, 0 to 1.

@@ -1,12 +1,13 @@
 //! Parameters of the fusion.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::ParamError;
 
 use crate::validate::within;
 
 /// Parameters of the fusion.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Least overlap in the image of a camera's box and the picture of a lidar's box of the same thing.

@@ -3,12 +3,13 @@
 mod rays;
 mod zones;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::points::Place;
 
 /// How ground is told from what stands on it.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Outwards along each of many rays, from point to point.

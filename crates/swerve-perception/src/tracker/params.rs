@@ -1,5 +1,6 @@
 //! Parameters of the tracker.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::ParamError;
 use swerve_msg::ActorKind;
@@ -7,7 +8,7 @@ use swerve_msg::ActorKind;
 use crate::validate::within;
 
 /// How things of a kind move.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
     /// Standard deviation of each part of the velocity of one that is first seen, m/s.
@@ -21,7 +22,7 @@ pub struct Motion {
 }
 
 /// Parameters of the tracker.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Boxes with a lower score are ignored.

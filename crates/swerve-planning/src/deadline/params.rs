@@ -1,11 +1,12 @@
 //! Parameters of the policy.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 
 /// Parameters of the policy.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// The detector gets at least this, seconds. Source: D3's shortest budget.

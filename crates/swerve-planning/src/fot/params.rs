@@ -1,5 +1,6 @@
 //! Parameters of the Frenet planner.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 
@@ -10,7 +11,7 @@ const CANDIDATES_MAX: f64 = 5e6;
 
 /// Parameters; the defaults are those of the paper's person-avoidance experiment (Pylot,
 /// `person_avoidance_frenet_*`), with left and right in our right-handed frame.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// How predicted motion is taken. Source: ours; Pylot's is `swept_static`.

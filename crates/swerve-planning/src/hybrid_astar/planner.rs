@@ -1,5 +1,6 @@
 //! The planner in the closed loop.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
 use swerve_msg::Plan;
@@ -16,7 +17,7 @@ use crate::request::{Budget, Planner, Request};
 
 /// Settings of Hybrid A* in the closed loop. Turns are as tight as steering and lateral acceleration allow; there is no
 /// discretisation to choose. Source of all defaults: ours; range and distance of the goal are Pylot's.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// How predicted motion enters the collision check.

@@ -1,5 +1,6 @@
 //! The planner in the closed loop.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Pose2};
@@ -18,7 +19,7 @@ use swerve_core::param::{ParamError, require, require_not_negative, require_posi
 
 /// Settings of RRT* in the closed loop. There is no discretisation to choose. Source of all defaults: ours; range and
 /// distance of the goal are Pylot's.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// How predicted motion enters the collision check.

@@ -3,6 +3,7 @@
 //! A **bias** is drawn once per (seed, sensor) and holds for the run; **noise** is drawn per (seed, sensor,
 //! stamp). Both are normal with the given standard deviations; zero gives the truth.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Rng, Time};
 use swerve_geom::{Pose2, math};
@@ -10,7 +11,7 @@ use swerve_msg::truth::WorldState;
 use swerve_msg::{EgoState, Gnss, Imu};
 
 /// Deviations of a pose source; all zero by default: a perfect localization.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoseParams {
     /// Noise of x and of y, metres.
@@ -26,7 +27,7 @@ pub struct PoseParams {
 }
 
 /// Deviations of the inertial unit; all zero by default.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImuParams {
     /// Noise of each axis of acceleration, m/s².
@@ -40,7 +41,7 @@ pub struct ImuParams {
 }
 
 /// A satellite receiver, and where on Earth the map lies.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GnssParams {
     /// Latitude of the map's origin, degrees north. Default 37.4 (with the longitude: the south of San Francisco Bay).

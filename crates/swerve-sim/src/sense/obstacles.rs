@@ -5,6 +5,7 @@
 //! sensor to the point meets no other actor's body (boxes; upright cylinders for people on foot). The ego's own body and the
 //! target itself do not block. Bodies that have been knocked over still count as upright.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_within};
 use swerve_geom::{Ego, Map, Point, Point2, math, wrap_angle};
@@ -16,7 +17,7 @@ use swerve_vehicle::Shape;
 const FACE_M: f64 = 1e-3;
 
 /// Where a sensor sits on the ego.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorMount {
     /// Ahead of the ego origin (rear axle), metres.
@@ -79,7 +80,7 @@ impl SensorMount {
 }
 
 /// Limits of a sensor's sight.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorParams {
     /// Largest distance on the ground from the sensor to the centre of an actor, metres. Default 100.

@@ -1,5 +1,6 @@
 //! Wheel odometry: encoders on four wheels, and what they say of the car's motion.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_within};
 use swerve_core::{Rng, Time};
@@ -12,7 +13,7 @@ use super::key;
 use super::motion::Errors;
 
 /// Which wheels speed and yaw rate are computed from.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OdometryWheels {
     /// The rear pair: needs no steering angle. Driven wheels slip more.
@@ -23,7 +24,7 @@ pub enum OdometryWheels {
 }
 
 /// Encoders and their errors. Default: 96 counts, no other error.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WheelOdometryParams {
     /// Counts of each encoder per turn of its wheel. Default 96: both edges of 48 teeth.

@@ -1,5 +1,6 @@
 //! When a sensor that takes time says what it saw.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_core::param::{ParamError, require_within};
@@ -9,7 +10,7 @@ use swerve_core::param::{ParamError, require_within};
 /// The **stamp** of a frame is the middle of its exposure: the instant that it describes best. It becomes
 /// **visible** when it is transferred, [`visible_after`](Self::visible_after) later. In the engine a sensor
 /// ticks at its stamps, and the time from there to the transfer is run time of its step.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorTiming {
     /// How long light, or echoes, are gathered, milliseconds.

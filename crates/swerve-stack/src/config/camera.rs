@@ -1,6 +1,7 @@
 //! Cameras on the ego vehicle: `[camera.NAME]`.
 
 use anyhow::Context as _;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_camera::{
     Backend, Camera, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
@@ -16,7 +17,7 @@ use swerve_vehicle::Shape;
 use super::sensors::{range, timing_faults};
 
 /// How the world is rendered.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderConfig {
     /// What computes the images.
@@ -34,7 +35,7 @@ impl Default for RenderConfig {
 }
 
 /// What computes images.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RenderBackend {
     /// In virtual time the processor, otherwise a graphics processor if there is one.
@@ -79,7 +80,7 @@ impl RenderConfig {
 }
 
 /// An image that a camera publishes.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Output {
     /// Colour.
@@ -108,7 +109,7 @@ impl Output {
 }
 
 /// One camera.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraConfig {
     /// Where it sits in the ego frame (origin: centre of the rear axle on the ground), m.
@@ -154,7 +155,7 @@ pub struct CameraConfig {
 }
 
 /// Noise of an image sensor.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseConfig {
     /// Standard deviation of the read-out, as a share of full scale.

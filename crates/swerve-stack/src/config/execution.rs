@@ -1,12 +1,13 @@
 //! How operators run, as TOML says it: run time, busy policy, deadline. Shared by pipelines and `swerve timing`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_flow::{Anchor, Full, Late, Policy, Reaction, RuntimeModel};
 use swerve_text::number;
 
 /// A run-time model: exactly one of its keys.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Runtime {
     /// `zero = true`: no time at all.
@@ -36,7 +37,7 @@ pub struct Runtime {
 }
 
 /// Run time by counted work.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorkTime {
     /// Before the first unit, ms.
@@ -187,7 +188,7 @@ pub fn parse_policy(text: &str) -> Result<Policy, String> {
 }
 
 /// A deadline of an operator.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deadline {
     /// Length, ms, above zero.

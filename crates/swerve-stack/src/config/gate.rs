@@ -1,5 +1,6 @@
 //! The safety gate, `[gate]`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::safety_gate::GateParams;
 
@@ -7,7 +8,7 @@ use super::Config;
 use super::planner::overridden;
 
 /// The safety gate between the controller and the vehicle.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GateConfig {
     /// Whether there is one.
@@ -21,6 +22,7 @@ pub struct GateConfig {
     /// When that person stops the car at once, ms; never when absent.
     pub emergency_at_ms: Option<f64>,
     /// Limits and times that differ from those of the vehicle.
+    #[schemars(with = "GateParams")]
     pub params: toml::Table,
 }
 

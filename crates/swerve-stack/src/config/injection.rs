@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_text::{nearest, number};
@@ -11,7 +12,7 @@ use super::execution::span_ms;
 use crate::assembly::Assembly;
 
 /// A fault on a stream: exactly one of what it may do to messages, and when.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FaultConfig {
     /// The stream, as the log names it. Its readers get what the fault makes of it; of two faults on one stream the

@@ -1,5 +1,6 @@
 //! How `swerve live` drives a vehicle, `[live]`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_ros2::convert::SteeringGear;
 use swerve_ros2::mapping::{Role, Vehicle};
@@ -8,7 +9,7 @@ use swerve_text::number;
 use super::{Config, ControllerName};
 
 /// A vehicle on the other side of ROS 2's topics.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LiveConfig {
     /// The scenario whose road is followed at the speed of its ego up to its `end_m`, as a path from the folder of the
@@ -39,7 +40,7 @@ pub struct LiveConfig {
 }
 
 /// Who says that the stack is to drive.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum EnableBy {
     /// A person, on the topic of the mapping's `enable`.
@@ -51,7 +52,7 @@ pub enum EnableBy {
 }
 
 /// How acceleration is asked for where there is a choice.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Longitudinal {
     /// By speed and limits of acceleration, which the vehicle's own controller keeps.

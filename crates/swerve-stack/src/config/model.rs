@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_flow::Reaction;
@@ -16,7 +17,7 @@ use super::planner::overridden;
 use super::{Config, PlannerName};
 
 /// The four models of execution that D3 (Gog et al., EuroSys 2022) compares.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Model {
     /// Detector and planner run on timers of their own and read the newest input there is.
@@ -38,7 +39,7 @@ impl Model {
 }
 
 /// How detector and planner are executed.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExecutionConfig {
     /// The model.
@@ -51,6 +52,7 @@ pub struct ExecutionConfig {
     /// What answers a frame whose deadline passed.
     pub reaction: Reaction,
     /// Parameters of the policy that differ from its defaults (`swerve_planning::deadline`).
+    #[schemars(with = "Params")]
     pub params: toml::Table,
 }
 

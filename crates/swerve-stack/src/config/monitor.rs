@@ -1,5 +1,6 @@
 //! Watchers of single cameras and lidars, `[monitor.NAME]`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Config;
@@ -8,7 +9,7 @@ use super::operator::is_plain_name;
 use crate::assembly::{one_of, pipeline_names};
 
 /// A watcher: reads every byte of what a camera or lidar sees, and says whether it is frozen, blank or broken.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MonitorConfig {
     /// The camera or lidar. It runs because of this.

@@ -3,6 +3,7 @@
 use core::fmt;
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
@@ -11,7 +12,7 @@ use super::Config;
 use super::execution::{self, Deadline, Runtime};
 
 /// One operator: what it is, what it reads, how it runs.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct OperatorConfig {
     /// Its kind, of those that `swerve operators` lists; that of the pipeline's operator of this name when absent.
@@ -36,6 +37,7 @@ pub struct OperatorConfig {
     pub delay_ms: f64,
     /// The keys of its kind, or of that kind's tables for this operator alone.
     #[serde(flatten)]
+    #[schemars(with = "crate::config::AnyTable")]
     pub keys: toml::Table,
 }
 
@@ -44,7 +46,7 @@ fn is_zero(x: &f64) -> bool {
 }
 
 /// What a port reads.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Reads {
     /// A stream, or the first one of an operator.
@@ -56,7 +58,7 @@ pub enum Reads {
 }
 
 /// A stream, and how it is read.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EdgeConfig {
     /// The stream, or the operator whose first one it is.
@@ -113,7 +115,7 @@ pub(crate) fn is_plain_name(name: &str) -> bool {
 }
 
 /// A shared resource.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ResourceConfig {
     /// Steps that it can hold at once.

@@ -1,5 +1,6 @@
 //! What stands between the sensors and the predictor: `[perception]`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_perception::detector::{self, Sensing};
 use swerve_perception::image_box::ImageCamera;
@@ -20,7 +21,7 @@ pub const TRUTH: &str = "truth";
 pub const CUSTOM: &str = "custom";
 
 /// Perception.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PerceptionConfig {
     /// `truth`: the tracker is given what the obstacle sensor sees. The name of a published detector
@@ -33,9 +34,11 @@ pub struct PerceptionConfig {
     /// deadline. `params` then go for all of them; the tracker's noise is that of the one named.
     pub ladder: bool,
     /// Parameters of the emulation that differ from the named detector's.
+    #[schemars(with = "detector::Params")]
     pub params: toml::Table,
     /// The tracker behind a detector, `algorithm`: `sort` when absent, or `ab3dmot`; and its parameters that differ from
     /// its defaults. The measurement noise of `sort` is that of the detector.
+    #[schemars(with = "tracker::Params")]
     pub tracker: toml::Table,
     /// Where `params` come from, where `swerve calibrate detector` wrote them; nothing reads it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -43,7 +46,7 @@ pub struct PerceptionConfig {
 }
 
 /// What a calibration of the emulation came to.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     /// Average precision that was to be met, 0 to 1.

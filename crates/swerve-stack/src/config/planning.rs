@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_planning::{CollisionMode, Planner};
 use swerve_pylot::{Era, Original, Preset, Rules};
@@ -11,7 +12,7 @@ use super::execution::Runtime;
 use super::planner;
 
 /// Motion planners by name.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PlannerName {
     /// Frenet optimal trajectories.
@@ -58,7 +59,7 @@ impl PlannerName {
 }
 
 /// A planner's discretisation.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fineness {
     /// Coarse.
@@ -78,7 +79,7 @@ impl Fineness {
 }
 
 /// Where a plan starts.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StartState {
     /// The pose measured at the stamp.
@@ -94,7 +95,7 @@ pub(crate) type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
 static BUILT_IN_COST: LazyLock<Cost> = LazyLock::new(|| swerve_text::built_in(include_str!("cost.toml")));
 
 /// The motion planner.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlanningConfig {
     /// Which one.
@@ -108,6 +109,7 @@ pub struct PlanningConfig {
     pub era: Option<Era>,
     /// Single rules that differ from the era's (`swerve_pylot::Rules` has them with their sources).
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "Rules")]
     pub rules: toml::Table,
     /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way), or
     /// the original's `swept_static`.
@@ -117,6 +119,7 @@ pub struct PlanningConfig {
     /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
     pub expected_ms: Option<f64>,
     /// Parameters of the chosen planner that differ from its preset's and discretisation's.
+    #[schemars(with = "crate::config::AnyTable")]
     pub params: toml::Table,
     /// A ladder of discretisations (`fot@d3`): the planner takes the finest that fits the time left until its deadline,
     /// and as long as that takes.

@@ -3,6 +3,7 @@
 use core::time::Duration;
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_ipc::OnLoss;
 use swerve_text::number;
@@ -12,7 +13,7 @@ use super::operator::is_plain_name;
 use crate::assembly::{Assembly, one_of};
 
 /// One process beside the coordinator.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProcessConfig {
     /// The operators whose steps it takes.
@@ -36,7 +37,7 @@ pub struct ProcessConfig {
 }
 
 /// The shared memory that the processes of a run share.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SharedMemoryConfig {
     /// Its name, for those who join it from outside, such as a tunnel to another host; one of its own when absent.

@@ -1,5 +1,6 @@
 //! Which stream is which ROS 2 topic, `[ros2]`: as written, checked by the bridge's own mapping.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_ros2::env::Network;
 use swerve_ros2::mapping::{Mapping, Vehicle};
@@ -8,7 +9,7 @@ use super::Config;
 use super::clock::Clock;
 
 /// Who drives the simulated car.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EgoDriver {
     /// Our own stack.

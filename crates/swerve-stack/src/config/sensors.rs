@@ -1,5 +1,6 @@
 //! Radars and lidars on the ego vehicle, `[radar.NAME]` and `[lidar.NAME]`, and what all sensors have in common.
 
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use swerve_core::{ParamError, Span};
@@ -16,12 +17,13 @@ use crate::assembly::{Assembly, pipeline_names, sensor_operators};
 type Faults = Vec<(String, String)>;
 
 /// One radar.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RadarConfig {
     /// Which class of radar.
     pub preset: RadarPreset,
     /// What differs from the preset.
+    #[schemars(with = "RadarParams")]
     pub params: toml::Table,
     /// Where it sits in the ego frame, m; the middle of the front bumper, 0.5 m up, when absent.
     pub at_m: Option<[f64; 3]>,
@@ -81,7 +83,7 @@ impl RadarConfig {
 }
 
 /// One lidar.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LidarConfig {
     /// Which class of lidar.
@@ -89,6 +91,7 @@ pub struct LidarConfig {
     /// What casts the rays: `cpu`, the same points on every machine, or `gpu`, which pays from 64 beams on.
     pub engine: LidarEngine,
     /// What differs from the preset.
+    #[schemars(with = "LidarSpec")]
     pub params: toml::Table,
     /// Elevation and azimuth offset of each laser, degrees; the preset's when empty.
     pub beams_deg: Vec<[f64; 2]>,

@@ -1,11 +1,12 @@
 //! Where a drive comes from that is not driven now, `[source]`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Config;
 
 /// A recorded drive in the place of a vehicle.
-#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SourceConfig {
     /// A rosbag2 log in MCAP form, or the folder of one, as a path from the folder of the configuration.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_flow::{
@@ -33,7 +34,7 @@ const PITCH_STEP_S: f64 = 0.01;
 pub(super) struct CameraDetector;
 
 /// Its keys.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
     /// A detector that is in the program, or a file of weights.
@@ -158,6 +159,10 @@ impl OperatorKind for CameraDetector {
         Node::new("camera_objects", "boxes of people, cars, trucks and cyclists in a camera's images")
             .heavy(Heavy::Yes)
             .scheduled(Scheduled::Detector)
+    }
+
+    fn schema(&self) -> Option<schemars::Schema> {
+        Some(schemars::schema_for!(Table))
     }
 
     fn keys(&self) -> toml::Table {

@@ -1,6 +1,7 @@
 //! One list of objects of what detectors find with a camera and a lidar, and of a radar's echoes.
 
 use anyhow::{Context as _, bail, ensure};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_flow::{
@@ -26,7 +27,7 @@ const DEPTHS: usize = 8;
 pub(super) struct Fusions;
 
 /// Its keys in `[operator.NAME]`.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
     /// The `[camera.NAME]` that the boxes' pictures are in; when absent the only one there is, else the emulated
@@ -91,6 +92,10 @@ impl Table {
 impl OperatorKind for Fusions {
     fn node(&self) -> Node {
         Node::new("fusion", "one list of the objects of a camera and a lidar, with a radar's speeds")
+    }
+
+    fn schema(&self) -> Option<schemars::Schema> {
+        Some(schemars::schema_for!(Table))
     }
 
     fn keys(&self) -> toml::Table {

@@ -1,5 +1,6 @@
 //! The lines of the ego's lane in a camera's images.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_msg::{CameraInfo, Image, LaneLine, Lanes, Pixels};
@@ -17,7 +18,7 @@ pub(super) struct LaneLines {
 }
 
 /// Its keys in `[operator.NAME]`.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Table {
     method: MethodName,
@@ -28,7 +29,7 @@ pub(super) struct Table {
 }
 
 /// How marks are found.
-#[derive(Clone, Copy, Serialize, Deserialize)]
+#[derive(Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum MethodName {
     Hough,

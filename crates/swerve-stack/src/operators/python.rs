@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{
     AnyInput, AnyOperator, AnyOutputs, Context, OutputInfo, PayloadType, PortInfo, PortMode, every,
@@ -17,7 +18,7 @@ use crate::site::Site;
 pub(super) struct Python;
 
 /// Its keys.
-#[derive(Serialize, Deserialize, Default)]
+#[derive(Serialize, Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
     /// What it reads, by port: `Image` (of the frame's stamp), `latest EgoState`, `window(16) EgoState`.
@@ -103,6 +104,10 @@ impl OperatorKind for Python {
     fn node(&self) -> Node {
         Node::new("python", "an operator written in Python, with the ports that the configuration declares")
             .elsewhere()
+    }
+
+    fn schema(&self) -> Option<schemars::Schema> {
+        Some(schemars::schema_for!(Table))
     }
 
     fn keys(&self) -> toml::Table {

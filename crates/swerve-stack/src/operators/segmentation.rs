@@ -1,6 +1,7 @@
 //! Classes of the pixels of a camera's images.
 
 use anyhow::anyhow;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_geom::Point;
@@ -20,7 +21,7 @@ pub(super) struct Segmentation {
 }
 
 /// Its keys.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Table {
     /// Weights that are in the program, by name.

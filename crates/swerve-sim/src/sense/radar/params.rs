@@ -1,5 +1,6 @@
 //! Capabilities of a radar.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_core::param::{ParamError, require, require_within};
@@ -11,7 +12,7 @@ use super::{decibels, ratio};
 const HALF_RANGE_RCS_DBSM: f64 = 10.0;
 
 /// A radar by name.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RadarPreset {
     /// Looks ahead from the front bumper, far along the axis and near to the sides: 250 m, 120 degrees; in
@@ -77,18 +78,19 @@ impl RadarPreset {
 macro_rules! params {
     ($($(#[$doc:meta])* $name:ident: $number:ty,)*) => {
         /// Limits, accuracy and errors of a radar. In files, what is left out is as the key `preset` names it.
-        #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+        #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
         #[serde(from = "Keys")]
         pub struct RadarParams {
             $($(#[$doc])* pub $name: $number,)*
         }
 
-        #[derive(Deserialize)]
+        #[derive(Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         #[derive(Default)]
         struct Keys {
+            /// The radar that is meant where a key is left out.
             preset: RadarPreset,
-            $($name: Option<$number>,)*
+            $($(#[$doc])* $name: Option<$number>,)*
         }
 
         impl From<Keys> for RadarParams {

@@ -12,7 +12,7 @@ use swerve_text::nearest;
 
 /// `swerve operators`.
 #[derive(clap::Args, Debug)]
-pub(crate) struct OperatorsArgs {
+pub struct OperatorsArgs {
     /// Show this one: ports, messages, keys with their defaults
     kind: Option<String>,
 }
@@ -21,7 +21,7 @@ pub(crate) struct OperatorsArgs {
 ///
 /// # Errors
 /// A kind that is not there.
-pub(crate) fn run(args: &OperatorsArgs, registry: &Registry) -> anyhow::Result<()> {
+pub fn run(args: &OperatorsArgs, registry: &Registry) -> anyhow::Result<()> {
     let Some(name) = &args.kind else { return print(&list(registry)) };
     let Some(kind) = registry.kind(name) else {
         let names: Vec<&str> = registry.kinds().map(|kind| kind.node().kind).collect();

@@ -1,0 +1,276 @@
+//! `swerve keys`: every key of a configuration, and what each takes.
+
+use std::fmt::Write as _;
+
+use anyhow::bail;
+use schemars::schema_for;
+use swerve_report::output::print;
+use swerve_scene::WeatherPreset;
+use swerve_stack::Registry;
+use swerve_stack::config::{Config, detectors};
+use swerve_text::{did_you_mean, parse_assignment};
+
+use crate::key::{Choice, Key};
+use crate::{params, schema};
+
+/// `swerve keys`.
+#[derive(clap::Args, Debug)]
+pub struct KeysArgs {
+    /// Those that begin so (planning, camera.NAME); or whose name, values or text has this word (weather)
+    prefix: Option<String>,
+    /// As JSON
+    #[arg(long, conflicts_with_all = ["markdown", "schema"])]
+    json: bool,
+    /// As a page
+    #[arg(long, conflicts_with = "schema")]
+    markdown: bool,
+    /// The JSON schema of a configuration file, for editors that check what is typed (taplo)
+    #[arg(long, conflicts_with = "prefix")]
+    schema: bool,
+}
+
+/// Lists keys.
+///
+/// # Errors
+/// There is none of that name.
+pub fn run(args: &KeysArgs, registry: &Registry) -> anyhow::Result<()> {
+    if args.schema {
+        return print(&(serde_json::to_string_pretty(&schema_for!(Config))? + "\n"));
+    }
+    let all = keys(registry);
+    let found = match &args.prefix {
+        None => all.iter().collect(),
+        Some(asked) => find(&all, asked)?,
+    };
+    if args.json {
+        return print(&(serde_json::to_string_pretty(&found)? + "\n"));
+    }
+    print(&if args.markdown { page(&found) } else { text(&found) })
+}
+
+/// Every key of a configuration.
+pub fn keys(registry: &Registry) -> Vec<Key> {
+    let mut keys = schema::keys(&schema_for!(Config), "", None);
+    for key in &mut keys {
+        key.range = range(&key.key, &key.form);
+        key.choices.extend(known_names(&key.key, registry));
+    }
+    keys.extend(params::keys(registry));
+    // Kinds that have keys in common, such as those of `[operator.NAME]`, tell them in one place.
+    keys.sort_by(|a, b| (&a.key, &a.only_with).cmp(&(&b.key, &b.only_with)));
+    keys
+}
+
+/// Names that a text may be, where the type does not say them.
+fn known_names(key: &str, registry: &Registry) -> Vec<Choice> {
+    let choice = |name: &str, doc: &str| Choice { name: name.to_owned(), doc: doc.to_owned() };
+    match key {
+        "perception.detector" => {
+            detectors::published().iter().map(|detector| choice(&detector.name, "")).collect()
+        }
+        "render.weather" => WeatherPreset::ALL.iter().map(|weather| choice(weather.name(), "")).collect(),
+        "operator.NAME.kind" => {
+            registry.kinds().map(|kind| choice(kind.node().kind, kind.node().doc)).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// What the check of a configuration says of a number that is far too large, or too small.
+fn range(key: &str, form: &str) -> Option<String> {
+    if !matches!(form, "number" | "whole number") {
+        return None;
+    }
+    let key = key.replace("NAME", "any");
+    ["1e300", "-1e300", "4000000000000000000", "-1"].iter().find_map(|value| {
+        let set = parse_assignment(&format!("{key}={value}")).ok()?;
+        let problems = Config::load(None, &[set]).err()?;
+        let told = problems.iter().find(|problem| problem.key == key)?;
+        let (_, expected) = told.message.split_once("expected ")?;
+        let expected = expected.split(", found").next()?.split("; ").next()?;
+        (!expected.starts_with("a whole number,")).then(|| expected.to_owned())
+    })
+}
+
+/// The page of all keys.
+pub fn whole_page(registry: &Registry) -> String {
+    page(&keys(registry).iter().collect::<Vec<_>>())
+}
+
+/// The keys that are asked for.
+fn find<'a>(all: &'a [Key], asked: &str) -> anyhow::Result<Vec<&'a Key>> {
+    let begins = |key: &&Key| {
+        let rest = key.key.strip_prefix(asked);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.') || asked.ends_with('.'))
+    };
+    let found: Vec<&Key> = all.iter().filter(begins).collect();
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    let word = asked.to_lowercase();
+    let has = |key: &&Key| {
+        let named = key.choices.iter().any(|choice| choice.name.contains(&word));
+        named || key.key.contains(&word) || key.doc.to_lowercase().contains(&word)
+    };
+    let found: Vec<&Key> = all.iter().filter(has).collect();
+    if found.is_empty() {
+        let parts: Vec<&str> = all.iter().flat_map(|key| [key.key.as_str(), key.name()]).collect();
+        bail!("no key `{asked}`{}", did_you_mean(asked, parts));
+    }
+    Ok(found)
+}
+
+/// Two lines a key: what it is, and what it is for; the meaning of every value where only a few are asked for.
+fn text(keys: &[&Key]) -> String {
+    const FEW: usize = 3;
+    let mut text = String::new();
+    for key in keys {
+        let default = key.default.as_ref().map(|default| format!(" = {default}")).unwrap_or_default();
+        let with = key.only_with.as_ref().map(|with| format!("  [{with}]")).unwrap_or_default();
+        let _written = writeln!(text, "{}{default}{with}\n    {}", key.key, what_it_takes(key));
+        if !key.doc.is_empty() {
+            let _written = writeln!(text, "    {}", key.doc);
+        }
+        if keys.len() <= FEW {
+            let width = key.choices.iter().map(|choice| choice.name.len()).max().unwrap_or(0);
+            for choice in &key.choices {
+                let line = format!("      {:width$}  {}", choice.name, choice.doc);
+                let _written = writeln!(text, "{}", line.trim_end());
+            }
+        }
+    }
+    text
+}
+
+/// Type, unit and range; the names where it takes names.
+fn what_it_takes(key: &Key) -> String {
+    let names: Vec<&str> = key.choices.iter().map(|choice| choice.name.as_str()).collect();
+    let mut told = match (key.form.as_str(), names.is_empty()) {
+        ("name", false) => format!("one of {}", names.join(", ")),
+        (form, true) => form.to_owned(),
+        (form, false) => format!("{form}: {}", names.join(", ")),
+    };
+    if let Some(unit) = key.unit.filter(|_| key.form.contains("number")) {
+        told += &format!(", {unit}");
+    }
+    if let Some(range) = &key.range {
+        told += &format!("; {range}");
+    }
+    told
+}
+
+/// A page with a table for each part of a configuration.
+fn page(keys: &[&Key]) -> String {
+    let mut text = "# Keys of a configuration\n\n\
+        Made by `swerve keys --markdown`; `swerve keys PREFIX` shows a part of it, `swerve keys WORD` finds a word, and \
+        `swerve keys --schema` is the JSON schema for editors.\n\
+        `NAME` stands for a name of one's own; what stands in brackets is the setting under which a key is there.\n"
+        .to_owned();
+    let mut part = "";
+    for key in keys {
+        let own = key.key.split('.').next().unwrap_or_default();
+        if own != part {
+            part = own;
+            let _written =
+                writeln!(text, "\n## {part}\n\n| key | default | takes | what for |\n|---|---|---|---|");
+        }
+        let with = key.only_with.as_ref().map(|with| format!(" [{with}]")).unwrap_or_default();
+        let cells = [
+            &format!("`{}`{with}", key.key),
+            key.default.as_deref().unwrap_or(""),
+            &what_it_takes(key),
+            &key.doc,
+        ];
+        let cells = cells.map(|cell| cell.replace('|', "\\|"));
+        let _written = writeln!(text, "| {} |", cells.join(" | "));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> Vec<Key> {
+        keys(&Registry::standard())
+    }
+
+    fn key<'a>(all: &'a [Key], key: &str) -> &'a Key {
+        all.iter().find(|one| one.key == key).unwrap_or_else(|| panic!("no {key}"))
+    }
+
+    #[test]
+    fn a_key_has_its_type_default_unit_range_and_meaning() {
+        let all = all();
+        let dt = key(&all, "sim.dt_ms");
+        assert_eq!((dt.form.as_str(), dt.default.as_deref(), dt.unit), ("number", Some("5.0"), Some("ms")));
+        assert!(dt.range.as_ref().unwrap().contains("20"), "{:?}", dt.range);
+        assert!(dt.doc.starts_with("Step, ms"), "{}", dt.doc);
+        let weather = key(&all, "render.weather");
+        assert_eq!(weather.choices.len(), 15);
+        let at = key(&all, "camera.NAME.at_m");
+        assert_eq!((at.form.as_str(), at.unit), ("array of 3 x number", Some("m")));
+        assert!(
+            key(&all, "perception.detector").choices.iter().any(|one| one.name == "efficientdet-d3@v100")
+        );
+        assert!(key(&all, "operator.NAME.kind").choices.iter().any(|one| one.name == "camera_objects"));
+        assert!(all.iter().any(|one| one.only_with.as_deref() == Some("planner = \"fot\"")));
+    }
+
+    #[test]
+    fn every_key_tells_what_it_is_for_and_takes_its_own_default() {
+        let all = all();
+        assert!(all.len() > 300, "{}", all.len());
+        let silent: Vec<&str> = all.iter().filter(|key| key.doc.is_empty()).map(|key| &*key.key).collect();
+        assert!(silent.is_empty(), "without a doc comment: {silent:?}");
+        for key in all.iter().filter(|key| key.only_with.is_none() && !key.key.contains("NAME")) {
+            // What is long is told in short, what has to be said is empty.
+            let is_whole = |text: &&String| !text.starts_with('a') && **text != "\"\"";
+            let Some(default) = key.default.as_ref().filter(is_whole) else { continue };
+            let set = parse_assignment(&format!("{}={default}", key.key)).unwrap();
+            let problems = Config::load(None, &[set]).err().unwrap_or_default();
+            let of_key = problems.iter().find(|problem| problem.key == key.key);
+            assert_eq!(of_key, None, "{} = {default}", key.key);
+        }
+    }
+
+    #[test]
+    fn every_key_of_the_default_configuration_is_listed() {
+        let all = all();
+        let table = toml::Table::try_from(Config::default()).unwrap();
+        fn leaves(at: &str, value: &toml::Value, into: &mut Vec<String>) {
+            match value {
+                toml::Value::Table(inner) if !inner.is_empty() => {
+                    inner.iter().for_each(|(key, value)| leaves(&format!("{at}.{key}"), value, into));
+                }
+                _ => into.push(at.trim_start_matches('.').to_owned()),
+            }
+        }
+        let mut wanted = Vec::new();
+        leaves("", &toml::Value::Table(table), &mut wanted);
+        let is_listed = |key: &String| {
+            all.iter().any(|one| {
+                let (mut a, mut b) = (one.key.split('.'), key.split('.'));
+                a.by_ref().zip(b.by_ref()).all(|(a, b)| a == b || a == "NAME") && a.next().is_none()
+            })
+        };
+        let missing: Vec<_> = wanted.iter().filter(|key| !is_listed(key)).collect();
+        // Empty tables of things that have names.
+        let missing: Vec<_> =
+            missing.iter().filter(|key| !all.iter().any(|one| one.key.starts_with(&***key))).collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
+
+    #[test]
+    fn a_word_finds_keys_by_name_value_or_text() {
+        let all = all();
+        let found = |asked: &str| {
+            find(&all, asked).map(|keys| keys.iter().map(|key| key.key.clone()).collect::<Vec<_>>())
+        };
+        assert!(found("sim").unwrap().iter().all(|key| key.starts_with("sim.")));
+        assert!(found("clear_noon").unwrap().contains(&"render.weather".to_owned()));
+        assert!(found("added_latency").unwrap().contains(&"planning.added_latency_ms".to_owned()));
+        let said = found("planing.planer").unwrap_err().to_string();
+        assert!(said.contains("did you mean \"planning.planner\"?"), "{said}");
+    }
+}

@@ -1,0 +1,152 @@
+//! From the schema of a type to its keys.
+
+use schemars::Schema;
+use serde_json::{Map, Value};
+
+use crate::key::{Choice, Key, unit};
+
+/// All keys of a type, in the order of their names; each begins with `prefix`. `defaults` are those of the whole, where
+/// the type does not say them key by key.
+pub(crate) fn keys(schema: &Schema, prefix: &str, defaults: Option<&Value>) -> Vec<Key> {
+    let none = Map::new();
+    let root = schema.as_value();
+    let defs = root.get("$defs").and_then(Value::as_object).unwrap_or(&none);
+    let mut keys = Vec::new();
+    Walk { defs, keys: &mut keys, depth: 0 }.node(root, prefix, defaults);
+    keys
+}
+
+/// Tables within tables end somewhere; a type that holds itself does not.
+const DEPTH_MAX: usize = 12;
+
+struct Walk<'a> {
+    defs: &'a Map<String, Value>,
+    keys: &'a mut Vec<Key>,
+    depth: usize,
+}
+
+impl Walk<'_> {
+    /// A table's keys, or the one key that a value is.
+    fn node(&mut self, schema: &Value, at: &str, default: Option<&Value>) {
+        let default = schema.get("default").or(default);
+        let inner = resolved(self.defs, schema);
+        let properties = inner.get("properties").and_then(Value::as_object);
+        let entries = inner.get("additionalProperties").filter(|entry| entry.is_object());
+        self.depth += 1;
+        match (properties, entries) {
+            _ if self.depth > DEPTH_MAX => {}
+            (Some(properties), _) => {
+                for (name, property) in properties {
+                    self.node(property, &join(at, name), default.and_then(|all| all.get(name)));
+                }
+            }
+            (None, Some(entry)) if is_table(self.defs, entry) => self.node(entry, &join(at, "NAME"), None),
+            _ => self.keys.push(self.key(schema, inner, at, default)),
+        }
+        self.depth -= 1;
+    }
+
+    fn key(&self, schema: &Value, inner: &Value, at: &str, default: Option<&Value>) -> Key {
+        let doc = [schema, inner].into_iter().find_map(|node| node.get("description")?.as_str());
+        let name = at.rsplit('.').next().unwrap_or(at);
+        Key {
+            key: at.to_owned(),
+            only_with: None,
+            form: form(self.defs, inner),
+            default: default.and_then(as_toml),
+            unit: unit(name),
+            range: None,
+            doc: doc.unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" "),
+            choices: choices(inner),
+        }
+    }
+}
+
+fn join(at: &str, name: &str) -> String {
+    if at.is_empty() { name.to_owned() } else { format!("{at}.{name}") }
+}
+
+/// The schema that stands behind references and `anything or null`.
+fn resolved<'a>(defs: &'a Map<String, Value>, schema: &'a Value) -> &'a Value {
+    if let Some(name) = schema.get("$ref").and_then(Value::as_str) {
+        let name = name.rsplit('/').next().unwrap_or_default();
+        return defs.get(name).map_or(schema, |schema| resolved(defs, schema));
+    }
+    let any = schema.get("anyOf").and_then(Value::as_array);
+    let mut others = any.into_iter().flatten().filter(|one| one.get("type") != Some(&"null".into()));
+    match (others.next(), others.next()) {
+        (Some(only), None) => resolved(defs, only),
+        _ => schema,
+    }
+}
+
+fn is_table(defs: &Map<String, Value>, schema: &Value) -> bool {
+    let inner = resolved(defs, schema);
+    inner.get("properties").is_some() || inner.get("additionalProperties").is_some_and(Value::is_object)
+}
+
+/// What a value looks like, in words.
+fn form(defs: &Map<String, Value>, schema: &Value) -> String {
+    let schema = resolved(defs, schema);
+    if schema.get("const").or(schema.get("enum")).is_some() {
+        return "name".to_owned();
+    }
+    if let Some(Value::Array(any)) = schema.get("anyOf").or(schema.get("oneOf")) {
+        let mut forms: Vec<String> = any.iter().map(|one| form(defs, one)).collect();
+        forms.dedup();
+        return forms.join(" or ");
+    }
+    let kinds = match schema.get("type") {
+        Some(Value::String(kind)) => vec![kind.as_str()],
+        Some(Value::Array(kinds)) => kinds.iter().filter_map(Value::as_str).collect(),
+        _ => Vec::new(),
+    };
+    let told = kinds.iter().filter(|kind| **kind != "null").map(|kind| match *kind {
+        "integer" => "whole number".to_owned(),
+        "boolean" => "true or false".to_owned(),
+        "string" => "text".to_owned(),
+        "object" => "table".to_owned(),
+        "array" => {
+            let of = schema.get("items").map_or_else(|| "values".into(), |item| form(defs, item));
+            match schema.get("minItems").filter(|least| Some(*least) == schema.get("maxItems")) {
+                Some(count) => format!("array of {count} x {of}"),
+                None => format!("array of {of}"),
+            }
+        }
+        other => other.to_owned(),
+    });
+    let told: Vec<String> = told.collect();
+    if told.is_empty() { "any value".to_owned() } else { told.join(" or ") }
+}
+
+/// The names that a value may be.
+fn choices(schema: &Value) -> Vec<Choice> {
+    let plain = schema.get("enum").and_then(Value::as_array).into_iter().flatten();
+    let plain = plain.filter_map(|name| Some(Choice { name: name.as_str()?.into(), doc: String::new() }));
+    let told = schema.get("oneOf").and_then(Value::as_array).into_iter().flatten();
+    let told = told.flat_map(|one| {
+        let doc = one.get("description").and_then(Value::as_str).unwrap_or_default();
+        let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
+        let names = match (one.get("const"), one.get("enum")) {
+            (Some(name), _) => vec![name],
+            (None, Some(Value::Array(names))) => names.iter().collect(),
+            _ => Vec::new(),
+        };
+        let names: Vec<String> = names.iter().filter_map(|name| Some(name.as_str()?.to_owned())).collect();
+        names.into_iter().map(move |name| Choice { name, doc: doc.clone() })
+    });
+    plain.chain(told).collect()
+}
+
+/// A default as a configuration would say it, in short.
+fn as_toml(value: &Value) -> Option<String> {
+    const LONG: usize = 60;
+    let value = toml::Value::try_from(value).ok()?;
+    let text = value.to_string();
+    let is_long = text.chars().count() > LONG;
+    Some(match value {
+        toml::Value::Table(table) if is_long => format!("a table of {}", table.len()),
+        toml::Value::Array(entries) if is_long => format!("an array of {}", entries.len()),
+        _ => text,
+    })
+}

@@ -1,0 +1,73 @@
+//! What shells and `man` know of the command line.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use clap::CommandFactory as _;
+use clap_complete::Shell;
+use swerve_report::files::write_whole;
+use swerve_report::output::print;
+
+use crate::cli::Cli;
+
+/// `swerve completions`.
+#[derive(clap::Args, Debug)]
+pub(crate) struct CompletionsArgs {
+    /// Shell; the script goes where that looks for it, such as ~/.local/share/bash-completion/completions/swerve
+    shell: Shell,
+}
+
+/// `swerve man`.
+#[derive(clap::Args, Debug)]
+pub(crate) struct ManArgs {
+    /// Folder for the pages, one a command
+    #[arg(long, default_value = "man")]
+    out: PathBuf,
+}
+
+/// Prints the script of a shell.
+pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut Cli::command(), "swerve", &mut script);
+    print(&String::from_utf8(script)?)
+}
+
+/// Writes a page for every command.
+pub(crate) fn man(args: &ManArgs) -> anyhow::Result<()> {
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let mut command = Cli::command();
+    command.build();
+    let mut count = 0;
+    let mut open = vec![command];
+    while let Some(command) = open.pop() {
+        let mut page = Vec::new();
+        clap_mangen::Man::new(command.clone()).render(&mut page)?;
+        let name = command.get_display_name().unwrap_or_else(|| command.get_name()).to_owned();
+        write_whole(&args.out.join(format!("{name}.1")), &page)?;
+        count += 1;
+        let shown = |inner: &&clap::Command| !inner.is_hide_set() && inner.get_name() != "help";
+        open.extend(command.get_subcommands().filter(shown).cloned());
+    }
+    print(&format!("{count} pages in {}\n", args.out.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shell_and_every_command_is_served() {
+        for shell in [Shell::Bash, Shell::Zsh, Shell::Fish] {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "swerve", &mut script);
+            let script = String::from_utf8(script).unwrap();
+            assert!(script.contains("calibrate") && script.contains("seed"), "{shell}");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        man(&ManArgs { out: folder.path().to_owned() }).unwrap();
+        for page in ["swerve.1", "swerve-run.1", "swerve-study-merge.1"] {
+            let text = std::fs::read_to_string(folder.path().join(page)).unwrap();
+            assert!(text.starts_with(".ie") && text.contains(".SH"), "{page}: {text:.60}");
+        }
+    }
+}
