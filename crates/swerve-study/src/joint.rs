@@ -82,9 +82,9 @@ impl Found<'_> {
         );
         let (of_scenario, of_config) = split_sets(&sets);
         let mut problems = read(self.base, &of_config).err().unwrap_or_default();
-        let named =
+        let mut named =
             chosen.iter().filter_map(|&(axis, step)| self.study.steps[axis][step].scenario.as_deref());
-        let file = named.last().unwrap_or(&self.study.scenario);
+        let file = named.next_back().unwrap_or(&self.study.scenario);
         // One that cannot be read is told by whoever reads it.
         if let Some(scenario) = self.scenarios.get(file) {
             problems.extend(changed(file, scenario, &of_scenario).err().into_iter().flatten());
