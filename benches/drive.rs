@@ -69,8 +69,8 @@ fn loops(rows: &mut Rows) -> anyhow::Result<()> {
                 ("planning.planner".to_owned(), toml::Value::String(planner.into())),
                 ("log.foxglove".to_owned(), toml::Value::Boolean(foxglove)),
             ];
-            let config = Config::load(Some(&root().join("configs/best.toml")), &set)
-                .map_err(|problems| swerve_drive::problems_error(&problems))?;
+            let config =
+                Config::load(None, &set).map_err(|problems| swerve_drive::problems_error(&problems))?;
             let (mut core, mut wall) = (vec![], vec![]);
             for _ in 0..ROUNDS {
                 let (per_core, per_wall) = rates(&config, &scenario, log)?;

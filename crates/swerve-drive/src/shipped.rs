@@ -41,7 +41,6 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/person_crossing.toml"
     "scenarios/street.toml"
     "scenarios/traffic_jam.toml"
-    "configs/best.toml"
     "configs/camera_objects.toml"
     "configs/deadlines.toml"
     "configs/detector.toml"
@@ -276,14 +275,14 @@ mod tests {
         ] {
             assert_eq!(path(Kind::Scenario, given), lane, "{given}");
         }
-        assert_eq!(path(Kind::Config, "best"), Some("configs/best.toml"));
+        assert_eq!(path(Kind::Config, "paper"), Some("configs/paper.toml"));
         assert_eq!(path(Kind::Config, "live/autoware"), Some("configs/live/autoware.toml"));
         assert_eq!(path(Kind::Live, "autoware"), Some("configs/live/autoware.toml"));
         assert_eq!(path(Kind::Study, "planners"), Some("configs/studies/planners.toml"));
         for given in ["detour", "detour.json", "configs/problems/detour.json"] {
             assert_eq!(path(Kind::Problems, given), Some("configs/problems/detour.json"), "{given}");
         }
-        for given in ["", "lan", "../lane", "/scenarios/lane.toml", "configs/best.toml.toml"] {
+        for given in ["", "lan", "../lane", "/scenarios/lane.toml", "configs/paper.toml.toml"] {
             assert_eq!(path(Kind::Scenario, given), None, "{given}");
         }
     }

@@ -283,12 +283,22 @@ pub enum ControllerName {
     Mpc,
 }
 
+impl Config {
+    /// The controller that follows the plans.
+    pub fn controller(&self) -> ControllerName {
+        self.control.controller.unwrap_or(match self.planning.preset {
+            Preset::Paper => ControllerName::Pid,
+            Preset::Best => ControllerName::Stanley,
+        })
+    }
+}
+
 /// The controller.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
-    /// Which one.
-    pub controller: ControllerName,
+    /// Which one; `stanley` when absent, under the planning preset `paper` the paper's `pid`.
+    pub controller: Option<ControllerName>,
     /// How a plan is followed; the planning preset's when absent.
     pub following: Option<Following>,
     /// Period, ms.
@@ -297,7 +307,7 @@ pub struct ControlConfig {
 
 impl Default for ControlConfig {
     fn default() -> Self {
-        Self { controller: ControllerName::Pid, following: None, period_ms: 10.0 }
+        Self { controller: None, following: None, period_ms: 10.0 }
     }
 }
 

@@ -179,7 +179,7 @@ fn nobody_is_seen_to_walk_on_who_has_stopped() {
     let scenario = Scenario::parse("runner", RUNNER).unwrap();
     for seed in 1..=4 {
         let text = format!(
-            "seed = {seed}\n[perception]\ndetector = \"efficientdet-d3@v100\"\n[control]\ncontroller = \"stanley\"\n\
+            "seed = {seed}\n[perception]\ndetector = \"efficientdet-d3@v100\"\n[planning]\ncollision = \"time_indexed\"\n\
              [operator.detector]\nruntime = {{ fixed_ms = 120 }}\npolicy = \"pipelined(8)\"\n"
         );
         let config = Config::from_document(&Document::parse("test", text).unwrap(), &[]).unwrap();

@@ -421,7 +421,7 @@ fn no_truth_is_read_behind_the_sensors() {
         assert_eq!(told(file), Vec::<String>::new(), "{file}");
     }
     // The walk finds it where it is.
-    assert_eq!(told("best.toml"), ["tracker.obstacles"]);
+    assert_eq!(told("paper.toml"), ["tracker.obstacles"]);
     assert_eq!(told("detector.toml"), ["detector.surroundings"]);
 }
 

@@ -116,7 +116,7 @@ impl Config {
         if live.route.is_empty() {
             tell("live.route", "is missing: expected the scenario file whose road is to be followed".into());
         }
-        if self.control.controller == ControllerName::Pid {
+        if self.controller() == ControllerName::Pid {
             let message = "expected \"stanley\", \"pure_pursuit\" or \"mpc\": \"pid\" knows pedals only, and what goes \
                            to a vehicle is an acceleration";
             tell("control.controller", message.into());
@@ -164,7 +164,10 @@ mod tests {
                 "[live]\n[control]\ncontroller = \"mpc\"\n",
                 "c.toml:1: live.route: is missing: expected the scenario",
             ),
-            ("[live]\nroute = \"r.toml\"\n", "c.toml: control.controller: expected \"stanley\","),
+            (
+                "[live]\nroute = \"r.toml\"\n[control]\ncontroller = \"pid\"\n",
+                "c.toml:4: control.controller: expected \"stanley\",",
+            ),
             ("[live]\nrout = \"r.toml\"\n", "c.toml:2: live.rout: unknown key; did you mean \"route\"?"),
             (
                 "[live]\nroute = \"r\"\nsteering_ratio = 0\n",

@@ -14,7 +14,7 @@ use super::{Fineness, PlannerName, PlanningConfig};
 
 /// The planner that a configuration names, with its parameters.
 pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
-    let PlanningConfig { preset, collision, .. } = *planning;
+    let (preset, collision) = (planning.preset, planning.collision());
     if preset == Preset::Paper
         && let Some(planner) = original(planning, params)?
     {
@@ -56,7 +56,7 @@ fn fot_params(fineness: Fineness, collision: CollisionMode) -> fot::Params {
 fn original(planning: &PlanningConfig, params: &toml::Table) -> Result<Option<Box<dyn Planner>>, String> {
     // What is wrong with the rules is told by their own keys.
     let rules = planning.rules().unwrap_or_else(|_| planning.rules_of_era());
-    let PlanningConfig { config, collision, .. } = *planning;
+    let (config, collision) = (planning.config, planning.collision());
     let obstacle_range_m = planning.era.unwrap_or_default().range_m(planning.planner.original());
     Ok(Some(match planning.planner {
         PlannerName::Fot => {
@@ -99,7 +99,7 @@ pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, Str
         let wrong: Vec<_> = era.into_iter().chain(rule).collect();
         return if wrong.is_empty() { Ok(rules) } else { Err(wrong) };
     }
-    if planning.collision == CollisionMode::MayStop && planning.planner.is_paper() {
+    if planning.collision() == CollisionMode::MayStop && planning.planner.is_paper() {
         let message = "the paper's planners know `swept_static` and `time_indexed`".to_owned();
         return Err(vec![("planning.collision".into(), message)]);
     }

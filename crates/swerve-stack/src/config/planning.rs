@@ -111,9 +111,10 @@ pub struct PlanningConfig {
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     #[schemars(with = "Rules")]
     pub rules: toml::Table,
-    /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way), or
-    /// the original's `swept_static`.
-    pub collision: CollisionMode,
+    /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way: slow
+    /// or stop while that suffices, else go by where they are predicted to be), or the original's `swept_static`; when
+    /// absent `may_stop`, under the preset `paper` the original's.
+    pub collision: Option<CollisionMode>,
     /// Where a plan starts; the preset's when absent.
     pub start: Option<StartState>,
     /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
@@ -141,7 +142,7 @@ impl Default for PlanningConfig {
             preset: Preset::Best,
             era: None,
             rules: toml::Table::new(),
-            collision: CollisionMode::TimeIndexed,
+            collision: None,
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
@@ -177,6 +178,14 @@ impl PlanningConfig {
     /// Run time of the chosen planner and discretisation.
     pub fn cost_of_chosen(&self) -> Option<&Runtime> {
         self.cost.get(&self.planner)?.get(&self.config)
+    }
+
+    /// What predictions mean for collision checks.
+    pub fn collision(&self) -> CollisionMode {
+        self.collision.unwrap_or(match self.preset {
+            Preset::Paper => CollisionMode::SweptStatic,
+            Preset::Best => CollisionMode::MayStop,
+        })
     }
 
     /// Where a plan starts.

@@ -81,7 +81,7 @@ struct PlanFollower {
 
 impl PlanFollower {
     fn new(config: &Config, rules: &Rules, route: &Route) -> Self {
-        let law = match config.control.controller {
+        let law = match config.controller() {
             ControllerName::Pid => Law::Pid,
             ControllerName::PurePursuit => Law::PurePursuit,
             ControllerName::Stanley => Law::Stanley,
@@ -130,7 +130,7 @@ impl PlanFollower {
 /// The original's follower: under the paper's preset, unless another law or another way to follow is asked for.
 fn original(config: &Config, rules: &Rules) -> Option<Follower> {
     let Config { planning, control, sim, .. } = config;
-    let by_pid = control.controller == ControllerName::Pid && control.following.is_none();
+    let by_pid = config.controller() == ControllerName::Pid && control.following.is_none();
     (by_pid && planning.preset == Preset::Paper)
         .then(|| Follower::new(rules, &sim.vehicle.shape, &sim.vehicle.limits))
 }

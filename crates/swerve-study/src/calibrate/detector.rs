@@ -36,8 +36,7 @@ pub(crate) struct DetectorArgs {
     /// Average precision to meet, for a detector of one's own by camera
     #[arg(long, value_name = "0..1", value_parser = share)]
     ap: Option<f64>,
-    /// Configuration that the scenarios are driven with, and that the result is written into; several: the later over
-    /// the earlier
+    /// Configurations that the scenarios are driven with, the later over the earlier; the result is written into them
     #[arg(short, long)]
     config: Vec<PathBuf>,
     /// Set a configuration key
@@ -80,8 +79,7 @@ const EVERY: Span = Span::from_ms(200);
 /// Of what is less in sight than this nobody expects a detection (KITTI: partly occluded).
 pub(crate) const VISIBLE_SHARE_MIN: f64 = 1.0 / 3.0;
 
-/// Draws of the detector's errors over the same frames; the mean of their precisions is what is fitted. With one alone
-/// the mean over eleven recalls leaps where the last of them is just reached.
+/// Draws of the detector's errors over the same frames; the mean of their precisions is fitted, as one alone leaps.
 const DRAWS: u32 = 16;
 
 /// A fit this close is done; what is asked for is 0.02.
@@ -471,7 +469,9 @@ mod tests {
     fn frames(sensing: Sensing) -> Frames {
         let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios"));
         let all = scenarios(folder).unwrap();
-        Frames::gather(&Config::default(), sensing, &all, &[1], || {}).unwrap()
+        let fitted_with = ["control.controller=pid", "planning.collision=time_indexed"];
+        let base = Config::load(None, &fitted_with.map(|set| parse_assignment(set).unwrap())).unwrap();
+        Frames::gather(&base, sensing, &all, &[1], || {}).unwrap()
     }
 
     #[test]

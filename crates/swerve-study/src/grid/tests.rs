@@ -28,9 +28,9 @@ fn axes_multiply_and_the_last_is_fastest() {
 
 #[test]
 fn what_is_in_the_program_goes_by_its_name_where_no_file_is_beside() {
-    let text = "base = { scenario = \"lane\", config = \"best\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
+    let text = "base = { scenario = \"lane\", config = \"paper\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
     let study = study(text).unwrap();
-    assert_eq!(study.command(&study.cells[0]), "swerve run lane -c best --set seed=1");
+    assert_eq!(study.command(&study.cells[0]), "swerve run lane -c paper --set seed=1");
 }
 
 #[test]
@@ -65,14 +65,14 @@ fn values_can_be_ranges_with_both_ends() {
 
 #[test]
 fn an_axis_can_be_over_scenarios_and_a_base_of_several_configurations() {
-    let text = "base = { scenario = \"lane\", config = [\"best\", \"ros2\"] }\n\
+    let text = "base = { scenario = \"lane\", config = [\"paper\", \"ros2\"] }\n\
                 [[axis]]\nkey = \"scenario\"\nvalues = [\"lane\", \"x/a.toml\"]\n\
                 [[axis]]\nkey = \"actor.person.speed_mps\"\nvalues = [2, 3]\n";
     let study = study(text).unwrap();
     assert_eq!(study.cells[3].labels, ["a", "3"]);
     assert_eq!(
         study.command(&study.cells[3]),
-        "swerve run dir/x/a.toml -c best -c ros2 --set actor.person.speed_mps=3"
+        "swerve run dir/x/a.toml -c paper -c ros2 --set actor.person.speed_mps=3"
     );
 }
 

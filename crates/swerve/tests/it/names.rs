@@ -11,11 +11,11 @@ fn digest(said: &str) -> &str {
 fn a_scenario_and_a_configuration_go_by_their_names() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let (scenario, config) =
-        (format!("{root}/scenarios/person_crossing.toml"), format!("{root}/configs/best.toml"));
+        (format!("{root}/scenarios/person_crossing.toml"), format!("{root}/configs/paper.toml"));
     let bench = Bench::new();
     let by_path = bench.good(&["run", &scenario, "-c", &config, "--out", "o"]);
     for (scenario, config) in
-        [("person_crossing", "best"), ("scenarios/person_crossing.toml", "configs/best.toml")]
+        [("person_crossing", "paper"), ("scenarios/person_crossing.toml", "configs/paper.toml")]
     {
         let by_name = bench.good(&["run", scenario, "-c", config]);
         assert_eq!(digest(&by_name), digest(&by_path), "{scenario}");
@@ -46,16 +46,14 @@ fn what_a_named_study_names_is_found_too() {
 fn a_file_names_what_is_in_the_program() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("mine")).unwrap();
-    let study = "base = { scenario = \"lane\", config = \"best\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
+    let study =
+        "base = { scenario = \"lane\", config = \"paper\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
     bench.write("mine/study.toml", study);
-    bench.write(
-        "mine/live.toml",
-        "[live]\nroute = \"lane\"\n[ros2]\nvehicle = \"autoware\"\n[control]\ncontroller = \"stanley\"\n",
-    );
+    bench.write("mine/live.toml", "[live]\nroute = \"lane\"\n[ros2]\nvehicle = \"autoware\"\n");
     assert_eq!(bench.good(&["check", "mine"]), "2 files, no problem\n");
     bench.good(&["study", "mine/study.toml", "--out", "o"]);
     assert!(
-        bench.read("o/commands.txt").starts_with("swerve run lane -c best "),
+        bench.read("o/commands.txt").starts_with("swerve run lane -c paper "),
         "{}",
         bench.read("o/commands.txt")
     );
@@ -85,7 +83,7 @@ fn an_unknown_name_is_met_with_the_nearest() {
     let bench = Bench::new();
     for (args, says) in [
         (&["run", "person_behind_trukc"][..], "did you mean the scenario `person_behind_truck`"),
-        (&["run", "short.toml", "-c", "bets"], "did you mean the configuration `best`"),
+        (&["run", "short.toml", "-c", "papr"], "did you mean the configuration `best`"),
         (&["study", "planers"], "did you mean the study `planners`"),
         (&["live", "autowear"], "did you mean the configuration `autoware`"),
         (
