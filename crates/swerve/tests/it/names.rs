@@ -83,7 +83,7 @@ fn an_unknown_name_is_met_with_the_nearest() {
     let bench = Bench::new();
     for (args, says) in [
         (&["run", "person_behind_trukc"][..], "did you mean the scenario `person_behind_truck`"),
-        (&["run", "short.toml", "-c", "papr"], "did you mean the configuration `best`"),
+        (&["run", "short.toml", "-c", "papr"], "did you mean the configuration `paper`"),
         (&["study", "planers"], "did you mean the study `planners`"),
         (&["live", "autowear"], "did you mean the configuration `autoware`"),
         (
