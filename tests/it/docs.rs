@@ -120,6 +120,26 @@ fn every_command_parses() {
     assert!(seen >= 20, "only {seen} commands found");
 }
 
+/// Those who read the folder and those who read the site (`docs/SUMMARY.md` is its list) find the same pages.
+#[test]
+fn every_page_is_in_the_lists() {
+    let docs = root().join("docs");
+    let listed = |file: &str| -> Vec<String> {
+        let text = std::fs::read_to_string(docs.join(file)).unwrap();
+        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+        links.filter(|link| link.ends_with(".md")).map(str::to_owned).collect()
+    };
+    let lists = ["README.md", "SUMMARY.md"];
+    for folder in ["", "howto/"] {
+        for entry in std::fs::read_dir(docs.join(folder)).unwrap() {
+            let page = format!("{folder}{}", entry.unwrap().file_name().to_string_lossy());
+            for list in lists.iter().filter(|_| page.ends_with(".md") && !lists.contains(&&*page)) {
+                assert!(listed(list).contains(&page), "docs/{list} does not list {page}");
+            }
+        }
+    }
+}
+
 /// `swerve keys --markdown > docs/keys.md` mends it.
 #[test]
 fn the_page_of_keys_is_that_of_the_program() {
