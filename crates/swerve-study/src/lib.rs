@@ -11,6 +11,7 @@ mod joint;
 mod limit;
 
 pub mod cells;
+mod cluster;
 pub mod curve;
 pub mod grid;
 pub mod heatmap;
@@ -39,6 +40,7 @@ use swerve_stack::config::Config;
 use swerve_text::{Document, Problem, Problems};
 
 use cells::{CellResult, CellStore, Runner, Shard};
+use cluster::{Cluster, Job};
 use grid::{Cell, Study};
 
 /// `swerve study`.
@@ -59,7 +61,13 @@ pub struct StudyArgs {
     /// Run only this share of the cells: 2/4 is the second of four
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// Set a configuration key in every cell
+    /// Hand the study over to a cluster whose machines share this folder
+    #[arg(long, conflicts_with = "shard")]
+    on: Option<Cluster>,
+    /// Parts that a cluster drives at once; --threads cores each
+    #[arg(long, requires = "on", default_value_t = 8)]
+    shards: usize,
+    /// Set a key of the configuration or the scenario in every cell
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 }
@@ -91,6 +99,11 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
         }
         (None, Some(file)) => {
             let bench = Bench::open(registry, file, &args.set)?;
+            if let Some(cluster) = args.on {
+                let out = &out_folder(&bench.study, args.out.as_deref());
+                let threads = args.threads.unwrap_or(1);
+                return Job { file, sets: &args.set, out, shards: args.shards, threads }.submit(cluster);
+            }
             // Only now is there something to finish in order; until here a signal ends the program at once.
             let stop = Arc::new(AtomicBool::new(false));
             let on_signal = stop.clone();

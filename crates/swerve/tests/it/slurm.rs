@@ -1,59 +1,58 @@
-//! The job array of the how-to page, simulated: no Slurm is asked, the variables that it sets are set by hand, and
-//! its tasks run one after the other.
-
-use std::path::Path;
-use std::process::Command;
+//! A study on Slurm, simulated: a `sbatch` of ours notes what it is given, and the test runs that as Slurm would.
 
 use crate::support::{Bench, Said};
 
-/// The page's two blocks: the batch script, and the lines that submit it and the merge.
-fn blocks() -> (String, String) {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/howto/run_a_study.md");
-    let page = std::fs::read_to_string(page).unwrap();
-    let blocks: Vec<&str> = page.split("```sh\n").skip(1).filter_map(|b| b.split("```").next()).collect();
-    let of = |start: &str| {
-        let found: Vec<&&str> = blocks.iter().filter(|block| block.starts_with(start)).collect();
-        assert_eq!(found.len(), 1, "blocks that begin with {start}");
-        found[0].replace("configs/studies/planners.toml", "study.toml")
-    };
-    (of("#!/bin/bash\n"), of("array=$(sbatch "))
-}
+const AXIS: &str = "[[axis]]\nkey = \"seed\"\nvalues = \"1..5\"\n";
 
-/// What stands between two marks, the first of which is there once.
-fn between<'a>(text: &'a str, from: &str, to: &str) -> &'a str {
-    assert_eq!(text.matches(from).count(), 1, "`{from}` in {text}");
-    text.split(from).nth(1).unwrap().split(to).next().unwrap()
+/// Notes its words, the script too, and answers with a number that grows.
+const SBATCH: &str = "#!/bin/bash\n\
+    n=$(ls calls | wc -l)\n\
+    printf '%s\\n' \"$@\" > calls/$n\n\
+    echo $((n + 100))\n";
+
+#[test]
+fn the_job_runs_all_shards_and_joins_them() {
+    let bench = Bench::new();
+    bench.write("study.toml", &format!("base = {{ scenario = \"short.toml\" }}\n{AXIS}"));
+    for folder in ["calls", "bin"] {
+        std::fs::create_dir(bench.path(folder)).unwrap();
+    }
+    bench.write("bin/sbatch", SBATCH);
+    assert_eq!(bench.shell("chmod +x bin/sbatch").code, Some(0));
+    let line = "PATH=$PWD/bin:$PATH swerve study study.toml --on slurm --shards 3 --threads 2 --out 'my out' \
+                --set 'planning.added_latency_ms=20'";
+    let said = bench.shell(line);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.stdout.contains("job 100 drives 3 shards, job 101 joins them in my out"), "{said:?}");
+
+    assert_eq!(bench.read("calls/0"), "--parsable\nmy out/study.sbatch\n");
+    let script = bench.read("my out/study.sbatch");
+    assert!(script.contains("#SBATCH --array=1-3 --cpus-per-task=2\n"), "{script}");
+    for task in 1..=3 {
+        let mut call = bench.shell_command("bash 'my out/study.sbatch'");
+        let said = Said::of(&call.env("SLURM_ARRAY_TASK_ID", task.to_string()).output().unwrap());
+        assert_eq!(said.code, Some(0), "task {task}: {said:?}");
+    }
+    let submitted = bench.read("calls/1");
+    let words: Vec<&str> = submitted.lines().collect();
+    assert_eq!(words[1], "--dependency=afterok:100");
+    let merge = words.last().unwrap();
+    let said = bench.shell(merge);
+    assert_eq!(said.code, Some(0), "{merge}: {said:?}");
+    bench.good(&["study", "study.toml", "--out", "whole", "--set", "planning.added_latency_ms=20"]);
+    for name in ["cells.csv", "heatmap.svg", "commands.txt"] {
+        assert_eq!(bench.read(&format!("my out/{name}")), bench.read(&format!("whole/{name}")), "{name}");
+    }
 }
 
 #[test]
-fn the_tasks_of_the_pages_array_run_all_shards_and_its_merge_joins_them() {
-    let (script, submit) = blocks();
+fn without_slurm_the_job_is_written_and_it_is_said() {
     let bench = Bench::new();
-    let axis = "[[axis]]\nkey = \"seed\"\nvalues = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n";
-    bench.write("study.toml", &format!("base = {{ scenario = \"short.toml\" }}\n{axis}"));
-    bench.write("my_study.sbatch", &script);
-    bench.write("submit.sh", &submit);
-    for name in ["my_study.sbatch", "submit.sh"] {
-        let syntax = Command::new("bash").arg("-n").arg(bench.path(name)).output().unwrap();
-        assert!(syntax.status.success() && syntax.stderr.is_empty(), "{name}: {syntax:?}");
-    }
-    assert!(submit.contains(" my_study.sbatch)"), "{submit}");
-
-    let last = between(&script, "--array=1-", " ");
-    assert!(script.contains(&format!("--shard $SLURM_ARRAY_TASK_ID/{last} ")), "{script}");
-    let cpus = between(&script, "--cpus-per-task=", "\n");
-    for task in 1..=last.parse::<usize>().unwrap() {
-        let mut call = bench.shell_command("bash my_study.sbatch");
-        call.env("SLURM_ARRAY_TASK_ID", task.to_string()).env("SLURM_CPUS_PER_TASK", cpus);
-        let said = Said::of(&call.output().unwrap());
-        assert_eq!(said.code, Some(0), "task {task}: {said:?}");
-    }
-    let merge = between(&submit, "--wrap \"", "\"");
-    let said = bench.shell(merge);
-    assert_eq!(said.code, Some(0), "{merge}: {said:?}");
-    bench.good(&["study", "study.toml", "--out", "whole"]);
-    for name in ["cells.csv", "heatmap.svg", "commands.txt"] {
-        let (merged, whole) = (format!("out/planners/{name}"), format!("whole/{name}"));
-        assert_eq!(bench.read(&merged), bench.read(&whole), "{name}");
-    }
+    bench.write("study.toml", &format!("base = {{ scenario = \"short.toml\" }}\n{AXIS}"));
+    let said = bench.shell("swerve study study.toml --on slurm --shards 3 --out o");
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.stderr.contains("the job is in o/study.sbatch: submit it where Slurm is"), "{said:?}");
+    assert!(bench.read("o/study.sbatch").starts_with("#!/bin/bash\n"));
+    let said = bench.shell("swerve study study.toml --on slurm --shards 0 --out o");
+    assert!(said.stderr.contains("--shards 0: expected 1 to 10000"), "{said:?}");
 }
