@@ -32,6 +32,7 @@ fn broken(file: &Path, config: &Config) -> Vec<String> {
     let expected = scenario
         .expectation(&pipeline)
         .unwrap_or_else(|| panic!("{} expects nothing of {pipeline}", scenario.name));
+    assert!(!expected.bounds.is_empty(), "{}: a verdict alone hardly tests a drive", scenario.name);
     let outcome = drive(config, &scenario).unwrap();
     outcome.broken(expected).into_iter().map(|b| format!("{} under {pipeline}: {b}", scenario.name)).collect()
 }

@@ -69,7 +69,7 @@ pub struct Expectation {
     pub pipeline: Option<String>,
     /// How the run goes.
     pub verdict: Verdict,
-    /// Bounds on its figures. Never empty.
+    /// Bounds on its figures.
     pub bounds: Vec<Bound>,
 }
 

@@ -59,9 +59,9 @@
 //! after_collision_s = 2.0                             # ?
 //! standstill = { near = "person", within_m = 25.0, for_s = 2.0 }  # ? ends the run; near and within_m ?
 //!
-//! [expect]
+//! [expect]                                            # ?
 //! verdict = "avoided"                                 # avoided, collision, left_road, timeout
-//! min_distance_m = { min = 0.3 }                      # at least one bound, of the figures in `Metric`
+//! min_distance_m = { min = 0.3 }                      # ? bounds of the figures in `Metric`
 //! [expect.pipeline.slow]                              # ? for a pipeline of that name
 //! verdict = "collision"
 //! impact_speed_mps = { min = 2.0, max = 9.0 }

@@ -94,7 +94,6 @@ fn scenarios() {
             ),
             &["bad.toml:25: expect.pipeline.fott: unknown pipeline `fott` (did you mean `fot`?)"],
         ),
-        case(scenario("min_distance_m = { min = 0.5 }\n", ""), &["bad.toml:", "at least one bound"]),
         case(scenario("[road]", "[road"), &["bad.toml:3: not TOML"]),
     ]);
 }
