@@ -5,6 +5,7 @@ use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{ActorId, ActorKind, GateOutput, Imu, ObstacleList, Plan};
 
+use crate::comfort::{Comfort, ComfortMetrics};
 use crate::{
     Clearances, Drive, DriveMetrics, GateMetrics, GateUse, Impact, LateralJerk, OperatorMetrics, Outcome,
     Outline, PlanMetrics, ResponseTimes, RunTimes, Summary, Verdict, seconds,
@@ -42,6 +43,8 @@ pub struct Metrics {
     pub left_road_at_s: Option<f64>,
     /// Largest lateral jerk before the first contact.
     pub lateral_jerk: JerkMetrics,
+    /// Comfort as nuPlan defines it; null for a drive of less than 0.4 s.
+    pub comfort: Option<ComfortMetrics>,
     /// The drive; its accelerations and turn rates are those before the first contact.
     pub drive: DriveMetrics,
     /// Response times; null when no command took effect.
@@ -97,6 +100,7 @@ pub struct Evaluation {
     clearances: Clearances,
     drive: Drive,
     jerk: LateralJerk,
+    comfort: Comfort,
     plans: PlanMetrics,
     sights: Vec<Sight>,
     response: ResponseTimes,
@@ -112,6 +116,7 @@ impl Evaluation {
             clearances: Clearances::new(params.ego),
             drive: Drive::default(),
             jerk: LateralJerk::default(),
+            comfort: Comfort::default(),
             plans: PlanMetrics::default(),
             sights: Vec::new(),
             response: ResponseTimes::new(params.dead_time),
@@ -126,6 +131,9 @@ impl Evaluation {
         self.clearances.take(world);
         let comfort = self.counts_for_comfort(world.stamp);
         self.drive.take(&world.ego.state, comfort);
+        if comfort {
+            self.comfort.take(&world.ego.state);
+        }
         self.response.world_step(world.stamp);
     }
 
@@ -197,6 +205,7 @@ impl Evaluation {
                 raw_max_mps3: self.jerk.raw_max_mps3(),
                 smooth_max_mps3: self.jerk.smooth_max_mps3(),
             },
+            comfort: self.comfort.metrics(),
             drive: self.drive.metrics(),
             response: self.response.summary(),
             actors: self.actors(),

@@ -9,6 +9,7 @@
 
 mod average_precision;
 mod coco;
+pub mod comfort;
 mod distance;
 mod distribution;
 mod drive;

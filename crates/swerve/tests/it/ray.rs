@@ -31,7 +31,10 @@ fn a_study_runs_on_two_workers() {
 #[test]
 fn without_ray_the_job_is_written_and_it_is_said() {
     let bench = Bench::new();
-    bench.write("study.toml", "base = { scenario = \"short.toml\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n");
+    bench.write(
+        "study.toml",
+        "base = { scenario = \"short.toml\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n",
+    );
     let said = bench.shell("SWERVE_PYTHON=no_such_python swerve study study.toml --on ray --out o");
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.stderr.contains("no_such_python has no Ray (pip install ray"), "{said:?}");
