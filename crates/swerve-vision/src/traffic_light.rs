@@ -3,12 +3,15 @@
 //! Nothing is trained. Colours vote by hue, each with its saturation times the square of its brightness, and the more
 //! the nearer they are to where their lamp is in an upright head of three.
 
+mod find;
 #[cfg(test)]
 mod tests;
 
 use swerve_geom::math;
 
 use crate::Rgb;
+
+pub use find::{Head, LightFinder, Looker};
 
 /// A lamp of a traffic light.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -85,23 +88,26 @@ pub fn lit(crop: Rgb<'_>) -> Option<(Lamp, f64)> {
 /// Votes of some pixels for each lamp.
 fn votes_of(pixels: &[u8]) -> [f64; 3] {
     let mut votes = [0.0; 3];
-    for pixel in pixels.chunks_exact(3) {
-        let [r, g, b] = [pixel[0], pixel[1], pixel[2]].map(f64::from);
-        let (most, least) = (r.max(g).max(b), r.min(g).min(b));
-        let range = most - least;
-        if range == 0.0 {
-            continue;
-        }
-        let sixth = match most {
-            _ if most == r => ((g - b) / range).rem_euclid(6.0),
-            _ if most == g => (b - r) / range + 2.0,
-            _ => (r - g) / range + 4.0,
-        };
-        if let Some(lamp) = Lamp::of_hue(60.0 * sixth) {
-            votes[lamp as usize] += range * most / (255.0 * 255.0);
-        }
+    for (lamp, vote) in pixels.chunks_exact(3).filter_map(vote_of) {
+        votes[lamp as usize] += vote;
     }
     votes
+}
+
+/// The lamp that a pixel has the colour of, and how much it is like a lit one, 0 to 1.
+fn vote_of(pixel: &[u8]) -> Option<(Lamp, f64)> {
+    let [r, g, b] = [pixel[0], pixel[1], pixel[2]].map(f64::from);
+    let (most, least) = (r.max(g).max(b), r.min(g).min(b));
+    let range = most - least;
+    if range == 0.0 {
+        return None;
+    }
+    let sixth = match most {
+        _ if most == r => ((g - b) / range).rem_euclid(6.0),
+        _ if most == g => (b - r) / range + 2.0,
+        _ => (r - g) / range + 4.0,
+    };
+    Lamp::of_hue(60.0 * sixth).map(|lamp| (lamp, range * most / (255.0 * 255.0)))
 }
 
 /// How many frames it takes to change one's mind.
