@@ -64,8 +64,6 @@ impl Params {
 
 /// Thickness of a head, metres.
 const DEEP_M: f64 = 0.2;
-/// A head is looked at with so much of its surroundings, heights and widths: pose and pitch are not exact.
-const AROUND: f64 = 1.5;
 /// Heads of fewer rows show nothing, pixels.
 const ROWS_MIN_PX: f64 = 6.0;
 
@@ -115,7 +113,7 @@ impl LightWatch {
         let camera = camera(shot.image, shot.pitch_rad);
         for (place, light) in self.places.iter().zip(&mut self.lights) {
             let image_px = self.params.picture(&camera, shot.ego, place);
-            let seen = image_px.and_then(|edges| self.looker.lit(rgb, around(edges)));
+            let seen = image_px.and_then(|edges| self.looker.lit(rgb, edges));
             let shown = light.see(seen.map(|(lamp, _)| lamp));
             let Some(image_px) = image_px else { continue };
             out.lights.push(TrafficLight {
@@ -194,13 +192,6 @@ fn camera(image: &Image, pitch_rad: f64) -> ImageCamera {
     let ego_from_camera = Transform::new(mount.origin(), (tilt * mount).rotation());
     let info = CameraInfo { ego_from_camera, ..image.camera };
     ImageCamera { info, width_px: image.width_px, height_px: image.height_px }
-}
-
-/// A box with what is around it.
-fn around([left, top, right, bottom]: [f64; 4]) -> [f64; 4] {
-    let more = 0.5 * (AROUND - 1.0);
-    let (across, down) = (more * (right - left), more * (bottom - top));
-    [left - across, top - down, right + across, bottom + down]
 }
 
 fn middle([left, top, right, bottom]: [f64; 4]) -> Point2 {

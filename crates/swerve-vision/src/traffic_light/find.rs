@@ -1,6 +1,6 @@
 //! Heads of traffic lights in a whole image: looked at where a map has them, or found by colour and shape.
 
-use super::{Lamp, lit, vote_of};
+use super::{Lamp, lit_within, vote_of};
 use crate::Rgb;
 use crate::regions::{Region, Regions};
 
@@ -15,6 +15,8 @@ pub struct Head {
     pub score: f64,
 }
 
+/// A known head is looked at with so much of its surroundings, widths and heights.
+const AROUND: f64 = 1.5;
 /// Lamps are looked for from this size on, pixels.
 const LAMP_MIN_PX: usize = 3;
 /// Vote of a pixel of a lit lamp, at the least: where it is searched for, and where one is known to be.
@@ -38,12 +40,14 @@ pub struct Looker {
 }
 
 impl Looker {
-    /// [`lit`] of what lies between left, top, right and bottom edge, pixels; none where that is not in the image, or
-    /// nothing in it shines.
-    pub fn lit(&mut self, image: Rgb<'_>, edges_px: [f64; 4]) -> Option<(Lamp, f64)> {
-        let crop = self.crop(image, edges_px)?;
-        let shines = |rgb: &[u8]| vote_of(rgb).is_some_and(|(_, vote)| vote >= SHINES_MIN);
-        lit(crop).filter(|_| crop.bytes().chunks_exact(3).any(shines))
+    /// [`lit`](super::lit) of the head between left, top, right and bottom edge, pixels, with what is around it: places are
+    /// never exact. None where that is not in the image, or nothing in it shines.
+    pub fn lit(&mut self, image: Rgb<'_>, [left, top, right, bottom]: [f64; 4]) -> Option<(Lamp, f64)> {
+        let more = 0.5 * (AROUND - 1.0);
+        let (across, down) = (more * (right - left), more * (bottom - top));
+        let crop = self.crop(image, [left - across, top - down, right + across, bottom + down])?;
+        let shines = |rgb: &[u8]| shines(rgb, SHINES_MIN);
+        lit_within(crop, AROUND).filter(|_| crop.bytes().chunks_exact(3).any(shines))
     }
 
     fn crop(&mut self, image: Rgb<'_>, [left, top, right, bottom]: [f64; 4]) -> Option<Rgb<'_>> {
@@ -70,7 +74,7 @@ impl LightFinder {
     /// Appends the heads in an image, from the top to the bottom: bright discs of a lamp's colour in a dark housing,
     /// where that lamp should be.
     pub fn find(&mut self, image: Rgb<'_>, found: &mut Vec<Head>) {
-        self.regions.find(image, |rgb| vote_of(rgb).is_some_and(|(_, vote)| vote >= VOTE_MIN), LAMP_MIN_PX);
+        self.regions.find(image, |rgb| shines(rgb, VOTE_MIN), LAMP_MIN_PX);
         for region in self.regions.regions() {
             let aspect = region.width() as f64 / region.height() as f64;
             if !(ASPECT[0]..=ASPECT[1]).contains(&aspect) {
@@ -81,7 +85,7 @@ impl LightFinder {
     }
 }
 
-/// The head around a lamp, if that is one.
+/// The head around a lamp, if that is one: of the lamps that it may be, the one that is surest.
 fn head(image: Rgb<'_>, regions: &Regions, region: &Region, looker: &mut Looker) -> Option<Head> {
     let (mut votes, mut filled, mut bright) = ([0.0; 3], 0_usize, 0_u32);
     for y in region.top..region.bottom {
@@ -89,26 +93,37 @@ fn head(image: Rgb<'_>, regions: &Regions, region: &Region, looker: &mut Looker)
             let rgb = &image.row(y)[3 * x..3 * x + 3];
             filled += 1;
             bright = bright.max(brightness(rgb));
-            if let Some((lamp, vote)) = vote_of(rgb) {
-                votes[lamp as usize] += vote;
-            }
+            let (lamps, vote) = vote_of(rgb);
+            lamps.iter().for_each(|lamp| votes[*lamp as usize] += vote);
         }
     }
-    let (width, height) = (region.width() as f64, region.height() as f64);
-    if (filled as f64) < FILLED_MIN * width * height {
+    if (filled as f64) < FILLED_MIN * (region.width() * region.height()) as f64 {
         return None;
     }
-    let lamp = Lamp::ALL.into_iter().max_by(|a, b| votes[*a as usize].total_cmp(&votes[*b as usize]))?;
+    let most = votes.into_iter().fold(0.0, f64::max);
+    let may_be = Lamp::ALL.into_iter().filter(|lamp| votes[*lamp as usize] > 0.5 * most);
+    let heads = may_be.filter_map(|lamp| head_of(image, region, (lamp, bright), looker));
+    heads.max_by(|a, b| a.score.total_cmp(&b.score))
+}
+
+/// The head around a lamp of this kind and brightness.
+fn head_of(
+    image: Rgb<'_>,
+    region: &Region,
+    (lamp, bright): (Lamp, u32),
+    looker: &mut Looker,
+) -> Option<Head> {
+    let (width, height) = (region.width() as f64, region.height() as f64);
     // A hood hides the top of a lamp, nothing its sides.
     let [tall, wide] = HEAD.map(|diameters| diameters * width.max(height));
-    let middle = [region.left as f64 + 0.5 * width, region.top as f64 + 0.5 * height];
-    let (left, top) = (middle[0] - 0.5 * wide, middle[1] - lamp.place() * tall);
+    let (left, top) =
+        (region.left as f64 + 0.5 * (width - wide), region.top as f64 + 0.5 * height - lamp.place() * tall);
     let edges_px = [left, top, left + wide, top + tall];
     if left < 0.0 || top < 0.0 || edges_px[2] > image.width() as f64 || edges_px[3] > image.height() as f64 {
         return None;
     }
     let crop = looker.crop(image, edges_px)?;
-    let (shown, share) = lit(crop)?;
+    let (shown, share) = lit_within(crop, 1.0)?;
     let dark = dark_share(crop, lamp, DARK * f64::from(bright));
     let score = share * dark;
     let is_sure = shown == lamp && dark >= SURE[0] && score >= SURE[1];
@@ -131,4 +146,10 @@ fn dark_share(crop: Rgb<'_>, lamp: Lamp, bright: f64) -> f64 {
 /// The brightest of a pixel's colours.
 fn brightness(rgb: &[u8]) -> u32 {
     rgb.iter().copied().map(u32::from).max().unwrap_or(0)
+}
+
+/// Whether a pixel is like one of a lit lamp by at least so much.
+fn shines(rgb: &[u8], least: f64) -> bool {
+    let (lamps, vote) = vote_of(rgb);
+    !lamps.is_empty() && vote >= least
 }
