@@ -1,6 +1,6 @@
 //! Heads of traffic lights in a whole image: looked at where a map has them, or found by colour and shape.
 
-use super::{Lamp, lit_within, vote_of};
+use super::{COLUMNS, Lamp, lit_within, vote_of};
 use crate::Rgb;
 use crate::regions::{Region, Regions};
 
@@ -28,10 +28,10 @@ const ASPECT: [f64; 2] = [0.6, 1.8];
 const FILLED_MIN: f64 = 0.6;
 /// Height and width of a head, diameters of its lamps.
 const HEAD: [f64; 2] = [3.5, 1.2];
-/// Most of a lamp's brightness that its housing has.
-const DARK: f64 = 0.5;
+/// Most of a lamp's brightness that its housing has: hard rain veils what is black.
+const DARK: f64 = 0.6;
 /// Share of a housing that is dark, and the score, at the least.
-const SURE: [f64; 2] = [0.7, 0.6];
+const SURE: [f64; 2] = [0.7, 0.5];
 
 /// Looks at a part of an image, with memory kept between images.
 #[derive(Clone, Debug, Default)]
@@ -133,11 +133,14 @@ fn head_of(
 /// Of the pixels of a head that are not near its lit lamp, those that are not as bright as this.
 fn dark_share(crop: Rgb<'_>, lamp: Lamp, bright: f64) -> f64 {
     let (mut dark, mut all) = (0_usize, 0_usize);
+    // Beside these is what stands behind the head.
+    let [from, to] = COLUMNS.map(|part| (part * crop.width() as f64).round() as usize);
     for y in 0..crop.height() {
         let place = (y as f64 + 0.5) / crop.height() as f64;
         if (place - lamp.place()).abs() > 0.2 && (0.05..0.95).contains(&place) {
-            all += crop.width();
-            dark += crop.row(y).chunks_exact(3).filter(|rgb| f64::from(brightness(rgb)) < bright).count();
+            let housing = crop.row(y)[3 * from..3 * to].chunks_exact(3);
+            all += housing.len();
+            dark += housing.filter(|rgb| f64::from(brightness(rgb)) < bright).count();
         }
     }
     if all == 0 { 0.0 } else { dark as f64 / all as f64 }
