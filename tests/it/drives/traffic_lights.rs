@@ -61,7 +61,8 @@ fn drive(replaced: &[(&str, &str)], sets: &[&str], until_ms: Option<i64>) -> (Se
 }
 
 /// Of the images from 15 to 40 m, 97 % show the lamp that is lit; and where a lamp has been lit for three images, that is
-/// what the light is said to show. Without a map nine of ten do, but for hard rain, which veils the housings.
+/// what the light is said to show. Without a map that holds where housings are dark beside their lamps, not at night and
+/// in hard rain.
 #[test]
 fn lights_are_told_as_they_are_from_15_to_40_m() {
     let fast = [
@@ -72,7 +73,7 @@ fn lights_are_told_as_they_are_from_15_to_40_m() {
         ("target_speed_mps = 10.0", "s_m = 42.0\ntarget_speed_mps = 10.0"),
     ];
     let weathers = ["clear_noon", "soft_rain_sunset", "clear_night", "hard_rain_noon"];
-    for (map, weathers, floor) in [(true, &weathers[..], 0.97), (false, &weathers[..3], 0.9)] {
+    for (map, weathers) in [(true, &weathers[..]), (false, &weathers[..2])] {
         let (mut right, mut all, mut told, mut more) = (0, 0, 0, 0);
         for weather in weathers {
             let sets = [
@@ -109,7 +110,7 @@ fn lights_are_told_as_they_are_from_15_to_40_m() {
         }
         let share = f64::from(right) / f64::from(all);
         println!("map {map}, {weathers:?}: {right} of {all} right, {more} that are none");
-        assert!(all >= 70 && share >= floor && (told > 30 || !map), "map {map}: {right} of {all}, {told}");
+        assert!(all >= 45 && share >= 0.97 && (told > 30 || !map), "map {map}: {right} of {all}, {told}");
         assert!(20 * more <= all as usize, "map {map}: {more} that are none in {all} images");
     }
 }
