@@ -796,6 +796,34 @@ class GoneProcess(Message):
 
 
 @dataclass(slots=True)
+class TrafficLights(Message):
+    """The traffic lights in a camera's image."""
+    stamp: Time
+    """Instant of the image."""
+    lights: list[TrafficLight]
+    """Those of a map in its order, or what was found from the top of the image to its bottom."""
+
+
+@dataclass(slots=True)
+class TrafficLight(Message):
+    """One of them."""
+    name: str | None
+    """Its name on the map; none without a map."""
+    signal: Signal | None
+    """What it shows, by this image and those before it; none where that is not known."""
+    seen: Signal | None
+    """What this image alone shows."""
+    score: float
+    """How sure that is, 0 to 1; 0 where nothing is seen."""
+    distance_m: float
+    """From the ego's origin to it over the ground, metres."""
+    stop_s_m: float | None
+    """Where its stop line is along the route, metres; none without a map."""
+    image_px: tuple[float, float, float, float]
+    """Left, top, right and bottom edge of its head in the image, pixels."""
+
+
+@dataclass(slots=True)
 class WorldState(Message):
     """The state of the simulated world after one step."""
     stamp: Time
@@ -966,6 +994,8 @@ __all__ = [
     "Time",
     "Track",
     "TrackList",
+    "TrafficLight",
+    "TrafficLights",
     "Transform",
     "Vector2",
     "VehicleReport",

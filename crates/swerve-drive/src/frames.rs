@@ -18,7 +18,7 @@ use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Detections, Image, Lanes, ObstacleList, Pixels, Plan};
+use swerve_msg::{Detections, Image, Lanes, ObstacleList, Pixels, Plan, TrafficLights};
 use swerve_report::files::write_png;
 use swerve_scenario::Scenario;
 use swerve_stack::assembly::{Assembly, Placed};
@@ -182,14 +182,22 @@ impl Frames {
 
     /// What a detector found, drawn into the image that it looked at, if that is the newest one.
     fn found(&mut self, operator: &str, found: &Detections) -> anyhow::Result<()> {
-        let Some(stream) = self.detectors.get(operator).cloned() else { return Ok(()) };
-        let newest = self.waiting.get_mut(&stream).filter(|(stamp, _)| *stamp == found.stamp);
+        if !self.draw(operator, found.stamp, |canvas| canvas.found(found)) {
+            return Ok(());
+        }
+        self.detectors.get(operator).cloned().map_or(Ok(()), |stream| self.write(&stream))
+    }
+
+    /// Draws into the image of this stamp that an operator looked at, and tells whether it still waits.
+    fn draw(&mut self, operator: &str, stamp: Time, draw: impl FnOnce(&mut Canvas<'_>)) -> bool {
+        let Some(stream) = self.detectors.get(operator) else { return false };
+        let newest = self.waiting.get_mut(stream).filter(|(at, _)| *at == stamp);
         let camera = stream.split('.').next().and_then(|camera| self.cameras.get(camera));
-        let (Some((_, frame)), Some(camera)) = (newest, camera) else { return Ok(()) };
-        // Boxes are in the image already.
+        let (Some((_, frame)), Some(camera)) = (newest, camera) else { return false };
+        // What was found is in the image already.
         let nowhere = Transform::from_roll_pitch_yaw(swerve_geom::Point::default(), 0.0, 0.0, 0.0);
-        Canvas::new(frame, camera, nowhere).found(found);
-        self.write(&stream)
+        draw(&mut Canvas::new(frame, camera, nowhere));
+        true
     }
 
     /// Writes the image of a stream that waits.
@@ -243,6 +251,9 @@ impl Observer for Frames {
             if self.failure.is_none() {
                 self.failure = self.found(publication.operator, found).err();
             }
+        } else if let Some(seen) = payload.downcast_ref::<TrafficLights>() {
+            // The image still waits for boxes, or for the next one.
+            self.draw(publication.operator, seen.stamp, |canvas| canvas.lights(seen));
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             self.seen.plan = Some(plan.clone());
         } else if let Some(list) = payload.downcast_ref::<ObstacleList>() {

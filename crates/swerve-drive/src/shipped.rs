@@ -41,6 +41,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/person_crossing.toml"
     "scenarios/street.toml"
     "scenarios/traffic_jam.toml"
+    "scenarios/traffic_light.toml"
     "configs/camera_objects.toml"
     "configs/deadlines.toml"
     "configs/detector.toml"
@@ -82,6 +83,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/timing/av.toml"
     "configs/timing/deadlines.toml"
     "configs/timing/policies.toml"
+    "configs/traffic_lights.toml"
     "configs/two_hosts.toml"
     "configs/two_processes.toml"
 };

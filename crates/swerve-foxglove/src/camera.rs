@@ -4,12 +4,13 @@
 
 use foxglove::messages::points_annotation::Type as Points;
 use foxglove::messages::{
-    CameraCalibration, CompressedImage, ImageAnnotations, Point2, PointsAnnotation, RawImage, TextAnnotation,
+    CameraCalibration, Color, CompressedImage, ImageAnnotations, Point2, PointsAnnotation, RawImage,
+    TextAnnotation,
 };
 use jpeg_encoder::{ColorType, Encoder};
 use swerve_core::Time;
 use swerve_geom::{Camera, Map, Point, Pose2, Transform};
-use swerve_msg::{ActorKind, CameraInfo, Detections, Extent, Intrinsics};
+use swerve_msg::{ActorKind, CameraInfo, Detections, Extent, Intrinsics, Signal, TrafficLights};
 
 use crate::form::{colour, colour_of, frame_of, name_of, timestamp};
 use crate::scene::{box_edges, label};
@@ -159,23 +160,40 @@ pub(crate) fn annotations(
 
 /// Boxes that a detector found in an image, with kind and score.
 pub(crate) fn detections(found: &Detections) -> ImageAnnotations {
-    let stamp = Some(timestamp(found.stamp));
+    let one = |one: &swerve_msg::DetectedBox| {
+        let words = format!("{} {:.2}", name_of(one.kind), one.score);
+        one.image_px.map(|edges| (edges, words, colour_of(one.kind, 255)))
+    };
+    rectangles(found.stamp, found.boxes.iter().filter_map(one))
+}
+
+/// Heads of traffic lights in an image, with what they show and how far they are.
+pub(crate) fn traffic_lights(seen: &TrafficLights) -> ImageAnnotations {
+    let one = |light: &swerve_msg::TrafficLight| {
+        let [r, g, b] = light.signal.map_or([235; 3], Signal::rgb);
+        (light.image_px, light.words(), colour([r, g, b, 255]))
+    };
+    rectangles(seen.stamp, seen.lights.iter().map(one))
+}
+
+/// Rectangles (left, top, right and bottom edge) with words over them.
+fn rectangles(at: Time, all: impl Iterator<Item = ([f64; 4], String, Color)>) -> ImageAnnotations {
+    let stamp = Some(timestamp(at));
     let mut shown = ImageAnnotations { timestamp: stamp, ..ImageAnnotations::default() };
-    for one in &found.boxes {
-        let Some([left, top, right, bottom]) = one.image_px else { continue };
+    for ([left, top, right, bottom], text, outline) in all {
         let corner = |x, y| Point2 { x, y };
         shown.points.push(PointsAnnotation {
             timestamp: stamp,
             r#type: Points::LineLoop as i32,
             points: vec![corner(left, top), corner(right, top), corner(right, bottom), corner(left, bottom)],
-            outline_color: Some(colour_of(one.kind, 255)),
+            outline_color: Some(outline),
             thickness: 2.0,
             ..PointsAnnotation::default()
         });
         shown.texts.push(TextAnnotation {
             timestamp: stamp,
             position: Some(corner(left, top)),
-            text: format!("{} {:.2}", name_of(one.kind), one.score),
+            text,
             font_size: 12.0,
             text_color: Some(colour([255, 255, 255, 255])),
             background_color: Some(colour([0, 0, 0, 120])),

@@ -12,7 +12,7 @@ use swerve_log::{View, Views};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{
     Command, Detections, EgoState, Encoding, GateMode, GateOutput, Gnss, Image, Lanes, ObstacleList, Pixels,
-    Plan, PlanStatus, PointCloud, PredictionList, RadarScan, Route, TrackList,
+    Plan, PlanStatus, PointCloud, PredictionList, RadarScan, Route, TrackList, TrafficLights,
 };
 use swerve_vehicle::Shape;
 
@@ -131,7 +131,10 @@ impl Foxglove {
             })
             .on::<RadarScan>(Watch::radar)
             .on::<PointCloud>(Watch::lidar)
-            .on::<Detections>(Watch::detections)
+            .on::<Detections>(|watch, p, found| watch.in_image(p, found, "detections", camera::detections))
+            .on::<TrafficLights>(|watch, p, seen| {
+                watch.in_image(p, seen, "traffic_lights", camera::traffic_lights);
+            })
             .on::<Image>(Watch::image);
         Self { watch }
     }
@@ -199,11 +202,18 @@ impl Watch {
     }
 
     /// What a detector found in the images of a camera, drawn over them.
-    fn detections(&mut self, p: &Publication<'_>, found: &Detections) {
+    /// What an operator sees in the images of a camera, over these.
+    fn in_image<T: Clone + Send + 'static>(
+        &mut self,
+        p: &Publication<'_>,
+        of: &T,
+        name: &str,
+        show: fn(&T) -> foxglove::messages::ImageAnnotations,
+    ) {
         let camera = self.setup.detectors.iter().find(|(detector, _)| detector == p.operator);
         let Some((_, camera)) = camera.filter(|_| self.setup.images.is_some()) else { return };
-        let (topic, found) = (format!("{camera}/detections"), found.clone());
-        self.out.show(&topic, When::new(p), 0, move || Some(camera::detections(&found)));
+        let (topic, of) = (format!("{camera}/{name}"), of.clone());
+        self.out.show(&topic, When::new(p), 0, move || Some(show(&of)));
     }
 
     fn scene<T: Clone + Send + 'static>(

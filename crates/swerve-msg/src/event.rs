@@ -107,6 +107,18 @@ pub enum Signal {
     Red,
 }
 
+impl Signal {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        ["green", "yellow", "red"][self as usize]
+    }
+
+    /// The colour in which pictures have it.
+    pub fn rgb(self) -> [u8; 3] {
+        [[40, 230, 90], [255, 200, 40], [255, 60, 50]][self as usize]
+    }
+}
+
 /// A fault was put on a message.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct FaultInjection {

@@ -21,6 +21,7 @@ mod plan;
 mod point_cloud;
 mod radar;
 mod supervision;
+mod traffic_light;
 pub mod truth;
 
 pub use actuation::{Command, MotionCommand};
@@ -46,3 +47,4 @@ pub use point_cloud::{LidarPoint, PointCloud, PointCloudError};
 pub use radar::{RadarDetection, RadarScan};
 pub use supervision::{GoneProcess, Supervision};
 pub use swerve_map::Route;
+pub use traffic_light::{TrafficLight, TrafficLights};

@@ -20,6 +20,7 @@ pub mod image_plane;
 pub mod lidar;
 mod road;
 pub mod tracker;
+pub mod traffic_lights;
 mod validate;
 
 pub use ab3dmot::Ab3dMot;
@@ -28,3 +29,4 @@ pub use detector::Detector;
 pub use ground_tracker::{Algorithm, GroundParams, GroundTracker};
 pub use lidar::LidarObjects;
 pub use tracker::Tracker;
+pub use traffic_lights::LightWatch;

@@ -16,7 +16,7 @@ use swerve_flow::{GraphInfo, OutputInfo, Payload, PayloadType, PortInfo};
 use crate::config::resolved::Resolved;
 use crate::config::{Config, OperatorConfig};
 use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
-use swerve_msg::{Detections, Image};
+use swerve_msg::{Detections, Image, TrafficLights};
 use swerve_text::nearest;
 
 pub(crate) use base::{pipeline_names, scheduled_operator, sensor_operators};
@@ -172,12 +172,12 @@ impl Assembly {
         self.streams().find(carries).map(|(placed, _)| placed.name.as_str())
     }
 
-    /// The stream of images that an operator looks for boxes in, where it is one that detects.
+    /// The stream of images that an operator looks for boxes or lights in, where it is one that detects.
     pub fn image_of(&self, detector: &str) -> Option<&str> {
         let placed = self.operator(detector)?;
-        let carries = |of: PayloadType, payload: Option<PayloadType>| payload == Some(of);
-        let detects = |output: &Output| carries(PayloadType::of::<Detections>(), Some(output.port.payload));
-        let is_image = |input: &&Input| carries(PayloadType::of::<Image>(), input.port.payload);
+        let found = [PayloadType::of::<Detections>(), PayloadType::of::<TrafficLights>()];
+        let detects = |output: &Output| found.contains(&output.port.payload);
+        let is_image = |input: &&Input| input.port.payload == Some(PayloadType::of::<Image>());
         let image = placed.inputs.iter().find(is_image).filter(|_| placed.outputs.iter().any(detects))?;
         image.from.first().map(|edge| edge.stream.as_str())
     }

@@ -28,8 +28,10 @@ mod python;
 mod radar;
 mod report;
 mod segmentation;
+mod stop_lines;
 mod switch;
 mod tracker;
+mod traffic_lights;
 mod world;
 
 use swerve_msg::{
@@ -64,8 +66,10 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(fusion::Fusions)
         .with::<lanes::LaneLines>()
         .with::<segmentation::Segmentation>()
+        .with::<traffic_lights::Lights>()
         .with_kind(tracker::Trackers)
         .with::<predictor::Predictor>()
+        .with::<stop_lines::StopLines>()
         .with_kind(deadlines::DeadlinePolicy)
         .with_kind(planner::Planners)
         .with_kind(controller::Controllers)

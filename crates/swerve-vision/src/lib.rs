@@ -13,6 +13,7 @@ pub mod hog;
 mod image;
 pub mod lanes;
 pub mod pyramid;
+mod regions;
 #[cfg(test)]
 mod samples;
 pub mod segmentation;

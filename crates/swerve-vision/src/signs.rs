@@ -6,13 +6,12 @@
 //! of the ring.
 
 mod number;
-mod regions;
 #[cfg(test)]
 mod tests;
 
 use crate::Rgb;
+use crate::regions::{Region, Regions};
 use number::Reader;
-use regions::{Region, Regions};
 
 /// What a sign says.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -3,12 +3,15 @@
 //! Nothing is trained. Colours vote by hue, each with its saturation times the square of its brightness, and the more
 //! the nearer they are to where their lamp is in an upright head of three.
 
+mod find;
 #[cfg(test)]
 mod tests;
 
 use swerve_geom::math;
 
 use crate::Rgb;
+
+pub use find::{Head, LightFinder, Looker};
 
 /// A lamp of a traffic light.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -35,13 +38,15 @@ impl Lamp {
         [0.8, 0.5, 0.2][self as usize]
     }
 
-    /// The lamp that has a hue, degrees; the bounds are wider than the lamps', for cameras that are off balance.
-    fn of_hue(degrees: f64) -> Option<Self> {
+    /// The lamps that may have a hue, degrees; the bounds are wider than the lamps', for cameras that are off balance. What
+    /// is red and overexposed, as at night, is orange.
+    fn of_hue(degrees: f64) -> &'static [Self] {
         match degrees {
-            _ if !(16.0..=330.0).contains(&degrees) => Some(Self::Red),
-            _ if (16.0..70.0).contains(&degrees) => Some(Self::Yellow),
-            _ if (80.0..200.0).contains(&degrees) => Some(Self::Green),
-            _ => None,
+            _ if !(16.0..=330.0).contains(&degrees) => &[Self::Red],
+            _ if (16.0..24.0).contains(&degrees) => &[Self::Red, Self::Yellow],
+            _ if (24.0..70.0).contains(&degrees) => &[Self::Yellow],
+            _ if (80.0..200.0).contains(&degrees) => &[Self::Green],
+            _ => &[],
         }
     }
 
@@ -65,12 +70,17 @@ const LEAST: f64 = 2e-4;
 /// Which lamp is lit in a crop around the head of a light, and by which share of all votes, 0 to 1; none where nothing
 /// of the crop is bright and coloured, as in a black or a white one.
 pub fn lit(crop: Rgb<'_>) -> Option<(Lamp, f64)> {
+    lit_within(crop, 1.0)
+}
+
+/// The same of a crop that is `around` times as wide and as high as the head in its middle.
+fn lit_within(crop: Rgb<'_>, around: f64) -> Option<(Lamp, f64)> {
     let columns = COLUMNS.map(|part| (part * crop.width() as f64).round() as usize);
     let columns = if columns[0] < columns[1] { columns[0]..columns[1] } else { 0..crop.width() };
     let mut votes = [0.0; 3];
     for y in 0..crop.height() {
         let of_row = votes_of(&crop.row(y)[3 * columns.start..3 * columns.end]);
-        let place = (y as f64 + 0.5) / crop.height() as f64;
+        let place = 0.5 + around * ((y as f64 + 0.5) / crop.height() as f64 - 0.5);
         for lamp in Lamp::ALL {
             let away = (place - lamp.place()) / SPREAD;
             votes[lamp as usize] += of_row[lamp as usize] * math::exp(-0.5 * away * away);
@@ -85,23 +95,26 @@ pub fn lit(crop: Rgb<'_>) -> Option<(Lamp, f64)> {
 /// Votes of some pixels for each lamp.
 fn votes_of(pixels: &[u8]) -> [f64; 3] {
     let mut votes = [0.0; 3];
-    for pixel in pixels.chunks_exact(3) {
-        let [r, g, b] = [pixel[0], pixel[1], pixel[2]].map(f64::from);
-        let (most, least) = (r.max(g).max(b), r.min(g).min(b));
-        let range = most - least;
-        if range == 0.0 {
-            continue;
-        }
-        let sixth = match most {
-            _ if most == r => ((g - b) / range).rem_euclid(6.0),
-            _ if most == g => (b - r) / range + 2.0,
-            _ => (r - g) / range + 4.0,
-        };
-        if let Some(lamp) = Lamp::of_hue(60.0 * sixth) {
-            votes[lamp as usize] += range * most / (255.0 * 255.0);
-        }
+    for (lamps, vote) in pixels.chunks_exact(3).map(vote_of) {
+        lamps.iter().for_each(|lamp| votes[*lamp as usize] += vote);
     }
     votes
+}
+
+/// The lamps that a pixel may be of by its colour, and how much it is like a lit one, 0 to 1.
+fn vote_of(pixel: &[u8]) -> (&'static [Lamp], f64) {
+    let [r, g, b] = [pixel[0], pixel[1], pixel[2]].map(f64::from);
+    let (most, least) = (r.max(g).max(b), r.min(g).min(b));
+    let range = most - least;
+    if range == 0.0 {
+        return (&[], 0.0);
+    }
+    let sixth = match most {
+        _ if most == r => ((g - b) / range).rem_euclid(6.0),
+        _ if most == g => (b - r) / range + 2.0,
+        _ => (r - g) / range + 4.0,
+    };
+    (Lamp::of_hue(60.0 * sixth), range * most / (255.0 * 255.0))
 }
 
 /// How many frames it takes to change one's mind.

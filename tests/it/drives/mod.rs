@@ -7,3 +7,4 @@ mod gate;
 mod perception;
 mod sensors;
 mod story;
+mod traffic_lights;

@@ -14,7 +14,7 @@ use swerve_camera::{Camera, Frame};
 use swerve_core::Time;
 use swerve_geom::{Ego, Map, Point, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorKind, Detections, Lanes, Obstacle, ObstacleList, Plan};
+use swerve_msg::{ActorKind, Detections, Lanes, Obstacle, ObstacleList, Plan, Signal, TrafficLights};
 
 use super::overlay::Sheet;
 
@@ -90,13 +90,25 @@ impl<'a> Canvas<'a> {
     pub(super) fn found(&mut self, found: &Detections) {
         for one in &found.boxes {
             let Some(edges) = one.image_px else { continue };
-            let [left, top, right, bottom] = edges.map(|px| px.round() as i32);
-            let size = Size::new((right - left).max(1) as u32, (bottom - top).max(1) as u32);
-            let style = PrimitiveStyle::with_stroke(FOUND, 2);
-            let Ok(()) = Rectangle::new(At::new(left, top), size).into_styled(style).draw(self);
-            let words = format!("{:?} {:.2}", one.kind, one.score).to_lowercase();
-            self.label(At::new(left, top - 4), &words, FOUND);
+            self.rectangle(edges, &format!("{:?} {:.2}", one.kind, one.score).to_lowercase(), FOUND);
         }
+    }
+
+    /// What traffic lights in this image show, as rectangles with score and distance.
+    pub(super) fn lights(&mut self, seen: &TrafficLights) {
+        for light in &seen.lights {
+            let [r, g, b] = light.signal.map_or([255; 3], Signal::rgb);
+            self.rectangle(light.image_px, &light.words(), Rgb888::new(r, g, b));
+        }
+    }
+
+    /// A rectangle by its edges, pixels, with words over it.
+    fn rectangle(&mut self, edges: [f64; 4], words: &str, colour: Rgb888) {
+        let [left, top, right, bottom] = edges.map(|px| px.round() as i32);
+        let size = Size::new((right - left).max(1) as u32, (bottom - top).max(1) as u32);
+        let style = PrimitiveStyle::with_stroke(colour, 2);
+        let Ok(()) = Rectangle::new(At::new(left, top), size).into_styled(style).draw(self);
+        self.label(At::new(left, top - 4), words, colour);
     }
 
     /// Another image into the upper right corner.

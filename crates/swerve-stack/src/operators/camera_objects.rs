@@ -257,7 +257,7 @@ impl Detector {
 }
 
 /// How the body is pitched after these poses, nose down positive.
-fn pitch_rad(poses: &[EgoState], vehicle: &VehicleParams) -> f64 {
+pub(super) fn pitch_rad(poses: &[EgoState], vehicle: &VehicleParams) -> f64 {
     let mut pitch = Pitch::default();
     for pair in poses.windows(2).filter(|pair| pair[0].is_plausible()) {
         let passed_s = (pair[1].stamp - pair[0].stamp).as_secs().clamp(0.0, 1.0);

@@ -4,32 +4,32 @@ use crate::{Plane, Rgb};
 
 /// Pixels that hang together by sides or corners.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) struct Region {
+pub(crate) struct Region {
     /// What its pixels have as a label.
-    pub(super) label: u32,
+    pub(crate) label: u32,
     /// First column.
-    pub(super) left: usize,
+    pub(crate) left: usize,
     /// First row.
-    pub(super) top: usize,
+    pub(crate) top: usize,
     /// Behind the last column.
-    pub(super) right: usize,
+    pub(crate) right: usize,
     /// Behind the last row.
-    pub(super) bottom: usize,
+    pub(crate) bottom: usize,
 }
 
 impl Region {
-    pub(super) fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.right - self.left
     }
 
-    pub(super) fn height(&self) -> usize {
+    pub(crate) fn height(&self) -> usize {
         self.bottom - self.top
     }
 }
 
 /// The regions of the newest image, in the order of their first rows.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Regions {
+pub(crate) struct Regions {
     /// 0 where a pixel is of no region.
     labels: Plane<u32>,
     /// For each label one that is the same region, at last itself.
@@ -41,7 +41,7 @@ pub(super) struct Regions {
 impl Regions {
     /// Finds what is at least `size_min` pixels wide and high (two passes with union of labels, Rosenfeld and Pfaltz
     /// 1966).
-    pub(super) fn find(&mut self, image: Rgb<'_>, is_of: impl Fn(&[u8]) -> bool, size_min: usize) {
+    pub(crate) fn find(&mut self, image: Rgb<'_>, is_of: impl Fn(&[u8]) -> bool, size_min: usize) {
         let (width, height) = (image.width(), image.height());
         self.labels.reset(width, height);
         self.parents.clear();
@@ -116,17 +116,17 @@ impl Regions {
     }
 
     /// Those that are large enough.
-    pub(super) fn regions(&self) -> &[Region] {
+    pub(crate) fn regions(&self) -> &[Region] {
         &self.regions
     }
 
     /// The labels of a row.
-    pub(super) fn row(&self, y: usize) -> &[u32] {
+    pub(crate) fn row(&self, y: usize) -> &[u32] {
         self.labels.row(y)
     }
 
     /// The columns of a row from the first pixel of a region to behind its last.
-    pub(super) fn span(&self, region: &Region, y: usize) -> Option<(usize, usize)> {
+    pub(crate) fn span(&self, region: &Region, y: usize) -> Option<(usize, usize)> {
         let row = &self.labels.row(y)[region.left..region.right];
         let from = row.iter().position(|label| *label == region.label)?;
         let to = row.iter().rposition(|label| *label == region.label)?;

@@ -1,0 +1,207 @@
+//! Traffic lights in the images of one camera: looked at where a map has them, else found by colour and shape.
+
+#[cfg(test)]
+mod tests;
+
+use swerve_geom::{Ego, Point, Point2, Pose2, Transform, angle_between};
+use swerve_msg::{CameraInfo, Extent, Image, Pixels, Signal, TrafficLight, TrafficLights};
+use swerve_vision::Rgb;
+use swerve_vision::traffic_light::{Head, Lamp, Light, LightFinder, LightSettings, Looker};
+
+use crate::camera::{Shot, ShotError};
+use crate::image_box::ImageCamera;
+
+/// A light that a map knows.
+#[derive(Clone, PartialEq, Debug)]
+pub struct LightPlace {
+    /// Its name.
+    pub name: String,
+    /// Where it stands; its heading is that of those who see its face.
+    pub pose: Pose2,
+    /// Its stop line along the route, metres.
+    pub stop_s_m: f64,
+}
+
+/// What heads are like, and how they are looked at.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Params {
+    /// Width and height of a head, metres.
+    pub head_m: [f64; 2],
+    /// Height of its top over the road, metres.
+    pub top_m: f64,
+    /// Nothing farther away is looked at, metres.
+    pub within_m: f64,
+    /// How many frames it takes to change one's mind.
+    pub light: LightSettings,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self { head_m: [0.34, 1.0], top_m: 3.4, within_m: 60.0, light: LightSettings::default() }
+    }
+}
+
+impl Params {
+    /// What is wrong with them: key, and what was expected.
+    pub fn problems(&self) -> Vec<(String, String)> {
+        let [width_m, height_m] = self.head_m;
+        let ranges = [
+            ("head_m", width_m, [0.05, 5.0]),
+            ("head_m", height_m, [0.05, 5.0]),
+            ("top_m", self.top_m, [height_m, 20.0]),
+            ("within_m", self.within_m, [1.0, 200.0]),
+            ("confirm_frames", f64::from(self.light.confirm_frames), [1.0, 1000.0]),
+            ("forget_frames", f64::from(self.light.forget_frames), [1.0, 1000.0]),
+        ];
+        let wrong = ranges.into_iter().filter(|(_, value, [least, most])| !(*least..=*most).contains(value));
+        wrong
+            .map(|(key, value, [least, most])| {
+                (key.to_owned(), format!("expected {least} to {most}, found {value}"))
+            })
+            .collect()
+    }
+}
+
+/// Thickness of a head, metres.
+const DEEP_M: f64 = 0.2;
+/// Heads of fewer rows show nothing, pixels.
+const ROWS_MIN_PX: f64 = 6.0;
+
+/// Tells what lights show, image by image.
+#[derive(Clone, Debug)]
+pub struct LightWatch {
+    params: Params,
+    places: Vec<LightPlace>,
+    /// Of each place what it shows.
+    lights: Vec<Light>,
+    finder: LightFinder,
+    looker: Looker,
+    heads: Vec<Head>,
+    /// Without a map: what was found before, where it was last, and for how many images it has been gone.
+    followed: Vec<(Light, [f64; 4], u32)>,
+}
+
+impl LightWatch {
+    /// With the lights of a map; where it has none, images are searched.
+    pub fn new(params: Params, places: Vec<LightPlace>) -> Self {
+        let lights = places.iter().map(|_| Light::new(params.light)).collect();
+        let (finder, looker) = (LightFinder::default(), Looker::default());
+        Self { params, places, lights, finder, looker, heads: Vec::new(), followed: Vec::new() }
+    }
+
+    /// What the lights in an image show, written over what was there.
+    ///
+    /// # Errors
+    /// An image without colours, not whole, or of parallel rays.
+    pub fn look(&mut self, shot: &Shot<'_>, out: &mut TrafficLights) -> Result<(), ShotError> {
+        let Pixels::Rgb8(bytes) = &shot.image.pixels else { return Err(ShotError::NoColour) };
+        if shot.image.camera.intrinsics.is_parallel {
+            return Err(ShotError::Parallel);
+        }
+        let rgb = Rgb::new(shot.image.width_px as usize, shot.image.height_px as usize, bytes)?;
+        out.stamp = shot.image.stamp;
+        out.lights.clear();
+        if self.places.is_empty() {
+            self.search(rgb, &shot.image.camera, out);
+        } else {
+            self.look_at_places(rgb, shot, out);
+        }
+        Ok(())
+    }
+
+    fn look_at_places(&mut self, rgb: Rgb<'_>, shot: &Shot<'_>, out: &mut TrafficLights) {
+        let camera = camera(shot.image, shot.pitch_rad);
+        for (place, light) in self.places.iter().zip(&mut self.lights) {
+            let image_px = self.params.picture(&camera, shot.ego, place);
+            let seen = image_px.and_then(|edges| self.looker.lit(rgb, edges));
+            let shown = light.see(seen.map(|(lamp, _)| lamp));
+            let Some(image_px) = image_px else { continue };
+            out.lights.push(TrafficLight {
+                name: Some(place.name.clone()),
+                signal: shown.map(signal),
+                seen: seen.map(|(lamp, _)| signal(lamp)),
+                score: seen.map_or(0.0, |(_, share)| share),
+                distance_m: shot.ego.point().distance(place.pose.point()),
+                stop_s_m: Some(place.stop_s_m),
+                image_px,
+            });
+        }
+    }
+
+    fn search(&mut self, rgb: Rgb<'_>, camera: &CameraInfo, out: &mut TrafficLights) {
+        self.heads.clear();
+        self.finder.find(rgb, &mut self.heads);
+        self.followed.iter_mut().for_each(|(.., gone)| *gone += 1);
+        for head in &self.heads {
+            let height_px = head.edges_px[3] - head.edges_px[1];
+            let distance_m = camera.ego_from_camera.origin().coords.x
+                + camera.intrinsics.fy_px * self.params.head_m[1] / height_px;
+            if height_px < ROWS_MIN_PX || distance_m > self.params.within_m {
+                continue;
+            }
+            let is_same = |(_, last, gone): &(Light, [f64; 4], u32)| {
+                *gone > 0 && middle(*last).distance(middle(head.edges_px)) < height_px
+            };
+            let known = self.followed.iter().position(is_same).unwrap_or_else(|| {
+                self.followed.push((Light::new(self.params.light), head.edges_px, 0));
+                self.followed.len() - 1
+            });
+            let (light, last, gone) = &mut self.followed[known];
+            (*last, *gone) = (head.edges_px, 0);
+            out.lights.push(TrafficLight {
+                name: None,
+                signal: light.see(Some(head.lamp)).map(signal),
+                seen: Some(signal(head.lamp)),
+                score: head.score,
+                distance_m,
+                stop_s_m: None,
+                image_px: head.edges_px,
+            });
+        }
+        let forget = self.params.light.forget_frames;
+        self.followed.retain(|(.., gone)| *gone < forget);
+    }
+}
+
+impl Params {
+    /// Left, top, right and bottom edge of a light's head in an image; none where it is too far off, cut, or seen from
+    /// behind.
+    fn picture(&self, camera: &ImageCamera, ego: Pose2, place: &LightPlace) -> Option<[f64; 4]> {
+        let far_m = ego.point().distance(place.pose.point());
+        if far_m.is_nan() || far_m > self.within_m {
+            return None;
+        }
+        let at: Point2<Ego> = ego.to_local(place.pose.point());
+        let there = Pose2::new(at.x_m, at.y_m, angle_between(ego.heading_rad, place.pose.heading_rad));
+        let [width_m, height_m] = self.head_m;
+        let extent = Extent { length_m: DEEP_M, width_m, height_m };
+        let [left, top, right, bottom] = camera.image_px(there, self.top_m - height_m, extent)?;
+        let is_whole = left > 0.0
+            && top > 0.0
+            && right < f64::from(camera.width_px)
+            && bottom < f64::from(camera.height_px);
+        let faces_us = there.heading_rad.abs() < core::f64::consts::FRAC_PI_2;
+        (is_whole && faces_us && bottom - top >= ROWS_MIN_PX).then_some([left, top, right, bottom])
+    }
+}
+
+/// The camera of an image on a body that is pitched like this, nose down positive.
+fn camera(image: &Image, pitch_rad: f64) -> ImageCamera {
+    let tilt: Transform<Ego, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, pitch_rad, 0.0);
+    let mount = image.camera.ego_from_camera;
+    let ego_from_camera = Transform::new(mount.origin(), (tilt * mount).rotation());
+    let info = CameraInfo { ego_from_camera, ..image.camera };
+    ImageCamera { info, width_px: image.width_px, height_px: image.height_px }
+}
+
+fn middle([left, top, right, bottom]: [f64; 4]) -> Point2 {
+    Point2::new(0.5 * (left + right), 0.5 * (top + bottom))
+}
+
+fn signal(lamp: Lamp) -> Signal {
+    match lamp {
+        Lamp::Green => Signal::Green,
+        Lamp::Yellow => Signal::Yellow,
+        Lamp::Red => Signal::Red,
+    }
+}

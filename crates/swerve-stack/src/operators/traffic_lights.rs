@@ -1,0 +1,138 @@
+//! Traffic lights in a camera's images.
+
+use serde::{Deserialize, Serialize};
+use swerve_flow::{At, Context, Inputs, Operator, Port, Window};
+use swerve_geom::FrenetPoint;
+use swerve_msg::{EgoState, Image, TrafficLights};
+use swerve_perception::LightWatch;
+use swerve_perception::camera::Shot;
+use swerve_perception::traffic_lights::{LightPlace, Params};
+use swerve_scenario::{Road, TrafficLight};
+use swerve_vehicle::VehicleParams;
+use swerve_vision::traffic_light::LightSettings;
+
+use super::camera_objects::pitch_rad;
+use crate::kind::{Heavy, KeyProblems, Kind, Node};
+use crate::site::Site;
+
+/// Past poses kept to find the one measured at an image's stamp, and how the body pitched until then: at 100 Hz.
+const POSES: usize = 256;
+
+/// Tells what the lights in each image show, without neural networks.
+pub(super) struct Lights {
+    watch: LightWatch,
+    vehicle: VehicleParams,
+    /// The scenario's lights, where they themselves say what they show.
+    truth: Option<Vec<TrafficLight>>,
+}
+
+/// Its keys.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Table {
+    /// The lights of the scenario say what they show, in the place of the pixels.
+    truth: bool,
+    /// Whether the places of lights are known; else they are found by colour and shape.
+    map: bool,
+    head_m: [f64; 2],
+    top_m: f64,
+    within_m: f64,
+    confirm_frames: u32,
+    forget_frames: u32,
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        let Params { head_m, top_m, within_m, light } = Params::default();
+        let LightSettings { confirm_frames, forget_frames } = light;
+        Self { truth: false, map: true, head_m, top_m, within_m, confirm_frames, forget_frames }
+    }
+}
+
+impl Table {
+    fn params(&self) -> Params {
+        let Self { head_m, top_m, within_m, confirm_frames, forget_frames, .. } = *self;
+        Params { head_m, top_m, within_m, light: LightSettings { confirm_frames, forget_frames } }
+    }
+}
+
+/// An image, and where the ego was.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// What the camera sees, in colour.
+    image: At<Image>,
+    /// Where the ego was.
+    poses: Window<EgoState, POSES>,
+}
+
+impl Kind for Lights {
+    const NODE: Node =
+        Node::new("traffic_lights", "what the traffic lights in a camera's images show").heavy(Heavy::Yes);
+    type Table = Table;
+
+    fn problems(table: &Table) -> KeyProblems {
+        let mut told = table.params().problems();
+        if table.truth && !table.map {
+            told.push((
+                "truth".to_owned(),
+                "expected `map = true` beside it: it is told of the map's lights".to_owned(),
+            ));
+        }
+        told
+    }
+
+    fn new(table: Table, site: &Site<'_>) -> anyhow::Result<Self> {
+        let around = site.surroundings();
+        let road = &around.scenario.road;
+        let places = if table.map { places(road) } else { Vec::new() };
+        Ok(Self {
+            watch: LightWatch::new(table.params(), places),
+            vehicle: around.vehicle.clone(),
+            truth: table.truth.then(|| road.lights.clone()),
+        })
+    }
+}
+
+/// Where the lights of a road stand, which a map would tell.
+fn places(road: &Road) -> Vec<LightPlace> {
+    let line = road.line();
+    let place = |light: &TrafficLight| {
+        let at = line.to_map(FrenetPoint { s_m: light.s_m, d_m: light.d_m });
+        let pose = swerve_geom::Pose2::new(at.x_m, at.y_m, line.at(light.s_m).pose.heading_rad);
+        LightPlace { name: light.name.clone(), pose, stop_s_m: light.stop_s_m }
+    };
+    road.lights.iter().map(place).collect()
+}
+
+impl Operator for Lights {
+    type In = In;
+    type Out = Port<TrafficLights>;
+
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Port<TrafficLights>) {
+        let Some(image) = input.image.get() else { return };
+        let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
+        let before = poses.partition_point(|pose| pose.stamp <= image.stamp);
+        let Some(measured) = poses[..before].last().or(poses.first()) else { return };
+        let ego = measured.pose_after((image.stamp - measured.stamp).as_secs());
+        let pitch_rad = pitch_rad(&poses[..before], &self.vehicle);
+        let mut seen = TrafficLights::default();
+        if let Err(why) = self.watch.look(&Shot { image, ego, pitch_rad, route: None }, &mut seen) {
+            return cx.stop_run(format!("{}: {why}", cx.name()));
+        }
+        self.tell_truth(&mut seen);
+        out.send(seen);
+    }
+}
+
+impl Lights {
+    /// Where truth is asked for, what is in the image and its place stay; what it shows is what it does.
+    fn tell_truth(&self, seen: &mut TrafficLights) {
+        for light in &mut seen.lights {
+            let known = self.truth.iter().flatten().find(|known| Some(&known.name) == light.name.as_ref());
+            if let Some(known) = known {
+                let signal = Some(known.signal(seen.stamp));
+                (light.signal, light.seen, light.score) = (signal, signal, 1.0);
+            }
+        }
+    }
+}
