@@ -103,10 +103,11 @@ pub fn fuse(sources: &Sources<'_>, params: &Params) -> Option<Detections> {
     }
     objects
         .extend(measured.iter().zip(of_measured).filter(|(_, is_taken)| !is_taken).map(|(alone, _)| *alone));
-    objects.retain(|object| object.is_new);
     if let Some(echoes) = &sources.radar {
         echoes.add_to(&mut objects, ego, params);
     }
+    // What was told before has taken its echoes, and no other takes them.
+    objects.retain(|object| object.is_new);
     let mut boxes: Vec<DetectedBox> = objects.iter().map(Object::told).collect();
     // So far away that its errors have no number.
     boxes.retain(DetectedBox::is_finite);
@@ -217,7 +218,8 @@ fn merged(seen: &Object, measured: &Object) -> Object {
         image_px: camera.image_px,
         ..if measured.is_new { *lidar } else { *camera }
     };
-    Object { found, ..if measured.is_new { *measured } else { *seen } }
+    // Its distance is known, if not to this instant: it needs no echo's.
+    Object { found, ..if measured.is_new { *measured } else { Object { is_guessed: false, ..*seen } } }
 }
 
 impl Object {
