@@ -83,8 +83,7 @@ mod tests {
         // In the oncoming lane, half way round, along the road and against it.
         let from = route.unproject(FrenetPoint { s_m: 50.0, d_m: 4.0 });
         let along = route.line().at(50.0).pose.direction();
-        for (speed_mps, kind) in
-            [(-9.2, ActorKind::Truck), (9.2, ActorKind::Car), (4.6, ActorKind::Cyclist)]
+        for (speed_mps, kind) in [(-9.2, ActorKind::Truck), (9.2, ActorKind::Car), (4.6, ActorKind::Cyclist)]
         {
             let mut bent = [straight(kind, from, along * speed_mps)];
             follow(&mut bent, &route);
@@ -113,7 +112,8 @@ mod tests {
     fn a_change_of_lane_comes_to_an_end() {
         let route = bend();
         let at = route.line().at(10.0).pose;
-        let mut bent = [straight(ActorKind::Car, at.point(), at.direction() * 10.0 + at.direction().left() * 2.0)];
+        let mut bent =
+            [straight(ActorKind::Car, at.point(), at.direction() * 10.0 + at.direction().left() * 2.0)];
         follow(&mut bent, &route);
         let last = route.project(bent[0].path[30].pose.point());
         assert!((1.8..2.0).contains(&last.d_m), "2 m/s that die away within a second: {last:?}");

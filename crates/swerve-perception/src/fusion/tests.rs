@@ -205,7 +205,10 @@ fn boxes_of_an_older_instant_come_along() {
     let camera_list = list(0, vec![seen(ActorKind::Pedestrian, [25.0, 2.0], [25.5, 2.0], 0.7)]);
     let at = now.to_local::<Ego>(then.from_local::<Ego>(Point2::new(25.0, 2.0)));
     let lidar_list = list(80, vec![found(ActorKind::Pedestrian, at.x_m, at.y_m, 0.5)]);
-    let sight = CameraSight { boxes: Sighted { found: &camera_list, ego: then, is_new: true }, ..by_camera(&camera_list) };
+    let sight = CameraSight {
+        boxes: Sighted { found: &camera_list, ego: then, is_new: true },
+        ..by_camera(&camera_list)
+    };
     let lidar = Sighted { found: &lidar_list, ego: now, is_new: true };
     let both =
         fuse(&Sources { camera: Some(sight), lidar: Some(lidar), ..Sources::default() }, &Params::default());

@@ -43,10 +43,34 @@ pub(super) struct Class {
 
 /// The classes that clusters are taken for.
 pub(super) const CLASSES: [Class; 4] = [
-    Class { kind: ActorKind::Car, usual_m: [4.4, 1.8], most_m: [5.7, 2.4], top_m: [0.5, 2.6], hidden_share: 0.1 },
-    Class { kind: ActorKind::Truck, usual_m: [6.0, 2.5], most_m: [12.5, 3.1], top_m: [1.2, 4.5], hidden_share: 0.15 },
-    Class { kind: ActorKind::Cyclist, usual_m: [1.8, 0.6], most_m: [2.2, 1.1], top_m: [0.8, 2.2], hidden_share: 0.2 },
-    Class { kind: ActorKind::Pedestrian, usual_m: [0.5, 0.5], most_m: [1.1, 1.1], top_m: [0.6, 2.2], hidden_share: 0.35 },
+    Class {
+        kind: ActorKind::Car,
+        usual_m: [4.4, 1.8],
+        most_m: [5.7, 2.4],
+        top_m: [0.5, 2.6],
+        hidden_share: 0.1,
+    },
+    Class {
+        kind: ActorKind::Truck,
+        usual_m: [6.0, 2.5],
+        most_m: [12.5, 3.1],
+        top_m: [1.2, 4.5],
+        hidden_share: 0.15,
+    },
+    Class {
+        kind: ActorKind::Cyclist,
+        usual_m: [1.8, 0.6],
+        most_m: [2.2, 1.1],
+        top_m: [0.8, 2.2],
+        hidden_share: 0.2,
+    },
+    Class {
+        kind: ActorKind::Pedestrian,
+        usual_m: [0.5, 0.5],
+        most_m: [1.1, 1.1],
+        top_m: [0.6, 2.2],
+        hidden_share: 0.35,
+    },
 ];
 
 /// A rectangle on the ground.
