@@ -64,7 +64,7 @@ mod tests {
             let (sin, cos) = math::sin_cos(0.02 * f64::from(k));
             Point2::new(50.0 * sin, 50.0 - 50.0 * cos)
         };
-        Route::uniform(Polyline::new((0..=100).map(at).collect()).unwrap(), 6.0, 2.0)
+        Route::uniform(Polyline::new(&(0..=100).map(at).collect::<Vec<_>>()).unwrap(), 6.0, 2.0)
     }
 
     fn straight(kind: ActorKind, from: Point2, velocity_mps: Vector2) -> Prediction {
