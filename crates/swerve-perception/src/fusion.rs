@@ -7,8 +7,10 @@
 //! accuracy and no object. An echo of the radar belongs to the object in whose direction and distance it is; by itself
 //! it is none.
 //!
-//! Sources measure at different instants: boxes are brought to the newest by the way of the ego. What moved meanwhile is
-//! where it was.
+//! Sources measure at different instants: boxes are brought to the newest by the way of the ego, and their errors grow by
+//! what a thing may have moved meanwhile. Where something is, is told once: a turn of a lidar that an earlier list has
+//! told lends its size to what the camera sees since, and the camera its kind to the lidar's next turn. A place that is
+//! told twice is a thing that stands.
 
 mod params;
 mod place;
@@ -17,7 +19,7 @@ mod radar;
 mod tests;
 
 use swerve_core::Time;
-use swerve_geom::{Map, Pose2, heaviest_pairs, image_iou};
+use swerve_geom::{Ego, Map, Pose2, heaviest_pairs, image_iou};
 use swerve_msg::{DetectedBox, Detections, Image};
 
 use crate::bound::surest;
@@ -34,6 +36,8 @@ pub struct Sighted<'a> {
     pub found: &'a Detections,
     /// The ego at their stamp.
     pub ego: Pose2<Map>,
+    /// Whether no earlier list has told them.
+    pub is_new: bool,
 }
 
 /// What a camera's detector found, and what is known of the camera.
@@ -65,11 +69,17 @@ struct Object {
     spread: Spread,
     /// Its distance is that of the ground plane: anything else knows it better.
     is_guessed: bool,
+    /// Nobody has told it yet.
+    is_new: bool,
 }
 
 /// Squared distance in standard deviations within which two boxes are the same thing: 99 % (chi-squared, two degrees of
 /// freedom).
 const GATE: f64 = 9.21;
+
+/// Standard deviation of each part of the velocity of who walks and of who drives, m/s.
+const PERSON_MPS: f64 = 2.0;
+const VEHICLE_MPS: f64 = 8.0;
 
 /// Objects by falling score, in the ego frame of the newest boxes, each with its covariance; none without boxes.
 ///
@@ -78,9 +88,10 @@ const GATE: f64 = 9.21;
 pub fn fuse(sources: &Sources<'_>, params: &Params) -> Option<Detections> {
     let camera = sources.camera.as_ref().map(|camera| camera.boxes);
     let (stamp, ego) = newest([camera, sources.lidar])?;
-    let seen = sources.camera.iter().flat_map(|sight| camera_objects(sight, ego, params)).collect::<Vec<_>>();
+    let at = (stamp, ego);
+    let seen = sources.camera.iter().flat_map(|sight| camera_objects(sight, at, params)).collect::<Vec<_>>();
     let measured =
-        sources.lidar.iter().flat_map(|sight| lidar_objects(sight, ego, params)).collect::<Vec<_>>();
+        sources.lidar.iter().flat_map(|sight| lidar_objects(sight, at, params)).collect::<Vec<_>>();
     let pairs = pair(&seen, &measured, sources, ego, params);
     let mut objects = Vec::with_capacity(seen.len() + measured.len());
     let (mut of_seen, mut of_measured) = (vec![None; seen.len()], vec![false; measured.len()]);
@@ -95,6 +106,8 @@ pub fn fuse(sources: &Sources<'_>, params: &Params) -> Option<Detections> {
     if let Some(echoes) = &sources.radar {
         echoes.add_to(&mut objects, ego, params);
     }
+    // What was told before has taken its echoes, and no other takes them.
+    objects.retain(|object| object.is_new);
     let mut boxes: Vec<DetectedBox> = objects.iter().map(Object::told).collect();
     // So far away that its errors have no number.
     boxes.retain(DetectedBox::is_finite);
@@ -121,8 +134,7 @@ fn usable<'a>(sight: &Sighted<'a>) -> Vec<&'a DetectedBox> {
 }
 
 /// What a camera sees: where a depth says that it is, else where it stands on the ground plane.
-fn camera_objects(sight: &CameraSight<'_>, ego: Pose2<Map>, params: &Params) -> Vec<Object> {
-    let from = sight.boxes.ego;
+fn camera_objects(sight: &CameraSight<'_>, at: (Time, Pose2<Map>), params: &Params) -> Vec<Object> {
     let one = |found: &DetectedBox| {
         let by_depth = by_depth(sight, found, params);
         let is_guessed = by_depth.is_none();
@@ -130,19 +142,17 @@ fn camera_objects(sight: &CameraSight<'_>, ego: Pose2<Map>, params: &Params) -> 
             let own = found.covariance_m2.map(Spread::told);
             (found.pose, own.unwrap_or_else(|| Spread::of_ground_plane(found.pose, &sight.camera, params)))
         });
-        let (pose, spread) = moved((pose, spread), from, ego);
-        Object { found: DetectedBox { pose, ..*found }, spread, is_guessed }
+        sight.boxes.object(found, (pose, spread), at, is_guessed)
     };
     usable(&sight.boxes).into_iter().map(one).collect()
 }
 
 /// What a lidar measures.
-fn lidar_objects(sight: &Sighted<'_>, ego: Pose2<Map>, params: &Params) -> Vec<Object> {
+fn lidar_objects(sight: &Sighted<'_>, at: (Time, Pose2<Map>), params: &Params) -> Vec<Object> {
     let one = |found: &DetectedBox| {
         let own = found.covariance_m2.map(Spread::told);
         let spread = own.unwrap_or_else(|| Spread::of_lidar(found.pose, params));
-        let (pose, spread) = moved((found.pose, spread), sight.ego, ego);
-        Object { found: DetectedBox { pose, ..*found }, spread, is_guessed: false }
+        sight.object(found, (found.pose, spread), at, false)
     };
     usable(sight).into_iter().map(one).collect()
 }
@@ -179,8 +189,25 @@ fn pair(
     heaviest_pairs(seen.len(), measured.len(), &alike)
 }
 
+impl Sighted<'_> {
+    /// A box as an object at a later instant.
+    fn object(
+        &self,
+        found: &DetectedBox,
+        place: (Pose2<Ego>, Spread),
+        (stamp, ego): (Time, Pose2<Map>),
+        is_guessed: bool,
+    ) -> Object {
+        let (pose, spread) = moved(place, self.ego, ego);
+        let pace_mps = if found.kind.is_person() { PERSON_MPS } else { VEHICLE_MPS };
+        let spread = spread.grown(pace_mps * (stamp - self.found.stamp).as_secs());
+        Object { found: DetectedBox { pose, ..*found }, spread, is_guessed, is_new: self.is_new }
+    }
+}
+
 /// One object of two: kind and picture of the camera, place and size of the lidar; as sure as either is not wrong. The
-/// size of a person is no car's: where the two disagree on that, the size is the camera's too.
+/// size of a person is no car's: where the two disagree on that, the size is the camera's too. The place is the camera's
+/// where that of the lidar has been told.
 fn merged(seen: &Object, measured: &Object) -> Object {
     let (camera, lidar) = (&seen.found, &measured.found);
     let agrees = camera.kind.is_person() == lidar.kind.is_person();
@@ -189,9 +216,10 @@ fn merged(seen: &Object, measured: &Object) -> Object {
         score: 1.0 - (1.0 - camera.score) * (1.0 - lidar.score),
         extent: if agrees { lidar.extent } else { camera.extent },
         image_px: camera.image_px,
-        ..*lidar
+        ..if measured.is_new { *lidar } else { *camera }
     };
-    Object { found, ..*measured }
+    // Its distance is known, if not to this instant: it needs no echo's.
+    Object { found, ..if measured.is_new { *measured } else { Object { is_guessed: false, ..*seen } } }
 }
 
 impl Object {

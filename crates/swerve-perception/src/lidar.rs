@@ -265,16 +265,17 @@ fn boxed(rectangle: &Rectangle, class: &Class, cluster: Cluster, lane: Option<(f
     let turn = if along { 0.0 } else { core::f64::consts::PI };
     let [x, y] = rectangle.middle.map(f64::from);
     let [length_m, width_m] = rectangle.size_m.map(f64::from);
+    let heading_rad = f64::from(rectangle.heading_rad);
     // The highest point of a person on a bicycle, or of a car's roof, lies between two beams.
     let least_m = if class.kind == ActorKind::Truck { 2.0 } else { 1.4 };
     DetectedBox {
         kind: class.kind,
         score: 0.0,
-        pose: Pose2::new(x, y, f64::from(rectangle.heading_rad) + turn),
+        pose: Pose2::new(x, y, heading_rad + turn),
         bottom_m: 0.0,
         extent: Extent { length_m, width_m, height_m: f64::from(cluster.top_m).max(least_m) },
         image_px: None,
-        covariance_m2: None,
+        covariance_m2: Some(rectangle.covariance_m2(class)),
         radial_speed_mps: None,
     }
 }

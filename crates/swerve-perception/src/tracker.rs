@@ -104,10 +104,10 @@ impl Tracker {
         for &(t, b) in &pairs {
             self.tracks[t].meet(&boxes[b], found.stamp, &params);
         }
-        let limit = Span::from_secs(params.forget_after_s);
+        let [on_probation, reported] = [params.probation_s, params.forget_after_s].map(Span::from_secs);
         self.tracks.retain(|track| {
-            let unseen = found.stamp - track.last_seen;
-            unseen == Span::ZERO || (track.is_confirmed && unseen <= limit)
+            let limit = if track.is_confirmed { reported } else { on_probation };
+            found.stamp - track.last_seen <= limit
         });
         for (b, measured) in boxes.iter().enumerate() {
             if !pairs.iter().any(|&(_, taken)| taken == b) {

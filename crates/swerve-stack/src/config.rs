@@ -261,11 +261,13 @@ pub struct PredictionConfig {
     pub horizon_ms: f64,
     /// Between predicted poses, ms.
     pub step_ms: f64,
+    /// Whether who drives along the road is predicted to go on along it, and not straight on.
+    pub along_road: bool,
 }
 
 impl Default for PredictionConfig {
     fn default() -> Self {
-        Self { preset: Preset::Best, past_steps: 5, horizon_ms: 5000.0, step_ms: 100.0 }
+        Self { preset: Preset::Best, past_steps: 5, horizon_ms: 5000.0, step_ms: 100.0, along_road: false }
     }
 }
 

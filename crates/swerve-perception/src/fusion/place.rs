@@ -52,6 +52,11 @@ impl Spread {
         Self::along(bearing_rad, along_m, range_m * params.edge_noise_px / camera.info.intrinsics.fx_px)
     }
 
+    /// With one more error of this standard deviation in any direction, metres.
+    pub(super) fn grown(self, by_m: f64) -> Self {
+        Self(self.0 + Matrix2::identity() * (by_m * by_m))
+    }
+
     /// In a frame in which what it lies along is turned by this much.
     fn turned(self, by_rad: f64) -> Self {
         let (sin, cos) = math::sin_cos(by_rad);

@@ -1,7 +1,7 @@
 //! Echoes of a radar, and the objects that they come from.
 
 use swerve_geom::{Ego, Map, Point2, Pose2, Vector2, angle_between, math};
-use swerve_msg::{EgoState, RadarScan};
+use swerve_msg::{EgoState, Extent, RadarScan};
 
 use super::place::{Spread, moved, polar};
 use super::{Object, Params};
@@ -26,12 +26,16 @@ struct Echo {
     snr_db: f64,
 }
 
+/// Standard deviation of half a size, as a share of it.
+const SIZE_SHARE: f64 = 0.3;
+
 /// Standard deviations of an object's distance that an echo may be off.
 const DEVIATIONS: f64 = 3.0;
 
 impl Echoes<'_> {
     /// Gives each object the speed of its strongest echo, and to one whose distance is a guess that echo's distance. An
-    /// echo is of the object that is nearest to it, if that is within its gate.
+    /// echo is of the object that is nearest to it, if that is within its gate; of one whose distance is a guess only if
+    /// it is of none whose distance is measured, since a guess has room for the echoes of all its neighbours.
     pub(super) fn add_to(&self, objects: &mut [Object], ego: Pose2<Map>, params: &Params) {
         if !self.ego.is_plausible() {
             return;
@@ -43,7 +47,9 @@ impl Echoes<'_> {
                 .iter()
                 .enumerate()
                 .filter_map(|(k, object)| Some((k, echo.off(object, radar, params)?)));
-            let Some((k, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+            let rank = |k: usize| objects[k].is_guessed;
+            let best = near.min_by(|a, b| rank(a.0).cmp(&rank(b.0)).then(a.1.total_cmp(&b.1)));
+            let Some((k, _)) = best else { continue };
             if strongest[k].as_ref().is_none_or(|known| echo.snr_db > known.snr_db) {
                 strongest[k] = Some(echo);
             }
@@ -93,13 +99,17 @@ impl Echo {
         if !object.is_guessed || object.spread.deviation_m(bearing_rad) <= params.radar_noise_m {
             return;
         }
-        // The bearing stays the camera's; the echo comes from what faces the radar.
+        // The bearing stays the camera's; the echo comes from what faces the radar, and how long the body behind that is,
+        // is as uncertain as sizes are.
         let Pose2 { heading_rad, .. } = object.found.pose;
-        let range_m = self.range_m + 0.5 * object.found.extent.length_m.min(object.found.extent.width_m);
+        let (sin, cos) = math::sin_cos(heading_rad - bearing_rad);
+        let Extent { length_m, width_m, .. } = object.found.extent;
+        let half_m = 0.5 * (length_m * cos.abs()).max(width_m * sin.abs());
+        let range_m = self.range_m + half_m;
         let across_m = object.spread.deviation_m(bearing_rad + core::f64::consts::FRAC_PI_2);
         let way = Vector2::from_heading(bearing_rad) * range_m;
         let at: Point2<Ego> = radar.point() + way;
         object.found.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
-        object.spread = Spread::along(bearing_rad, params.radar_noise_m, across_m);
+        object.spread = Spread::along(bearing_rad, params.radar_noise_m + SIZE_SHARE * half_m, across_m);
     }
 }

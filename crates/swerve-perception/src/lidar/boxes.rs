@@ -37,14 +37,40 @@ pub(super) struct Class {
     pub(super) most_m: [f32; 2],
     /// Height of its highest point that can be seen, metres.
     pub(super) top_m: [f32; 2],
+    /// Standard deviation of the middle, as a share of what is not seen of its length or width.
+    pub(super) hidden_share: f64,
 }
 
 /// The classes that clusters are taken for.
 pub(super) const CLASSES: [Class; 4] = [
-    Class { kind: ActorKind::Car, usual_m: [4.4, 1.8], most_m: [5.7, 2.4], top_m: [0.5, 2.6] },
-    Class { kind: ActorKind::Truck, usual_m: [6.0, 2.5], most_m: [12.5, 3.1], top_m: [1.2, 4.5] },
-    Class { kind: ActorKind::Cyclist, usual_m: [1.8, 0.6], most_m: [2.2, 1.1], top_m: [0.8, 2.2] },
-    Class { kind: ActorKind::Pedestrian, usual_m: [0.5, 0.5], most_m: [1.1, 1.1], top_m: [0.6, 2.2] },
+    Class {
+        kind: ActorKind::Car,
+        usual_m: [4.4, 1.8],
+        most_m: [5.7, 2.4],
+        top_m: [0.5, 2.6],
+        hidden_share: 0.1,
+    },
+    Class {
+        kind: ActorKind::Truck,
+        usual_m: [6.0, 2.5],
+        most_m: [12.5, 3.1],
+        top_m: [1.2, 4.5],
+        hidden_share: 0.15,
+    },
+    Class {
+        kind: ActorKind::Cyclist,
+        usual_m: [1.8, 0.6],
+        most_m: [2.2, 1.1],
+        top_m: [0.8, 2.2],
+        hidden_share: 0.2,
+    },
+    Class {
+        kind: ActorKind::Pedestrian,
+        usual_m: [0.5, 0.5],
+        most_m: [1.1, 1.1],
+        top_m: [0.6, 2.2],
+        hidden_share: 0.35,
+    },
 ];
 
 /// A rectangle on the ground.
@@ -58,6 +84,22 @@ pub(super) struct Rectangle {
     pub(super) size_m: [f32; 2],
     /// The part of that which is seen, metres.
     pub(super) seen_m: [f32; 2],
+}
+
+/// Standard deviation of the middle of what is seen, metres: ends lie between two points, people swing arms and legs.
+const SEEN_NOISE_M: f64 = 0.07;
+
+impl Rectangle {
+    /// Covariance of its middle: xx, xy, yy in m². What was added may be wrong by a share of it.
+    pub(super) fn covariance_m2(&self, class: &Class) -> [f64; 3] {
+        let [along, across] = [0, 1].map(|axis| {
+            let added_m = class.hidden_share * f64::from(self.size_m[axis] - self.seen_m[axis]);
+            SEEN_NOISE_M * SEEN_NOISE_M + added_m * added_m
+        });
+        let [cos, sin] = self.turn.map(f64::from);
+        let part = |a: f64, b: f64, c: f64, d: f64| along * a * b + across * c * d;
+        [part(cos, cos, sin, sin), part(cos, sin, -sin, cos), part(sin, sin, cos, cos)]
+    }
 }
 
 /// The rectangle whose sides the points lie nearest to (Zhang et al. 2017, algorithm 4: closeness), searched coarsely,

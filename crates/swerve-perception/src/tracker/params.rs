@@ -30,8 +30,11 @@ pub struct Params {
     /// Squared distance in standard deviations from which on a box is not taken for a track's; 9.21 holds 99 % of
     /// those that are (chi-squared with two degrees of freedom).
     pub gate: f64,
-    /// Frames in a row in which a track must have been seen to be reported. SORT: 3.
+    /// Frames in which a track must have been seen to be reported. SORT: 3.
     pub hits_min: usize,
+    /// One that is not reported yet ends when it has not been seen for longer than this, seconds: zero asks for frames in
+    /// a row, as SORT does. Where lists come from sensors in turn, the period of the slowest.
+    pub probation_s: f64,
     /// A reported track ends when it has not been seen for longer than this, seconds. SORT: one frame.
     pub forget_after_s: f64,
     /// Past positions reported, the present one included.
@@ -61,6 +64,7 @@ impl Default for Params {
             score_min: 0.4,
             gate: 9.21,
             hits_min: 2,
+            probation_s: 0.0,
             forget_after_s: 0.5,
             sightings_max: 10,
             shape_gain: 0.1,
@@ -94,6 +98,7 @@ impl Params {
             ("score_min", self.score_min, [0.0, 1.0]),
             ("gate", self.gate, [0.1, 1e3]),
             ("hits_min", self.hits_min as f64, [1.0, 100.0]),
+            ("probation_s", self.probation_s, [0.0, 10.0]),
             ("forget_after_s", self.forget_after_s, [0.0, 60.0]),
             ("sightings_max", self.sightings_max as f64, [1.0, 1000.0]),
             ("shape_gain", self.shape_gain, [0.0, 1.0]),

@@ -165,6 +165,7 @@ impl OperatorKind for Fusions {
             view,
             ego_from_radar,
             newest: None,
+            told: [None; 2],
         };
         let timer = settings.drawn_timer(period);
         site.add(operator, Some(timer))
@@ -179,6 +180,8 @@ struct Fusion {
     ego_from_radar: Pose2<Ego>,
     /// Stamp of the newest list.
     newest: Option<Time>,
+    /// Stamps of what it told of the camera and of the lidar.
+    told: [Option<Time>; 2],
 }
 
 impl Operator for Fusion {
@@ -199,6 +202,8 @@ impl Operator for Fusion {
             Some((found.clone(), ego_at(found.stamp)?.pose))
         };
         let (camera, lidar) = (sighted(&input.camera), sighted(&input.lidar));
+        let stamps = [&camera, &lidar].map(|source| source.as_ref().map(|(found, _)| found.stamp));
+        let is_new = [0, 1].map(|source| stamps[source] != self.told[source]);
         let depth = camera.as_ref().and_then(|(found, _)| {
             input.depth.as_ref()?.get().iter().find(|image| image.stamp == found.stamp)
         });
@@ -208,17 +213,17 @@ impl Operator for Fusion {
         });
         let sources = Sources {
             camera: camera.as_ref().map(|(found, ego)| CameraSight {
-                boxes: Sighted { found, ego: *ego },
+                boxes: Sighted { found, ego: *ego, is_new: is_new[0] },
                 camera: self.view,
                 depth: depth.map(|image| &**image),
             }),
-            lidar: lidar.as_ref().map(|(found, ego)| Sighted { found, ego: *ego }),
+            lidar: lidar.as_ref().map(|(found, ego)| Sighted { found, ego: *ego, is_new: is_new[1] }),
             radar: echoes,
         };
         let Some(fused) = fuse(&sources, &self.params) else { return };
         // A list of the same instant as the last one says nothing new.
         if self.newest.is_none_or(|newest| fused.stamp > newest) {
-            self.newest = Some(fused.stamp);
+            (self.newest, self.told) = (Some(fused.stamp), stamps);
             out.loan().send(fused);
         }
     }

@@ -1,8 +1,8 @@
-//! Straight lines through past sightings.
+//! Straight lines through past sightings, and along the road.
 
 use swerve_flow::{At, Context, Inputs, Operator, Port};
-use swerve_msg::{PredictionList, TrackList};
-use swerve_prediction::linear;
+use swerve_msg::{PredictionList, Route, TrackList};
+use swerve_prediction::{linear, road};
 
 use crate::kind::{Kind, NoKeys, Node};
 use crate::site::Site;
@@ -10,6 +10,8 @@ use crate::site::Site;
 /// Straight lines through past sightings.
 pub(super) struct Predictor {
     params: linear::Params,
+    /// What vehicles follow.
+    road: Option<Route>,
 }
 
 /// What is tracked.
@@ -32,7 +34,8 @@ impl Kind for Predictor {
             step_s: prediction.step_ms * 1e-3,
             ..prediction.preset.linear()
         };
-        Ok(Self { params })
+        let road = prediction.along_road.then(|| site.surroundings().route.clone());
+        Ok(Self { params, road })
     }
 }
 
@@ -42,7 +45,11 @@ impl Operator for Predictor {
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         if let Some(tracks) = input.tracks.get() {
-            out.loan().send(linear::predict(tracks, &self.params));
+            let mut list = linear::predict(tracks, &self.params);
+            if let Some(route) = &self.road {
+                road::follow(&mut list.predictions, route);
+            }
+            out.loan().send(list);
         }
     }
 }

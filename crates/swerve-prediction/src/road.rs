@@ -1,0 +1,121 @@
+//! Who drives along the road goes on along it.
+//!
+//! A straight line leads what comes round a bend through the lanes beside its own. Where a road user moves along the road
+//! at his place, either way, the same line is drawn in the road's own coordinates (Frenet: arc length and offset, as
+//! Werling et al. 2010, section II): the speed along the road stays, the one across it dies away within a second, which
+//! is what keeping a lane or changing to the next one comes to. People on foot go where they go.
+
+use swerve_geom::{FrenetPoint, Pose2, Vector2, angle_between, math};
+use swerve_msg::{ActorKind, Prediction, Route};
+
+/// Slower than this nobody is told to drive along the road, m/s.
+const SPEED_MIN_MPS: f64 = 1.0;
+/// Who moves along the road moves within this of its heading, radians.
+const ALONG_RAD: f64 = 0.5;
+/// He is on it, or this far beside, metres.
+const BESIDE_M: f64 = 1.0;
+/// Time in which what is left of the speed across the road falls to a third, seconds.
+const SETTLES_S: f64 = 1.0;
+
+/// Bends the straight predictions of those who drive along the way, by the velocity that they begin with.
+pub fn follow(predictions: &mut [Prediction], route: &Route) {
+    for prediction in predictions.iter_mut().filter(|one| one.kind != ActorKind::Pedestrian) {
+        bend(prediction, route);
+    }
+}
+
+fn bend(prediction: &mut Prediction, route: &Route) {
+    let [first, .., last] = &prediction.path[..] else { return };
+    let (start, since_s) = (first.at, (last.at - first.at).as_secs());
+    let velocity_mps: Vector2 = (last.pose.point() - first.pose.point()) * (1.0 / since_s);
+    let FrenetPoint { s_m, d_m } = route.project(first.pose.point());
+    let beside = route.line().at(s_m);
+    let off_rad = angle_between(beside.pose.heading_rad, velocity_mps.heading());
+    let is_along = off_rad.abs().min(core::f64::consts::PI - off_rad.abs()) < ALONG_RAD;
+    let is_on = (-route.right_m(s_m) - BESIDE_M..=route.left_m(s_m) + BESIDE_M).contains(&d_m);
+    // Nearer to the middle of the bend than to its line a way along it has no length.
+    let share = 1.0 - beside.curvature_1pm * d_m;
+    if velocity_mps.norm() < SPEED_MIN_MPS || !is_along || !is_on || share < 0.1 {
+        return;
+    }
+    let forwards = beside.pose.direction();
+    let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
+    let turn_rad = if along_mps < 0.0 { core::f64::consts::PI } else { 0.0 };
+    for predicted in &mut prediction.path {
+        let ahead_s = (predicted.at - start).as_secs();
+        let moved_m = across_mps * SETTLES_S * (1.0 - math::exp(-ahead_s / SETTLES_S));
+        let place = FrenetPoint { s_m: s_m + along_mps * ahead_s, d_m: d_m + moved_m };
+        let at = route.unproject(place);
+        let heading_rad = route.line().at(place.s_m).pose.heading_rad + turn_rad;
+        predicted.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_core::{Span, Time};
+    use swerve_geom::{Point2, Polyline};
+    use swerve_msg::{ActorId, Extent, PredictedPose};
+
+    /// A bend to the left of 50 m about (0, 50).
+    fn bend() -> Route {
+        let at = |k: i32| {
+            let (sin, cos) = math::sin_cos(0.02 * f64::from(k));
+            Point2::new(50.0 * sin, 50.0 - 50.0 * cos)
+        };
+        Route::uniform(Polyline::new(&(0..=100).map(at).collect::<Vec<_>>()).unwrap(), 6.0, 2.0)
+    }
+
+    fn straight(kind: ActorKind, from: Point2, velocity_mps: Vector2) -> Prediction {
+        let pose = |k: i64| {
+            let at = from + velocity_mps * (0.1 * k as f64);
+            let pose = Pose2::new(at.x_m, at.y_m, velocity_mps.heading());
+            PredictedPose { at: Time::ZERO + Span::from_secs(0.1) * k, pose }
+        };
+        let extent = Extent { length_m: 4.5, width_m: 1.8, height_m: 1.5 };
+        Prediction { id: ActorId(1), kind, extent, probability: 1.0, path: (0..=30).map(pose).collect() }
+    }
+
+    #[test]
+    fn cars_keep_their_lane_and_people_and_crossers_their_line() {
+        let route = bend();
+        // In the oncoming lane, half way round, along the road and against it.
+        let from = route.unproject(FrenetPoint { s_m: 50.0, d_m: 4.0 });
+        let along = route.line().at(50.0).pose.direction();
+        for (speed_mps, kind) in [(-9.2, ActorKind::Truck), (9.2, ActorKind::Car), (4.6, ActorKind::Cyclist)]
+        {
+            let mut bent = [straight(kind, from, along * speed_mps)];
+            follow(&mut bent, &route);
+            for (k, at) in bent[0].path.iter().enumerate() {
+                let place = route.project(at.pose.point());
+                assert!((place.d_m - 4.0).abs() < 0.02, "{kind:?} {k}: {place:?}");
+                // The lane inside of the bend is 46 m from its middle: the way along the line is longer.
+                let s_m = 50.0 + speed_mps * 0.1 * k as f64 * 50.0 / 46.0;
+                assert!((place.s_m - s_m).abs() < 0.1, "{kind:?} {k}: {place:?}");
+                let heading = if speed_mps < 0.0 { along * -1.0 } else { along }.heading();
+                assert!(k > 0 || angle_between(at.pose.heading_rad, heading).abs() < 0.01);
+            }
+        }
+        let lines = [
+            straight(ActorKind::Pedestrian, from, along * 2.0),
+            straight(ActorKind::Car, from, along.left() * -5.0),
+            straight(ActorKind::Car, from, along * 0.3),
+            straight(ActorKind::Car, route.unproject(FrenetPoint { s_m: 50.0, d_m: -9.0 }), along * 9.0),
+        ];
+        let mut kept = lines.clone();
+        follow(&mut kept, &route);
+        assert_eq!(kept, lines);
+    }
+
+    #[test]
+    fn a_change_of_lane_comes_to_an_end() {
+        let route = bend();
+        let at = route.line().at(10.0).pose;
+        let mut bent =
+            [straight(ActorKind::Car, at.point(), at.direction() * 10.0 + at.direction().left() * 2.0)];
+        follow(&mut bent, &route);
+        let last = route.project(bent[0].path[30].pose.point());
+        assert!((1.8..2.0).contains(&last.d_m), "2 m/s that die away within a second: {last:?}");
+    }
+}
