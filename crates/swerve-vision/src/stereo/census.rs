@@ -55,7 +55,11 @@ impl Census {
         }
         widest(
             #[inline(always)]
-            || (0..height).for_each(|y| self.compare(y, width)),
+            || {
+                for y in 0..height {
+                    self.compare(y, width);
+                }
+            },
         );
     }
 
