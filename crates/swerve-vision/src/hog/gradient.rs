@@ -70,14 +70,12 @@ impl Gradients {
     /// Orientations and shares of a row, of the three rows of roots around it.
     #[inline(always)]
     fn row(&mut self, y: usize) {
-        {
-            self.differences();
-            let row = y * self.width..(y + 1) * self.width;
-            let [first, second] = &mut self.shares;
-            let out = self.bins[row.clone()].iter_mut().zip(&mut first[row.clone()]).zip(&mut second[row]);
-            for (((bin, first), second), (dx, dy)) in out.zip(self.horizontal.iter().zip(&self.vertical)) {
-                (*bin, *first, *second) = shared(*dx, *dy);
-            }
+        self.differences();
+        let row = y * self.width..(y + 1) * self.width;
+        let [first, second] = &mut self.shares;
+        let out = self.bins[row.clone()].iter_mut().zip(&mut first[row.clone()]).zip(&mut second[row]);
+        for (((bin, first), second), (dx, dy)) in out.zip(self.horizontal.iter().zip(&self.vertical)) {
+            (*bin, *first, *second) = shared(*dx, *dy);
         }
     }
 

@@ -35,7 +35,8 @@ impl Resizer {
                 #[inline(always)]
                 || {
                     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
-                        *out = ((u32::from(*a) * (256 - share) + u32::from(*b) * share + (1 << 15)) >> 16) as u8;
+                        *out =
+                            ((u32::from(*a) * (256 - share) + u32::from(*b) * share + (1 << 15)) >> 16) as u8;
                     }
                 },
             );

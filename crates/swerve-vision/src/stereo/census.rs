@@ -66,15 +66,13 @@ impl Census {
     /// The codes of one row.
     #[inline(always)]
     fn compare(&mut self, y: usize, width: usize) {
-        {
-            for bit in 0..usize::from(BITS) {
-                let (dx, dy) = (bit % WIDTH, bit / WIDTH);
-                let one = &self.framed.row(y + dy)[dx..][..width];
-                let other = &self.framed.row(y + HEIGHT - 1 - dy)[WIDTH - 1 - dx..][..width];
-                let codes = &mut self.planes[bit / 8][y * self.stride..][..width];
-                for ((code, one), other) in codes.iter_mut().zip(one).zip(other) {
-                    *code |= u8::from(one > other) << (bit % 8);
-                }
+        for bit in 0..usize::from(BITS) {
+            let (dx, dy) = (bit % WIDTH, bit / WIDTH);
+            let one = &self.framed.row(y + dy)[dx..][..width];
+            let other = &self.framed.row(y + HEIGHT - 1 - dy)[WIDTH - 1 - dx..][..width];
+            let codes = &mut self.planes[bit / 8][y * self.stride..][..width];
+            for ((code, one), other) in codes.iter_mut().zip(one).zip(other) {
+                *code |= u8::from(one > other) << (bit % 8);
             }
         }
     }

@@ -106,8 +106,8 @@ mod tests {
         const FAR: i16 = 100;
         let mut matches = Matches::default();
         let mut told = |sums: &[[i16; 4]; 4]| {
-            let (mut sums, mut row_px) = (sums.concat(), [0.0; 4]);
-            row(&mut sums, &mut matches, Demands { uniqueness_percent: 10, left_right_px: 1 }, &mut row_px);
+            let (sums, mut row_px) = (sums.concat(), [0.0; 4]);
+            row(&sums, &mut matches, Demands { uniqueness_percent: 10, left_right_px: 1 }, &mut row_px);
             row_px
         };
         let blank = [FAR; 4];
@@ -121,9 +121,9 @@ mod tests {
         // Two that lead to one pixel of the right image: the better one has it.
         let both = told(&[blank, blank, [FAR, FAR, 9, FAR], [FAR, FAR, FAR, FAR]]);
         assert_eq!(both[2], 2.0);
-        let mut sums = [[FAR; 5], [FAR; 5], [FAR, FAR, 9, FAR, FAR], [FAR, FAR, FAR, 1, FAR]].concat();
+        let sums = [[FAR; 5], [FAR; 5], [FAR, FAR, 9, FAR, FAR], [FAR, FAR, FAR, 1, FAR]].concat();
         let mut row_px = [0.0; 4];
-        row(&mut sums, &mut matches, Demands { uniqueness_percent: 10, left_right_px: 0 }, &mut row_px);
+        row(&sums, &mut matches, Demands { uniqueness_percent: 10, left_right_px: 0 }, &mut row_px);
         assert!(row_px[2].is_nan() && row_px[3] == 3.0, "{row_px:?}");
     }
 }
