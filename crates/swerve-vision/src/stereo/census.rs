@@ -109,10 +109,17 @@ pub(super) fn costs(left: &Census, right: &Census, y: usize, costs: &mut [u8]) {
 
 #[inline(always)]
 fn distances(code: [u8; BYTES], candidates: [&[u8]; BYTES], distances: &mut [u8]) {
-    let [p, q, r] = candidates.map(|bytes| bytes.as_chunks::<16>().0);
-    for (((distances, p), q), r) in distances.as_chunks_mut::<16>().0.iter_mut().zip(p).zip(q).zip(r) {
-        let mut new = [0; 16];
-        (0..16).for_each(|k| new[k] = count([p[k] ^ code[0], q[k] ^ code[1], r[k] ^ code[2]]));
+    let (whole, rest) = distances.as_chunks_mut::<32>();
+    let end = 32 * whole.len();
+    lanes(code, candidates.map(|bytes| bytes[..end].as_chunks().0), whole);
+    lanes(code, candidates.map(|bytes| bytes[end..].as_chunks().0), rest.as_chunks_mut::<16>().0);
+}
+
+#[inline(always)]
+fn lanes<const N: usize>(code: [u8; BYTES], [p, q, r]: [&[[u8; N]]; BYTES], distances: &mut [[u8; N]]) {
+    for (((distances, p), q), r) in distances.iter_mut().zip(p).zip(q).zip(r) {
+        let mut new = [0; N];
+        (0..N).for_each(|k| new[k] = count([p[k] ^ code[0], q[k] ^ code[1], r[k] ^ code[2]]));
         *distances = new;
     }
 }
