@@ -10,7 +10,6 @@ mod luv;
 
 use core::ops::Range;
 
-use crate::simd::widest;
 use crate::stack::Stack;
 
 pub use filter::{Resampler, halve, smooth};
@@ -54,28 +53,17 @@ impl Channels {
         }
         self.magnitude.shape(1, width, height);
         self.orientation.shape(1, width, height);
-        widest(
-            #[inline(always)]
-            || {
-                for row in 0..height {
-                    self.gradient(row);
-                }
-            },
-        );
+        for row in 0..height {
+            self.gradient(row);
+        }
         self.mean.shape(1, width, height);
         smooth::<NEIGHBOURHOOD_PX>(self.magnitude.plane(0), width, self.mean.plane_mut(0), &mut self.row);
-        widest(
-            #[inline(always)]
-            || {
-                for line in 0..lines {
-                    self.sum(line, shrink, into);
-                }
-            },
-        );
+        for line in 0..lines {
+            self.sum(line, shrink, into);
+        }
     }
 
     /// The gradient of the colour that changes most, row by row; at the edges to one side.
-    #[inline(always)]
     fn gradient(&mut self, row: usize) {
         let (width, height) = (self.smooth.width(), self.smooth.height());
         let (above, below) = (row.saturating_sub(1), (row + 1).min(height - 1));
@@ -97,7 +85,6 @@ impl Channels {
     }
 
     /// One line of cells: first over the rows of pixels, then along them.
-    #[inline(always)]
     fn sum(&mut self, line: usize, shrink: usize, into: &mut Stack) {
         let width = self.smooth.width();
         self.sums.clear();
@@ -105,18 +92,14 @@ impl Channels {
         let (colours, gradients) = self.sums.split_at_mut(3 * width);
         for row in line * shrink..(line + 1) * shrink {
             for (plane, sums) in colours.chunks_exact_mut(width).enumerate() {
-                for (sum, value) in sums.iter_mut().zip(self.smooth.row(plane, row)) {
-                    *sum += value;
-                }
+                sums.iter_mut().zip(self.smooth.row(plane, row)).for_each(|(sum, value)| *sum += value);
             }
             let (magnitude, mean) = (self.magnitude.row_mut(0, row), self.mean.row(0, row));
             for (m, mean) in magnitude.iter_mut().zip(mean) {
                 *m /= mean + MAGNITUDE_FLOOR;
             }
             let (total, bins) = gradients.split_at_mut(width);
-            for (sum, m) in total.iter_mut().zip(&*magnitude) {
-                *sum += m;
-            }
+            total.iter_mut().zip(&*magnitude).for_each(|(sum, m)| *sum += m);
             for (bin, sums) in bins.chunks_exact_mut(width).enumerate() {
                 share(bin as f32, magnitude, self.orientation.row(0, row), sums);
             }
@@ -131,7 +114,6 @@ impl Channels {
 }
 
 /// Adds what a bin of orientation gets of each magnitude: all of it at its own, nothing at the next.
-#[inline(always)]
 fn share(bin: f32, magnitudes: &[f32], orientations: &[f32], sums: &mut [f32]) {
     for ((sum, m), o) in sums.iter_mut().zip(magnitudes).zip(orientations) {
         let apart = (o - bin).abs();

@@ -1,7 +1,5 @@
 //! Smoothing and resizing of planes.
 
-use crate::simd::widest;
-
 /// Where index `k` lies in `0..n` when the picture is mirrored at its edges, again and again.
 fn mirrored(k: isize, n: usize) -> usize {
     let period = 2 * n as isize;
@@ -17,22 +15,12 @@ fn triangle<const R: usize>(tap: usize) -> f32 {
 
 /// Smooths a plane by a triangle of `R` pixels to each side, mirrored at the edges; `row` is scratch.
 pub fn smooth<const R: usize>(from: &[f32], width: usize, into: &mut [f32], row: &mut Vec<f32>) {
-    widest(
-        #[inline(always)]
-        || smooth_rows::<R>(from, width, into, row),
-    );
-}
-
-#[inline(always)]
-fn smooth_rows<const R: usize>(from: &[f32], width: usize, into: &mut [f32], row: &mut Vec<f32>) {
     let height = from.len().checked_div(width).unwrap_or(0);
     row.resize(width + 2 * R, 0.0);
     for (y, out) in into.chunks_exact_mut(width.max(1)).enumerate() {
         let near = |tap: usize| &from[mirrored((y + tap) as isize - R as isize, height) * width..][..width];
         let inner = &mut row[R..R + width];
-        for (sum, value) in inner.iter_mut().zip(near(R)) {
-            *sum = value * triangle::<R>(R);
-        }
+        inner.iter_mut().zip(near(R)).for_each(|(sum, value)| *sum = value * triangle::<R>(R));
         for k in 0..R {
             let weight = triangle::<R>(k);
             for ((sum, a), b) in inner.iter_mut().zip(near(k)).zip(near(2 * R - k)) {
@@ -48,13 +36,10 @@ fn smooth_rows<const R: usize>(from: &[f32], width: usize, into: &mut [f32], row
 }
 
 /// The same along one row, which has `R` more numbers at each end.
-#[inline(always)]
 fn along<const R: usize>(row: &[f32], out: &mut [f32]) {
     let width = out.len();
     let middle = &row[R..R + width];
-    for (sum, value) in out.iter_mut().zip(middle) {
-        *sum = value * triangle::<R>(R);
-    }
+    out.iter_mut().zip(middle).for_each(|(sum, value)| *sum = value * triangle::<R>(R));
     for k in 0..R {
         let weight = triangle::<R>(k);
         for ((sum, a), b) in out.iter_mut().zip(&row[k..k + width]).zip(&row[2 * R - k..2 * R - k + width]) {
@@ -65,14 +50,6 @@ fn along<const R: usize>(row: &[f32], out: &mut [f32]) {
 
 /// Halves a plane: the means of squares of two by two, an odd last row or column left out.
 pub fn halve(from: &[f32], width: usize, into: &mut [f32]) {
-    widest(
-        #[inline(always)]
-        || halve_rows(from, width, into),
-    );
-}
-
-#[inline(always)]
-fn halve_rows(from: &[f32], width: usize, into: &mut [f32]) {
     for (rows, out) in from.chunks_exact(2 * width.max(1)).zip(into.chunks_exact_mut((width / 2).max(1))) {
         let (upper, lower) = rows.split_at(width);
         for ((out, a), b) in out.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
@@ -103,14 +80,6 @@ impl Resampler {
 
     /// Resizes a plane, times `gain`.
     pub fn plane(&mut self, from: &[f32], gain: f32, into: &mut [f32]) {
-        widest(
-            #[inline(always)]
-            || self.rows(from, gain, into),
-        );
-    }
-
-    #[inline(always)]
-    fn rows(&mut self, from: &[f32], gain: f32, into: &mut [f32]) {
         let ([width, height], [columns, lines]) = (self.from, self.into);
         if width == 0 || height == 0 {
             return;

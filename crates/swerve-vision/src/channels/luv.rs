@@ -3,7 +3,6 @@
 use swerve_geom::math;
 
 use crate::image::Rgb;
-use crate::simd::widest;
 use crate::stack::Stack;
 
 /// Steps of the table of lightness.
@@ -41,14 +40,6 @@ impl Default for Luv {
 impl Luv {
     /// L, u and v of some rows of an image, in three planes.
     pub fn compute(&mut self, image: Rgb<'_>, rows: core::ops::Range<usize>, into: &mut Stack) {
-        widest(
-            #[inline(always)]
-            || self.rows(image, rows, into),
-        );
-    }
-
-    #[inline(always)]
-    fn rows(&mut self, image: Rgb<'_>, rows: core::ops::Range<usize>, into: &mut Stack) {
         let width = image.width();
         into.shape(3, width, rows.len());
         self.x.resize(width, 0.0);
@@ -67,7 +58,6 @@ impl Luv {
     }
 
     /// L of one row; `x` and `z` become X and Y over X + 15 Y + 3 Z.
-    #[inline(always)]
     fn lightness_row(&mut self, rgb: &[u8], into: &mut [f32]) {
         for (((l, x), z), rgb) in into.iter_mut().zip(&mut self.x).zip(&mut self.z).zip(rgb.chunks_exact(3)) {
             let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(|value| f32::from(value) * (1.0 / 255.0));
