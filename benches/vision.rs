@@ -1,9 +1,10 @@
 //! Vision without neural networks on one thread, on rendered streets and on real images beside the repository, and what
-//! OpenCV and dlib take for the same: their figures are those that `tests/reference/vision` measured and stored; and
-//! what each rung of the camera detector takes.
+//! OpenCV takes for the same in the same run, where the Python of `SWERVE_PYTHON` has it; and what each rung of the
+//! camera detector takes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_camera::{
@@ -21,6 +22,7 @@ use swerve_sim::{SimParams, Simulator};
 use swerve_stack::street::{EGO_INSTANCE, Street};
 use swerve_vehicle::VehicleParams;
 use swerve_vision::acf::Ground;
+use swerve_vision::hog::{HogDetector, LinearHog};
 use swerve_vision::lanes::{LaneFinder, LaneSettings, Method, RoadCamera};
 use swerve_vision::segmentation::Segmenter;
 use swerve_vision::stereo::{PathCount, Stereo, StereoSettings};
@@ -56,28 +58,69 @@ fn gray(path: &Path) -> Plane<u8> {
     gray
 }
 
-/// Pairs with the milliseconds of OpenCV 4.14's 3WAY, one thread of the machine of the rows in docs/performance.md.
-fn stereo(folder: &Path, rows: &mut Rows) {
+/// Where OpenCV leaves a frame of its video, 768 x 576 pixels.
+const FRAME: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/vtest.rgb");
+
+/// Milliseconds that OpenCV takes in this run, by what it does; none where this Python (`SWERVE_PYTHON`) has it not.
+fn of_opencv(folder: &Path) -> BTreeMap<String, f64> {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/vision/speed.py");
+    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
+    let Ok(output) = Command::new(python).arg(script).arg(folder.join("perception")).arg(FRAME).output()
+    else {
+        return BTreeMap::new();
+    };
+    let row = |line: &str| line.split_once(' ').and_then(|(name, ms)| Some((name.into(), ms.parse().ok()?)));
+    String::from_utf8_lossy(&output.stdout).lines().filter_map(row).collect()
+}
+
+/// How many times as fast as OpenCV something is, both in this run.
+fn beside(rows: &mut Rows, what: &str, opencv: Option<&f64>, took: &Sample, goal: f64) {
+    let what = format!("{what}, times as fast as OpenCV");
+    match opencv {
+        Some(theirs) => {
+            let times = theirs / took.median();
+            rows.row(&what, times, &format!("{times:.2} ({theirs:.1} ms)"), Goal::Least(goal));
+        }
+        None => rows.skipped(&what, "needs a Python with OpenCV (SWERVE_PYTHON)"),
+    }
+}
+
+/// OpenCV's people detector on a frame of its video.
+fn hog(opencv: &BTreeMap<String, f64>, rows: &mut Rows) {
+    let what = "people by HOG, 768 x 576";
+    let Some(bytes) = std::fs::read(FRAME).ok().filter(|_| opencv.contains_key("hog")) else {
+        return rows.skipped(what, "needs a Python with OpenCV (SWERVE_PYTHON)");
+    };
+    let image = Rgb::new(768, 576, &bytes).expect("three colours");
+    let (mut detector, mut found) = (HogDetector::new(LinearHog::people()), Vec::new());
+    let took = ms(|| detector.detect(image, 0.0, &mut found));
+    rows.row(what, took.median(), &took.text(1, "ms"), Goal::None);
+    beside(rows, what, opencv.get("hog"), &took, 1.5);
+}
+
+/// Pairs, beside OpenCV's 3WAY.
+fn stereo(folder: &Path, opencv: &BTreeMap<String, f64>, rows: &mut Rows) {
     let pairs = [
-        ("cones", ["middlebury_2003/cones/im2.png", "middlebury_2003/cones/im6.png"], 64, 14.3),
-        ("teddy", ["middlebury_2003/teddy/im2.png", "middlebury_2003/teddy/im6.png"], 64, 14.3),
+        ("cones", ["middlebury_2003/cones/im2.png", "middlebury_2003/cones/im6.png"], 64),
+        ("teddy", ["middlebury_2003/teddy/im2.png", "middlebury_2003/teddy/im6.png"], 64),
         (
             "motorcycle",
             ["middlebury_motorcycle/motorcycle_left.png", "middlebury_motorcycle/motorcycle_right.png"],
             80,
-            37.9,
         ),
     ];
-    for (name, images, disparities, theirs) in pairs {
+    for (name, images, disparities) in pairs {
         let [left, right] = images.map(|image| gray(&folder.join("perception").join(image)));
         for paths in [PathCount::Four, PathCount::Eight] {
             let settings = StereoSettings { disparities, paths, ..StereoSettings::default() };
             let mut stereo = Stereo::new(settings).expect("settings in their range");
             let mut found = Plane::default();
             let took = ms(|| stereo.disparities(&left, &right, &mut found).expect("a pair"));
-            let goal = if paths == PathCount::Four { Goal::Most(theirs) } else { Goal::None };
-            let what = format!("stereo {name}, {paths:?} paths (OpenCV 3WAY {theirs} ms)");
-            rows.row(&what, took.least(), &took.text(1, "ms"), goal);
+            let what = format!("stereo {name}, {paths:?} paths");
+            rows.row(&what, took.median(), &took.text(1, "ms"), Goal::None);
+            if paths == PathCount::Four {
+                beside(rows, &what, opencv.get(name), &took, 1.0);
+            }
         }
     }
 }
@@ -197,7 +240,9 @@ fn main() {
     }
     match data().filter(|_| all && is_asked_to_measure()) {
         Some(folder) => {
-            stereo(&folder, &mut rows);
+            let opencv = of_opencv(&folder);
+            stereo(&folder, &opencv, &mut rows);
+            hog(&opencv, &mut rows);
             lanes(&folder, &mut rows);
         }
         None => rows.skipped("vision", "not asked to measure, or no shared/data beside the repository"),

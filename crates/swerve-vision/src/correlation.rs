@@ -10,8 +10,9 @@ use swerve_geom::math;
 use thiserror::Error;
 
 use self::fhog::{CELL, Fhog, PLANES};
-use self::fourier::{COUNT, Complex, Fourier, conjugate, times};
+use self::fourier::{COUNT, Fourier, Numbers};
 use crate::Plane;
+use crate::simd::widest;
 
 /// Where a target is in an image, pixels.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -41,45 +42,80 @@ const RATE: f32 = 0.025;
 /// Keeps quotients finite where nothing is seen.
 const REGULAR: f32 = 0.01;
 /// Pixels of a target that its size is told from: root of their number.
-const SIZED: f64 = 28.0;
+const SIZED: f64 = 23.0;
 
-/// A filter: for each of its lines (of 32 x 32 or 32 numbers) the numerator, and the one denominator.
+/// A filter over 32 x 32 or 32 frequencies: of each the numerators, one for each feature, and the one denominator.
 #[derive(Clone, Debug, Default)]
 struct Filter {
-    numerators: Vec<Complex>,
+    numerators: Numbers,
     denominator: Vec<f32>,
 }
 
+/// Sums that are kept side by side.
+const LANES: usize = 8;
+
 impl Filter {
     /// Learns transformed features for the transformed answer that they should give.
-    fn learn(&mut self, features: &[Complex], answer: &[Complex], rate: f32) {
-        self.numerators.resize(features.len(), [0.0; 2]);
-        self.denominator.resize(answer.len(), 0.0);
-        self.denominator.iter_mut().for_each(|d| *d *= 1.0 - rate);
-        let lines = self.numerators.chunks_exact_mut(answer.len()).zip(features.chunks_exact(answer.len()));
-        for (numerators, features) in lines {
-            for (at, (old, f)) in numerators.iter_mut().zip(features).enumerate() {
-                let new = times(conjugate(answer[at]), *f);
-                *old = [0, 1].map(|part| (1.0 - rate) * old[part] + rate * new[part]);
-                self.denominator[at] += rate * (f[0] * f[0] + f[1] * f[1]);
-            }
-        }
+    fn learn(&mut self, features: &Numbers, answer: &Numbers, rate: f32) {
+        self.numerators.re.resize(features.re.len(), 0.0);
+        self.numerators.im.resize(features.re.len(), 0.0);
+        self.denominator.resize(answer.re.len(), 0.0);
+        let (count, keep) = (features.re.len() / answer.re.len(), 1.0 - rate);
+        widest(
+            #[inline(always)]
+            || {
+                for (at, denominator) in self.denominator.iter_mut().enumerate() {
+                    let (re, im) = (answer.re[at], answer.im[at]);
+                    let own = |part| of(part, at, count);
+                    let f = own(&features.re).iter().zip(own(&features.im));
+                    let old_re = self.numerators.re[at * count..][..count].as_chunks_mut::<LANES>().0;
+                    let old_im = self.numerators.im[at * count..][..count].as_chunks_mut::<LANES>().0;
+                    let mut squares = [0.0; LANES];
+                    for ((f_re, f_im), (old_re, old_im)) in f.zip(old_re.iter_mut().zip(old_im)) {
+                        let (mut new_re, mut new_im) = (*old_re, *old_im);
+                        for k in 0..LANES {
+                            new_re[k] = keep * new_re[k] + rate * (re * f_re[k] + im * f_im[k]);
+                            new_im[k] = keep * new_im[k] + rate * (re * f_im[k] - im * f_re[k]);
+                            squares[k] += f_re[k] * f_re[k] + f_im[k] * f_im[k];
+                        }
+                        (*old_re, *old_im) = (new_re, new_im);
+                    }
+                    *denominator = keep * *denominator + rate * squares.iter().sum::<f32>();
+                }
+            },
+        );
     }
 
     /// The answer to transformed features, conjugate: transforming it once more gives 32 x or 32 x 32 times the answer.
-    fn answer(&self, features: &[Complex], into: &mut [Complex]) {
-        into.fill([0.0; 2]);
-        let lines = self.numerators.chunks_exact(into.len()).zip(features.chunks_exact(into.len()));
-        for (numerators, features) in lines {
-            for ((sum, a), f) in into.iter_mut().zip(numerators).zip(features) {
-                let part = times(conjugate(*a), *f);
-                *sum = [sum[0] + part[0], sum[1] + part[1]];
-            }
-        }
-        for (sum, d) in into.iter_mut().zip(&self.denominator) {
-            *sum = [sum[0] / (d + REGULAR), -sum[1] / (d + REGULAR)];
-        }
+    fn answer(&self, features: &Numbers, into: &mut Numbers) {
+        into.clear(self.denominator.len());
+        let count = features.re.len() / self.denominator.len();
+        widest(
+            #[inline(always)]
+            || {
+                for (at, denominator) in self.denominator.iter().enumerate() {
+                    let own = |part| of(part, at, count);
+                    let a = own(&self.numerators.re).iter().zip(own(&self.numerators.im));
+                    let f = own(&features.re).iter().zip(own(&features.im));
+                    let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
+                    for ((a_re, a_im), (f_re, f_im)) in a.zip(f) {
+                        for k in 0..LANES {
+                            re[k] += a_re[k] * f_re[k] + a_im[k] * f_im[k];
+                            im[k] += a_re[k] * f_im[k] - a_im[k] * f_re[k];
+                        }
+                    }
+                    into.re[at] = re.iter().sum::<f32>() / (denominator + REGULAR);
+                    into.im[at] = -im.iter().sum::<f32>() / (denominator + REGULAR);
+                }
+            },
+        );
     }
+}
+
+/// Of `count` numbers for each frequency those of one.
+#[inline(always)]
+fn of(numbers: &[f32], frequency: usize, count: usize) -> &[[f32; LANES]] {
+    numbers[frequency * count..][..count].as_chunks().0
 }
 
 /// A target that is followed.
@@ -91,10 +127,11 @@ pub struct Correlation {
     hann: [f32; COUNT],
     place: Filter,
     scale: Filter,
-    answers: [Vec<Complex>; 2],
+    answers: [Numbers; 2],
+    sampler: Sampler,
     patch: Plane<f32>,
-    features: Vec<Complex>,
-    found: Vec<Complex>,
+    features: Numbers,
+    found: Numbers,
 }
 
 impl Correlation {
@@ -114,11 +151,17 @@ impl Correlation {
             let away = (at as f64 - (COUNT / 2) as f64) / sigma;
             math::exp(-0.5 * away * away) as f32
         };
-        let mut place: Vec<Complex> =
-            (0..COUNT * COUNT).map(|at| [bell(at % COUNT, 0.8) * bell(at / COUNT, 0.8), 0.0]).collect();
-        fourier.square(&mut place);
-        let mut scale: Vec<Complex> = (0..COUNT).map(|at| [bell(at, 1.4), 0.0]).collect();
-        fourier.line(&mut scale);
+        let (mut place, mut scale) = (Numbers::default(), Numbers::default());
+        place.clear(COUNT * COUNT);
+        place
+            .re
+            .iter_mut()
+            .enumerate()
+            .for_each(|(at, v)| *v = bell(at % COUNT, 0.8) * bell(at / COUNT, 0.8));
+        fourier.squares(&mut place);
+        scale.clear(COUNT);
+        scale.re.iter_mut().enumerate().for_each(|(at, v)| *v = bell(at, 1.4));
+        fourier.lines(&mut scale);
         let hann = std::array::from_fn(|at| {
             let turn = std::f64::consts::TAU * (at as f64 + 0.5) / COUNT as f64;
             (0.5 - 0.5 * math::cos(turn)) as f32
@@ -131,9 +174,10 @@ impl Correlation {
             place: Filter::default(),
             scale: Filter::default(),
             answers: [place, scale],
+            sampler: Sampler::default(),
             patch: Plane::default(),
-            features: Vec::new(),
-            found: Vec::new(),
+            features: Numbers::default(),
+            found: Numbers::default(),
         };
         tracker.learn(image, 1.0);
         Ok(tracker)
@@ -147,10 +191,9 @@ impl Correlation {
     /// Looks for the target in the next image.
     pub fn follow(&mut self, image: &Plane<u8>) -> Area {
         self.see_place(image);
-        self.found.resize(COUNT * COUNT, [0.0; 2]);
         self.place.answer(&self.features, &mut self.found);
-        self.fourier.square(&mut self.found);
-        let [x, y] = peak(&self.found);
+        self.fourier.squares(&mut self.found);
+        let [x, y] = peak(&self.found.re);
         let cell = self.side() / COUNT as f64;
         let ends = [image.width(), image.height()];
         for (axis, moved) in [x, y].into_iter().enumerate() {
@@ -158,10 +201,9 @@ impl Correlation {
             self.area.middle[axis] = middle.clamp(0.0, ends[axis] as f64);
         }
         self.see_scales(image);
-        self.found.resize(COUNT, [0.0; 2]);
         self.scale.answer(&self.features, &mut self.found);
-        self.fourier.line(&mut self.found);
-        let factor = math::pow(STEP, peak(&self.found)[0]);
+        self.fourier.lines(&mut self.found);
+        let factor = math::pow(STEP, peak(&self.found.re)[0]);
         let largest = ends[0].max(ends[1]) as f64;
         if self.area.size.iter().all(|side| (8.0..=largest).contains(&(side * factor))) {
             self.area.size = self.area.size.map(|side| side * factor);
@@ -186,15 +228,15 @@ impl Correlation {
     fn see_place(&mut self, image: &Plane<u8>) {
         let cells = COUNT + 2;
         let side = self.side() * cells as f64 / COUNT as f64;
-        sample(image, self.area.middle, [side; 2], [CELL * cells; 2], &mut self.patch);
-        self.features.resize(PLANES * COUNT * COUNT, [0.0; 2]);
-        let (features, hann) = (&mut self.features, &self.hann);
-        self.fhog.cells(&self.patch, |x, y, planes| {
-            for (plane, value) in planes.into_iter().enumerate() {
-                features[(plane * COUNT + y) * COUNT + x] = [value * hann[x] * hann[y], 0.0];
-            }
-        });
-        features.chunks_exact_mut(COUNT * COUNT).for_each(|plane| self.fourier.square(plane));
+        self.sampler.sample(image, (self.area.middle, [side; 2]), [CELL * cells; 2], &mut self.patch);
+        self.features.clear(PLANES * COUNT * COUNT);
+        let (features, hann) = (&mut self.features.re, &self.hann);
+        self.fhog.cells(
+            &self.patch,
+            #[inline(always)]
+            |x, y, planes| put(planes, hann[x] * hann[y], &mut features[(y * COUNT + x) * PLANES..]),
+        );
+        self.fourier.squares(&mut self.features);
     }
 
     /// Features of the target in 32 sizes, transformed along sizes.
@@ -203,46 +245,75 @@ impl Correlation {
         let shrink = SIZED / (size[0] * size[1]).sqrt();
         let cells = size.map(|side| ((side * shrink / CELL as f64).round() as usize).clamp(2, 16));
         // The shape of the target does not change, so the number of cells does not.
-        self.features.resize(cells[0] * cells[1] * PLANES * COUNT, [0.0; 2]);
-        let (features, hann) = (&mut self.features, &self.hann);
-        for (at, weight) in hann.iter().enumerate() {
+        let count = cells[0] * cells[1] * PLANES;
+        self.features.clear(count * COUNT);
+        let sizes = self.features.re.chunks_exact_mut(count).zip(&self.hann);
+        for (at, (features, weight)) in sizes.enumerate() {
             let factor = math::pow(STEP, at as f64 - (COUNT / 2) as f64);
             let sides =
                 [0, 1].map(|axis| size[axis] * factor * (cells[axis] + 2) as f64 / cells[axis] as f64);
-            sample(image, self.area.middle, sides, cells.map(|n| CELL * (n + 2)), &mut self.patch);
-            self.fhog.cells(&self.patch, |x, y, planes| {
-                for (plane, value) in planes.into_iter().enumerate() {
-                    features[((y * cells[0] + x) * PLANES + plane) * COUNT + at] = [value * weight, 0.0];
-                }
-            });
+            let pixels = cells.map(|n| CELL * (n + 2));
+            self.sampler.sample(image, (self.area.middle, sides), pixels, &mut self.patch);
+            self.fhog.cells(
+                &self.patch,
+                #[inline(always)]
+                |x, y, planes| put(planes, *weight, &mut features[(y * cells[0] + x) * PLANES..]),
+            );
         }
-        features.chunks_exact_mut(COUNT).for_each(|line| self.fourier.line(line));
+        self.fourier.lines(&mut self.features);
     }
 }
 
-/// Resamples a rectangle of an image, between pixels by their neighbours; beyond the border is the border.
-fn sample(image: &Plane<u8>, middle: [f64; 2], sides: [f64; 2], size: [usize; 2], into: &mut Plane<f32>) {
-    into.reset(size[0], size[1]);
-    let ends = [image.width() - 1, image.height() - 1];
-    let place = |axis: usize, at: usize| {
-        let from = middle[axis] + ((at as f64 + 0.5) / size[axis] as f64 - 0.5) * sides[axis] - 0.5;
-        let from = from.clamp(0.0, ends[axis] as f64);
-        (from as usize, (from as usize + 1).min(ends[axis]), from.fract() as f32)
-    };
-    for y in 0..size[1] {
-        let (above, below, fy) = place(1, y);
-        let (above, below) = (image.row(above), image.row(below));
-        for (x, value) in into.row_mut(y).iter_mut().enumerate() {
-            let (left, right, fx) = place(0, x);
-            let across = |row: &[u8]| f32::from(row[left]) * (1.0 - fx) + f32::from(row[right]) * fx;
-            *value = (across(above) * (1.0 - fy) + across(below) * fy) / 255.0;
+/// Writes the numbers of a cell times its weight.
+#[inline(always)]
+fn put(planes: &[f32; PLANES], weight: f32, into: &mut [f32]) {
+    into[..PLANES].iter_mut().zip(planes).for_each(|(into, value)| *into = value * weight);
+}
+
+/// Resamples rectangles of images; it keeps its memory.
+#[derive(Clone, Debug, Default)]
+struct Sampler {
+    /// Of each column the pixel to its left, the one to its right, and the latter's share.
+    columns: Vec<(u32, u32, f32)>,
+}
+
+impl Sampler {
+    /// Resamples a rectangle, told by its middle and its sides, between pixels by their neighbours; beyond the border is the border.
+    fn sample(
+        &mut self,
+        image: &Plane<u8>,
+        (middle, sides): ([f64; 2], [f64; 2]),
+        size: [usize; 2],
+        into: &mut Plane<f32>,
+    ) {
+        into.reset(size[0], size[1]);
+        let ends = [image.width() - 1, image.height() - 1];
+        let place = |axis: usize, at: usize| {
+            let from = middle[axis] + ((at as f64 + 0.5) / size[axis] as f64 - 0.5) * sides[axis] - 0.5;
+            let from = from.clamp(0.0, ends[axis] as f64);
+            let first = from as u32;
+            (first, (first + 1).min(ends[axis] as u32), (from - f64::from(first)) as f32)
+        };
+        self.columns.clear();
+        self.columns.extend((0..size[0]).map(|x| place(0, x)));
+        for y in 0..size[1] {
+            let (above, below, fy) = place(1, y);
+            let (above, below) = (image.row(above as usize), image.row(below as usize));
+            for (value, &(left, right, fx)) in into.row_mut(y).iter_mut().zip(&self.columns) {
+                let across = |row: &[u8]| {
+                    let [left, right] = [left, right].map(|x| f32::from(row[x as usize]));
+                    left + (right - left) * fx
+                };
+                let (above, below) = (across(above), across(below));
+                *value = (above + (below - above) * fy) * (1.0 / 255.0);
+            }
         }
     }
 }
 
 /// Where the largest answer is, cells from the middle, between them by a parabola.
-fn peak(answers: &[Complex]) -> [f64; 2] {
-    let value = |at: usize| f64::from(answers[at][0]);
+fn peak(answers: &[f32]) -> [f64; 2] {
+    let value = |at: usize| f64::from(answers[at]);
     let best = (0..answers.len()).fold(0, |best, at| if value(at) > value(best) { at } else { best });
     if value(best) <= 0.0 {
         return [0.0; 2];

@@ -11,6 +11,7 @@ mod resize;
 
 use crate::acf::Detection;
 use crate::image::Rgb;
+use crate::simd::widest;
 use gradient::{Gradients, PADDING_PX};
 use resize::Resizer;
 
@@ -102,7 +103,10 @@ impl HogDetector {
                 self.gradients.compute(&self.small, size);
             }
             self.blocks.compute(&self.gradients);
-            self.scan(scale, least, found);
+            widest(
+                #[inline(always)]
+                || self.scan(scale, least, found),
+            );
             scale *= SCALE;
         }
     }
@@ -122,6 +126,7 @@ impl HogDetector {
         Some((0..columns * rows).flat_map(ordered).collect())
     }
 
+    #[inline(always)]
     fn scan(&self, scale: f64, least: f32, found: &mut Vec<Detection>) {
         let [columns, rows] = self.model.cells.map(|cells| cells - 1);
         let px = |cells: usize| ((cells * CELL_PX) as f64 * scale).round_ties_even();
@@ -133,7 +138,9 @@ impl HogDetector {
                 let strips = self.model.weights.chunks_exact(rows * BLOCK).enumerate();
                 let strip = |k: usize| &self.blocks.column(x + k)[y * BLOCK..][..rows * BLOCK];
                 let mut sums = [0.0; LANES];
-                strips.for_each(|(k, weights)| dot(weights, strip(k), &mut sums));
+                for (k, weights) in strips {
+                    dot(weights, strip(k), &mut sums);
+                }
                 let sum = self.model.offset + sums.iter().sum::<f32>();
                 if sum >= least {
                     let at = [corner(x), corner(y)].map(f64::round_ties_even);
@@ -152,16 +159,20 @@ impl HogDetector {
 const LANES: usize = 24;
 
 /// Adds products to sums side by side.
+#[inline(always)]
 fn dot(a: &[f32], b: &[f32], sums: &mut [f32; LANES]) {
-    let mut own = *sums;
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    let mut own = *sums;
     for (a, b) in a.iter().zip(b) {
         for k in 0..LANES {
             own[k] += a[k] * b[k];
         }
     }
-    own.iter_mut().zip(a_rest.iter().zip(b_rest)).for_each(|(sum, (a, b))| *sum += a * b);
+    // What is indexed is kept in memory: only now.
     *sums = own;
+    for ((sum, a), b) in sums.iter_mut().zip(a_rest).zip(b_rest) {
+        *sum += a * b;
+    }
 }
 
 /// Where a block here keeps a number: upper cells, then lower; bin after bin; left, then right. A block of the weights
@@ -183,8 +194,8 @@ struct Blocks {
 }
 
 /// For the upper and the lower cells of a block that the square lies above in, then of one that it lies below in; each
-/// where it lies left, then right; each bin after bin, the left cell's and the right cell's.
-type Square = [[[[f32; 2]; BINS]; 2]; 4];
+/// bin after bin, in [`Lanes`].
+type Square = [[f32; 4 * BINS]; 4];
 
 /// One number for each of: left in a block, to its left and right cell; right in a block, the same.
 type Lanes = [f32; 4];
@@ -208,10 +219,18 @@ impl Default for Weights {
 
 impl Blocks {
     fn compute(&mut self, gradients: &Gradients) {
+        widest(
+            #[inline(always)]
+            || self.fill(gradients),
+        );
+    }
+
+    #[inline(always)]
+    fn fill(&mut self, gradients: &Gradients) {
         let across = gradients.width / CELL_PX;
         let down = gradients.height / CELL_PX;
         (self.columns, self.rows) = (across.saturating_sub(1), down.saturating_sub(1));
-        self.squares.resize(across * down, Square::default());
+        self.squares.resize(across * down, [[0.0; 4 * BINS]; 4]);
         for (k, square) in self.squares.iter_mut().enumerate() {
             gather(gradients, [k % across * CELL_PX, k / across * CELL_PX], &self.weights, square);
         }
@@ -219,13 +238,13 @@ impl Blocks {
         for (k, block) in self.numbers.chunks_exact_mut(BLOCK).enumerate() {
             let (x, y) = (k / self.rows, k % self.rows);
             for (below, bins) in block.chunks_exact_mut(2 * BINS).enumerate() {
-                let part = |i: usize, j: usize| {
-                    self.squares[(y + j) * across + x + i][2 * j + below][i].as_flattened()
-                };
-                let upper = part(0, 0).iter().zip(part(1, 0));
-                let lower = part(0, 1).iter().zip(part(1, 1));
-                for ((number, (a, b)), (c, d)) in bins.iter_mut().zip(upper).zip(lower) {
-                    *number = a + b + c + d;
+                let part = |i: usize, j: usize| &self.squares[(y + j) * across + x + i][2 * j + below];
+                let [a, b, c, d] = [part(0, 0), part(1, 0), part(0, 1), part(1, 1)];
+                for (bin, numbers) in bins.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+                    let (left, right) = (4 * bin, 4 * bin + 2);
+                    for k in 0..2 {
+                        numbers[k] = a[left + k] + b[right + k] + c[left + k] + d[right + k];
+                    }
                 }
             }
             normalise(block);
@@ -238,8 +257,9 @@ impl Blocks {
 }
 
 /// Adds up one square of pixels.
+#[inline(always)]
 fn gather(gradients: &Gradients, [left, top]: [usize; 2], weights: &Weights, square: &mut Square) {
-    *square = Square::default();
+    let mut own = [[0.0; 4 * BINS]; 4];
     for (row, down) in weights.0.iter().enumerate() {
         let mut sums = [[0.0; 4]; BINS];
         let at = (top + row) * gradients.width + left;
@@ -248,25 +268,24 @@ fn gather(gradients: &Gradients, [left, top]: [usize; 2], weights: &Weights, squ
         for ((bin, (share, other)), across) in pixels {
             let first = usize::from(*bin).min(BINS - 1);
             let second = if first == BINS - 1 { 0 } else { first + 1 };
-            for k in 0..4 {
-                sums[first][k] += share * across[k];
-            }
-            for k in 0..4 {
-                sums[second][k] += other * across[k];
+            for (bin, share) in [(first, share), (second, other)] {
+                let [a, b, c, d] = across.map(|weight| share * weight);
+                let old = sums[bin];
+                sums[bin] = [old[0] + a, old[1] + b, old[2] + c, old[3] + d];
             }
         }
-        let half = |i: usize| sums.map(|lanes| [lanes[2 * i], lanes[2 * i + 1]]);
-        let halves = [half(0), half(1)];
-        for (out, weight) in square.iter_mut().zip(down) {
-            let out = out.as_flattened_mut().as_flattened_mut();
-            for (out, sum) in out.iter_mut().zip(halves.as_flattened().as_flattened()) {
-                *out += sum * weight;
+        let sums = sums.as_flattened();
+        for (own, weight) in own.iter_mut().zip(down) {
+            for k in 0..4 * BINS {
+                own[k] += sums[k] * weight;
             }
         }
     }
+    *square = own;
 }
 
 /// To length one, cut, and again.
+#[inline(always)]
 fn normalise(block: &mut [f32]) {
     let square = |block: &[f32]| {
         let mut sums = [0.0; 12];

@@ -19,6 +19,7 @@ mod samples;
 pub mod segmentation;
 pub mod shipped;
 pub mod signs;
+mod simd;
 mod stack;
 pub mod stereo;
 pub mod svm;

@@ -22,6 +22,7 @@ use self::paths::{Paths, Penalties};
 use self::select::{Demands, Matches};
 use self::speckles::Speckles;
 use crate::Plane;
+use crate::simd::widest;
 
 /// How many paths the costs of a pixel are summed along.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -99,7 +100,6 @@ pub struct Stereo {
     /// Sums of the paths upwards, a byte for each pixel and disparity.
     upwards: Vec<u8>,
     downwards: Vec<u8>,
-    along: Vec<u8>,
     sums: Vec<i16>,
     matches: Matches,
     speckles: Speckles,
@@ -125,7 +125,6 @@ impl Stereo {
             paths: Paths::default(),
             upwards: Vec::new(),
             downwards: Vec::new(),
-            along: Vec::new(),
             sums: Vec::new(),
             matches: Matches::default(),
             speckles: Speckles::default(),
@@ -146,9 +145,15 @@ impl Stereo {
         check(left, right)?;
         self.left.left(left);
         self.right.right(right, self.settings.disparities);
-        self.sum_upwards(left.width(), left.height());
         into.reset(left.width(), left.height());
-        self.sum_downwards(into);
+        widest(
+            #[inline(always)]
+            || self.sum_upwards(left.width(), left.height()),
+        );
+        widest(
+            #[inline(always)]
+            || self.sum_downwards(into),
+        );
         self.speckles.remove(into, self.settings.speckle_pixels, self.settings.speckle_range_px);
         Ok(())
     }
@@ -158,6 +163,7 @@ impl Stereo {
         self.paths.begin(width, self.settings.disparities, diagonal);
     }
 
+    #[inline(always)]
     fn sum_upwards(&mut self, width: usize, height: usize) {
         let row = width * self.settings.disparities;
         self.begin_paths(width);
@@ -167,6 +173,7 @@ impl Stereo {
         }
     }
 
+    #[inline(always)]
     fn sum_downwards(&mut self, into: &mut Plane<f32>) {
         let width = into.width();
         let row = width * self.settings.disparities;
@@ -176,16 +183,11 @@ impl Stereo {
         };
         self.begin_paths(width);
         self.downwards.resize(row, 0);
-        self.along.resize(row, 0);
         self.sums.resize(row, 0);
         for (y, upwards) in self.upwards.chunks_exact(row).enumerate() {
             self.paths.enter_row([&self.left, &self.right], y, PENALTIES, &mut self.downwards);
-            self.paths.along_row(PENALTIES, &mut self.along);
-            let parts = upwards.iter().zip(&self.downwards).zip(&self.along);
-            for (sum, ((&up, &down), &along)) in self.sums.iter_mut().zip(parts) {
-                *sum = i16::from(up) + i16::from(down) + i16::from(along);
-            }
-            select::row(&mut self.sums, &mut self.matches, demands, into.row_mut(y));
+            self.paths.along_row(PENALTIES, [upwards, &self.downwards], &mut self.sums);
+            select::row(&self.sums, &mut self.matches, demands, into.row_mut(y));
         }
     }
 }

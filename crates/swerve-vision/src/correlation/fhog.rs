@@ -4,17 +4,32 @@
 use swerve_geom::math;
 
 use crate::Plane;
+use crate::simd::widest;
 
 /// Pixels of a cell's side.
 pub(super) const CELL: usize = 4;
-/// Numbers of a cell.
-pub(super) const PLANES: usize = 31;
+/// Numbers of a cell; the last is 0.
+pub(super) const PLANES: usize = 32;
+/// Signed orientations.
+const BINS: usize = 18;
+
+/// What pixels between the middles of four cells add to them (left above, right above, left below, right below), by
+/// orientation.
+type Square = [[f32; 4]; BINS];
+
+/// Magnitudes of a cell by orientation; 0 beyond these.
+type Histogram = [f32; PLANES];
 
 /// The memory for histograms of patches.
 #[derive(Clone, Debug)]
 pub(super) struct Fhog {
-    directions: [[f32; 2]; 9],
-    histograms: Vec<[f32; 18]>,
+    directions: [[f32; 2]; BINS / 2],
+    /// Of each pixel of a square what it is worth to the four cells.
+    weights: [[[f32; 4]; CELL]; CELL],
+    /// Magnitude and orientation of each pixel of a row.
+    gradients: (Vec<f32>, Vec<u32>),
+    squares: Vec<Square>,
+    histograms: Vec<Histogram>,
     energies: Vec<f32>,
 }
 
@@ -24,79 +39,127 @@ impl Fhog {
             let (sin, cos) = math::sin_cos(std::f64::consts::PI * at as f64 / 9.0);
             [cos as f32, sin as f32]
         });
-        Self { directions, histograms: Vec::new(), energies: Vec::new() }
+        let share = |at: usize| (at as f32 + 0.5) / CELL as f32;
+        let weight = |x: usize, y: usize| {
+            let ([left, right], [above, below]) = ([1.0 - share(x), share(x)], [1.0 - share(y), share(y)]);
+            [left * above, right * above, left * below, right * below]
+        };
+        Self {
+            directions,
+            weights: std::array::from_fn(|y| std::array::from_fn(|x| weight(x, y))),
+            gradients: Default::default(),
+            squares: Vec::new(),
+            histograms: Vec::new(),
+            energies: Vec::new(),
+        }
     }
 
     /// Gives each cell of a patch to `take`, with its column and row, but for those on the border.
-    pub(super) fn cells(&mut self, patch: &Plane<f32>, mut take: impl FnMut(usize, usize, [f32; PLANES])) {
-        let [columns, rows] = [patch.width() / CELL, patch.height() / CELL];
-        self.fill(patch, columns, rows);
-        let energy = |x: usize, y: usize| self.energies[y * columns + x];
-        for y in 1..rows - 1 {
-            for x in 1..columns - 1 {
-                let norms = [(x - 1, y - 1), (x, y - 1), (x - 1, y), (x, y)].map(|(x, y)| {
-                    let sum = energy(x, y) + energy(x + 1, y) + energy(x, y + 1) + energy(x + 1, y + 1);
-                    1.0 / (sum + 1e-4).sqrt()
-                });
-                take(x - 1, y - 1, planes(&self.histograms[y * columns + x], norms));
-            }
-        }
-    }
-
-    fn fill(&mut self, patch: &Plane<f32>, columns: usize, rows: usize) {
-        self.histograms.clear();
-        self.histograms.resize(columns * rows, [0.0; 18]);
-        for y in 1..patch.height() - 1 {
-            for x in 1..patch.width() - 1 {
-                let dx = patch.row(y)[x + 1] - patch.row(y)[x - 1];
-                let dy = patch.row(y + 1)[x] - patch.row(y - 1)[x];
-                let bin = self.bin(dx, dy);
-                let magnitude = (dx * dx + dy * dy).sqrt();
-                let place = |at: usize| (at as f32 + 0.5) / CELL as f32 - 0.5;
-                let (px, py) = (place(x), place(y));
-                let (fx, fy) = (px - px.floor(), py - py.floor());
-                for (ix, wx) in [(px.floor(), 1.0 - fx), (px.floor() + 1.0, fx)] {
-                    for (iy, wy) in [(py.floor(), 1.0 - fy), (py.floor() + 1.0, fy)] {
-                        if ix >= 0.0 && iy >= 0.0 && (ix as usize) < columns && (iy as usize) < rows {
-                            self.histograms[iy as usize * columns + ix as usize][bin] += wx * wy * magnitude;
-                        }
+    pub(super) fn cells(&mut self, patch: &Plane<f32>, mut take: impl FnMut(usize, usize, &[f32; PLANES])) {
+        widest(
+            #[inline(always)]
+            || {
+                let [columns, rows] = [patch.width() / CELL, patch.height() / CELL];
+                self.fill(patch, columns);
+                self.gather(columns, rows);
+                let energy = |x: usize, y: usize| self.energies[y * columns + x];
+                for y in 1..rows - 1 {
+                    for x in 1..columns - 1 {
+                        let norms = [(x - 1, y - 1), (x, y - 1), (x - 1, y), (x, y)].map(|(x, y)| {
+                            let sum =
+                                energy(x, y) + energy(x + 1, y) + energy(x, y + 1) + energy(x + 1, y + 1);
+                            1.0 / (sum + 1e-4).sqrt()
+                        });
+                        take(x - 1, y - 1, &planes(&self.histograms[y * columns + x], norms));
                     }
                 }
-            }
-        }
-        self.energies.clear();
-        self.energies.extend(
-            self.histograms
-                .iter()
-                .map(|h| (0..9).map(|at| (h[at] + h[at + 9]) * (h[at] + h[at + 9])).sum::<f32>()),
+            },
         );
     }
 
-    /// Which of 18 directions a gradient has.
-    fn bin(&self, dx: f32, dy: f32) -> usize {
-        let (mut best, mut found) = (0.0, 0);
-        for (at, [cos, sin]) in self.directions.iter().enumerate() {
-            let along = cos * dx + sin * dy;
-            if along.abs() > best {
-                (best, found) = (along.abs(), if along > 0.0 { at } else { at + 9 });
+    /// Adds up the pixels of each square; the first begins half a cell before the patch.
+    #[inline(always)]
+    fn fill(&mut self, patch: &Plane<f32>, columns: usize) {
+        const HALF: usize = CELL / 2;
+        let (width, height) = (patch.width(), patch.height());
+        self.squares.clear();
+        self.squares.resize((columns + 1) * (height / CELL + 1), [[0.0; 4]; BINS]);
+        let (magnitudes, bins) = &mut self.gradients;
+        magnitudes.resize(width - 2, 0.0);
+        bins.resize(width - 2, 0);
+        for y in 1..height - 1 {
+            let across = patch.row(y)[2..].iter().zip(patch.row(y));
+            let down = patch.row(y + 1)[1..].iter().zip(&patch.row(y - 1)[1..]);
+            let found = magnitudes.iter_mut().zip(bins.iter_mut());
+            for (((right, left), (below, above)), found) in across.zip(down).zip(found) {
+                let (dx, dy) = (right - left, below - above);
+                *found.0 = (dx * dx + dy * dy).sqrt();
+                *found.1 = bin(&self.directions, dx, dy);
+            }
+            let weights = &self.weights[(y + HALF) % CELL];
+            let squares = &mut self.squares[(y + HALF) / CELL * (columns + 1)..][..=columns];
+            for (x, (&magnitude, &bin)) in (1 + HALF..).zip(magnitudes.iter().zip(&*bins)) {
+                let sums = &mut squares[x / CELL][bin as usize % BINS];
+                let weights = &weights[x % CELL];
+                let [a, b, c, d] = weights.map(|weight| weight * magnitude);
+                *sums = [sums[0] + a, sums[1] + b, sums[2] + c, sums[3] + d];
             }
         }
-        found
+    }
+
+    /// Makes histograms of cells out of the four squares around the middle of each.
+    #[inline(always)]
+    fn gather(&mut self, columns: usize, rows: usize) {
+        self.histograms.resize(columns * rows, [0.0; PLANES]);
+        self.energies.resize(columns * rows, 0.0);
+        let cells = self.histograms.iter_mut().zip(&mut self.energies);
+        for (at, (histogram, energy)) in cells.enumerate() {
+            let first = at / columns * (columns + 1) + at % columns;
+            let [a, b] = [&self.squares[first], &self.squares[first + 1]];
+            let [c, d] = [&self.squares[first + columns + 1], &self.squares[first + columns + 2]];
+            for bin in 0..BINS {
+                histogram[bin] = (a[bin][3] + b[bin][2]) + (c[bin][1] + d[bin][0]);
+            }
+            *energy = 0.0;
+            for at in 0..BINS / 2 {
+                let both = histogram[at] + histogram[at + BINS / 2];
+                *energy += both * both;
+            }
+        }
     }
 }
 
-fn planes(histogram: &[f32; 18], norms: [f32; 4]) -> [f32; PLANES] {
-    let mut planes = [0.0; PLANES];
-    for (at, value) in histogram.iter().enumerate() {
-        for (norm, n) in norms.iter().zip(27..) {
-            let part = (value * norm).min(0.2);
-            planes[at] += 0.5 * part;
-            planes[n] += 0.2357 * part;
-        }
+/// Which of 18 directions a gradient has.
+#[inline(always)]
+fn bin(directions: &[[f32; 2]; BINS / 2], dx: f32, dy: f32) -> u32 {
+    let (mut best, mut found) = (0.0_f32, 0);
+    for (at, [cos, sin]) in (0..).zip(directions) {
+        let along = cos * dx + sin * dy;
+        let better = along.abs() > best.abs();
+        (best, found) = if better { (along, at) } else { (best, found) };
     }
-    for at in 0..9 {
-        let value = histogram[at] + histogram[at + 9];
-        planes[18 + at] = norms.iter().map(|norm| 0.5 * (value * norm).min(0.2)).sum();
+    if best < 0.0 { found + BINS as u32 / 2 } else { found }
+}
+
+/// The numbers of a cell, by what the energies around each of its corners make of it. More lanes than are used, so
+/// that they are whole vectors.
+#[inline(always)]
+fn planes(histogram: &Histogram, norms: [f32; 4]) -> [f32; PLANES] {
+    const HALF: usize = BINS / 2;
+    let cut = |value: f32| if value < 0.2 { value } else { 0.2 };
+    let mut both = [0.0; 16];
+    (0..16).for_each(|at| both[at] = histogram[at] + histogram[at + HALF]);
+    let (mut signed, mut unsigned, mut planes) = ([0.0; 24], [0.0; 16], [0.0; PLANES]);
+    for (norm, n) in norms.into_iter().zip(BINS + HALF..) {
+        let mut parts = [0.0; 24];
+        (0..24).for_each(|at| parts[at] = cut(histogram[at] * norm));
+        (0..24).for_each(|at| signed[at] += parts[at]);
+        (0..16).for_each(|at| unsigned[at] += cut(both[at] * norm));
+        let mut sums = [0.0; 8];
+        (0..8).for_each(|at| sums[at] = parts[at] + parts[at + 8] + parts[at + 16]);
+        planes[n] = 0.2357 * sums.iter().sum::<f32>();
     }
+    (0..BINS).for_each(|at| planes[at] = 0.5 * signed[at]);
+    (0..HALF).for_each(|at| planes[BINS + at] = 0.5 * unsigned[at]);
     planes
 }

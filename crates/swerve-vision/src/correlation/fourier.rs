@@ -1,24 +1,33 @@
-//! Fourier transform of 32 complex numbers, radix 2: twiddles by `libm`, so the same bits on every machine.
+//! Fourier transform of 32 complex numbers, radix 2, of many lines side by side: twiddles by `libm`, so the same bits
+//! on every machine.
 
 use swerve_geom::math;
 
-/// Real and imaginary part.
-pub(super) type Complex = [f32; 2];
+use crate::simd::widest;
+
+/// Real and imaginary parts, apart from each other.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Numbers {
+    pub(super) re: Vec<f32>,
+    pub(super) im: Vec<f32>,
+}
+
+impl Numbers {
+    /// So many real numbers, all 0.
+    pub(super) fn clear(&mut self, count: usize) {
+        for part in [&mut self.re, &mut self.im] {
+            part.clear();
+            part.resize(count, 0.0);
+        }
+    }
+}
 
 /// How many numbers are transformed.
 pub(super) const COUNT: usize = 32;
 
-pub(super) fn times(a: Complex, b: Complex) -> Complex {
-    [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
-}
-
-pub(super) fn conjugate(a: Complex) -> Complex {
-    [a[0], -a[1]]
-}
-
 /// The roots of unity.
 #[derive(Clone, Debug)]
-pub(super) struct Fourier([Complex; COUNT / 2]);
+pub(super) struct Fourier([[f32; 2]; COUNT / 2]);
 
 impl Fourier {
     pub(super) fn new() -> Self {
@@ -28,37 +37,67 @@ impl Fourier {
         }))
     }
 
-    /// Transforms 32 numbers in place.
-    pub(super) fn line(&self, line: &mut [Complex]) {
+    /// Transforms lines of 32 numbers in place: the first number of each line, then the second of each, and so on.
+    pub(super) fn lines(&self, numbers: &mut Numbers) {
+        widest(
+            #[inline(always)]
+            || self.transform(&mut numbers.re, &mut numbers.im),
+        );
+    }
+
+    /// Transforms squares of 32 x 32 numbers in place: the first number of each square, then the next of its row.
+    pub(super) fn squares(&self, numbers: &mut Numbers) {
+        let row = numbers.re.len() / COUNT;
+        widest(
+            #[inline(always)]
+            || {
+                self.transform(&mut numbers.re, &mut numbers.im);
+                for (re, im) in numbers.re.chunks_exact_mut(row).zip(numbers.im.chunks_exact_mut(row)) {
+                    self.transform(re, im);
+                }
+            },
+        );
+    }
+
+    #[inline(always)]
+    fn transform(&self, re: &mut [f32], im: &mut [f32]) {
+        let lines = re.len() / COUNT;
         for at in 0..COUNT {
             let other = at.reverse_bits() >> (usize::BITS - COUNT.trailing_zeros());
             if at < other {
-                line.swap(at, other);
+                for part in [&mut *re, &mut *im] {
+                    let (low, high) = part.split_at_mut(other * lines);
+                    low[at * lines..][..lines].swap_with_slice(&mut high[..lines]);
+                }
             }
         }
         let mut half = 1;
         while half < COUNT {
-            for block in line.chunks_exact_mut(2 * half) {
-                let (low, high) = block.split_at_mut(half);
-                for (at, (a, b)) in low.iter_mut().zip(high).enumerate() {
-                    let turned = times(*b, self.0[at * (COUNT / 2 / half)]);
-                    *b = [a[0] - turned[0], a[1] - turned[1]];
-                    *a = [a[0] + turned[0], a[1] + turned[1]];
+            let blocks = re.chunks_exact_mut(2 * half * lines).zip(im.chunks_exact_mut(2 * half * lines));
+            for (re, im) in blocks {
+                let ((low_re, high_re), (low_im, high_im)) =
+                    (re.split_at_mut(half * lines), im.split_at_mut(half * lines));
+                let low = low_re.chunks_exact_mut(lines).zip(low_im.chunks_exact_mut(lines));
+                let high = high_re.chunks_exact_mut(lines).zip(high_im.chunks_exact_mut(lines));
+                for (at, (low, high)) in low.zip(high).enumerate() {
+                    butterflies(self.0[at * (COUNT / 2 / half)], low, high);
                 }
             }
             half *= 2;
         }
     }
+}
 
-    /// Transforms 32 x 32 numbers in place.
-    pub(super) fn square(&self, square: &mut [Complex]) {
-        for _ in 0..2 {
-            square.chunks_exact_mut(COUNT).for_each(|line| self.line(line));
-            for y in 0..COUNT {
-                for x in 0..y {
-                    square.swap(y * COUNT + x, x * COUNT + y);
-                }
-            }
-        }
+/// Real and imaginary parts of one number of each line.
+type Parts<'a> = (&'a mut [f32], &'a mut [f32]);
+
+#[inline(always)]
+fn butterflies([cos, sin]: [f32; 2], low: Parts<'_>, high: Parts<'_>) {
+    let (low, high) = (low.0.iter_mut().zip(low.1), high.0.iter_mut().zip(high.1));
+    for ((low_re, low_im), (high_re, high_im)) in low.zip(high) {
+        let re = *high_re * cos - *high_im * sin;
+        let im = *high_re * sin + *high_im * cos;
+        (*high_re, *high_im) = (*low_re - re, *low_im - im);
+        (*low_re, *low_im) = (*low_re + re, *low_im + im);
     }
 }

@@ -1,5 +1,6 @@
 use super::*;
 use crate::samples::{Picture, real};
+use crate::simd::narrow::both;
 
 fn area([left, top, right, bottom]: [f64; 4]) -> Area {
     Area { middle: [(left + right) / 2.0, (top + bottom) / 2.0], size: [right - left, bottom - top] }
@@ -48,4 +49,17 @@ fn areas_that_are_none_are_told_and_images_of_nothing_are_stood() {
         let used = allocation_counter::measure(|| _ = tracker.follow(&image));
         assert_eq!(used.count_total, 0);
     }
+}
+
+#[test]
+fn every_processor_follows_to_the_same_bits() {
+    let image = |shift: usize| {
+        let level = |at: usize| ((at % 120 + shift) * 37 % 91 + at / 120 * 53 % 83) as u8;
+        Plane::from_pixels(120, 90, (0..120 * 90).map(level).collect()).unwrap()
+    };
+    let [wide, narrow] = both(|| {
+        let mut tracker = Correlation::new(&image(0), area([40.0, 20.0, 70.0, 64.0])).unwrap();
+        [1, 2, 4].map(|shift| tracker.follow(&image(shift)))
+    });
+    assert_eq!(wide, narrow);
 }

@@ -2,6 +2,7 @@
 
 use super::BINS;
 use crate::channels::{orientation, select};
+use crate::simd::widest;
 
 /// Pixels that the image is continued by on each side, mirrored at its outermost ones.
 pub(super) const PADDING_PX: usize = 8;
@@ -59,13 +60,22 @@ impl Gradients {
                 self.rows.rotate_left(1);
             }
             self.roots(rgb, width, source(1), 2);
-            self.differences();
-            let row = y * self.width..(y + 1) * self.width;
-            let [first, second] = &mut self.shares;
-            let out = self.bins[row.clone()].iter_mut().zip(&mut first[row.clone()]).zip(&mut second[row]);
-            for (((bin, first), second), (dx, dy)) in out.zip(self.horizontal.iter().zip(&self.vertical)) {
-                (*bin, *first, *second) = shared(*dx, *dy);
-            }
+            widest(
+                #[inline(always)]
+                || self.row(y),
+            );
+        }
+    }
+
+    /// Orientations and shares of a row, of the three rows of roots around it.
+    #[inline(always)]
+    fn row(&mut self, y: usize) {
+        self.differences();
+        let row = y * self.width..(y + 1) * self.width;
+        let [first, second] = &mut self.shares;
+        let out = self.bins[row.clone()].iter_mut().zip(&mut first[row.clone()]).zip(&mut second[row]);
+        for (((bin, first), second), (dx, dy)) in out.zip(self.horizontal.iter().zip(&self.vertical)) {
+            (*bin, *first, *second) = shared(*dx, *dy);
         }
     }
 
@@ -89,6 +99,7 @@ impl Gradients {
     }
 
     /// The differences across each pixel of the row in the middle, of the colour where they are longest.
+    #[inline(always)]
     fn differences(&mut self) {
         let (width, padded) = (self.width, self.width + 2);
         self.horizontal.fill(0.0);

@@ -1,6 +1,7 @@
 //! Resizing of bytes between the two nearest pixels along each axis, in whole numbers: weights of 1/256, rounded once.
 
 use crate::image::Rgb;
+use crate::simd::widest;
 
 /// Resizes images of two pixels at least along each side; it keeps its memory.
 #[derive(Clone, Debug, Default)]
@@ -29,10 +30,16 @@ impl Resizer {
             }
             self.hold(0, above, image);
             self.hold(1, below, image);
-            let share = u32::from(share);
-            for ((out, a), b) in out.iter_mut().zip(&self.rows[0]).zip(&self.rows[1]) {
-                *out = ((u32::from(*a) * (256 - share) + u32::from(*b) * share + (1 << 15)) >> 16) as u8;
-            }
+            let (share, [a, b]) = (u32::from(share), &self.rows);
+            widest(
+                #[inline(always)]
+                || {
+                    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+                        *out =
+                            ((u32::from(*a) * (256 - share) + u32::from(*b) * share + (1 << 15)) >> 16) as u8;
+                    }
+                },
+            );
         }
     }
 
@@ -47,7 +54,9 @@ impl Resizer {
         for (out, &(first, share)) in into.as_chunks_mut::<3>().0.iter_mut().zip(&self.columns) {
             let pair = &from[3 * first as usize..][..6];
             for k in 0..3 {
-                out[k] = u16::from(pair[k]) * (256 - share) + u16::from(pair[k + 3]) * share;
+                // The one's share is 256 less the other's.
+                let [one, other] = [pair[k], pair[k + 3]].map(u16::from);
+                out[k] = (one << 8).wrapping_add(share.wrapping_mul(other.wrapping_sub(one)));
             }
         }
     }

@@ -2,6 +2,7 @@ use serde::Deserialize;
 
 use super::*;
 use crate::acf::iou;
+use crate::simd::narrow::both;
 use crate::svm;
 use crate::video::Video;
 
@@ -81,4 +82,18 @@ fn images_with_nothing_in_them_have_a_result() {
         assert!(found.is_empty(), "{size:?}: {found:?}");
     }
     assert!(detector.describe(Rgb::new(1, 1, &[0; 3]).unwrap()).is_none());
+}
+
+#[test]
+fn every_processor_describes_a_window_by_the_same_bits() {
+    let bytes: Vec<u8> = (0..64 * 128 * 3).map(|k| (k * 37 % 91 + k / 192 * 53 % 83) as u8).collect();
+    let [wide, narrow] = both(|| {
+        let mut found = Vec::new();
+        let mut detector = HogDetector::new(LinearHog::people());
+        let window = Rgb::new(64, 128, &bytes).unwrap();
+        detector.detect(window, f32::NEG_INFINITY, &mut found);
+        (detector.describe(window), found)
+    });
+    assert!(!wide.1.is_empty());
+    assert_eq!(wide, narrow);
 }

@@ -5,6 +5,7 @@
 //! plain census of that window, and no pixel has a say in all of them.
 
 use crate::Plane;
+use crate::simd::widest;
 
 /// Columns of the window.
 pub(super) const WIDTH: usize = 7;
@@ -52,15 +53,26 @@ impl Census {
             plane.clear();
             plane.resize(self.stride * height, 0);
         }
-        for y in 0..height {
-            for bit in 0..usize::from(BITS) {
-                let (dx, dy) = (bit % WIDTH, bit / WIDTH);
-                let one = &self.framed.row(y + dy)[dx..][..width];
-                let other = &self.framed.row(y + HEIGHT - 1 - dy)[WIDTH - 1 - dx..][..width];
-                let codes = &mut self.planes[bit / 8][y * self.stride..][..width];
-                for ((code, one), other) in codes.iter_mut().zip(one).zip(other) {
-                    *code |= u8::from(one > other) << (bit % 8);
+        widest(
+            #[inline(always)]
+            || {
+                for y in 0..height {
+                    self.compare(y, width);
                 }
+            },
+        );
+    }
+
+    /// The codes of one row.
+    #[inline(always)]
+    fn compare(&mut self, y: usize, width: usize) {
+        for bit in 0..usize::from(BITS) {
+            let (dx, dy) = (bit % WIDTH, bit / WIDTH);
+            let one = &self.framed.row(y + dy)[dx..][..width];
+            let other = &self.framed.row(y + HEIGHT - 1 - dy)[WIDTH - 1 - dx..][..width];
+            let codes = &mut self.planes[bit / 8][y * self.stride..][..width];
+            for ((code, one), other) in codes.iter_mut().zip(one).zip(other) {
+                *code |= u8::from(one > other) << (bit % 8);
             }
         }
     }
@@ -85,6 +97,7 @@ impl Census {
 
 /// Writes how many bits each pixel of row `y` of the left image differs by from its candidates: as many numbers for
 /// each pixel as there are disparities, one behind the other.
+#[inline(always)]
 pub(super) fn costs(left: &Census, right: &Census, y: usize, costs: &mut [u8]) {
     let (left_row, right_row, width) = (left.row(y), right.row(y), left.stride);
     for (x, costs) in costs.chunks_exact_mut(costs.len() / width).enumerate() {
@@ -94,9 +107,20 @@ pub(super) fn costs(left: &Census, right: &Census, y: usize, costs: &mut [u8]) {
     }
 }
 
-fn distances(code: [u8; BYTES], [p, q, r]: [&[u8]; BYTES], distances: &mut [u8]) {
-    for (((distance, p), q), r) in distances.iter_mut().zip(p).zip(q).zip(r) {
-        *distance = count([p ^ code[0], q ^ code[1], r ^ code[2]]);
+#[inline(always)]
+fn distances(code: [u8; BYTES], candidates: [&[u8]; BYTES], distances: &mut [u8]) {
+    let (whole, rest) = distances.as_chunks_mut::<32>();
+    let end = 32 * whole.len();
+    lanes(code, candidates.map(|bytes| bytes[..end].as_chunks().0), whole);
+    lanes(code, candidates.map(|bytes| bytes[end..].as_chunks().0), rest.as_chunks_mut::<16>().0);
+}
+
+#[inline(always)]
+fn lanes<const N: usize>(code: [u8; BYTES], [p, q, r]: [&[[u8; N]]; BYTES], distances: &mut [[u8; N]]) {
+    for (((distances, p), q), r) in distances.iter_mut().zip(p).zip(q).zip(r) {
+        let mut new = [0; N];
+        (0..N).for_each(|k| new[k] = count([p[k] ^ code[0], q[k] ^ code[1], r[k] ^ code[2]]));
+        *distances = new;
     }
 }
 

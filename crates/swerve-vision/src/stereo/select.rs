@@ -19,9 +19,12 @@ pub(super) struct Matches {
 }
 
 impl Matches {
+    #[inline(always)]
     fn gather(&mut self, sums: &[i16], disparities: usize) {
         self.left.clear();
-        self.left.extend(sums.chunks_exact(disparities).map(least_at));
+        for sums in sums.chunks_exact(disparities) {
+            self.left.push(least_at(sums));
+        }
         self.right.clear();
         self.right.resize(self.left.len(), (usize::MAX, i16::MAX));
         for (x, &(best, sum)) in self.left.iter().enumerate().filter(|(x, (best, _))| best <= x) {
@@ -33,10 +36,11 @@ impl Matches {
 }
 
 /// Writes the disparities of a row, NaN where there is none that meets the demands.
-pub(super) fn row(sums: &mut [i16], matches: &mut Matches, demands: Demands, into: &mut [f32]) {
+#[inline(always)]
+pub(super) fn row(sums: &[i16], matches: &mut Matches, demands: Demands, into: &mut [f32]) {
     let disparities = sums.len() / into.len();
     matches.gather(sums, disparities);
-    for (x, (sums, into)) in sums.chunks_exact_mut(disparities).zip(into).enumerate() {
+    for (x, (sums, into)) in sums.chunks_exact(disparities).zip(into).enumerate() {
         let best = matches.left[x].0;
         let seen = best <= x && matches.right[x - best].0.abs_diff(best) <= demands.left_right_px;
         // At either end nobody knows what lies beyond.
@@ -48,26 +52,31 @@ pub(super) fn row(sums: &mut [i16], matches: &mut Matches, demands: Demands, int
     }
 }
 
-fn least(sums: &[i16]) -> i16 {
-    sums.iter().fold(i16::MAX, |least, &sum| least.min(sum))
-}
-
 /// Where the first of the least sums is, and that sum.
+#[inline(always)]
 fn least_at(sums: &[i16]) -> (usize, i16) {
-    let least = least(sums);
-    // Sixteen at once, then that one: a search that may end at every number is not made into wide steps.
-    let holds = |part: &[i16]| part.iter().fold(false, |holds, &sum| holds | (sum == least));
-    let part = sums.chunks(16).position(holds).unwrap_or(0) * 16;
-    (part + sums[part..].iter().position(|&sum| sum == least).unwrap_or(0), least)
+    // The sum, and then the disparity, in one number.
+    let mut key = i32::MAX;
+    for (disparity, &sum) in (0..).zip(sums) {
+        key = key.min(i32::from(sum) << 8 | disparity);
+    }
+    ((key & 0xff) as usize, (key >> 8) as i16)
 }
 
-fn is_unique(sums: &mut [i16], best: usize, percent: i32) -> bool {
-    let around = &mut sums[best - 1..=best + 1];
-    let kept = [around[0], around[1], around[2]];
-    around.fill(i16::MAX);
-    let second = i32::from(least(sums));
-    sums[best - 1..=best + 1].copy_from_slice(&kept);
-    second * (100 - percent) >= i32::from(kept[1]) * 100
+/// Whether none but the best and the two beside it comes near to the best sum: as many are below the limit as of these
+/// three.
+#[inline(always)]
+fn is_unique(sums: &[i16], best: usize, percent: i32) -> bool {
+    let least = i32::from(sums[best]) * 100;
+    let limit = ((least + 99 - percent) / (100 - percent)).min(i32::from(i16::MAX)) as i16;
+    let count = |sums: &[i16]| {
+        let mut below = 0_i16;
+        for &sum in sums {
+            below += i16::from(sum < limit);
+        }
+        below
+    };
+    count(sums) == count(&sums[best - 1..=best + 1])
 }
 
 /// Where between two pixels the least cost lies, from -0.5 to 0.5: two lines of opposite slope through three costs.
@@ -97,8 +106,8 @@ mod tests {
         const FAR: i16 = 100;
         let mut matches = Matches::default();
         let mut told = |sums: &[[i16; 4]; 4]| {
-            let (mut sums, mut row_px) = (sums.concat(), [0.0; 4]);
-            row(&mut sums, &mut matches, Demands { uniqueness_percent: 10, left_right_px: 1 }, &mut row_px);
+            let (sums, mut row_px) = (sums.concat(), [0.0; 4]);
+            row(&sums, &mut matches, Demands { uniqueness_percent: 10, left_right_px: 1 }, &mut row_px);
             row_px
         };
         let blank = [FAR; 4];
@@ -112,9 +121,9 @@ mod tests {
         // Two that lead to one pixel of the right image: the better one has it.
         let both = told(&[blank, blank, [FAR, FAR, 9, FAR], [FAR, FAR, FAR, FAR]]);
         assert_eq!(both[2], 2.0);
-        let mut sums = [[FAR; 5], [FAR; 5], [FAR, FAR, 9, FAR, FAR], [FAR, FAR, FAR, 1, FAR]].concat();
+        let sums = [[FAR; 5], [FAR; 5], [FAR, FAR, 9, FAR, FAR], [FAR, FAR, FAR, 1, FAR]].concat();
         let mut row_px = [0.0; 4];
-        row(&mut sums, &mut matches, Demands { uniqueness_percent: 10, left_right_px: 0 }, &mut row_px);
+        row(&sums, &mut matches, Demands { uniqueness_percent: 10, left_right_px: 0 }, &mut row_px);
         assert!(row_px[2].is_nan() && row_px[3] == 3.0, "{row_px:?}");
     }
 }

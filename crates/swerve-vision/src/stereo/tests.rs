@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::*;
 use crate::samples::{Picture, real};
+use crate::simd::narrow::both;
 
 /// Texture that no two places share, smooth enough to be looked up between pixels.
 fn texture(x: f64, y: f64) -> f64 {
@@ -111,6 +112,19 @@ fn a_second_pair_takes_no_memory_and_nothing_of_the_first() {
         assert_eq!(used.count_total, 0);
         let bits = |plane: &Plane<f32>| plane.pixels().iter().map(|d| d.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&found), bits(&matched(settings, &[left.clone(), right.clone()])));
+    }
+}
+
+#[test]
+fn every_processor_finds_the_same_bits() {
+    for disparities in [64, 80] {
+        let settings = StereoSettings { disparities, ..StereoSettings::default() };
+        let bits = || {
+            let found = matched(settings.clone(), &wall(14.3));
+            found.pixels().iter().map(|d| d.to_bits()).collect::<Vec<_>>()
+        };
+        let [wide, narrow] = both(bits);
+        assert_eq!(wide, narrow);
     }
 }
 
