@@ -55,7 +55,8 @@ impl Measured {
         let operators: Vec<String> =
             pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
         let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
-        let params = swerve_eval::Params { ego, dead_time, operators: operators.clone() };
+        let actors = pipeline.scenario.actors.iter().map(|actor| actor.name.clone()).collect();
+        let params = swerve_eval::Params { ego, dead_time, operators: operators.clone(), actors };
         Ok(Self {
             evaluation: Evaluation::new(params),
             operators,

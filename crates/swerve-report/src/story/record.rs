@@ -118,17 +118,9 @@ impl Story {
         Some(EgoState { stamp: at, pose: between(before.pose, next.pose, share), ..*before })
     }
 
-    /// The actor that the story is about: the one hit, else of the people, else of all, the one passed nearest.
+    /// The actor that the story is about: the one that decided the verdict.
     pub(crate) fn protagonist(&self) -> Option<&ActorMetrics> {
-        let metrics = self.metrics.as_ref()?;
-        if let Some(impact) = metrics.impact {
-            return metrics.actors.iter().find(|a| a.actor == impact.actor);
-        }
-        let nearest = |people: bool| {
-            let of = metrics.actors.iter().filter(move |a| !people || a.kind.is_person());
-            of.min_by(|a, b| a.min_distance_m.total_cmp(&b.min_distance_m))
-        };
-        nearest(true).or_else(|| nearest(false))
+        self.metrics.as_ref()?.deciding_actor()
     }
 
     pub(crate) fn actor(&self, id: ActorId) -> Option<&ActorTrace> {

@@ -8,6 +8,7 @@ use swerve_msg::{
 
 use super::*;
 
+const NAMES: [&str; 2] = ["parked truck", "person"];
 const OUTLINE: Outline = Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 };
 
 /// A person steps out from behind a truck; the ego swerves by `swerve_m` (or drives on and hits).
@@ -108,7 +109,7 @@ impl Drive {
     fn story(&self) -> Story {
         let mut story =
             Story::new("Person behind truck · FOT fast · 20 m/s · seed 3", self.route(), Some(4.0), OUTLINE);
-        let params = Params { ego: OUTLINE, dead_time: Span::ZERO, operators: Vec::new() };
+        let params = Params { ego: OUTLINE, dead_time: Span::ZERO, operators: Vec::new(), actors: NAMES.map(str::to_owned).to_vec() };
         let mut evaluation = Evaluation::new(params);
         let mut hit = false;
         for k in 0..=1700_i64 {
@@ -308,7 +309,7 @@ fn a_run_without_actors_shows_all_of_it() {
         world.actors.clear();
         story.world(&world);
     }
-    let params = Params { ego: OUTLINE, dead_time: Span::ZERO, operators: Vec::new() };
+    let params = Params { ego: OUTLINE, dead_time: Span::ZERO, operators: Vec::new(), actors: NAMES.map(str::to_owned).to_vec() };
     let none: Metrics = Evaluation::new(params).metrics();
     story.conclude(&none);
     let svg = draw(&story);
