@@ -51,8 +51,10 @@ fn header(canvas: &mut Canvas, story: &Story) {
 fn verdict(verdict: Verdict) -> (&'static str, &'static str) {
     match verdict {
         Verdict::Avoided => ("AVOIDED", "#00704F"),
+        Verdict::Completed => ("COMPLETED", "#00704F"),
         Verdict::Collision => ("COLLISION", color::ALARM),
         Verdict::LeftRoad => ("LEFT THE ROAD", "#A14A00"),
+        Verdict::Stopped => ("STOPPED", color::STOPPED),
         Verdict::Timeout => ("TIMEOUT", color::SOFT),
         Verdict::Unfinished => ("UNFINISHED", color::SOFT),
     }

@@ -1,7 +1,7 @@
 //! What a story keeps of a run.
 
 use swerve_core::{Span, Time};
-use swerve_eval::{ActorMetrics, Metrics, Outline};
+use swerve_eval::{ActorMetrics, Metrics, Outline, Why};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Obb, Point2, Polyline, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
@@ -36,6 +36,8 @@ pub struct Story {
     newest: Option<Plan>,
     /// The result of the run; none before it is over.
     pub metrics: Option<Metrics>,
+    /// The chain of the actor that decided the verdict.
+    pub why: Option<Why>,
 }
 
 /// The way of one actor.
@@ -73,6 +75,7 @@ impl Story {
             plans: Vec::new(),
             newest: None,
             metrics: None,
+            why: None,
         }
     }
 
@@ -104,9 +107,10 @@ impl Story {
         self.newest = Some(plan.clone());
     }
 
-    /// The run is over, this came of it.
-    pub fn conclude(&mut self, metrics: &Metrics) {
+    /// The run is over, this came of it, for this reason.
+    pub fn conclude(&mut self, metrics: &Metrics, why: Option<&Why>) {
         self.metrics = Some(metrics.clone());
+        self.why = why.cloned();
     }
 
     /// The ego at an instant, between the states that were kept.

@@ -152,7 +152,7 @@ impl Drive {
                 break;
             }
         }
-        story.conclude(&evaluation.metrics());
+        story.conclude(&evaluation.metrics(), None);
         story
     }
 }
@@ -311,7 +311,7 @@ fn a_run_without_actors_shows_all_of_it() {
     }
     let params = Params { ego: OUTLINE, dead_time: Span::ZERO, operators: Vec::new(), actors: NAMES.map(str::to_owned).to_vec() };
     let none: Metrics = Evaluation::new(params).metrics();
-    story.conclude(&none);
+    story.conclude(&none, None);
     let svg = draw(&story);
     assert!(svg.contains("UNFINISHED") && !svg.contains("closest"));
 }
