@@ -346,6 +346,10 @@ mod tests {
             (Some(0.0), "1/2 (0.09-0.91), 2 on road, hit 9.0 m/s, 1 timeout")
         );
         assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
+        let safe = [result(&study.cells[0], "stopped", None), result(&study.cells[1], "collision", Some(9.0))];
+        let safe = Grid::of(&study, &safe).squares[0].clone();
+        assert_eq!((safe.share(), safe.stopped), (Some(0.0), 1), "a safe stop is neither good nor bad");
+        assert!(safe.text().ends_with("1 stopped"), "{}", safe.text());
         assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,true,true,0.5000,,,,,,0");
         let off = [result(&study.cells[0], "left_road", None), result(&study.cells[1], "avoided", None)];
         let of = |study: &Study| Grid::of(study, &off).squares[0].clone();

@@ -139,10 +139,9 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
             std::fs::rename(part, out.join(whole)).with_context(|| format!("writing {whole}"))?;
         }
     }
-    let mut summary = Summary::of(&config, &scenario, &outcome);
-    (summary.traffic, summary.ros2, summary.realtime) = (traffic, ros2, realtime);
     story.conclude(&outcome.metrics, why.as_ref());
-    summary.why = why;
+    let mut summary = Summary::of(&config, &scenario, &outcome, why);
+    (summary.traffic, summary.ros2, summary.realtime) = (traffic, ros2, realtime);
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     let left = ends.leave(&json, &story);

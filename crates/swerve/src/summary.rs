@@ -62,15 +62,15 @@ pub struct Summary {
     #[serde(flatten)]
     metrics: Metrics,
     /// The chain of the actor that decided the verdict; null without actors.
-    pub(crate) why: Option<Why>,
+    why: Option<Why>,
     /// What an expected verdict is called by now.
     #[serde(skip)]
     renamed: Option<String>,
 }
 
 impl Summary {
-    /// Sums up a run.
-    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome) -> Self {
+    /// Sums up a run, and why it ended so.
+    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome, why: Option<Why>) -> Self {
         let pipeline = config.pipeline_name();
         let expected = scenario.expectation(&pipeline);
         let broken = expected.map(|e| outcome.broken(e));
@@ -93,7 +93,7 @@ impl Summary {
             rungs: outcome.rungs.counts(),
             rungs_text: outcome.rungs.text(),
             metrics: outcome.metrics.clone(),
-            why: None,
+            why,
             renamed: expected.and_then(|e| e.renamed(outcome.metrics.verdict)),
         }
     }
