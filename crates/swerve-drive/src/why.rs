@@ -82,10 +82,16 @@ impl Logged {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
         let passed = || format!("it passed {} at {:.2} m", decided.name, decided.min_distance_m);
         let words = match (metrics.verdict, metrics.impact) {
-            (_, Some(i)) => format!("it hit {} at {:.2} s with {:.1} m/s", decided.name, i.at_s, i.ego_speed_mps),
+            (_, Some(i)) => {
+                format!("it hit {} at {:.2} s with {:.1} m/s", decided.name, i.at_s, i.ego_speed_mps)
+            }
             _ if metrics.stands_before == Some(decided.actor) => format!("it stands before {}", decided.name),
             (Verdict::LeftRoad, _) => {
-                format!("it left the road at {:.2} s; {}", metrics.left_road_at_s.unwrap_or_default(), passed())
+                format!(
+                    "it left the road at {:.2} s; {}",
+                    metrics.left_road_at_s.unwrap_or_default(),
+                    passed()
+                )
             }
             _ => passed(),
         };
@@ -104,10 +110,16 @@ impl Logged {
         let ids: Vec<ActorId> = (1..).map(ActorId).take(pipeline.scenario.actors.len()).collect();
         let named = match actor {
             None => None,
-            Some(name) => Some(names().position(|known| known == name).map(|k| ids[k]).with_context(|| {
-                let near = nearest(name, names()).map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
-                format!("--actor {name}: expected one of {}{near}", names().collect::<Vec<_>>().join(", "))
-            })?),
+            Some(name) => {
+                Some(names().position(|known| known == name).map(|k| ids[k]).with_context(|| {
+                    let near = nearest(name, names())
+                        .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+                    format!(
+                        "--actor {name}: expected one of {}{near}",
+                        names().collect::<Vec<_>>().join(", ")
+                    )
+                })?)
+            }
         };
         let mut evaluation = swerve_eval::Evaluation::new(swerve_eval::Params {
             ego: outline(&pipeline.vehicle.shape),
@@ -115,12 +127,14 @@ impl Logged {
             operators: Vec::new(),
             actors: names().map(str::to_owned).collect(),
         });
-        let stream = pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
+        let stream =
+            pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let mut near = Clearances::new(outline(&pipeline.vehicle.shape));
         for publication in self.log.publications(stream) {
             let world: WorldState = publication.decode()?;
-            if at_s.is_some_and(|at_s| (world.stamp.as_secs() - at_s).abs() < 0.5 * self.config.sim.dt_ms * 1e-3 + 1e-9)
-            {
+            if at_s.is_some_and(|at_s| {
+                (world.stamp.as_secs() - at_s).abs() < 0.5 * self.config.sim.dt_ms * 1e-3 + 1e-9
+            }) {
                 near.take(&world);
             }
             evaluation.world(&world);
@@ -149,7 +163,8 @@ impl Logged {
     }
 
     fn steps(&self, pipeline: Pipeline, actor: ActorId) -> anyhow::Result<Steps> {
-        let world = pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
+        let world =
+            pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let planner = pipeline.assembly.publisher::<Plan>().context("nobody plans in this log")?;
         let (world, planner) = (world.to_owned(), planner.to_owned());
         let timeline = Timeline::new(&self.log, pipeline.graph.describe()?);
@@ -159,25 +174,38 @@ impl Logged {
         steps.push((Milestone::Visible, seen, Vec::new()));
         // The newest step: its instant, and the frame that it is of.
         let mut last = Seen { stamp: seen, at: seen };
-        let predicted = timeline.upstream::<PredictionList>(&planner).context("the planner reads no predictions")?;
-        let tracks = timeline.upstream::<TrackList>(timeline.publisher(&predicted)).context("there are no tracks")?;
+        let predicted =
+            timeline.upstream::<PredictionList>(&planner).context("the planner reads no predictions")?;
+        let tracks =
+            timeline.upstream::<TrackList>(timeline.publisher(&predicted)).context("there are no tracks")?;
         if let Some(boxes) = timeline.upstream::<Detections>(timeline.publisher(&tracks)) {
             let Some(found) = sightings.first_detected(&boxes, seen)? else { return Ok(steps) };
             steps.push((Milestone::Detected, found.at, timeline.waits(&boxes, last, found, "missed by")));
             last = found;
         }
         let Some((tracked, ids)) = sightings.tracks(&tracks, last.stamp)? else { return Ok(steps) };
-        steps.push((Milestone::Tracked, tracked.at, timeline.waits(&tracks, last, tracked, "confirmation by")));
+        steps.push((
+            Milestone::Tracked,
+            tracked.at,
+            timeline.waits(&tracks, last, tracked, "confirmation by"),
+        ));
         last = tracked;
-        let plans = timeline.stream_of::<Plan>(&planner).context("the planner publishes no plans")?.to_owned();
+        let plans =
+            timeline.stream_of::<Plan>(&planner).context("the planner publishes no plans")?.to_owned();
         let path = timeline.path(&planner, &world);
         let (dead_time, delay) = (Span::from_secs(pipeline.vehicle.dead_time_s), timeline.delay(&planner));
         let without = without::Without { log: &self.log, stream: &predicted, ids: &ids, from: tracked.stamp };
         let Some(stamp) = without.first_difference(pipeline, &planner, &timeline)? else { return Ok(steps) };
         let planned = timeline.seen(&plans, stamp).context("the plan is not in the log")?;
-        steps.push((Milestone::Planned, planned.at, timeline.waits(&plans, last, planned, "no difference to")));
+        steps.push((
+            Milestone::Planned,
+            planned.at,
+            timeline.waits(&plans, last, planned, "no difference to"),
+        ));
         let mut waits = vec![(format!("delay of {planner}"), delay)];
-        let Some(commanded) = timeline.follow(&path, planned.at + delay, &mut waits) else { return Ok(steps) };
+        let Some(commanded) = timeline.follow(&path, planned.at + delay, &mut waits) else {
+            return Ok(steps);
+        };
         let (at, end) = (commanded, path.last().map_or(planner.as_str(), String::as_str));
         waits.retain(|(_, span)| *span > Span::ZERO);
         steps.push((Milestone::Commanded, at, waits));
@@ -213,7 +241,6 @@ fn effect(log: &Log, world: &str, readable: Time) -> anyhow::Result<Option<(Time
     }
     Ok(None)
 }
-
 
 #[cfg(test)]
 mod tests;

@@ -82,7 +82,13 @@ impl Why {
     ) -> Self {
         for pair in steps.windows(2) {
             let waited = pair[1].2.iter().fold(Span::ZERO, |sum, (_, span)| sum + *span);
-            debug_assert_eq!(waited, pair[1].1 - pair[0].1, "{} of {actor}: {:?}", pair[1].0.name(), pair[1].2);
+            debug_assert_eq!(
+                waited,
+                pair[1].1 - pair[0].1,
+                "{} of {actor}: {:?}",
+                pair[1].0.name(),
+                pair[1].2
+            );
         }
         let sentence = sentence(ending, steps);
         let step = |(what, at, waited): &(Milestone, Time, Vec<(String, Span)>)| WhyStep {
@@ -98,10 +104,12 @@ impl Why {
         let mut text = format!("why: {}\n", self.sentence);
         let mut last_s = None;
         for step in &self.steps {
-            let since = last_s.map_or_else(String::new, |last| format!("+{:.0} ms", (step.at_s - last) * 1e3));
+            let since =
+                last_s.map_or_else(String::new, |last| format!("+{:.0} ms", (step.at_s - last) * 1e3));
             let parts: Vec<String> =
                 step.waited.iter().map(|w| format!("{} {:.0} ms", w.reason, w.ms)).collect();
-            let line = format!("  {:<10}{:>8.3} s  {since:>9}  {}", step.what.name(), step.at_s, parts.join(", "));
+            let line =
+                format!("  {:<10}{:>8.3} s  {since:>9}  {}", step.what.name(), step.at_s, parts.join(", "));
             text += line.trim_end();
             text.push('\n');
             last_s = Some(step.at_s);
@@ -183,8 +191,15 @@ mod tests {
         assert_eq!((why.at_s(Milestone::Planned), why.at_s(Milestone::Effect)), (Some(4.9), None));
         let json = serde_json::to_value(&why).unwrap();
         assert_eq!(json["steps"][2]["waited"][1]["for"], "run time of planner");
-        assert_eq!((&json["steps"][2]["what"], json["steps"][2]["waited"][1]["ms"].as_f64()), (&"planned".into(), Some(30.0)));
-        assert!(why.text().contains("  planned      4.900 s     +50 ms  busy planner 20 ms"), "{}", why.text());
+        assert_eq!(
+            (&json["steps"][2]["what"], json["steps"][2]["waited"][1]["ms"].as_f64()),
+            (&"planned".into(), Some(30.0))
+        );
+        assert!(
+            why.text().contains("  planned      4.900 s     +50 ms  busy planner 20 ms"),
+            "{}",
+            why.text()
+        );
     }
 
     #[test]

@@ -58,7 +58,11 @@ fn draw_square(canvas: &mut Canvas, square: &Square, (x, y): At, budget_max: Opt
     let size = (SQUARE_W - 4.0, SQUARE_H - 4.0);
     canvas.rect((x + 2.0, y + 2.0), size, &format!("rx=\"4\" fill=\"{fill}\""));
     // Safe stops have the right part for themselves.
-    let stopped = if budget_max.is_none() && square.runs > 0 { square.stopped as f64 / square.runs as f64 } else { 0.0 };
+    let stopped = if budget_max.is_none() && square.runs > 0 {
+        square.stopped as f64 / square.runs as f64
+    } else {
+        0.0
+    };
     if stopped > 0.0 {
         let width = size.0 * stopped;
         let style = format!("rx=\"4\" fill=\"{}\"", color::STOPPED_LIGHT);

@@ -346,7 +346,8 @@ mod tests {
             (Some(0.0), "1/2 (0.09-0.91), 2 on road, hit 9.0 m/s, 1 timeout")
         );
         assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
-        let safe = [result(&study.cells[0], "stopped", None), result(&study.cells[1], "collision", Some(9.0))];
+        let safe =
+            [result(&study.cells[0], "stopped", None), result(&study.cells[1], "collision", Some(9.0))];
         let safe = Grid::of(&study, &safe).squares[0].clone();
         assert_eq!((safe.share(), safe.stopped), (Some(0.0), 1), "a safe stop is neither good nor bad");
         assert!(safe.text().ends_with("1 stopped"), "{}", safe.text());

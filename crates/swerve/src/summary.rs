@@ -148,7 +148,9 @@ impl Summary {
         row("no collision", if m.impact.is_none() { "yes" } else { "no" }.to_owned());
         let left = |at_s: f64| format!("no: left it at {at_s:.2} s");
         row("stayed on the road", m.left_road_at_s.map_or_else(|| "yes".to_owned(), left));
-        if let (Some(distance), Some(at), Some(to)) = (m.min_distance_m, m.min_distance_at_s, &m.min_distance_name) {
+        if let (Some(distance), Some(at), Some(to)) =
+            (m.min_distance_m, m.min_distance_at_s, &m.min_distance_name)
+        {
             row("minimum distance", format!("{distance:.2} m at {at:.2} s, to {to}"));
         }
         let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));

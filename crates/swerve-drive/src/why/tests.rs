@@ -53,7 +53,7 @@ fn a_chain_says_what_each_step_waited_for() {
         ),
         (
             "person_behind_truck",
-            &["planning.added_latency_ms=160", "perception.detector=\"efficientdet_d4\""],
+            &["planning.added_latency_ms=160", "perception.detector=\"efficientdet-d4@v100\""],
             "person",
             &[Visible, Detected, Tracked, Planned, Commanded, Effect],
         ),
@@ -71,7 +71,7 @@ fn a_chain_says_what_each_step_waited_for() {
         assert_eq!(logged.why_of(None, None).unwrap(), Some(why.clone()), "the log alone is enough");
         match k {
             0 => assert!(waited(&why, Planned, "run time of planner") > 0.0),
-            1 => assert_eq!(waited(&why, Planned, "run time of planner"), 400.0),
+            1 => assert_eq!(waited(&why, Planned, "run time of planner"), 400.0, "{}", why.text()),
             2 => {
                 assert_eq!(waited(&why, Commanded, "delay of planner"), 160.0);
                 assert!(waited(&why, Detected, "run time of detector") > 0.0);

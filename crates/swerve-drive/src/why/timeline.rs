@@ -84,12 +84,14 @@ impl<'a> Timeline<'a> {
             stream.is_some() && stream == input.stream.as_deref()
         };
         let direct = inputs().find(is_of).and_then(|input| input.stream.clone());
-        direct.or_else(|| inputs().filter_map(|i| i.from.as_deref()).find_map(|from| self.upstream::<T>(from)))
+        direct
+            .or_else(|| inputs().filter_map(|i| i.from.as_deref()).find_map(|from| self.upstream::<T>(from)))
     }
 
     /// The operators that lead from one to what another one reads over a feedback edge, without both.
     pub(super) fn path(&self, from: &str, to: &str) -> Vec<String> {
-        let ends = self.inputs(to).filter(|input| is_feedback(input)).filter_map(|input| input.from.as_deref());
+        let ends =
+            self.inputs(to).filter(|input| is_feedback(input)).filter_map(|input| input.from.as_deref());
         ends.filter_map(|end| self.way(from, end)).next().unwrap_or_default()
     }
 

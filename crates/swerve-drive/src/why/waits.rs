@@ -59,11 +59,17 @@ impl Timeline<'_> {
 
     /// Along a path of operators, each at its first step that can read what the one before published; the instant at
     /// which the last one's message is published.
-    pub(super) fn follow(&self, path: &[String], from: Time, waits: &mut Vec<(String, Span)>) -> Option<Time> {
+    pub(super) fn follow(
+        &self,
+        path: &[String],
+        from: Time,
+        waits: &mut Vec<(String, Span)>,
+    ) -> Option<Time> {
         let (mut readable, mut published) = (from, from);
         for (k, operator) in path.iter().enumerate() {
             let stream = self.inputs_from(path.get(k + 1), operator);
-            let starts = |seen: &Seen| self.step(operator, seen.stamp).map_or(seen.at, |step| step.start) >= readable;
+            let starts =
+                |seen: &Seen| self.step(operator, seen.stamp).map_or(seen.at, |step| step.start) >= readable;
             let next = self.all(&stream).find(starts)?;
             let mut account = Account::new(published, next.at);
             let tick = self.message(&stream, next.stamp, &mut account);
@@ -80,7 +86,8 @@ impl Timeline<'_> {
 
     /// The stream of an operator that the next one of a path reads; its first one, where it is the last.
     fn inputs_from(&self, next: Option<&String>, operator: &str) -> String {
-        let read = next.and_then(|next| self.inputs(next).find(|input| input.from.as_deref() == Some(operator)));
+        let read =
+            next.and_then(|next| self.inputs(next).find(|input| input.from.as_deref() == Some(operator)));
         read.and_then(|input| input.stream.clone()).unwrap_or_else(|| operator.to_owned())
     }
 

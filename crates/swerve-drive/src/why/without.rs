@@ -50,7 +50,8 @@ impl Without<'_> {
         for name in names.iter().filter(|name| *name != planner) {
             // A deadline may follow any stream of the stack; of the world and its sensors only what is read matters.
             let in_stack = pipeline.assembly.node(name).is_some_and(|node| node.role == Role::Stack);
-            let records = if in_stack || read.contains(&name.as_str()) { self.playback(name)? } else { Vec::new() };
+            let records =
+                if in_stack || read.contains(&name.as_str()) { self.playback(name)? } else { Vec::new() };
             pipeline.graph.playback(name, records)?;
             pipeline.graph.playback_steps(name, self.log.held(name))?;
         }

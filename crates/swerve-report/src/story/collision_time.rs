@@ -17,8 +17,9 @@ pub(super) fn series(story: &Story, (from, to): (Time, Time)) -> Vec<(Time, f64)
     let mut at = from;
     while at <= to {
         if let Some(ego) = story.ego_at(at) {
-            let moving = Vector2::new(1.0, 0.0).rotated(ego.pose.heading_rad) * ego.speed_mps;
-            let times = story.actors.iter().filter_map(|actor| until_touch(story, actor, (at, ego.pose, moving)));
+            let moving = ego.pose.direction() * ego.speed_mps;
+            let times =
+                story.actors.iter().filter_map(|actor| until_touch(story, actor, (at, ego.pose, moving)));
             series.push((at, times.fold(HORIZON_S, f64::min)));
         }
         at = at + EVERY;
@@ -29,12 +30,16 @@ pub(super) fn series(story: &Story, (from, to): (Time, Time)) -> Vec<(Time, f64)
 fn until_touch(story: &Story, actor: &ActorTrace, (at, ego, moving): (Time, Pose2, Vector2)) -> Option<f64> {
     let (before, pose) = (actor.pose_at(at - EVERY)?, actor.pose_at(at)?);
     let theirs = (pose.point() - before.point()) * (1.0 / EVERY.as_secs());
-    let relative = moving - theirs;
+    let relative: Vector2 = moving - theirs;
     let away = pose.point() - ego.point();
     // Circles about both outlines that never meet need no closer look.
     let reach_m = story.outline.length_m + 0.5 * (actor.extent.length_m + actor.extent.width_m);
     let speed_mps = relative.norm();
-    let nearest_s = if speed_mps > 1e-6 { (away.dot(relative) / (speed_mps * speed_mps)).clamp(0.0, HORIZON_S) } else { 0.0 };
+    let nearest_s = if speed_mps > 1e-6 {
+        (away.dot(relative) / (speed_mps * speed_mps)).clamp(0.0, HORIZON_S)
+    } else {
+        0.0
+    };
     if (away - relative * nearest_s).norm() > reach_m {
         return None;
     }

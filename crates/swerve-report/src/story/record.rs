@@ -5,8 +5,14 @@ use swerve_eval::{ActorMetrics, Metrics, Outline, Why};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Obb, Point2, Polyline, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, Route};
+use swerve_msg::{
+    ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, PredictionList, Route, Track, TrackList,
+};
 
+/// Tracks are kept every so often.
+const TRACKS_EVERY: Span = Span::from_ms(250);
+/// A track farther than this from the outline of everybody is stale, metres.
+const STALE_M: f64 = 1.5;
 /// Ego states nearer to each other than this are left out.
 const EGO_EVERY: Span = Span::from_ms(20);
 /// Actor poses nearer to each other than this are left out, metres and radians.
@@ -32,6 +38,10 @@ pub struct Story {
     pub actors: Vec<ActorTrace>,
     /// The plans at the changes of mind, in order of time.
     pub plans: Vec<PlanMark>,
+    /// Where tracks were, every quarter of a second.
+    pub tracks: Vec<TrackMark>,
+    /// The newest predictions.
+    predicted: Vec<Vec<Point2>>,
     /// The newest plan, kept or not.
     newest: Option<Plan>,
     /// The result of the run; none before it is over.
@@ -60,6 +70,19 @@ pub struct PlanMark {
     pub at: Time,
     /// The plan.
     pub plan: Plan,
+    /// The newest predicted ways of the others then.
+    pub predicted: Vec<Vec<Point2>>,
+}
+
+/// A track at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct TrackMark {
+    /// Stamp of the list.
+    pub at: Time,
+    /// Where it was.
+    pub point: Point2,
+    /// Whether nobody was there.
+    pub is_stale: bool,
 }
 
 impl Story {
@@ -73,6 +96,8 @@ impl Story {
             ego: Vec::new(),
             actors: Vec::new(),
             plans: Vec::new(),
+            tracks: Vec::new(),
+            predicted: Vec::new(),
             newest: None,
             metrics: None,
             why: None,
@@ -102,9 +127,31 @@ impl Story {
         // shows a slow drift.
         let before = self.newest.iter().chain(self.plans.last().map(|mark| &mark.plan));
         if self.plans.is_empty() || before.into_iter().any(|old| is_change_of_mind(old, plan)) {
-            self.plans.push(PlanMark { at, plan: plan.clone() });
+            self.plans.push(PlanMark { at, plan: plan.clone(), predicted: self.predicted.clone() });
         }
         self.newest = Some(plan.clone());
+    }
+
+    /// Takes in what is tracked.
+    pub fn tracked(&mut self, list: &TrackList) {
+        if self.tracks.last().is_some_and(|last| list.stamp - last.at < TRACKS_EVERY) {
+            return;
+        }
+        let away_m = |actor: &ActorTrace, track: &Track| {
+            let pose = actor.pose_at(list.stamp)?;
+            Some(actor.extent.footprint(pose).distance_to_point(track.pose.point()))
+        };
+        let marks = list.tracks.iter().map(|track| {
+            let is_someone = self.actors.iter().filter_map(|a| away_m(a, track)).any(|m| m <= STALE_M);
+            TrackMark { at: list.stamp, point: track.pose.point(), is_stale: !is_someone }
+        });
+        self.tracks.extend(marks.collect::<Vec<_>>());
+    }
+
+    /// Takes in where the others are predicted to be.
+    pub fn predicted(&mut self, list: &PredictionList) {
+        let way = |p: &swerve_msg::Prediction| p.path.iter().map(|place| place.pose.point()).collect();
+        self.predicted = list.predictions.iter().map(way).collect();
     }
 
     /// The run is over, this came of it, for this reason.
@@ -133,7 +180,7 @@ impl Story {
 }
 
 impl Observer for Story {
-    /// Takes in world states and plans, by their types, as the engine publishes them.
+    /// Takes in world states, tracks, predictions and plans, by their types, as the engine publishes them.
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
@@ -141,6 +188,10 @@ impl Observer for Story {
             self.world(world);
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             self.plan(publication.visible_at, plan);
+        } else if let Some(list) = payload.downcast_ref::<TrackList>() {
+            self.tracked(list);
+        } else if let Some(list) = payload.downcast_ref::<PredictionList>() {
+            self.predicted(list);
         }
     }
 }
