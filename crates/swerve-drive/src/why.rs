@@ -203,7 +203,7 @@ impl Logged {
             timeline.waits(&plans, last, planned, "no difference to"),
         ));
         let mut waits = vec![(format!("delay of {planner}"), delay)];
-        let Some(commanded) = timeline.follow(&path, planned.at + delay, &mut waits) else {
+        let Some(commanded) = timeline.follow((&path, &world), planned.at + delay, &mut waits) else {
             return Ok(steps);
         };
         let (at, end) = (commanded, path.last().map_or(planner.as_str(), String::as_str));

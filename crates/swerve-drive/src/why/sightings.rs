@@ -29,14 +29,18 @@ impl<'a> Sightings<'a> {
 
     /// The stamp of the first frame in which some of the actor is in sight.
     pub(super) fn first_visible(&self, assembly: &Assembly) -> Result<Option<Time>, LogError> {
-        if let Some(stream) = assembly.publisher::<ObstacleList>() {
+        let listed = assembly.publisher::<ObstacleList>();
+        if let Some(stream) = listed.and_then(|of| self.timeline.stream_of::<ObstacleList>(of)) {
             for publication in self.log.publications(stream) {
                 let list: ObstacleList = publication.decode()?;
                 if list.obstacles.iter().any(|o| o.id == self.actor && o.visible_share > 0.0) {
                     return Ok(Some(list.stamp));
                 }
             }
-        } else if let Some(stream) = assembly.publisher::<Surroundings>() {
+        }
+        // With a detector that looks at what is around there is no such list.
+        let around = assembly.publisher::<Surroundings>();
+        if let Some(stream) = around.and_then(|of| self.timeline.stream_of::<Surroundings>(of)) {
             for publication in self.log.publications(stream) {
                 let list: Surroundings = publication.decode()?;
                 if list.obstacles.iter().any(|o| o.id == self.actor) {

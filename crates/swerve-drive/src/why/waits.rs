@@ -58,16 +58,16 @@ impl Timeline<'_> {
     }
 
     /// Along a path of operators, each at its first step that can read what the one before published; the instant at
-    /// which the last one's message is published.
+    /// which the message that `to` reads is published.
     pub(super) fn follow(
         &self,
-        path: &[String],
+        (path, to): (&[String], &str),
         from: Time,
         waits: &mut Vec<(String, Span)>,
     ) -> Option<Time> {
         let (mut readable, mut published) = (from, from);
         for (k, operator) in path.iter().enumerate() {
-            let stream = self.inputs_from(path.get(k + 1), operator);
+            let stream = self.inputs_from(path.get(k + 1).map_or(to, String::as_str), operator)?;
             let starts =
                 |seen: &Seen| self.step(operator, seen.stamp).map_or(seen.at, |step| step.start) >= readable;
             let next = self.all(&stream).find(starts)?;
@@ -84,11 +84,9 @@ impl Timeline<'_> {
         Some(published)
     }
 
-    /// The stream of an operator that the next one of a path reads; its first one, where it is the last.
-    fn inputs_from(&self, next: Option<&String>, operator: &str) -> String {
-        let read =
-            next.and_then(|next| self.inputs(next).find(|input| input.from.as_deref() == Some(operator)));
-        read.and_then(|input| input.stream.clone()).unwrap_or_else(|| operator.to_owned())
+    /// The stream of an operator that the next one of a path reads.
+    fn inputs_from(&self, next: &str, operator: &str) -> Option<String> {
+        self.inputs(next).find(|input| input.from.as_deref() == Some(operator))?.stream.clone()
     }
 
     /// Explains the time before a message, back to the stamp of its frame, which it gives.

@@ -4,7 +4,7 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2};
 use swerve_msg::ActorKind;
 
-use super::labels::{Importance, Labels};
+use super::labels::{Importance, Labels, width_of};
 use super::marks::{self, first_sight, label_height};
 use super::record::{ActorTrace, PlanMark, Shape, Story};
 use super::tracks;
@@ -152,21 +152,23 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
     if !actor.moves() {
         let Some(pose) = actor.pose_at(view.span.0) else { return };
         shape(canvas, view, &actor.shape(pose), &solid);
-        name(labels, story, actor, view.at(pose.point()));
+        name(labels, (story, actor), view, view.at(pose.point()));
         return;
     }
     let way = actor.poses.iter().filter(|(at, _)| *at <= view.span.1).map(|(_, pose)| view.at(pose.point()));
     canvas.path(way, false, &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.5\""));
     let faint = format!("fill=\"{paint}\" fill-opacity=\"0.18\" stroke=\"{paint}\" stroke-width=\"1\"");
     let mut last: Option<At> = None;
-    for at in half_seconds(view) {
+    let is_hero = story.protagonist().is_some_and(|hero| hero.actor == actor.id);
+    // Of those who matter less every full second is enough.
+    for at in half_seconds(view).filter(|at| is_hero || at.ns() % (2 * OUTLINE_EVERY_NS) == 0) {
         let Some(pose) = actor.pose_at(at) else { continue };
         let place = view.at(pose.point());
         if !last.is_none_or(|last| (last.0 - place.0).abs() + (last.1 - place.1).abs() > 11.0) {
             continue;
         }
         if last.is_none() || !is_in(view, last) {
-            name(labels, story, actor, place);
+            name(labels, (story, actor), view, place);
         }
         last = Some(place);
         shape(canvas, view, &actor.shape(pose), if person { &solid } else { &faint });
@@ -191,11 +193,14 @@ fn is_in(view: &View, place: Option<At>) -> bool {
 }
 
 /// The name of an actor beside it, or by its kind before the run is measured.
-fn name(labels: &mut Labels, story: &Story, actor: &ActorTrace, (x, y): At) {
+fn name(labels: &mut Labels, (story, actor): (&Story, &ActorTrace), view: &View, (x, y): At) {
     let known = story.metrics.iter().flat_map(|m| &m.actors).find(|a| a.actor == actor.id);
     let name = known.map_or_else(|| kind_name(actor.kind).to_owned(), |a| a.name.clone());
     let how = Text { size: 11.0, color: color::INK, anchor: "middle", rim: true, ..Text::default() };
-    let places = [4.0, -14.0, 22.0, -28.0, 36.0, -42.0, 50.0].map(|dy| (x, y + dy));
+    // Within its outline, where that has room for it.
+    let is_roomy = !actor.moves() && actor.extent.length_m * view.scale > width_of(&name, how);
+    let first = if is_roomy { 4.0 } else { -12.0 };
+    let places = [first, 20.0, -26.0, 34.0, -40.0, 48.0, 4.0].map(|dy| (x, y + dy));
     labels.ask(Importance::Name, places.to_vec(), name, how);
 }
 

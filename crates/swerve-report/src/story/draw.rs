@@ -50,8 +50,12 @@ fn header(canvas: &mut Canvas, story: &Story) {
     let how = Text { size: 14.0, color: "#FFFFFF", anchor: "middle", bold: true, rim: false };
     canvas.text((corner.0 + 0.5 * width, 28.0), word, how);
     let how = Text { size: 12.5, color: color::SOFT, ..Text::default() };
-    let headline = lines(&headline(story, metrics), WIDTH - LEFT - RIGHT, how);
-    canvas.text((LEFT, 50.0), headline.first().map_or("", String::as_str), how);
+    let mut parts = headline(story, metrics);
+    // What there is no room for is in `metrics.json`.
+    while width_of(&parts.join("  ·  "), how) > WIDTH - LEFT - RIGHT {
+        parts.pop();
+    }
+    canvas.text((LEFT, 50.0), &parts.join("  ·  "), how);
 }
 
 /// A text in lines of this width at most.
@@ -78,7 +82,7 @@ fn verdict(verdict: Verdict) -> (&'static str, &'static str) {
     }
 }
 
-fn headline(story: &Story, metrics: &Metrics) -> String {
+fn headline(story: &Story, metrics: &Metrics) -> Vec<String> {
     let mut parts = Vec::new();
     if let Some(i) = metrics.impact {
         parts.push(format!(
@@ -98,12 +102,12 @@ fn headline(story: &Story, metrics: &Metrics) -> String {
     if let Some(jerk) = metrics.lateral_jerk.smooth_max_mps3 {
         parts.push(format!("lateral jerk {jerk:.0} m/s³"));
     }
-    parts.push(format!("lateral acceleration {:.1} m/s²", metrics.drive.lateral_accel_max_mps2));
-    parts.push(format!("deceleration {:.1} m/s²", metrics.drive.deceleration_max_mps2));
     if let Some(response) = metrics.response {
         parts.push(format!("response time {:.0} ms (p99 {:.0} ms)", response.p50_ms, response.p99_ms));
     }
-    parts.join("  ·  ")
+    parts.push(format!("deceleration {:.1} m/s²", metrics.drive.deceleration_max_mps2));
+    parts.push(format!("lateral acceleration {:.1} m/s²", metrics.drive.lateral_accel_max_mps2));
+    parts
 }
 
 /// What the signs mean; only those that occur. Gives the height of its last line.

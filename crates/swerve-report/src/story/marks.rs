@@ -1,6 +1,7 @@
 //! The events of a story in the view from above: first sight, closest approach or collision.
 
 use swerve_core::{Span, Time};
+use swerve_eval::Milestone;
 use swerve_geom::Obb;
 
 use super::birds_eye::{outline, shape};
@@ -12,7 +13,8 @@ use crate::canvas::{Canvas, color};
 /// The instant of the first sight of the actor that the story is about, if it came while the ego drove.
 pub(super) fn first_sight(story: &Story) -> Option<Time> {
     let start = story.ego.first()?.stamp;
-    let at = Time::ZERO + Span::from_secs(story.protagonist()?.first_sight_s?);
+    let chain = story.why.as_ref().and_then(|why| why.at_s(Milestone::Visible));
+    let at = Time::ZERO + Span::from_secs(chain.or(story.protagonist()?.first_sight_s)?);
     (at > start).then_some(at)
 }
 

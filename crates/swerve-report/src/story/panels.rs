@@ -47,7 +47,7 @@ const PANELS: [Panel; 5] = [
         comfort: &[],
     },
     Panel {
-        label: "longitudinal acc.",
+        label: "long. acc.",
         unit: "m/s²",
         of: Quantity::Ego(|e| e.accel_mps2),
         range: (-5.0, 3.0),
@@ -60,13 +60,7 @@ const PANELS: [Panel; 5] = [
         range: (-5.2, 5.2),
         comfort: &[-4.89, 4.89],
     },
-    Panel {
-        label: "time to collision",
-        unit: "s",
-        of: Quantity::CollisionTime,
-        range: (0.0, HORIZON_S),
-        comfort: &[],
-    },
+    Panel { label: "TTC", unit: "s", of: Quantity::CollisionTime, range: (0.0, HORIZON_S), comfort: &[] },
 ];
 
 /// Where one panel lies and which ranges it shows.
