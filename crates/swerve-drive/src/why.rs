@@ -126,6 +126,7 @@ impl Logged {
             dead_time: Span::ZERO,
             operators: Vec::new(),
             actors: names().map(str::to_owned).collect(),
+            route: Some(pipeline.route.clone()),
         });
         let stream =
             pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
-use swerve_msg::{ActorId, ActorKind, GateOutput, Imu, ObstacleList, Plan};
+use swerve_msg::{ActorId, ActorKind, GateOutput, Imu, ObstacleList, Plan, Route};
 
 use crate::{
     Clearances, Drive, DriveMetrics, GateMetrics, GateUse, Impact, LateralJerk, OperatorMetrics, Outcome,
@@ -21,6 +21,8 @@ pub struct Params {
     pub operators: Vec<String>,
     /// Names of the actors, in the order of their identities, which begin at 1; one without is called by its number.
     pub actors: Vec<String>,
+    /// The way that the ego is to go, where it is known.
+    pub route: Option<Route>,
 }
 
 /// The result of a run; `metrics.json` is this struct.
@@ -135,7 +137,7 @@ impl Evaluation {
     /// Nothing taken in yet.
     pub fn new(params: Params) -> Self {
         Self {
-            outcome: Outcome::new(params.ego),
+            outcome: Outcome::new(params.ego, params.route),
             clearances: Clearances::new(params.ego),
             drive: Drive::default(),
             jerk: LateralJerk::default(),
@@ -274,6 +276,7 @@ mod tests {
             dead_time: Span::ZERO,
             operators: vec!["planner".into()],
             actors: vec!["parked truck".into(), "person".into()],
+            route: None,
         })
     }
 

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
-use swerve_msg::ActorId;
-use swerve_msg::truth::{EndReason, InfractionKind, Verdict, WorldState};
+use swerve_msg::truth::{Actor, EndReason, InfractionKind, Verdict, WorldState};
+use swerve_msg::{ActorId, Route};
 
 use crate::{Outline, seconds};
 
@@ -33,6 +33,7 @@ pub struct Impact {
 #[derive(Clone, Debug)]
 pub struct Outcome {
     ego: Outline,
+    route: Option<Route>,
     impact: Option<(Time, Impact)>,
     left_road: Option<Time>,
     end: Option<EndReason>,
@@ -42,9 +43,9 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// For an ego of this outline.
-    pub fn new(ego: Outline) -> Self {
-        Self { ego, impact: None, left_road: None, end: None, stands_before: None, is_alone: true }
+    /// For an ego of this outline on its way along a route.
+    pub fn new(ego: Outline, route: Option<Route>) -> Self {
+        Self { ego, route, impact: None, left_road: None, end: None, stands_before: None, is_alone: true }
     }
 
     /// Takes in the state of the world after one step.
@@ -71,7 +72,7 @@ impl Outcome {
         self.is_alone &= world.actors.is_empty();
         if self.end.is_none() && world.ended.is_some() {
             self.end = world.ended;
-            self.stands_before = in_the_way(world, self.ego);
+            self.stands_before = in_the_way(world, self.ego, self.route.as_ref());
         }
     }
 
@@ -119,8 +120,8 @@ impl Outcome {
     }
 }
 
-/// The nearest actor in the way of an ego that stands: ahead of its outline, or nearly.
-fn in_the_way(world: &WorldState, ego: Outline) -> Option<ActorId> {
+/// The nearest actor in the way of an ego that stands: ahead of its outline, or on its route, or nearly.
+fn in_the_way(world: &WorldState, ego: Outline, route: Option<&Route>) -> Option<ActorId> {
     let state = &world.ego.state;
     if state.speed_mps.abs() > STANDS_MPS {
         return None;
@@ -131,14 +132,22 @@ fn in_the_way(world: &WorldState, ego: Outline) -> Option<ActorId> {
         center_ahead_m: ego.center_ahead_m + 0.5 * (ego.length_m + IN_THE_WAY_M),
     };
     let (lane, outline) = (lane.footprint(state.pose), ego.footprint(state.pose));
-    let blocking = world.actors.iter().filter(|actor| actor.gap_m(&lane) <= 0.0);
+    let is_on_route = |actor: &Actor| {
+        let Some(route) = route else { return false };
+        let (own, other) = (route.project(outline.center.point()), route.project(actor.pose.point()));
+        let beside_m = 0.5 * (ego.width_m + actor.extent.width_m) + BESIDE_M;
+        let ahead_m = other.s_m - own.s_m - 0.5 * ego.length_m;
+        (-0.5 * ego.length_m..=IN_THE_WAY_M).contains(&ahead_m) && other.d_m.abs() <= beside_m
+    };
+    let is_blocking = |actor: &&Actor| actor.gap_m(&lane) <= 0.0 || is_on_route(actor);
+    let blocking = world.actors.iter().filter(is_blocking);
     blocking.min_by(|a, b| a.gap_m(&outline).total_cmp(&b.gap_m(&outline))).map(|actor| actor.id)
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use swerve_geom::{Map, Point, Pose2, Transform, Vector, Vector2};
+    use swerve_geom::{Map, Point, Point2, Polyline, Pose2, Transform, Vector, Vector2};
     use swerve_msg::truth::{Actor, Collision, EgoTruth, Infraction};
     use swerve_msg::{ActorKind, EgoState, Extent};
 
@@ -181,7 +190,7 @@ pub(crate) mod tests {
     fn outcome(of: impl Fn(&mut WorldState)) -> Outcome {
         let mut state = world(1000, 0.0);
         of(&mut state);
-        let mut outcome = Outcome::new(EGO);
+        let mut outcome = Outcome::new(EGO, None);
         outcome.take(&state);
         outcome
     }
@@ -215,6 +224,18 @@ pub(crate) mod tests {
         };
         let before = at_end(6.0, 1.0, 0.0);
         assert_eq!((before.verdict(), before.stands_before()), (Verdict::Stopped, Some(ActorId(2))));
+        let mut turned = world(1000, 0.0);
+        turned.ended = Some(EndReason::Timeout);
+        turned.ego.state.pose = Pose2::new(0.0, 1.0, 0.4);
+        turned.actors = vec![actor(2, ActorKind::Pedestrian, Pose2::new(4.7, 0.0, 0.0), 0.5, 0.5)];
+        let line = Polyline::new(&[Point2::new(-9.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
+        for (route, verdict) in
+            [(None, Verdict::Timeout), (Some(Route::uniform(line, 6.0, 2.0)), Verdict::Stopped)]
+        {
+            let mut outcome = Outcome::new(EGO, route);
+            outcome.take(&turned);
+            assert_eq!(outcome.verdict(), verdict, "she is beside its outline, and on its route");
+        }
         assert_eq!(at_end(6.0, 4.0, 0.0).stands_before(), Some(ActorId(1)), "she is on the pavement");
         assert_eq!(at_end(60.0, 0.0, 0.0).verdict(), Verdict::Timeout, "far away");
         assert_eq!(at_end(6.0, 0.0, 1.0).verdict(), Verdict::Timeout, "it drives");

@@ -107,7 +107,7 @@ impl Why {
             let since =
                 last_s.map_or_else(String::new, |last| format!("+{:.0} ms", (step.at_s - last) * 1e3));
             let parts: Vec<String> =
-                step.waited.iter().map(|w| format!("{} {:.0} ms", w.reason, w.ms)).collect();
+                step.waited.iter().map(|w| format!("{} {} ms", w.reason, round(w.ms))).collect();
             let line =
                 format!("  {:<10}{:>8.3} s  {since:>9}  {}", step.what.name(), step.at_s, parts.join(", "));
             text += line.trim_end();
@@ -121,6 +121,11 @@ impl Why {
     pub fn at_s(&self, what: Milestone) -> Option<f64> {
         self.steps.iter().find(|step| step.what == what).map(|step| step.at_s)
     }
+}
+
+/// Milliseconds as a person reads them: what is below one is not nothing.
+fn round(ms: f64) -> String {
+    if ms < 1.0 { format!("{ms:.2}") } else { format!("{ms:.0}") }
 }
 
 fn ms(span: Span) -> f64 {

@@ -11,8 +11,9 @@ use swerve_stack::Assembly;
 
 use super::timeline::{Seen, Timeline};
 
-/// As far from an actor's outline, or nearly, a box or a track is its own, metres.
+/// As far from an actor's outline a box or a track is its own, metres, and this share of its distance from the ego.
 const NEAR_M: f64 = 2.0;
+const NEAR_SHARE: f64 = 0.05;
 
 /// Looks for one actor in the streams of a log.
 pub(super) struct Sightings<'a> {
@@ -67,24 +68,29 @@ impl<'a> Sightings<'a> {
         Ok(None)
     }
 
-    /// The first list with a track of the actor, of a frame at `from` or later, and all tracks that began as its own.
+    /// The first list with a track of the actor, of a frame at `from` or later, and all tracks that were nobody else's
+    /// before.
     pub(super) fn tracks(&self, stream: &str, from: Time) -> Result<Option<(Seen, Vec<ActorId>)>, LogError> {
-        let mut owners: BTreeMap<ActorId, Option<ActorId>> = BTreeMap::new();
+        let mut owners: BTreeMap<ActorId, ActorId> = BTreeMap::new();
         let mut first = None;
         for publication in self.log.publications(stream) {
             let list: TrackList = publication.decode()?;
             if list.tracks.iter().any(|track| !owners.contains_key(&track.id)) {
                 let Some(truth) = self.truth(list.stamp)? else { continue };
                 for track in &list.tracks {
-                    owners.entry(track.id).or_insert_with(|| owner(&truth, track.pose.point()));
+                    if !owners.contains_key(&track.id)
+                        && let Some(owner) = owner(&truth, track.pose.point())
+                    {
+                        owners.insert(track.id, owner);
+                    }
                 }
             }
-            let is_own = |id: ActorId| owners.get(&id) == Some(&Some(self.actor));
+            let is_own = |id: ActorId| owners.get(&id) == Some(&self.actor);
             if first.is_none() && list.stamp >= from && list.tracks.iter().any(|track| is_own(track.id)) {
                 first = self.timeline.seen(stream, publication.header.stamp);
             }
         }
-        let own = owners.into_iter().filter(|(_, owner)| *owner == Some(self.actor)).map(|(id, _)| id);
+        let own = owners.into_iter().filter(|(_, owner)| *owner == self.actor).map(|(id, _)| id);
         Ok(first.map(|first| (first, own.collect())))
     }
 
@@ -101,5 +107,6 @@ fn owner(truth: &WorldState, place: Point2) -> Option<ActorId> {
         let from_center = |a: &swerve_msg::truth::Actor| a.pose.point().distance(place);
         away(a).total_cmp(&away(b)).then(from_center(a).total_cmp(&from_center(b)))
     });
-    near.filter(|actor| away(actor) <= NEAR_M).map(|actor| actor.id)
+    let reach_m = NEAR_M + NEAR_SHARE * truth.ego.state.pose.point().distance(place);
+    near.filter(|actor| away(actor) <= reach_m).map(|actor| actor.id)
 }

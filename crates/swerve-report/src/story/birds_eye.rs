@@ -35,6 +35,7 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     ego_trace(canvas, &mut labels, story, view);
     marks::sight(canvas, &mut labels, story, view);
     marks::closest(canvas, &mut labels, story, view);
+    marks::off_road(canvas, &mut labels, story, view);
     plan_numbers(&mut labels, story, view);
     labels.draw(canvas);
     canvas.end_clip();

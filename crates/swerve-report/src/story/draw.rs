@@ -75,7 +75,7 @@ fn verdict(verdict: Verdict) -> (&'static str, &'static str) {
         Verdict::Avoided => ("AVOIDED", "#00704F"),
         Verdict::Completed => ("COMPLETED", "#00704F"),
         Verdict::Collision => ("COLLISION", color::ALARM),
-        Verdict::LeftRoad => ("LEFT THE ROAD", "#A14A00"),
+        Verdict::LeftRoad => ("LEFT THE ROAD", color::LEFT_ROAD),
         Verdict::Stopped => ("STOPPED", color::STOPPED),
         Verdict::Timeout => ("TIMEOUT", color::SOFT),
         Verdict::Unfinished => ("UNFINISHED", color::SOFT),

@@ -3,6 +3,7 @@
 use swerve_core::{Span, Time};
 use swerve_eval::Milestone;
 use swerve_geom::Obb;
+use swerve_msg::EgoState;
 
 use super::birds_eye::{outline, shape};
 use super::labels::Labels;
@@ -70,6 +71,22 @@ pub(super) fn closest(canvas: &mut Canvas, labels: &mut Labels, story: &Story, v
     };
     let middle = view.at(footprint.center.point());
     labels.event((middle.0, label_height(view, &footprint, to.1 < middle.1)), label, paint);
+    Some(())
+}
+
+/// The ego when it first left the road.
+pub(super) fn left_road(story: &Story) -> Option<EgoState> {
+    story.ego_at(Time::ZERO + Span::from_secs(story.metrics.as_ref()?.left_road_at_s?))
+}
+
+pub(super) fn off_road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) -> Option<()> {
+    let ego = left_road(story)?;
+    let footprint = story.outline.footprint(ego.pose);
+    let style = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\"", color::LEFT_ROAD);
+    outline(canvas, view, &footprint, &style);
+    let place = view.at(footprint.center.point());
+    let label = format!("left the road {:.2} s", ego.stamp.as_secs());
+    labels.event((place.0, label_height(view, &footprint, false)), label, color::LEFT_ROAD);
     Some(())
 }
 

@@ -114,6 +114,7 @@ impl Drive {
             dead_time: Span::ZERO,
             operators: Vec::new(),
             actors: NAMES.map(str::to_owned).to_vec(),
+            route: None,
         };
         let mut evaluation = Evaluation::new(params);
         let mut hit = false;
@@ -323,6 +324,7 @@ fn a_run_without_actors_shows_all_of_it() {
         dead_time: Span::ZERO,
         operators: Vec::new(),
         actors: NAMES.map(str::to_owned).to_vec(),
+        route: None,
     };
     let none: Metrics = Evaluation::new(params).metrics();
     story.conclude(&none, None);

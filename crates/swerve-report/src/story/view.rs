@@ -168,7 +168,10 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
     let mut places: Vec<f64> =
         story.actors.iter().filter(|actor| matters(story, actor)).filter_map(place).collect();
     places.retain(|s| *s >= driven.0 - 10.0 && *s <= driven.1 + 10.0);
-    places.extend(hero);
+    // Where the ego left the road is what a reader looks for, too.
+    let left = super::marks::left_road(story).map(|ego| line.project(ego.pose.point()).s_m);
+    let focus = [hero, left].into_iter().flatten().reduce(f64::max);
+    places.extend(hero.into_iter().chain(left));
     let least = places.iter().copied().fold(f64::INFINITY, f64::min);
     let most = places.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let from = if least.is_finite() { (least - BEFORE_M).max(driven.0) } else { driven.0 };
@@ -179,10 +182,8 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
         driven.1
     };
     let to = to.max(from + 20.0);
-    if to - from <= SHOWN_MAX_M {
-        return Some((from, to));
-    }
-    let from = hero.map_or(from, |s| (s - 0.65 * SHOWN_MAX_M).clamp(from, to - SHOWN_MAX_M));
+    let Some(focus) = focus.filter(|_| to - from > SHOWN_MAX_M) else { return Some((from, to)) };
+    let from = (focus - 0.65 * SHOWN_MAX_M).clamp(from, to - SHOWN_MAX_M);
     Some((from, from + SHOWN_MAX_M))
 }
 
