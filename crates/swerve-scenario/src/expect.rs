@@ -92,11 +92,13 @@ impl Expectation {
             match figure(bound.metric) {
                 None => broken.push(format!("{name} is bounded, but the run has none")),
                 Some(value) => {
+                    // What rounding leaves of nothing is nothing.
+                    let shown = (value * 1e6).round() / 1e6 + 0.0;
                     if let Some(min) = bound.min.filter(|&min| value.is_nan() || value < min) {
-                        broken.push(format!("expected {name} of at least {min}, got {value}"));
+                        broken.push(format!("expected {name} of at least {min}, got {shown}"));
                     }
                     if let Some(max) = bound.max.filter(|&max| value.is_nan() || value > max) {
-                        broken.push(format!("expected {name} of at most {max}, got {value}"));
+                        broken.push(format!("expected {name} of at most {max}, got {shown}"));
                     }
                 }
             }

@@ -114,6 +114,10 @@ impl<'a> Timeline<'a> {
         self.inputs(operator).any(|input| matches!(input.kind, InputKind::Every { .. }))
     }
 
+    pub(super) fn has_deadline(&self, operator: &str) -> bool {
+        self.operator(operator).is_some_and(|operator| operator.deadline.is_some())
+    }
+
     pub(super) fn is_measured(&self, operator: &str) -> bool {
         self.operator(operator).is_some_and(|operator| operator.runtime.contains("measured"))
     }

@@ -48,8 +48,9 @@ impl Without<'_> {
         let read: Vec<&str> = timeline.inputs(planner).filter_map(|input| input.from.as_deref()).collect();
         let names: Vec<String> = pipeline.graph.describe()?.operators.into_iter().map(|o| o.name).collect();
         for name in names.iter().filter(|name| *name != planner) {
-            // A deadline may follow any stream of the stack; of the world and its sensors only what is read matters.
-            let in_stack = pipeline.assembly.node(name).is_some_and(|node| node.role == Role::Stack);
+            // A deadline may follow any stream of the stack.
+            let in_stack = timeline.has_deadline(planner)
+                && pipeline.assembly.node(name).is_some_and(|node| node.role == Role::Stack);
             let records =
                 if in_stack || read.contains(&name.as_str()) { self.playback(name)? } else { Vec::new() };
             pipeline.graph.playback(name, records)?;
