@@ -33,8 +33,8 @@ use timeline::{Seen, Timeline};
 
 /// More deceleration than at the command by this much is an effect, m/s².
 const BRAKES_MPS2: f64 = 0.5;
-/// A steering angle other than at the command by this much is an effect, radians.
-const STEERS_RAD: f64 = 0.5 * core::f64::consts::PI / 180.0;
+/// A steering angle other than at the command by this much is an effect, radians: as much across at 18 m/s.
+const STEERS_RAD: f64 = 0.25 * core::f64::consts::PI / 180.0;
 
 /// Milestones with what was waited for since the one before.
 type Steps = Vec<(Milestone, Time, Vec<(String, Span)>)>;
