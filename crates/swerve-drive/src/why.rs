@@ -14,7 +14,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Span, Time};
-use swerve_eval::{Clearances, Metrics, Milestone, Why};
+use swerve_eval::{Account, Clearances, Metrics, Milestone, Why};
 use swerve_log::{Log, Record};
 use swerve_msg::truth::{Verdict, WorldState};
 use swerve_msg::{ActorId, Detections, EgoState, Plan, PredictionList, TrackList};
@@ -35,9 +35,6 @@ use timeline::{Seen, Timeline};
 const BRAKES_MPS2: f64 = 0.5;
 /// A steering angle other than at the command by this much is an effect, radians: as much across at 18 m/s.
 const STEERS_RAD: f64 = 0.25 * core::f64::consts::PI / 180.0;
-
-/// Milestones with what was waited for since the one before.
-type Steps = Vec<(Milestone, Time, Vec<(String, Span)>)>;
 
 /// A log, and what it was driven with.
 pub struct Logged {
@@ -163,7 +160,7 @@ impl Logged {
         Ok(Why::new(name, ending.verdict, &ending.words, &steps))
     }
 
-    fn steps(&self, pipeline: Pipeline, actor: ActorId) -> anyhow::Result<Steps> {
+    fn steps(&self, pipeline: Pipeline, actor: ActorId) -> anyhow::Result<Vec<Account>> {
         let world =
             pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let planner = pipeline.assembly.publisher::<Plan>().context("nobody plans in this log")?;

@@ -45,7 +45,7 @@ pub use swerve_geom::image_iou;
 pub use swerve_msg::truth::Verdict;
 pub use tracking::{ClearMot, Hota, IdentityScore, SIMILARITY_MIN, TrackingFrame, TrackingMetrics};
 pub use verdict::{Impact, Outcome};
-pub use why::{Milestone, Wait, Why, WhyStep};
+pub use why::{Account, Milestone, Wait, Why, WhyStep};
 
 /// Seconds of an instant, divided so that decimal instants print as such (1.95, not 1.9500000000000002).
 fn seconds(at: swerve_core::Time) -> f64 {

@@ -60,6 +60,9 @@ impl Milestone {
     }
 }
 
+/// A step before it is told: what happened, when, and what went by since the one before, in order of time.
+pub type Account = (Milestone, Time, Vec<(String, Span)>);
+
 /// A part of the time between two steps.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Wait {
@@ -74,12 +77,7 @@ impl Why {
     /// A chain from its steps: each has its instant and how long was waited for what. `ending` begins the sentence.
     ///
     /// The waits of a step have to be the time since the one before; a build for tests panics where they are not.
-    pub fn new(
-        actor: String,
-        verdict: Verdict,
-        ending: &str,
-        steps: &[(Milestone, Time, Vec<(String, Span)>)],
-    ) -> Self {
+    pub fn new(actor: String, verdict: Verdict, ending: &str, steps: &[Account]) -> Self {
         for pair in steps.windows(2) {
             let waited = pair[1].2.iter().fold(Span::ZERO, |sum, (_, span)| sum + *span);
             debug_assert_eq!(
@@ -91,7 +89,7 @@ impl Why {
             );
         }
         let sentence = sentence(ending, steps);
-        let step = |(what, at, waited): &(Milestone, Time, Vec<(String, Span)>)| WhyStep {
+        let step = |(what, at, waited): &Account| WhyStep {
             what: *what,
             at_s: crate::seconds(*at),
             waited: waited.iter().map(|(reason, s)| Wait { reason: reason.clone(), ms: ms(*s) }).collect(),
@@ -132,7 +130,7 @@ fn ms(span: Span) -> f64 {
     span.ns() as f64 / 1e6
 }
 
-fn sentence(ending: &str, steps: &[(Milestone, Time, Vec<(String, Span)>)]) -> String {
+fn sentence(ending: &str, steps: &[Account]) -> String {
     let (Some(first), Some(last)) = (steps.first(), steps.last()) else {
         return format!("{ending}; no sensor frame had it in sight");
     };
@@ -158,7 +156,7 @@ fn sentence(ending: &str, steps: &[(Milestone, Time, Vec<(String, Span)>)]) -> S
     let mut sums: Vec<(&str, Span)> = Vec::new();
     for (reason, span) in steps[1..].iter().flat_map(|step| &step.2) {
         match sums.iter_mut().find(|(known, _)| known == reason) {
-            Some((_, sum)) => *sum = *sum + *span,
+            Some((_, sum)) => *sum += *span,
             None => sums.push((reason, *span)),
         }
     }
@@ -172,7 +170,7 @@ fn sentence(ending: &str, steps: &[(Milestone, Time, Vec<(String, Span)>)]) -> S
 mod tests {
     use super::*;
 
-    fn steps() -> Vec<(Milestone, Time, Vec<(String, Span)>)> {
+    fn steps() -> Vec<Account> {
         let wait = |reason: &str, ms| (reason.to_owned(), Span::from_ms(ms));
         vec![
             (Milestone::Visible, Time::from_ms(4850), Vec::new()),

@@ -6,13 +6,13 @@ use swerve_flow::InputKind;
 use super::timeline::{Loss, Seen, Timeline};
 
 /// Time between two instants, explained backwards from the later one.
-struct Account {
+struct Ledger {
     floor: Time,
     cursor: Time,
     parts: Vec<(String, Span)>,
 }
 
-impl Account {
+impl Ledger {
     fn new(floor: Time, end: Time) -> Self {
         Self { floor, cursor: end.max(floor), parts: Vec::new() }
     }
@@ -26,7 +26,7 @@ impl Account {
         let span = self.cursor - from;
         self.cursor = from;
         match self.parts.last_mut() {
-            Some((known, sum)) if *known == reason => *sum = *sum + span,
+            Some((known, sum)) if *known == reason => *sum += span,
             _ => self.parts.push((reason, span)),
         }
     }
@@ -41,7 +41,7 @@ impl Timeline<'_> {
     /// What the time from one message to a later one of `stream` went by with. Earlier frames of its operator that gave
     /// a result, but not yet this one, count as `idle` of the operator.
     pub(super) fn waits(&self, stream: &str, since: Seen, until: Seen, idle: &str) -> Vec<(String, Span)> {
-        let mut account = Account::new(since.at, until.at);
+        let mut account = Ledger::new(since.at, until.at);
         let frame = self.message(stream, until.stamp, &mut account);
         let operator = self.publisher(stream);
         // Of each earlier frame, from its stamp to the next one's.
@@ -71,7 +71,7 @@ impl Timeline<'_> {
             let starts =
                 |seen: &Seen| self.step(operator, seen.stamp).map_or(seen.at, |step| step.start) >= readable;
             let next = self.all(&stream).find(starts)?;
-            let mut account = Account::new(published, next.at);
+            let mut account = Ledger::new(published, next.at);
             let tick = self.message(&stream, next.stamp, &mut account);
             account.since(tick.max(readable), format!("busy {operator}"));
             account.since(readable, format!("phase of {operator}"));
@@ -90,7 +90,7 @@ impl Timeline<'_> {
     }
 
     /// Explains the time before a message, back to the stamp of its frame, which it gives.
-    fn message(&self, stream: &str, stamp: Time, account: &mut Account) -> Time {
+    fn message(&self, stream: &str, stamp: Time, account: &mut Ledger) -> Time {
         let operator = self.publisher(stream);
         let Some(header) = self.header(stream, stamp) else { return stamp };
         account.since(header.visible_at, format!("delay of {operator}"));
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn an_account_never_leaves_its_bounds_and_has_no_gap() {
-        let mut account = Account::new(Time::from_ms(10), Time::from_ms(50));
+        let mut account = Ledger::new(Time::from_ms(10), Time::from_ms(50));
         account.since(Time::from_ms(40), "a".into());
         account.since(Time::from_ms(45), "later than where it stands".into());
         account.since(Time::from_ms(30), "b".into());

@@ -22,7 +22,7 @@ pub(super) fn series(story: &Story, (from, to): (Time, Time)) -> Vec<(Time, f64)
                 story.actors.iter().filter_map(|actor| until_touch(story, actor, (at, ego.pose, moving)));
             series.push((at, times.fold(HORIZON_S, f64::min)));
         }
-        at = at + EVERY;
+        at += EVERY;
     }
     series
 }
