@@ -182,9 +182,17 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
         driven.1
     };
     let to = to.max(from + 20.0);
-    let Some(focus) = focus.filter(|_| to - from > SHOWN_MAX_M) else { return Some((from, to)) };
-    let from = (focus - 0.65 * SHOWN_MAX_M).clamp(from, to - SHOWN_MAX_M);
-    Some((from, from + SHOWN_MAX_M))
+    let Some(focus) = focus else { return Some((from, to)) };
+    let (from, to) = if to - from > SHOWN_MAX_M {
+        let from = (focus - 0.65 * SHOWN_MAX_M).clamp(from, to - SHOWN_MAX_M);
+        (from, from + SHOWN_MAX_M)
+    } else {
+        (from, to)
+    };
+    // However far apart: the ego where it came nearest is in view.
+    let nearest = super::marks::closest_at(story).and_then(|at| story.ego_at(at));
+    let ego_m = nearest.map_or(from, |ego| line.project(ego.pose.point()).s_m);
+    Some((from.min(ego_m - 3.0), to.max(ego_m + front_m + 3.0)))
 }
 
 /// When the ego is within the part shown; all of the run where it never is.
