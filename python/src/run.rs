@@ -11,6 +11,7 @@ use swerve::Summary;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
+use swerve_drive::why::of_run;
 use swerve_drive::{drive_pipeline, problems_error, read_scenario, set_up, story};
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_log::{Recorder, RunStart};
@@ -157,9 +158,11 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
         "interrupted at {:.2} s",
         outcome.report.at.as_secs()
     );
-    story.conclude(&outcome.metrics);
+    let log = wanted.log.as_deref();
+    let why = log.and_then(|log| of_run(log, &config.registry, &outcome.metrics));
+    story.conclude(&outcome.metrics, why.as_ref());
     Ok(Driven {
-        metrics: serde_json::to_string(&Summary::of(config, scenario, &outcome))?,
+        metrics: serde_json::to_string(&Summary::of(config, scenario, &outcome, why))?,
         story: draw(&story),
         streams: capture.streams,
         config: config.to_text(),

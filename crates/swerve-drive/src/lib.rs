@@ -17,6 +17,7 @@ pub mod realtime;
 pub mod shipped;
 pub mod threads;
 pub mod views;
+pub mod why;
 
 pub use drive::{Outcome, drive, drive_observed, drive_pipeline, record_run_times};
 pub use load::{RunInput, load, problems_error, read_scenario};

@@ -55,7 +55,9 @@ impl Measured {
         let operators: Vec<String> =
             pipeline.graph.describe()?.operators.iter().map(|o| o.name.to_string()).collect();
         let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
-        let params = swerve_eval::Params { ego, dead_time, operators: operators.clone() };
+        let actors = pipeline.scenario.actors.iter().map(|actor| actor.name.clone()).collect();
+        let route = Some(pipeline.route.clone());
+        let params = swerve_eval::Params { ego, dead_time, operators: operators.clone(), actors, route };
         Ok(Self {
             evaluation: Evaluation::new(params),
             operators,

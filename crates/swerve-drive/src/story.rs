@@ -28,3 +28,6 @@ pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story
         outline(&pipeline.vehicle.shape),
     )
 }
+
+#[cfg(test)]
+mod tests;

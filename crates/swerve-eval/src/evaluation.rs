@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
-use swerve_msg::{ActorId, ActorKind, GateOutput, Imu, ObstacleList, Plan};
+use swerve_msg::{ActorId, ActorKind, GateOutput, Imu, ObstacleList, Plan, Route};
 
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::{
@@ -20,6 +20,10 @@ pub struct Params {
     pub dead_time: Span,
     /// Names of the operators, in the order of their numbers.
     pub operators: Vec<String>,
+    /// Names of the actors, in the order of their identities, which begin at 1; one without is called by its number.
+    pub actors: Vec<String>,
+    /// The way that the ego is to go, where it is known.
+    pub route: Option<Route>,
 }
 
 /// The result of a run; `metrics.json` is this struct.
@@ -33,10 +37,16 @@ pub struct Metrics {
     pub min_distance_m: Option<f64>,
     /// The actor of that distance.
     pub min_distance_actor: Option<ActorId>,
+    /// Its name in the scenario.
+    pub min_distance_name: Option<String>,
     /// Its instant, seconds.
     pub min_distance_at_s: Option<f64>,
     /// The first contact; null when nothing was hit.
     pub impact: Option<Impact>,
+    /// Name of the actor that was hit.
+    pub impact_name: Option<String>,
+    /// The actor that the ego stood before at the end; null when it drove, or stood before nothing.
+    pub stands_before: Option<ActorId>,
     /// Speed of the ego at the first contact, m/s; zero when nothing was hit.
     pub impact_speed_mps: f64,
     /// Instant at which part of the ego first left the drivable ground, seconds.
@@ -60,6 +70,22 @@ pub struct Metrics {
     pub operators: Vec<OperatorMetrics>,
 }
 
+impl Metrics {
+    /// The actor that decided the verdict: the one hit, else the one that the ego stands before, else of the people,
+    /// else of all, the one passed nearest.
+    pub fn deciding_actor(&self) -> Option<&ActorMetrics> {
+        let decided = self.impact.map(|impact| impact.actor).or(self.stands_before);
+        if let Some(actor) = decided {
+            return self.actors.iter().find(|a| a.actor == actor);
+        }
+        let nearest = |people: bool| {
+            let of = self.actors.iter().filter(move |a| !people || a.kind.is_person());
+            of.min_by(|a, b| a.min_distance_m.total_cmp(&b.min_distance_m))
+        };
+        nearest(true).or_else(|| nearest(false))
+    }
+}
+
 /// Largest lateral jerk of the readings at the centre of gravity.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct JerkMetrics {
@@ -70,10 +96,12 @@ pub struct JerkMetrics {
 }
 
 /// One actor's part in the run.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ActorMetrics {
     /// Identity.
     pub actor: ActorId,
+    /// Name in the scenario.
+    pub name: String,
     /// Kind of road user or thing.
     pub kind: ActorKind,
     /// Smallest distance between its outline and the ego's, metres.
@@ -106,13 +134,14 @@ pub struct Evaluation {
     response: ResponseTimes,
     gate: GateUse,
     runtimes: RunTimes,
+    names: Vec<String>,
 }
 
 impl Evaluation {
     /// Nothing taken in yet.
     pub fn new(params: Params) -> Self {
         Self {
-            outcome: Outcome::default(),
+            outcome: Outcome::new(params.ego, params.route),
             clearances: Clearances::new(params.ego),
             drive: Drive::default(),
             jerk: LateralJerk::default(),
@@ -122,6 +151,7 @@ impl Evaluation {
             response: ResponseTimes::new(params.dead_time),
             gate: GateUse::default(),
             runtimes: RunTimes::new(params.operators),
+            names: params.actors,
         }
     }
 
@@ -197,8 +227,11 @@ impl Evaluation {
             end: self.outcome.end(),
             min_distance_m: nearest.map(|c| c.distance_m),
             min_distance_actor: nearest.map(|c| c.actor),
+            min_distance_name: nearest.map(|c| self.name(c.actor)),
             min_distance_at_s: nearest.map(|c| seconds(c.at)),
             impact,
+            impact_name: impact.map(|i| self.name(i.actor)),
+            stands_before: self.outcome.stands_before(),
             impact_speed_mps: impact.map_or(0.0, |i| i.ego_speed_mps),
             left_road_at_s: self.outcome.left_road_at().map(seconds),
             lateral_jerk: JerkMetrics {
@@ -219,12 +252,18 @@ impl Evaluation {
         let sight = |actor| self.sights.iter().find(|s| s.actor == actor).map(|s| seconds(s.at));
         let one = |c: &crate::Clearance| ActorMetrics {
             actor: c.actor,
+            name: self.name(c.actor),
             kind: c.kind,
             min_distance_m: c.distance_m,
             min_distance_at_s: seconds(c.at),
             first_sight_s: sight(c.actor),
         };
         self.clearances.each().iter().map(one).collect()
+    }
+
+    fn name(&self, actor: ActorId) -> String {
+        let place = (actor.0 as usize).checked_sub(1);
+        place.and_then(|place| self.names.get(place)).cloned().unwrap_or_else(|| actor.0.to_string())
     }
 
     /// Whether what was felt at `stamp` is the driving and not a crash.
@@ -245,6 +284,8 @@ mod tests {
             ego: Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 },
             dead_time: Span::ZERO,
             operators: vec!["planner".into()],
+            actors: vec!["parked truck".into(), "person".into()],
+            route: None,
         })
     }
 
@@ -288,6 +329,7 @@ mod tests {
         assert_eq!((m.impact_speed_mps, m.impact.unwrap().actor), (12.0, ActorId(2)));
         assert_eq!(m.lateral_jerk.raw_max_mps3, Some(0.0), "the crash is not the driving");
         assert_eq!(m.actors[0].first_sight_s, Some(0.6));
+        assert_eq!((m.impact_name.as_deref(), m.actors[0].name.as_str()), (Some("person"), "person"));
         assert_eq!(m.response.unwrap().p50_ms, 25.0);
         assert_eq!((m.plans.counts.gave_up, m.operators[0].p99_ms), (1, 25.0));
         assert_eq!((m.drive.duration_s, m.drive.path_length_m), (2.005, 41.0));

@@ -26,6 +26,7 @@ mod segmentation;
 pub mod timely;
 mod tracking;
 mod verdict;
+mod why;
 
 pub use average_precision::{AveragePrecision, Found, Recalls};
 pub use coco::{CocoClass, CocoFound, CocoMetrics, CocoTruth};
@@ -45,6 +46,7 @@ pub use swerve_geom::image_iou;
 pub use swerve_msg::truth::Verdict;
 pub use tracking::{ClearMot, Hota, IdentityScore, SIMILARITY_MIN, TrackingFrame, TrackingMetrics};
 pub use verdict::{Impact, Outcome};
+pub use why::{Account, Milestone, Wait, Why, WhyStep};
 
 /// Seconds of an instant, divided so that decimal instants print as such (1.95, not 1.9500000000000002).
 fn seconds(at: swerve_core::Time) -> f64 {

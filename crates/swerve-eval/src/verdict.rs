@@ -2,10 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
-use swerve_msg::ActorId;
-use swerve_msg::truth::{EndReason, InfractionKind, Verdict, WorldState};
+use swerve_msg::truth::{Actor, EndReason, InfractionKind, Verdict, WorldState};
+use swerve_msg::{ActorId, Route};
 
-use crate::seconds;
+use crate::{Outline, seconds};
+
+/// Below this the ego stands, m/s.
+const STANDS_MPS: f64 = 0.1;
+/// As far ahead as this something is in the way of an ego that stands, metres.
+const IN_THE_WAY_M: f64 = 25.0;
+/// And as far beside the outline, metres.
+const BESIDE_M: f64 = 0.5;
 
 /// The first contact of the ego with anything.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -23,14 +30,24 @@ pub struct Impact {
 }
 
 /// Takes in world states and tells the verdict.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Outcome {
+    ego: Outline,
+    route: Option<Route>,
     impact: Option<(Time, Impact)>,
     left_road: Option<Time>,
     end: Option<EndReason>,
+    /// What the ego stood before at the end.
+    stands_before: Option<ActorId>,
+    is_alone: bool,
 }
 
 impl Outcome {
+    /// For an ego of this outline on its way along a route.
+    pub fn new(ego: Outline, route: Option<Route>) -> Self {
+        Self { ego, route, impact: None, left_road: None, end: None, stands_before: None, is_alone: true }
+    }
+
     /// Takes in the state of the world after one step.
     pub fn take(&mut self, world: &WorldState) {
         for c in &world.collisions {
@@ -52,16 +69,27 @@ impl Outcome {
                 }
             }
         }
-        self.end = self.end.or(world.ended);
+        self.is_alone &= world.actors.is_empty();
+        if self.end.is_none() && world.ended.is_some() {
+            self.end = world.ended;
+            self.stands_before = in_the_way(world, self.ego, self.route.as_ref());
+        }
     }
 
-    /// The verdict on what was taken in. A collision outweighs leaving the road, that a timeout.
+    /// The verdict on what was taken in. A collision outweighs leaving the road, that
+    /// whatever else ended the run.
     pub fn verdict(&self) -> Verdict {
         match (self.impact, self.left_road, self.end) {
             (Some(_), _, _) | (None, None, Some(EndReason::Collision)) => Verdict::Collision,
             (None, Some(_), _) => Verdict::LeftRoad,
-            (None, None, Some(EndReason::Goal | EndReason::Stopped)) => Verdict::Avoided,
-            (None, None, Some(EndReason::Timeout)) => Verdict::Timeout,
+            (None, None, Some(EndReason::Goal | EndReason::Stopped)) => match self.is_alone {
+                true => Verdict::Completed,
+                false => Verdict::Avoided,
+            },
+            (None, None, Some(EndReason::Timeout)) => match self.stands_before {
+                Some(_) => Verdict::Stopped,
+                None => Verdict::Timeout,
+            },
             (None, None, None) => Verdict::Unfinished,
         }
     }
@@ -81,16 +109,45 @@ impl Outcome {
         self.left_road
     }
 
+    /// The actor that the ego stood before when the scenario ended.
+    pub fn stands_before(&self) -> Option<ActorId> {
+        self.stands_before
+    }
+
     /// Why the scenario ended; `None` while it goes on.
     pub fn end(&self) -> Option<EndReason> {
         self.end
     }
 }
 
+/// The nearest actor in the way of an ego that stands: ahead of its outline, or on its route, or nearly.
+fn in_the_way(world: &WorldState, ego: Outline, route: Option<&Route>) -> Option<ActorId> {
+    let state = &world.ego.state;
+    if state.speed_mps.abs() > STANDS_MPS {
+        return None;
+    }
+    let lane = Outline {
+        length_m: IN_THE_WAY_M,
+        width_m: ego.width_m + 2.0 * BESIDE_M,
+        center_ahead_m: ego.center_ahead_m + 0.5 * (ego.length_m + IN_THE_WAY_M),
+    };
+    let (lane, outline) = (lane.footprint(state.pose), ego.footprint(state.pose));
+    let is_on_route = |actor: &Actor| {
+        let Some(route) = route else { return false };
+        let (own, other) = (route.project(outline.center.point()), route.project(actor.pose.point()));
+        let beside_m = 0.5 * (ego.width_m + actor.extent.width_m) + BESIDE_M;
+        let ahead_m = other.s_m - own.s_m - 0.5 * ego.length_m;
+        (-0.5 * ego.length_m..=IN_THE_WAY_M).contains(&ahead_m) && other.d_m.abs() <= beside_m
+    };
+    let is_blocking = |actor: &&Actor| actor.gap_m(&lane) <= 0.0 || is_on_route(actor);
+    let blocking = world.actors.iter().filter(is_blocking);
+    blocking.min_by(|a, b| a.gap_m(&outline).total_cmp(&b.gap_m(&outline))).map(|actor| actor.id)
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use swerve_geom::{Map, Point, Pose2, Transform, Vector, Vector2};
+    use swerve_geom::{Map, Point, Point2, Polyline, Pose2, Transform, Vector, Vector2};
     use swerve_msg::truth::{Actor, Collision, EgoTruth, Infraction};
     use swerve_msg::{ActorKind, EgoState, Extent};
 
@@ -128,10 +185,12 @@ pub(crate) mod tests {
         }
     }
 
+    const EGO: Outline = Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 };
+
     fn outcome(of: impl Fn(&mut WorldState)) -> Outcome {
         let mut state = world(1000, 0.0);
         of(&mut state);
-        let mut outcome = Outcome::default();
+        let mut outcome = Outcome::new(EGO, None);
         outcome.take(&state);
         outcome
     }
@@ -145,8 +204,41 @@ pub(crate) mod tests {
             (Some(EndReason::Timeout), Verdict::Timeout),
             (Some(EndReason::Collision), Verdict::Collision),
         ] {
-            assert_eq!(outcome(|w| w.ended = end).verdict(), verdict);
+            let beside = actor(1, ActorKind::Truck, Pose2::new(20.0, 5.0, 0.0), 5.2, 2.6);
+            let some = |w: &mut WorldState| (w.ended, w.actors) = (end, vec![beside.clone()]);
+            assert_eq!(outcome(some).verdict(), verdict);
         }
+        assert_eq!(outcome(|w| w.ended = Some(EndReason::Goal)).verdict(), Verdict::Completed);
+    }
+
+    #[test]
+    fn who_stands_before_what_is_in_the_way_has_stopped() {
+        let at_end = |x_m: f64, y_m: f64, speed_mps: f64| {
+            outcome(|w| {
+                w.ended = Some(EndReason::Timeout);
+                w.ego.state.speed_mps = speed_mps;
+                let far = actor(1, ActorKind::Car, Pose2::new(20.0, 0.0, 0.0), 4.0, 1.8);
+                let person = actor(2, ActorKind::Pedestrian, Pose2::new(x_m, y_m, 0.0), 0.5, 0.5);
+                w.actors = if x_m < 50.0 { vec![far, person] } else { vec![person] };
+            })
+        };
+        let before = at_end(6.0, 1.0, 0.0);
+        assert_eq!((before.verdict(), before.stands_before()), (Verdict::Stopped, Some(ActorId(2))));
+        let mut turned = world(1000, 0.0);
+        turned.ended = Some(EndReason::Timeout);
+        turned.ego.state.pose = Pose2::new(0.0, 1.0, 0.4);
+        turned.actors = vec![actor(2, ActorKind::Pedestrian, Pose2::new(4.7, 0.0, 0.0), 0.5, 0.5)];
+        let line = Polyline::new(&[Point2::new(-9.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
+        for (route, verdict) in
+            [(None, Verdict::Timeout), (Some(Route::uniform(line, 6.0, 2.0)), Verdict::Stopped)]
+        {
+            let mut outcome = Outcome::new(EGO, route);
+            outcome.take(&turned);
+            assert_eq!(outcome.verdict(), verdict, "she is beside its outline, and on its route");
+        }
+        assert_eq!(at_end(6.0, 4.0, 0.0).stands_before(), Some(ActorId(1)), "she is on the pavement");
+        assert_eq!(at_end(60.0, 0.0, 0.0).verdict(), Verdict::Timeout, "far away");
+        assert_eq!(at_end(6.0, 0.0, 1.0).verdict(), Verdict::Timeout, "it drives");
     }
 
     #[test]

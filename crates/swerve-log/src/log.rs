@@ -33,13 +33,27 @@ impl Log {
         damage.map_or(Ok(log), Err)
     }
 
+    /// Reads of a complete log the records that are to be kept; anything missing or damaged is an error.
+    pub fn read_where(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Self, LogError> {
+        let (log, damage) = Self::salvage_where(path, keep)?;
+        damage.map_or(Ok(log), Err)
+    }
+
     /// Reads what can be read, and tells what ended the reading. An error when not even the run's start can be.
     pub fn salvage(path: &Path) -> Result<(Self, Option<LogError>), LogError> {
+        Self::salvage_where(path, |_| true)
+    }
+
+    fn salvage_where(
+        path: &Path,
+        keep: impl Fn(&Record) -> bool,
+    ) -> Result<(Self, Option<LogError>), LogError> {
         let mut reader = Reader::open(path)?;
         let mut records = Vec::new();
         let damage = loop {
             match reader.next_record() {
-                Ok(Some(record)) => records.push(record),
+                Ok(Some(record)) if keep(&record) => records.push(record),
+                Ok(Some(_)) => {}
                 Ok(None) => break None,
                 Err(error) => break Some(error),
             }

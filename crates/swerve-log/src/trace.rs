@@ -169,6 +169,22 @@ impl<W: Write> TraceWriter<W> {
         self.instant(operator, at, &format!("dropped, {reason}"), stamp);
     }
 
+    /// Marks the steps of a chain, by instant (seconds) and name, across all rows.
+    pub fn mark_chain<'a>(&mut self, steps: impl Iterator<Item = (f64, &'a str)>, actor: &str) {
+        self.tids += 1;
+        let tid = self.tids;
+        let head = format!("{{\"ph\":\"M\",\"pid\":1,\"tid\":{tid},\"name\":");
+        self.emit(&format!("{head}\"thread_name\",\"args\":{{\"name\":\"why\"}}}}"));
+        for (at_s, what) in steps {
+            let event = format!(
+                "{{\"ph\":\"i\",\"s\":\"g\",\"pid\":1,\"tid\":{tid},\"name\":{},\"cat\":\"why\",\"ts\":{}}}",
+                serde_json::Value::from(format!("{actor}: {what}")),
+                Micros((Time::ZERO + Span::from_secs(at_s)).ns()),
+            );
+            self.emit(&event);
+        }
+    }
+
     /// Completes the trace: running steps end at the last instant.
     pub fn finish(mut self) -> Result<(), LogError> {
         self.complete();

@@ -128,10 +128,14 @@ pub enum EndReason {
 pub enum Verdict {
     /// The ego came to the end, or to the stop asked for, touching nothing and staying on the road.
     Avoided,
+    /// The same, in a scenario without anybody else: there was nothing to avoid.
+    Completed,
     /// The ego hit something, whatever else happened.
     Collision,
     /// Part of the ego left the drivable ground, and it hit nothing.
     LeftRoad,
+    /// The scenario's time was over, and the ego stood safely before what was in its way.
+    Stopped,
     /// The scenario's time was over before the ego reached its end.
     Timeout,
     /// The run was ended before the scenario was.
@@ -140,19 +144,43 @@ pub enum Verdict {
 
 impl Verdict {
     /// All of them.
-    pub const ALL: [Self; 5] =
-        [Self::Avoided, Self::Collision, Self::LeftRoad, Self::Timeout, Self::Unfinished];
+    pub const ALL: [Self; 7] = [
+        Self::Avoided,
+        Self::Completed,
+        Self::Collision,
+        Self::LeftRoad,
+        Self::Stopped,
+        Self::Timeout,
+        Self::Unfinished,
+    ];
     /// Those that a scenario can come to by itself.
-    pub const OF_SCENARIOS: [Self; 4] = [Self::Avoided, Self::Collision, Self::LeftRoad, Self::Timeout];
+    pub const OF_SCENARIOS: [Self; 6] =
+        [Self::Avoided, Self::Completed, Self::Collision, Self::LeftRoad, Self::Stopped, Self::Timeout];
 
     /// The name used in files and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Avoided => "avoided",
+            Self::Completed => "completed",
             Self::Collision => "collision",
             Self::LeftRoad => "left_road",
+            Self::Stopped => "stopped",
             Self::Timeout => "timeout",
             Self::Unfinished => "unfinished",
+        }
+    }
+
+    /// Whether the ego came to its end, or to the stop asked for, unharmed.
+    pub fn is_success(self) -> bool {
+        matches!(self, Self::Avoided | Self::Completed)
+    }
+
+    /// What a verdict was called before there was a name of its own for it.
+    pub fn old_name(self) -> Self {
+        match self {
+            Self::Completed => Self::Avoided,
+            Self::Stopped => Self::Timeout,
+            other => other,
         }
     }
 }

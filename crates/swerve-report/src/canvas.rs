@@ -14,6 +14,10 @@ pub mod color {
     pub const FALLBACK: &str = "#CC79A7";
     pub const SIGHT: &str = "#C98A00";
     pub const ALARM: &str = "#B00020";
+    pub const STOPPED: &str = "#6A4FA3";
+    pub const STOPPED_LIGHT: &str = "#C3B1E1";
+    pub const LEFT_ROAD: &str = "#A14A00";
+    pub const TRACK: &str = "#7B3FA0";
     pub const INK: &str = "#1F2328";
     pub const SOFT: &str = "#5B636D";
     pub const GRID: &str = "#D9DDE2";

@@ -74,11 +74,17 @@ pub struct Expectation {
 }
 
 impl Expectation {
+    /// What to call the expected verdict of a run that came to this one, where the name of old stands for it.
+    pub fn renamed(&self, verdict: Verdict) -> Option<String> {
+        let is_old = verdict != self.verdict && verdict.old_name() == self.verdict;
+        is_old.then(|| format!("[expect] verdict `{}`: such a run is called `{verdict}` now", self.verdict))
+    }
+
     /// In what way a run differs from what is expected; empty when it is as expected. `figure` gives the
     /// figures of the run, `None` for one that it does not have, which breaks its bound.
     pub fn broken_by(&self, verdict: Verdict, figure: impl Fn(Metric) -> Option<f64>) -> Vec<String> {
         let mut broken = Vec::new();
-        if verdict != self.verdict {
+        if verdict != self.verdict && verdict.old_name() != self.verdict {
             broken.push(format!("expected the verdict {}, got {verdict}", self.verdict));
         }
         for bound in &self.bounds {
@@ -86,11 +92,13 @@ impl Expectation {
             match figure(bound.metric) {
                 None => broken.push(format!("{name} is bounded, but the run has none")),
                 Some(value) => {
+                    // What rounding leaves of nothing is nothing.
+                    let shown = (value * 1e6).round() / 1e6 + 0.0;
                     if let Some(min) = bound.min.filter(|&min| value.is_nan() || value < min) {
-                        broken.push(format!("expected {name} of at least {min}, got {value}"));
+                        broken.push(format!("expected {name} of at least {min}, got {shown}"));
                     }
                     if let Some(max) = bound.max.filter(|&max| value.is_nan() || value > max) {
-                        broken.push(format!("expected {name} of at most {max}, got {value}"));
+                        broken.push(format!("expected {name} of at most {max}, got {shown}"));
                     }
                 }
             }
@@ -124,6 +132,9 @@ mod tests {
             }
         };
         assert_eq!(expectation.broken_by(Verdict::Avoided, figures(0.3)), Vec::<String>::new());
+        assert_eq!(expectation.broken_by(Verdict::Completed, figures(0.3)), Vec::<String>::new());
+        assert_eq!(expectation.renamed(Verdict::Avoided), None);
+        assert!(expectation.renamed(Verdict::Completed).unwrap().contains("`completed`"));
         assert_eq!(
             expectation.broken_by(Verdict::Collision, figures(0.2)),
             [

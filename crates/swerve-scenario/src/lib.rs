@@ -60,7 +60,7 @@
 //! standstill = { near = "person", within_m = 25.0, for_s = 2.0 }  # ? ends the run; near and within_m ?
 //!
 //! [expect]                                            # ?
-//! verdict = "avoided"                                 # avoided, collision, left_road, timeout
+//! verdict = "avoided"                                 # avoided, completed, collision, left_road, stopped, timeout
 //! min_distance_m = { min = 0.3 }                      # ? bounds of the figures in `Metric`
 //! [expect.pipeline.slow]                              # ? for a pipeline of that name
 //! verdict = "collision"

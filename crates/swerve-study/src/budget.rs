@@ -1,7 +1,6 @@
 //! The latency budget: the largest added latency at which a run still ends well.
 
 use swerve_drive::drive;
-use swerve_eval::Verdict;
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 
@@ -19,7 +18,7 @@ pub(super) fn largest_latency(
     result.budget_ms = edge(budget, |added_ms| {
         let mut config = config.clone();
         config.planning.added_latency_ms += added_ms;
-        Ok(drive(&config, scenario)?.metrics.verdict == Verdict::Avoided)
+        Ok(drive(&config, scenario)?.metrics.verdict.is_success())
     })?;
     if result.budget_ms.is_some() {
         result.verdict = "avoided".into();

@@ -34,6 +34,9 @@ pub fn draw(grid: &Grid, title: &str) -> String {
         }
     }
     legend(&mut canvas, (left, height - 34.0), budget_max(grid), grid.good);
+    if budget_max(grid).is_none() && grid.squares.iter().any(|square| square.stopped > 0) {
+        legend_of_stops(&mut canvas, (left, height - 16.0));
+    }
     canvas.finish(width, height, title)
 }
 
@@ -54,6 +57,19 @@ fn draw_square(canvas: &mut Canvas, square: &Square, (x, y): At, budget_max: Opt
     };
     let size = (SQUARE_W - 4.0, SQUARE_H - 4.0);
     canvas.rect((x + 2.0, y + 2.0), size, &format!("rx=\"4\" fill=\"{fill}\""));
+    // Safe stops have the right part for themselves.
+    let stopped = if budget_max.is_none() && square.runs > 0 {
+        square.stopped as f64 / square.runs as f64
+    } else {
+        0.0
+    };
+    if stopped > 0.0 {
+        let width = size.0 * stopped;
+        let style = format!("rx=\"4\" fill=\"{}\"", color::STOPPED_LIGHT);
+        canvas.rect((x + 2.0 + size.0 - width, y + 2.0), (width, size.1), &style);
+    }
+    let ink = if stopped > 0.0 { color::INK } else { ink };
+    let rim = stopped > 0.0 && stopped < 1.0;
     let middle = x + 0.5 * SQUARE_W;
     let (first, second) = match (square.budget_text(), square.runs) {
         (_, 0) if square.failed > 0 => (square.text(), String::new()),
@@ -72,9 +88,9 @@ fn draw_square(canvas: &mut Canvas, square: &Square, (x, y): At, budget_max: Opt
         ),
     };
     let up = if second.is_empty() { 5.0 } else { -2.0 };
-    canvas.text((middle, y + 0.5 * SQUARE_H + up), &first, Text { color: ink, bold: true, ..NAME });
+    canvas.text((middle, y + 0.5 * SQUARE_H + up), &first, Text { color: ink, bold: true, rim, ..NAME });
     if !second.is_empty() {
-        let below = Text { color: ink, size: 11.0, ..NAME };
+        let below = Text { color: ink, size: 11.0, rim, ..NAME };
         canvas.text((middle, y + 0.5 * SQUARE_H + 13.0), &second, below);
     }
 }
@@ -86,6 +102,13 @@ fn colour(level: f64) -> String {
         if level < 0.5 { (low, middle, 2.0 * level) } else { (middle, high, 2.0 * level - 1.0) };
     let mix = |i: usize| (from[i] + (to[i] - from[i]) * t).round() as u8;
     format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
+}
+
+fn legend_of_stops(canvas: &mut Canvas, (x, y): At) {
+    canvas.rect((x, y), (16.0, 12.0), &format!("fill=\"{}\"", color::STOPPED_LIGHT));
+    let small = Text { size: 11.0, color: color::SOFT, anchor: "start", ..NAME };
+    let text = "of the square's width: share of runs that stopped safely before what was in the way";
+    canvas.text((x + 24.0, y + 10.0), text, small);
 }
 
 fn legend(canvas: &mut Canvas, (x, y): At, budget_max: Option<f64>, good: &str) {

@@ -90,7 +90,9 @@ pub struct Square {
     pub on_road: usize,
     /// Of these, good: avoided, or what else counts as that.
     pub good: usize,
-    /// Of these, what neither avoided nor hit, by verdict: `left_road`, `timeout`.
+    /// Of these, neither good nor bad: the car stood safely before what was in its way.
+    pub stopped: usize,
+    /// Of these, what neither avoided nor hit, by verdict: `left_road`, `stopped`, `timeout`.
     pub others: BTreeMap<String, usize>,
     /// Impact speeds of the others, m/s, sorted.
     pub impact_mps: Vec<f64>,
@@ -178,7 +180,8 @@ impl Square {
             _ => result.avoided(),
         };
         self.good += usize::from(good);
-        if !matches!(result.verdict.as_str(), "avoided" | "collision") {
+        self.stopped += usize::from(result.verdict == "stopped");
+        if !result.avoided() && result.verdict != "collision" {
             *self.others.entry(result.verdict.clone()).or_default() += 1;
         }
         self.impact_mps.extend(result.impact_speed_mps.filter(|_| result.verdict == "collision"));
@@ -194,9 +197,10 @@ impl Square {
         rest.map(|(verdict, n)| (verdict.as_str(), *n)).chain(failed)
     }
 
-    /// Share of good runs, 0 to 1; `None` before any finished.
+    /// Share of good runs among those that did not stop safely, 0 to 1; `None` where there are none.
     pub fn share(&self) -> Option<f64> {
-        (self.runs > 0).then(|| self.good as f64 / self.runs as f64)
+        let decided = self.runs - self.stopped;
+        (decided > 0).then(|| self.good as f64 / decided as f64)
     }
 
     /// Median impact speed of the runs that hit, m/s.
@@ -342,6 +346,11 @@ mod tests {
             (Some(0.0), "1/2 (0.09-0.91), 2 on road, hit 9.0 m/s, 1 timeout")
         );
         assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
+        let safe =
+            [result(&study.cells[0], "stopped", None), result(&study.cells[1], "collision", Some(9.0))];
+        let safe = Grid::of(&study, &safe).squares[0].clone();
+        assert_eq!((safe.share(), safe.stopped), (Some(0.0), 1), "a safe stop is neither good nor bad");
+        assert!(safe.text().ends_with("1 stopped"), "{}", safe.text());
         assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,true,true,0.5000,,,,,,0");
         let off = [result(&study.cells[0], "left_road", None), result(&study.cells[1], "avoided", None)];
         let of = |study: &Study| Grid::of(study, &off).squares[0].clone();

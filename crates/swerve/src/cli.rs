@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
-use swerve_drive::process;
+use swerve_drive::{process, why};
 use swerve_stack::Registry;
 use swerve_study::{calibrate, dataset, evaluate, track, train};
 
@@ -27,6 +27,8 @@ enum Command {
     Live(swerve_live::LiveArgs),
     /// Vary a run along axes over configuration keys and seeds
     Study(swerve_study::StudyArgs),
+    /// Say why a logged drive ended so: from the first sight of an actor to the car's answer
+    Why(why::WhyArgs),
     /// Compute a log's streams again and compare, or ask what would have been
     Replay(replay::ReplayArgs),
     /// List the kinds of operators that a configuration can name, or show one of them
@@ -79,6 +81,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Run(args) => run::run(args, registry),
         Command::Live(args) => swerve_live::run(args, registry),
         Command::Study(args) => swerve_study::run(args, registry),
+        Command::Why(args) => why::run(args, registry),
         Command::Replay(args) => replay::run(args, registry),
         Command::Operators(args) => operators::run(args, registry),
         Command::Keys(args) => keys::run(args, registry),

@@ -7,6 +7,7 @@ use swerve_drive::frames::Frames;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::realtime::Realtime;
+use swerve_drive::why::of_run;
 use swerve_drive::{
     Outcome, Recording, RunInput, drive_pipeline, load, record_run_times, run_start, set_up, story, title,
 };
@@ -126,7 +127,12 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let ends = Ends { clock: config.clock.source, out: &out };
     let realtime = realtime.map(|realtime| realtime.obtained());
     // What was recorded until a failure is kept, readable.
-    let recorded = recording.finish().and(trace.finish()).map_err(anyhow::Error::from);
+    let recorded = recording.finish();
+    let metrics = driven.as_ref().ok().filter(|_| recorded.is_ok()).map(|outcome| &outcome.metrics);
+    let why = metrics.and_then(|metrics| of_run(&log_part, registry, metrics));
+    why.iter()
+        .for_each(|why| trace.mark_chain(why.steps.iter().map(|s| (s.at_s, s.what.name())), &why.actor));
+    let recorded = recorded.and(trace.finish()).map_err(anyhow::Error::from);
     let driven = driven.with_context(|| format!("what was recorded until then is in {}", log_part.display()));
     let outcome = ends.in_order(driven, &recorded, &log_part)?;
     if recorded.is_ok() {
@@ -134,9 +140,9 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
             std::fs::rename(part, out.join(whole)).with_context(|| format!("writing {whole}"))?;
         }
     }
-    let mut summary = Summary::of(&config, &scenario, &outcome);
+    story.conclude(&outcome.metrics, why.as_ref());
+    let mut summary = Summary::of(&config, &scenario, &outcome, why);
     (summary.traffic, summary.ros2, summary.realtime) = (traffic, ros2, realtime);
-    story.conclude(&outcome.metrics);
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     let left = ends.leave(&json, &story);

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use swerve_drive::realtime::Obtained;
 use swerve_drive::{Budgets, Outcome, RungCount};
-use swerve_eval::{GateMetrics, Metrics};
+use swerve_eval::{GateMetrics, Metrics, Why};
 use swerve_flow::{RunReport, TickReport};
 use swerve_ipc::Traffic;
 use swerve_live::ros2::Ros2Report;
@@ -61,11 +61,16 @@ pub struct Summary {
     rungs_text: String,
     #[serde(flatten)]
     metrics: Metrics,
+    /// The chain of the actor that decided the verdict; null without actors.
+    why: Option<Why>,
+    /// What an expected verdict is called by now.
+    #[serde(skip)]
+    renamed: Option<String>,
 }
 
 impl Summary {
-    /// Sums up a run.
-    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome) -> Self {
+    /// Sums up a run, and why it ended so.
+    pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome, why: Option<Why>) -> Self {
         let pipeline = config.pipeline_name();
         let expected = scenario.expectation(&pipeline);
         let broken = expected.map(|e| outcome.broken(e));
@@ -88,6 +93,8 @@ impl Summary {
             rungs: outcome.rungs.counts(),
             rungs_text: outcome.rungs.text(),
             metrics: outcome.metrics.clone(),
+            why,
+            renamed: expected.and_then(|e| e.renamed(outcome.metrics.verdict)),
         }
     }
 
@@ -127,8 +134,11 @@ impl Summary {
         let _ = match m.impact {
             Some(i) => writeln!(
                 text,
-                "{verdict} at {:.2} s: ego at {:.1} m/s, closing at {:.1} m/s",
-                i.at_s, i.ego_speed_mps, i.closing_speed_mps
+                "{verdict} at {:.2} s with {}: ego at {:.1} m/s, closing at {:.1} m/s",
+                i.at_s,
+                m.impact_name.as_deref().unwrap_or_default(),
+                i.ego_speed_mps,
+                i.closing_speed_mps
             ),
             None => writeln!(text, "{verdict}"),
         };
@@ -138,8 +148,10 @@ impl Summary {
         row("no collision", if m.impact.is_none() { "yes" } else { "no" }.to_owned());
         let left = |at_s: f64| format!("no: left it at {at_s:.2} s");
         row("stayed on the road", m.left_road_at_s.map_or_else(|| "yes".to_owned(), left));
-        if let (Some(distance), Some(at)) = (m.min_distance_m, m.min_distance_at_s) {
-            row("minimum distance", format!("{distance:.2} m at {at:.2} s"));
+        if let (Some(distance), Some(at), Some(to)) =
+            (m.min_distance_m, m.min_distance_at_s, &m.min_distance_name)
+        {
+            row("minimum distance", format!("{distance:.2} m at {at:.2} s, to {to}"));
         }
         let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));
         let (raw, smooth) = (jerk(m.lateral_jerk.raw_max_mps3), jerk(m.lateral_jerk.smooth_max_mps3));
@@ -171,6 +183,7 @@ impl Summary {
             ]
         });
         text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        text += &self.why.as_ref().map_or_else(String::new, Why::text);
         text += &self.rungs_text;
         text += &self.clock_text();
         if let Some(ros2) = &self.ros2 {
@@ -190,6 +203,7 @@ impl Summary {
             }
             None => {}
         }
+        text += &self.renamed.as_ref().map_or_else(String::new, |renamed| format!("{renamed}\n"));
         text
     }
 }

@@ -4,7 +4,10 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2};
 use swerve_msg::ActorKind;
 
+use super::labels::{Importance, Labels, width_of};
+use super::marks::{self, first_sight, label_height};
 use super::record::{ActorTrace, PlanMark, Shape, Story};
+use super::tracks;
 use super::view::View;
 use crate::canvas::{At, Canvas, Text, color, multiples, number, round_step};
 
@@ -23,13 +26,18 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     canvas.begin_clip(view.corner, view.size);
     road(canvas, story, view);
     grid(canvas, view);
+    let mut labels = Labels::new(view.corner, view.size);
     for actor in &story.actors {
-        actor_trace(canvas, story, actor, view);
+        actor_trace(canvas, &mut labels, (story, actor), view);
     }
+    tracks::draw(canvas, story, view);
     plans(canvas, story, view);
-    ego_trace(canvas, story, view);
-    let labels = [sight(canvas, story, view), closest(canvas, story, view)];
-    plan_numbers(canvas, story, view, labels.into_iter().flatten().collect());
+    ego_trace(canvas, &mut labels, story, view);
+    marks::sight(canvas, &mut labels, story, view);
+    marks::closest(canvas, &mut labels, story, view);
+    marks::off_road(canvas, &mut labels, story, view);
+    plan_numbers(&mut labels, story, view);
+    labels.draw(canvas);
     canvas.end_clip();
     axes(canvas, view);
 }
@@ -115,7 +123,7 @@ pub(super) fn actor_color(kind: ActorKind) -> &'static str {
     if kind.is_person() { color::PERSON } else { color::VEHICLE }
 }
 
-fn shape(canvas: &mut Canvas, view: &View, shape: &Shape, style: &str) {
+pub(super) fn shape(canvas: &mut Canvas, view: &View, shape: &Shape, style: &str) {
     match shape {
         Shape::Circle(center, radius_m) => {
             canvas.circle(view.at(*center), (radius_m * view.scale).max(2.5), style);
@@ -124,7 +132,7 @@ fn shape(canvas: &mut Canvas, view: &View, shape: &Shape, style: &str) {
     }
 }
 
-fn outline(canvas: &mut Canvas, view: &View, obb: &Obb, style: &str) {
+pub(super) fn outline(canvas: &mut Canvas, view: &View, obb: &Obb, style: &str) {
     canvas.path(obb.corners().map(|corner| view.at(corner)), true, style);
 }
 
@@ -139,45 +147,62 @@ fn seconds(at: Time) -> String {
     format!("{:.1}", at.as_secs())
 }
 
-fn actor_trace(canvas: &mut Canvas, story: &Story, actor: &ActorTrace, view: &View) {
+fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story, &ActorTrace), view: &View) {
     let (paint, person) = (actor_color(actor.kind), actor.kind.is_person());
     let solid = format!("fill=\"{paint}\" fill-opacity=\"0.75\" stroke=\"{paint}\" stroke-width=\"1\"");
     if !actor.moves() {
         let Some(pose) = actor.pose_at(view.span.0) else { return };
         shape(canvas, view, &actor.shape(pose), &solid);
-        if !person {
-            let (x, y) = view.at(pose.point());
-            let how = Text { size: 11.0, color: "#FFFFFF", anchor: "middle", ..Text::default() };
-            canvas.text((x, y + 4.0), kind_name(actor.kind), how);
-        }
+        name(labels, (story, actor), view, view.at(pose.point()));
         return;
     }
     let way = actor.poses.iter().filter(|(at, _)| *at <= view.span.1).map(|(_, pose)| view.at(pose.point()));
     canvas.path(way, false, &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.5\""));
     let faint = format!("fill=\"{paint}\" fill-opacity=\"0.18\" stroke=\"{paint}\" stroke-width=\"1\"");
-    let mut labelled: Option<At> = None;
-    for at in half_seconds(view) {
+    let mut last: Option<At> = None;
+    let is_hero = story.protagonist().is_some_and(|hero| hero.actor == actor.id);
+    // Of those who matter less every full second is enough.
+    for at in half_seconds(view).filter(|at| is_hero || at.ns() % (2 * OUTLINE_EVERY_NS) == 0) {
         let Some(pose) = actor.pose_at(at) else { continue };
         let place = view.at(pose.point());
-        let far = labelled.is_none_or(|last| (last.0 - place.0).abs() + (last.1 - place.1).abs() > 11.0);
-        if !far {
+        if !last.is_none_or(|last| (last.0 - place.0).abs() + (last.1 - place.1).abs() > 11.0) {
             continue;
         }
-        labelled = Some(place);
+        if last.is_none() || !is_in(view, last) {
+            name(labels, (story, actor), view, place);
+        }
+        last = Some(place);
         shape(canvas, view, &actor.shape(pose), if person { &solid } else { &faint });
         let how = Text { size: 10.0, color: paint, anchor: "start", rim: true, ..Text::default() };
         let beside = 0.5 * actor.extent.width_m.min(1.0) * view.scale + 5.0;
-        canvas.text((place.0 + beside, place.1 + 3.5), &seconds(at), how);
+        let places = vec![
+            (place.0 + beside, place.1 + 3.5),
+            (place.0 - beside - 16.0, place.1 + 3.5),
+            (place.0 - 8.0, place.1 - beside - 2.0),
+        ];
+        labels.ask(Importance::Time, places, seconds(at), how);
     }
     let end = story.ego.last().map_or(view.span.1, |e| e.stamp).min(view.span.1);
     if let Some(pose) = actor.pose_at(end) {
-        shape(
-            canvas,
-            view,
-            &actor.shape(pose),
-            &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.5\""),
-        );
+        let last = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.5\"");
+        shape(canvas, view, &actor.shape(pose), &last);
     }
+}
+
+fn is_in(view: &View, place: Option<At>) -> bool {
+    place.is_some_and(|(x, _)| x >= view.corner.0 && x <= view.corner.0 + view.size.0)
+}
+
+/// The name of an actor beside it, or by its kind before the run is measured.
+fn name(labels: &mut Labels, (story, actor): (&Story, &ActorTrace), view: &View, (x, y): At) {
+    let known = story.metrics.iter().flat_map(|m| &m.actors).find(|a| a.actor == actor.id);
+    let name = known.map_or_else(|| kind_name(actor.kind).to_owned(), |a| a.name.clone());
+    let how = Text { size: 11.0, color: color::INK, anchor: "middle", rim: true, ..Text::default() };
+    // Within its outline, where that has room for it.
+    let is_roomy = !actor.moves() && actor.extent.length_m * view.scale > width_of(&name, how);
+    let first = if is_roomy { 4.0 } else { -12.0 };
+    let places = [first, 20.0, -26.0, 34.0, -40.0, 48.0, 4.0].map(|dy| (x, y + dy));
+    labels.ask(Importance::Name, places.to_vec(), name, how);
 }
 
 /// What to call an actor.
@@ -192,11 +217,9 @@ pub(super) fn kind_name(kind: ActorKind) -> &'static str {
     }
 }
 
-fn ego_trace(canvas: &mut Canvas, story: &Story, view: &View) {
+fn ego_trace(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     let paint = color::EGO;
     let faint = format!("fill=\"{paint}\" fill-opacity=\"0.10\" stroke=\"{paint}\" stroke-width=\"1.2\"");
-    let (left, right) = (view.corner.0 + 15.0, view.corner.0 + view.size.0 - 15.0);
-    let mut labelled = f64::NEG_INFINITY;
     let mut drawn: Option<Point2> = None;
     for at in half_seconds(view) {
         let Some(ego) = story.ego_at(at) else { continue };
@@ -208,12 +231,9 @@ fn ego_trace(canvas: &mut Canvas, story: &Story, view: &View) {
         drawn = Some(center);
         outline(canvas, view, &footprint, &faint);
         let (x, y) = view.at(center);
-        if (x - labelled).abs() > 30.0 && x > left && x < right {
-            labelled = x;
-            let how = Text { size: 10.0, color: paint, anchor: "middle", rim: true, ..Text::default() };
-            // Below the middle, where the ego's way does not run through it.
-            canvas.text((x, y + 12.0), &format!("{} s", seconds(at)), how);
-        }
+        let how = Text { size: 10.0, color: paint, anchor: "middle", rim: true, ..Text::default() };
+        // Below the middle, where the ego's way does not run through it.
+        labels.ask(Importance::Time, vec![(x, y + 12.0)], format!("{} s", seconds(at)), how);
     }
     let way: Vec<Point2> = story.ego.iter().map(|e| e.pose.point()).collect();
     polyline(canvas, view, &way, &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.6\""));
@@ -272,23 +292,22 @@ pub(super) fn before_sight(story: &Story, view: &View) -> Option<String> {
         .iter()
         .flat_map(|m| m.actors.iter().filter(seen_s))
         .filter(|a| a.actor != hero.actor)
-        .map(|a| kind_name(a.kind))
+        .map(|a| a.name.as_str())
         .collect();
     let plans = match early {
         0 => return None,
         1 => "plan 1 is".to_owned(),
         n => format!("plans 1 to {n} are"),
     };
-    let unseen = kind_name(hero.kind);
+    let unseen = &hero.name;
     Some(match &others[..] {
-        [] => format!("{plans} from before first sight of the {unseen}"),
+        [] => format!("{plans} from before first sight of {unseen}"),
         [other] => {
-            format!("{plans} from before first sight of the {unseen}: only the {other} is in sight then")
+            format!("{plans} from before first sight of {unseen}: only {other} is in sight then")
         }
-        _ => format!(
-            "{plans} from before first sight of the {unseen}: {} others are in sight then",
-            others.len()
-        ),
+        _ => {
+            format!("{plans} from before first sight of {unseen}: {} others are in sight then", others.len())
+        }
     })
 }
 
@@ -309,119 +328,19 @@ fn plans(canvas: &mut Canvas, story: &Story, view: &View) {
 }
 
 /// Where the ego was when it changed its mind.
-fn plan_numbers(canvas: &mut Canvas, story: &Story, view: &View, mut taken: Vec<Taken>) {
+fn plan_numbers(labels: &mut Labels, story: &Story, view: &View) {
     for (number, mark) in (1..).zip(changes(story, view).shown) {
         let Some(ego) = story.ego_at(mark.at) else { continue };
         let (x, _) = view.at(ego.pose.point());
         // Above the outline: within it stands the time.
-        let mut y = label_height(view, &story.outline.footprint(ego.pose), false) - 5.0;
-        while taken.iter().any(|t| (t.at.0 - x).abs() < t.half_width + 8.5 && (t.at.1 - y).abs() < 17.0) {
-            y -= 17.0;
-        }
-        taken.push(Taken { at: (x, y), half_width: 8.5 });
-        badge(canvas, (x, y), number, plan_color(&mark.plan));
+        let y = label_height(view, &story.outline.footprint(ego.pose), false) - 5.0;
+        labels.badge((x, y), number, plan_color(&mark.plan));
     }
 }
 
 /// A number in a circle.
-pub(super) fn badge(canvas: &mut Canvas, (x, y): At, number: usize, paint: &str) {
+pub(super) fn badge(canvas: &mut Canvas, (x, y): At, number: &str, paint: &str) {
     canvas.circle((x, y), 7.0, &format!("fill=\"{paint}\" stroke=\"#FFFFFF\" stroke-width=\"1\""));
     let how = Text { size: 10.0, color: "#FFFFFF", anchor: "middle", bold: true, ..Text::default() };
-    canvas.text((x, y + 3.6), &number.to_string(), how);
-}
-
-/// The instant of the first sight of the actor that the story is about, if it came while the ego drove.
-pub(super) fn first_sight(story: &Story) -> Option<Time> {
-    let start = story.ego.first()?.stamp;
-    let at = Time::ZERO + swerve_core::Span::from_secs(story.protagonist()?.first_sight_s?);
-    (at > start).then_some(at)
-}
-
-fn sight(canvas: &mut Canvas, story: &Story, view: &View) -> Option<Taken> {
-    let at = first_sight(story)?;
-    let actor = story.protagonist().and_then(|a| story.actor(a.actor));
-    let (ego, actor) = (story.ego_at(at)?, actor?);
-    let pose = actor.pose_at(at)?;
-    let paint = color::SIGHT;
-    let footprint = story.outline.footprint(ego.pose);
-    let dashed = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\" stroke-dasharray=\"6 4\"");
-    outline(canvas, view, &footprint, &dashed);
-    let (from, to) = (view.at(footprint.center.point()), view.at(pose.point()));
-    canvas.line(from, to, &dashed);
-    shape(canvas, view, &actor.shape(pose), &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\""));
-    let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
-    let away_m = on_ego.distance(on_actor);
-    let end = if from.0 < view.corner.0 { ", before this view" } else { "" };
-    let label = format!("first sight {:.2} s, {away_m:.1} m away{end}", at.as_secs());
-    // On the side away from the actor, where the line of sight does not cross it.
-    let place = (from.0, label_height(view, &footprint, to.1 < from.1));
-    Some(mark_label(canvas, view, place, &label, "#8A5E00"))
-}
-
-fn closest(canvas: &mut Canvas, story: &Story, view: &View) -> Option<Taken> {
-    let metrics = story.metrics.as_ref()?;
-    let hero = story.protagonist()?;
-    let impact = metrics.impact.filter(|i| i.actor == hero.actor);
-    let at_s = impact.map_or(hero.min_distance_at_s, |i| i.at_s);
-    let at = Time::ZERO + swerve_core::Span::from_secs(at_s);
-    let actor = story.actor(hero.actor);
-    let (ego, actor) = (story.ego_at(at)?, actor?);
-    let pose = actor.pose_at(at)?;
-    let footprint = story.outline.footprint(ego.pose);
-    let paint = color::ALARM;
-    let strong = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.8\"");
-    outline(canvas, view, &footprint, &strong);
-    shape(canvas, view, &actor.shape(pose), &strong);
-    let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
-    let (from, to) = (view.at(on_ego), view.at(on_actor));
-    let is_shown = (view.corner.0..=view.corner.0 + view.size.0).contains(&to.0);
-    let label = match impact {
-        Some(i) => {
-            canvas.star(to, 9.0, &format!("fill=\"{paint}\" stroke=\"#FFFFFF\" stroke-width=\"1\""));
-            format!("collision {:.2} s, at {:.1} m/s", i.at_s, i.ego_speed_mps)
-        }
-        None if !is_shown => {
-            let who = kind_name(hero.kind);
-            format!("closest {at_s:.2} s, {:.2} m to the {who} outside this view", hero.min_distance_m)
-        }
-        None => {
-            canvas.line(from, to, &format!("stroke=\"{paint}\" stroke-width=\"3\""));
-            [from, to].into_iter().for_each(|end| canvas.circle(end, 2.5, &format!("fill=\"{paint}\"")));
-            format!("closest {:.2} s, {:.2} m", at_s, hero.min_distance_m)
-        }
-    };
-    let middle = view.at(footprint.center.point());
-    let is_below = to.1 < middle.1;
-    // Above the outline is where the actor came from, with its own labels to the right.
-    let x = if is_below || !is_shown { middle.0 } else { to.0 - 12.0 - half_width(&label) };
-    let place = (x, label_height(view, &footprint, is_below));
-    Some(mark_label(canvas, view, place, &label, paint))
-}
-
-/// A place that has a text or a badge in its middle, pixels.
-struct Taken {
-    at: At,
-    half_width: f64,
-}
-
-/// Half the width of a bold label, pixels, rather too much than too little.
-fn half_width(label: &str) -> f64 {
-    3.5 * label.chars().count() as f64
-}
-
-/// A label in the middle of a place, or as near to it as the view allows.
-fn mark_label(canvas: &mut Canvas, view: &View, (x, y): At, label: &str, paint: &str) -> Taken {
-    let half_width = half_width(label);
-    let (left, right) = (view.corner.0, view.corner.0 + view.size.0);
-    let x = x.min(right - half_width - 4.0).max(left + half_width + 4.0);
-    canvas.text((x, y), label, Text { size: 11.0, color: paint, anchor: "middle", bold: true, rim: true });
-    Taken { at: (x, y - 4.0), half_width }
-}
-
-/// Height of a label just below an outline, or just above it.
-fn label_height(view: &View, footprint: &Obb, is_below: bool) -> f64 {
-    let ys = footprint.corners().map(|corner| view.at(corner).1);
-    let (high, low) = (ys.into_iter().fold(f64::INFINITY, f64::min), ys.into_iter().fold(0.0, f64::max));
-    let bottom = view.corner.1 + view.size.1;
-    if is_below && low + 13.0 < bottom - 3.0 { low + 13.0 } else { high - 5.0 }
+    canvas.text((x, y + 3.6), number, how);
 }

@@ -1,29 +1,66 @@
-//! Speed, steering and lateral acceleration over one time axis.
+//! Speed, steering, accelerations and time to collision over one time axis.
 
 use swerve_core::{Span, Time};
+use swerve_eval::Milestone;
 use swerve_msg::EgoState;
 
 use super::birds_eye;
+use super::collision_time::{HORIZON_S, series};
+use super::marks::{closest_at, first_sight};
 use super::record::Story;
 use super::view::View;
 use crate::canvas::{At, Canvas, Text, color, multiples, number, round_step};
 
-const HEIGHT: f64 = 92.0;
+const HEIGHT: f64 = 84.0;
 const GAP: f64 = 14.0;
 
-/// One quantity of the ego over time.
+/// One quantity over time.
 struct Panel {
     label: &'static str,
     unit: &'static str,
-    of: fn(&EgoState) -> f64,
-    /// The smallest range shown around the values.
-    range_min: f64,
+    of: Quantity,
+    /// What is shown at least.
+    range: (f64, f64),
+    /// Limits of comfort, as the nuPlan benchmark has them (`ego_is_comfortable`).
+    comfort: &'static [f64],
 }
 
-const PANELS: [Panel; 3] = [
-    Panel { label: "speed", unit: "m/s", of: |e| e.speed_mps, range_min: 4.0 },
-    Panel { label: "steering", unit: "deg", of: |e| e.steering_rad.to_degrees(), range_min: 4.0 },
-    Panel { label: "lateral acc.", unit: "m/s²", of: |e| e.lateral_accel_mps2, range_min: 4.0 },
+/// Where the values come from.
+enum Quantity {
+    Ego(fn(&EgoState) -> f64),
+    CollisionTime,
+}
+
+const PANELS: [Panel; 5] = [
+    Panel {
+        label: "speed",
+        unit: "m/s",
+        of: Quantity::Ego(|e| e.speed_mps),
+        range: (0.0, 5.0),
+        comfort: &[],
+    },
+    Panel {
+        label: "steering",
+        unit: "deg",
+        of: Quantity::Ego(|e| e.steering_rad.to_degrees()),
+        range: (-3.0, 3.0),
+        comfort: &[],
+    },
+    Panel {
+        label: "long. acc.",
+        unit: "m/s²",
+        of: Quantity::Ego(|e| e.accel_mps2),
+        range: (-5.0, 3.0),
+        comfort: &[-4.05, 2.4],
+    },
+    Panel {
+        label: "lateral acc.",
+        unit: "m/s²",
+        of: Quantity::Ego(|e| e.lateral_accel_mps2),
+        range: (-5.2, 5.2),
+        comfort: &[-4.89, 4.89],
+    },
+    Panel { label: "TTC", unit: "s", of: Quantity::CollisionTime, range: (0.0, HORIZON_S), comfort: &[] },
 ];
 
 /// Where one panel lies and which ranges it shows.
@@ -51,12 +88,22 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
     let mut y = corner.1 + 22.0;
     numbers(canvas, story, view, &Frame { corner: (corner.0, y), width, time, value: (0.0, 1.0) });
     for (k, panel) in PANELS.iter().enumerate() {
-        let values = samples.iter().map(|e| (panel.of)(e));
-        let frame = Frame { corner: (corner.0, y), width, time, value: range(values, panel.range_min) };
+        let values: Vec<(f64, f64)> = match panel.of {
+            Quantity::Ego(of) => samples.iter().map(|e| (e.stamp.as_secs(), of(e))).collect(),
+            Quantity::CollisionTime => {
+                series(story, view.span).into_iter().map(|(at, ttc)| (at.as_secs(), ttc)).collect()
+            }
+        };
+        let value = range(values.iter().map(|(_, v)| *v), panel.range);
+        let frame = Frame { corner: (corner.0, y), width, time, value };
         axes(canvas, panel, &frame, k + 1 == PANELS.len());
         marks(canvas, story, view, &frame);
         canvas.begin_clip(frame.corner, (width, HEIGHT));
-        let points = samples.iter().map(|e| frame.at(e.stamp.as_secs(), (panel.of)(e)));
+        for limit in panel.comfort {
+            let style = format!("stroke=\"{}\" stroke-width=\"1\" stroke-dasharray=\"2 3\"", color::ALARM);
+            canvas.line(frame.at(time.0, *limit), frame.at(time.1, *limit), &style);
+        }
+        let points = values.iter().map(|(at_s, v)| frame.at(*at_s, *v));
         canvas.path(points, false, &format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\"", color::EGO));
         canvas.end_clip();
         y += HEIGHT + GAP;
@@ -64,14 +111,13 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
     y - GAP + 36.0 - corner.1
 }
 
-/// The values' range, widened to `least` and a little more.
-fn range(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64) {
+/// The values' range and what is shown at least, and a little more.
+fn range(values: impl Iterator<Item = f64>, least: (f64, f64)) -> (f64, f64) {
     let finite = values.filter(|v| v.is_finite());
-    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    let (low, high) = if low.is_finite() { (low, high) } else { (0.0, 0.0) };
-    let lack = (0.5 * (least - (high - low))).max(0.0);
-    let spare = 0.08 * (high - low).max(least);
-    (low - lack - spare, high + lack + spare)
+    let (low, high) = finite.fold(least, |(l, h), v| (l.min(v), h.max(v)));
+    let spare = 0.06 * (high - low);
+    // A quantity that begins at nothing has its axis there.
+    (if low == 0.0 { 0.0 } else { low - spare }, high + spare)
 }
 
 fn axes(canvas: &mut Canvas, panel: &Panel, frame: &Frame, is_last: bool) {
@@ -116,24 +162,32 @@ fn marks(canvas: &mut Canvas, story: &Story, view: &View, frame: &Frame) {
         let paint = birds_eye::plan_color(&mark.plan);
         line(mark.at, &format!("stroke=\"{paint}\" stroke-width=\"1\" stroke-opacity=\"0.55\""));
     }
-    if let Some(at) = birds_eye::first_sight(story) {
+    if let Some(at) = first_sight(story) {
         let style = format!("stroke=\"{}\" stroke-width=\"2\" stroke-dasharray=\"6 4\"", color::SIGHT);
         line(at, &style);
     }
-    let impact = story.metrics.as_ref().and_then(|m| m.impact).map(|i| i.at_s);
-    if let Some(at_s) = impact.or_else(|| story.protagonist().map(|a| a.min_distance_at_s)) {
-        let style = format!("stroke=\"{}\" stroke-width=\"1.8\"", color::ALARM);
-        line(Time::ZERO + Span::from_secs(at_s), &style);
+    let chain = story.why.iter().flat_map(|why| &why.steps).filter(|step| step.what != Milestone::Visible);
+    for step in chain {
+        let style = format!("stroke=\"{}\" stroke-width=\"1.2\" stroke-dasharray=\"1 2\"", color::TRACK);
+        line(Time::ZERO + Span::from_secs(step.at_s), &style);
+    }
+    if let Some(at) = closest_at(story) {
+        line(at, &format!("stroke=\"{}\" stroke-width=\"1.8\"", color::ALARM));
     }
 }
 
 /// The numbers of the changes of mind above the first panel.
 fn numbers(canvas: &mut Canvas, story: &Story, view: &View, frame: &Frame) {
     let mut last = f64::NEG_INFINITY;
-    for (number, mark) in (1..).zip(birds_eye::changes(story, view).shown) {
+    for (number, mark) in (1_usize..).zip(birds_eye::changes(story, view).shown) {
         let (x, _) = frame.at(mark.at.as_secs(), 0.0);
         let x = x.max(last + 17.0);
         last = x;
-        birds_eye::badge(canvas, (x, frame.corner.1 - 11.0), number, birds_eye::plan_color(&mark.plan));
+        birds_eye::badge(
+            canvas,
+            (x, frame.corner.1 - 11.0),
+            &number.to_string(),
+            birds_eye::plan_color(&mark.plan),
+        );
     }
 }

@@ -1,12 +1,18 @@
 //! What a story keeps of a run.
 
 use swerve_core::{Span, Time};
-use swerve_eval::{ActorMetrics, Metrics, Outline};
+use swerve_eval::{ActorMetrics, Metrics, Outline, Why};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Obb, Point2, Polyline, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, Route};
+use swerve_msg::{
+    ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, PredictionList, Route, Track, TrackList,
+};
 
+/// Tracks are kept every so often.
+const TRACKS_EVERY: Span = Span::from_ms(250);
+/// A track farther than this from the outline of everybody is stale, metres.
+const STALE_M: f64 = 1.5;
 /// Ego states nearer to each other than this are left out.
 const EGO_EVERY: Span = Span::from_ms(20);
 /// Actor poses nearer to each other than this are left out, metres and radians.
@@ -32,10 +38,16 @@ pub struct Story {
     pub actors: Vec<ActorTrace>,
     /// The plans at the changes of mind, in order of time.
     pub plans: Vec<PlanMark>,
+    /// Where tracks were, every quarter of a second.
+    pub tracks: Vec<TrackMark>,
+    /// The newest predictions.
+    predicted: Vec<Vec<Point2>>,
     /// The newest plan, kept or not.
     newest: Option<Plan>,
     /// The result of the run; none before it is over.
     pub metrics: Option<Metrics>,
+    /// The chain of the actor that decided the verdict.
+    pub why: Option<Why>,
 }
 
 /// The way of one actor.
@@ -58,6 +70,19 @@ pub struct PlanMark {
     pub at: Time,
     /// The plan.
     pub plan: Plan,
+    /// The newest predicted ways of the others then.
+    pub predicted: Vec<Vec<Point2>>,
+}
+
+/// A track at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct TrackMark {
+    /// Stamp of the list.
+    pub at: Time,
+    /// Where it was.
+    pub point: Point2,
+    /// Whether nobody was there.
+    pub is_stale: bool,
 }
 
 impl Story {
@@ -71,8 +96,11 @@ impl Story {
             ego: Vec::new(),
             actors: Vec::new(),
             plans: Vec::new(),
+            tracks: Vec::new(),
+            predicted: Vec::new(),
             newest: None,
             metrics: None,
+            why: None,
         }
     }
 
@@ -99,14 +127,37 @@ impl Story {
         // shows a slow drift.
         let before = self.newest.iter().chain(self.plans.last().map(|mark| &mark.plan));
         if self.plans.is_empty() || before.into_iter().any(|old| is_change_of_mind(old, plan)) {
-            self.plans.push(PlanMark { at, plan: plan.clone() });
+            self.plans.push(PlanMark { at, plan: plan.clone(), predicted: self.predicted.clone() });
         }
         self.newest = Some(plan.clone());
     }
 
-    /// The run is over, this came of it.
-    pub fn conclude(&mut self, metrics: &Metrics) {
+    /// Takes in what is tracked.
+    pub fn tracked(&mut self, list: &TrackList) {
+        if self.tracks.last().is_some_and(|last| list.stamp - last.at < TRACKS_EVERY) {
+            return;
+        }
+        let away_m = |actor: &ActorTrace, track: &Track| {
+            let pose = actor.pose_at(list.stamp)?;
+            Some(actor.extent.footprint(pose).distance_to_point(track.pose.point()))
+        };
+        let marks = list.tracks.iter().map(|track| {
+            let is_someone = self.actors.iter().filter_map(|a| away_m(a, track)).any(|m| m <= STALE_M);
+            TrackMark { at: list.stamp, point: track.pose.point(), is_stale: !is_someone }
+        });
+        self.tracks.extend(marks.collect::<Vec<_>>());
+    }
+
+    /// Takes in where the others are predicted to be.
+    pub fn predicted(&mut self, list: &PredictionList) {
+        let way = |p: &swerve_msg::Prediction| p.path.iter().map(|place| place.pose.point()).collect();
+        self.predicted = list.predictions.iter().map(way).collect();
+    }
+
+    /// The run is over, this came of it, for this reason.
+    pub fn conclude(&mut self, metrics: &Metrics, why: Option<&Why>) {
         self.metrics = Some(metrics.clone());
+        self.why = why.cloned();
     }
 
     /// The ego at an instant, between the states that were kept.
@@ -118,17 +169,9 @@ impl Story {
         Some(EgoState { stamp: at, pose: between(before.pose, next.pose, share), ..*before })
     }
 
-    /// The actor that the story is about: the one hit, else of the people, else of all, the one passed nearest.
+    /// The actor that the story is about: the one that decided the verdict.
     pub(crate) fn protagonist(&self) -> Option<&ActorMetrics> {
-        let metrics = self.metrics.as_ref()?;
-        if let Some(impact) = metrics.impact {
-            return metrics.actors.iter().find(|a| a.actor == impact.actor);
-        }
-        let nearest = |people: bool| {
-            let of = metrics.actors.iter().filter(move |a| !people || a.kind.is_person());
-            of.min_by(|a, b| a.min_distance_m.total_cmp(&b.min_distance_m))
-        };
-        nearest(true).or_else(|| nearest(false))
+        self.metrics.as_ref()?.deciding_actor()
     }
 
     pub(crate) fn actor(&self, id: ActorId) -> Option<&ActorTrace> {
@@ -137,7 +180,7 @@ impl Story {
 }
 
 impl Observer for Story {
-    /// Takes in world states and plans, by their types, as the engine publishes them.
+    /// Takes in world states, tracks, predictions and plans, by their types, as the engine publishes them.
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
@@ -145,6 +188,10 @@ impl Observer for Story {
             self.world(world);
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             self.plan(publication.visible_at, plan);
+        } else if let Some(list) = payload.downcast_ref::<TrackList>() {
+            self.tracked(list);
+        } else if let Some(list) = payload.downcast_ref::<PredictionList>() {
+            self.predicted(list);
         }
     }
 }

@@ -8,6 +8,7 @@ use swerve_msg::{
 
 use super::*;
 
+const NAMES: [&str; 2] = ["parked truck", "person"];
 const OUTLINE: Outline = Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 };
 
 /// A person steps out from behind a truck; the ego swerves by `swerve_m` (or drives on and hits).
@@ -108,7 +109,13 @@ impl Drive {
     fn story(&self) -> Story {
         let mut story =
             Story::new("Person behind truck · FOT fast · 20 m/s · seed 3", self.route(), Some(4.0), OUTLINE);
-        let params = Params { ego: OUTLINE, dead_time: Span::ZERO, operators: Vec::new() };
+        let params = Params {
+            ego: OUTLINE,
+            dead_time: Span::ZERO,
+            operators: Vec::new(),
+            actors: NAMES.map(str::to_owned).to_vec(),
+            route: None,
+        };
         let mut evaluation = Evaluation::new(params);
         let mut hit = false;
         for k in 0..=1700_i64 {
@@ -151,7 +158,7 @@ impl Drive {
                 break;
             }
         }
-        story.conclude(&evaluation.metrics());
+        story.conclude(&evaluation.metrics(), None);
         story
     }
 }
@@ -184,9 +191,13 @@ fn a_swerve_is_told() {
     let story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
     let svg = draw(&story);
     show("avoided.svg", &svg);
-    for part in
-        ["AVOIDED", "first sight 4.80 s", "closest 5.", "plan at a change of mind", "time (s)", "truck"]
-    {
+    for part in [
+        "AVOIDED",
+        "first sight of person 4.80 s",
+        "closest to person 5.",
+        "plan at a change of mind",
+        "parked truck",
+    ] {
         assert!(svg.contains(part), "{part}");
     }
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
@@ -196,7 +207,7 @@ fn a_swerve_is_told() {
 fn a_collision_is_told() {
     let svg = draw(&Drive { swerve_m: 0.0, bend_1pm: 0.0 }.story());
     show("collision.svg", &svg);
-    for part in ["COLLISION", "collision 5.", "impact at 19.9 m/s", "no path found"] {
+    for part in ["COLLISION", "collision with person 5.", "impact at 19.9 m/s", "no path found"] {
         assert!(svg.contains(part), "{part}");
     }
 }
@@ -257,7 +268,7 @@ fn a_mind_that_never_rests_is_drawn_now_and_then() {
     story.plans.clear();
     for k in 0..160_i64 {
         let at = Time::from_ms(50 * k);
-        story.plans.push(PlanMark { at, plan: drive.plan(at, PlanStatus::Found) });
+        story.plans.push(PlanMark { at, plan: drive.plan(at, PlanStatus::Found), predicted: Vec::new() });
     }
     let svg = draw(&story);
     show("restless.svg", &svg);
@@ -287,8 +298,8 @@ fn a_plan_from_before_first_sight_is_explained() {
     let mut story = drive.story();
     assert!(!draw(&story).contains("before first sight"));
     let at = Time::from_ms(4000);
-    story.plans.insert(1, PlanMark { at, plan: drive.plan(at, PlanStatus::Found) });
-    let note = "plan 1 is from before first sight of the person: only the truck is in sight then";
+    story.plans.insert(1, PlanMark { at, plan: drive.plan(at, PlanStatus::Found), predicted: Vec::new() });
+    let note = "plan 1 is from before first sight of person: only parked truck is in sight then";
     assert!(draw(&story).contains(note));
 }
 
@@ -308,9 +319,15 @@ fn a_run_without_actors_shows_all_of_it() {
         world.actors.clear();
         story.world(&world);
     }
-    let params = Params { ego: OUTLINE, dead_time: Span::ZERO, operators: Vec::new() };
+    let params = Params {
+        ego: OUTLINE,
+        dead_time: Span::ZERO,
+        operators: Vec::new(),
+        actors: NAMES.map(str::to_owned).to_vec(),
+        route: None,
+    };
     let none: Metrics = Evaluation::new(params).metrics();
-    story.conclude(&none);
+    story.conclude(&none, None);
     let svg = draw(&story);
     assert!(svg.contains("UNFINISHED") && !svg.contains("closest"));
 }

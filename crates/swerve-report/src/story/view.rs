@@ -1,9 +1,9 @@
 //! Which part of the road the figure shows, and where.
 
-use swerve_core::Time;
+use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Map, Point2, Pose2, angle_between};
 
-use super::record::Story;
+use super::record::{ActorTrace, Story};
 use crate::canvas::At;
 
 /// Shown before the first actor, metres along the route.
@@ -12,6 +12,14 @@ const BEFORE_M: f64 = 40.0;
 const BEYOND_M: f64 = 25.0;
 /// Shown beside the road, metres.
 const BESIDE_M: f64 = 1.6;
+/// Shown of the route at most, metres: longer parts make strips in which nothing can be read.
+const SHOWN_MAX_M: f64 = 110.0;
+/// Actors that came no nearer than this do not decide what is shown, metres.
+const MATTERS_M: f64 = 15.0;
+/// Actors are shown up to so far beside the road, metres.
+const ACTOR_BESIDE_M: f64 = 8.0;
+/// The lowest that the bird's-eye view may become, pixels: labels need room.
+const HEIGHT_MIN: f64 = 190.0;
 /// The tallest that the bird's-eye view may become, pixels.
 const HEIGHT_MAX: f64 = 560.0;
 
@@ -117,32 +125,74 @@ impl View {
                 inside.corners().into_iter().for_each(|corner| hold(corner, 0.8));
             }
         }
+        for actor in story.actors.iter().filter(|actor| matters(story, actor)) {
+            for (at, pose) in &actor.poses {
+                let place = route.project(pose.point());
+                let beside_m =
+                    (place.d_m - route.left_m(place.s_m)).max(-route.right_m(place.s_m) - place.d_m);
+                let is_near = place.s_m > from && place.s_m < to && beside_m < ACTOR_BESIDE_M;
+                if is_near && *at <= span.1 {
+                    actor.extent.footprint(*pose).corners().into_iter().for_each(|corner| hold(corner, 0.8));
+                }
+            }
+        }
         self.scale = (self.size.0 / (high.x_m - low.x_m)).min(HEIGHT_MAX / (high.y_m - low.y_m));
         let spare_m = self.size.0 / self.scale - (high.x_m - low.x_m);
         self.low_x_m = low.x_m - 0.5 * spare_m;
-        self.high_y_m = high.y_m;
-        self.size.1 = (high.y_m - low.y_m) * self.scale;
+        let spare_m = (HEIGHT_MIN / self.scale - (high.y_m - low.y_m)).max(0.0);
+        self.high_y_m = high.y_m + 0.5 * spare_m;
+        self.size.1 = (high.y_m - low.y_m + spare_m) * self.scale;
     }
 }
 
-/// The part of the route worth showing: from before the first actor to beyond the last that the ego came to,
-/// within what the ego drove.
+/// Whether an actor came near, or decided how the run ended; before the run is measured, each does.
+fn matters(story: &Story, actor: &ActorTrace) -> bool {
+    let Some(metrics) = &story.metrics else { return true };
+    let is_hero = story.protagonist().is_some_and(|hero| hero.actor == actor.id);
+    is_hero || metrics.actors.iter().any(|a| a.actor == actor.id && a.min_distance_m <= MATTERS_M)
+}
+
+/// The part of the route worth showing: from before the first actor that matters to beyond the last, each where it was
+/// when the ego was nearest, around the one that the story is about if that is too much.
 fn shown(story: &Story) -> Option<(f64, f64)> {
     let line = story.route.line();
     let (first, last) = (story.ego.first()?, story.ego.last()?);
     let front_m = story.outline.center_ahead_m + 0.5 * story.outline.length_m;
     let driven = (line.project(first.pose.point()).s_m, line.project(last.pose.point()).s_m + front_m + 2.0);
-    let mut places: Vec<f64> = Vec::new();
-    for actor in &story.actors {
-        let ends = [actor.poses.first(), actor.poses.last()];
-        places.extend(ends.into_iter().flatten().map(|(_, pose)| line.project(pose.point()).s_m));
-    }
+    let place = |actor: &ActorTrace| {
+        let known = story.metrics.iter().flat_map(|m| &m.actors).find(|a| a.actor == actor.id);
+        let at = known.map_or(last.stamp, |a| Time::ZERO + Span::from_secs(a.min_distance_at_s));
+        Some(line.project(actor.pose_at(at)?.point()).s_m)
+    };
+    let hero = story.protagonist().and_then(|hero| story.actor(hero.actor)).and_then(place);
+    let mut places: Vec<f64> =
+        story.actors.iter().filter(|actor| matters(story, actor)).filter_map(place).collect();
     places.retain(|s| *s >= driven.0 - 10.0 && *s <= driven.1 + 10.0);
-    let from = places.iter().copied().fold(f64::INFINITY, f64::min) - BEFORE_M;
-    let to = places.iter().copied().fold(f64::NEG_INFINITY, f64::max) + BEYOND_M;
-    let from = if from.is_finite() { from.max(driven.0) } else { driven.0 };
-    let to = if to.is_finite() { to.min(driven.1) } else { driven.1 };
-    Some((from, to.max(from + 20.0)))
+    // Where the ego left the road is what a reader looks for, too.
+    let left = super::marks::left_road(story).map(|ego| line.project(ego.pose.point()).s_m);
+    let focus = [hero, left].into_iter().flatten().reduce(f64::max);
+    places.extend(hero.into_iter().chain(left));
+    let least = places.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = places.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let from = if least.is_finite() { (least - BEFORE_M).max(driven.0) } else { driven.0 };
+    // What the ego came to stand before is beyond what it drove.
+    let to = if most.is_finite() {
+        (most + BEYOND_M).min(driven.1.max(hero.map_or(0.0, |s| s + 8.0)))
+    } else {
+        driven.1
+    };
+    let to = to.max(from + 20.0);
+    let Some(focus) = focus else { return Some((from, to)) };
+    let (from, to) = if to - from > SHOWN_MAX_M {
+        let from = (focus - 0.65 * SHOWN_MAX_M).clamp(from, to - SHOWN_MAX_M);
+        (from, from + SHOWN_MAX_M)
+    } else {
+        (from, to)
+    };
+    // However far apart: the ego where it came nearest is in view.
+    let nearest = super::marks::closest_at(story).and_then(|at| story.ego_at(at));
+    let ego_m = nearest.map_or(from, |ego| line.project(ego.pose.point()).s_m);
+    Some((from.min(ego_m - 3.0), to.max(ego_m + front_m + 3.0)))
 }
 
 /// When the ego is within the part shown; all of the run where it never is.

@@ -213,7 +213,7 @@ fn wrong_motion_expectation_and_text_are_reported() {
             "13 actor.bus.motion[2].path.points: expected an array of pairs [s, d] in metres, found an empty array",
         ]),
         ("verdict = \"avoided\"", "verdict = \"fine\"", vec![
-            "25 expect.verdict: expected one of \"avoided\", \"collision\", \"left_road\", \"timeout\", found \"fine\"",
+            "25 expect.verdict: expected one of \"avoided\", \"completed\", \"collision\", \"left_road\", \"stopped\", \"timeout\", found \"fine\"",
         ]),
         ("min_distance_m = { min = 0.5 }", "min_distance_m = {}", vec![
             "26 expect.min_distance_m: expected { min = ... }, { max = ... } or both",

@@ -95,6 +95,7 @@ impl Figures {
             _ if self.first_hit.is_some() => Verdict::Collision,
             _ if self.left_road => Verdict::LeftRoad,
             Some(EndReason::Timeout) => Verdict::Timeout,
+            _ if self.end.actors.is_empty() => Verdict::Completed,
             _ => Verdict::Avoided,
         }
     }

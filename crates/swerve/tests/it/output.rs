@@ -76,6 +76,32 @@ fn a_timeout_between_two_steps_of_the_world_is_one() {
     }
 }
 
+#[test]
+fn a_log_tells_why_as_its_run_did() {
+    let bench = Bench::new();
+    let run = json(&bench.good(&["run", "short.toml", "--json", "--out", "o"]));
+    let again = json(&bench.good(&["why", "o/log.mcap", "--json"]));
+    assert_eq!(again, run["why"]);
+    assert_eq!((&again["actor"], &again["steps"][0]["what"]), (&"person".into(), &"visible".into()));
+    assert!(bench.good(&["why", "o/log.mcap", "--actor", "person"]).starts_with("why: it passed person at "));
+    assert!(bench.read("o/trace.json").contains("\"person: visible\""));
+    assert!(bench.read("o/story.svg").contains("Why: it passed person at "));
+    let said = bench.swerve(&["why", "o/log.mcap", "--actor", "persn"]);
+    assert!(said.code == Some(1) && said.stderr.contains("did you mean `person`?"), "{}", said.stderr);
+}
+
+#[test]
+fn an_expected_verdict_of_old_is_taken_and_told() {
+    let bench = Bench::new();
+    let (head, rest) = SHORT.split_once("[[actor]]").unwrap();
+    let rest = rest.split_once("[expect]").unwrap().1.replace("min_distance_m = { min", "duration_s = { min");
+    bench.write("alone.toml", &format!("{head}[expect]{rest}"));
+    let said = bench.good(&["run", "alone.toml", "--out", "o"]);
+    assert!(said.contains("\nCOMPLETED\n") && said.contains("as the scenario expects\n"), "{said}");
+    assert!(said.contains("[expect] verdict `avoided`: such a run is called `completed` now\n"), "{said}");
+    assert_eq!(json(&bench.read("o/metrics.json"))["why"], serde_json::Value::Null);
+}
+
 /// The picture in the README is that of the command beside it.
 #[test]
 fn the_readmes_picture_and_digest_are_those_of_its_first_command() {

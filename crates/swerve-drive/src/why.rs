@@ -1,0 +1,244 @@
+//! Why a drive ended as it did, from its log: see [`Why`].
+//!
+//! Times are those of the log's messages, waits those of its steps, drops and missed deadlines. Whether a plan would
+//! have been another one without an actor is computed: the log's planner plans again from what it was given then,
+//! without the predictions of the actor's tracks. Nothing is driven again.
+
+mod command;
+mod sightings;
+mod timeline;
+mod waits;
+mod without;
+
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use swerve_core::{Span, Time};
+use swerve_eval::{Account, Clearances, Metrics, Milestone, Why};
+use swerve_log::{Log, Record};
+use swerve_msg::truth::{Verdict, WorldState};
+use swerve_msg::{ActorId, Detections, EgoState, Plan, PredictionList, TrackList};
+use swerve_scenario::Scenario;
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+use swerve_text::{Document, nearest};
+
+pub use command::{WhyArgs, of_run, run};
+
+use crate::load::problems_error;
+use crate::measured::outline;
+use sightings::Sightings;
+use timeline::{Seen, Timeline};
+
+/// More deceleration than at the command by this much is an effect, m/s².
+const BRAKES_MPS2: f64 = 0.5;
+/// A steering angle other than at the command by this much is an effect, radians: as much across at 18 m/s.
+const STEERS_RAD: f64 = 0.25 * core::f64::consts::PI / 180.0;
+
+/// A log, and what it was driven with.
+pub struct Logged {
+    log: Log,
+    config: Config,
+    scenario: Scenario,
+}
+
+/// How a drive ended, and who decided that.
+struct Ending {
+    actor: ActorId,
+    verdict: Verdict,
+    words: String,
+}
+
+impl Logged {
+    /// Reads a log, but for images and point clouds.
+    ///
+    /// # Errors
+    /// When it is none, is damaged, or is of a vehicle: of that nobody knows where the others were.
+    pub fn read(path: &Path, registry: &Registry) -> anyhow::Result<Self> {
+        const BIG: [&str; 3] = ["::Image", "::PointCloud", "::PointInstances"];
+        let is_small = |record: &Record| match record {
+            Record::Publication(p) => !BIG.iter().any(|big| p.stream.type_name.ends_with(big)),
+            _ => true,
+        };
+        let log = Log::read_where(path, is_small)?;
+        let document = Document::parse("configuration of the log", log.start.config.clone())?;
+        let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
+        if config.live.is_some() {
+            bail!("{}: of a vehicle: the log does not hold where the others were", path.display());
+        }
+        let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
+        let scenario =
+            Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
+        Ok(Self { log, config, scenario })
+    }
+
+    /// The chain of the actor that decided the verdict of a run with these measures; none without actors.
+    pub fn why(&self, metrics: &Metrics) -> anyhow::Result<Option<Why>> {
+        let Some(decided) = metrics.deciding_actor() else { return Ok(None) };
+        let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
+        let passed = || format!("it passed {} at {:.2} m", decided.name, decided.min_distance_m);
+        let words = match (metrics.verdict, metrics.impact) {
+            (_, Some(i)) => {
+                format!("it hit {} at {:.2} s with {:.1} m/s", decided.name, i.at_s, i.ego_speed_mps)
+            }
+            _ if metrics.stands_before == Some(decided.actor) => format!("it stands before {}", decided.name),
+            (Verdict::LeftRoad, _) => {
+                format!(
+                    "it left the road at {:.2} s; {}",
+                    metrics.left_road_at_s.unwrap_or_default(),
+                    passed()
+                )
+            }
+            _ => passed(),
+        };
+        let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words };
+        self.chain(pipeline, ending).map(Some)
+    }
+
+    /// The chain of one actor by its name, else of the one nearest at an instant, else of the one that decided the
+    /// verdict; none without actors.
+    ///
+    /// # Errors
+    /// When there is no actor of that name.
+    pub fn why_of(&self, actor: Option<&str>, at_s: Option<f64>) -> anyhow::Result<Option<Why>> {
+        let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
+        let names = || pipeline.scenario.actors.iter().map(|actor| actor.name.as_str());
+        let ids: Vec<ActorId> = (1..).map(ActorId).take(pipeline.scenario.actors.len()).collect();
+        let named = match actor {
+            None => None,
+            Some(name) => {
+                Some(names().position(|known| known == name).map(|k| ids[k]).with_context(|| {
+                    let near = nearest(name, names())
+                        .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+                    format!(
+                        "--actor {name}: expected one of {}{near}",
+                        names().collect::<Vec<_>>().join(", ")
+                    )
+                })?)
+            }
+        };
+        let mut evaluation = swerve_eval::Evaluation::new(swerve_eval::Params {
+            ego: outline(&pipeline.vehicle.shape),
+            dead_time: Span::ZERO,
+            operators: Vec::new(),
+            actors: names().map(str::to_owned).collect(),
+            route: Some(pipeline.route.clone()),
+        });
+        let stream =
+            pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
+        let mut near = Clearances::new(outline(&pipeline.vehicle.shape));
+        for publication in self.log.publications(stream) {
+            let world: WorldState = publication.decode()?;
+            if at_s.is_some_and(|at_s| {
+                (world.stamp.as_secs() - at_s).abs() < 0.5 * self.config.sim.dt_ms * 1e-3 + 1e-9
+            }) {
+                near.take(&world);
+            }
+            evaluation.world(&world);
+        }
+        let Some(actor) = named.or(near.smallest().map(|c| c.actor)) else {
+            anyhow::ensure!(at_s.is_none() || ids.is_empty(), "--at: no state of the world at that instant");
+            return self.why(&evaluation.metrics());
+        };
+        let metrics = evaluation.metrics();
+        if metrics.deciding_actor().is_some_and(|decided| decided.actor == actor) {
+            return self.why(&metrics);
+        }
+        let words = match metrics.actors.iter().find(|a| a.actor == actor) {
+            Some(a) => format!("{} was {:.2} m away at least", a.name, a.min_distance_m),
+            None => "it was never near".into(),
+        };
+        self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words }).map(Some)
+    }
+
+    /// The chain of one actor.
+    fn chain(&self, pipeline: Pipeline, ending: Ending) -> anyhow::Result<Why> {
+        let name = pipeline.scenario.actors.get(ending.actor.0 as usize - 1);
+        let name = name.map_or_else(|| ending.actor.0.to_string(), |actor| actor.name.clone());
+        let steps = self.steps(pipeline, ending.actor)?;
+        Ok(Why::new(name, ending.verdict, &ending.words, &steps))
+    }
+
+    fn steps(&self, pipeline: Pipeline, actor: ActorId) -> anyhow::Result<Vec<Account>> {
+        let world =
+            pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
+        let planner = pipeline.assembly.publisher::<Plan>().context("nobody plans in this log")?;
+        let (world, planner) = (world.to_owned(), planner.to_owned());
+        let timeline = Timeline::new(&self.log, pipeline.graph.describe()?);
+        let sightings = Sightings::new(&self.log, &timeline, &world, actor);
+        let mut steps = Vec::new();
+        let Some(seen) = sightings.first_visible(&pipeline.assembly)? else { return Ok(steps) };
+        steps.push((Milestone::Visible, seen, Vec::new()));
+        // The newest step: its instant, and the frame that it is of.
+        let mut last = Seen { stamp: seen, at: seen };
+        let predicted =
+            timeline.upstream::<PredictionList>(&planner).context("the planner reads no predictions")?;
+        let tracks =
+            timeline.upstream::<TrackList>(timeline.publisher(&predicted)).context("there are no tracks")?;
+        if let Some(boxes) = timeline.upstream::<Detections>(timeline.publisher(&tracks)) {
+            let Some(found) = sightings.first_detected(&boxes, seen)? else { return Ok(steps) };
+            steps.push((Milestone::Detected, found.at, timeline.waits(&boxes, last, found, "missed by")));
+            last = found;
+        }
+        let Some((tracked, ids)) = sightings.tracks(&tracks, last.stamp)? else { return Ok(steps) };
+        steps.push((
+            Milestone::Tracked,
+            tracked.at,
+            timeline.waits(&tracks, last, tracked, "confirmation by"),
+        ));
+        last = tracked;
+        let plans =
+            timeline.stream_of::<Plan>(&planner).context("the planner publishes no plans")?.to_owned();
+        let path = timeline.path(&planner, &world);
+        let (dead_time, delay) = (Span::from_secs(pipeline.vehicle.dead_time_s), timeline.delay(&planner));
+        let without = without::Without { log: &self.log, stream: &predicted, ids: &ids, from: tracked.stamp };
+        let Some(stamp) = without.first_difference(pipeline, &planner, &timeline)? else { return Ok(steps) };
+        let planned = timeline.seen(&plans, stamp).context("the plan is not in the log")?;
+        steps.push((
+            Milestone::Planned,
+            planned.at,
+            timeline.waits(&plans, last, planned, "no difference to"),
+        ));
+        let mut waits = vec![(format!("delay of {planner}"), delay)];
+        let Some(commanded) = timeline.follow((&path, &world), planned.at + delay, &mut waits) else {
+            return Ok(steps);
+        };
+        let (at, end) = (commanded, path.last().map_or(planner.as_str(), String::as_str));
+        waits.retain(|(_, span)| *span > Span::ZERO);
+        steps.push((Milestone::Commanded, at, waits));
+        let readable = at + timeline.delay(end);
+        let Some((tick, effect)) = effect(&self.log, &world, readable)? else { return Ok(steps) };
+        let moves = (tick + dead_time).min(effect);
+        let mut waits = vec![
+            (format!("delay of {end}"), readable - at),
+            (format!("phase of {world}"), tick - readable),
+            ("dead time of the vehicle".into(), moves - tick),
+            ("build-up of the effect".into(), effect - moves),
+        ];
+        waits.retain(|(_, span)| *span > Span::ZERO);
+        steps.push((Milestone::Effect, effect, waits));
+        Ok(steps)
+    }
+}
+
+/// The step of the world that takes up a command that can be read from an instant on, and the first state with an
+/// effect after it.
+fn effect(log: &Log, world: &str, readable: Time) -> anyhow::Result<Option<(Time, Time)>> {
+    let mut before: Option<EgoState> = None;
+    for publication in log.publications(world).filter(|p| p.header.stamp > readable) {
+        let state = publication.decode::<WorldState>()?.ego.state;
+        let Some(then) = &before else {
+            before = Some(state);
+            continue;
+        };
+        let brakes = then.accel_mps2 - state.accel_mps2 >= BRAKES_MPS2;
+        if brakes || (state.steering_rad - then.steering_rad).abs() >= STEERS_RAD {
+            return Ok(Some((then.stamp, state.stamp)));
+        }
+    }
+    Ok(None)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,46 @@
+//! `swerve why`: the chain of a logged drive.
+
+use std::path::PathBuf;
+
+use swerve_eval::{Metrics, Why};
+use swerve_report::output::{print, tell};
+use swerve_stack::Registry;
+
+use super::Logged;
+
+/// `swerve why`.
+#[derive(clap::Args, Debug)]
+pub struct WhyArgs {
+    /// Log file (MCAP)
+    log: PathBuf,
+    /// Of this actor, by its name in the scenario [default: the one that decided the verdict]
+    #[arg(long, value_name = "NAME", conflicts_with = "at")]
+    actor: Option<String>,
+    /// Of the actor that was nearest at this instant, in seconds
+    #[arg(long, value_name = "T")]
+    at: Option<f64>,
+    /// Print one JSON object and nothing else
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs `swerve why`.
+pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
+    let why = Logged::read(&args.log, registry)?.why_of(args.actor.as_deref(), args.at)?;
+    if args.json {
+        return print(&(serde_json::to_string_pretty(&why)? + "\n"));
+    }
+    print(&why.map_or_else(|| "why: there was nobody else\n".into(), |why| why.text()))
+}
+
+/// The chain of a run that has just been recorded. Where there is none to be had, the drive is over all the same: that
+/// is said on standard error.
+pub fn of_run(log: &std::path::Path, registry: &Registry, metrics: &Metrics) -> Option<Why> {
+    // Without actors nothing has to be read.
+    metrics.deciding_actor()?;
+    let why = Logged::read(log, registry).and_then(|logged| logged.why(metrics));
+    why.unwrap_or_else(|error| {
+        tell(&format!("warning: why it ended so is not known: {error:#}"));
+        None
+    })
+}

@@ -1,0 +1,112 @@
+//! Where an actor is first in what the stack knows. Boxes and tracks are given to the actor that truly was nearest.
+
+use std::collections::BTreeMap;
+
+use swerve_core::Time;
+use swerve_geom::Point2;
+use swerve_log::{Log, LogError};
+use swerve_msg::truth::{Surroundings, WorldState};
+use swerve_msg::{ActorId, Detections, ObstacleList, TrackList};
+use swerve_stack::Assembly;
+
+use super::timeline::{Seen, Timeline};
+
+/// As far from an actor's outline a box or a track is its own, metres, and this share of its distance from the ego.
+const NEAR_M: f64 = 2.0;
+const NEAR_SHARE: f64 = 0.05;
+
+/// Looks for one actor in the streams of a log.
+pub(super) struct Sightings<'a> {
+    log: &'a Log,
+    timeline: &'a Timeline<'a>,
+    world: &'a str,
+    actor: ActorId,
+}
+
+impl<'a> Sightings<'a> {
+    pub(super) fn new(log: &'a Log, timeline: &'a Timeline<'a>, world: &'a str, actor: ActorId) -> Self {
+        Self { log, timeline, world, actor }
+    }
+
+    /// The stamp of the first frame in which some of the actor is in sight.
+    pub(super) fn first_visible(&self, assembly: &Assembly) -> Result<Option<Time>, LogError> {
+        let listed = assembly.publisher::<ObstacleList>();
+        if let Some(stream) = listed.and_then(|of| self.timeline.stream_of::<ObstacleList>(of)) {
+            for publication in self.log.publications(stream) {
+                let list: ObstacleList = publication.decode()?;
+                if list.obstacles.iter().any(|o| o.id == self.actor && o.visible_share > 0.0) {
+                    return Ok(Some(list.stamp));
+                }
+            }
+        }
+        // With a detector that looks at what is around there is no such list.
+        let around = assembly.publisher::<Surroundings>();
+        if let Some(stream) = around.and_then(|of| self.timeline.stream_of::<Surroundings>(of)) {
+            for publication in self.log.publications(stream) {
+                let list: Surroundings = publication.decode()?;
+                if list.obstacles.iter().any(|o| o.id == self.actor) {
+                    return Ok(Some(list.stamp));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// The first detections with a box of the actor, of a frame at `from` or later.
+    pub(super) fn first_detected(&self, stream: &str, from: Time) -> Result<Option<Seen>, LogError> {
+        for publication in self.log.publications(stream).filter(|p| p.header.stamp >= from) {
+            let found: Detections = publication.decode()?;
+            if found.boxes.is_empty() {
+                continue;
+            }
+            let Some(truth) = self.truth(found.stamp)? else { continue };
+            let place = |b: &swerve_msg::DetectedBox| truth.ego.state.pose.from_local(b.pose.point());
+            if found.boxes.iter().any(|b| owner(&truth, place(b)) == Some(self.actor)) {
+                return Ok(self.timeline.seen(stream, publication.header.stamp));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The first list with a track of the actor, of a frame at `from` or later, and all tracks that were nobody else's
+    /// before.
+    pub(super) fn tracks(&self, stream: &str, from: Time) -> Result<Option<(Seen, Vec<ActorId>)>, LogError> {
+        let mut owners: BTreeMap<ActorId, ActorId> = BTreeMap::new();
+        let mut first = None;
+        for publication in self.log.publications(stream) {
+            let list: TrackList = publication.decode()?;
+            if list.tracks.iter().any(|track| !owners.contains_key(&track.id)) {
+                let Some(truth) = self.truth(list.stamp)? else { continue };
+                for track in &list.tracks {
+                    if !owners.contains_key(&track.id)
+                        && let Some(owner) = owner(&truth, track.pose.point())
+                    {
+                        owners.insert(track.id, owner);
+                    }
+                }
+            }
+            let is_own = |id: ActorId| owners.get(&id) == Some(&self.actor);
+            if first.is_none() && list.stamp >= from && list.tracks.iter().any(|track| is_own(track.id)) {
+                first = self.timeline.seen(stream, publication.header.stamp);
+            }
+        }
+        let own = owners.into_iter().filter(|(_, owner)| *owner == self.actor).map(|(id, _)| id);
+        Ok(first.map(|first| (first, own.collect())))
+    }
+
+    /// The world at an instant, or just before it.
+    fn truth(&self, at: Time) -> Result<Option<WorldState>, LogError> {
+        self.timeline.newest(self.world, at).map(|publication| publication.decode()).transpose()
+    }
+}
+
+/// The actor that is nearest to a place, if one is near.
+fn owner(truth: &WorldState, place: Point2) -> Option<ActorId> {
+    let away = |actor: &swerve_msg::truth::Actor| actor.footprint().distance_to_point(place);
+    let near = truth.actors.iter().min_by(|a, b| {
+        let from_center = |a: &swerve_msg::truth::Actor| a.pose.point().distance(place);
+        away(a).total_cmp(&away(b)).then(from_center(a).total_cmp(&from_center(b)))
+    });
+    let reach_m = NEAR_M + NEAR_SHARE * truth.ego.state.pose.point().distance(place);
+    near.filter(|actor| away(actor) <= reach_m).map(|actor| actor.id)
+}

@@ -1,0 +1,99 @@
+use std::path::Path;
+
+use swerve_log::Recorder;
+
+use super::*;
+use crate::load::{RunInput, load};
+use crate::recording::{Recording, run_start, set_up};
+
+/// A drive of a shipped scenario, its log, and what it came to.
+fn driven(folder: &Path, scenario: &str, set: &[&str]) -> (Logged, Metrics) {
+    let registry = Registry::standard();
+    let input = RunInput {
+        scenario: scenario.into(),
+        config: None,
+        set: set.iter().map(|&set| set.to_owned()).collect(),
+        seed: None,
+    };
+    let (config, scenario) = load(&registry, &input).unwrap();
+    let pipeline = Pipeline::build(&config, &scenario).unwrap();
+    let path = folder.join("log.mcap");
+    let mut recorder = Recorder::create(&path, &run_start(&config, &input.scenario).unwrap()).unwrap();
+    set_up(&mut recorder, &config, &pipeline);
+    let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
+    let outcome = crate::drive_pipeline(pipeline, config.seed, 1, &mut [&mut recording]).unwrap();
+    recording.finish().unwrap();
+    (Logged::read(&path, &registry).unwrap(), outcome.metrics)
+}
+
+/// Each step's waits are the time since the step before.
+fn adds_up(why: &Why) {
+    for pair in why.steps.windows(2) {
+        let waited: f64 = pair[1].waited.iter().map(|wait| wait.ms).sum();
+        let took = (pair[1].at_s - pair[0].at_s) * 1e3;
+        assert!((waited - took).abs() < 1e-6 && pair[1].waited.iter().all(|w| w.ms > 0.0), "{why:?}");
+    }
+}
+
+fn waited(why: &Why, what: Milestone, reason: &str) -> f64 {
+    let step = why.steps.iter().find(|step| step.what == what).unwrap();
+    step.waited.iter().filter(|wait| wait.reason == reason).map(|wait| wait.ms).sum()
+}
+
+#[test]
+fn a_chain_says_what_each_step_waited_for() {
+    use Milestone::{Commanded, Detected, Effect, Planned, Tracked, Visible};
+    let cases: [(&str, &[&str], &str, &[Milestone]); 4] = [
+        ("person_behind_truck", &[], "person", &[Visible, Tracked, Planned, Commanded, Effect]),
+        (
+            "person_behind_truck",
+            &["operator.planner.runtime={fixed_ms=400}"],
+            "person",
+            &[Visible, Tracked, Planned, Commanded, Effect],
+        ),
+        (
+            "person_behind_truck",
+            &["planning.added_latency_ms=160", "perception.detector=\"efficientdet-d4@v100\""],
+            "person",
+            &[Visible, Detected, Tracked, Planned, Commanded, Effect],
+        ),
+        ("traffic_jam", &[], "motorcycle", &[Visible, Tracked, Planned, Commanded, Effect]),
+    ];
+    for (k, (scenario, set, actor, expected)) in cases.into_iter().enumerate() {
+        let folder = tempfile::tempdir().unwrap();
+        let (logged, metrics) = driven(folder.path(), scenario, set);
+        let why = logged.why(&metrics).unwrap().unwrap();
+        println!("{}", why.text());
+        assert_eq!((why.actor.as_str(), why.verdict), (actor, metrics.verdict), "{scenario} {set:?}");
+        let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
+        assert_eq!(steps, expected, "{scenario} {set:?}: {}", why.sentence);
+        adds_up(&why);
+        assert_eq!(logged.why_of(None, None).unwrap(), Some(why.clone()), "the log alone is enough");
+        match k {
+            0 => assert!(waited(&why, Planned, "run time of planner") > 0.0),
+            1 => assert_eq!(waited(&why, Planned, "run time of planner"), 400.0, "{}", why.text()),
+            2 => {
+                assert_eq!(waited(&why, Commanded, "delay of planner"), 160.0);
+                assert!(waited(&why, Detected, "run time of detector") > 0.0);
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let (logged, metrics) = driven(folder.path(), "person_behind_truck", &[]);
+    let names: Vec<&str> = metrics.actors.iter().map(|actor| actor.name.as_str()).collect();
+    for name in names {
+        let why = logged.why_of(Some(name), None).unwrap().unwrap();
+        assert_eq!(why.actor, name);
+        adds_up(&why);
+    }
+    let error = logged.why_of(Some("persn"), None).unwrap_err().to_string();
+    assert!(error.contains("did you mean `person`?"), "{error}");
+    let at = metrics.actors.iter().find(|actor| actor.name == "person").unwrap().min_distance_at_s;
+    assert_eq!(logged.why_of(None, Some(at)).unwrap().unwrap().actor, "person");
+    assert!(logged.why_of(None, Some(1e4)).is_err());
+}

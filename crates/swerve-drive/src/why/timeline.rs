@@ -1,0 +1,165 @@
+//! What a log tells of its operators: who read what, which steps they took and which frames they lost.
+
+use std::collections::BTreeMap;
+
+use swerve_core::{Span, Time};
+use swerve_flow::{GraphInfo, InputInfo, InputKind, OperatorInfo, Payload, PayloadType};
+use swerve_log::{Log, MessageHeader, PublicationRecord, Record, StepRecord};
+
+/// A message: what it is of, and when it was published.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Seen {
+    pub(super) stamp: Time,
+    pub(super) at: Time,
+}
+
+/// What became of an operator's frame, where no result came in time.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Loss {
+    Dropped,
+    Missed,
+}
+
+/// The records of a log, to be found by operator or stream, and stamp.
+pub(super) struct Timeline<'a> {
+    graph: GraphInfo,
+    messages: BTreeMap<&'a str, BTreeMap<Time, &'a PublicationRecord>>,
+    steps: BTreeMap<&'a str, BTreeMap<Time, &'a StepRecord>>,
+    losses: BTreeMap<&'a str, BTreeMap<Time, Loss>>,
+}
+
+impl<'a> Timeline<'a> {
+    pub(super) fn new(log: &'a Log, graph: GraphInfo) -> Self {
+        let (mut messages, mut steps, mut losses) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        for record in &log.records {
+            match record {
+                Record::Publication(p) => {
+                    let of: &mut BTreeMap<_, _> = messages.entry(p.stream.stream.as_str()).or_default();
+                    of.insert(p.header.stamp, p);
+                }
+                Record::Step(step) => {
+                    let of: &mut BTreeMap<_, _> = steps.entry(step.operator.as_str()).or_default();
+                    of.insert(step.stamp, step);
+                }
+                Record::Miss(miss) => {
+                    let of: &mut BTreeMap<_, _> = losses.entry(miss.operator.as_str()).or_default();
+                    of.insert(miss.stamp, Loss::Missed);
+                }
+                Record::Drop(dropped) => {
+                    let of: &mut BTreeMap<_, _> = losses.entry(dropped.operator.as_str()).or_default();
+                    of.entry(dropped.stamp).or_insert(Loss::Dropped);
+                }
+                _ => {}
+            }
+        }
+        Self { graph, messages, steps, losses }
+    }
+
+    fn operator(&self, name: &str) -> Option<&OperatorInfo> {
+        self.graph.operators.iter().find(|operator| operator.name == name)
+    }
+
+    pub(super) fn inputs(&self, operator: &str) -> impl Iterator<Item = &InputInfo> {
+        self.operator(operator).into_iter().flat_map(|operator| &operator.inputs)
+    }
+
+    /// The operator that publishes a stream.
+    pub(super) fn publisher(&self, stream: &str) -> &str {
+        let publishes = |o: &&OperatorInfo| o.outputs.iter().any(|(name, _)| name == stream);
+        self.graph.operators.iter().find(publishes).map_or("", |operator| &operator.name)
+    }
+
+    /// The stream of an operator that carries messages of a type.
+    pub(super) fn stream_of<T: Payload>(&self, operator: &str) -> Option<&str> {
+        let name = PayloadType::of::<T>().name();
+        let carries = |(_, payload): &&(String, String)| *payload == name;
+        self.operator(operator)?.outputs.iter().find(carries).map(|(stream, _)| stream.as_str())
+    }
+
+    /// The nearest stream of messages of a type that an operator derives its own from.
+    pub(super) fn upstream<T: Payload>(&self, operator: &str) -> Option<String> {
+        let inputs = || self.inputs(operator).filter(|input| !is_feedback(input));
+        let is_of = |input: &&InputInfo| {
+            let stream = input.from.as_deref().and_then(|from| self.stream_of::<T>(from));
+            stream.is_some() && stream == input.stream.as_deref()
+        };
+        let direct = inputs().find(is_of).and_then(|input| input.stream.clone());
+        direct
+            .or_else(|| inputs().filter_map(|i| i.from.as_deref()).find_map(|from| self.upstream::<T>(from)))
+    }
+
+    /// The operators that lead from one to what another one reads over a feedback edge, without both.
+    pub(super) fn path(&self, from: &str, to: &str) -> Vec<String> {
+        let ends =
+            self.inputs(to).filter(|input| is_feedback(input)).filter_map(|input| input.from.as_deref());
+        ends.filter_map(|end| self.way(from, end)).next().unwrap_or_default()
+    }
+
+    fn way(&self, from: &str, to: &str) -> Option<Vec<String>> {
+        if from == to {
+            return Some(Vec::new());
+        }
+        let before = self.inputs(to).filter(|input| !is_feedback(input)).filter_map(|i| i.from.as_deref());
+        let mut way = before.filter_map(|before| self.way(from, before)).next()?;
+        way.push(to.to_owned());
+        Some(way)
+    }
+
+    /// How much later than published the streams of an operator are read.
+    pub(super) fn delay(&self, operator: &str) -> Span {
+        Span::from_ns(self.operator(operator).map_or(0, |operator| operator.delay_ns))
+    }
+
+    pub(super) fn is_timed(&self, operator: &str) -> bool {
+        self.inputs(operator).any(|input| matches!(input.kind, InputKind::Every { .. }))
+    }
+
+    pub(super) fn has_deadline(&self, operator: &str) -> bool {
+        self.operator(operator).is_some_and(|operator| operator.deadline.is_some())
+    }
+
+    pub(super) fn is_measured(&self, operator: &str) -> bool {
+        self.operator(operator).is_some_and(|operator| operator.runtime.contains("measured"))
+    }
+
+    /// The message of a stream with a stamp.
+    pub(super) fn header(&self, stream: &str, stamp: Time) -> Option<&MessageHeader> {
+        Some(&self.messages.get(stream)?.get(&stamp)?.header)
+    }
+
+    pub(super) fn seen(&self, stream: &str, stamp: Time) -> Option<Seen> {
+        self.header(stream, stamp).map(|header| Seen { stamp, at: header.visible_at })
+    }
+
+    /// The messages of a stream, in order of their stamps.
+    pub(super) fn all(&self, stream: &str) -> impl Iterator<Item = Seen> {
+        let of = self.messages.get(stream).into_iter().flatten();
+        of.map(|(stamp, message)| Seen { stamp: *stamp, at: message.header.visible_at })
+    }
+
+    /// The newest message of a stream with a stamp at or before an instant.
+    pub(super) fn newest(&self, stream: &str, at: Time) -> Option<&'a PublicationRecord> {
+        self.messages.get(stream)?.range(..=at).next_back().map(|(_, message)| *message)
+    }
+
+    pub(super) fn step(&self, operator: &str, stamp: Time) -> Option<&StepRecord> {
+        self.steps.get(operator)?.get(&stamp).copied()
+    }
+
+    pub(super) fn loss(&self, operator: &str, stamp: Time) -> Option<Loss> {
+        self.losses.get(operator)?.get(&stamp).copied()
+    }
+
+    /// The frames of an operator from one stamp to before another, with what became of those that gave no result.
+    pub(super) fn frames(&self, stream: &str, from: Time, to: Time) -> BTreeMap<Time, Option<Loss>> {
+        let results = self.messages.get(stream).into_iter().flat_map(|of| of.range(from..to));
+        let losses = self.losses.get(self.publisher(stream)).into_iter().flat_map(|of| of.range(from..to));
+        let mut frames: BTreeMap<Time, Option<Loss>> = results.map(|(stamp, _)| (*stamp, None)).collect();
+        frames.extend(losses.map(|(stamp, loss)| (*stamp, Some(*loss))));
+        frames
+    }
+}
+
+fn is_feedback(input: &InputInfo) -> bool {
+    matches!(input.kind, InputKind::Latest { feedback: true, .. })
+}

@@ -1,0 +1,151 @@
+//! The accounts: what went by between two messages, without a gap.
+
+use swerve_core::{Span, Time};
+use swerve_flow::InputKind;
+
+use super::timeline::{Loss, Seen, Timeline};
+
+/// Time between two instants, explained backwards from the later one.
+struct Ledger {
+    floor: Time,
+    cursor: Time,
+    parts: Vec<(String, Span)>,
+}
+
+impl Ledger {
+    fn new(floor: Time, end: Time) -> Self {
+        Self { floor, cursor: end.max(floor), parts: Vec::new() }
+    }
+
+    /// The time since `from` went by for this reason.
+    fn since(&mut self, from: Time, reason: String) {
+        let from = from.clamp(self.floor, self.cursor);
+        if from == self.cursor {
+            return;
+        }
+        let span = self.cursor - from;
+        self.cursor = from;
+        match self.parts.last_mut() {
+            Some((known, sum)) if *known == reason => *sum += span,
+            _ => self.parts.push((reason, span)),
+        }
+    }
+
+    fn finish(mut self) -> Vec<(String, Span)> {
+        self.parts.reverse();
+        self.parts
+    }
+}
+
+impl Timeline<'_> {
+    /// What the time from one message to a later one of `stream` went by with. Earlier frames of its operator that gave
+    /// a result, but not yet this one, count as `idle` of the operator.
+    pub(super) fn waits(&self, stream: &str, since: Seen, until: Seen, idle: &str) -> Vec<(String, Span)> {
+        let mut account = Ledger::new(since.at, until.at);
+        let frame = self.message(stream, until.stamp, &mut account);
+        let operator = self.publisher(stream);
+        // Of each earlier frame, from its stamp to the next one's.
+        for (stamp, loss) in self.frames(stream, since.stamp, frame).into_iter().rev() {
+            let reason = match loss {
+                Some(Loss::Dropped) => format!("busy {operator}"),
+                Some(Loss::Missed) => format!("deadline of {operator}"),
+                None => format!("{idle} {operator}"),
+            };
+            account.since(stamp, reason);
+        }
+        account.since(since.at, format!("phase of {}", self.beat(operator)));
+        account.finish()
+    }
+
+    /// Along a path of operators, each at its first step that can read what the one before published; the instant at
+    /// which the message that `to` reads is published.
+    pub(super) fn follow(
+        &self,
+        (path, to): (&[String], &str),
+        from: Time,
+        waits: &mut Vec<(String, Span)>,
+    ) -> Option<Time> {
+        let (mut readable, mut published) = (from, from);
+        for (k, operator) in path.iter().enumerate() {
+            let stream = self.inputs_from(path.get(k + 1).map_or(to, String::as_str), operator)?;
+            let starts =
+                |seen: &Seen| self.step(operator, seen.stamp).map_or(seen.at, |step| step.start) >= readable;
+            let next = self.all(&stream).find(starts)?;
+            let mut account = Ledger::new(published, next.at);
+            let tick = self.message(&stream, next.stamp, &mut account);
+            account.since(tick.max(readable), format!("busy {operator}"));
+            account.since(readable, format!("phase of {operator}"));
+            let before = k.checked_sub(1).map_or("", |k| path[k].as_str());
+            account.since(published, format!("delay of {before}"));
+            waits.extend(account.finish());
+            published = next.at;
+            readable = published + self.delay(operator);
+        }
+        Some(published)
+    }
+
+    /// The stream of an operator that the next one of a path reads.
+    fn inputs_from(&self, next: &str, operator: &str) -> Option<String> {
+        self.inputs(next).find(|input| input.from.as_deref() == Some(operator))?.stream.clone()
+    }
+
+    /// Explains the time before a message, back to the stamp of its frame, which it gives.
+    fn message(&self, stream: &str, stamp: Time, account: &mut Ledger) -> Time {
+        let operator = self.publisher(stream);
+        let Some(header) = self.header(stream, stamp) else { return stamp };
+        account.since(header.visible_at, format!("delay of {operator}"));
+        let step = self.step(operator, header.reused_from.unwrap_or(stamp));
+        if self.loss(operator, stamp) == Some(Loss::Missed) {
+            account.since(step.map_or(stamp, |step| step.start), format!("deadline of {operator}"));
+        } else if let Some(step) = step {
+            account.since(step.end, format!("queue of {operator}"));
+            account.since(step.start, format!("run time of {operator}"));
+        }
+        if self.is_timed(operator) {
+            account.since(stamp, format!("busy {operator}"));
+            return stamp;
+        }
+        // The last of what its frame waited for.
+        let inputs = self.inputs(operator).filter(|input| input.kind == InputKind::At);
+        let ready = inputs.filter_map(|input| {
+            let (stream, from) = (input.stream.as_deref()?, input.from.as_deref()?);
+            Some((self.header(stream, stamp)?.visible_at + self.delay(from), stream))
+        });
+        match ready.max_by_key(|(at, _)| *at) {
+            Some((at, stream)) => {
+                account.since(at, format!("busy {operator}"));
+                self.message(stream, stamp, account)
+            }
+            None => {
+                account.since(stamp, format!("transfer of {operator}"));
+                stamp
+            }
+        }
+    }
+
+    /// Whose timer an operator's frames follow.
+    fn beat<'s>(&'s self, operator: &'s str) -> &'s str {
+        let before = self.inputs(operator).find(|input| input.kind == InputKind::At);
+        match before.and_then(|input| input.from.as_deref()) {
+            Some(before) if !self.is_timed(operator) => self.beat(before),
+            _ => operator,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_account_never_leaves_its_bounds_and_has_no_gap() {
+        let mut account = Ledger::new(Time::from_ms(10), Time::from_ms(50));
+        account.since(Time::from_ms(40), "a".into());
+        account.since(Time::from_ms(45), "later than where it stands".into());
+        account.since(Time::from_ms(30), "b".into());
+        account.since(Time::from_ms(20), "b".into());
+        account.since(Time::ZERO, "c".into());
+        let wait = |reason: &str, ms| (reason.to_owned(), Span::from_ms(ms));
+        assert_eq!(account.finish(), [wait("c", 10), wait("b", 20), wait("a", 10)]);
+    }
+}

@@ -1,0 +1,124 @@
+//! Plans as they would have been without an actor.
+
+use swerve_core::Time;
+use swerve_flow::{Event, Observer, PlaybackPayload, PlaybackRecord, RunOptions, StopHandle, run_virtual};
+use swerve_log::{Log, Record};
+use swerve_msg::{ActorId, Plan, PredictionList};
+use swerve_stack::Role;
+use swerve_stack::config::clock::Clock;
+use swerve_stack::pipeline::Pipeline;
+
+use super::timeline::Timeline;
+use crate::drive::record_run_times;
+
+/// A place or a speed that differs by more than this makes another plan, metres and m/s.
+const OTHER: f64 = 0.1;
+
+/// A log whose planner plans again.
+pub(super) struct Without<'a> {
+    pub(super) log: &'a Log,
+    /// The predictions that the planner reads.
+    pub(super) stream: &'a str,
+    /// The tracks that are left out of them.
+    pub(super) ids: &'a [ActorId],
+    /// Before this stamp there are none of them.
+    pub(super) from: Time,
+}
+
+/// Compares plans with those of the log until one is another.
+struct Compared<'a> {
+    log: Vec<(Time, &'a swerve_log::PublicationRecord)>,
+    planner: &'a str,
+    from: Time,
+    stop: StopHandle,
+    first: Option<Time>,
+}
+
+impl Without<'_> {
+    /// The stamp of the first plan of the log that would have been another one.
+    pub(super) fn first_difference(
+        &self,
+        mut pipeline: Pipeline,
+        planner: &str,
+        timeline: &Timeline<'_>,
+    ) -> anyhow::Result<Option<Time>> {
+        if pipeline.clock == Clock::Wall || timeline.is_measured(planner) {
+            record_run_times(&mut pipeline, self.log, |operator| operator == planner);
+        }
+        let read: Vec<&str> = timeline.inputs(planner).filter_map(|input| input.from.as_deref()).collect();
+        let names: Vec<String> = pipeline.graph.describe()?.operators.into_iter().map(|o| o.name).collect();
+        for name in names.iter().filter(|name| *name != planner) {
+            // A deadline may follow any stream of the stack.
+            let in_stack = timeline.has_deadline(planner)
+                && pipeline.assembly.node(name).is_some_and(|node| node.role == Role::Stack);
+            let records =
+                if in_stack || read.contains(&name.as_str()) { self.playback(name)? } else { Vec::new() };
+            pipeline.graph.playback(name, records)?;
+            pipeline.graph.playback_steps(name, self.log.held(name))?;
+        }
+        let plans = timeline.stream_of::<Plan>(planner).unwrap_or(planner);
+        let log = self.log.publications(plans).map(|p| (p.header.stamp, p)).collect();
+        let stop = pipeline.graph.stop_handle();
+        let mut compared = Compared { log, planner, from: self.from, stop, first: None };
+        let last = self.log.end.as_ref().map_or(pipeline.until, |end| end.at);
+        let options = RunOptions::until(last).seed(self.log.start.seed).threads(1);
+        run_virtual(pipeline.graph, &options, vec![&mut compared])?;
+        Ok(compared.first)
+    }
+
+    /// What an operator published, predictions of the tracks left out.
+    fn playback(&self, operator: &str) -> anyhow::Result<Vec<PlaybackRecord>> {
+        let mut records = self.log.playback(operator);
+        let is_of = |record: &&Record| match record {
+            Record::Publication(p) => p.stream.operator == operator,
+            Record::Watermark(w) => w.operator == operator,
+            _ => false,
+        };
+        for (played, logged) in records.iter_mut().zip(self.log.records.iter().filter(is_of)) {
+            let Record::Publication(p) = logged else { continue };
+            if p.stream.stream != self.stream || p.header.stamp < self.from {
+                continue;
+            }
+            let mut list: PredictionList = p.decode()?;
+            list.predictions.retain(|prediction| !self.ids.contains(&prediction.id));
+            if let Some(message) = &mut played.message {
+                message.payload = PlaybackPayload::value(list);
+            }
+        }
+        Ok(records)
+    }
+}
+
+impl Observer for Compared<'_> {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(p) = event else { return };
+        let (Some(stamp), Some(payload)) = (p.stamp, p.payload) else { return };
+        let Some(plan) = payload.as_any().downcast_ref::<Plan>() else { return };
+        if p.operator != self.planner || stamp < self.from || self.first.is_some() {
+            return;
+        }
+        let Ok(place) = self.log.binary_search_by_key(&stamp, |(stamp, _)| *stamp) else { return };
+        let logged: Option<Plan> = self.log[place].1.decode().ok();
+        if logged.is_some_and(|logged| is_other(&logged, plan)) {
+            self.first = Some(stamp);
+            self.stop.stop();
+        }
+    }
+}
+
+/// Whether a car that follows one plan comes elsewhere, or at another speed, than with the other.
+fn is_other(a: &Plan, b: &Plan) -> bool {
+    if a.status != b.status || a.points.is_empty() != b.points.is_empty() {
+        return true;
+    }
+    let elsewhere = |from: &Plan, to: &Plan| {
+        let differs = |p: &swerve_msg::PlanPoint| {
+            let place = to.at(p.at).filter(|_| p.at <= to.end());
+            place.is_some_and(|q| {
+                p.pose.point().distance(q.pose.point()) > OTHER || (p.speed_mps - q.speed_mps).abs() > OTHER
+            })
+        };
+        from.points.iter().any(differs)
+    };
+    elsewhere(a, b) || elsewhere(b, a)
+}

@@ -1,0 +1,114 @@
+//! Labels that do not lie on each other: all that a view is to say is asked for, and then placed by importance.
+
+use crate::canvas::{At, Canvas, Text};
+
+/// What a label is for; the first ones are placed first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub(super) enum Importance {
+    /// First sight, closest approach, collision: the reader is lost without.
+    Event,
+    Badge,
+    Name,
+    Time,
+}
+
+/// Room of a text: left, top, right, bottom, pixels.
+pub(super) type Room = [f64; 4];
+
+/// The labels of one view.
+pub(super) struct Labels {
+    room: Room,
+    asked: Vec<Asked>,
+}
+
+struct Asked {
+    importance: Importance,
+    places: Vec<At>,
+    text: String,
+    how: Text<'static>,
+    /// Colour of the disc behind a badge.
+    disc: Option<&'static str>,
+}
+
+impl Labels {
+    /// For a view with its top left corner here, of this size.
+    pub(super) fn new((x, y): At, (width, height): (f64, f64)) -> Self {
+        Self { room: [x + 2.0, y + 2.0, x + width - 2.0, y + height - 2.0], asked: Vec::new() }
+    }
+
+    /// Asks for a text at the first of these places that is free; where none is, it is left out.
+    pub(super) fn ask(&mut self, importance: Importance, places: Vec<At>, text: String, how: Text<'static>) {
+        self.asked.push(Asked { importance, places, text, how, disc: None });
+    }
+
+    /// An event beside a place: as near to it as there is room.
+    pub(super) fn event(&mut self, (x, y): At, text: String, paint: &'static str) {
+        let how = Text { size: 11.0, color: paint, anchor: "middle", bold: true, rim: true };
+        let [left, _, right, _] = self.room;
+        let half = 0.5 * width_of(&text, how);
+        let clamped = |x: f64| x.min(right - half).max(left + half);
+        let mut places = Vec::new();
+        for dx in [0.0, 70.0, -70.0, 140.0, -140.0, 280.0, -280.0] {
+            for k in 0..14 {
+                places.extend([1.0, -1.0].map(|sign| (clamped(x + dx), y + sign * 13.0 * f64::from(k))));
+            }
+        }
+        // Nearest first; of equal ones the one that comes first.
+        let away = |p: &At| (p.0 - x).abs() * 0.5 + (p.1 - y).abs();
+        places.sort_by(|a, b| away(a).total_cmp(&away(b)));
+        self.ask(Importance::Event, places, text, how);
+    }
+
+    /// A number in a disc, above a place if it can be.
+    pub(super) fn badge(&mut self, (x, y): At, number: usize, paint: &'static str) {
+        let how = Text { size: 10.0, color: "#FFFFFF", anchor: "middle", bold: true, rim: false };
+        let shift = |k: i32| (x, y - 17.0 * f64::from(k));
+        let places = (0..12).flat_map(|k| [shift(k), shift(-k)]).collect();
+        let text = number.to_string();
+        self.asked.push(Asked { importance: Importance::Badge, places, text, how, disc: Some(paint) });
+    }
+
+    /// Draws what there is room for.
+    pub(super) fn draw(mut self, canvas: &mut Canvas) {
+        self.asked.sort_by_key(|asked| asked.importance);
+        let mut taken: Vec<Room> = Vec::new();
+        for Asked { places, text, how, disc, .. } in &self.asked {
+            let room = |at: At| match disc {
+                Some(_) => [at.0 - 8.0, at.1 - 8.0, at.0 + 8.0, at.1 + 8.0],
+                None => room_of(at, text, *how),
+            };
+            let is_free = |r: &Room| is_within(r, &self.room) && !taken.iter().any(|t| overlap(t, r));
+            let Some(at) = places.iter().copied().find(|at| is_free(&room(*at))) else { continue };
+            taken.push(room(at));
+            match disc {
+                Some(paint) => super::birds_eye::badge(canvas, at, text, paint),
+                None => canvas.text(at, text, *how),
+            }
+        }
+    }
+}
+
+/// Width of a text, pixels, rather too much than too little.
+pub(super) fn width_of(text: &str, how: Text<'_>) -> f64 {
+    let each = if how.bold { 0.6 } else { 0.55 };
+    each * how.size * text.chars().count() as f64
+}
+
+/// Room of a text whose base line is at a place.
+pub(super) fn room_of((x, y): At, text: &str, how: Text<'_>) -> Room {
+    let width = width_of(text, how);
+    let left = match how.anchor {
+        "middle" => x - 0.5 * width,
+        "end" => x - width,
+        _ => x,
+    };
+    [left, y - 0.8 * how.size, left + width, y + 0.2 * how.size]
+}
+
+fn overlap(a: &Room, b: &Room) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+fn is_within(r: &Room, all: &Room) -> bool {
+    r[0] >= all[0] && r[1] >= all[1] && r[2] <= all[2] && r[3] <= all[3]
+}

@@ -1,0 +1,99 @@
+//! The events of a story in the view from above: first sight, closest approach or collision.
+
+use swerve_core::{Span, Time};
+use swerve_eval::Milestone;
+use swerve_geom::Obb;
+use swerve_msg::EgoState;
+
+use super::birds_eye::{outline, shape};
+use super::labels::Labels;
+use super::record::Story;
+use super::view::View;
+use crate::canvas::{Canvas, color};
+
+/// The instant of the first sight of the actor that the story is about, if it came while the ego drove.
+pub(super) fn first_sight(story: &Story) -> Option<Time> {
+    let start = story.ego.first()?.stamp;
+    let chain = story.why.as_ref().and_then(|why| why.at_s(Milestone::Visible));
+    let at = Time::ZERO + Span::from_secs(chain.or(story.protagonist()?.first_sight_s)?);
+    (at > start).then_some(at)
+}
+
+/// The instant of the collision, or of the closest approach.
+pub(super) fn closest_at(story: &Story) -> Option<Time> {
+    let impact = story.metrics.as_ref()?.impact.map(|impact| impact.at_s);
+    let at_s = impact.or_else(|| story.protagonist().map(|hero| hero.min_distance_at_s))?;
+    Some(Time::ZERO + Span::from_secs(at_s))
+}
+
+pub(super) fn sight(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) -> Option<()> {
+    let (at, hero) = (first_sight(story)?, story.protagonist()?);
+    let (ego, actor) = (story.ego_at(at)?, story.actor(hero.actor)?);
+    let pose = actor.pose_at(at)?;
+    let paint = color::SIGHT;
+    let footprint = story.outline.footprint(ego.pose);
+    let dashed = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\" stroke-dasharray=\"6 4\"");
+    outline(canvas, view, &footprint, &dashed);
+    let (from, to) = (view.at(footprint.center.point()), view.at(pose.point()));
+    canvas.line(from, to, &dashed);
+    shape(canvas, view, &actor.shape(pose), &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\""));
+    let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
+    let away_m = on_ego.distance(on_actor);
+    let end = if from.0 < view.corner.0 { ", before this view" } else { "" };
+    let label = format!("first sight of {} {:.2} s, {away_m:.1} m away{end}", hero.name, at.as_secs());
+    // On the side away from the actor, where the line of sight does not cross it.
+    labels.event((from.0, label_height(view, &footprint, to.1 < from.1)), label, "#8A5E00");
+    Some(())
+}
+
+pub(super) fn closest(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) -> Option<()> {
+    let (at, hero) = (closest_at(story)?, story.protagonist()?);
+    let impact = story.metrics.as_ref()?.impact;
+    let (ego, actor) = (story.ego_at(at)?, story.actor(hero.actor)?);
+    let pose = actor.pose_at(at)?;
+    let footprint = story.outline.footprint(ego.pose);
+    let paint = color::ALARM;
+    let strong = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.8\"");
+    outline(canvas, view, &footprint, &strong);
+    shape(canvas, view, &actor.shape(pose), &strong);
+    let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
+    let (from, to) = (view.at(on_ego), view.at(on_actor));
+    let label = match impact {
+        Some(i) => {
+            canvas.star(to, 9.0, &format!("fill=\"{paint}\" stroke=\"#FFFFFF\" stroke-width=\"1\""));
+            format!("collision with {} {:.2} s, at {:.1} m/s", hero.name, i.at_s, i.ego_speed_mps)
+        }
+        None => {
+            canvas.line(from, to, &format!("stroke=\"{paint}\" stroke-width=\"3\""));
+            [from, to].into_iter().for_each(|end| canvas.circle(end, 2.5, &format!("fill=\"{paint}\"")));
+            format!("closest to {} {:.2} s, {:.2} m", hero.name, at.as_secs(), hero.min_distance_m)
+        }
+    };
+    let middle = view.at(footprint.center.point());
+    labels.event((middle.0, label_height(view, &footprint, to.1 < middle.1)), label, paint);
+    Some(())
+}
+
+/// The ego when it first left the road.
+pub(super) fn left_road(story: &Story) -> Option<EgoState> {
+    story.ego_at(Time::ZERO + Span::from_secs(story.metrics.as_ref()?.left_road_at_s?))
+}
+
+pub(super) fn off_road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) -> Option<()> {
+    let ego = left_road(story)?;
+    let footprint = story.outline.footprint(ego.pose);
+    let style = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\"", color::LEFT_ROAD);
+    outline(canvas, view, &footprint, &style);
+    let place = view.at(footprint.center.point());
+    let label = format!("left the road {:.2} s", ego.stamp.as_secs());
+    labels.event((place.0, label_height(view, &footprint, false)), label, color::LEFT_ROAD);
+    Some(())
+}
+
+/// Height of a label just below an outline, or just above it.
+pub(super) fn label_height(view: &View, footprint: &Obb, is_below: bool) -> f64 {
+    let ys = footprint.corners().map(|corner| view.at(corner).1);
+    let (high, low) = (ys.into_iter().fold(f64::INFINITY, f64::min), ys.into_iter().fold(0.0, f64::max));
+    let bottom = view.corner.1 + view.size.1;
+    if is_below && low + 13.0 < bottom - 3.0 { low + 13.0 } else { high - 5.0 }
+}

@@ -1,0 +1,46 @@
+//! What the stack took the others for: tracks and predictions.
+
+use super::birds_eye::changes;
+use super::record::Story;
+use super::view::View;
+use crate::canvas::{Canvas, color};
+
+/// Whether a track within the view is where nobody is.
+pub(super) fn has_stale(story: &Story, view: &View) -> bool {
+    within(story, view).any(|track| track.is_stale)
+}
+
+/// Whether predictions are drawn.
+pub(super) fn has_predictions(story: &Story, view: &View) -> bool {
+    changes(story, view).shown.iter().any(|mark| mark.predicted.iter().any(|way| way.len() > 1))
+}
+
+fn within<'a>(story: &'a Story, view: &View) -> impl Iterator<Item = &'a super::TrackMark> {
+    let (from, to) = view.span;
+    story.tracks.iter().filter(move |track| track.at >= from && track.at <= to)
+}
+
+/// Draws tracks as diamonds, stale ones as crosses, and the predictions that went with the plans shown.
+pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
+    let style =
+        format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1\" stroke-dasharray=\"1 3\"", color::TRACK);
+    for way in changes(story, view).shown.iter().flat_map(|mark| &mark.predicted) {
+        canvas.path(way.iter().map(|p| view.at(*p)), false, &style);
+    }
+    for track in within(story, view) {
+        sign(canvas, view.at(track.point), track.is_stale);
+    }
+}
+
+/// The sign of a track.
+pub(super) fn sign(canvas: &mut Canvas, (x, y): crate::canvas::At, is_stale: bool) {
+    let r = 3.0;
+    if is_stale {
+        let style = format!("stroke=\"{}\" stroke-width=\"1.6\"", color::ALARM);
+        canvas.line((x - r, y - r), (x + r, y + r), &style);
+        canvas.line((x - r, y + r), (x + r, y - r), &style);
+    } else {
+        let style = format!("fill=\"#FFFFFF\" stroke=\"{}\" stroke-width=\"1\"", color::TRACK);
+        canvas.path([(x - r, y), (x, y - r), (x + r, y), (x, y + r)], true, &style);
+    }
+}
