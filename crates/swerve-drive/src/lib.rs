@@ -11,6 +11,7 @@ mod rungs;
 mod story;
 
 pub mod frames;
+pub mod page;
 pub mod process;
 pub mod program;
 pub mod realtime;

@@ -43,6 +43,7 @@ use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::page::{REPORT, page_of_log};
 use swerve_drive::process::Processes;
 use swerve_drive::shipped::Kind;
 use swerve_drive::views::live_views;
@@ -51,6 +52,7 @@ use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
 use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
 use swerve_msg::GateOutput;
+use swerve_report::files::write_whole;
 use swerve_report::progress::LiveLine;
 use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
@@ -141,6 +143,14 @@ impl Drive {
         let scenario = read_scenario(&route).context("live.route")?;
         let mapping = config.ros2_mapping()?;
         Ok(Self { config, live, mapping, scenario, route })
+    }
+}
+
+impl Drive {
+    /// Writes the page of a drive that was recorded into this folder.
+    fn report(&self, folder: &Path) -> anyhow::Result<()> {
+        let page = page_of_log(&self.config.registry, &folder.join("log.mcap"))?;
+        write_whole(&folder.join(REPORT), page.html().as_bytes())
     }
 }
 
@@ -385,7 +395,8 @@ fn conclude(
     let out = part.name_whole()?;
     let summary = Summary::new(drive, &driven, topics);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    let place = swerve_report::files::write_metrics(&out, "log.mcap, trace.json", &json)?;
+    let place = swerve_report::files::write_metrics(&out, "report.html, log.mcap, trace.json", &json)?;
+    drive.report(&out)?;
     swerve_report::output::print(&if args.json { json } else { summary.text() + &place })?;
     driven.report.context("the car was stopped by what talks to it, and the run ended")?;
     anyhow::ensure!(

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{Parser, Subcommand};
 use swerve_drive::process;
 use swerve_stack::Registry;
-use swerve_study::{calibrate, dataset, evaluate, track, train};
+use swerve_study::{calibrate, dataset, evaluate, report, track, train};
 
 use crate::{check, doctor, graph, look, new, operators, plan, replay, run, scenarios};
 
@@ -25,6 +25,8 @@ enum Command {
     Live(swerve_live::LiveArgs),
     /// Vary a run along axes over configuration keys and seeds
     Study(swerve_study::StudyArgs),
+    /// Make the page of a run or a study from its folder, or of two beside each other
+    Report(report::ReportArgs),
     /// Compute a log's streams again and compare, or ask what would have been
     Replay(replay::ReplayArgs),
     /// List the kinds of operators that a configuration can name, or show one of them
@@ -71,6 +73,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Run(args) => run::run(args, registry),
         Command::Live(args) => swerve_live::run(args, registry),
         Command::Study(args) => swerve_study::run(args, registry),
+        Command::Report(args) => report::run(args, registry),
         Command::Replay(args) => replay::run(args, registry),
         Command::Operators(args) => operators::run(args, registry),
         Command::Graph(args) => graph::run(args, registry),

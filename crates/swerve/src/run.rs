@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use swerve_drive::frames::Frames;
+use swerve_drive::page::{RunReport, command_line};
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::realtime::Realtime;
@@ -108,8 +109,10 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
     let mut trace = TraceWriter::create(&trace_part, &acting(&pipeline))?;
     let mut story = story(&config, &scenario, &pipeline);
+    let mut report = RunReport::new(&config, &pipeline, command_line(&args.input));
     let mut frames = frames(args, &config, &pipeline)?;
-    let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recording, &mut trace, &mut story];
+    let mut observers: Vec<&mut dyn Observer> =
+        vec![&mut shown, &mut recording, &mut trace, &mut story, &mut report];
     observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
     let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
@@ -139,7 +142,8 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     story.conclude(&outcome.metrics);
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    let left = ends.leave(&json, &story);
+    let written = report.write(&out, &outcome.digest.to_string(), &json);
+    let left = written.and_then(|()| ends.leave(&json, &story));
     let place = left.as_deref().unwrap_or_default();
     print(&if args.json { json } else { summary.text() + place })?;
     // The drive itself is over and told by now.
@@ -177,7 +181,7 @@ impl Ends<'_> {
     /// Writes what is left of a run beside its log; where all of it is, in a line.
     fn leave(&self, json: &str, story: &Story) -> anyhow::Result<String> {
         write_whole(&self.out.join("story.svg"), draw(story).as_bytes())?;
-        write_metrics(self.out, "story.svg, log.mcap, trace.json", json)
+        write_metrics(self.out, "report.html, story.svg, log.mcap, trace.json", json)
     }
 }
 
