@@ -20,7 +20,7 @@ pub mod threads;
 pub mod views;
 
 pub use drive::{Outcome, drive, drive_observed, drive_pipeline, record_run_times};
-pub use load::{RunInput, load, problems_error, read_scenario};
+pub use load::{RunInput, load, operators_with_runtime, problems_error, read_scenario};
 pub use recording::{Recording, left_out_of_logs, run_start, set_up};
 pub use rungs::{Budgets, RungCount, Rungs};
 pub use story::{story, title};

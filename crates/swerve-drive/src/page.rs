@@ -25,6 +25,9 @@ use crate::story::title;
 /// The name of the page within a run's folder.
 pub const REPORT: &str = "report.html";
 
+/// Where the head of a log has the command line of its run.
+pub const COMMAND: &str = "command";
+
 /// The page of a run, to be filled in while it drives.
 pub struct RunReport {
     collector: Collector,
@@ -114,7 +117,7 @@ fn set_inputs(collector: &mut Collector, assembly: &Assembly) {
 }
 
 /// The command line that repeats a run.
-pub fn command_line(input: &RunInput) -> String {
+pub fn command_line(input: &RunInput, run_times: Option<&Path>) -> String {
     let mut line = format!("swerve run {}", quoted(&input.scenario.display().to_string()));
     if let Some(config) = &input.config {
         line += &format!(" -c {}", quoted(&config.display().to_string()));
@@ -122,7 +125,13 @@ pub fn command_line(input: &RunInput) -> String {
     for set in &input.set {
         line += &format!(" --set {}", quoted(set));
     }
-    input.seed.map_or(line.clone(), |seed| format!("{line} --seed {seed}"))
+    if let Some(seed) = input.seed {
+        line += &format!(" --seed {seed}");
+    }
+    if let Some(log) = run_times {
+        line += &format!(" --runtimes {}", quoted(&log.display().to_string()));
+    }
+    line
 }
 
 /// The keys of a configuration that are not at their defaults.
@@ -150,7 +159,7 @@ fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, String)>) {
     for (name, value) in table {
         let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
         match value {
-            toml::Value::Table(inner) if !inner.is_empty() => flatten(&key, inner, out),
+            toml::Value::Table(inner) => flatten(&key, inner, out),
             _ => out.push((key, value.to_string())),
         }
     }

@@ -85,7 +85,7 @@ function valueAt({ t, y }, at) {
   return k < 0 ? null : y[k];
 }
 
-/** How often run times fall where: one row an operator, all on one axis with logarithmic steps. */
+/** How often values fall where between the smallest and the largest. */
 function histogram(values, label) {
   const [width, height, bins] = [220, 34, 40];
   const [low, high] = [Math.min(...values), Math.max(...values)];

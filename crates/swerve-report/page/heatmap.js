@@ -95,9 +95,10 @@ function heatTable(study, cells, { across, down, measure, picked }) {
     cell.append(el("button", { click: pick, title: verdicts(inside) }, result?.text ?? "–", el("small", {}, result?.small ?? verdicts(inside))));
     return cell;
   };
-  const head = el("tr", {}, el("th", {}, down.map((axis) => study.axes[axis]).join(" · ")), columns.map((column) => el("th", {}, `${study.axes[across]} ${column}`)));
+  const head = el("tr", {}, el("th", {}, down.map((axis) => study.axes[axis]).join(" · ")), columns.map((column) => el("th", { class: "middle" }, column)));
+  const name = el("tr", {}, el("th", {}), el("th", { class: "middle", colspan: columns.length }, study.axes[across]));
   const lines = squares.map((line) => el("tr", {}, el("th", {}, line.row), line.squares.map((one) => square(line.row, one))));
-  return el("div", { class: "scroll" }, el("table", { class: "heat" }, el("thead", {}, head), el("tbody", {}, lines)));
+  return el("div", { class: "scroll" }, el("table", { class: "heat" }, el("thead", {}, name, head), el("tbody", {}, lines)));
 }
 
 /** Good is dark blue, bad is pale, whatever the light: the lightness alone tells the order. */

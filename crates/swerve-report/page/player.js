@@ -166,7 +166,7 @@ class Player {
     const style = { fill: colour(person ? "person" : "vehicle"), alpha: person ? 0.75 : 0.45 };
     if (actor.kind === "pedestrian") pen.circle(x, y, actor.width / 200, style);
     else pen.box(x, y, actor.h[k] / 1e3, actor.length / 100, actor.width / 100, style);
-    if (this.shown.names) pen.text(x, y, actor.name || `${actor.kind} ${actor.id}`);
+    if (this.shown.names) pen.text(x, y, (actor.width / 200) * this.scale + 6, actor.name || `${actor.kind} ${actor.id}`);
   }
 
   drawTracks(pen, t) {
@@ -276,14 +276,15 @@ class Pen {
     for (let k = 0; k <= lastUpTo(ego.t, t); k += 1) this.context.lineTo(...this.to(ego.x[k] / 100, ego.y[k] / 100));
     this.style({ stroke, width: 1.5, alpha: 0.6 });
   }
-  text(x, y, text) {
+  /** A text so many pixels above a place. */
+  text(x, y, above, text) {
     const [left, top] = this.to(x, y);
     const { context } = this;
     context.font = "12px Helvetica, Arial, sans-serif";
     context.textAlign = "center";
     [context.strokeStyle, context.lineWidth, context.lineJoin] = [colour("paper"), 3, "round"];
-    context.strokeText(text, left, top - 10);
+    context.strokeText(text, left, top - above);
     context.fillStyle = colour("ink");
-    context.fillText(text, left, top - 10);
+    context.fillText(text, left, top - above);
   }
 }

@@ -26,7 +26,7 @@ class StudyView {
     this.axis = this.across;
     this.split = this.down[0] ?? null;
     this.measure = study.budget_max_ms == null ? "ended well" : "latency budget, ms";
-    this.settings = study.settings.map((name) => study.axes.indexOf(name)).filter((axis) => axis >= 0);
+    this.settings = study.settings.length > 0 ? study.settings.map((name) => study.axes.indexOf(name)) : this.down.length > 0 ? this.down : [this.across];
     this.text = addressed().get("filter") ?? "";
     this.picks = new Map(); // axis or "verdict" to the label that is let through
     [this.heat, this.detail, this.plot, this.rank, this.table] = [0, 1, 2, 3, 4].map(() => el("div"));

@@ -15,7 +15,7 @@ pub struct StudyPage {
     pub axes: Vec<String>,
     /// Verdicts that count as good.
     pub good: Vec<&'static str>,
-    /// The axes whose combinations are ranked; all others are pooled.
+    /// The axes whose combinations are ranked, all others being pooled; empty where the study does not say.
     pub settings: Vec<String>,
     /// The largest latency that a budget can be found to be, ms; none where no budget is asked for.
     pub budget_max_ms: Option<f64>,
@@ -73,7 +73,7 @@ pub(super) fn page(
         name: study.name.clone(),
         axes: study.axes.clone(),
         good: good.into_iter().filter_map(|(verdict, counts)| counts.then_some(verdict)).collect(),
-        settings: ranked.unwrap_or_else(|| study.axes.iter().filter(|a| *a != "seed").cloned().collect()),
+        settings: ranked.unwrap_or_default(),
         budget_max_ms: study.budget.as_ref().map(|budget| budget.max_ms),
         cells: cells
             .map(|((cell, result), command)| page_cell(&cell.labels, result.as_ref(), command))

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use swerve_core::Time;
 use swerve_report::output::quoted;
 use swerve_report::page::{Collector, Input, Message, Page, RunPage};
 
@@ -17,8 +16,8 @@ pub(crate) fn page(file: &Path, seed: u64, pipeline: &Pipeline, trace: &Trace) -
         collector.set_inputs(&operator.name, inputs(pipeline, operator));
     }
     for step in &trace.steps {
-        // A step that the end cut off is shown up to there.
-        let end = step.end.unwrap_or((Time::ZERO + pipeline.span).max(step.start));
+        // One that the end cut off has no run time.
+        let Some(end) = step.end else { continue };
         collector.step(name(step.operator), step.stamp, step.start, end, step.late);
     }
     for publication in &trace.publications {

@@ -9,14 +9,14 @@ use swerve_log::{Log, LogError, PublicationRecord, Record};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, Image, Plan, PredictionList, TrackList};
 use swerve_report::output::quoted;
-use swerve_report::page::{Changed, Collector, Message, Page, Pair, Parting, RunPage};
+use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
-use super::RunReport;
+use super::{COMMAND, RunReport};
 use crate::load::problems_error;
 use crate::measured::outline;
 
@@ -42,7 +42,7 @@ fn page_of(
     let text = log.start.extra.get("scenario").context("the log holds no scenario")?;
     let scenario = Scenario::parse("scenario of the log", text).map_err(|p| problems_error(&p))?;
     let mut report = RunReport::of_config(&config, &scenario, String::new());
-    report.page.command = command_of_log(log, &report.page.changed);
+    report.page.command = command_of_log(log, &scenario);
     if config.live.is_some() {
         // The graph of a vehicle needs the vehicle; what is read from what is not known then.
         let shape = outline(&config.sim.vehicle.shape);
@@ -63,12 +63,13 @@ fn page_of(
     report.finish(&digest, metrics.as_deref().unwrap_or("null"))
 }
 
-/// The command line that drives what a log holds once more.
-fn command_of_log(log: &Log, changed: &[Changed]) -> String {
-    let file = log.start.extra.get("scenario_file").map_or("SCENARIO", String::as_str);
-    let set = |change: &Changed| format!(" --set {}", quoted(&format!("{}={}", change.key, change.value)));
-    let sets: String = changed.iter().filter(|change| !change.value.is_empty()).map(set).collect();
-    format!("swerve run {}{sets}", quoted(file))
+/// The command line of the run, as the log has it; else one that drives by the configuration that the page saves.
+fn command_of_log(log: &Log, scenario: &Scenario) -> String {
+    let extra = |key: &str| log.start.extra.get(key).cloned();
+    extra(COMMAND).unwrap_or_else(|| {
+        let file = extra("scenario_file").unwrap_or_else(|| scenario.name.clone());
+        format!("swerve run {} -c {}", quoted(&file), quoted(&format!("{}.toml", scenario.name)))
+    })
 }
 
 /// What `metrics.json` beside a log holds, if it is of the same run.
