@@ -50,7 +50,7 @@ const notes = (list) => list.map((note) => el("p", { class: "note" }, note));
 function why(chain, moment) {
   if (!chain) return null;
   const waited = (list) => (list?.length ? ` · waited ${list.map((wait) => `${fixed(wait.ms, 0)} ms for ${wait.for}`).join(", ")}` : "");
-  const step = ({ what, at_s: at, waited: list }) => el("li", {}, at == null ? null : el("button", { click: () => moment.set(at * 1e6) }, `${fixed(at)} s`), ` ${what}`, el("span", { class: "soft" }, waited(list)));
+  const step = ({ what, at_s: at, waited: list }) => el("li", {}, at == null ? null : el("button", { click: () => moment.set(at * 1e6) }, `${fixed(at)} s`), ` ${what.replaceAll("_", " ")}`, el("span", { class: "soft" }, waited(list)));
   return section("why", "Why", el("p", {}, chain.sentence ?? ""), el("ol", { class: "chain" }, (chain.steps ?? []).map(step)));
 }
 

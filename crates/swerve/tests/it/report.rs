@@ -125,22 +125,29 @@ fn a_browser_draws_a_run_and_plays_it() {
         "nasty.toml",
         &bench.read("short.toml").replace("name = \"person\"", &format!("name = \"{name}\"")),
     );
-    let run = bench.swerve(&["run", "nasty.toml", "--out", "o"]);
-    let folder = if run.code == Some(0) { "o" } else { "p" };
-    if run.code != Some(0) {
-        // Such a name is refused: then the plain one is drawn.
-        bench.good(&["run", "short.toml", "--out", "p"]);
-    }
-    let page = bench.path(folder).join("report.html");
+    bench.good(&["run", "nasty.toml", "--out", "o"]);
+    let page = bench.path("o/report.html");
     let still = drawn(&browser, &page, "#t=1.25", 1000);
     assert_eq!(text(&still, "time"), "1.25 s");
     assert!(
         still.contains("avoided") && still.contains("Run times") && still.contains("Speed, m/s"),
         "{still}"
     );
+    assert!(still.contains("<title>short: ") && still.contains("id=\"repeat\""), "a name is a text: {still}");
     let played = drawn(&browser, &page, "#t=1.25&play", 2000);
     let seconds: f64 = text(&played, "time").trim_end_matches(" s").parse().unwrap();
     assert!(seconds > 1.5, "the player came to {seconds} s");
+    let mut metrics: Value = serde_json::from_str(&bench.read("o/metrics.json")).unwrap();
+    metrics["why"] = serde_json::json!({
+        "actor": name, "verdict": "avoided", "sentence": format!("{name} was seen late"),
+        "steps": [{ "what": "first_tracked", "at_s": 0.5, "waited": [{ "for": "planner busy", "ms": 20.0 }] }],
+    });
+    bench.write("o/metrics.json", &metrics.to_string());
+    bench.good(&["report", "o"]);
+    let told = drawn(&browser, &page, "", 1000);
+    for part in ["was seen late", "0.50 s</button> first tracked", "waited 20 ms for planner busy"] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
     let picked = drawn(&browser, &page, "#step=40", 1000);
     assert!(
         picked.contains("What it read") && picked.contains("From the sensor's frame to here"),
