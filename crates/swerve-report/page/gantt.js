@@ -110,7 +110,7 @@ class Gantt {
     const bar = el("div", { class: "bar small" },
       el("button", { click: move(-0.5) }, "◀"), el("button", { click: move(0.5) }, "▶"),
       el("button", { click: zoom(0.5) }, "closer"), el("button", { click: zoom(2) }, "wider"),
-      el("span", { class: "soft" }, "dark: the chain of the chosen step · hatched: result too late · × missed deadline · ▼ dropped · wheel zooms, drag moves"));
+      el("span", { class: "soft" }, "orange, joined: the chain of the chosen step · hatched: result too late · × missed deadline · ▼ dropped · wheel zooms, drag moves"));
     return el("div", {}, this.canvas, bar, this.detail);
   }
 

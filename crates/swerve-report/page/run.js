@@ -19,11 +19,12 @@ function showRun(page) {
     gantt ? section("times", "Run times", runTimes(page)) : "",
     page.metrics ? section("figures", "Figures", figures(page.metrics)) : "",
     page.config ? section("configuration", "Configuration", configuration(page)) : "",
-    section("repeat", "Again", el("p", {}, "The same drive, with the same digest:"), commandLine(page.command)),
+    section("repeat", "Again", el("p", {}, "The command line; in virtual time it comes to the same digest."), commandLine(page.command)),
   );
   const asked = addressed();
   if (asked.has("t")) moment.set(Number(asked.get("t")) * 1e6);
   else moment.set(page.metrics?.impact ? page.metrics.impact.at_s * 1e6 : 0);
+  addEventListener("load", () => moment.set(moment.t)); // only now pictures have their widths
   if (asked.has("play")) player?.play(true);
   if (asked.has("step") && gantt) gantt.pick(Number(asked.get("step")));
 }

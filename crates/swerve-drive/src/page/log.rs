@@ -11,12 +11,12 @@ use swerve_msg::{Command, EgoState, Image, Plan, PredictionList, TrackList};
 use swerve_report::output::quoted;
 use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage};
 use swerve_scenario::Scenario;
-use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{Assembly, Registry};
 use swerve_text::Document;
 
-use super::{COMMAND, RunReport};
+use super::{COMMAND, RunReport, set_inputs};
 use crate::load::problems_error;
 use crate::measured::outline;
 
@@ -42,11 +42,12 @@ fn page_of(
     let text = log.start.extra.get("scenario").context("the log holds no scenario")?;
     let scenario = Scenario::parse("scenario of the log", text).map_err(|p| problems_error(&p))?;
     let mut report = RunReport::of_config(&config, &scenario, String::new());
-    report.page.command = command_of_log(log, &scenario);
+    report.page.command = command_of_log(log, &config, &scenario);
     if config.live.is_some() {
-        // The graph of a vehicle needs the vehicle; what is read from what is not known then.
+        // The graph needs the vehicle; who reads what does not.
         let shape = outline(&config.sim.vehicle.shape);
         report.collector.set_ground(&scenario.road.route(), scenario.road.lane_width_m, shape);
+        set_inputs(&mut report.collector, &Assembly::new(&config)?);
     } else {
         report.set_up(&config, &Pipeline::build(&config, &scenario)?);
     }
@@ -64,11 +65,15 @@ fn page_of(
 }
 
 /// The command line of the run, as the log has it; else one that drives by the configuration that the page saves.
-fn command_of_log(log: &Log, scenario: &Scenario) -> String {
+fn command_of_log(log: &Log, config: &Config, scenario: &Scenario) -> String {
     let extra = |key: &str| log.start.extra.get(key).cloned();
     extra(COMMAND).unwrap_or_else(|| {
+        let saved = quoted(&format!("{}.toml", scenario.name));
         let file = extra("scenario_file").unwrap_or_else(|| scenario.name.clone());
-        format!("swerve run {} -c {}", quoted(&file), quoted(&format!("{}.toml", scenario.name)))
+        match config.live {
+            Some(_) => format!("swerve live {saved}"),
+            None => format!("swerve run {} -c {saved}", quoted(&file)),
+        }
     })
 }
 

@@ -16,7 +16,7 @@ use super::run::{self, EgoShape, Input, Marks, Operator, Road, RunPage};
 /// Ego states nearer to each other than this are left out.
 const EGO_EVERY: Span = Span::from_ms(20);
 /// Pictures of one camera nearer to each other than this are left out.
-const PHOTO_EVERY: Span = Span::from_ms(500);
+const PHOTO_EVERY: Span = Span::from_ms(1000);
 /// Actor poses nearer to each other than this are left out, metres and radians.
 const ACTOR_MOVED: f64 = 0.01;
 /// Points of a plan and of a predicted path at most.

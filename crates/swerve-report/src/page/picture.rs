@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use swerve_msg::{Encoding, Image};
 
 /// Columns of a picture at most.
-const WIDTH_PX: usize = 240;
+const WIDTH_PX: usize = 200;
 
 /// A coloured image, made smaller by leaving out pixels, as an address that holds a PNG; none of other images, or
 /// where the log has only a fingerprint of it.
