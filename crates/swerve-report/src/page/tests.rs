@@ -35,8 +35,7 @@ fn texts_stay_data_and_come_back() {
 fn nothing_is_fetched() {
     let html = Page::new("figures", "t", Figures::default()).html();
     // The only address in the page is the name of SVG's elements.
-    let addresses: Vec<_> = html.match_indices("://").map(|(k, _)| &html[k - 4..k + 20]).collect();
-    assert_eq!(addresses, ["http://www.w3.org/2000/"]);
+    assert_eq!(html.matches("://").count(), html.matches("\"http://www.w3.org/2000/svg\"").count());
 }
 
 #[test]
