@@ -43,7 +43,7 @@ use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
-use swerve_drive::page::{REPORT, page_of_log};
+use swerve_drive::page::{COMMAND, REPORT, page_of_log};
 use swerve_drive::process::Processes;
 use swerve_drive::shipped::Kind;
 use swerve_drive::views::live_views;
@@ -53,6 +53,7 @@ use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
 use swerve_msg::GateOutput;
 use swerve_report::files::write_whole;
+use swerve_report::output::quoted;
 use swerve_report::progress::LiveLine;
 use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
@@ -96,6 +97,23 @@ pub struct LiveArgs {
     /// Worker threads for heavy steps
     #[arg(long, default_value_t = 2, value_parser = swerve_drive::threads::parser())]
     threads: usize,
+}
+
+impl LiveArgs {
+    /// The command line that drives so again.
+    fn command_line(&self) -> String {
+        let mut line = format!("swerve live {}", quoted(&self.config.display().to_string()));
+        if let Some(seconds) = self.seconds {
+            line += &format!(" --seconds {seconds}");
+        }
+        if let Some(enable) = self.enable.as_ref().and_then(clap::ValueEnum::to_possible_value) {
+            line += &format!(" --enable {}", enable.get_name());
+        }
+        for set in &self.set {
+            line += &format!(" --set {}", quoted(set));
+        }
+        line
+    }
 }
 
 /// How long the transport may take for its end.
@@ -350,7 +368,9 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
     let _held = swerve_report::files::claim(&out)?;
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
-    let mut recorder = Recorder::create(&log_part, &run_start(&drive)?)?;
+    let mut start = run_start(&drive)?;
+    start.extra.insert(COMMAND.into(), args.command_line());
+    let mut recorder = Recorder::create(&log_part, &start)?;
     set_up(&mut recorder, &drive);
     let trace = TraceWriter::create(&trace_part, &["gate"])?;
     let mut files = DriveFiles { recorder, trace, folder: out };
