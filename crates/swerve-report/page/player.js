@@ -134,7 +134,7 @@ class Player {
     const t = this.moment.t;
     const ego = egoAt(run.ego, t);
     this.scale ??= width / 90;
-    if (this.follows && ego) this.centre = [ego.x + 20 * Math.cos(ego.h), ego.y + 20 * Math.sin(ego.h)];
+    if (this.follows && ego) this.centre = this.ahead(ego, t);
     const to = (x, y) => [width / 2 + (x - this.centre[0]) * this.scale, height / 2 - (y - this.centre[1]) * this.scale];
     const pen = new Pen(context, to, this.scale);
     context.fillStyle = colour("ground");
@@ -149,6 +149,14 @@ class Player {
     drawEgo(ego, run.shape, { fill: colour("ego"), nose: colour("paper") });
     if (this.ghost) drawEgo(egoAt(this.ghost.ego, t), this.ghost.shape, { stroke: colour("person"), width: 2 });
     this.drawTexts(context, width, height, ego, t);
+  }
+
+  /** A place 20 m ahead along the way of the three seconds around an instant: a swerve does not turn the view. */
+  ahead(ego, t) {
+    const [from, to] = [egoAt(this.run.ego, Math.max(t - 1_500_000, this.run.ego.t[0])), egoAt(this.run.ego, t + 1_500_000)];
+    const way = Math.hypot(to.x - from.x, to.y - from.y);
+    const [cos, sin] = way > 1 ? [(to.x - from.x) / way, (to.y - from.y) / way] : [Math.cos(ego.h), Math.sin(ego.h)];
+    return [ego.x + 20 * cos, ego.y + 20 * sin];
   }
 
   drawRoad(pen, road) {
@@ -228,7 +236,7 @@ function beside(list, d) {
 /** Draws in metres of the map. */
 class Pen {
   constructor(context, to, scale) {
-    [this.context, this.to, this.scale] = [context, to, scale];
+    [this.context, this.to, this.scale, this.texts] = [context, to, scale, []];
   }
   style({ fill, stroke, width = 1, dash = [], alpha = 1 }) {
     const { context } = this;
@@ -276,15 +284,19 @@ class Pen {
     for (let k = 0; k <= lastUpTo(ego.t, t); k += 1) this.context.lineTo(...this.to(ego.x[k] / 100, ego.y[k] / 100));
     this.style({ stroke, width: 1.5, alpha: 0.6 });
   }
-  /** A text so many pixels above a place. */
+  /** A text so many pixels above a place, or higher where another one stands. */
   text(x, y, above, text) {
-    const [left, top] = this.to(x, y);
-    const { context } = this;
+    const [left, foot] = this.to(x, y);
+    const { context, texts } = this;
     context.font = "12px Helvetica, Arial, sans-serif";
+    const half = context.measureText(text).width / 2 + 2;
+    let top = foot - above;
+    while (texts.some((other) => Math.abs(other.left - left) < other.half + half && Math.abs(other.top - top) < 14)) top -= 3;
+    texts.push({ left, top, half });
     context.textAlign = "center";
     [context.strokeStyle, context.lineWidth, context.lineJoin] = [colour("paper"), 3, "round"];
-    context.strokeText(text, left, top - above);
+    context.strokeText(text, left, top);
     context.fillStyle = colour("ink");
-    context.fillText(text, left, top - above);
+    context.fillText(text, left, top);
   }
 }
