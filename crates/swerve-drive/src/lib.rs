@@ -11,6 +11,7 @@ mod rungs;
 mod story;
 
 pub mod frames;
+pub mod page;
 pub mod process;
 pub mod program;
 pub mod realtime;
@@ -20,7 +21,7 @@ pub mod views;
 pub mod why;
 
 pub use drive::{Outcome, drive, drive_observed, drive_pipeline, record_run_times};
-pub use load::{RunInput, load, problems_error, read_scenario};
+pub use load::{RunInput, load, operators_with_runtime, problems_error, read_scenario};
 pub use recording::{Recording, left_out_of_logs, run_start, set_up};
 pub use rungs::{Budgets, RungCount, Rungs};
 pub use story::{story, title};

@@ -1,5 +1,6 @@
 //! What a command line names, read and checked.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
@@ -70,4 +71,20 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Sc
         .config(registry, &input.config, &of_config)
         .map_err(|problems| problems_error(&problems))?;
     Ok((config, read_scenario_with(&input.scenario, &of_scenario)?))
+}
+
+/// The operators to which `--set` gives run times.
+///
+/// # Errors
+/// What is no assignment, or sets a key within another's value.
+pub fn operators_with_runtime(words: &[String]) -> anyhow::Result<BTreeSet<String>> {
+    let mut table = toml::Table::new();
+    for word in words {
+        let (key, value) = parse_assignment(word)?;
+        swerve_text::set(&mut table, &key, value)
+            .map_err(|(key, message)| anyhow!("--set: {key}: {message}"))?;
+    }
+    let operators = table.get("operator").and_then(toml::Value::as_table).into_iter().flatten();
+    let named = operators.filter(|(_, settings)| settings.get("runtime").is_some());
+    Ok(named.map(|(name, _)| name.clone()).collect())
 }

@@ -43,6 +43,7 @@ use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::page::{COMMAND, REPORT, page_of_log};
 use swerve_drive::process::Processes;
 use swerve_drive::shipped::Kind;
 use swerve_drive::views::live_views;
@@ -51,6 +52,8 @@ use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
 use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
 use swerve_msg::GateOutput;
+use swerve_report::files::write_whole;
+use swerve_report::output::quoted;
 use swerve_report::progress::LiveLine;
 use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
@@ -94,6 +97,23 @@ pub struct LiveArgs {
     /// Worker threads for heavy steps
     #[arg(long, default_value_t = 2, value_parser = swerve_drive::threads::parser())]
     threads: usize,
+}
+
+impl LiveArgs {
+    /// The command line that drives so again.
+    fn command_line(&self) -> String {
+        let mut line = format!("swerve live {}", quoted(&self.config.display().to_string()));
+        if let Some(seconds) = self.seconds {
+            line += &format!(" --seconds {seconds}");
+        }
+        if let Some(enable) = self.enable.as_ref().and_then(clap::ValueEnum::to_possible_value) {
+            line += &format!(" --enable {}", enable.get_name());
+        }
+        for set in &self.set {
+            line += &format!(" --set {}", quoted(set));
+        }
+        line
+    }
 }
 
 /// How long the transport may take for its end.
@@ -141,6 +161,14 @@ impl Drive {
         let scenario = read_scenario(&route).context("live.route")?;
         let mapping = config.ros2_mapping()?;
         Ok(Self { config, live, mapping, scenario, route })
+    }
+}
+
+impl Drive {
+    /// Writes the page of a drive that was recorded into this folder.
+    fn report(&self, folder: &Path) -> anyhow::Result<()> {
+        let page = page_of_log(&self.config.registry, &folder.join("log.mcap"))?;
+        write_whole(&folder.join(REPORT), page.html().as_bytes())
     }
 }
 
@@ -340,7 +368,9 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
     let _held = swerve_report::files::claim(&out)?;
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
-    let mut recorder = Recorder::create(&log_part, &run_start(&drive))?;
+    let mut start = run_start(&drive);
+    start.extra.insert(COMMAND.into(), args.command_line());
+    let mut recorder = Recorder::create(&log_part, &start)?;
     set_up(&mut recorder, &drive);
     let trace = TraceWriter::create(&trace_part, &["gate"])?;
     let mut files = DriveFiles { recorder, trace, folder: out };
@@ -385,7 +415,8 @@ fn conclude(
     let out = part.name_whole()?;
     let summary = Summary::new(drive, &driven, topics);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    let place = swerve_report::files::write_metrics(&out, "log.mcap, trace.json", &json)?;
+    let place = swerve_report::files::write_metrics(&out, "report.html, log.mcap, trace.json", &json)?;
+    drive.report(&out)?;
     swerve_report::output::print(&if args.json { json } else { summary.text() + &place })?;
     driven.report.context("the car was stopped by what talks to it, and the run ended")?;
     anyhow::ensure!(

@@ -1,8 +1,9 @@
-//! Results for people: text in columns, files written whole, progress, pictures.
+//! Results for people: text in columns, files written whole, progress, pictures, pages.
 
 pub mod canvas;
 pub mod files;
 pub mod graph;
 pub mod output;
+pub mod page;
 pub mod progress;
 pub mod story;

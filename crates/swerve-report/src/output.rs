@@ -51,3 +51,13 @@ pub fn align(lines: &[Vec<String>]) -> String {
     }
     text
 }
+
+/// A word as it stands in a command line for a shell.
+pub fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "./_-=+:,".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, bail, ensure};
 use swerve_report::files::write_whole;
-use swerve_report::output::print;
+use swerve_report::output::{print, quoted};
 
 /// What gives machines to a study.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
@@ -149,7 +149,7 @@ fn sbatch(words: &[String]) -> anyhow::Result<String> {
 
 /// Words as a shell takes them.
 fn shell(words: &[String]) -> String {
-    words.iter().map(|word| crate::grid::quoted(word)).collect::<Vec<_>>().join(" ")
+    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
 fn list(words: &[String]) -> String {

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use swerve_drive::shipped::Kind;
+use swerve_report::output::quoted;
 use swerve_text::{Document, Problem, Problems, is_within, number};
 
 pub use forms::{Files, Values};
@@ -377,12 +378,6 @@ fn check_left_out(
     if all_of_every_axis {
         problems.push(document.problem("leave_out", "nothing is left"));
     }
-}
-
-/// A word as a shell takes it.
-pub(crate) fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "./_-=+:,".contains(c);
-    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
 /// Names and steps of the axes; what is wrong with them goes to `problems`.

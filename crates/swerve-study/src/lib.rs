@@ -15,8 +15,10 @@ mod cluster;
 pub mod curve;
 pub mod grid;
 pub mod heatmap;
+pub mod page;
 pub mod picture;
 pub mod ranking;
+pub mod report;
 pub mod table;
 pub mod timely;
 pub mod track;
@@ -30,10 +32,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
+use swerve_drive::page::REPORT;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::{Outcome, drive, problems_error};
 use swerve_report::files::write_whole;
+use swerve_report::output::quoted;
+use swerve_report::page::{Figures, Page};
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
@@ -326,9 +331,11 @@ fn report(bench: &Bench, results: &[Option<CellResult>], out: &Path) -> anyhow::
         let chart = timely::chart::Chart::of(study, timely, results);
         write_whole(&out.join("timely.csv"), chart.csv().as_bytes())?;
         write_whole(&out.join("timely.svg"), chart.draw().as_bytes())?;
+        write_whole(&out.join(REPORT), timely_page(study, &chart).html().as_bytes())?;
         let (done, all) = (results.iter().flatten().count(), study.cells.len());
         let at = out.display();
-        let text = format!("{}{done} of {all} cells in {at}: timely.csv, timely.svg\n", chart.text());
+        let text =
+            format!("{}{done} of {all} cells in {at}: report.html, timely.csv, timely.svg\n", chart.text());
         return swerve_report::output::print(&text);
     }
     let grid = table::Grid::of(study, results);
@@ -336,18 +343,22 @@ fn report(bench: &Bench, results: &[Option<CellResult>], out: &Path) -> anyhow::
     write_whole(&out.join("cells.csv"), table::csv(study, results).as_bytes())?;
     write_whole(&out.join("heatmap.svg"), heatmap::draw(&grid, title).as_bytes())?;
     let lines = study.cells.iter().zip(results).map(|(cell, result)| bench.repeat(cell, result.as_ref()));
-    let commands = lines.collect::<anyhow::Result<Vec<_>>>()?.join("\n") + "\n";
-    write_whole(&out.join("commands.txt"), commands.as_bytes())?;
+    let commands = lines.collect::<anyhow::Result<Vec<_>>>()?;
+    write_whole(&out.join("commands.txt"), (commands.join("\n") + "\n").as_bytes())?;
     let done = results.iter().flatten().count();
     let repeats = match study.budget {
         None => "repeats each cell",
         Some(_) => "drives each cell at its budget",
     };
     let mut more = "";
+    let mut pictures = Vec::new();
     if let Some(curve) = study.curve {
-        write_whole(&out.join("curve.svg"), curve.draw(study, results).as_bytes())?;
+        let svg = curve.draw(study, results);
+        write_whole(&out.join("curve.svg"), svg.as_bytes())?;
         more = "curve.svg, ";
+        pictures.push(("Curves".to_owned(), svg));
     }
+    write_whole(&out.join(REPORT), page::page(study, results, &commands, pictures).html().as_bytes())?;
     let mut ranked = study.curve.map_or_else(String::new, |curve| curve.text(study, results) + "\n");
     if let Some(ranking) = &study.ranking {
         let settings = ranking::settings(study, ranking, results);
@@ -355,11 +366,25 @@ fn report(bench: &Bench, results: &[Option<CellResult>], out: &Path) -> anyhow::
         ranked += &(ranking::text(ranking, &settings) + "\n");
     }
     swerve_report::output::print(&format!(
-        "{}\n{ranked}{done} of {} cells in {}: cells.csv, heatmap.svg, {more}commands.txt (one line {repeats})\n",
+        "{}\n{ranked}{done} of {} cells in {}: report.html, cells.csv, heatmap.svg, {more}commands.txt (one line {repeats})\n",
         grid.text(),
         study.cells.len(),
         out.display()
     ))
+}
+
+/// The page of a study that draws over time in the place of verdicts.
+fn timely_page(study: &Study, chart: &timely::chart::Chart<'_>) -> Page<Figures> {
+    let csv = chart.csv();
+    let mut rows = csv.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let title = if study.description.is_empty() { &study.name } else { &study.description };
+    let figures = Figures {
+        command: format!("swerve study {}", quoted(&study.file)),
+        columns: rows.next().unwrap_or_default(),
+        rows: rows.collect(),
+        pictures: vec![("Over time".to_owned(), chart.draw())],
+    };
+    Page::new("figures", title, figures)
 }
 
 fn merge(

@@ -7,6 +7,7 @@
 
 mod gantt;
 mod json;
+mod page;
 mod pipeline;
 mod read;
 mod simulate;
@@ -33,6 +34,9 @@ pub struct TimingArgs {
     /// Draw a chart of all steps, publications, misses and drops into this file.
     #[arg(long, value_name = "FILE")]
     pub svg: Option<PathBuf>,
+    /// Write a page with all steps, of which each tells its chain, and the run times into this file.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
     /// Print every publication, in commit order, as one JSON array and nothing else.
     #[arg(long)]
     pub json: bool,
@@ -50,7 +54,7 @@ pub struct TimingArgs {
 /// When the file cannot be read or has problems (all of them, with line and key), the run fails (a full queue
 /// under `fail`), or the chart cannot be written.
 pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
-    if let Some(path) = &args.svg {
+    for path in [&args.svg, &args.report].into_iter().flatten() {
         swerve_report::files::refuse_toml(path)?;
     }
     let pipeline = read_file(&args.file).map_err(|problems| swerve_drive::problems_error(&problems))?;
@@ -58,6 +62,10 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
         simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
     if let Some(path) = &args.svg {
         swerve_report::files::write_whole(path, svg(&pipeline, &trace).as_bytes())?;
+    }
+    if let Some(path) = &args.report {
+        let page = page::page(&args.file, args.seed, &pipeline, &trace);
+        swerve_report::files::write_whole(path, page.html().as_bytes())?;
     }
     let text = if args.json { json(&pipeline, &trace) } else { table(&pipeline, &trace) };
     swerve_report::output::print(&text)

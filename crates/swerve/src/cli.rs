@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{Parser, Subcommand};
 use swerve_drive::{process, why};
 use swerve_stack::Registry;
-use swerve_study::{calibrate, dataset, evaluate, track, train};
+use swerve_study::{calibrate, dataset, evaluate, report, track, train};
 
 use swerve_reference::{keys, operators};
 
@@ -29,6 +29,8 @@ enum Command {
     Study(swerve_study::StudyArgs),
     /// Say why a logged drive ended so: from the first sight of an actor to the car's answer
     Why(why::WhyArgs),
+    /// Make the page of a run or a study from its folder, or of two beside each other
+    Report(report::ReportArgs),
     /// Compute a log's streams again and compare, or ask what would have been
     Replay(replay::ReplayArgs),
     /// List the kinds of operators that a configuration can name, or show one of them
@@ -82,6 +84,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Live(args) => swerve_live::run(args, registry),
         Command::Study(args) => swerve_study::run(args, registry),
         Command::Why(args) => why::run(args, registry),
+        Command::Report(args) => report::run(args, registry),
         Command::Replay(args) => replay::run(args, registry),
         Command::Operators(args) => operators::run(args, registry),
         Command::Keys(args) => keys::run(args, registry),

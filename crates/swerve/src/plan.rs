@@ -15,9 +15,10 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use swerve_pylot::Preset;
-use swerve_pylot::posed::Solution;
+use swerve_pylot::posed::{ProblemFile, Solution};
 use swerve_report::files::write_whole;
-use swerve_report::output::{self, align};
+use swerve_report::output::{self, align, quoted};
+use swerve_report::page::{Figures, Page};
 
 pub use read::{Posed, read};
 pub use solve::{REPEATS, solve_all};
@@ -72,6 +73,9 @@ pub struct PlanArgs {
     /// Draw a picture of each problem into this folder
     #[arg(long, value_name = "DIR")]
     svg: Option<PathBuf>,
+    /// Write a page with the table and all pictures into this file
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 /// Runs `swerve plan`.
@@ -96,6 +100,9 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
             write_whole(&folder.join(picture_name(k, &solution.id)), svg.as_bytes())?;
         }
     }
+    if let Some(path) = &args.report {
+        write_whole(path, page(args, (&file, &posed), &solutions).html().as_bytes())?;
+    }
     let text =
         if args.json { serde_json::to_string_pretty(&solutions)? + "\n" } else { table(args, &solutions) };
     output::print(&text)?;
@@ -119,22 +126,42 @@ fn picture_name(k: usize, id: &str) -> String {
     format!("{k:03}_{}.svg", id.chars().map(plain).collect::<String>())
 }
 
+fn page(args: &PlanArgs, (file, posed): (&ProblemFile, &Posed<'_>), solutions: &[Solution]) -> Page<Figures> {
+    let (planner, config, path) = (args.planner.name(), &args.config, args.file.display().to_string());
+    let preset = if args.preset == PresetName::Paper { " --preset paper" } else { "" };
+    let picture = |(k, s): (usize, &Solution)| (s.id.clone(), picture::draw(file, posed, k, s));
+    let figures = Figures {
+        command: format!(
+            "swerve plan {} --planner {planner} --config {}{preset}",
+            quoted(&path),
+            quoted(config)
+        ),
+        columns: COLUMNS.map(str::to_owned).to_vec(),
+        rows: solutions.iter().map(row).collect(),
+        pictures: solutions.iter().enumerate().map(picture).collect(),
+    };
+    Page::new("figures", format!("{planner} {config}: {path}"), figures)
+}
+
+const COLUMNS: [&str; 8] = ["problem", "ms", "work", "length m", "cost", "clearance m", "curvature 1/m", ""];
+
+fn row(s: &Solution) -> Vec<String> {
+    let number = |x: f64, digits: usize| if s.found { format!("{x:.digits$}") } else { "-".into() };
+    vec![
+        s.id.clone(),
+        format!("{:.3}", s.time_ms),
+        s.work.to_string(),
+        number(s.length_m, 2),
+        number(s.cost, 2),
+        number(s.clearance_m, 2),
+        number(s.curvature_max, 3),
+        s.reason.clone(),
+    ]
+}
+
 fn table(args: &PlanArgs, solutions: &[Solution]) -> String {
-    let head = ["problem", "ms", "work", "length m", "cost", "clearance m", "curvature 1/m", ""];
-    let mut lines = vec![head.map(str::to_owned).to_vec()];
-    for s in solutions {
-        let number = |x: f64, digits: usize| if s.found { format!("{x:.digits$}") } else { "-".into() };
-        lines.push(vec![
-            s.id.clone(),
-            format!("{:.3}", s.time_ms),
-            s.work.to_string(),
-            number(s.length_m, 2),
-            number(s.cost, 2),
-            number(s.clearance_m, 2),
-            number(s.curvature_max, 3),
-            s.reason.clone(),
-        ]);
-    }
+    let mut lines = vec![COLUMNS.map(str::to_owned).to_vec()];
+    lines.extend(solutions.iter().map(row));
     let mut times: Vec<f64> = solutions.iter().map(|s| s.time_ms).collect();
     times.sort_by(f64::total_cmp);
     // The nearest rank.

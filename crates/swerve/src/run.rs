@@ -2,14 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use swerve_drive::frames::Frames;
+use swerve_drive::page::{COMMAND, RunReport, command_line};
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::realtime::Realtime;
 use swerve_drive::why::of_run;
 use swerve_drive::{
-    Outcome, Recording, RunInput, drive_pipeline, load, record_run_times, run_start, set_up, story, title,
+    Outcome, Recording, RunInput, drive_pipeline, load, operators_with_runtime, record_run_times, run_start,
+    set_up, story, title,
 };
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
@@ -94,9 +96,8 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
     if let Some(log) = &args.runtimes {
-        let said = sets(&input.set)?;
-        let is_set = |name: &str| said.get("operator").is_some_and(|all| runtime_of(all, name).is_some());
-        record_run_times(&mut pipeline, &Log::read(log)?, |name| !is_set(name));
+        let set = operators_with_runtime(&input.set)?;
+        record_run_times(&mut pipeline, &Log::read(log)?, |name| !set.contains(name));
     }
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
     let _held = claim(&out)?;
@@ -104,13 +105,18 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut realtime = Realtime::begin(&config.clock);
-    let mut recorder = Recorder::create(&log_part, &run_start(&config, &scenario, &args.input.scenario))?;
+    let mut start = run_start(&config, &scenario, &args.input.scenario);
+    let command = command_line(&input, args.runtimes.as_deref());
+    start.extra.insert(COMMAND.into(), command.clone());
+    let mut recorder = Recorder::create(&log_part, &start)?;
     set_up(&mut recorder, &config, &pipeline);
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
     let mut trace = TraceWriter::create(&trace_part, &acting(&pipeline))?;
     let mut story = story(&config, &scenario, &pipeline);
+    let mut report = RunReport::new(&config, &pipeline, command);
     let mut frames = frames(args, &config, &pipeline)?;
-    let mut observers: Vec<&mut dyn Observer> = vec![&mut shown, &mut recording, &mut trace, &mut story];
+    let mut observers: Vec<&mut dyn Observer> =
+        vec![&mut shown, &mut recording, &mut trace, &mut story, &mut report];
     observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
     let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
@@ -145,7 +151,8 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     (summary.traffic, summary.ros2, summary.realtime) = (traffic, ros2, realtime);
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    let left = ends.leave(&json, &story);
+    let written = report.write(&out, &outcome.digest.to_string(), &json);
+    let left = written.and_then(|()| ends.leave(&json, &story));
     let place = left.as_deref().unwrap_or_default();
     print(&if args.json { json } else { summary.text() + place })?;
     // The drive itself is over and told by now.
@@ -183,23 +190,8 @@ impl Ends<'_> {
     /// Writes what is left of a run beside its log; where all of it is, in a line.
     fn leave(&self, json: &str, story: &Story) -> anyhow::Result<String> {
         write_whole(&self.out.join("story.svg"), draw(story).as_bytes())?;
-        write_metrics(self.out, "story.svg, log.mcap, trace.json", json)
+        write_metrics(self.out, "report.html, story.svg, log.mcap, trace.json", json)
     }
-}
-
-/// What `--set` says, as one table.
-fn sets(words: &[String]) -> anyhow::Result<toml::Table> {
-    let mut table = toml::Table::new();
-    for word in words {
-        let (key, value) = swerve_text::parse_assignment(word)?;
-        swerve_text::set(&mut table, &key, value)
-            .map_err(|(key, message)| anyhow!("--set: {key}: {message}"))?;
-    }
-    Ok(table)
-}
-
-fn runtime_of<'a>(operators: &'a toml::Value, name: &str) -> Option<&'a toml::Value> {
-    operators.get(name)?.get("runtime")
 }
 
 /// The operator that asks the car for something: arrows from a sensor's frame end there.

@@ -38,7 +38,7 @@ fn labels(svg: &str) -> Vec<Label> {
 }
 
 fn picture(scenario: &Path) -> (Story, String) {
-    let input = RunInput { scenario: scenario.into(), config: None, set: Vec::new(), seed: None };
+    let input = RunInput { scenario: scenario.into(), config: Vec::new(), set: Vec::new(), seed: None };
     let (config, scenario) = load(&swerve_stack::Registry::standard(), &input).unwrap();
     let pipeline = Pipeline::build(&config, &scenario).unwrap();
     let mut story = story(&config, &scenario, &pipeline);

@@ -11,14 +11,14 @@ fn driven(folder: &Path, scenario: &str, set: &[&str]) -> (Logged, Metrics) {
     let registry = Registry::standard();
     let input = RunInput {
         scenario: scenario.into(),
-        config: None,
+        config: Vec::new(),
         set: set.iter().map(|&set| set.to_owned()).collect(),
         seed: None,
     };
     let (config, scenario) = load(&registry, &input).unwrap();
     let pipeline = Pipeline::build(&config, &scenario).unwrap();
     let path = folder.join("log.mcap");
-    let mut recorder = Recorder::create(&path, &run_start(&config, &input.scenario).unwrap()).unwrap();
+    let mut recorder = Recorder::create(&path, &run_start(&config, &scenario, &input.scenario)).unwrap();
     set_up(&mut recorder, &config, &pipeline);
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
     let outcome = crate::drive_pipeline(pipeline, config.seed, 1, &mut [&mut recording]).unwrap();

@@ -177,6 +177,7 @@ fn the_page_shows_what_is_printed() {
         preset: PresetName::Best,
         json: false,
         svg: None,
+        report: None,
     };
     let mut solutions = solve_all(&file, &posed, Preset::Best);
     // The times are those of the page's host.

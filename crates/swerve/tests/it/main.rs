@@ -12,6 +12,7 @@ mod names; // what goes by its name, and a folder to begin in
 mod output; // what goes where, and which options change it
 mod processes; // runs over several processes: the same digest, and what is lost is noticed
 mod ray; // shards on Ray workers
+mod report; // pages of runs and studies, drawn by a real browser
 mod ros2; // the simulated car on ROS 2's topics, recorded drives
 mod sensors; // a rig from a file, its log, its faults
 mod slurm; // the shards of a Slurm array, simulated

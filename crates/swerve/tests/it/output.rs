@@ -25,10 +25,10 @@ fn json_is_one_object_and_nothing_else() {
     assert!(digest.len() == 16 && digest.chars().all(|c| c.is_ascii_hexdigit()), "{digest}");
     let text = bench.good(&["run", "short.toml", "--out", "p"]);
     assert!(text.contains(digest) && text.contains("AVOIDED"), "{text}");
-    for name in ["story.svg", "log.mcap", "trace.json", "metrics.json"] {
+    for name in ["report.html", "story.svg", "log.mcap", "trace.json", "metrics.json"] {
         assert!(std::fs::metadata(bench.path("o").join(name)).unwrap().len() > 100, "{name}");
     }
-    assert!(text.ends_with("in p: story.svg, log.mcap, trace.json, metrics.json\n"), "{text}");
+    assert!(text.ends_with("in p: report.html, story.svg, log.mcap, trace.json, metrics.json\n"), "{text}");
     let again = bench.good(&["run", "short.toml", "--out", "p"]);
     assert_eq!(again, text.trim_end().to_owned() + " (those of an earlier run are replaced)\n");
     json(&bench.read("o/trace.json"));

@@ -1,0 +1,166 @@
+//! `report.html` of a run, from the run itself or from its log.
+
+use std::path::Path;
+
+mod log;
+
+pub use log::{page_of_log, pair_of_logs};
+
+use anyhow::Context as _;
+use swerve_flow::{Event, Observer};
+use swerve_msg::ActorId;
+use swerve_report::files::write_whole;
+use swerve_report::output::quoted;
+use swerve_report::page::{Changed, Collector, Input, Page, RunPage};
+use swerve_scenario::Scenario;
+use swerve_stack::Assembly;
+use swerve_stack::config::{Config, Images};
+use swerve_stack::pipeline::Pipeline;
+use swerve_text::Document;
+
+use crate::load::RunInput;
+use crate::measured::outline;
+use crate::story::title;
+
+/// The name of the page within a run's folder.
+pub const REPORT: &str = "report.html";
+
+/// Where the head of a log has the command line of its run.
+pub const COMMAND: &str = "command";
+
+/// The page of a run, to be filled in while it drives.
+pub struct RunReport {
+    collector: Collector,
+    page: RunPage,
+    title: String,
+}
+
+impl RunReport {
+    /// Of a run that is about to begin.
+    pub fn new(config: &Config, pipeline: &Pipeline, command: String) -> Self {
+        let mut report = Self::of_config(config, &pipeline.scenario, command);
+        report.set_up(config, pipeline);
+        report
+    }
+
+    fn of_config(config: &Config, scenario: &Scenario, command: String) -> Self {
+        let page = RunPage {
+            scenario: scenario.name.clone(),
+            pipeline: config.pipeline_name(),
+            seed: config.seed,
+            command,
+            config: config.to_text(),
+            changed: changed(config),
+            ..RunPage::default()
+        };
+        Self { collector: Collector::new(), page, title: title(config, scenario) }
+    }
+
+    fn set_up(&mut self, config: &Config, pipeline: &Pipeline) {
+        let shape = outline(&pipeline.vehicle.shape);
+        let scenario = &pipeline.scenario;
+        self.collector.set_ground(&pipeline.route, scenario.road.lane_width_m, shape);
+        self.collector.keep_photos(config.log.images != Images::None);
+        // Actors are numbered in the order of the scenario, from 1.
+        let names = scenario.actors.iter().zip(1..);
+        self.collector.set_names(names.map(|(actor, id)| (ActorId(id), actor.name.clone())));
+        set_inputs(&mut self.collector, &pipeline.assembly);
+    }
+
+    /// The page of the run, now that it is over; `metrics` is what `metrics.json` holds.
+    ///
+    /// # Errors
+    /// The metrics are no JSON.
+    pub fn finish(self, digest: &str, metrics: &str) -> anyhow::Result<Page<RunPage>> {
+        let Self { collector, page: known, title } = self;
+        let metrics = serde_json::from_str(metrics).context("reading the metrics of the run")?;
+        let RunPage { scenario, pipeline, seed, command, config, changed, notes, .. } = known;
+        let page = RunPage {
+            scenario,
+            pipeline,
+            seed,
+            command,
+            config,
+            changed,
+            notes,
+            metrics,
+            digest: digest.to_owned(),
+            ..collector.finish()
+        };
+        Ok(Page::new("run", title, page))
+    }
+
+    /// Writes `report.html` into a folder.
+    ///
+    /// # Errors
+    /// As [`finish`](Self::finish), or it cannot be written.
+    pub fn write(self, folder: &Path, digest: &str, metrics: &str) -> anyhow::Result<()> {
+        write_whole(&folder.join(REPORT), self.finish(digest, metrics)?.html().as_bytes())
+    }
+}
+
+impl Observer for RunReport {
+    fn event(&mut self, event: &Event<'_>) {
+        self.collector.event(event);
+    }
+}
+
+fn set_inputs(collector: &mut Collector, assembly: &Assembly) {
+    for placed in assembly.operators() {
+        let edges = placed.inputs.iter().flat_map(|input| &input.from);
+        let input = |edge: &swerve_stack::assembly::Edge| Input {
+            stream: edge.stream.clone(),
+            feedback: edge.feedback,
+        };
+        collector.set_inputs(&placed.name, edges.map(input).collect());
+    }
+}
+
+/// The command line that repeats a run.
+pub fn command_line(input: &RunInput, run_times: Option<&Path>) -> String {
+    let mut line = format!("swerve run {}", quoted(&input.scenario.display().to_string()));
+    for config in &input.config {
+        line += &format!(" -c {}", quoted(&config.display().to_string()));
+    }
+    for set in &input.set {
+        line += &format!(" --set {}", quoted(set));
+    }
+    if let Some(seed) = input.seed {
+        line += &format!(" --seed {seed}");
+    }
+    if let Some(log) = run_times {
+        line += &format!(" --runtimes {}", quoted(&log.display().to_string()));
+    }
+    line
+}
+
+/// The keys of a configuration that are not at their defaults.
+fn changed(config: &Config) -> Vec<Changed> {
+    let flat = |config: &Config| {
+        let mut keys = Vec::new();
+        let table = toml::Table::try_from(config).expect("a configuration is plain tables and values");
+        flatten("", &table, &mut keys);
+        keys
+    };
+    let empty = Document::parse("defaults", String::new()).ok();
+    let default = empty.and_then(|none| Config::from_document_with(&config.registry, &none, &[]).ok());
+    let (mut own, usual) = (flat(config), default.as_ref().map_or_else(Vec::new, flat));
+    let value_of = |all: &[(String, String)], key: &str| {
+        all.iter().find(|(k, _)| k == key).map_or_else(String::new, |(_, value)| value.clone())
+    };
+    let gone = usual.iter().filter(|(key, _)| own.iter().all(|(k, _)| k != key));
+    let gone: Vec<_> = gone.map(|(key, _)| (key.clone(), String::new())).collect();
+    own.extend(gone);
+    let changes = own.into_iter().map(|(key, value)| Changed { default: value_of(&usual, &key), key, value });
+    changes.filter(|change| change.value != change.default).collect()
+}
+
+fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, String)>) {
+    for (name, value) in table {
+        let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+        match value {
+            toml::Value::Table(inner) => flatten(&key, inner, out),
+            _ => out.push((key, value.to_string())),
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The page of a run from its log, and of two runs beside each other.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Context as _;
+use serde::de::DeserializeOwned;
+use swerve_log::{Log, LogError, PublicationRecord, Record};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{Command, EgoState, Image, Plan, PredictionList, TrackList};
+use swerve_report::output::quoted;
+use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage};
+use swerve_scenario::Scenario;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+use swerve_stack::{Assembly, Registry};
+use swerve_text::Document;
+
+use super::{COMMAND, RunReport, set_inputs};
+use crate::load::problems_error;
+use crate::measured::outline;
+
+/// The page of a run from its log and, where it lies beside that and is of the same run, `metrics.json`. Of a log that
+/// was cut off, what there is.
+///
+/// # Errors
+/// The log cannot be read at all, or holds no configuration that this program reads.
+pub fn page_of_log(registry: &Registry, path: &Path) -> anyhow::Result<Page<RunPage>> {
+    let (log, damage) = Log::salvage(path)?;
+    page_of(registry, path, &log, damage)
+}
+
+/// As [`page_of_log`], of a log that is read already.
+fn page_of(
+    registry: &Registry,
+    path: &Path,
+    log: &Log,
+    damage: Option<LogError>,
+) -> anyhow::Result<Page<RunPage>> {
+    let document = Document::parse("configuration of the log", log.start.config.clone())?;
+    let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
+    let text = log.start.extra.get("scenario").context("the log holds no scenario")?;
+    let scenario = Scenario::parse("scenario of the log", text).map_err(|p| problems_error(&p))?;
+    let mut report = RunReport::of_config(&config, &scenario, String::new());
+    report.page.command = command_of_log(log, &config, &scenario);
+    if config.live.is_some() {
+        // The graph needs the vehicle; who reads what does not.
+        let shape = outline(&config.sim.vehicle.shape);
+        report.collector.set_ground(&scenario.road.route(), scenario.road.lane_width_m, shape);
+        set_inputs(&mut report.collector, &Assembly::new(&config)?);
+    } else {
+        report.set_up(&config, &Pipeline::build(&config, &scenario)?);
+    }
+    for record in &log.records {
+        take(&mut report.collector, record)?;
+    }
+    report.page.notes.extend(damage.map(|damage| format!("The log is not complete: {damage}")));
+    let digest = log.end.as_ref().map_or_else(String::new, |end| end.digest.to_string());
+    let metrics = metrics_beside(path, &digest);
+    if metrics.is_none() {
+        let note = "No metrics.json of this run lies beside its log: verdict and figures are not shown.";
+        report.page.notes.push(note.into());
+    }
+    report.finish(&digest, metrics.as_deref().unwrap_or("null"))
+}
+
+/// The command line of the run, as the log has it; else one that drives by the configuration that the page saves.
+fn command_of_log(log: &Log, config: &Config, scenario: &Scenario) -> String {
+    let extra = |key: &str| log.start.extra.get(key).cloned();
+    extra(COMMAND).unwrap_or_else(|| {
+        let saved = quoted(&format!("{}.toml", scenario.name));
+        let file = extra("scenario_file").unwrap_or_else(|| scenario.name.clone());
+        match config.live {
+            Some(_) => format!("swerve live {saved}"),
+            None => format!("swerve run {} -c {saved}", quoted(&file)),
+        }
+    })
+}
+
+/// What `metrics.json` beside a log holds, if it is of the same run.
+fn metrics_beside(log: &Path, digest: &str) -> Option<String> {
+    let text = std::fs::read_to_string(log.with_file_name("metrics.json")).ok()?;
+    let metrics: serde_json::Value = serde_json::from_str(&text).ok()?;
+    (metrics.get("digest")?.as_str()? == digest).then_some(text)
+}
+
+fn take(collector: &mut Collector, record: &Record) -> Result<(), LogError> {
+    match record {
+        Record::Publication(message) => return publication(collector, message),
+        Record::Step(s) => collector.step(&s.operator, s.stamp, s.start, s.end, s.late),
+        Record::Miss(m) => collector.miss(&m.operator, m.stamp, m.at, m.reaction.as_str()),
+        Record::Drop(d) => collector.dropped(&d.operator, d.stamp, d.at, d.reason.as_str()),
+        Record::Watermark(_) | Record::Unfinished(_) | Record::Decision(_) => {}
+    }
+    Ok(())
+}
+
+/// A message of one of the types that a page shows is decoded, any other is counted.
+fn publication(collector: &mut Collector, message: &PublicationRecord) -> Result<(), LogError> {
+    type Shown = fn(&mut Collector, &PublicationRecord) -> Result<(), LogError>;
+    fn shown<T: DeserializeOwned + 'static>() -> (&'static str, Shown) {
+        let show: Shown = |collector, message| {
+            // Where the log has a fingerprint in the place of an image, there is nothing to show.
+            match message.decode::<T>() {
+                Ok(payload) => collector.message(about(message), Some(&payload)),
+                Err(_) if core::any::type_name::<T>() == core::any::type_name::<Image>() => {
+                    collector.message(about(message), None);
+                }
+                Err(error) => return Err(error),
+            }
+            Ok(())
+        };
+        (core::any::type_name::<T>(), show)
+    }
+    let known: [(&str, Shown); 7] = [
+        shown::<WorldState>(),
+        shown::<EgoState>(),
+        shown::<TrackList>(),
+        shown::<PredictionList>(),
+        shown::<Plan>(),
+        shown::<Command>(),
+        shown::<Image>(),
+    ];
+    match known.iter().find(|(name, _)| *name == message.stream.type_name) {
+        Some((_, show)) => show(collector, message),
+        None => {
+            collector.message(about(message), None);
+            Ok(())
+        }
+    }
+}
+
+fn about(message: &PublicationRecord) -> Message<'_> {
+    let (stream, header) = (&message.stream, &message.header);
+    Message {
+        stream: &stream.stream,
+        operator: &stream.operator,
+        stamp: header.stamp,
+        at: header.visible_at,
+        origin: header.origin,
+    }
+}
+
+/// Two runs beside each other, from their logs: where they part.
+///
+/// # Errors
+/// As [`page_of_log`].
+pub fn pair_of_logs(
+    registry: &Registry,
+    a: &Path,
+    b: &Path,
+) -> anyhow::Result<Page<Pair<Page<RunPage>, Vec<Parting>>>> {
+    let read = |path: &Path| -> anyhow::Result<(Log, Page<RunPage>)> {
+        let (log, damage) = Log::salvage(path)?;
+        let page = page_of(registry, path, &log, damage)?;
+        Ok((log, page))
+    };
+    let ((log_a, a), (log_b, b)) = (read(a)?, read(b)?);
+    let title = format!("{} | {}", a.title, b.title);
+    Ok(Page::new("runs", title, Pair { a, b, parting: partings(&log_a, &log_b) }))
+}
+
+/// Of every stream of two logs where it first differs, the earliest first; those that never do come last.
+fn partings(a: &Log, b: &Log) -> Vec<Parting> {
+    type Both<'a> = [Vec<&'a PublicationRecord>; 2];
+    let mut streams: BTreeMap<&str, Both<'_>> = BTreeMap::new();
+    for (k, log) in [a, b].into_iter().enumerate() {
+        for message in log.all_publications() {
+            streams.entry(&message.stream.stream).or_default()[k].push(message);
+        }
+    }
+    let mut partings: Vec<Parting> =
+        streams.into_iter().map(|(stream, both)| parting(stream, &both[0], &both[1])).collect();
+    partings.sort_by_key(|parting| parting.at.unwrap_or(i64::MAX));
+    partings
+}
+
+fn parting(stream: &str, a: &[&PublicationRecord], b: &[&PublicationRecord]) -> Parting {
+    let when = |message: &PublicationRecord| (message.header.stamp, message.header.visible_at);
+    let is_same = |(a, b): &(&&PublicationRecord, &&PublicationRecord)| {
+        when(a) == when(b) && a.payload_cbor == b.payload_cbor
+    };
+    let same = a.iter().zip(b).take_while(is_same).count();
+    let (next_a, next_b) = (a.get(same), b.get(same));
+    let first = next_a.into_iter().chain(next_b).min_by_key(|message| message.header.visible_at);
+    let by = match (next_a, next_b) {
+        (None, None) => "",
+        (Some(a), Some(b)) if when(a) == when(b) => "content",
+        (Some(_), Some(_)) => "instant",
+        _ => "missing",
+    };
+    Parting {
+        stream: stream.to_owned(),
+        counts: [a.len(), b.len(), same],
+        at: first.map(|message| message.header.visible_at.ns().div_euclid(1000)),
+        stamp: first.map(|message| message.header.stamp.ns().div_euclid(1000)),
+        by,
+    }
+}

@@ -1,0 +1,162 @@
+// A study over two of its axes, the rest pooled.
+
+/** What a square can show: its number of so many cells, text below, and how good it is from 0 to 1. */
+const MEASURES = {
+  "ended well": rate((cell, study) => isGood(cell, study)),
+  "nothing hit": rate((cell) => cell.no_collision),
+  "on the road": rate((cell) => cell.on_road),
+  "impact speed, m/s": median((cell) => cell.impact_speed_mps, true),
+  "closest, m": median((cell) => cell.min_distance_m),
+  "lateral jerk, m/s³": median((cell) => cell.lateral_jerk_mps3, true),
+  "response p50, ms": median((cell) => cell.response_p50_ms, true),
+  "response p99, ms": median((cell) => cell.response_p99_ms, true),
+  "missed deadlines": median((cell) => cell.misses, true),
+  "latency budget, ms": median((cell) => cell.budget_ms),
+};
+
+const isGood = (cell, study) => study.good.includes(cell.verdict);
+const isDone = (cell) => cell.verdict != null && cell.verdict !== "failed";
+
+/** A measure that counts cells: its value is the share, with Wilson's 95 % interval. */
+function rate(holds) {
+  return {
+    isRate: true,
+    of(cells, study) {
+      const done = cells.filter(isDone);
+      if (done.length === 0) return null;
+      const hits = done.filter((cell) => holds(cell, study)).length;
+      const [low, high] = wilson(hits, done.length);
+      return { value: hits / done.length, low, high, text: `${hits} of ${done.length}`, small: `${fixed(low)}–${fixed(high)}`, n: done.length };
+    },
+  };
+}
+
+/** A measure that is a number: its value is the median, with the quartiles. */
+function median(read, lessIsBetter = false) {
+  return {
+    lessIsBetter,
+    of(cells) {
+      const values = cells.filter(isDone).map(read).filter((value) => value != null).sort((a, b) => a - b);
+      if (values.length === 0) return null;
+      const [low, value, high] = [0.25, 0.5, 0.75].map((share) => quantile(values, share));
+      return { value, low, high, text: short(value), small: values.length > 1 ? `${short(low)}–${short(high)} of ${values.length}` : "", n: values.length };
+    },
+  };
+}
+
+const short = (value) => fixed(value, Math.abs(value) >= 100 || Number.isInteger(value) ? 0 : 2);
+
+/** The 95 % interval of a rate (Wilson 1927). */
+function wilson(hits, runs) {
+  const z = 1.959963984540054;
+  const p = hits / runs;
+  const middle = (p + (z * z) / (2 * runs)) / (1 + (z * z) / runs);
+  const half = (z / (1 + (z * z) / runs)) * Math.sqrt((p * (1 - p)) / runs + (z * z) / (4 * runs * runs));
+  return [Math.max(0, middle - half), Math.min(1, middle + half)];
+}
+
+/** The steps of an axis in the order of the study. */
+const stepsOf = (study, axis) => [...new Set(study.cells.map((cell) => cell.labels[axis]))];
+
+/** Cells by the labels of some axes, in the order of the study. */
+function grouped(cells, axes) {
+  const groups = new Map();
+  for (const cell of cells) {
+    const key = axes.map((axis) => cell.labels[axis]).join(" · ");
+    if (!groups.has(key)) groups.set(key, []);
+    groups.get(key).push(cell);
+  }
+  return groups;
+}
+
+/** The table of squares. A square that is clicked is `picked`: told its cells and its title. */
+function heatTable(study, cells, { across, down, measure, picked }) {
+  const of = MEASURES[measure];
+  const rows = grouped(cells, down);
+  const columns = stepsOf(study, across).filter((label) => cells.some((cell) => cell.labels[across] === label));
+  const squares = [...rows].map(([row, list]) => ({ row, squares: columns.map((column) => {
+    const inside = list.filter((cell) => cell.labels[across] === column);
+    return { column, inside, result: of.of(inside, study) };
+  }) }));
+  const values = squares.flatMap((line) => line.squares.map((square) => square.result?.value).filter((value) => value != null));
+  const [low, high] = of.isRate ? [0, 1] : [Math.min(...values), Math.max(...values)];
+  const share = (value) => (high > low ? (value - low) / (high - low) : 0.5);
+  let last = null;
+  const square = (row, { column, inside, result }) => {
+    const cell = el("td", {});
+    if (inside.length === 0) return cell;
+    const good = result == null ? null : of.lessIsBetter ? 1 - share(result.value) : share(result.value);
+    if (good != null) paint(cell, good);
+    const pick = () => {
+      last?.classList.remove("picked");
+      (last = cell).classList.add("picked");
+      picked(inside, [row, column].filter(Boolean).join(" · "));
+    };
+    cell.append(el("button", { click: pick, title: verdicts(inside) }, result?.text ?? "–", el("small", {}, result?.small ?? verdicts(inside))));
+    return cell;
+  };
+  const head = el("tr", {}, el("th", {}, down.map((axis) => study.axes[axis]).join(" · ")), columns.map((column) => el("th", { class: "middle" }, column)));
+  const name = el("tr", {}, el("th", {}), el("th", { class: "middle", colspan: columns.length }, study.axes[across]));
+  const lines = squares.map((line) => el("tr", {}, el("th", {}, line.row), line.squares.map((one) => square(line.row, one))));
+  return el("div", { class: "scroll" }, el("table", { class: "heat" }, el("thead", {}, name, head), el("tbody", {}, lines)));
+}
+
+/** Good is dark blue, bad is pale, whatever the light: the lightness alone tells the order. */
+function paint(cell, good) {
+  const lightness = 94 - 58 * good;
+  cell.style.background = `hsl(203 ${20 + 60 * good}% ${lightness}%)`;
+  cell.style.color = lightness < 62 ? "#ffffff" : "#1f2328";
+}
+
+/** How often each verdict, as a text. */
+function verdicts(cells) {
+  const counts = new Map();
+  for (const cell of cells) counts.set(cell.verdict ?? "not driven", (counts.get(cell.verdict ?? "not driven") ?? 0) + 1);
+  return [...counts].map(([verdict, n]) => `${n} ${verdict.replaceAll("_", " ")}`).join(", ");
+}
+
+const LOOKS = [
+  { colour: "var(--ego)", dash: null }, { colour: "var(--person)", dash: "7 3" }, { colour: "var(--plan)", dash: "2 3" },
+  { colour: "var(--fallback)", dash: "10 3 2 3" }, { colour: "var(--sight)", dash: "4 4" }, { colour: "var(--vehicle)", dash: "1 4" },
+];
+
+/** A measure over one axis, a line for each step of another, with intervals. */
+function axisPlot(study, cells, { axis, split, measure }) {
+  const of = MEASURES[measure];
+  const labels = stepsOf(study, axis).filter((label) => cells.some((cell) => cell.labels[axis] === label));
+  const numbers = labels.map(Number);
+  const isScale = labels.length > 1 && numbers.every(Number.isFinite);
+  const at = (k) => (isScale ? numbers[k] : k);
+  const series = [...grouped(cells, split == null ? [] : [split])].slice(0, LOOKS.length).map(([name, list]) => ({
+    name: split == null ? "all" : `${study.axes[split]} ${name}`,
+    points: labels.map((label, k) => ({ x: at(k), result: of.of(list.filter((cell) => cell.labels[axis] === label), study) })).filter((point) => point.result),
+  }));
+  const height = 260;
+  const places = labels.map((_, k) => at(k));
+  const span = Math.max(...places) - Math.min(...places) || 1;
+  const range = [Math.min(...places) - 0.05 * span, Math.max(...places) + 0.05 * span];
+  const values = series.flatMap((line) => line.points.flatMap(({ result }) => [result.low, result.high]));
+  const [low, high] = of.isRate ? [0, 1] : padded([Math.min(0, ...values), Math.max(...values)]);
+  const [x, y] = scales(range, [low, high], height);
+  const node = svg("svg", { class: "chart", viewBox: `0 0 ${CHART.width} ${height}`, role: "img", "aria-label": `${measure} over ${study.axes[axis]}` });
+  const up = ticks(low, high, 6);
+  for (const value of up.places) {
+    node.append(svg("path", { d: `M${CHART.left} ${y(value)}H${CHART.width - CHART.right}`, stroke: "var(--rule)" }));
+    node.append(svg("text", { x: CHART.left - 6, y: y(value) + 4, "text-anchor": "end", class: "soft" }, fixed(value, up.decimals)));
+  }
+  labels.forEach((label, k) => node.append(svg("text", { x: x(at(k)), y: height - 6, "text-anchor": "middle", class: "soft" }, label)));
+  node.append(svg("text", { x: CHART.left, y: 13, "font-weight": "bold" }, `${measure} over ${study.axes[axis]}`));
+  series.forEach((line, k) => {
+    const look = LOOKS[k];
+    const shift = (k - (series.length - 1) / 2) * 7;
+    const place = ({ x: value, result }) => [x(value) + shift, y(result.value)];
+    for (const point of line.points) {
+      const [px] = place(point);
+      node.append(svg("path", { d: `M${px} ${y(point.result.low)}V${y(point.result.high)}m-4 0h8M${px - 4} ${y(point.result.low)}h8`, stroke: look.colour, "stroke-width": 1.2 }));
+      node.append(svg("circle", { cx: px, cy: y(point.result.value), r: 4, fill: look.colour }, svg("title", {}, `${line.name}, ${point.result.text} (${point.result.small})`)));
+    }
+    node.append(svg("path", { d: line.points.map((point, n) => `${n ? "L" : "M"}${place(point).join(" ")}`).join(""), stroke: look.colour, "stroke-dasharray": look.dash, "stroke-width": 2, fill: "none" }));
+  });
+  const legend = el("div", { class: "legend" }, series.map((line, k) => el("span", {}, svg("svg", { viewBox: "0 0 26 12" }, svg("path", { d: "M1 6H25", stroke: LOOKS[k].colour, "stroke-dasharray": LOOKS[k].dash, "stroke-width": 2.5 })), line.name)));
+  return el("div", {}, node, legend, el("p", { class: "soft small" }, of.isRate ? "Share of runs with Wilson's 95 % interval." : "Median with the quartiles."));
+}

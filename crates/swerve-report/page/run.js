@@ -1,0 +1,136 @@
+// The page of one run.
+
+/** The comfort limits that nuPlan's metrics have, m/s² and m/s³: beyond them a ride counts as uncomfortable. */
+const COMFORT = { lateral: [-4.89, 4.89], along: [-4.05, 2.4], jerk: [-4.13, 4.13] };
+
+function showRun(page) {
+  const moment = new Moment(page.end);
+  const drives = page.ego.t.length > 0;
+  const player = drives ? new Player(page, moment) : null;
+  const gantt = page.steps.start.length > 0 ? new Gantt(page, moment) : null;
+  document.getElementById("page").append(
+    heading(page),
+    ...notes(page.notes ?? []),
+    why(page.metrics?.why, moment) ?? "",
+    player ? section("player", "The drive", player.node()) : "",
+    page.photos?.length ? section("cameras", "Cameras", strip(page, moment)) : "",
+    drives ? section("timeline", "Time line", ...timeline([{ run: page }], moment, { marks: marksOf(page) })) : "",
+    gantt ? section("operators", "Operators", gantt.node()) : "",
+    gantt ? section("times", "Run times", runTimes(page)) : "",
+    page.metrics ? section("figures", "Figures", figures(page.metrics)) : "",
+    page.config ? section("configuration", "Configuration", configuration(page)) : "",
+    section("repeat", "Again", el("p", {}, "The command line; in virtual time it comes to the same digest."), commandLine(page.command)),
+  );
+  const asked = addressed();
+  if (asked.has("t")) moment.set(Number(asked.get("t")) * 1e6);
+  else moment.set(page.metrics?.impact ? page.metrics.impact.at_s * 1e6 : 0);
+  addEventListener("load", () => moment.set(moment.t)); // only now pictures have their widths
+  if (asked.has("play")) player?.play(true);
+  if (asked.has("step") && gantt) gantt.pick(Number(asked.get("step")));
+}
+
+function heading(page) {
+  const metrics = page.metrics ?? {};
+  const fact = (value, name) => (value == null ? null : el("div", { class: "fact" }, el("b", {}, value), el("span", {}, name)));
+  const impact = metrics.impact;
+  const drive = metrics.drive ?? {};
+  return el("header", {},
+    el("h1", {}, page.title),
+    el("p", { class: "soft" }, `Swerve ${page.version}${page.digest ? ` · digest ${page.digest}` : ""}`),
+    el("div", { class: "facts" },
+      metrics.verdict ? el("div", { class: "fact" }, badge(metrics.verdict), el("span", { style: "display:block" }, metrics.as_expected == null ? "verdict" : metrics.as_expected ? "as the scenario expects" : "not as the scenario expects")) : null,
+      impact ? fact(`${fixed(impact.ego_speed_mps, 1)} m/s`, `at the impact, ${fixed(impact.at_s)} s`) : null,
+      impact || metrics.min_distance_m == null ? null : fact(`${fixed(metrics.min_distance_m)} m`, `closest, at ${fixed(metrics.min_distance_at_s)} s`),
+      metrics.response ? fact(`${fixed(metrics.response.p50_ms, 0)} ms`, `response time, p99 ${fixed(metrics.response.p99_ms, 0)} ms`) : null,
+      drive.duration_s == null ? fact(seconds(page.end, 2), "duration") : fact(`${fixed(drive.duration_s)} s`, "duration")));
+}
+
+const notes = (list) => list.map((note) => el("p", { class: "note" }, note));
+
+/** The chain of why: { actor, verdict, sentence, steps: [{ what, at_s, waited: [{ for, ms }] }] }; null without. */
+function why(chain, moment) {
+  if (!chain) return null;
+  const waited = (list) => (list?.length ? ` · waited ${list.map((wait) => `${fixed(wait.ms, 0)} ms for ${wait.for}`).join(", ")}` : "");
+  const step = ({ what, at_s: at, waited: list }) => el("li", {}, at == null ? null : el("button", { click: () => moment.set(at * 1e6) }, `${fixed(at)} s`), ` ${what.replaceAll("_", " ")}`, el("span", { class: "soft" }, waited(list)));
+  return section("why", "Why", el("p", {}, chain.sentence ?? ""), el("ol", { class: "chain" }, (chain.steps ?? []).map(step)));
+}
+
+/** Pictures of the cameras in a row; a click goes to their instant. */
+function strip(page, moment) {
+  const streams = [...new Set(page.photos.map((photo) => photo.stream))];
+  return el("div", {}, streams.map((stream) => {
+    const photos = page.photos.filter((photo) => photo.stream === stream);
+    const figure = (photo) => el("figure", { click: () => moment.set(photo.t) }, el("img", { src: photo.data, alt: `${stream} at ${seconds(photo.t, 2)}` }), el("figcaption", {}, seconds(photo.t, 2)));
+    const figures = photos.map(figure);
+    const row = el("div", { class: "strip" }, figures);
+    moment.onChange((t) => {
+      const now = Math.max(0, lastUpTo(photos.map((photo) => photo.t), t));
+      figures.forEach((node, k) => node.classList.toggle("now", k === now));
+      row.scrollLeft = figures[now].offsetLeft - row.offsetLeft - row.clientWidth / 2;
+    });
+    return el("div", {}, el("h3", {}, stream), row);
+  }));
+}
+
+/** Instants that all panels of the time line mark. */
+function marksOf(page) {
+  const metrics = page.metrics ?? {};
+  const marks = [];
+  if (metrics.impact) marks.push({ t: metrics.impact.at_s * 1e6, text: "collision" });
+  else if (metrics.min_distance_at_s != null) marks.push({ t: metrics.min_distance_at_s * 1e6, text: "closest" });
+  return marks;
+}
+
+/** The curves of one run, or of two above each other. */
+function timeline(of, moment, { marks = [] } = {}) {
+  const end = moment.end;
+  const looks = [{ colour: "var(--ego)" }, { colour: "var(--person)", dash: "7 3" }];
+  const curves = (values, times = (run) => run.ego.t) => of.map(({ run, name }, k) => ({ ...looks[k], name, t: times(run), y: values(run) }));
+  const scaled = (column, scale = 1e-3) => (run) => run.ego[column].map((value) => value * scale);
+  const pedals = (sign) => (run) => run.commands.t.map((_, k) => (sign * (run.commands.throttle[k] - run.commands.brake[k])) / 1000);
+  const panel = (title, unit, lines, rest = {}) => timePanel({ title, unit, curves: lines, end, moment, marks, ...rest });
+  const hasPedals = of.every(({ run }) => run.commands.t.length > 0);
+  return [
+    panel("Speed", "m/s", curves(scaled("v"))),
+    panel("Front wheels", "degrees to the left", curves(scaled("steer", 0.18 / Math.PI))),
+    panel("Acceleration along", "m/s²", curves(scaled("a")), { limits: COMFORT.along, limitText: "comfort" }),
+    panel("Acceleration across", "m/s²", curves(scaled("lat")), { limits: COMFORT.lateral, limitText: "comfort" }),
+    panel("Jerk along", "m/s³", curves((run) => slopes(run.ego.t, run.ego.a)), { limits: COMFORT.jerk, limitText: "comfort" }),
+    hasPedals ? panel("Pedals", "throttle above, brake below 0", curves(pedals(1), (run) => run.commands.t)) : null,
+    el("p", { class: "soft small" }, `Dotted: the limits of comfort in nuPlan's metrics (Karnchanachari et al. 2024). ${marks.map((mark) => `Dashed: ${mark.text} at ${seconds(mark.t, 2)}. `).join("")}Click or drag to go to an instant.`),
+  ].filter(Boolean);
+}
+
+/** Change of a column in thousandths over a quarter of a second, per second. */
+function slopes(t, values) {
+  return values.map((value, k) => {
+    const before = Math.max(0, lastUpTo(t, t[k] - 250_000));
+    return t[k] > t[before] ? ((value - values[before]) / (t[k] - t[before])) * 1e3 : 0;
+  });
+}
+
+/** All figures of metrics.json that are single values, and its tables. */
+function figures(metrics) {
+  const rows = [];
+  const walk = (prefix, value) => {
+    for (const [name, inner] of Object.entries(value)) {
+      const key = prefix ? `${prefix}.${name}` : name;
+      if (inner && typeof inner === "object" && !Array.isArray(inner)) walk(key, inner);
+      else if (!Array.isArray(inner) && inner != null) rows.push([key, plain(inner)]);
+    }
+  };
+  const { why: _, ...rest } = metrics;
+  walk("", rest);
+  const half = Math.ceil(rows.length / 2);
+  const actors = (metrics.actors ?? []).map((actor) => Object.values(actor).map((value) => plain(value)));
+  return el("div", {},
+    el("div", { class: "two" }, table(["figure", "value"], rows.slice(0, half)), table(["figure", "value"], rows.slice(half))),
+    actors.length > 0 ? el("div", {}, el("h3", {}, "Actors"), table(Object.keys(metrics.actors[0]), actors, { sort: true })) : null);
+}
+
+/** What differs from the defaults, and all of it. */
+function configuration(page) {
+  const rows = page.changed.map((change) => [change.key, change.value || "not set", change.default || "none"]);
+  const all = el("details", {}, el("summary", {}, "the whole configuration"), el("button", { click: () => save(`${page.scenario}.toml`, "text/plain", page.config) }, "save"), el("pre", {}, page.config));
+  return el("div", {}, rows.length === 0 ? el("p", {}, "Everything is at its default.") : table(["key", "value", "default"], rows), all);
+}

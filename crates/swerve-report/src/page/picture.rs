@@ -1,0 +1,59 @@
+//! Camera images as small pictures within a page.
+
+use std::fmt::Write as _;
+
+use swerve_msg::{Encoding, Image};
+
+/// Columns of a picture at most.
+const WIDTH_PX: usize = 200;
+
+/// A coloured image, made smaller by leaving out pixels, as an address that holds a PNG; none of other images, or
+/// where the log has only a fingerprint of it.
+pub(super) fn photo(image: &Image) -> Option<String> {
+    let (columns, rows) = (image.width_px as usize, image.height_px as usize);
+    let bytes = image.pixels.bytes();
+    if image.encoding() != Encoding::Rgb8 || columns == 0 || rows == 0 || bytes.len() != 3 * columns * rows {
+        return None;
+    }
+    let step = columns.div_ceil(WIDTH_PX);
+    let (width, height) = (columns / step, rows.div_ceil(step));
+    let mut small = Vec::with_capacity(3 * width * height);
+    for y in (0..rows).step_by(step) {
+        for k in 0..width {
+            let at = 3 * (y * columns + k * step);
+            small.extend_from_slice(&bytes[at..at + 3]);
+        }
+    }
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_compression(png::Compression::Balanced);
+    encoder.write_header().ok()?.write_image_data(&small).ok()?;
+    Some(format!("data:image/png;base64,{}", base64(&file)))
+}
+
+/// RFC 4648, section 4.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let bits = three.iter().chain([0; 2].iter()).take(3).fold(0_u32, |bits, b| bits << 8 | u32::from(*b));
+        for k in 0..4 {
+            let digit = DIGITS[(bits >> (18 - 6 * k)) as usize & 63];
+            let _infallible = write!(text, "{}", if k > three.len() { '=' } else { char::from(digit) });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn base64_is_that_of_the_standard() {
+        // The test vectors of RFC 4648, section 10.
+        let vectors = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg==")];
+        for (plain, encoded) in vectors {
+            assert_eq!(super::base64(plain.as_bytes()), encoded);
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! `swerve report`: the page of a run or a study, or two of them beside each other.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use serde_json::Value;
+use swerve_drive::page::{REPORT, page_of_log, pair_of_logs};
+use swerve_report::files::write_whole;
+use swerve_report::output::print;
+use swerve_report::page::{Page, Pair, data_of};
+use swerve_stack::Registry;
+
+/// `swerve report`.
+#[derive(clap::Args, Debug)]
+pub struct ReportArgs {
+    /// A log (MCAP), the folder of a run, or that of a study
+    a: PathBuf,
+    /// Another one of the same: where do they part?
+    b: Option<PathBuf>,
+    /// The page to write [default: report.html, of two comparison.html, in the folder of the first]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// What a path of the command line names.
+enum Source {
+    Log(PathBuf),
+    /// The data of a study's page.
+    Study(Value),
+}
+
+/// Runs `swerve report`.
+///
+/// # Errors
+/// When there is neither a log nor a study, when one of each is to be compared, or when the page cannot be written.
+pub fn run(args: &ReportArgs, registry: &Registry) -> anyhow::Result<()> {
+    let a = Source::read(&args.a)?;
+    let name = if args.b.is_some() { "comparison.html" } else { REPORT };
+    let folder = if args.a.is_dir() { &args.a } else { args.a.parent().unwrap_or(Path::new("")) };
+    let out = args.out.clone().unwrap_or_else(|| folder.join(name));
+    let html = match (a, args.b.as_deref().map(Source::read).transpose()?) {
+        (Source::Log(log), None) => page_of_log(registry, &log)?.html(),
+        (Source::Log(a), Some(Source::Log(b))) => pair_of_logs(registry, &a, &b)?.html(),
+        (Source::Study(study), None) => swerve_report::page::page(&title(&study), &study),
+        (Source::Study(a), Some(Source::Study(b))) => {
+            let title = format!("{} | {}", title(&a), title(&b));
+            Page::new("studies", title, Pair { a, b, parting: () }).html()
+        }
+        _ => bail!("{}: expected two runs or two studies, found one of each", args.a.display()),
+    };
+    write_whole(&out, html.as_bytes())?;
+    print(&format!("{}\n", out.display()))
+}
+
+impl Source {
+    fn read(path: &Path) -> anyhow::Result<Self> {
+        if !path.is_dir() {
+            return Ok(Self::Log(path.to_owned()));
+        }
+        let log = path.join("log.mcap");
+        if log.is_file() {
+            return Ok(Self::Log(log));
+        }
+        let page = path.join(REPORT);
+        let expected = || format!("{}: expected log.mcap of a run or {REPORT} of a study", path.display());
+        let text = std::fs::read_to_string(&page).with_context(expected)?;
+        let data = data_of(&text).and_then(|data| serde_json::from_str::<Value>(data).ok());
+        data.filter(|data| data["kind"] == "study").map(Self::Study).with_context(expected)
+    }
+}
+
+fn title(page: &Value) -> String {
+    page["title"].as_str().unwrap_or_default().to_owned()
+}

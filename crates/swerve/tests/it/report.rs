@@ -1,0 +1,173 @@
+//! Pages of runs and studies: what is in them, and that a real browser draws them. Without a browser the tests that
+//! need one say so; `.ci/tools` installs Debian's.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+use swerve_report::page::data_of;
+
+use crate::support::Bench;
+
+const STUDY: &str = "description = \"Two speeds\"\nbase = { scenario = \"short.toml\" }\n\
+    [[axis]]\nkey = \"ego.speed_mps\"\nvalues = [8.0, 12.0]\n[[axis]]\nkey = \"seed\"\nvalues = [1, 2, 3]\n";
+
+fn data(bench: &Bench, page: &str) -> Value {
+    serde_json::from_str(data_of(&bench.read(page)).unwrap()).unwrap()
+}
+
+/// A browser of this machine, if it has one.
+fn browser() -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let found = std::env::split_paths(&path).flat_map(|folder| names.map(|name| folder.join(name)));
+    let found = found.into_iter().find(|program| program.is_file());
+    if found.is_none() {
+        eprintln!("skipped: no Chromium on the path");
+    }
+    found
+}
+
+/// What a page looks like after `ms` of the browser's own time, as HTML without its data and program. Nothing may
+/// have gone to the console: not an error, not a warning.
+fn drawn(browser: &Path, page: &Path, hash: &str, ms: u32) -> String {
+    let profile = tempfile::tempdir().unwrap();
+    let said = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(format!("--virtual-time-budget={ms}"))
+        .arg(format!("file://{}{hash}", page.display()))
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&said.stderr).into_owned();
+    let told: Vec<&str> = errors.lines().filter(|line| line.contains("CONSOLE")).collect();
+    assert!(said.status.success() && told.is_empty(), "{hash}: {told:?} {}", said.status);
+    let html = String::from_utf8(said.stdout).unwrap();
+    html.split("<script").next().unwrap().to_owned()
+}
+
+/// The text of the element of this identity.
+fn text<'a>(html: &'a str, id: &str) -> &'a str {
+    let (_, rest) = html.split_once(&format!("id=\"{id}\"")).unwrap_or_else(|| panic!("no {id} in {html}"));
+    let (_, rest) = rest.split_once('>').unwrap();
+    rest.split('<').next().unwrap()
+}
+
+#[test]
+fn the_page_of_a_run_is_that_of_its_log() {
+    let bench = Bench::new();
+    bench.good(&[
+        "run",
+        "short.toml",
+        "--out",
+        "o",
+        "--set",
+        "operator.planner.runtime={fixed_ms=20}",
+        "--seed",
+        "2",
+    ]);
+    let said = bench.good(&["report", "o/log.mcap", "--out", "again.html"]);
+    assert_eq!(said, "again.html\n");
+    assert!(bench.read("o/report.html") == bench.read("again.html"), "the same run, the same bytes");
+    let page = data(&bench, "again.html");
+    assert_eq!(
+        page["command"],
+        "swerve run short.toml --set 'operator.planner.runtime={fixed_ms=20}' --seed 2"
+    );
+    assert_eq!(page["metrics"]["verdict"], "avoided");
+    assert_eq!(page["digest"], page["metrics"]["digest"]);
+    assert_eq!(page["actors"][0]["name"], "person");
+    let changed: Vec<&str> =
+        page["changed"].as_array().unwrap().iter().map(|change| change["key"].as_str().unwrap()).collect();
+    assert_eq!(changed, ["operator.planner.runtime.fixed_ms", "seed"]);
+    let planner = page["operators"].as_array().unwrap().iter().position(|o| o["name"] == "planner").unwrap();
+    let took = page["steps"]["took"].as_array().unwrap();
+    let of = page["steps"]["operator"].as_array().unwrap();
+    let mut times = took.iter().zip(of).filter(|(_, of)| **of == planner);
+    assert!(times.all(|(us, _)| *us == 20_000), "the planner takes 20 ms, always");
+    assert!(bench.read("o/report.html").len() < 1_000_000);
+    // A log without what was measured beside it is a page that says so.
+    std::fs::remove_file(bench.path("o/metrics.json")).unwrap();
+    bench.good(&["report", "o", "--out", "bare.html"]);
+    let bare = data(&bench, "bare.html");
+    assert!(bare["metrics"].is_null() && bare["notes"][0].as_str().unwrap().contains("metrics.json"));
+}
+
+#[test]
+fn two_runs_part_where_they_do() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "a"]);
+    bench.good(&["run", "short.toml", "--out", "b", "--set", "sensing.range_m=20"]);
+    bench.good(&["report", "a", "b"]);
+    let page = data(&bench, "a/comparison.html");
+    let first = &page["parting"][0];
+    assert_eq!(
+        (&first["stream"], &first["by"]),
+        (&"obstacles".into(), &"content".into()),
+        "what is seen differs first"
+    );
+    bench.good(&["report", "a", "a", "--out", "same.html"]);
+    let same = data(&bench, "same.html");
+    assert!(same["parting"].as_array().unwrap().iter().all(|stream| stream["at"].is_null()));
+    let said = bench.swerve(&["report", "nothing"]);
+    assert!(said.code == Some(1) && said.stderr.contains("nothing"), "{said:?}");
+    std::fs::create_dir(bench.path("empty")).unwrap();
+    let said = bench.swerve(&["report", "empty"]);
+    assert!(said.stderr.contains("empty: expected log.mcap of a run or report.html of a study"), "{said:?}");
+}
+
+#[test]
+fn a_browser_draws_a_run_and_plays_it() {
+    let Some(browser) = browser() else { return };
+    let bench = Bench::new();
+    let name = "</script><script>document.title=1</script>";
+    bench.write(
+        "nasty.toml",
+        &bench.read("short.toml").replace("name = \"person\"", &format!("name = \"{name}\"")),
+    );
+    bench.good(&["run", "nasty.toml", "--out", "o"]);
+    let page = bench.path("o/report.html");
+    let still = drawn(&browser, &page, "#t=1.25", 1000);
+    assert_eq!(text(&still, "time"), "1.25 s");
+    assert!(
+        still.contains("avoided") && still.contains("Run times") && still.contains("Speed, m/s"),
+        "{still}"
+    );
+    assert!(still.contains("<title>short: ") && still.contains("id=\"repeat\""), "a name is a text: {still}");
+    let played = drawn(&browser, &page, "#t=1.25&play", 2000);
+    let seconds: f64 = text(&played, "time").trim_end_matches(" s").parse().unwrap();
+    assert!(seconds > 1.5, "the player came to {seconds} s");
+    let mut metrics: Value = serde_json::from_str(&bench.read("o/metrics.json")).unwrap();
+    metrics["why"] = serde_json::json!({
+        "actor": name, "verdict": "avoided", "sentence": format!("{name} was seen late"),
+        "steps": [{ "what": "first_tracked", "at_s": 0.5, "waited": [{ "for": "planner busy", "ms": 20.0 }] }],
+    });
+    bench.write("o/metrics.json", &metrics.to_string());
+    bench.good(&["report", "o"]);
+    let told = drawn(&browser, &page, "", 1000);
+    for part in ["was seen late", "0.50 s</button> first tracked", "waited 20 ms for planner busy"] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let picked = drawn(&browser, &page, "#step=40", 1000);
+    assert!(
+        picked.contains("What it read") && picked.contains("From the sensor's frame to here"),
+        "{picked}"
+    );
+}
+
+#[test]
+fn a_browser_draws_studies_and_filters_them() {
+    let Some(browser) = browser() else { return };
+    let bench = Bench::new();
+    bench.write("study.toml", STUDY);
+    bench.good(&["study", "study.toml", "--out", "s"]);
+    bench.good(&["study", "study.toml", "--out", "t", "--set", "sensing.range_m=20"]);
+    bench.good(&["report", "s", "t"]);
+    let all = drawn(&browser, &bench.path("s/report.html"), "", 1000);
+    assert_eq!(text(&all, "count"), "6 of 6 cells");
+    assert!(all.contains("3 of 3"), "{all}");
+    let few = drawn(&browser, &bench.path("s/report.html"), "#filter=12.0", 1000);
+    assert_eq!(text(&few, "count"), "3 of 6 cells");
+    let both = drawn(&browser, &bench.path("s/comparison.html"), "", 1000);
+    assert!(both.contains("6 cells are in both"), "{both}");
+}
