@@ -52,7 +52,7 @@ use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
 use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
 use swerve_msg::GateOutput;
-use swerve_report::files::write_whole;
+use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::progress::LiveLine;
 use swerve_ros2::bridge::Stopped;
@@ -82,9 +82,12 @@ pub struct LiveArgs {
     /// Stop the car and end after so many seconds; else with Ctrl-C, or at the goal
     #[arg(long)]
     seconds: Option<f64>,
-    /// Output folder [default: out/ and the configuration's name]
+    /// Output folder [default: one of its own, out/CONFIG-1 and so on; out/CONFIG leads to the newest]
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace the results of an earlier run in the folder of --out
+    #[arg(long, requires = "out")]
+    overwrite: bool,
     /// Who says that the stack is to drive, in place of the configuration's live.enable
     #[arg(long)]
     enable: Option<EnableBy>,
@@ -210,11 +213,11 @@ struct DriveFiles {
     recorder: Recorder,
     trace: TraceWriter,
     /// The folder that they are in.
-    folder: PathBuf,
+    folder: RunFolder,
 }
 
 /// The files of a drive that are complete, under the names of parts.
-struct Finished(PathBuf);
+struct Finished(RunFolder);
 
 impl DriveFiles {
     /// Completes the files; what was recorded until a failure is kept, readable.
@@ -227,11 +230,11 @@ impl DriveFiles {
 
 impl Finished {
     /// Gives the files their names, now that they are whole; returns their folder.
-    fn name_whole(self) -> anyhow::Result<PathBuf> {
+    fn name_whole(self) -> anyhow::Result<RunFolder> {
         let Self(folder) = self;
         for name in ["log.partial.mcap", "trace.partial.json"] {
             let whole = name.replace(".partial", "");
-            std::fs::rename(folder.join(name), folder.join(&whole))
+            std::fs::rename(folder.path.join(name), folder.path.join(&whole))
                 .with_context(|| format!("writing {whole}"))?;
         }
         Ok(folder)
@@ -365,15 +368,15 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
         anyhow::ensure!(seconds > 0.0 && seconds < 1e6, "--seconds {seconds}: expected more than 0");
     }
     let name = args.config.file_stem().map_or_else(|| "live".into(), |s| s.to_string_lossy().into_owned());
-    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
-    let _held = swerve_report::files::claim(&out)?;
+    let folder = RunFolder::claim(args.out.as_deref(), &name, args.overwrite)?;
+    let out = &folder.path;
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut start = run_start(&drive);
     start.extra.insert(COMMAND.into(), args.command_line());
     let mut recorder = Recorder::create(&log_part, &start)?;
     set_up(&mut recorder, &drive);
     let trace = TraceWriter::create(&trace_part, &["gate"])?;
-    let mut files = DriveFiles { recorder, trace, folder: out };
+    let mut files = DriveFiles { recorder, trace, folder };
 
     if let Some(source) = &drive.config.source {
         return recorded::run(args, &drive, source, files);
@@ -415,8 +418,8 @@ fn conclude(
     let out = part.name_whole()?;
     let summary = Summary::new(drive, &driven, topics);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    let place = swerve_report::files::write_metrics(&out, "report.html, log.mcap, trace.json", &json)?;
-    drive.report(&out)?;
+    let place = out.conclude("report.html, log.mcap, trace.json", &json)?;
+    drive.report(&out.path)?;
     swerve_report::output::print(&if args.json { json } else { summary.text() + &place })?;
     driven.report.context("the car was stopped by what talks to it, and the run ended")?;
     anyhow::ensure!(

@@ -263,8 +263,8 @@ pub(super) fn run(
         operators: operators.collect(),
     };
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    let place = swerve_report::files::write_metrics(&out, "report.html, log.mcap, trace.json", &json)?;
-    drive.report(&out)?;
+    let place = out.conclude("report.html, log.mcap, trace.json", &json)?;
+    drive.report(&out.path)?;
     swerve_report::output::print(&if args.json { json } else { summary.text() + &place })
 }
 

@@ -1,7 +1,7 @@
 //! Files written whole or not at all.
 
 use std::fs::{File, TryLockError};
-use std::io::BufWriter;
+use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
@@ -30,13 +30,71 @@ pub fn claim(folder: &Path) -> anyhow::Result<Option<File>> {
     }
 }
 
-/// Writes `metrics.json` of a run beside its other files. The line for the terminal that says where they all are, and
-/// whether they took the place of an earlier run's.
-pub fn write_metrics(folder: &Path, others: &str, json: &str) -> anyhow::Result<String> {
-    let path = folder.join("metrics.json");
-    let earlier = if path.exists() { " (those of an earlier run are replaced)" } else { "" };
-    write_whole(&path, json.as_bytes())?;
-    Ok(format!("in {}: {others}, metrics.json{earlier}\n", folder.display()))
+/// Where a run's results go, for what `--out` and `--overwrite` say; nobody else's are there.
+pub struct RunFolder {
+    /// The folder.
+    pub path: PathBuf,
+    /// What becomes a link to it when they are whole: the newest run of a name.
+    newest: Option<PathBuf>,
+    /// Held until then: two runs at once would mix theirs.
+    _held: Option<File>,
+}
+
+impl RunFolder {
+    /// The folder that is asked for, or else one of its own beside earlier ones: `out/NAME-3`.
+    ///
+    /// # Errors
+    /// It cannot be made, another run writes there, or has written there and is not to be overwritten.
+    pub fn claim(asked: Option<&Path>, name: &str, overwrite: bool) -> anyhow::Result<Self> {
+        if let Some(path) = asked {
+            let held = claim(path)?;
+            if path.join("metrics.json").exists() && !overwrite {
+                let path = path.display();
+                bail!("{path}: an earlier run's results are there: expected another --out, or --overwrite");
+            }
+            return Ok(Self { path: path.to_owned(), newest: None, _held: held });
+        }
+        let all = Path::new("out");
+        std::fs::create_dir_all(all).context("making out")?;
+        for number in 1_u32.. {
+            let path = all.join(format!("{name}-{number}"));
+            match std::fs::create_dir(&path) {
+                Ok(()) => return Ok(Self { newest: Some(all.join(name)), _held: claim(&path)?, path }),
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error).with_context(|| format!("making {}", path.display())),
+            }
+        }
+        bail!("out: no name is left for {name}")
+    }
+
+    /// Writes `metrics.json` beside the other files, which are whole now. The line for the terminal that says where they
+    /// all are.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn conclude(&self, others: &str, json: &str) -> anyhow::Result<String> {
+        write_whole(&self.path.join("metrics.json"), json.as_bytes())?;
+        let linked = self.newest.as_deref().filter(|newest| link(newest, &self.path));
+        let linked = linked.map_or_else(String::new, |link| format!(" ({})", link.display()));
+        Ok(format!("in {}{linked}: {others}, metrics.json\n", self.path.display()))
+    }
+}
+
+/// Makes `newest` a link to a folder beside it, in the place of an earlier link but of nothing else.
+fn link(newest: &Path, folder: &Path) -> bool {
+    if newest.exists() && !newest.is_symlink() {
+        return false;
+    }
+    #[cfg(unix)]
+    {
+        let beside = beside(newest);
+        let target = folder.file_name().unwrap_or_default();
+        let made =
+            std::os::unix::fs::symlink(target, &beside).and_then(|()| std::fs::rename(&beside, newest));
+        made.is_ok()
+    }
+    #[cfg(not(unix))]
+    false
 }
 
 /// Writes an image of this width, height, colour and depth, quickly rather than small.

@@ -17,7 +17,7 @@ use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
 use swerve_log::{Log, Recorder, TraceWriter};
 use swerve_msg::{Command, EgoState, MotionCommand};
-use swerve_report::files::{claim, write_metrics, write_whole};
+use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::print;
 use swerve_report::progress::Progress;
 use swerve_report::story::{Story, draw};
@@ -33,9 +33,15 @@ use crate::summary::Summary;
 pub(crate) struct RunArgs {
     #[command(flatten)]
     input: RunInput,
-    /// Output folder [default: out/ and the scenario's name]
+    /// Output folder [default: one of its own, out/SCENARIO-1 and so on; out/SCENARIO leads to the newest]
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace the results of an earlier run in the folder of --out
+    #[arg(long, requires = "out")]
+    overwrite: bool,
+    /// End with an error when the run is not as the scenario expects
+    #[arg(long)]
+    strict: bool,
     /// Print one JSON object and nothing else
     #[arg(long)]
     json: bool,
@@ -99,8 +105,8 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
         let set = operators_with_runtime(&input.set)?;
         record_run_times(&mut pipeline, &Log::read(log)?, |name| !set.contains(name));
     }
-    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(stem(&args.input.scenario)));
-    let _held = claim(&out)?;
+    let folder = RunFolder::claim(args.out.as_deref(), &stem(&args.input.scenario), args.overwrite)?;
+    let out = &folder.path;
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
     // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
@@ -130,7 +136,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     drop(processes);
     let ros2 = car.map(Ros2Car::finish);
     shown.progress.finish();
-    let ends = Ends { clock: config.clock.source, out: &out };
+    let ends = Ends { clock: config.clock.source, folder: &folder };
     let realtime = realtime.map(|realtime| realtime.obtained());
     // What was recorded until a failure is kept, readable.
     let recorded = recording.finish();
@@ -151,18 +157,20 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     (summary.traffic, summary.ros2, summary.realtime) = (traffic, ros2, realtime);
     let drawn = frames.as_mut().map_or(Ok(0), Frames::finish);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
-    let written = report.write(&out, &outcome.digest.to_string(), &json);
+    let written = report.write(out, &outcome.digest.to_string(), &json);
     let left = written.and_then(|()| ends.leave(&json, &story));
     let place = left.as_deref().unwrap_or_default();
     print(&if args.json { json } else { summary.text() + place })?;
     // The drive itself is over and told by now.
-    recorded.and(left.map(drop)).and(drawn.map(drop))
+    recorded.and(left.map(drop)).and(drawn.map(drop))?;
+    anyhow::ensure!(!args.strict || summary.is_as_expected(), "not as the scenario expects (--strict)");
+    Ok(())
 }
 
 /// The end of a run.
 struct Ends<'a> {
     clock: Clock,
-    out: &'a Path,
+    folder: &'a RunFolder,
 }
 
 impl Ends<'_> {
@@ -189,8 +197,8 @@ impl Ends<'_> {
 
     /// Writes what is left of a run beside its log; where all of it is, in a line.
     fn leave(&self, json: &str, story: &Story) -> anyhow::Result<String> {
-        write_whole(&self.out.join("story.svg"), draw(story).as_bytes())?;
-        write_metrics(self.out, "report.html, story.svg, log.mcap, trace.json", json)
+        write_whole(&self.folder.path.join("story.svg"), draw(story).as_bytes())?;
+        self.folder.conclude("report.html, story.svg, log.mcap, trace.json", json)
     }
 }
 

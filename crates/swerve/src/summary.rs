@@ -98,6 +98,11 @@ impl Summary {
         }
     }
 
+    /// Whether the run is as its scenario expects, or nothing is expected of it.
+    pub fn is_as_expected(&self) -> bool {
+        self.as_expected.unwrap_or(true)
+    }
+
     /// How time was kept, and what went between processes, where there is something to tell.
     fn clock_text(&self) -> String {
         let mut text = String::new();

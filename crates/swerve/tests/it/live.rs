@@ -160,6 +160,7 @@ fn swerve_live(drive: u32, interface: &str) -> (Command, PathBuf) {
         .arg(root().join("configs/live").join(interface).with_extension("toml"))
         .arg("--out")
         .arg(&out)
+        .arg("--overwrite")
         .envs([("ROS_DOMAIN_ID", domain(drive).to_string()), ("ROS_LOCALHOST_ONLY", "1".into())]);
     (command, out)
 }

@@ -30,7 +30,7 @@ fn json_is_one_object_and_nothing_else() {
     }
     assert!(text.ends_with("in p: report.html, story.svg, log.mcap, trace.json, metrics.json\n"), "{text}");
     let again = bench.good(&["run", "short.toml", "--out", "p"]);
-    assert_eq!(again, text.trim_end().to_owned() + " (those of an earlier run are replaced)\n");
+    assert_eq!(again, text);
     json(&bench.read("o/trace.json"));
     assert!(bench.read("o/story.svg").trim_end().ends_with("</svg>"));
 }
@@ -150,10 +150,50 @@ fn traces_keep_the_rules_of_their_format() {
 }
 
 #[test]
-fn without_out_the_folder_has_the_scenarios_name() {
+fn every_run_has_a_folder_of_its_own_and_the_newest_has_the_scenarios_name() {
     let bench = Bench::new();
+    for seed in ["1", "2"] {
+        let said = bench.good(&["run", "short.toml", "--seed", seed]);
+        assert!(said.contains(&format!("in out/short-{seed} (out/short): ")), "{said}");
+        assert_eq!(
+            bench.read("out/short/metrics.json"),
+            bench.read(&format!("out/short-{seed}/metrics.json"))
+        );
+    }
+    assert_ne!(bench.read("out/short-1/metrics.json"), bench.read("out/short-2/metrics.json"));
+    // What is no link of ours stays.
+    std::fs::remove_file(bench.path("out/short")).unwrap();
+    std::fs::create_dir(bench.path("out/short")).unwrap();
     let said = bench.good(&["run", "short.toml"]);
-    assert!(bench.path("out/short/metrics.json").is_file(), "{said}");
+    assert!(said.contains("in out/short-3: "), "{said}");
+}
+
+#[test]
+fn an_earlier_run_is_replaced_only_when_that_is_said() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "o"]);
+    let before = bench.read("o/metrics.json");
+    let again = ["run", "short.toml", "--out", "o", "--seed", "2"];
+    let said = Said::of(&bench.plain_command(&again).output().unwrap());
+    assert_eq!(said.code, Some(1));
+    assert!(
+        said.stderr.contains("o: an earlier run's results are there: expected another --out, or --overwrite")
+    );
+    assert_eq!(bench.read("o/metrics.json"), before);
+    bench.good(&["run", "short.toml", "--out", "o", "--seed", "2", "--overwrite"]);
+    assert_ne!(bench.read("o/metrics.json"), before);
+}
+
+#[test]
+fn strict_makes_what_was_not_expected_an_error() {
+    let bench = Bench::new();
+    let stops = bench.read("short.toml").replace("verdict = \"avoided\"", "verdict = \"collision\"");
+    bench.write("other.toml", &stops);
+    bench.good(&["run", "other.toml"]);
+    bench.good(&["run", "short.toml", "--strict"]);
+    let said = bench.swerve(&["run", "other.toml", "--strict"]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.stderr.contains("not as the scenario expects (--strict)"), "{said:?}");
 }
 
 #[test]
@@ -161,7 +201,8 @@ fn run_times_may_come_from_the_log_that_the_run_replaces() {
     let bench = Bench::new();
     let modelled = ["run", "short.toml", "--json", "--out", "o", "--set"];
     let first = bench.good(&[&modelled[..], &["operator.planner.runtime={ normal_ms = [60, 20] }"]].concat());
-    let again = bench.good(&["run", "short.toml", "--json", "--out", "o", "--runtimes", "o/log.mcap"]);
+    let again =
+        bench.good(&["run", "short.toml", "--json", "--out", "o", "--overwrite", "--runtimes", "o/log.mcap"]);
     assert_eq!(json(&again)["digest"], json(&first)["digest"]);
     assert_eq!(json(&again)["unrecorded"], 0);
 }

@@ -68,7 +68,7 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
     let commands = bench.read("o/commands.txt");
     assert_eq!(commands.lines().count(), 4);
     for (line, digest) in commands.lines().zip(&digests) {
-        let said = bench.shell(&format!("{line} --json --out again"));
+        let said = bench.shell(&format!("{line} --json --out again --overwrite"));
         assert_eq!(said.code, Some(0), "{line}: {}", said.stderr);
         let again: Value = serde_json::from_str(&said.stdout).unwrap();
         assert_eq!(again["digest"], **digest, "{line}");

@@ -65,7 +65,15 @@ impl Bench {
         std::fs::read_to_string(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
+    /// A call; what a test drives into the same folder again, it means to.
     pub(crate) fn command(&self, args: &[&str]) -> Command {
+        let again = matches!(args.first(), Some(&("run" | "live"))) && args.contains(&"--out");
+        let mut command = self.plain_command(args);
+        command.args(again.then_some("--overwrite").filter(|flag| !args.contains(flag)));
+        command
+    }
+
+    pub(crate) fn plain_command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_swerve"));
         command.args(args).current_dir(self.folder.path());
         command

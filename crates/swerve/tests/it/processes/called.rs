@@ -160,7 +160,7 @@ fn where_shared_memory_is_short_a_run_copies_or_is_refused_and_is_not_killed() {
     std::fs::write(&scenario, short.join("\n")).unwrap();
     let out = files.path().join("out");
     let paths = [&scenario, &config, &out].map(|path| path.to_str().unwrap());
-    let args = ["run", paths[0], "-c", paths[1], "--out", paths[2], "--json"];
+    let args = ["run", paths[0], "-c", paths[1], "--out", paths[2], "--overwrite", "--json"];
     let shared = Path::new("/dev/shm");
     let mut digests = Vec::new();
     for megabytes in [1_u64, 8, 20, 200] {
