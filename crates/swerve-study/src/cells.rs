@@ -1,5 +1,6 @@
 //! Runs the cells of a study: in parallel, resumable, each result kept the moment it is there.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -41,6 +42,9 @@ pub struct CellResult {
     /// Deadlines missed, by all operators.
     #[serde(default)]
     pub misses: u64,
+    /// All other figures of the run by their names in `metrics.json`; what it has none of is not there.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub figures: BTreeMap<String, f64>,
     /// Largest added latency that still avoids, ms; only in latency-budget studies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_ms: Option<f64>,
@@ -70,6 +74,7 @@ impl CellResult {
             response_p50_ms: None,
             response_p99_ms: None,
             misses: 0,
+            figures: BTreeMap::new(),
             budget_ms: None,
             curve: Vec::new(),
             timely: Vec::new(),

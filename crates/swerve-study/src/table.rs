@@ -1,8 +1,10 @@
 //! What a study comes to: `cells.csv`, a table for the terminal, a heat map.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use serde_json::Value;
+use swerve_eval::Metrics;
 use swerve_report::output::align;
 
 use super::cells::CellResult;
@@ -17,8 +19,15 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
     text += if study.budget.is_some() {
         "budget_ms,budget_is_at_least,verdict\n"
     } else {
-        "verdict,no_collision,on_road,min_distance_m,impact_speed_mps,lateral_jerk_max,digest,response_p50_ms,response_p99_ms,misses\n"
+        "verdict,no_collision,on_road,min_distance_m,impact_speed_mps,lateral_jerk_max,digest,response_p50_ms,response_p99_ms,misses"
     };
+    let more: BTreeSet<&String> = results.iter().flatten().flat_map(|result| result.figures.keys()).collect();
+    if study.budget.is_none() {
+        for name in &more {
+            let _ = write!(text, ",{name}");
+        }
+        text += "\n";
+    }
     for result in results.iter().flatten() {
         for label in &result.labels {
             let _ = write!(text, "{},", field(label));
@@ -29,7 +38,7 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
             continue;
         }
         let fact = |holds: bool| if result.error.is_none() { holds.to_string() } else { String::new() };
-        let _ = writeln!(
+        let _ = write!(
             text,
             "{},{},{},{},{},{},{},{},{},{}",
             result.verdict,
@@ -43,8 +52,40 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
             number(result.response_p99_ms),
             if result.error.is_none() { result.misses.to_string() } else { String::new() },
         );
+        for name in &more {
+            let _ = write!(text, ",{}", number(result.figures.get(*name).copied()));
+        }
+        text += "\n";
     }
     text
+}
+
+/// The figures of a run by their names in `metrics.json`, but for those that have columns anyway and those of actors,
+/// operators and instants in a list.
+pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
+    fn gather(prefix: &str, value: &Value, into: &mut BTreeMap<String, f64>) {
+        match value {
+            Value::Number(x) => drop(into.insert(prefix.to_owned(), x.as_f64().unwrap_or(f64::NAN))),
+            Value::Object(inner) => {
+                for (key, value) in inner {
+                    let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+                    gather(&name, value, into);
+                }
+            }
+            _ => {}
+        }
+    }
+    let mut all = BTreeMap::new();
+    gather("", &serde_json::to_value(metrics).unwrap_or_default(), &mut all);
+    let told = [
+        "min_distance_m",
+        "impact_speed_mps",
+        "lateral_jerk.raw_max_mps3",
+        "response.p50_ms",
+        "response.p99_ms",
+    ];
+    all.retain(|name, x| x.is_finite() && !told.contains(&name.as_str()) && !name.ends_with("actor"));
+    all
 }
 
 fn number(x: Option<f64>) -> String {
