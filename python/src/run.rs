@@ -53,7 +53,9 @@ impl Inputs {
         sets.extend(seed.map(|seed| ("seed".to_owned(), seed.into())));
         let config = match config {
             None => Config::load(None, &sets),
-            Some(FileOr::File(path)) => Kind::Config.config(&Registry::standard(), std::slice::from_ref(path), &sets),
+            Some(FileOr::File(path)) => {
+                Kind::Config.config(&Registry::standard(), std::slice::from_ref(path), &sets)
+            }
             Some(FileOr::Content(dict)) => Document::parse("config", text(dict)?)
                 .map_err(swerve_text::Problems::from)
                 .and_then(|document| Config::from_document(&document, &sets)),
