@@ -96,9 +96,9 @@ fn a_slow_detector_drops_frames() {
     assert_eq!(seen.boxes.len(), seen.tracks.len());
 }
 
-/// Boxes of the fusion: nothing else in its pipeline tells covariances.
+/// Boxes of the fusion: nothing else in its pipeline tells what a radar measures.
 fn fused(seen: &Seen) -> Vec<&Detections> {
-    let is_fused = |boxes: &Detections| boxes.boxes.iter().any(|b| b.covariance_m2.is_some());
+    let is_fused = |boxes: &Detections| boxes.boxes.iter().any(|b| b.radial_speed_mps.is_some());
     seen.boxes.iter().map(|(_, boxes)| boxes).filter(|boxes| is_fused(boxes)).collect()
 }
 
@@ -120,18 +120,25 @@ fn what_is_fused_stays_when_a_sensor_is_blind() {
         drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
         let (lists, tracks) = (fused(&seen), seen.tracks.last().unwrap());
         assert!(lists.len() > 5, "{blind:?}: {}", lists.len());
-        let newest = lists.last().unwrap();
-        let world = seen.worlds.iter().find(|world| world.stamp >= newest.stamp).unwrap();
+        // Each sensor's place is told once, when it is new, so what is known of the truck stands in the lists of a turn of
+        // the lidar. False positives of the emulated detector score low.
+        let newest = lists.last().unwrap().stamp;
+        let of_turn = lists.iter().rev().take_while(|list| newest - list.stamp < Span::from_ms(100));
+        let sure = of_turn.flat_map(|list| list.boxes.iter().map(|b| (list.stamp, b)));
+        let sure: Vec<_> = sure.filter(|(_, b)| b.score > 0.4).collect();
+        let variance_m2 = |b: &swerve_msg::DetectedBox| {
+            let [xx, _, yy] = b.covariance_m2.unwrap();
+            xx.max(yy)
+        };
+        let surest = sure.iter().min_by(|a, b| variance_m2(a.1).total_cmp(&variance_m2(b.1)));
+        let (stamp, found) = *surest.expect("it is told");
+        let world = seen.worlds.iter().find(|world| world.stamp >= stamp).unwrap();
         let (truck, ego) = (&world.actors[0], world.ego.state.pose);
-        let off_m =
-            |b: &&swerve_msg::DetectedBox| ego.from_local(b.pose.point()).distance(truck.pose.point());
-        // False positives of the emulated detector score low.
-        let sure = newest.boxes.iter().filter(|b| b.score > 0.4);
-        let found = sure.min_by(|a, b| off_m(a).total_cmp(&off_m(b))).unwrap();
-        assert!(off_m(&found) < off_max_m && found.kind == truck.kind, "{blind:?}: {found:?}");
-        let [xx, _, yy] = found.covariance_m2.unwrap();
-        assert_eq!(xx.max(yy) < 0.15, blind != Some("lidar_objects"), "{blind:?}: {xx} {yy}");
-        assert_eq!(found.image_px.is_some(), blind != Some("detector"), "{blind:?}");
+        let off_m = ego.from_local(found.pose.point()).distance(truck.pose.point());
+        assert!(off_m < off_max_m && found.kind == truck.kind, "{blind:?}: {found:?}");
+        assert_eq!(variance_m2(found) < 0.15, blind != Some("lidar_objects"), "{blind:?}: {found:?}");
+        let is_in_picture = sure.iter().any(|(_, b)| b.image_px.is_some());
+        assert_eq!(is_in_picture, blind != Some("detector"), "{blind:?}");
         let speed_mps = found.radial_speed_mps.expect("the radar sees a truck");
         assert!(speed_mps.abs() < 1.0, "{blind:?}: it stands: {speed_mps}");
         assert!(
