@@ -197,6 +197,23 @@ fn the_radar_says_the_distance_where_the_ground_plane_guesses() {
 }
 
 #[test]
+fn a_place_is_told_once() {
+    let camera = list(50, vec![seen(ActorKind::Pedestrian, [20.0, 3.0], [20.0, 3.0], 0.7)]);
+    let lidar =
+        list(0, vec![found(ActorKind::Pedestrian, 20.0, 3.0, 0.5), found(ActorKind::Car, 40.0, -8.0, 0.6)]);
+    let told = |[by_camera_is_new, by_lidar_is_new]: [bool; 2]| {
+        let mut sight = by_camera(&camera);
+        sight.boxes.is_new = by_camera_is_new;
+        let turn = Sighted { is_new: by_lidar_is_new, ..by_lidar(&lidar) };
+        fused(&Sources { camera: Some(sight), lidar: Some(turn), ..Sources::default() })
+    };
+    let kinds = |boxes: Vec<DetectedBox>| boxes.iter().map(|b| b.kind).collect::<Vec<_>>();
+    assert_eq!(kinds(told([true, true])), [ActorKind::Pedestrian, ActorKind::Car]);
+    assert_eq!(kinds(told([true, false])), [ActorKind::Pedestrian], "the turn's car was told before");
+    assert_eq!(told([false, false]), []);
+}
+
+#[test]
 fn boxes_of_an_older_instant_come_along() {
     // The ego has driven 2 m and turned by 0.1 since the camera looked.
     let then = Pose2::new(100.0, 50.0, 1.0);

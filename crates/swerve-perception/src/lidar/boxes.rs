@@ -235,6 +235,28 @@ mod tests {
     }
 
     #[test]
+    fn the_errors_of_a_box_grow_by_what_is_added_and_turn_with_it() {
+        let seen = |seen_m: [f32; 2], heading_rad: f32| {
+            let (sin, cos) = libm::sincosf(heading_rad);
+            let size_m = [4.4, 1.8];
+            Rectangle { middle: [15.0, 4.0], turn: [cos, sin], heading_rad, size_m, seen_m }
+                .covariance_m2(&CLASSES[0])
+        };
+        let is = |told: [f64; 3], expected: [f64; 3]| {
+            assert!(told.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{told:?} {expected:?}");
+        };
+        let whole = SEEN_NOISE_M * SEEN_NOISE_M;
+        is(seen([4.4, 1.8], 0.3), [whole, 0.0, whole]);
+        let added = (CLASSES[0].hidden_share * 3.0).powi(2);
+        is(seen([1.4, 1.8], 0.0), [whole + added, 0.0, whole]);
+        is(seen([1.4, 1.8], core::f32::consts::FRAC_PI_2), [whole, 0.0, whole + added]);
+        is(
+            seen([1.4, 1.8], core::f32::consts::FRAC_PI_4),
+            [whole + 0.5 * added, 0.5 * added, whole + 0.5 * added],
+        );
+    }
+
+    #[test]
     fn a_wall_is_no_car() {
         let points: Vec<[f32; 4]> = (0..100).map(|k| [10.0, 0.1 * k as f32, 0.5, 0.5]).collect();
         let fit = fit(&points, None);

@@ -262,3 +262,15 @@ fn a_covariance_of_its_own_weighs_a_box() {
     let (sure, unsure) = (place(Some([0.01, 0.0, 0.01])), place(Some([4.0, 0.0, 0.04])));
     assert!(sure > 20.25 && unsure < 20.05, "{sure} {unsure}");
 }
+
+#[test]
+fn what_sensors_confirm_in_turn_stays_on_probation_through_the_lists_of_the_other() {
+    let reported = |probation_s: f64| {
+        let mut tracker = tracker(Params { hits_min: 2, probation_s, ..Params::default() });
+        let person = || vec![found(ActorKind::Pedestrian, 10.0, 1.0)];
+        [(0, person()), (50, vec![]), (100, person())]
+            .map(|(ms, boxes)| tracker.update(&frame(ms, boxes), origin()).tracks.len())
+    };
+    assert_eq!(reported(0.0), [0, 0, 0], "frames in a row");
+    assert_eq!(reported(0.11), [0, 0, 1]);
+}
