@@ -34,6 +34,7 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
         ("study", "configs/studies", "toml"),
         ("plan_problems", "configs/problems", "json"),
         ("detector_weights", "crates/swerve-vision/detectors", "weights"),
+        ("segmentation_weights", "crates/swerve-vision/segmentations", "weights"),
         ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),
     ];
     for (target, from, ending) in of {
@@ -54,6 +55,9 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
     let picture = Picture { size: [5, 3], bytes: (0..45).collect() };
     std::fs::create_dir_all(folder.join("png"))?;
     picture.write(&folder.join("png"), Path::new("small"))?;
+    // The target puts the first two bytes there.
+    let photo = swerve_foxglove::jpeg(&[120; 16 * 8 * 3], 16, 8, 80).context("an image of a size")?;
+    put(folder, "jpeg", "small", &photo[2..])?;
     put(folder, "mot", "two", mot.as_bytes())?;
     put(folder, "kitti", "one", kitti.as_bytes())?;
     put(folder, "coco", "one", coco.as_bytes())?;
@@ -70,7 +74,7 @@ fn driven(folder: &Path) -> anyhow::Result<()> {
         let _remote = pipeline.graph.operator(operator)?.remote(Box::new(asked));
     }
     let log = swerve_fuzz::Scratch::file("log.mcap", &[]);
-    let start = run_start(&Config::default(), Path::new("person_behind_truck"))?;
+    let start = run_start(&Config::default(), &pipeline.scenario, Path::new("person_behind_truck"));
     let mut recorder = Recorder::create(log.path(), &start)?;
     let mut messages = Messages::default();
     drive_pipeline(pipeline, 1, 1, &mut [&mut messages, &mut recorder])?;

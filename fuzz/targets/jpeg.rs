@@ -1,0 +1,12 @@
+#![no_main]
+//! Photographs in files: told from other images by their first bytes.
+
+use swerve_fuzz::Scratch;
+use swerve_study::picture::Picture;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let file = Scratch::file("image.jpg", &[&[0xff, 0xd8], bytes].concat());
+    if let Ok(picture) = Picture::read(file.path()) {
+        assert!(picture.rgb().is_ok(), "what was read is whole");
+    }
+});
