@@ -82,7 +82,10 @@ fn packages_stay_behind_one_crate() {
         ("ros2-client", "swerve-ros2"),
         ("strsim", "swerve-text"),
         ("cdr-encoding", "swerve-ros2"),
-        ("clap", "swerve swerve-drive swerve-live swerve-reference swerve-stack swerve-study swerve-timing"),
+        (
+            "clap",
+            "swerve swerve-drive swerve-live swerve-reference swerve-stack swerve-study swerve-timing swerve-view",
+        ),
         (
             "anyhow",
             "swerve swerve-drive swerve-live swerve-reference swerve-report swerve-stack swerve-study swerve-timing",

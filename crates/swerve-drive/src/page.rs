@@ -11,7 +11,7 @@ use swerve_flow::{Event, Observer};
 use swerve_msg::ActorId;
 use swerve_report::files::write_whole;
 use swerve_report::output::quoted;
-use swerve_report::page::{Changed, Collector, Input, Page, RunPage};
+use swerve_report::page::{Changed, Collector, Have, Input, Page, Rows, RunPage};
 use swerve_scenario::Scenario;
 use swerve_stack::Assembly;
 use swerve_stack::config::{Config, Images};
@@ -29,6 +29,7 @@ pub const REPORT: &str = "report.html";
 pub const COMMAND: &str = "command";
 
 /// The page of a run, to be filled in while it drives.
+#[derive(Clone)]
 pub struct RunReport {
     collector: Collector,
     page: RunPage,
@@ -67,26 +68,32 @@ impl RunReport {
         set_inputs(&mut self.collector, &pipeline.assembly);
     }
 
+    /// What heads the page, and what it holds before anything is measured.
+    pub fn head(&self) -> (String, RunPage) {
+        let RunPage { scenario, pipeline, seed, command, config, changed, notes, .. } = self.page.clone();
+        let so_far = self.so_far().clone();
+        let page = RunPage { scenario, pipeline, seed, command, config, changed, notes, ..so_far };
+        (self.title.clone(), page)
+    }
+
+    /// The drive as far as it goes by now.
+    pub fn so_far(&self) -> &RunPage {
+        self.collector.so_far()
+    }
+
+    /// What is known of it by now beyond what a page has.
+    pub fn rows(&self, have: &Have) -> Rows {
+        self.collector.rows(have)
+    }
+
     /// The page of the run, now that it is over; `metrics` is what `metrics.json` holds.
     ///
     /// # Errors
     /// The metrics are no JSON.
     pub fn finish(self, digest: &str, metrics: &str) -> anyhow::Result<Page<RunPage>> {
-        let Self { collector, page: known, title } = self;
         let metrics = serde_json::from_str(metrics).context("reading the metrics of the run")?;
-        let RunPage { scenario, pipeline, seed, command, config, changed, notes, .. } = known;
-        let page = RunPage {
-            scenario,
-            pipeline,
-            seed,
-            command,
-            config,
-            changed,
-            notes,
-            metrics,
-            digest: digest.to_owned(),
-            ..collector.finish()
-        };
+        let (title, head) = self.head();
+        let page = RunPage { metrics, digest: digest.to_owned(), ..head };
         Ok(Page::new("run", title, page))
     }
 

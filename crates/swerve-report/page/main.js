@@ -2,7 +2,7 @@
 
 function main() {
   const page = JSON.parse(document.getElementById("data").textContent);
-  const shows = { run: showRun, study: showStudy, runs: showRuns, studies: showStudies, figures: showFigures };
+  const shows = { run: showRun, live: showLive, study: showStudy, runs: showRuns, studies: showStudies, figures: showFigures };
   shows[page.kind](page);
 }
 

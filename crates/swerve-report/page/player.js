@@ -47,6 +47,7 @@ class Player {
     const time = el("output", { id: "time" });
     this.button = button;
     this.moment.onChange((t) => {
+      scrub.max = this.moment.end;
       scrub.value = t;
       time.textContent = seconds(t, 2);
     });
@@ -73,6 +74,12 @@ class Player {
       item(box({ fill: "none", stroke: "var(--ink)", "stroke-dasharray": "3 2", "stroke-width": 1.5 }), "tracks, with their speed"),
       item(stroke("sight", "1 4"), "predictions"), item(stroke("plan"), "plan"), item(stroke("fallback", "6 3"), "plan that is a fallback"),
       this.ghost ? item(box({ fill: "none", stroke: "var(--person)", "stroke-width": 2 }), "ego of the other run") : null);
+  }
+
+  /** Messages were added to the run. */
+  grown() {
+    for (const messages of Object.values(this.messages)) messages.map = {};
+    this.redraw();
   }
 
   play(on) {

@@ -6,6 +6,7 @@
 mod collect;
 mod embed;
 mod picture;
+mod rows;
 mod run;
 
 #[cfg(test)]
@@ -13,6 +14,7 @@ mod tests;
 
 pub use collect::{Collector, Message};
 pub use embed::{data_of, page};
+pub use rows::{Have, Rows};
 pub use run::{
     Actor, Changed, Commands, Ego, EgoShape, Input, Marks, Messages, Operator, Parting, Photo, Plan,
     Predictions, Road, RunPage, Steps, Tracks,
@@ -21,7 +23,7 @@ pub use run::{
 /// What every page has: which program made it, of what kind it is, and what it is headed with.
 #[derive(Clone, PartialEq, Eq, Debug, serde::Serialize)]
 pub struct Page<T> {
-    /// `run`, `runs`, `study`, `studies` or `figures`.
+    /// `run`, `live`, `runs`, `study`, `studies` or `figures`.
     pub kind: &'static str,
     /// Version of the program.
     pub version: &'static str,

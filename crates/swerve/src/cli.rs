@@ -9,7 +9,7 @@ use swerve_study::{calibrate, dataset, evaluate, report, track, train};
 
 use swerve_reference::{keys, operators};
 
-use crate::{check, doctor, graph, look, new, plan, replay, run, scenarios, shell};
+use crate::{Summary, check, doctor, graph, look, new, plan, replay, run, scenarios, shell};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
@@ -23,6 +23,8 @@ pub struct Cli {
 enum Command {
     /// Drive a scenario: verdict, figures, pictures, log
     Run(run::RunArgs),
+    /// Drive a scenario before one's eyes: the report's player in a browser, live; or look at a log in it
+    View(swerve_view::ViewArgs),
     /// Drive a vehicle over ROS 2's topics
     Live(swerve_live::LiveArgs),
     /// Vary a run along axes over configuration keys and seeds
@@ -81,6 +83,9 @@ pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> R
 pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => run::run(args, registry),
+        Command::View(args) => swerve_view::run(args, registry, &|config, scenario, outcome| {
+            Ok(serde_json::to_string(&Summary::of(config, scenario, outcome, None))?)
+        }),
         Command::Live(args) => swerve_live::run(args, registry),
         Command::Study(args) => swerve_study::run(args, registry),
         Command::Why(args) => why::run(args, registry),

@@ -165,6 +165,11 @@ impl Collector {
         mark(&mut self.page.drops, operator, (stamp, at), reason.into());
     }
 
+    /// The page as far as it goes by now.
+    pub fn so_far(&self) -> &RunPage {
+        &self.page
+    }
+
     /// The page, to which what is known of the run as a whole is to be added.
     pub fn finish(self) -> RunPage {
         self.page

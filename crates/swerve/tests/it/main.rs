@@ -18,4 +18,5 @@ mod sensors; // a rig from a file, its log, its faults
 mod slurm; // the shards of a Slurm array, simulated
 mod study; // cells, resuming, shards, failing cells, repeating a cell
 mod support; // a folder to call the program in
-mod timing; // the engine against the reference model
+mod timing;
+mod view; // a run watched and commanded while it goes on // the engine against the reference model

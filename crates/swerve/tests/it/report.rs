@@ -17,7 +17,7 @@ fn data(bench: &Bench, page: &str) -> Value {
 }
 
 /// A browser of this machine, if it has one.
-fn browser() -> Option<PathBuf> {
+pub(crate) fn browser() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     let names = ["chromium", "chromium-browser", "google-chrome"];
     let found = std::env::split_paths(&path).flat_map(|folder| names.map(|name| folder.join(name)));
@@ -31,23 +31,28 @@ fn browser() -> Option<PathBuf> {
 /// What a page looks like after `ms` of the browser's own time, as HTML without its data and program. Nothing may
 /// have gone to the console: not an error, not a warning.
 fn drawn(browser: &Path, page: &Path, hash: &str, ms: u32) -> String {
+    drawn_at(browser, &format!("file://{}{hash}", page.display()), ms)
+}
+
+/// The same, of an address.
+pub(crate) fn drawn_at(browser: &Path, address: &str, ms: u32) -> String {
     let profile = tempfile::tempdir().unwrap();
     let said = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom"])
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg(format!("--virtual-time-budget={ms}"))
-        .arg(format!("file://{}{hash}", page.display()))
+        .arg(address)
         .output()
         .unwrap();
     let errors = String::from_utf8_lossy(&said.stderr).into_owned();
     let told: Vec<&str> = errors.lines().filter(|line| line.contains("CONSOLE")).collect();
-    assert!(said.status.success() && told.is_empty(), "{hash}: {told:?} {}", said.status);
+    assert!(said.status.success() && told.is_empty(), "{address}: {told:?} {}", said.status);
     let html = String::from_utf8(said.stdout).unwrap();
     html.split("<script").next().unwrap().to_owned()
 }
 
 /// The text of the element of this identity.
-fn text<'a>(html: &'a str, id: &str) -> &'a str {
+pub(crate) fn text<'a>(html: &'a str, id: &str) -> &'a str {
     let (_, rest) = html.split_once(&format!("id=\"{id}\"")).unwrap_or_else(|| panic!("no {id} in {html}"));
     let (_, rest) = rest.split_once('>').unwrap();
     rest.split('<').next().unwrap()

@@ -1,0 +1,95 @@
+// The page of a run that goes on: the report's player, fed while it drives, and what commands the run.
+
+/** The newest instant is shown until somebody goes back. */
+function showLive(page) {
+  const moment = new Moment(0);
+  const player = new Player(page, moment);
+  const live = new Live(page, moment, player);
+  document.getElementById("page").append(
+    heading(page),
+    section("live", "The run", live.node()),
+    section("player", "The drive", player.node()),
+    page.config ? section("configuration", "Configuration", configuration(page)) : "",
+    section("repeat", "Again", commandLine(page.command)),
+  );
+  live.listen();
+}
+
+class Live {
+  constructor(page, moment, player) {
+    [this.page, this.moment, this.player] = [page, moment, player];
+    this.state = el("output", { id: "state" }, "connecting");
+    this.problem = el("output", { id: "problem", role: "alert" });
+  }
+
+  node() {
+    const button = (id, text, command) => el("button", { id, click: () => this.command(command()) }, text);
+    const seed = el("input", { id: "seed", type: "number", min: 0, value: this.page.seed, size: 6, "aria-label": "seed" });
+    const set = el("input", { id: "set", type: "text", size: 40, placeholder: "KEY=VALUE", "aria-label": "a key of the configuration or the scenario" });
+    const again = () => ({ do: "restart", seed: Number(seed.value), set: set.value.trim() ? [set.value.trim()] : [] });
+    const speed = choice("speed", ["0.25", "0.5", "1", "2", "max"], String(this.page.speed ?? "max"), (value) => this.command({ do: "speed", speed: value === "max" ? null : Number(value) }));
+    return el("div", {},
+      el("div", { class: "bar" }, button("go", "start", () => ({ do: "go" })), button("pause", "pause", () => ({ do: "pause" })), button("step", "one frame", () => ({ do: "step" })), speed, this.state),
+      el("div", { class: "bar" }, "seed", seed, set, button("restart", "restart", again), this.problem));
+  }
+
+  async command(what) {
+    const answer = await fetch("control", { method: "POST", body: JSON.stringify(what) });
+    this.problem.textContent = answer.ok ? "" : await answer.text();
+  }
+
+  /** How much of the run the page has: the server sends what is beyond. */
+  have() {
+    const { ego, commands, tracks, predictions, plans, photos, actors } = this.page;
+    const last = Math.max(-1, ...actors.map((actor) => actor.t.at(-1) ?? -1));
+    return { ego: ego.t.length, commands: commands.t.length, tracks: tracks.length, predictions: predictions.length, plans: plans.length, photos: photos.length, actors: last < 0 ? null : last };
+  }
+
+  async listen() {
+    for (;;) {
+      try {
+        const answer = await fetch(`rows?${encodeURIComponent(JSON.stringify(this.have()))}`);
+        if (!answer.ok) throw new Error(await answer.text());
+        const rows = await answer.json();
+        if (rows.run !== this.page.run) return location.reload();
+        this.take(rows);
+        if (rows.state === "over") return await this.over(rows);
+      } catch (error) {
+        this.state.textContent = `the program has ended (${error.message})`;
+        return;
+      }
+      await new Promise((resolve) => setTimeout(resolve, 40));
+    }
+  }
+
+  take(rows) {
+    const { page, moment } = this;
+    const columns = (to, from) => Object.keys(from).filter((name) => Array.isArray(from[name])).forEach((name) => to[name].push(...from[name]));
+    columns(page.ego, rows.ego);
+    columns(page.commands, rows.commands);
+    for (const name of ["tracks", "predictions", "plans", "photos"]) page[name].push(...rows[name]);
+    for (const actor of rows.actors) {
+      const known = page.actors.find((other) => other.id === actor.id);
+      if (known) columns(known, actor);
+      else page.actors.push(actor);
+    }
+    const atEnd = moment.t >= moment.end && !this.player.playing;
+    moment.end = page.end = rows.end;
+    this.player.grown();
+    moment.set(atEnd ? rows.end : moment.t);
+    this.state.textContent = rows.state;
+  }
+
+  /** Shows what the run came to, and waits for a restart. */
+  async over(rows) {
+    const whole = rows.digest ? [el("span", { id: "digest" }, ` digest ${rows.digest} `), el("a", { href: "report", target: "_blank" }, "the whole report")] : [];
+    this.state.replaceChildren(rows.verdict ? badge(rows.verdict) : "over", ...whole);
+    for (let now = rows; now.run === this.page.run; ) {
+      this.problem.textContent = now.problem ?? "";
+      await new Promise((resolve) => setTimeout(resolve, 500));
+      const answer = await fetch(`rows?${encodeURIComponent(JSON.stringify(this.have()))}`);
+      now = await answer.json();
+    }
+    location.reload();
+  }
+}

@@ -1,0 +1,110 @@
+//! The runs that are shown, one after the other.
+
+use anyhow::Context as _;
+use serde::Serialize;
+use swerve_drive::page::{RunReport, command_line};
+use swerve_drive::process::Processes;
+use swerve_drive::program::Program;
+use swerve_drive::{RunInput, drive_pipeline, load};
+use swerve_flow::{EndReason, Event, Observer};
+use swerve_msg::EgoState;
+use swerve_report::page::{Page, RunPage};
+use swerve_stack::Registry;
+use swerve_stack::config::clock::Clock;
+use swerve_stack::pipeline::Pipeline;
+
+use crate::Summarise;
+use crate::show::{Begin, Over, Show};
+
+/// Drives what a page asks for.
+pub(crate) struct Driver<'a> {
+    pub(crate) registry: &'a Registry,
+    pub(crate) input: &'a RunInput,
+    pub(crate) summarise: Summarise<'a>,
+    pub(crate) show: &'a Show,
+}
+
+/// What the page of a run that goes on holds beside the run.
+#[derive(Serialize)]
+struct Live {
+    #[serde(flatten)]
+    page: RunPage,
+    run: u64,
+    speed: Option<f64>,
+}
+
+/// Takes a run in for the page, and holds it back as the page asks.
+struct Watching<'a>(&'a Show);
+
+impl Observer for Watching<'_> {
+    fn event(&mut self, event: &Event<'_>) {
+        self.0.with_report(|report| report.event(event));
+        if let Event::Publication(publication) = event
+            && publication.payload.is_some_and(|payload| payload.as_any().is::<EgoState>())
+        {
+            self.0.frame(publication.visible_at);
+        }
+    }
+}
+
+impl Driver<'_> {
+    /// Whether this can be driven at all.
+    pub(crate) fn check(&self, input: &RunInput) -> anyhow::Result<()> {
+        let (config, _) = load(self.registry, input)?;
+        anyhow::ensure!(
+            config.clock.source == Clock::Virtual,
+            "clock.source: `swerve view` drives in virtual time and shows it at the speed that is asked for"
+        );
+        Ok(())
+    }
+
+    /// Drives, again and again where that is asked for, until the program is to end.
+    ///
+    /// # Errors
+    /// The first run could not be begun; of a later one its page tells.
+    pub(crate) fn drive_until_quit(&self) -> anyhow::Result<()> {
+        let mut begin = Some(Begin::default());
+        while let Some(with) = begin {
+            let (over, whole) = match self.drive(&with) {
+                Ok(ended) => ended,
+                Err(error) if self.show.upcoming().0 == 1 => return Err(error),
+                Err(error) => (Over { problem: Some(format!("{error:#}")), ..Over::default() }, None),
+            };
+            self.show.end(over, whole);
+            begin = self.show.next();
+        }
+        Ok(())
+    }
+
+    fn drive(&self, with: &Begin) -> anyhow::Result<(Over, Option<String>)> {
+        let mut input = self.input.clone();
+        input.seed = with.seed.map(i64::from).or(input.seed);
+        input.set.extend(with.set.iter().cloned());
+        self.check(&input)?;
+        let (config, scenario) = load(self.registry, &input)?;
+        let mut pipeline = Pipeline::build(&config, &scenario)?;
+        let report = RunReport::new(&config, &pipeline, command_line(&input, None));
+        self.show.begin(self.page(&report), report, pipeline.graph.stop_handle());
+        let processes = (!config.process.is_empty())
+            .then(|| Processes::start(&Program::this()?, &config, &mut pipeline))
+            .transpose()?;
+        let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut Watching(self.show)])?;
+        drop(processes);
+        if outcome.report.end == EndReason::Interrupted {
+            return Ok((Over { problem: Some("interrupted".into()), ..Over::default() }, None));
+        }
+        let (digest, metrics) = (outcome.digest.to_string(), (self.summarise)(&config, &scenario, &outcome)?);
+        let report = self.show.with_report(|report| report.clone()).context("a run has its report")?;
+        let page = report.finish(&digest, &metrics)?;
+        let verdict = page.of.metrics["verdict"].as_str().map(str::to_owned);
+        Ok((Over { verdict, digest: Some(digest), problem: None }, Some(page.html())))
+    }
+
+    /// The page of a run of which nothing has happened yet; it may ask this server, and nobody else, for more.
+    fn page(&self, report: &RunReport) -> String {
+        let (run, speed) = self.show.upcoming();
+        let (title, page) = report.head();
+        let html = Page::new("live", title, Live { page, run, speed }).html();
+        html.replacen("img-src data:\"", "img-src data:; connect-src 'self'\"", 1)
+    }
+}

@@ -1,0 +1,181 @@
+//! As much of HTTP/1.1 (RFC 9112) as a page needs that is shown on this machine alone: one request a connection.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+/// Bytes of a request at most, its body included.
+pub(crate) const LONGEST: usize = 16 * 1024;
+/// How long a client may take to say or to hear something.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// What a client asks for, checked: it knows the token and is no other site's page.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Request {
+    /// `POST`, otherwise `GET`.
+    pub(crate) is_post: bool,
+    /// What stands behind the token.
+    pub(crate) path: String,
+    /// What stands behind `?`.
+    pub(crate) query: String,
+    /// The body.
+    pub(crate) body: String,
+}
+
+/// An answer.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Answer {
+    status: &'static str,
+    kind: &'static str,
+    body: String,
+}
+
+impl Answer {
+    pub(crate) fn html(body: String) -> Self {
+        Self { status: "200 OK", kind: "text/html; charset=utf-8", body }
+    }
+
+    pub(crate) fn json(body: String) -> Self {
+        Self { status: "200 OK", kind: "application/json", body }
+    }
+
+    pub(crate) fn refusal(status: &'static str, why: impl Into<String>) -> Self {
+        Self { status, kind: "text/plain; charset=utf-8", body: why.into() + "\n" }
+    }
+}
+
+/// Who may ask: the address that the page is at, as `127.0.0.1:PORT`, and the token.
+#[derive(Clone, Debug)]
+pub(crate) struct Door {
+    pub(crate) host: String,
+    pub(crate) token: String,
+}
+
+impl Door {
+    /// Reads a request, or says why it is refused.
+    pub(crate) fn read(&self, stream: &mut TcpStream) -> Result<Request, Answer> {
+        let cut_off = |_| Answer::refusal("408 Request Timeout", "the request was cut off");
+        stream.set_read_timeout(Some(PATIENCE)).map_err(cut_off)?;
+        stream.set_write_timeout(Some(PATIENCE)).map_err(cut_off)?;
+        let mut bytes = Vec::new();
+        let mut wanted = None;
+        while wanted.is_none_or(|wanted| bytes.len() < wanted) {
+            let mut part = [0; 4096];
+            let read = stream.read(&mut part).map_err(cut_off)?;
+            bytes.extend_from_slice(&part[..read]);
+            wanted = wanted.or_else(|| whole_length(&bytes));
+            if bytes.len() > LONGEST || wanted.is_some_and(|wanted| wanted > LONGEST) {
+                return Err(Answer::refusal("413 Content Too Large", format!("over {LONGEST} bytes")));
+            }
+            if read == 0 && wanted.is_none_or(|wanted| bytes.len() < wanted) {
+                return Err(Answer::refusal("400 Bad Request", "the request was cut off"));
+            }
+        }
+        self.admit(&bytes)
+    }
+
+    fn admit(&self, bytes: &[u8]) -> Result<Request, Answer> {
+        let bad = || Answer::refusal("400 Bad Request", "expected a request of HTTP/1.1");
+        let text = core::str::from_utf8(bytes).map_err(|_| bad())?;
+        let (head, body) = text.split_once("\r\n\r\n").ok_or_else(bad)?;
+        let (first, rest) = head.split_once("\r\n").ok_or_else(bad)?;
+        let words: Vec<&str> = first.split(' ').collect();
+        let [method, target, "HTTP/1.1"] = words[..] else { return Err(bad()) };
+        let fields = |name: &str| {
+            let fields = rest.split("\r\n").filter_map(|line| line.split_once(':'));
+            fields.filter(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, v)| v.trim()).collect::<Vec<_>>()
+        };
+        if fields("host") != [self.host.as_str()] {
+            return Err(Answer::refusal("403 Forbidden", "another host was asked for"));
+        }
+        let origin = format!("http://{}", self.host);
+        if fields("origin").iter().any(|of| *of != origin) {
+            return Err(Answer::refusal("403 Forbidden", "another site asks"));
+        }
+        let is_post = match method {
+            "GET" => false,
+            // A browser names the origin of every POST; who does not is no page of ours.
+            "POST" if fields("origin").is_empty() => {
+                return Err(Answer::refusal("403 Forbidden", "no origin was given"));
+            }
+            "POST" => true,
+            _ => return Err(Answer::refusal("405 Method Not Allowed", "expected GET or POST")),
+        };
+        let (path, query) = target.split_once('?').unwrap_or((target, ""));
+        let inside = path.strip_prefix('/').and_then(|path| path.strip_prefix(self.token.as_str()));
+        let Some(path) = inside.and_then(|path| path.strip_prefix('/')) else {
+            return Err(Answer::refusal("403 Forbidden", "the address lacks the token"));
+        };
+        Ok(Request { is_post, path: path.into(), query: query.into(), body: body.into() })
+    }
+}
+
+/// How long the request is in all, once its head is there.
+fn whole_length(bytes: &[u8]) -> Option<usize> {
+    let head = bytes.windows(4).position(|four| four == b"\r\n\r\n")?;
+    let text = String::from_utf8_lossy(&bytes[..head]).to_ascii_lowercase();
+    let length = text.lines().find_map(|line| line.strip_prefix("content-length:")?.trim().parse().ok());
+    Some(length.unwrap_or(0_usize).saturating_add(head + 4))
+}
+
+/// Sends an answer and closes; a client that has gone is nobody's concern.
+pub(crate) fn answer(mut stream: TcpStream, answer: &Answer) {
+    let Answer { status, kind, body } = answer;
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\
+         Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
+         Content-Security-Policy: frame-ancestors 'none'\r\n\r\n",
+        body.len()
+    );
+    let _gone = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body.as_bytes()));
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::{Shutdown, TcpListener};
+
+    use super::*;
+
+    /// The status of the answer to a request, or the path behind the token.
+    fn asked(request: &str) -> Result<String, String> {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (mut server, _) = listener.accept().unwrap();
+        client.write_all(request.as_bytes()).unwrap();
+        client.shutdown(Shutdown::Write).unwrap();
+        let door = Door { host: "127.0.0.1:80".into(), token: "secret".into() };
+        door.read(&mut server).map(|request| request.path + &request.body).map_err(|no| no.status[..3].into())
+    }
+
+    #[test]
+    fn only_our_own_page_is_let_in() {
+        let host = "Host: 127.0.0.1:80\r\n";
+        let own = "Origin: http://127.0.0.1:80\r\n";
+        let long = "x".repeat(LONGEST);
+        let cases = [
+            (format!("GET /secret/rows HTTP/1.1\r\n{host}\r\n"), Ok("rows")),
+            (format!("GET /secret/rows HTTP/1.1\r\n{host}{own}\r\n"), Ok("rows")),
+            (format!("POST /secret/do HTTP/1.1\r\n{host}{own}Content-Length: 2\r\n\r\n{{}}"), Ok("do{}")),
+            (format!("POST /secret/do HTTP/1.1\r\n{host}Content-Length: 2\r\n\r\n{{}}"), Err("403")),
+            (format!("POST /secret/do HTTP/1.1\r\n{host}{own}Content-Length: 9\r\n\r\n{{}}"), Err("400")),
+            (format!("GET /wrong!/rows HTTP/1.1\r\n{host}\r\n"), Err("403")),
+            (format!("GET / HTTP/1.1\r\n{host}\r\n"), Err("403")),
+            (format!("GET /secret HTTP/1.1\r\n{host}\r\n"), Err("403")),
+            ("GET /secret/ HTTP/1.1\r\nHost: evil.example:80\r\n\r\n".into(), Err("403")),
+            ("GET /secret/ HTTP/1.1\r\nHost: localhost:80\r\n\r\n".into(), Err("403")),
+            (format!("GET /secret/ HTTP/1.1\r\n{host}{host}\r\n"), Err("403")),
+            ("GET /secret/ HTTP/1.1\r\nAccept: *\r\n\r\n".into(), Err("403")),
+            (format!("GET /secret/ HTTP/1.1\r\n{host}Origin: http://evil.example\r\n\r\n"), Err("403")),
+            (format!("GET /secret/ HTTP/1.1\r\n{host}Origin: null\r\n\r\n"), Err("403")),
+            (format!("OPTIONS /secret/ HTTP/1.1\r\n{host}{own}\r\n"), Err("405")),
+            (format!("GET /secret/{long} HTTP/1.1\r\n{host}\r\n"), Err("413")),
+            (format!("POST /secret/ HTTP/1.1\r\n{host}{own}Content-Length: 99999\r\n\r\n"), Err("413")),
+            ("GET /secret/ HTTP/1.1".into(), Err("400")),
+            ("nonsense\r\n\r\n".into(), Err("400")),
+        ];
+        for (request, expected) in cases {
+            let expected = expected.map(String::from).map_err(String::from);
+            assert_eq!(asked(&request), expected, "{}", &request[..request.len().min(120)]);
+        }
+    }
+}

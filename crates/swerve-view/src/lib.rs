@@ -1,0 +1,108 @@
+//! `swerve view`: a run in the report's player while it goes on, at an address of this machine that only who knows its
+//! token can open.
+
+mod drive;
+mod http;
+mod server;
+mod show;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use swerve_drive::page::page_of_log;
+use swerve_drive::{Outcome, RunInput};
+use swerve_report::output::print;
+use swerve_scenario::Scenario;
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
+
+use crate::drive::Driver;
+use crate::server::Server;
+use crate::show::Show;
+
+/// `swerve view`.
+#[derive(clap::Args, Debug)]
+pub struct ViewArgs {
+    /// What is driven: a scenario; or a log, or the folder of a run, to be looked at
+    #[command(flatten)]
+    input: RunInput,
+    /// Port on 127.0.0.1 [default: a free one]
+    #[arg(long, default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// Times real time, or max
+    #[arg(long, default_value = "1", value_parser = speed)]
+    speed: Speed,
+    /// Wait for the page's start button
+    #[arg(long)]
+    paused: bool,
+    /// Print the address and open no browser
+    #[arg(long)]
+    no_open: bool,
+}
+
+/// How fast virtual time is shown: times real time, none as fast as it comes.
+#[derive(Clone, Copy, Debug)]
+struct Speed(Option<f64>);
+
+fn speed(text: &str) -> Result<Speed, String> {
+    if text == "max" {
+        return Ok(Speed(None));
+    }
+    let times = text.parse().ok().filter(|times| show::is_speed(*times));
+    times.map(|times| Speed(Some(times))).ok_or_else(|| show::NO_SPEED.into())
+}
+
+/// What `metrics.json` would hold of a run.
+pub type Summarise<'a> = &'a dyn Fn(&Config, &Scenario, &Outcome) -> anyhow::Result<String>;
+
+/// Runs `swerve view`, until it is interrupted.
+///
+/// # Errors
+/// What is to be shown cannot be read, or the port is taken.
+pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> anyhow::Result<()> {
+    let show = Arc::new(Show::new(args.speed.0, args.paused));
+    let driver = match log_in(&args.input.scenario) {
+        Some(log) => {
+            show.set_page(page_of_log(registry, &log)?.html());
+            None
+        }
+        None => {
+            let driver = Driver { registry, input: &args.input, summarise, show: &show };
+            driver.check(&args.input)?;
+            Some(driver)
+        }
+    };
+    let interrupted = Arc::clone(&show);
+    ctrlc::set_handler(move || interrupted.quit()).context("waiting for Ctrl-C")?;
+    let address = Server::start(args.port, Arc::clone(&show))?;
+    print(&format!("{address}\n"))?;
+    if !args.no_open {
+        open(&address);
+    }
+    match driver {
+        Some(driver) => driver.drive_until_quit(),
+        None => {
+            show.wait_for_quit();
+            Ok(())
+        }
+    }
+}
+
+/// The log that is named, by itself or by the folder of its run.
+fn log_in(path: &Path) -> Option<PathBuf> {
+    let inside = path.join("log.mcap");
+    let is_log = path.extension().is_some_and(|extension| extension == "mcap");
+    is_log.then(|| path.to_owned()).or_else(|| inside.is_file().then_some(inside))
+}
+
+/// Opens a browser where there is a screen; without one the address stands in the terminal.
+fn open(address: &str) {
+    let has_screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+    if has_screen {
+        use std::process::{Command, Stdio};
+        let mut program = Command::new("xdg-open");
+        let program = program.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        let _not_there = program.spawn();
+    }
+}

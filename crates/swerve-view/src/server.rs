@@ -1,0 +1,94 @@
+//! The server: a thread a connection, few at a time.
+
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::Context as _;
+
+use crate::http::{Answer, Door, Request, answer};
+use crate::show::Show;
+
+/// Connections at a time.
+const MOST: usize = 32;
+
+pub(crate) struct Server {
+    door: Door,
+    show: Arc<Show>,
+    open: AtomicUsize,
+}
+
+impl Server {
+    /// Begins to serve and gives the address.
+    pub(crate) fn start(port: u16, show: Arc<Show>) -> anyhow::Result<String> {
+        let taken = || format!("port {port} of 127.0.0.1");
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).with_context(taken)?;
+        let host = format!("127.0.0.1:{}", listener.local_addr()?.port());
+        // Nothing of a run depends on these bytes.
+        let mut random = [0; 16];
+        getrandom::fill(&mut random).map_err(|error| anyhow::anyhow!("a random token: {error}"))?;
+        let token = format!("{:032x}", u128::from_le_bytes(random));
+        let address = format!("http://{host}/{token}/");
+        let server = Arc::new(Self { door: Door { host, token }, show, open: AtomicUsize::new(0) });
+        std::thread::Builder::new().name("view".into()).spawn(move || server.listen(&listener))?;
+        Ok(address)
+    }
+
+    fn listen(self: Arc<Self>, listener: &TcpListener) {
+        for stream in listener.incoming().flatten() {
+            if self.open.fetch_add(1, Ordering::Relaxed) >= MOST {
+                self.open.fetch_sub(1, Ordering::Relaxed);
+                answer(stream, &Answer::refusal("503 Service Unavailable", "too many connections"));
+                continue;
+            }
+            let server = Arc::clone(&self);
+            std::thread::spawn(move || {
+                server.serve(stream);
+                server.open.fetch_sub(1, Ordering::Relaxed);
+            });
+        }
+    }
+
+    fn serve(&self, mut stream: TcpStream) {
+        let said =
+            self.door.read(&mut stream).map_or_else(|refusal| refusal, |request| self.answer(&request));
+        answer(stream, &said);
+    }
+
+    fn answer(&self, request: &Request) -> Answer {
+        let bad = |error: serde_json::Error| Answer::refusal("400 Bad Request", error.to_string());
+        match (request.is_post, request.path.as_str()) {
+            (false, "") => Answer::html(self.show.page()),
+            (false, "report") => self.show.whole().map_or_else(not_found, Answer::html),
+            (false, "rows") => match serde_json::from_str(&decoded(&request.query)) {
+                Ok(have) => Answer::json(self.show.rows(&have)),
+                Err(error) => bad(error),
+            },
+            (true, "control") => match serde_json::from_str(&request.body) {
+                Ok(ask) => match self.show.ask(ask) {
+                    Ok(()) => Answer::json("{}".into()),
+                    Err(why) => Answer::refusal("400 Bad Request", why),
+                },
+                Err(error) => bad(error),
+            },
+            _ => not_found(),
+        }
+    }
+}
+
+fn not_found() -> Answer {
+    Answer::refusal("404 Not Found", "there is no such page")
+}
+
+/// Percent-encoding undone (RFC 3986, section 2.1).
+fn decoded(text: &str) -> String {
+    let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
+    while let [first, after @ ..] = rest {
+        let code = after.get(..2).filter(|_| *first == b'%').and_then(|two| core::str::from_utf8(two).ok());
+        match code.and_then(|two| u8::from_str_radix(two, 16).ok()) {
+            Some(byte) => (bytes.push(byte), rest = &after[2..]).1,
+            None => (bytes.push(*first), rest = after).1,
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}

@@ -1,0 +1,234 @@
+//! What the run, the server and Ctrl-C share: the run as far as it goes, and what is asked of it.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_drive::page::RunReport;
+use swerve_flow::StopHandle;
+use swerve_report::page::{Have, Rows};
+
+pub(crate) const NO_SPEED: &str = "expected a number from 0.01 to 1000, or max";
+/// How long a page that has everything waits for more.
+const WAIT: Duration = Duration::from_millis(500);
+
+pub(crate) fn is_speed(times: f64) -> bool {
+    (0.01..=1000.0).contains(&times)
+}
+
+/// What a page may ask for.
+#[derive(Deserialize, Debug)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum Ask {
+    /// Go on.
+    Go,
+    /// Hold at the next frame.
+    Pause,
+    /// Go on to the next frame and hold.
+    Step,
+    /// Times real time; none as fast as it comes.
+    Speed { speed: Option<f64> },
+    /// Begin again, with this seed and these keys on top of the command line's.
+    Restart { seed: u32, set: Vec<String> },
+}
+
+/// What a run is begun with.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Begin {
+    pub(crate) seed: Option<u32>,
+    pub(crate) set: Vec<String>,
+}
+
+/// What a run came to.
+#[derive(Clone, Default, Serialize)]
+pub(crate) struct Over {
+    pub(crate) verdict: Option<String>,
+    pub(crate) digest: Option<String>,
+    pub(crate) problem: Option<String>,
+}
+
+#[derive(Default)]
+struct State {
+    /// The how manieth run it is.
+    run: u64,
+    page: String,
+    whole: Option<String>,
+    report: Option<RunReport>,
+    over: Option<Over>,
+    holds: bool,
+    steps: u32,
+    speed: Option<f64>,
+    /// The real and the virtual instant from which on it keeps time.
+    since: Option<(Instant, Time)>,
+    stop: Option<StopHandle>,
+    next: Option<Begin>,
+    quits: bool,
+}
+
+/// The run that is shown.
+pub(crate) struct Show {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+/// Rows for a page.
+#[derive(Serialize)]
+struct Told<'a> {
+    run: u64,
+    state: &'a str,
+    #[serde(flatten)]
+    rows: Option<Rows>,
+    #[serde(flatten)]
+    over: Option<&'a Over>,
+}
+
+impl Show {
+    pub(crate) fn new(speed: Option<f64>, holds: bool) -> Self {
+        Self { state: Mutex::new(State { speed, holds, ..State::default() }), changed: Condvar::new() }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A page that stays as it is.
+    pub(crate) fn set_page(&self, page: String) {
+        self.state().page = page;
+    }
+
+    /// The number and the speed of the run that is about to begin.
+    pub(crate) fn upcoming(&self) -> (u64, Option<f64>) {
+        let state = self.state();
+        (state.run + 1, state.speed)
+    }
+
+    pub(crate) fn begin(&self, page: String, report: RunReport, stop: StopHandle) {
+        let mut state = self.state();
+        // What is asked for before the run has begun stops it too.
+        if state.quits || state.next.is_some() {
+            stop.stop();
+        }
+        let (holds, speed, next, quits) = (state.holds, state.speed, state.next.take(), state.quits);
+        let run = state.run + 1;
+        let (report, stop) = (Some(report), Some(stop));
+        *state = State { run, page, report, stop, holds, speed, next, quits, ..State::default() };
+        self.changed.notify_all();
+    }
+
+    /// Changes what is known of the run.
+    pub(crate) fn with_report<T>(&self, act: impl FnOnce(&mut RunReport) -> T) -> Option<T> {
+        self.state().report.as_mut().map(act)
+    }
+
+    /// Lets the run go on from a frame when it is due, by the real clock and by what the page asks for. Nothing of
+    /// the run depends on how long that takes.
+    pub(crate) fn frame(&self, now: Time) {
+        let mut state = self.state();
+        self.changed.notify_all();
+        loop {
+            if state.quits || state.next.is_some() {
+                return;
+            }
+            if state.holds && state.steps == 0 {
+                state.since = None;
+                state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            }
+            if state.holds {
+                state.steps -= 1;
+                return;
+            }
+            let Some(times) = state.speed else { return };
+            let (real, begun) = *state.since.get_or_insert_with(|| (Instant::now(), now));
+            let due = real + Duration::from_secs_f64((now - begun).as_secs().max(0.0) / times);
+            let left = due.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return;
+            }
+            state = self.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    pub(crate) fn end(&self, over: Over, whole: Option<String>) {
+        let mut state = self.state();
+        (state.over, state.whole, state.stop) = (Some(over), whole, None);
+        self.changed.notify_all();
+    }
+
+    /// What to begin with next; none where it is over.
+    pub(crate) fn next(&self) -> Option<Begin> {
+        let mut state = self.state();
+        while !state.quits && state.next.is_none() {
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        if state.quits { None } else { state.next.take() }
+    }
+
+    pub(crate) fn wait_for_quit(&self) {
+        while self.next().is_some() {}
+    }
+
+    pub(crate) fn quit(&self) {
+        self.interrupt(|state| state.quits = true);
+    }
+
+    fn interrupt(&self, act: impl FnOnce(&mut State)) {
+        let mut state = self.state();
+        act(&mut state);
+        if let Some(stop) = &state.stop {
+            stop.stop();
+        }
+        self.changed.notify_all();
+    }
+
+    /// The page, as soon as there is one.
+    pub(crate) fn page(&self) -> String {
+        let none_yet = |state: &mut State| state.page.is_empty() && !state.quits;
+        let waited = self.changed.wait_while(self.state(), none_yet);
+        waited.unwrap_or_else(PoisonError::into_inner).page.clone()
+    }
+
+    pub(crate) fn whole(&self) -> Option<String> {
+        self.state().whole.clone()
+    }
+
+    /// Does what a page asks for; a restart has been checked.
+    pub(crate) fn ask(&self, ask: Ask) -> Result<(), &'static str> {
+        if let Ask::Restart { seed, set } = ask {
+            self.interrupt(|state| state.next = Some(Begin { seed: Some(seed), set }));
+            return Ok(());
+        }
+        let mut state = self.state();
+        match ask {
+            Ask::Go => (state.holds, state.steps) = (false, 0),
+            Ask::Pause => (state.holds, state.steps) = (true, 0),
+            Ask::Step => (state.holds, state.steps) = (true, state.steps.saturating_add(1)),
+            Ask::Speed { speed: Some(times) } if !is_speed(times) => return Err(NO_SPEED),
+            Ask::Speed { speed } => state.speed = speed,
+            Ask::Restart { .. } => {}
+        }
+        state.since = None;
+        self.changed.notify_all();
+        Ok(())
+    }
+
+    /// The rows that a page does not have, as JSON; waits a little where there are none.
+    pub(crate) fn rows(&self, have: &Have) -> String {
+        let state = self.state();
+        let nothing_new = |state: &mut State| {
+            let ego = state.report.as_ref().map(|report| report.so_far().ego.t.len());
+            state.over.is_none() && ego.is_none_or(|ego| ego == have.ego)
+        };
+        let waited = self.changed.wait_timeout_while(state, WAIT, nothing_new);
+        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let rows = state.report.as_ref().map(|report| report.rows(have));
+        let how = match () {
+            () if state.over.is_some() => "over",
+            () if state.holds => "paused",
+            () => "running",
+        };
+        let told = Told { run: state.run, state: how, rows, over: state.over.as_ref() };
+        serde_json::to_string(&told).expect("rows are plain structs")
+    }
+}

@@ -1,0 +1,127 @@
+//! A run that is watched and commanded while it goes on, by a client and by a real browser.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use crate::report::{browser, drawn_at, text};
+use crate::support::Bench;
+
+/// The program while it serves a page.
+struct Viewed {
+    program: Child,
+    address: String,
+}
+
+impl Viewed {
+    fn start(bench: &Bench, words: &[&str]) -> Self {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_swerve"))
+            .args(["view", "--no-open"])
+            .args(words)
+            .current_dir(bench.path(""))
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut address = String::new();
+        BufReader::new(program.stdout.take().unwrap()).read_line(&mut address).unwrap();
+        Self { program, address: address.trim().to_owned() }
+    }
+
+    /// Status and body of the answer to a request.
+    fn ask(&self, method: &str, path: &str, body: &str) -> (u16, String) {
+        let (host, token) = self.address.strip_prefix("http://").unwrap().split_once('/').unwrap();
+        let mut stream = TcpStream::connect(host).unwrap();
+        let length = body.len();
+        let head = format!("{method} /{token}{path} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n");
+        stream.write_all(format!("{head}Content-Length: {length}\r\n\r\n{body}").as_bytes()).unwrap();
+        let mut said = String::new();
+        stream.read_to_string(&mut said).unwrap();
+        let (head, body) = said.split_once("\r\n\r\n").unwrap();
+        (head[9..12].parse().unwrap(), body.to_owned())
+    }
+
+    fn rows(&self, have: &str) -> Value {
+        let (status, body) = self.ask("GET", &format!("rows?{have}"), "");
+        assert_eq!(status, 200, "{body}");
+        serde_json::from_str(&body).unwrap()
+    }
+
+    fn command(&self, what: &Value) {
+        assert_eq!(self.ask("POST", "control", &what.to_string()), (200, "{}".into()));
+    }
+
+    /// All rows, as soon as they are as asked for.
+    fn until(&self, enough: impl Fn(&Value) -> bool) -> Value {
+        let begun = Instant::now();
+        loop {
+            let rows = self.rows("{}");
+            if enough(&rows) {
+                return rows;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(60), "still {rows}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+impl Drop for Viewed {
+    fn drop(&mut self) {
+        let _ended = self.program.kill().and_then(|()| self.program.wait().map(drop));
+    }
+}
+
+#[test]
+fn a_watched_run_is_the_same_run() {
+    let bench = Bench::new();
+    let digest = |words: &[&str]| -> Value {
+        let said = bench.good(&[&["run", "short.toml", "--out", "o", "--json"], words].concat());
+        serde_json::from_str::<Value>(&said).unwrap()["digest"].clone()
+    };
+    let viewed = Viewed::start(&bench, &["short.toml", "--speed", "max", "--paused"]);
+    let paused = viewed.until(|rows| rows["state"] == "paused" && rows["ego"]["t"] != json!([]));
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(viewed.rows("{}")["end"], paused["end"], "it holds");
+    viewed.command(&json!({ "do": "step" }));
+    let stepped = viewed.until(|rows| rows["end"].as_i64() > paused["end"].as_i64());
+    assert_eq!(stepped["state"], "paused");
+    viewed.command(&json!({ "do": "go" }));
+    let over = viewed.until(|rows| rows["state"] == "over");
+    assert_eq!((&over["digest"], &over["verdict"]), (&digest(&[]), &"avoided".into()));
+    // Who has some rows gets the others.
+    let count = over["ego"]["t"].as_array().unwrap().len();
+    let rest = viewed.rows(&format!("{{\"ego\":{}}}", count - 3));
+    assert_eq!(rest["ego"]["t"].as_array().unwrap()[..], over["ego"]["t"].as_array().unwrap()[count - 3..]);
+    assert!(viewed.ask("GET", "report", "").1.contains("id=\"data\""));
+    viewed.command(&json!({ "do": "restart", "seed": 7, "set": ["sensing.range_m=20"] }));
+    let again = viewed.until(|rows| rows["run"] == 2 && rows["state"] == "over");
+    assert_eq!(again["digest"], digest(&["--seed", "7", "--set", "sensing.range_m=20"]));
+    viewed.command(&json!({ "do": "restart", "seed": 7, "set": ["sensing.rang_m=20"] }));
+    let wrong = viewed.until(|rows| !rows["problem"].is_null());
+    assert!(wrong["problem"].as_str().unwrap().contains("range_m"), "{wrong}");
+    for (method, path, body, status) in [
+        ("POST", "control", "{\"do\":\"fly\"}", 400),
+        ("POST", "control", "{\"do\":\"speed\",\"speed\":-1}", 400),
+        ("GET", "rows?nonsense", "", 400),
+        ("GET", "control", "", 404),
+        ("DELETE", "", "", 405),
+    ] {
+        assert_eq!(viewed.ask(method, path, body).0, status, "{method} {path} {body}");
+    }
+}
+
+#[test]
+fn a_browser_shows_the_run_while_it_goes_on() {
+    let Some(browser) = browser() else { return };
+    let bench = Bench::new();
+    let viewed = Viewed::start(&bench, &["short.toml"]);
+    let page = drawn_at(&browser, &viewed.address, 3000);
+    let seconds: f64 = text(&page, "time").trim_end_matches(" s").parse().unwrap();
+    assert!(seconds > 0.2, "the player came to {seconds} s");
+    drop(viewed);
+    bench.good(&["run", "short.toml", "--out", "o"]);
+    let viewed = Viewed::start(&bench, &["o"]);
+    assert!(drawn_at(&browser, &viewed.address, 1000).contains("Run times"));
+}
