@@ -88,7 +88,8 @@ fn packages_stay_behind_one_crate() {
         ),
         (
             "anyhow",
-            "swerve swerve-drive swerve-live swerve-reference swerve-report swerve-stack swerve-study swerve-timing",
+            "swerve swerve-drive swerve-live swerve-reference swerve-report swerve-stack swerve-study swerve-timing \
+             swerve-view",
         ),
     ];
     for package in metadata()["packages"].as_array().unwrap().iter().filter(|p| p["source"].is_null()) {
