@@ -1,5 +1,7 @@
 //! A run that is watched and commanded while it goes on, by a client and by a real browser.
 
+#![expect(clippy::disallowed_methods, reason = "another program is waited for, in real time")]
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
