@@ -42,7 +42,7 @@ function heading(page) {
       impact ? fact(`${fixed(impact.ego_speed_mps, 1)} m/s`, `at the impact, ${fixed(impact.at_s)} s`) : null,
       impact || metrics.min_distance_m == null ? null : fact(`${fixed(metrics.min_distance_m)} m`, `closest, at ${fixed(metrics.min_distance_at_s)} s`),
       metrics.response ? fact(`${fixed(metrics.response.p50_ms, 0)} ms`, `response time, p99 ${fixed(metrics.response.p99_ms, 0)} ms`) : null,
-      drive.duration_s == null ? fact(seconds(page.end, 2), "duration") : fact(`${fixed(drive.duration_s)} s`, "duration")));
+      page.kind === "live" ? null : drive.duration_s == null ? fact(seconds(page.end, 2), "duration") : fact(`${fixed(drive.duration_s)} s`, "duration")));
 }
 
 const notes = (list) => list.map((note) => el("p", { class: "note" }, note));
