@@ -5,6 +5,7 @@
 mod absent;
 mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
 mod decoders; // bytes from outside never make a decoder panic
+mod instructions; // what calls cost, counted, not timed
 mod interrupt; // Ctrl-C in a study
 mod live; // a car of another make, driven over ROS 2's topics
 mod look; // objects, lanes, lamps and depth in images, and what cannot be looked with
@@ -18,5 +19,5 @@ mod sensors; // a rig from a file, its log, its faults
 mod slurm; // the shards of a Slurm array, simulated
 mod study; // cells, resuming, shards, failing cells, repeating a cell
 mod support; // a folder to call the program in
-mod timing;
-mod view; // a run watched and commanded while it goes on // the engine against the reference model
+mod timing; // the engine against the reference model
+mod view; // a run watched and commanded while it goes on
