@@ -207,10 +207,10 @@ fn lanes(folder: &Path, rows: &mut Rows) {
     }
 }
 
-/// A street of the simulator, as the camera of the segmentation's recipe sees it.
-fn street() -> (Frame, Ground) {
-    let intrinsics = Intrinsics::HorizontalFovRad(70_f64.to_radians());
-    let spec = CameraSpec { width_px: 800, height_px: 600, intrinsics, ..CameraSpec::default() };
+/// A street of the simulator, as a camera sees it.
+fn street([width_px, height_px]: [u32; 2], fov_deg: f64) -> (Frame, Ground) {
+    let intrinsics = Intrinsics::HorizontalFovRad(fov_deg.to_radians());
+    let spec = CameraSpec { width_px, height_px, intrinsics, ..CameraSpec::default() };
     let camera = Camera::new(spec).expect("the camera is fine");
     let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
     let view = View::new(&camera, map_from_ego * mount([0.0, -1.9, 1.35], 0.0, 0.0, 0.0));
@@ -218,18 +218,24 @@ fn street() -> (Frame, Ground) {
     let mut renderer = Renderer::new(RenderOptions::default()).expect("the CPU draws");
     let scene = town(WeatherPreset::ClearNoon, 7, 100.0);
     renderer.render(&scene, &view, frame.as_mut()).expect("scene and view are fine");
-    (frame, Ground { horizon_px: 300.0, focal_px: camera.focal_px().0, height_m: 1.35 })
+    (frame, Ground { horizon_px: 0.5 * f64::from(height_px), focal_px: camera.focal_px().0, height_m: 1.35 })
 }
 
+/// Labels of pixels: by the camera of the recipe, and by that of `configs/studies/timely_segmentation.toml`.
 fn segmentation(rows: &mut Rows) {
-    let (frame, ground) = street();
+    segmentation_of(rows, [800, 600], 70.0, Goal::Most(30.0));
+    segmentation_of(rows, [1280, 720], 90.0, Goal::None);
+}
+
+fn segmentation_of(rows: &mut Rows, size: [u32; 2], fov_deg: f64, goal: Goal) {
+    let (frame, ground) = street(size, fov_deg);
     let rgb = Rgb::new(frame.width_px, frame.height_px, &frame.rgb).expect("three colours");
     let weights = shipped::segmentation("street").expect("it is in the program").expect("it is whole");
     let mut segmenter = Segmenter::new(weights, [frame.width_px, frame.height_px], ground);
     let mut labels = vec![0; frame.width_px * frame.height_px];
     let took = ms(|| segmenter.segment(rgb, &mut labels).expect("it is of that size"));
-    let what = "segmentation street, 800 x 600 pixels";
-    rows.row(what, took.least(), &took.text(1, "ms"), Goal::Most(30.0));
+    let what = format!("segmentation street, {} x {} pixels", size[0], size[1]);
+    rows.row(&what, took.least(), &took.text(1, "ms"), goal);
 }
 
 fn main() {

@@ -126,3 +126,42 @@ fn damaged_logs_are_one_error_that_names_the_file() {
         assert!(message.contains("damaged at byte") && message.lines().count() == 1, "{message}");
     }
 }
+
+/// Keys of all maps within.
+fn keys(value: &ciborium::Value, into: &mut std::collections::BTreeSet<String>) {
+    match value {
+        ciborium::Value::Map(entries) => entries.iter().for_each(|(key, value)| {
+            into.extend(key.as_text().map(str::to_owned));
+            keys(value, into);
+        }),
+        ciborium::Value::Array(values) => values.iter().for_each(|value| keys(value, into)),
+        _ => {}
+    }
+}
+
+#[test]
+fn schemas_name_every_field_of_their_messages() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let config = config(&[
+        "log.sensors=[\"gnss\", \"imu\", \"odometry\", \"collisions\", \"lane_invasions\", \"red_lights\", \"roof\"]",
+        "lidar.roof={ rate_hz = 1 }",
+    ]);
+    record(&config, &scenario_file("person_crossing"), &path, 1);
+    let mut streams = std::collections::BTreeSet::new();
+    for record in Log::read(&path).unwrap().records {
+        let Record::Publication(publication) = record else { continue };
+        let (stream, form) = (&publication.stream.stream, &publication.stream.form);
+        assert!(form.starts_with("payload = ") && !form.contains(" any"), "{stream}: {form}");
+        let mut named = std::collections::BTreeSet::new();
+        keys(&ciborium::from_reader(&*publication.payload_cbor).unwrap(), &mut named);
+        for name in &named {
+            assert!(
+                name == "left_out" || form.contains(&format!("{name}: ")),
+                "{stream}: no {name} in\n{form}"
+            );
+        }
+        streams.insert(stream.clone());
+    }
+    assert!(streams.len() >= 14, "{streams:?}");
+}

@@ -78,6 +78,7 @@
 extern crate self as swerve_flow;
 
 mod any;
+mod cddl;
 mod deadline;
 mod decision;
 mod engine;

@@ -8,6 +8,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use swerve_core::{Digest, digest_of};
 
+use crate::cddl::cddl;
+
 /// A type that a stream may carry: anything that can be written, read back and shared.
 pub trait Payload: Serialize + DeserializeOwned + Send + Sync + 'static {}
 
@@ -23,6 +25,8 @@ pub trait ErasedPayload: Any + Send + Sync {
     fn digest(&self) -> Digest;
     /// The Rust type, for error messages and listings.
     fn type_name(&self) -> &'static str;
+    /// The form of `to_cbor` in CDDL (RFC 8610), its first rule `payload`; `any` where the type does not show it.
+    fn cddl(&self) -> String;
     /// The payload for a downcast, by an observer that knows the type.
     fn as_any(&self) -> &dyn Any;
 }
@@ -43,6 +47,10 @@ impl<T: Payload> ErasedPayload for T {
 
     fn type_name(&self) -> &'static str {
         core::any::type_name::<T>()
+    }
+
+    fn cddl(&self) -> String {
+        cddl::<T>()
     }
 
     fn as_any(&self) -> &dyn Any {

@@ -163,7 +163,7 @@ impl Record {
     fn parse(opcode: u8, body: &[u8]) -> Option<Self> {
         Some(match opcode {
             op::SCHEMA => {
-                let (id, name) = mcap_record::schema(body)?;
+                let (id, name, _) = mcap_record::schema(body)?;
                 Self::Schema(id, name)
             }
             op::CHANNEL => Self::Channel(mcap_record::channel(body)?),

@@ -67,7 +67,8 @@ impl Kind {
     pub(crate) fn schema(self) -> &'static str {
         match self {
             Self::Stream => {
-                "message = { header: header, payload: any }\n\
+                "message = { header: header, payload: payload / left_out }\n\
+                 left_out = { left_out: tstr }\n\
                  header = { stamp: int, watermark: int, visible_at: int, pass: uint, seq: uint, \
                  reused_from: int / null, origin: int / null }\n"
             }

@@ -42,10 +42,11 @@ pub(crate) struct Channel {
     pub(crate) metadata: BTreeMap<String, String>,
 }
 
-/// Number and name of a schema.
-pub(crate) fn schema(body: &[u8]) -> Option<(u16, String)> {
+/// Number and name of a schema, and what it says where that is text.
+pub(crate) fn schema(body: &[u8]) -> Option<(u16, String, String)> {
     let mut cursor = Cursor(body);
-    Some((cursor.u16()?, cursor.text()?))
+    let (id, name, _encoding) = (cursor.u16()?, cursor.text()?, cursor.text()?);
+    Some((id, name, cursor.text().unwrap_or_default()))
 }
 
 pub(crate) fn channel(body: &[u8]) -> Option<Channel> {

@@ -84,6 +84,7 @@ impl Recorder {
             operator: p.operator.into(),
             port: p.port,
             type_name: payload.type_name().into(),
+            form: payload.cddl(),
         };
         let leaves_out = self.leaves_out(payload);
         self.message(p.stream, info, header, |out| {

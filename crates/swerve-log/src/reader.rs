@@ -33,7 +33,8 @@ pub struct Reader {
 struct Context {
     start: Option<RunStart>,
     end: Option<RunEnd>,
-    schemas: BTreeMap<u16, String>,
+    /// Name and text of each.
+    schemas: BTreeMap<u16, (String, String)>,
     channels: BTreeMap<u16, Channel>,
     streams: Vec<Arc<StreamInfo>>,
     records: u64,
@@ -219,8 +220,8 @@ impl Context {
         let broken = || Fault::Content(format!("expected {} within its length", op_name(opcode)));
         match opcode {
             op::SCHEMA => {
-                let (id, name) = mcap_record::schema(body).ok_or_else(broken)?;
-                self.schemas.insert(id, name);
+                let (id, name, text) = mcap_record::schema(body).ok_or_else(broken)?;
+                self.schemas.insert(id, (name, text));
                 Ok(None)
             }
             op::CHANNEL => self.channel(mcap_record::channel(body).ok_or_else(broken)?).map(|()| None),
@@ -267,11 +268,13 @@ impl Context {
             }
             Kind::Stream => {
                 let mut take = |key| metadata.remove(key).ok_or_else(|| foreign(key));
+                let (type_name, text) = self.schemas.get(&channel.schema).cloned().unwrap_or_default();
                 let info = Arc::new(StreamInfo {
                     stream: take("stream")?,
                     operator: take("operator")?,
                     port: take("port")?.parse().map_err(|_| foreign("port"))?,
-                    type_name: self.schemas.get(&channel.schema).cloned().unwrap_or_default(),
+                    type_name,
+                    form: text.strip_prefix(Kind::Stream.schema()).unwrap_or_default().to_owned(),
                 });
                 self.streams.push(info.clone());
                 Channel::Stream(info)

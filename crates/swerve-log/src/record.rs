@@ -46,6 +46,8 @@ pub struct StreamInfo {
     pub port: usize,
     /// Rust type of its messages.
     pub type_name: String,
+    /// Form of their payloads in CDDL (RFC 8610): the rule `payload` and those that it names.
+    pub form: String,
 }
 
 /// When a message describes the world, when it could be read, and where it comes from.

@@ -30,7 +30,13 @@ fn end() -> RunEnd {
 }
 
 fn info(stream: &str) -> StreamInfo {
-    StreamInfo { stream: stream.into(), operator: format!("{stream}r"), port: 1, type_name: "Pose".into() }
+    StreamInfo {
+        stream: stream.into(),
+        operator: format!("{stream}r"),
+        port: 1,
+        type_name: "Pose".into(),
+        form: "payload = Pose\nPose = { x_m: float, tag: tstr }\n".into(),
+    }
 }
 
 fn header(k: i64) -> MessageHeader {

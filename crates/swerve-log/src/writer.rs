@@ -123,7 +123,8 @@ impl<W: Write + Seek> LogWriter<W> {
 
     fn stream(&mut self, info: &StreamInfo) -> Result<(), McapError> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
-        let schema = add_schema(mcap, &info.type_name, Kind::Stream)?;
+        let form = [Kind::Stream.schema(), &info.form].concat();
+        let schema = mcap.add_schema(&info.type_name, format::SCHEMA_ENCODING, form.as_bytes())?;
         let metadata = BTreeMap::from([
             (format::KIND.into(), Kind::Stream.name().into()),
             ("stream".into(), info.stream.clone()),

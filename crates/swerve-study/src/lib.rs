@@ -11,6 +11,7 @@ mod joint;
 mod limit;
 
 pub mod cells;
+mod chance;
 mod cluster;
 pub mod curve;
 pub mod grid;

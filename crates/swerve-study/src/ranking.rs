@@ -8,6 +8,7 @@ use swerve_report::output::align;
 use swerve_text::{Document, Problems};
 
 use super::cells::CellResult;
+use super::chance::{fisher, wilson};
 use super::grid::Study;
 use super::table::field;
 
@@ -140,9 +141,13 @@ pub fn csv(ranking: &Ranking, settings: &[Ranked]) -> String {
     for axis in &ranking.settings {
         let _ = write!(text, "{},", field(axis));
     }
-    text += "runs,collisions,impact_mean_mps,others,response_p50_ms,response_p99_ms,misses\n";
+    text += "runs,collisions,collisions_low,collisions_high,impact_mean_mps,others,response_p50_ms,response_p99_ms,misses\n";
     for setting in settings {
-        let cells = setting.labels.iter().cloned().chain(setting.columns());
+        let (low, high) = wilson(setting.collisions, setting.runs);
+        let mut columns = setting.columns();
+        columns.iter_mut().filter(|cell| *cell == "-").for_each(String::clear); // statistics packages read numbers
+        columns.splice(2..2, [low, high].map(|share| format!("{share:.3}")));
+        let cells = setting.labels.iter().cloned().chain(columns);
         text += &cells.map(|cell| field(&cell)).collect::<Vec<_>>().join(",");
         text.push('\n');
     }
@@ -177,15 +182,17 @@ pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
         None => "the best settings\n".to_owned(),
     };
     text += &align(&lines);
-    if let (Some(place), [best, next, ..]) = (place, &shown[..])
-        && next.hit_share() > 0.0
-    {
-        let fewer = 100.0 * (1.0 - best.hit_share() / next.hit_share());
-        let _ = writeln!(
-            text,
-            "{}: {fewer:.0} % fewer collisions than {} at its best",
-            best.labels[place], next.labels[place]
-        );
+    if let (Some(place), [best, next, ..]) = (place, &shown[..]) {
+        let told = |s: &Ranked| {
+            let (low, high) = wilson(s.collisions, s.runs);
+            let (label, percent) = (&s.labels[place], |x: f64| (100.0 * x).round());
+            format!("{label} {} of {} (95 %: {} to {} %)", s.collisions, s.runs, percent(low), percent(high))
+        };
+        let likelihood = fisher([best.collisions, best.runs], [next.collisions, next.runs]);
+        let apart = if likelihood < 0.05 { "told apart" } else { "not told apart by so few runs" };
+        let (best, next) = (told(best), told(next));
+        let _ =
+            writeln!(text, "collisions: {best}, {next}: {apart} (Fisher's exact test: p = {likelihood:.2})");
     }
     text
 }
@@ -247,9 +254,11 @@ mod tests {
         assert_eq!(order, ["b 1", "a 3", "a 2", "a 1"]);
         assert_eq!((settings[3].collisions, settings[3].runs, settings[3].misses), (2, 2, 2));
         let text = text(&ranking, &settings);
-        assert!(text.ends_with("b: 100 % fewer collisions than a at its best\n"), "{text}");
+        let end = "collisions: b 0 of 2 (95 %: 0 to 66 %), a 1 of 2 (95 %: 9 to 91 %): not told apart by so few runs \
+                   (Fisher's exact test: p = 1.00)\n";
+        assert!(text.ends_with(end), "{text}");
         assert!(!text.contains("a      2"), "{text}");
-        assert_eq!(csv(&ranking, &settings).lines().nth(2).unwrap(), "a,3,2,1,4.0,0,100,-,2");
+        assert_eq!(csv(&ranking, &settings).lines().nth(2).unwrap(), "a,3,2,1,0.095,0.905,4.0,0,100,,2");
     }
 
     #[test]

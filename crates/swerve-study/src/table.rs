@@ -8,6 +8,7 @@ use swerve_eval::Metrics;
 use swerve_report::output::align;
 
 use super::cells::CellResult;
+use super::chance::wilson;
 use super::grid::Study;
 
 /// `cells.csv`: one line a finished cell, in the order of the study.
@@ -292,18 +293,6 @@ impl Square {
     }
 }
 
-/// The 95 % interval of a rate (E. B. Wilson, "Probable inference", 1927): honest at none and all of few runs too.
-pub fn wilson(hits: usize, runs: usize) -> (f64, f64) {
-    if runs == 0 {
-        return (0.0, 1.0);
-    }
-    let (n, z) = (runs as f64, 1.959_963_984_540_054);
-    let p = hits as f64 / n;
-    let middle = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
-    let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
-    ((middle - half).max(0.0), (middle + half).min(1.0))
-}
-
 fn unique(items: impl Iterator<Item = String>) -> Vec<String> {
     let mut seen = Vec::new();
     for item in items {
@@ -437,15 +426,5 @@ mod tests {
             let wanted = format!("fot,16,1,{:.4},{},avoided", first.unwrap(), first == Some(300.0));
             assert_eq!(csv.lines().nth(1), Some(wanted.as_str()));
         }
-    }
-
-    #[test]
-    fn intervals_are_wilsons() {
-        // As printed in tables of the interval: 0 of 10, 17 of 30, all of 30.
-        for (hits, runs, low, high) in [(0, 10, 0.0, 0.278), (17, 30, 0.392, 0.726), (30, 30, 0.886, 1.0)] {
-            let interval = wilson(hits, runs);
-            assert!((interval.0 - low).abs() < 1e-3 && (interval.1 - high).abs() < 1e-3, "{interval:?}");
-        }
-        assert_eq!(wilson(0, 0), (0.0, 1.0));
     }
 }

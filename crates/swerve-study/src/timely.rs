@@ -20,6 +20,7 @@ use swerve_core::{Span, Time};
 use swerve_eval::timely::{Finished, Snap, end_anchored, start_anchored};
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
+use swerve_stack::config::camera_detectors::CameraObjectsTable;
 use swerve_stack::span_of_ms;
 use swerve_text::{Document, Problems, number};
 
@@ -37,7 +38,8 @@ pub struct Timely {
     /// From a frame until its result, ms; instead of `of_published`.
     #[serde(default)]
     pub run_times_ms: Vec<f64>,
-    /// The same in shares of the published run time of `perception.detector`: 1 is its authors' machine.
+    /// The same in shares of the published run time of `perception.detector`, 1 being its authors' machine, or of what
+    /// the rung of the operator `camera_objects` was measured to take.
     #[serde(default)]
     pub of_published: Vec<f64>,
     /// The axis with numbers that pictures and tables go over, where that is not the run time.
@@ -62,10 +64,15 @@ pub struct Timely {
 pub enum Measure {
     /// Mean intersection over union of rendered classes.
     Miou,
+    /// The same in the classes that the segmentation `street` tells apart: what of it is late, and nothing else wrong.
+    GroupedMiou,
+    /// The same of what that segmentation sees in the rendered colours.
+    ForestMiou,
     /// Of the rendered boxes of people: the share of the old ones that still are on somebody (overlap 0.5). That is
     /// the paper's AP50 of a perfect detector, whose scores are all 1.
     Ap50,
-    /// AP50 over the whole ride, of the detector that `perception.detector` emulates.
+    /// AP50 over the whole ride, of an operator of the kind `camera_objects` on rendered colours, or, where there is
+    /// none, of the detector that `perception.detector` emulates.
     DetectorAp50,
     /// MOTA, IDF1 and HOTA of SORT behind that detector.
     Sort,
@@ -166,9 +173,15 @@ impl Timely {
     fn times(&self, config: &Config) -> anyhow::Result<Vec<Span>> {
         let unit_ms = match self.of_published.is_empty() {
             true => 1.0,
-            false => config.perception.published_ms().with_context(|| {
-                format!("perception.detector: `{}` has no published run time", config.perception.detector)
-            })?,
+            false => match CameraObjectsTable::first(config) {
+                Some(table) => {
+                    let time = table.run_time(&table.rung);
+                    time.with_context(|| format!("nobody measured rung `{}`", table.rung))?.typical_ms()
+                }
+                None => config.perception.published_ms().with_context(|| {
+                    format!("perception.detector: `{}` has no published run time", config.perception.detector)
+                })?,
+            },
         };
         Ok(self.named_times().iter().map(|x| span_of_ms(x * unit_ms)).collect())
     }
@@ -202,11 +215,13 @@ impl Timely {
             .iter()
             .flat_map(|&measure| (0..times.len()).flat_map(move |time| Score::both(measure, time)))
             .collect();
+        let mut is_seen = vec![false; ride.frames.len()];
+        pairs.iter().filter_map(|pair| pair.seen).for_each(|seen| is_seen[seen] = true);
         let mut sights = BTreeMap::<usize, Sight>::new();
         for (frame, judged) in by_frame.iter().enumerate() {
             let world = ride.next();
             if last_use.contains_key(&frame) {
-                sights.insert(frame, eyes.look(&world, due.binary_search(&frame).is_ok())?);
+                sights.insert(frame, eyes.look(&world, due.binary_search(&frame).is_ok(), is_seen[frame])?);
             }
             for pair in judged {
                 let seen = pair.seen.and_then(|seen| sights.get(&seen));

@@ -4,11 +4,16 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use swerve_geom::Point;
+use swerve_msg::CameraInfo;
 use swerve_text::{did_you_mean, list};
-use swerve_vision::acf::{Rung, Weights, WeightsError};
+use swerve_vision::acf::{Ground, Rung, Weights, WeightsError};
 use swerve_vision::{segmentation, shipped};
 
 use super::execution::Runtime;
+use super::{Config, OperatorConfig};
 
 /// The detector of this name, or the one in this file.
 ///
@@ -57,6 +62,15 @@ pub fn rung<'a>(weights: &'a Weights, name: &str) -> Result<&'a Rung, String> {
     })
 }
 
+/// Where a camera has flat ground.
+pub fn ground(camera: &CameraInfo) -> Ground {
+    let (lens, ego_from_camera) = (&camera.intrinsics, camera.ego_from_camera);
+    let [at, ahead] = [0.0, 1.0].map(|z| (ego_from_camera * Point::new(0.0, 0.0, z)).coords);
+    let axis = ahead - at;
+    let level = (axis.x * axis.x + axis.y * axis.y).sqrt();
+    Ground { horizon_px: lens.cy_px + lens.fy_px * axis.z / level, focal_px: lens.fx_px, height_m: at.z }
+}
+
 /// Of each rung pairs of percentile and milliseconds.
 type Percentiles = BTreeMap<String, Vec<[f64; 2]>>;
 
@@ -68,8 +82,60 @@ pub fn run_time(detector: &str, rung: &str) -> Option<Runtime> {
     percentiles_ms.map(|all| Runtime { percentiles_ms: Some(all), ..Runtime::default() })
 }
 
+/// Keys of an operator of the kind `camera_objects`.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CameraObjectsTable {
+    /// A detector that is in the program, or a file of weights.
+    pub detector: String,
+    /// The way to use it.
+    pub rung: String,
+    /// Whether it gives way to faster rungs where it would not be done by its deadline.
+    pub ladder: bool,
+    /// Boxes with a lower score are not reported.
+    pub score_min: f64,
+    /// What rungs take, ms, where that is not what was measured for the detectors in the program.
+    pub run_times_ms: BTreeMap<String, f64>,
+}
+
+impl Default for CameraObjectsTable {
+    fn default() -> Self {
+        Self {
+            detector: "street".into(),
+            rung: "ground".into(),
+            ladder: false,
+            score_min: 0.3,
+            run_times_ms: BTreeMap::new(),
+        }
+    }
+}
+
+impl CameraObjectsTable {
+    /// That of an operator; the defaults where it is not as it should be, which is told where the keys are checked.
+    pub fn of(config: &Config, operator: &str) -> Self {
+        let keys = config.operator.get(operator).map(|own| &own.keys);
+        keys.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
+    }
+
+    /// That of the first such operator of a configuration that is not taken out.
+    pub fn first(config: &Config) -> Option<Self> {
+        let is_one = |(name, own): &(&String, &OperatorConfig)| {
+            own.kind.as_ref().unwrap_or(name) == "camera_objects" && own.enabled != Some(false)
+        };
+        config.operator.iter().find(is_one).map(|(name, _)| Self::of(config, name))
+    }
+
+    /// What a rung takes.
+    pub fn run_time(&self, rung: &str) -> Option<Runtime> {
+        let own = self.run_times_ms.get(rung).map(|ms| Runtime::fixed(*ms));
+        own.or_else(|| run_time(&self.detector, rung))
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use swerve_msg::Intrinsics;
+
     use super::*;
 
     #[test]
@@ -108,5 +174,18 @@ mod tests {
         std::fs::write(path, &whole).unwrap();
         assert!(rung(&weights(path).unwrap(), "fasst").unwrap_err().contains("did you mean \"fast\"?"));
         assert!(weights("stret").unwrap_err().contains("did you mean \"street\"?"));
+    }
+
+    #[test]
+    fn a_camera_that_looks_down_has_its_horizon_higher() {
+        let row = |pitch_rad| {
+            let intrinsics =
+                Intrinsics { fx_px: 60.0, fy_px: 60.0, cx_px: 32.0, cy_px: 24.0, ..Intrinsics::default() };
+            let ego_from_camera = swerve_camera::mount([1.0, 0.0, 1.35], 0.0, pitch_rad, 0.0);
+            ground(&CameraInfo { intrinsics, ego_from_camera })
+        };
+        assert_eq!((row(0.0).horizon_px.round(), row(0.0).height_m), (24.0, 1.35));
+        let down = row(0.1).horizon_px;
+        assert!((down - (24.0 - 60.0 * swerve_geom::math::tan(0.1))).abs() < 1e-6, "{down}");
     }
 }

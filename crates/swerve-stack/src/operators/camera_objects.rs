@@ -1,9 +1,5 @@
 //! Objects in the images of a camera: boxes on the ground, without neural networks.
 
-use std::collections::BTreeMap;
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
@@ -17,8 +13,8 @@ use swerve_vehicle::{Pitch, VehicleParams};
 use swerve_vision::acf::Weights;
 
 use super::ladder::{on_ladder, take};
-use crate::config::camera_detectors::{run_time, rung, weights};
-use crate::config::execution::{Runtime, span_ms};
+use crate::config::camera_detectors::{CameraObjectsTable, rung, weights};
+use crate::config::execution::span_ms;
 use crate::config::model::{Model, Rung};
 use crate::kind::{Heavy, KeyProblems, Node, OperatorKind, Scheduled, Settings};
 use crate::registry::Registry;
@@ -32,34 +28,6 @@ const PITCH_STEP_S: f64 = 0.01;
 
 /// Finds objects in a camera's images, on one rung of a detector or on the one that fits the time left.
 pub(super) struct CameraDetector;
-
-/// Its keys.
-#[derive(Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-struct Table {
-    /// A detector that is in the program, or a file of weights.
-    detector: String,
-    /// The way to use it.
-    rung: String,
-    /// Whether it gives way to faster rungs where it would not be done by its deadline.
-    ladder: bool,
-    /// Boxes with a lower score are not reported.
-    score_min: f64,
-    /// What rungs take, ms, where that is not what was measured for the detectors in the program.
-    run_times_ms: BTreeMap<String, f64>,
-}
-
-impl Default for Table {
-    fn default() -> Self {
-        Self {
-            detector: "street".into(),
-            rung: "ground".into(),
-            ladder: false,
-            score_min: 0.3,
-            run_times_ms: BTreeMap::new(),
-        }
-    }
-}
 
 /// The image of this stamp, and where the ego was.
 #[derive(Inputs)]
@@ -90,13 +58,7 @@ struct Out {
     rung: Port<RungTaken>,
 }
 
-impl Table {
-    /// That of an operator; the defaults where it is not as it should be, which is told where the keys are checked.
-    fn of(settings: &Settings<'_>) -> Self {
-        let own = settings.config.operator.get(settings.name).map(|own| &own.keys);
-        own.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
-    }
-
+impl CameraObjectsTable {
     fn problems(&self) -> KeyProblems {
         let mut told = KeyProblems::new();
         let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
@@ -124,12 +86,6 @@ impl Table {
         told
     }
 
-    /// What a rung takes.
-    fn run_time(&self, rung: &str) -> Option<Runtime> {
-        let own = self.run_times_ms.get(rung).map(|ms| Runtime::fixed(*ms));
-        own.or_else(|| run_time(&self.detector, rung))
-    }
-
     /// The rungs that it may take, the fastest first, the one that is named last; on a ladder each with what it takes at
     /// most.
     fn rungs(&self, weights: &Weights) -> Result<Vec<Rung<CameraObjects>>, (&'static str, String)> {
@@ -154,6 +110,11 @@ impl Table {
     }
 }
 
+/// The keys of an operator.
+fn table(settings: &Settings<'_>) -> CameraObjectsTable {
+    CameraObjectsTable::of(settings.config, settings.name)
+}
+
 impl OperatorKind for CameraDetector {
     fn node(&self) -> Node {
         Node::new("camera_objects", "boxes of people, cars, trucks and cyclists in a camera's images")
@@ -162,15 +123,16 @@ impl OperatorKind for CameraDetector {
     }
 
     fn schema(&self) -> Option<schemars::Schema> {
-        Some(schemars::schema_for!(Table))
+        Some(schemars::schema_for!(CameraObjectsTable))
     }
 
     fn keys(&self) -> toml::Table {
-        toml::Table::try_from(Table::default()).unwrap_or_default()
+        toml::Table::try_from(CameraObjectsTable::default()).unwrap_or_default()
     }
 
     fn problems(&self, keys: &toml::Table, _: &Registry) -> KeyProblems {
-        swerve_text::read::<Table>(keys).map_or_else(|problems| problems, |table| table.problems())
+        swerve_text::read::<CameraObjectsTable>(keys)
+            .map_or_else(|problems| problems, |table| table.problems())
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
@@ -185,7 +147,7 @@ impl OperatorKind for CameraDetector {
     }
 
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
-        let table = Table::of(settings);
+        let table = table(settings);
         if table.ladder {
             return Ok(on_ladder());
         }
@@ -194,13 +156,13 @@ impl OperatorKind for CameraDetector {
     }
 
     fn takes_ms(&self, settings: &Settings<'_>) -> Option<[f64; 2]> {
-        let table = Table::of(settings);
+        let table = table(settings);
         let time = table.run_time(&table.rung)?;
         Some([if table.ladder { time.most_ms() } else { time.typical_ms() }, time.most_ms()])
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
-        let table = Table::of(&site.settings());
+        let table = table(&site.settings());
         let wrong = |message| anyhow::anyhow!("operator.{}.detector: {message}", site.name());
         let weights = weights(&table.detector).map_err(wrong)?;
         let (rungs, around) =

@@ -4,12 +4,12 @@ use anyhow::anyhow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{At, Context, Inputs, Operator, Port};
-use swerve_geom::Point;
 use swerve_msg::{Image, Pixels};
 use swerve_vision::acf::Ground;
 use swerve_vision::segmentation::{Segmenter, Weights};
 use swerve_vision::{Rgb, shipped};
 
+use crate::config::camera_detectors::ground;
 use crate::kind::{Heavy, KeyProblems, Kind, Node};
 use crate::site::Site;
 
@@ -87,7 +87,7 @@ impl Segmentation {
             return Err("expected an image in colour; `reads = { image = \"CAMERA.rgb\" }` names one".into());
         };
         let size = [image.width_px as usize, image.height_px as usize];
-        let ground = ground(image);
+        let ground = ground(&image.camera);
         if !self.segmenter.as_ref().is_some_and(|(of, seen_by, _)| (*of, *seen_by) == (size, ground)) {
             self.segmenter = Some((size, ground, Segmenter::new(self.weights.clone(), size, ground)));
         }
@@ -98,15 +98,6 @@ impl Segmentation {
         }
         Ok(labels)
     }
-}
-
-/// Where the camera of an image has flat ground.
-fn ground(image: &Image) -> Ground {
-    let (lens, ego_from_camera) = (&image.camera.intrinsics, image.camera.ego_from_camera);
-    let [at, ahead] = [0.0, 1.0].map(|z| (ego_from_camera * Point::new(0.0, 0.0, z)).coords);
-    let axis = ahead - at;
-    let level = (axis.x * axis.x + axis.y * axis.y).sqrt();
-    Ground { horizon_px: lens.cy_px + lens.fy_px * axis.z / level, focal_px: lens.fx_px, height_m: at.z }
 }
 
 #[cfg(test)]
@@ -147,13 +138,5 @@ mod tests {
             table.weights().unwrap_err(),
             "expected \"street\", found `stret`; did you mean \"street\"?"
         );
-    }
-
-    #[test]
-    fn a_camera_that_looks_down_has_its_horizon_higher() {
-        let row = |pitch_rad| ground(&image(Pixels::default(), [64, 48], pitch_rad));
-        assert_eq!((row(0.0).horizon_px.round(), row(0.0).height_m), (24.0, 1.35));
-        let down = row(0.1).horizon_px;
-        assert!((down - (24.0 - 60.0 * swerve_geom::math::tan(0.1))).abs() < 1e-6, "{down}");
     }
 }

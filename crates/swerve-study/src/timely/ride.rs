@@ -7,21 +7,26 @@ use swerve_camera::{Camera, Frame, Outputs, Renderer, View};
 use swerve_core::{Rng, Time};
 use swerve_geom::{Ego, Point, Point2, Pose2, Transform, Vector};
 use swerve_msg::truth::{EgoTruth, Surroundings, WorldState};
-use swerve_msg::{ActorKind, Command, DetectedBox, Extent};
-use swerve_perception::Detector;
+use swerve_msg::{ActorKind, Command, DetectedBox, Detections, Extent, Image};
+use swerve_perception::camera::Shot;
 use swerve_perception::detector::Sensing;
 use swerve_perception::image_box::ImageCamera;
 use swerve_perception::image_plane::{ByteTrack, ImageDetection, ImageTracker, Sort};
+use swerve_perception::{CameraObjects, Detector};
 use swerve_scenario::{Actor, Direction, Motion, PAVEMENT_M, Scenario, Segment};
 use swerve_sim::{SimParams, Simulator};
 use swerve_stack::config::Config;
-use swerve_stack::config::camera::RenderConfig;
+use swerve_stack::config::camera::{CameraConfig, RenderConfig};
+use swerve_stack::config::camera_detectors::{self, CameraObjectsTable};
 use swerve_stack::config::perception::image_camera;
 use swerve_stack::street::{EGO_INSTANCE, Street};
 use swerve_stack::{ObstacleSight, span_of_ms};
+use swerve_vision::Rgb;
+use swerve_vision::segmentation::Segmenter;
 
 use super::{Measure, Timely, speed_mps};
 use crate::calibrate::detector::{VISIBLE_SHARE_MIN, true_box};
+use crate::train::segmentation::street_mask_of;
 
 /// Speed of the people: Pylot's `ManyPedestrians`.
 const WALK_MPS: f64 = 1.4;
@@ -111,6 +116,10 @@ pub(super) type Boxed = (u64, [f64; 4]);
 pub(super) struct Sight {
     /// Class of each pixel.
     pub(super) labels: Vec<u8>,
+    /// The same in the classes that the segmentation tells apart.
+    pub(super) grouped: Vec<u8>,
+    /// What the segmentation sees.
+    pub(super) segmented: Vec<u8>,
     /// People's pixels, boxed.
     pub(super) people: Vec<Boxed>,
     /// People by their true boxes, and whether they count.
@@ -121,10 +130,10 @@ pub(super) struct Sight {
     pub(super) tracks: [Vec<Boxed>; 2],
 }
 
-/// What looks: at rendered truth, at the emulated detector's boxes, or at both.
+/// What looks: at rendered truth, at a detector's boxes, or at both.
 pub(super) struct Eyes {
     pixels: Option<Pixels>,
-    emulated: Option<Emulated>,
+    boxes: Option<Boxes>,
     within_m: f64,
 }
 
@@ -134,35 +143,55 @@ struct Pixels {
     camera: Camera,
     ego_from_camera: Transform<Ego, swerve_geom::Camera>,
     frame: Frame,
+    /// Of each of Cityscapes' ids the one of its group, where groups are asked for.
+    mask_of: Option<[u8; 256]>,
+    forest: Option<Segmenter>,
 }
 
-struct Emulated {
+struct Boxes {
     sight: ObstacleSight,
     camera: ImageCamera,
-    detector: Detector,
+    source: Source,
     trackers: Option<(Sort, ByteTrack)>,
+}
+
+/// Whose boxes they are.
+enum Source {
+    /// The detector that `perception.detector` emulates.
+    Emulated(Box<Detector>),
+    /// An operator of the kind `camera_objects`, on the colours of its camera.
+    Images(Box<(CameraObjects, Pixels)>),
 }
 
 impl Eyes {
     pub(super) fn new(timely: &Timely, config: &Config, ride: &Ride) -> anyhow::Result<Self> {
         let asks = |of: &[Measure]| timely.measures.iter().any(|measure| of.contains(measure));
         let tracks = asks(&[Measure::Sort, Measure::Bytetrack]);
-        let pixels = asks(&[Measure::Miou, Measure::Ap50]).then(|| Pixels::new(config, ride)).transpose()?;
-        let emulated =
-            (tracks || asks(&[Measure::DetectorAp50])).then(|| Emulated::new(config, tracks)).transpose()?;
-        Ok(Self { pixels, emulated, within_m: timely.within_m })
+        let forest = asks(&[Measure::ForestMiou]);
+        let groups = forest || asks(&[Measure::GroupedMiou]);
+        let pixels = (groups || asks(&[Measure::Miou, Measure::Ap50]))
+            .then(|| Pixels::new(config, ride, groups, forest))
+            .transpose()?;
+        let boxes = (tracks || asks(&[Measure::DetectorAp50]))
+            .then(|| Boxes::new(config, ride, tracks))
+            .transpose()?;
+        Ok(Self { pixels, boxes, within_m: timely.within_m })
     }
 
-    /// What there is to see. Frames come in their order; trackers go on at those that are due.
-    pub(super) fn look(&mut self, world: &WorldState, is_due: bool) -> anyhow::Result<Sight> {
+    /// What there is to see. Frames come in their order; trackers go on at those that are due, and only frames that are
+    /// seen, not just judged by, are looked at in colour.
+    pub(super) fn look(&mut self, world: &WorldState, is_due: bool, is_seen: bool) -> anyhow::Result<Sight> {
         let mut sight = Sight::default();
         if let Some(pixels) = &mut self.pixels {
             pixels.look(world, self.within_m, &mut sight)?;
+            if is_seen {
+                pixels.segment(world, &mut sight)?;
+            }
         }
-        if let Some(emulated) = &mut self.emulated {
-            emulated.look(world, self.within_m, &mut sight);
+        if let Some(boxes) = &mut self.boxes {
+            boxes.look(world, self.within_m, is_seen, &mut sight)?;
             if is_due {
-                emulated.track(&mut sight);
+                boxes.track(&mut sight);
             }
         }
         Ok(sight)
@@ -170,30 +199,78 @@ impl Eyes {
 }
 
 impl Pixels {
-    fn new(config: &Config, ride: &Ride) -> anyhow::Result<Self> {
-        let mut cameras = config.camera.values();
-        let (Some(mounted), None) = (cameras.next(), cameras.next()) else {
-            bail!("camera: expected one camera for rendered truth, found {}", config.camera.len());
-        };
+    fn new(config: &Config, ride: &Ride, groups: bool, forest: bool) -> anyhow::Result<Self> {
+        let mounted = the_camera(config)?;
         let shape = &config.sim.vehicle.shape;
         let street = Street::new(ride.simulator.scenario(), shape, config.render.weather, config.seed);
         let renderer = RenderConfig { threads: 1, ..config.render }.renderer()?;
         let camera = mounted.camera(0)?;
         let frame = Frame::new(&camera, Outputs::GEOMETRY);
-        Ok(Self { street, renderer, camera, ego_from_camera: mounted.ego_from_camera(), frame })
+        let forest = forest.then(|| segmenter(mounted)).transpose()?;
+        let mask_of = groups.then(street_mask_of);
+        let ego_from_camera = mounted.ego_from_camera();
+        Ok(Self { street, renderer, camera, ego_from_camera, frame, mask_of, forest })
     }
 
     fn look(&mut self, world: &WorldState, within_m: f64, sight: &mut Sight) -> anyhow::Result<()> {
         self.street.show(world);
-        let view = View {
-            hidden_instance: Some(EGO_INSTANCE),
-            ..View::new(&self.camera, world.ego.map_from_ego * self.ego_from_camera)
-        };
+        let view = view(&self.camera, world, self.ego_from_camera);
         self.renderer.render(self.street.scene(), &view, self.frame.as_mut())?;
         sight.labels.clone_from(&self.frame.semantic);
+        if let Some(mask_of) = &self.mask_of {
+            sight.grouped = sight.labels.iter().map(|id| mask_of[usize::from(*id)]).collect();
+        }
         sight.people = people(&self.frame, world, within_m);
         Ok(())
     }
+
+    /// What the segmentation, if one is asked for, sees in the colours of the world that was looked at.
+    fn segment(&mut self, world: &WorldState, sight: &mut Sight) -> anyhow::Result<()> {
+        if self.forest.is_none() {
+            return Ok(());
+        }
+        let colours = self.colours(world)?;
+        sight.segmented = vec![0; sight.labels.len()];
+        let Some(forest) = &mut self.forest else { return Ok(()) };
+        let image = Rgb::new(self.camera.width_px(), self.camera.height_px(), &colours)?;
+        Ok(forest.segment(image, &mut sight.segmented)?)
+    }
+
+    /// Red, green and blue of each pixel.
+    fn colours(&mut self, world: &WorldState) -> anyhow::Result<Vec<u8>> {
+        self.street.show(world);
+        let mut colours = Frame::new(&self.camera, Outputs::RGB);
+        let view = view(&self.camera, world, self.ego_from_camera);
+        self.renderer.render(self.street.scene(), &view, colours.as_mut())?;
+        Ok(colours.rgb)
+    }
+}
+
+/// From the camera, without the car that carries it.
+fn view<'a>(
+    camera: &'a Camera,
+    world: &WorldState,
+    ego_from_camera: Transform<Ego, swerve_geom::Camera>,
+) -> View<'a> {
+    let map_from_camera = world.ego.map_from_ego * ego_from_camera;
+    View { hidden_instance: Some(EGO_INSTANCE), ..View::new(camera, map_from_camera) }
+}
+
+/// The one camera that there is.
+fn the_camera(config: &Config) -> anyhow::Result<&CameraConfig> {
+    let mut cameras = config.camera.values();
+    let (Some(mounted), None) = (cameras.next(), cameras.next()) else {
+        bail!("camera: expected one camera to draw the images of, found {}", config.camera.len());
+    };
+    Ok(mounted)
+}
+
+/// The segmentation that is in the program, for images of a camera.
+fn segmenter(mounted: &CameraConfig) -> anyhow::Result<Segmenter> {
+    let weights = camera_detectors::segmentation("street").map_err(|message| anyhow!(message))?;
+    let camera = image_camera(mounted).context("camera: expected one with a lens")?;
+    let size = [camera.width_px, camera.height_px].map(|px| px as usize);
+    Ok(Segmenter::new(weights, size, camera_detectors::ground(&camera.info)))
 }
 
 /// Boxes of the pixels of people who have one that is no farther away than this.
@@ -214,8 +291,20 @@ fn people(frame: &Frame, world: &WorldState, within_m: f64) -> Vec<Boxed> {
     edges.into_iter().filter_map(boxed).collect()
 }
 
-impl Emulated {
-    fn new(config: &Config, tracks: bool) -> anyhow::Result<Self> {
+impl Boxes {
+    fn new(config: &Config, ride: &Ride, tracks: bool) -> anyhow::Result<Self> {
+        let trackers = tracks.then(Default::default);
+        let lens = |mounted: &CameraConfig| image_camera(mounted).context("camera: expected one with a lens");
+        if let Some(table) = CameraObjectsTable::first(config) {
+            let mounted = the_camera(config)?;
+            let told = |message: String| anyhow!("operator.camera_objects: {message}");
+            let weights = camera_detectors::weights(&table.detector).map_err(told)?;
+            let rung = camera_detectors::rung(&weights, &table.rung).map_err(told)?.clone();
+            let objects = CameraObjects::new(weights, rung, table.score_min)?;
+            let source = Source::Images(Box::new((objects, Pixels::new(config, ride, false, false)?)));
+            let sight = ObstacleSight::new(config, Some(mounted));
+            return Ok(Self { sight, camera: lens(mounted)?, source, trackers });
+        }
         let emulated = config
             .perception
             .emulated()
@@ -226,21 +315,50 @@ impl Emulated {
             "perception.detector: expected one that looks with a camera"
         );
         let mounted = config.detector_camera(emulated.sensing).context("perception.camera: no camera")?;
-        let camera = image_camera(&mounted).context("perception.camera: expected a camera with a lens")?;
-        let detector = Detector::new(emulated.params, Some(camera), config.seed, "detector")?;
-        let trackers = tracks.then(Default::default);
-        Ok(Self { sight: ObstacleSight::new(config, Some(&mounted)), camera, detector, trackers })
+        let camera = lens(&mounted)?;
+        let source = Source::Emulated(Box::new(Detector::new(
+            emulated.params,
+            Some(camera),
+            config.seed,
+            "detector",
+        )?));
+        Ok(Self { sight: ObstacleSight::new(config, Some(&mounted)), camera, source, trackers })
     }
 
-    fn look(&mut self, world: &WorldState, within_m: f64, sight: &mut Sight) {
+    fn look(
+        &mut self,
+        world: &WorldState,
+        within_m: f64,
+        is_seen: bool,
+        sight: &mut Sight,
+    ) -> anyhow::Result<()> {
         let seen = self.sight.surroundings(world);
         let is_near = |b: &DetectedBox| b.pose.point().distance(Point2::default()) <= within_m;
         sight.wanted = wanted(&seen, &self.camera, is_near);
-        let found = self.detector.detect(&seen).boxes.into_iter();
+        let found = match &mut self.source {
+            Source::Emulated(detector) => detector.detect(&seen).boxes,
+            Source::Images(_) if !is_seen => Vec::new(),
+            Source::Images(eye) => {
+                let (objects, pixels) = &mut **eye;
+                let image = Image {
+                    stamp: world.stamp,
+                    width_px: self.camera.width_px,
+                    height_px: self.camera.height_px,
+                    camera: self.camera.info,
+                    pixels: swerve_msg::Pixels::Rgb8(pixels.colours(world)?.into()),
+                };
+                let shot = Shot { image: &image, ego: world.ego.state.pose, pitch_rad: 0.0, route: None };
+                let mut found = Detections::default();
+                objects.detect(&shot, &mut found)?;
+                found.boxes
+            }
+        };
         sight.found = found
+            .into_iter()
             .filter(|b| b.kind == ActorKind::Pedestrian)
             .filter_map(|b| Some((ImageDetection { box_px: b.image_px?, score: b.score }, is_near(&b))))
             .collect();
+        Ok(())
     }
 
     fn track(&mut self, sight: &mut Sight) {

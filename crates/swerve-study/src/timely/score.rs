@@ -43,6 +43,14 @@ impl Score {
                 let value = seen.map_or(Some(0.0), |seen| mean_iou(&there.labels, &seen.labels));
                 self.values.extend(value);
             }
+            Measure::GroupedMiou => {
+                let value = seen.map_or(Some(0.0), |seen| mean_iou(&there.grouped, &seen.grouped));
+                self.values.extend(value);
+            }
+            Measure::ForestMiou => {
+                let value = seen.map_or(Some(0.0), |seen| mean_iou(&there.grouped, &seen.segmented));
+                self.values.extend(value);
+            }
             Measure::Ap50 => self.values.extend(share_right(&there.people, &found.people)),
             Measure::DetectorAp50 => {
                 let all: Vec<Found> =
@@ -68,6 +76,8 @@ impl Score {
         let one = |series: String, value: Option<f64>| of(series, value.into_iter().collect());
         match self.measure {
             Measure::Miou => vec![of(format!("mIoU {anchor}"), self.values)],
+            Measure::GroupedMiou => vec![of(format!("mIoU of 7 classes {anchor}"), self.values)],
+            Measure::ForestMiou => vec![of(format!("mIoU of the forest {anchor}"), self.values)],
             Measure::Ap50 => vec![of(format!("AP50 {anchor}"), self.values)],
             Measure::DetectorAp50 => {
                 vec![one(format!("detector AP50 {anchor}"), self.precision.value(Recalls::Coco101))]
@@ -96,7 +106,7 @@ impl Measure {
         match self {
             Self::Sort => Some(0),
             Self::Bytetrack => Some(1),
-            Self::Miou | Self::Ap50 | Self::DetectorAp50 => None,
+            Self::Miou | Self::GroupedMiou | Self::ForestMiou | Self::Ap50 | Self::DetectorAp50 => None,
         }
     }
 }

@@ -61,6 +61,20 @@ fn truth_is_perfect_at_once_and_loses_by_time_and_speed() {
 }
 
 #[test]
+fn a_forest_begins_below_truth_and_loses_less_by_being_late() {
+    let timely = "measures = [\"grouped_miou\", \"forest_miou\"]\nrun_times_ms = [0, 100]\njudge_ms = 400";
+    let camera = CAMERA.replace("160", "640").replace("90,", "360,");
+    let bench = bench(&camera, timely, &speeds("20")).unwrap();
+    let results = results(&bench);
+    let [truth, forest] = ["mIoU of 7 classes start", "mIoU of the forest start"]
+        .map(|series| [0.0, 100.0].map(|at| medians(&results, series, at)[0]));
+    assert_eq!(truth[0], 1.0);
+    assert!(truth[1] > forest[1] && forest[0] > forest[1], "{truth:?} {forest:?}");
+    assert!((0.4..0.95).contains(&forest[0]), "{forest:?}");
+    assert!(truth[0] - truth[1] > forest[0] - forest[1], "{truth:?} {forest:?}");
+}
+
+#[test]
 fn the_emulated_detector_and_trackers_lose_by_time() {
     let timely =
         "measures = [\"detector_ap50\", \"sort\", \"bytetrack\"]\nof_published = [0, 1, 3]\njudge_ms = 50";
@@ -71,6 +85,16 @@ fn the_emulated_detector_and_trackers_lose_by_time() {
         assert!(now > soon && soon > late, "{series}: {now} {soon} {late}");
         assert!(now > 0.2 && now < 1.0, "{series}: {now}");
     }
+}
+
+#[test]
+fn a_rung_that_looks_at_images_loses_by_its_measured_time() {
+    let timely = "measures = [\"detector_ap50\"]\nof_published = [0, 4]\njudge_ms = 250\nwithin_m = 25";
+    let rung = "config = \"camera_objects\"\nset.operator.camera_objects.rung = \"ground\"";
+    let bench = bench(rung, timely, &speeds("10")).unwrap();
+    let results = results(&bench);
+    let [now, late] = [0.0, 4.0].map(|at| medians(&results, "detector AP50 start", at)[0]);
+    assert!(now > late && (0.3..1.0).contains(&now), "{now} {late}");
 }
 
 #[test]
@@ -126,7 +150,7 @@ fn what_is_wrong_is_told_with_its_line() {
         assert!(error.contains(expected), "{timely}\n{error}");
     }
     for (base, timely, speed, expected) in [
-        ("", good, "20", "camera: expected one camera for rendered truth, found 0"),
+        ("", good, "20", "camera: expected one camera to draw the images of, found 0"),
         (
             "",
             "measures = [\"sort\"]\nrun_times_ms = [0]",
@@ -170,9 +194,15 @@ fn a_processor_takes_the_next_frame_when_it_is_free() {
 
 #[test]
 fn the_shipped_studies_are_sound() {
-    for name in
-        ["timely_segmentation", "timely_detection", "timely_speed", "detector_tradeoff", "tracker_tradeoff"]
-    {
+    for name in [
+        "timely_segmentation",
+        "timely_detection",
+        "timely_speed",
+        "detector_tradeoff",
+        "tracker_tradeoff",
+        "detector_tradeoff_rungs",
+        "tracker_tradeoff_rungs",
+    ] {
         let bench = Bench::open(&Registry::default(), Path::new(name), &[]).unwrap();
         assert!(bench.study.timely.is_some() && !bench.study.cells.is_empty(), "{name}");
     }

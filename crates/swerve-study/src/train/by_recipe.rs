@@ -26,7 +26,6 @@ pub(super) struct RecipeArgs {
     test: Option<PathBuf>,
 }
 
-#[cfg(test)]
 impl RecipeArgs {
     pub(super) fn of(recipe: &Path, data: &Path) -> Self {
         Self { recipe: recipe.to_owned(), data: data.to_owned(), out: None, threads: 1, test: None }
@@ -60,6 +59,22 @@ pub(super) fn source<T: Trained>(recipe: &Path, text: &str) -> String {
     format!("swerve train {} {name} (recipe {})", T::NAME, swerve_core::digest_of(text))
 }
 
+/// A table of how good the weights beside a recipe are on the images that it holds out, which are made where they are
+/// not in this folder.
+pub(super) fn held_out<T: Trained>(
+    recipe: &Path,
+    data: &Path,
+    registry: &Registry,
+) -> anyhow::Result<Vec<Vec<String>>> {
+    let weights = weights::<T>(&recipe.with_extension("weights"))?;
+    T::recipe(recipe)?.0.test(&weights, &RecipeArgs::of(recipe, data), registry)
+}
+
+fn weights<T: Trained>(path: &Path) -> anyhow::Result<T::Weights> {
+    let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+    T::read(&bytes).with_context(|| path.display().to_string())
+}
+
 /// Trains and tests, or tests alone.
 pub(super) fn run<T: Trained>(args: &RecipeArgs, registry: &Registry) -> anyhow::Result<()> {
     let (recipe, text) = T::recipe(&args.recipe)?;
@@ -69,10 +84,7 @@ pub(super) fn run<T: Trained>(args: &RecipeArgs, registry: &Registry) -> anyhow:
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
     let weights = match &args.test {
-        Some(path) => {
-            let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
-            T::read(&bytes).with_context(|| path.display().to_string())?
-        }
+        Some(path) => weights::<T>(path)?,
         None => {
             let weights = pool.install(|| recipe.train(source::<T>(&args.recipe, &text), args, registry))?;
             write_whole(&out, &T::write(&weights))?;

@@ -20,6 +20,12 @@ use super::by_recipe::{RecipeArgs, Trained};
 use super::images::{Purpose, read_png, rendered};
 pub(super) use recipe::Recipe;
 
+/// Of each of Cityscapes' ids the one that masks of the segmentation `street` have, which is in the program.
+pub(crate) fn street_mask_of() -> [u8; 256] {
+    swerve_text::built_in::<Recipe>(include_str!("../../../swerve-vision/segmentations/street.toml"))
+        .mask_of()
+}
+
 impl Trained for Recipe {
     const NAME: &str = "segmentation";
     type Weights = Weights;

@@ -55,7 +55,6 @@ impl Judge {
     }
 
     /// Average precision of cars: of single sweeps, and of the tracks of each tracker.
-    #[cfg(test)]
     pub(super) fn cars(&self) -> [f64; 3] {
         [&self.one, &self.tracked[0], &self.tracked[1]]
             .map(|all| all[0].value(Recalls::Kitti40).unwrap_or(0.0))

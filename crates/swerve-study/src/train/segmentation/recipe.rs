@@ -83,6 +83,16 @@ impl Recipe {
         class_of
     }
 
+    /// Of each of Cityscapes' ids the one that masks of this segmentation have; 0 for all else.
+    pub(super) fn mask_of(&self) -> [u8; 256] {
+        let mut mask_of = [0; 256];
+        for class in &self.class {
+            let mask = class.ids().next().unwrap_or_default();
+            class.ids().for_each(|id| mask_of[usize::from(id)] = mask);
+        }
+        mask_of
+    }
+
     fn problems(&self, document: &Document) -> Vec<Problem> {
         let mut problems = Vec::new();
         let mut ensure = |holds: bool, key: String, what: &str| {

@@ -1,0 +1,60 @@
+//! What a few runs say of a rate, and whether they tell two rates apart.
+
+/// The 95 % interval of a rate (E. B. Wilson, "Probable inference", 1927): honest at none and all of few runs too.
+pub(crate) fn wilson(hits: usize, runs: usize) -> (f64, f64) {
+    if runs == 0 {
+        return (0.0, 1.0);
+    }
+    let (n, z) = (runs as f64, 1.959_963_984_540_054);
+    let p = hits as f64 / n;
+    let middle = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
+    let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+    ((middle - half).max(0.0), (middle + half).min(1.0))
+}
+
+/// The likelihood of counts as unlike as these or more, were both rates the same: Fisher's exact test, two-sided (R. A.
+/// Fisher, "On the interpretation of chi-squared from contingency tables", 1922). Each is hits and runs.
+pub(crate) fn fisher([a, n]: [usize; 2], [b, m]: [usize; 2]) -> f64 {
+    let hits = a + b;
+    // Each next term of the hypergeometric distribution from the one before, relative to the first.
+    let least = hits.saturating_sub(m);
+    let mut terms = vec![1.0_f64];
+    for x in least..hits.min(n) {
+        let up = (n - x) as f64 * (hits - x) as f64;
+        let down = (x + 1) as f64 * (m + x + 1 - hits) as f64;
+        terms.push(terms[x - least] * up / down);
+    }
+    let here = terms[a - least] * (1.0 + 1e-7);
+    let as_unlike: f64 = terms.iter().filter(|term| **term <= here).sum();
+    (as_unlike / terms.iter().sum::<f64>()).min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_are_wilsons() {
+        // As printed in tables of the interval: 0 of 10, 17 of 30, all of 30.
+        for (hits, runs, low, high) in [(0, 10, 0.0, 0.278), (17, 30, 0.392, 0.726), (30, 30, 0.886, 1.0)] {
+            let interval = wilson(hits, runs);
+            assert!((interval.0 - low).abs() < 1e-3 && (interval.1 - high).abs() < 1e-3, "{interval:?}");
+        }
+        assert_eq!(wilson(0, 0), (0.0, 1.0));
+    }
+
+    #[test]
+    fn rates_are_told_apart_as_by_fisher() {
+        // By summing binomial coefficients in whole numbers.
+        for (a, b, likelihood) in [
+            ([53, 60], [47, 60], 0.220_103_549),
+            ([3, 60], [2, 60], 1.0),
+            ([0, 10], [10, 10], 1.082_508_8e-5),
+            ([8, 60], [20, 60], 0.016_627_184),
+            ([0, 0], [1, 2], 1.0),
+        ] {
+            assert!((fisher(a, b) - likelihood).abs() < 1e-8, "{a:?} {b:?}: {}", fisher(a, b));
+            assert_eq!(fisher(b, a), fisher(a, b));
+        }
+    }
+}
