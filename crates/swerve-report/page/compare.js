@@ -11,7 +11,7 @@ function showRuns(page) {
     el("div", { class: "two" }, ...[["first", a], ["second", b]].map(([name, run]) => el("div", {}, el("h3", {}, `${name}: ${run.title}`), run.metrics?.verdict ? badge(run.metrics.verdict) : null, ...notes(run.notes), commandLine(run.command)))),
     section("parting", "Where they part", partingText(parting, first, moment), partingTable(parting, moment)),
     section("settings", "What is set differently", settings(a, b)),
-    player ? section("player", "The drive", el("p", { class: "soft small" }, "The first run; of the second its car alone."), player.node()) : "",
+    player ? section("player", "The drive", el("p", { class: "soft small" }, "The first run; of the second its car and its plan."), player.node()) : "",
     player ? section("timeline", "Time line", ...timeline([{ run: a, name: "first" }, { run: b, name: "second" }], moment, { marks })) : "",
     a.metrics && b.metrics ? section("figures", "Figures", sideBySide(a.metrics, b.metrics)) : "",
     section("times", "Run times", el("h3", {}, "first"), runTimes(a), el("h3", {}, "second"), runTimes(b)),

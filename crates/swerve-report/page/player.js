@@ -24,9 +24,10 @@ function newest(messages, t) {
 const timed = (list) => ({ list, map: {} });
 
 class Player {
-  /** `ghost` is a second run, of which the ego alone is drawn. */
+  /** `ghost` is a second run, of which the ego and the plan are drawn. */
   constructor(run, moment, ghost = null) {
     [this.run, this.moment, this.ghost] = [run, moment, ghost];
+    this.ghostPlans = ghost ? timed(ghost.plans) : [];
     this.messages = { tracks: timed(run.tracks), predictions: timed(run.predictions), plans: timed(run.plans) };
     this.shown = { truth: true, tracks: true, predictions: true, plan: true, names: true };
     this.follows = true;
@@ -73,7 +74,8 @@ class Player {
       item(box({ fill: "var(--vehicle)", opacity: 0.45 }), "actors as they are; people orange"),
       item(box({ fill: "none", stroke: "var(--ink)", "stroke-dasharray": "3 2", "stroke-width": 1.5 }), "tracks, with their speed"),
       item(stroke("sight", "1 4"), "predictions"), item(stroke("plan"), "plan"), item(stroke("fallback", "6 3"), "plan that is a fallback"),
-      this.ghost ? item(box({ fill: "none", stroke: "var(--person)", "stroke-width": 2 }), "ego of the other run") : null);
+      this.ghost ? item(box({ fill: "none", stroke: "var(--person)", "stroke-width": 2 }), "ego of the other run") : null,
+      this.ghost ? item(stroke("person", "2 3"), "plan of the other run") : null);
   }
 
   /** Messages were added to the run. */
@@ -199,6 +201,8 @@ class Player {
   }
 
   drawPlan(pen, t) {
+    const other = newest(this.ghostPlans, t);
+    if (other) pen.line(other.line, { stroke: colour("person"), width: 2.5, dash: [3, 4] });
     const plan = newest(this.messages.plans, t);
     if (!plan) return;
     const fallback = ["kept", "brake", "stop", "gave_up"].includes(plan.status);

@@ -4,22 +4,27 @@
 //! command edge has no reader that matters. Nothing but the log is read.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
+use swerve_drive::page::{COMMAND, pair_of_logs};
 use swerve_drive::process::Processes;
-use swerve_drive::{left_out_of_logs, problems_error};
+use swerve_drive::{left_out_of_logs, problems_error, run_start, set_up};
 use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
 use swerve_live::graph::LiveGraph;
-use swerve_log::{LeavesOut, Log, Record, left_out};
+use swerve_log::{LeavesOut, Log, Record, Recorder, left_out};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud, TrackList};
+use swerve_report::files::{RunFolder, write_whole};
+use swerve_report::output::quoted;
 use swerve_scenario::Scenario;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 use swerve_stack::{Registry, Role};
 use swerve_text::{Document, Problem, nearest, parse_assignment};
+
+use crate::run::stem;
 
 /// `swerve replay`.
 #[derive(clap::Args, Debug)]
@@ -35,17 +40,49 @@ pub struct ReplayArgs {
     /// Set a configuration key: what would have come out?
     #[arg(long, value_name = "KEY=VALUE", conflicts_with = "verify")]
     set: Vec<String>,
+    /// Folder for the log of what would have come out, and for a page of both beside each other [default with --set: one
+    /// of its own, out/SCENARIO_replayed-1 and so on]
+    #[arg(long, value_name = "DIR", conflicts_with = "verify")]
+    out: Option<PathBuf>,
     /// Worker threads for heavy steps; the result does not depend on them
     #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
     threads: usize,
+}
+
+impl ReplayArgs {
+    fn command_line(&self) -> String {
+        let mut line = format!("swerve replay {}", quoted(&self.log.display().to_string()));
+        let from = self.from.iter().map(|from| format!(" --from {}", quoted(from)));
+        line.extend(from.chain(self.set.iter().map(|set| format!(" --set {}", quoted(set)))));
+        line
+    }
 }
 
 /// Runs `swerve replay`.
 pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let log = Log::read(&args.log)?;
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
-    let comparison = replay_from(registry, &log, args.from.as_deref(), &sets?, args.threads)?;
+    let asks = args.out.is_some() || !args.set.is_empty();
+    let name =
+        log.start.extra.get("scenario_file").map_or_else(|| "log".into(), |file| stem(Path::new(file)));
+    let claim = || RunFolder::claim(args.out.as_deref(), &format!("{name}_replayed"), false);
+    let folder = asks.then(claim).transpose()?;
+    let replayed = folder.as_ref().map(|folder| folder.path.join("log.mcap"));
+    if let Some(earlier) = replayed.as_ref().filter(|log| log.exists()) {
+        bail!("{}: it is there already: expected another --out", earlier.display());
+    }
+    let into = replayed.as_deref().map(|path| (path, args.command_line()));
+    let how = Replay { from: args.from.as_deref(), sets: &sets?, threads: args.threads, into };
+    let comparison = how.run(registry, &log)?;
     swerve_report::output::print(&comparison.text(args.set.is_empty()))?;
+    if let Some(replayed) = replayed {
+        let page = replayed.with_file_name("comparison.html");
+        write_whole(&page, pair_of_logs(registry, &args.log, &replayed)?.html().as_bytes())?;
+        let (log, page) = (replayed.display(), page.display());
+        swerve_report::output::print(&format!(
+            "what would have come out: {log}\nboth beside each other: {page}\n"
+        ))?;
+    }
     if args.verify && !comparison.is_same() {
         bail!("{}: the replay differs from the log", args.log.display());
     }
@@ -133,58 +170,83 @@ pub fn replay_with(
     sets: &[(String, toml::Value)],
     threads: usize,
 ) -> anyhow::Result<Comparison> {
-    replay_from(registry, log, Some(from), sets, threads)
+    Replay { from: Some(from), sets, threads, into: None }.run(registry, log)
 }
 
-fn replay_from(
-    registry: &Registry,
-    log: &Log,
-    from: Option<&str>,
-    sets: &[(String, toml::Value)],
+/// What is computed again, and how.
+struct Replay<'a> {
+    from: Option<&'a str>,
+    sets: &'a [(String, toml::Value)],
     threads: usize,
-) -> anyhow::Result<Comparison> {
-    let document = Document::parse("configuration of the log", log.start.config.clone())?;
-    let config = Config::from_document_with(registry, &document, sets)
-        .map_err(|problems| problems_error(&problems))?;
-    let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
-    let scenario =
-        Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
-    let build = || match config.live.is_some() {
-        true => Ok(LiveGraph::build(&config, &scenario)?.pipeline),
-        false => Pipeline::build(&config, &scenario),
-    };
-    let mut processes = Vec::new();
-    let mut pipeline = build()?;
-    let cut = Cut::new(&pipeline, from, config.log.images)?;
-    let mut lacks_data = false;
-    for operator in &cut.played {
-        // Of these the log has fingerprints alone.
-        let gone = cut.without_data.contains(operator);
-        let played = if gone { Vec::new() } else { log.playback(operator) };
-        pipeline.graph.playback(operator, played)?;
-        pipeline.graph.playback_steps(operator, log.held(operator))?;
-        lacks_data |= gone && log.all_publications().any(|p| p.stream.operator == *operator);
+    /// A log of what comes out, and what repeats it.
+    into: Option<(&'a Path, String)>,
+}
+
+impl Replay<'_> {
+    fn run(&self, registry: &Registry, log: &Log) -> anyhow::Result<Comparison> {
+        let document = Document::parse("configuration of the log", log.start.config.clone())?;
+        let config = Config::from_document_with(registry, &document, self.sets)
+            .map_err(|problems| problems_error(&problems))?;
+        let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
+        let scenario =
+            Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;
+        let build = || match config.live.is_some() {
+            true => Ok(LiveGraph::build(&config, &scenario)?.pipeline),
+            false => Pipeline::build(&config, &scenario),
+        };
+        let mut processes = Vec::new();
+        let mut pipeline = build()?;
+        let cut = Cut::new(&pipeline, self.from, config.log.images)?;
+        let mut lacks_data = false;
+        for operator in &cut.played {
+            // Of these the log has fingerprints alone.
+            let gone = cut.without_data.contains(operator);
+            let played = if gone { Vec::new() } else { log.playback(operator) };
+            pipeline.graph.playback(operator, played)?;
+            pipeline.graph.playback_steps(operator, log.held(operator))?;
+            lacks_data |= gone && log.all_publications().any(|p| p.stream.operator == *operator);
+        }
+        processes.push(Processes::start_needed(&config, &mut pipeline)?);
+        let decided = decisions(log, self.sets.is_empty())?;
+        // Where an operator was restarted, it is so again, with what a pipeline starts with.
+        for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Restarted { .. })).count() {
+            let mut spare = build()?;
+            processes.push(Processes::start_needed(&config, &mut spare)?);
+            pipeline.graph.spare(spare.graph);
+        }
+        let compared: Vec<&str> = cut.computed.iter().map(String::as_str).collect();
+        let mut comparison = Comparison::against(log, &compared);
+        comparison.leaves_out = left_out_of_logs(config.log.images);
+        if lacks_data {
+            // Without the images and clouds the digest over all streams cannot come out.
+            comparison.logged_digest = None;
+        }
+        let last = log.end.as_ref().map(|end| end.at);
+        let options = RunOptions { seed: log.start.seed, threads: self.threads, until: last };
+        let mut recorder =
+            self.into.as_ref().map(|into| recorder(into, log, &config, &pipeline)).transpose()?;
+        let mut observers: Vec<&mut dyn Observer> = vec![&mut comparison];
+        observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
+        let report = run_replay(pipeline.graph, &options, decided.into_iter().collect(), observers)?;
+        recorder.map(Recorder::finish).transpose()?;
+        comparison.digest = report.digest;
+        Ok(comparison)
     }
-    processes.push(Processes::start_needed(&config, &mut pipeline)?);
-    let decided = decisions(log, sets.is_empty())?;
-    // Where an operator was restarted, it is so again, with what a pipeline starts with.
-    for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Restarted { .. })).count() {
-        let mut spare = build()?;
-        processes.push(Processes::start_needed(&config, &mut spare)?);
-        pipeline.graph.spare(spare.graph);
-    }
-    let compared: Vec<&str> = cut.computed.iter().map(String::as_str).collect();
-    let mut comparison = Comparison::against(log, &compared);
-    comparison.leaves_out = left_out_of_logs(config.log.images);
-    if lacks_data {
-        // Without the images and clouds the digest over all streams cannot come out.
-        comparison.logged_digest = None;
-    }
-    let last = log.end.as_ref().map(|end| end.at);
-    let options = RunOptions { seed: log.start.seed, threads, until: last };
-    let report = run_replay(pipeline.graph, &options, decided.into_iter().collect(), vec![&mut comparison])?;
-    comparison.digest = report.digest;
-    Ok(comparison)
+}
+
+/// A log of a replay of another one.
+fn recorder(
+    (path, command): &(&Path, String),
+    log: &Log,
+    config: &Config,
+    pipeline: &Pipeline,
+) -> anyhow::Result<Recorder> {
+    let file = log.start.extra.get("scenario_file").map_or("", String::as_str);
+    let mut start = run_start(config, &pipeline.scenario, Path::new(file));
+    start.extra.insert(COMMAND.into(), command.clone());
+    let mut recorder = Recorder::create(path, &start)?;
+    set_up(&mut recorder, config, pipeline);
+    Ok(recorder)
 }
 
 /// What was decided in the logged run. Under other settings only its end is: the rest follows from them.

@@ -237,6 +237,6 @@ fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Resul
     Ok(Some(Frames::create(folder, title, &pipeline.scenario, config)?))
 }
 
-fn stem(path: &Path) -> String {
+pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned())
 }

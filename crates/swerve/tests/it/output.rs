@@ -217,4 +217,10 @@ fn a_replay_verifies_after_the_scenario_file_is_gone() {
     }
     let what_if = ["replay", "o/log.mcap", "--from", "planning", "--set", "ego.speed_mps=8"];
     assert!(bench.good(&what_if).contains("planner: first difference at "));
+    // What would have come out is a log like any other, computed again from the same cut.
+    let replayed = "out/short_replayed-1/log.mcap";
+    bench.good(&["replay", replayed, "--verify", "--from", "planning"]);
+    assert!(bench.read("out/short_replayed-1/comparison.html").contains("swerve replay o/log.mcap"));
+    let again = [&what_if[..], &["--out", "out/short_replayed-1"]].concat();
+    assert!(bench.swerve(&again).stderr.contains("log.mcap: it is there already: expected another --out"));
 }
