@@ -84,7 +84,8 @@ impl Rows {
     /// Starts the rows of the bench `name`; `folder` is Cargo's folder for such files, `CARGO_TARGET_TMPDIR`.
     pub fn new(folder: &str, name: &str) -> Self {
         print(&format!("\n== {name}"));
-        Self { file: Path::new(folder).join(format!("swerve-bench-{name}.tsv")), lines: String::new() }
+        let lines = format!("{MACHINE}{}\n", machine());
+        Self { file: Path::new(folder).join(format!("swerve-bench-{name}.tsv")), lines }
     }
 
     /// One row: what, the figure that is held against the goal, how it reads, and what the goal says.
@@ -113,6 +114,28 @@ impl Rows {
             print(&format!("{}: {error}", self.file.display()));
         }
     }
+}
+
+/// What the line begins with, in a summary's file, that tells the machine.
+pub const MACHINE: &str = "# ";
+
+/// What measures here, and how busy it is: processor, cores, and how many threads waited for them in the last minute.
+fn machine() -> String {
+    let read = |file: &str| std::fs::read_to_string(file).unwrap_or_default();
+    let cpu = read("/proc/cpuinfo");
+    let of = |key: &str| {
+        let line = cpu.lines().find(|line| line.starts_with(key));
+        line.and_then(|line| line.split(": ").nth(1)).unwrap_or("unknown").to_owned()
+    };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let load = read("/proc/loadavg");
+    let load = load.split(' ').next().unwrap_or("unknown");
+    format!(
+        "{} (family {}, model {}), {cores} cores, load {load}",
+        of("model name"),
+        of("cpu family"),
+        of("model\t")
+    )
 }
 
 /// Whether the program was called to measure (`cargo bench`), not to be tried out (`cargo test --benches`).

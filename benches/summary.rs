@@ -1,38 +1,86 @@
-//! The joined table of all benches: the last one of `cargo bench`.
+//! The joined table of all benches: the last one of `cargo bench`. `--bench summary -- --page docs/performance.md` writes
+//! the rows of those that have been run into that page, between the marks that bear their names.
 
-use swerve_benches::{is_asked_to_measure, print};
+use std::path::Path;
+
+use swerve_benches::{MACHINE, is_asked_to_measure, print};
+
+/// One bench: its name, the machine that it ran on, and its rows of what, how it reads, goal, verdict.
+struct Bench {
+    name: String,
+    machine: String,
+    rows: Vec<[String; 4]>,
+}
+
+impl Bench {
+    fn read(file: &Path) -> Option<Self> {
+        let name = file.file_stem()?.to_string_lossy().strip_prefix("swerve-bench-")?.to_owned();
+        let text = std::fs::read_to_string(file).ok()?;
+        let (mut machine, mut rows) = (String::new(), Vec::new());
+        for line in text.lines() {
+            match line.strip_prefix(MACHINE) {
+                Some(told) => machine = told.to_owned(),
+                None => {
+                    let mut cells = line.split('\t').map(str::to_owned);
+                    rows.push([(); 4].map(|()| cells.next().unwrap_or_default()));
+                }
+            }
+        }
+        Some(Self { name, machine, rows })
+    }
+
+    /// What stands between its marks.
+    fn block(&self) -> String {
+        let mut text =
+            format!("Rows of `cargo bench -p swerve-benches --bench {}` on {}:\n\n", self.name, self.machine);
+        text += "| what | measured | goal | |\n|---|---|---|---|\n";
+        for row in &self.rows {
+            text += &format!("| {} |\n", row.join(" | "));
+        }
+        text
+    }
+
+    /// Its block anew within a page, at the page's end where it has none.
+    fn write_into(&self, page: &mut String) {
+        let [begin, end] = ["rows of", "end of"].map(|mark| format!("<!-- {mark} {} -->\n", self.name));
+        let inner = page.find(&begin).map(|at| at + begin.len());
+        match inner.and_then(|from| Some(from..from + page[from..].find(&end)?)) {
+            Some(old) => page.replace_range(old, &self.block()),
+            None => *page += &format!("\n{begin}{}{end}", self.block()),
+        }
+    }
+}
 
 fn main() {
     if !is_asked_to_measure() {
         return;
     }
-    let mut files: Vec<_> = std::fs::read_dir(env!("CARGO_TARGET_TMPDIR"))
-        .into_iter()
-        .flatten()
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.extension().is_some_and(|e| e == "tsv"))
-        .collect();
+    let folder = std::fs::read_dir(env!("CARGO_TARGET_TMPDIR"));
+    let mut files: Vec<_> =
+        folder.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
     files.sort();
-    let mut lines: Vec<Vec<String>> = Vec::new();
-    for file in &files {
-        let name =
-            file.file_stem().map(|s| s.to_string_lossy().replace("swerve-bench-", "")).unwrap_or_default();
-        for line in std::fs::read_to_string(file).unwrap_or_default().lines() {
-            let cells = std::iter::once(name.as_str()).chain(line.split('\t')).map(str::to_owned);
-            lines.push(cells.collect());
-        }
+    let benches: Vec<Bench> = files.iter().filter_map(|file| Bench::read(file)).collect();
+    let mut arguments = std::env::args().skip_while(|argument| argument != "--page").skip(1);
+    if let Some(path) = arguments.next() {
+        let mut page = std::fs::read_to_string(&path).expect("a page that is there");
+        benches.iter().for_each(|bench| bench.write_into(&mut page));
+        std::fs::write(&path, page).expect("the page is to be written");
     }
-    let width = |column: usize| {
-        lines.iter().filter_map(|l| l.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..5).map(width).collect();
+    let lines: Vec<[&str; 5]> = benches
+        .iter()
+        .flat_map(|bench| {
+            bench.rows.iter().map(|[what, reads, goal, verdict]| [&bench.name, what, reads, goal, verdict])
+        })
+        .map(|cells| cells.map(String::as_str))
+        .collect();
+    let widths: [usize; 5] =
+        std::array::from_fn(|column| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0));
     print("\n== summary: median [least .. largest] over the rounds of each bench");
     for line in &lines {
         let cells: Vec<String> =
-            line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:<width$}")).collect();
+            line.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
         print(cells.join("  ").trim_end());
     }
-    let missed = lines.iter().filter(|l| l.last().is_some_and(|v| v == "NOT REACHED")).count();
-    let held = lines.iter().filter(|l| l.last().is_some_and(|v| v == "reached")).count();
-    print(&format!("{held} goals reached, {missed} not reached"));
+    let count = |verdict: &str| lines.iter().filter(|line| line[4] == verdict).count();
+    print(&format!("{} goals reached, {} not reached", count("reached"), count("NOT REACHED")));
 }

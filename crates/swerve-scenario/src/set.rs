@@ -13,17 +13,18 @@ pub fn split_sets(sets: &[Set]) -> (Vec<Set>, Vec<Set>) {
     sets.iter().cloned().partition(|(key, _)| is_scenario_key(key))
 }
 
-/// Whether a key belongs to the scenario and not to the configuration: `actor.NAME.KEY` or `scenario.KEY`.
+/// Whether a key belongs to the scenario and not to the configuration: one of a table that scenarios alone have, or
+/// `scenario.KEY`.
 pub fn is_scenario_key(key: &str) -> bool {
-    matches!(key.split('.').next(), Some("actor" | "scenario"))
+    matches!(key.split('.').next(), Some("actor" | "end" | "expect" | "road" | "scenario"))
 }
 
 impl Scenario {
     /// As [`parse`](Self::parse), with single keys changed.
     ///
     /// `actor.person.d_m` is a key of the actor `person`; where it has none of that name, the only one of that name
-    /// within its tables is meant: `actor.person.speed_mps` for `actor.person.motion.0.walk.speed_mps`. All other keys
-    /// are named from `scenario` on: `scenario.road.friction`. Entries of arrays are named by their place, from 0, or by
+    /// within its tables is meant: `actor.person.speed_mps` for `actor.person.motion.0.walk.speed_mps`. Keys of
+    /// tables that a configuration has too are named from `scenario` on: `scenario.ego.end_m`. Entries of arrays are named by their place, from 0, or by
     /// their name. The text of the result is that of the scenario with the changes in it.
     ///
     /// # Errors
@@ -224,6 +225,15 @@ mod tests {
             assert_eq!(short, long);
             assert_ne!(short.actors, Scenario::parse("", TEXT).unwrap().actors);
         }
+    }
+
+    #[test]
+    fn tables_that_only_scenarios_have_need_no_prefix() {
+        for key in ["road.friction=0.5", "end.timeout_s=3"] {
+            assert_eq!(with(key).unwrap(), with(&format!("scenario.{key}")).unwrap(), "{key}");
+            assert!(is_scenario_key(key));
+        }
+        assert!(!is_scenario_key("ego.speed_mps"));
     }
 
     #[test]
