@@ -375,7 +375,7 @@ class CollisionEvent(Message):
     """What it touched."""
     kind: ActorKind
     """What that is."""
-    impulse_ns: float
+    impulse_n_s: float
     """Impulse of the first step of the contact, N s."""
     closing_speed_mps: float
     """Speed at which the two closed along the contact normal just before, m/s."""
@@ -883,7 +883,7 @@ class Collision(Message):
     """Instant of first contact."""
     actor: ActorId
     """What was hit."""
-    impulse_ns: float
+    impulse_n_s: float
     """Impulse of the first contact step, N s."""
     closing_speed_mps: float
     """Speed at which the two closed along the contact normal just before, m/s."""

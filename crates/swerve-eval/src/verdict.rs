@@ -26,7 +26,7 @@ pub struct Impact {
     /// Speed at which the two closed along the contact normal just before, m/s.
     pub closing_speed_mps: f64,
     /// Impulse of the first contact step, N s.
-    pub impulse_ns: f64,
+    pub impulse_n_s: f64,
 }
 
 /// Takes in world states and tells the verdict.
@@ -57,7 +57,7 @@ impl Outcome {
                     at_s: seconds(c.stamp),
                     ego_speed_mps: c.ego_speed_mps,
                     closing_speed_mps: c.closing_speed_mps,
-                    impulse_ns: c.impulse_ns,
+                    impulse_n_s: c.impulse_n_s,
                 };
                 self.impact = Some((c.stamp, impact));
             }
@@ -179,7 +179,7 @@ pub(crate) mod tests {
         Collision {
             stamp: Time::from_ms(ms),
             actor: ActorId(actor),
-            impulse_ns: 900.0,
+            impulse_n_s: 900.0,
             closing_speed_mps: 7.0,
             ego_speed_mps: 12.0,
         }

@@ -20,7 +20,7 @@ pub struct CollisionEvent {
     /// What that is.
     pub kind: ActorKind,
     /// Impulse of the first step of the contact, N s.
-    pub impulse_ns: f64,
+    pub impulse_n_s: f64,
     /// Speed at which the two closed along the contact normal just before, m/s.
     pub closing_speed_mps: f64,
 }

@@ -84,7 +84,7 @@ pub struct Collision {
     /// What was hit.
     pub actor: ActorId,
     /// Impulse of the first contact step, N s.
-    pub impulse_ns: f64,
+    pub impulse_n_s: f64,
     /// Speed at which the two closed along the contact normal just before, m/s.
     pub closing_speed_mps: f64,
     /// Speed of the ego just before, m/s.

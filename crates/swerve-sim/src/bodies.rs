@@ -124,7 +124,7 @@ impl Body {
 }
 
 /// Size of the impulse between two colliders in the last step, N s.
-pub(crate) fn impulse_ns(world: &PhysicsWorld, a: ColliderHandle, b: ColliderHandle) -> f64 {
+pub(crate) fn impulse_n_s(world: &PhysicsWorld, a: ColliderHandle, b: ColliderHandle) -> f64 {
     world.contact_pair(a, b).map_or(0.0, |pair| f64::from(pair.total_impulse().length()))
 }
 

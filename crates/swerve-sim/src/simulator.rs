@@ -320,7 +320,7 @@ impl Simulator {
         let own = self.actors[i].body.collider;
         self.actors.iter().enumerate().any(|(j, other)| {
             let loose = j != i && other.body.mode == Mode::Hit;
-            loose && bodies::impulse_ns(&self.world, own, other.body.collider) > 0.0
+            loose && bodies::impulse_n_s(&self.world, own, other.body.collider) > 0.0
         })
     }
 
@@ -331,15 +331,15 @@ impl Simulator {
             return false;
         }
         let gap_m = actor.gap_m(outline);
-        let impulse_ns = bodies::impulse_ns(&self.world, self.ego_collider, self.actors[i].body.collider);
-        let touching = gap_m == 0.0 || impulse_ns > 0.0;
+        let impulse_n_s = bodies::impulse_n_s(&self.world, self.ego_collider, self.actors[i].body.collider);
+        let touching = gap_m == 0.0 || impulse_n_s > 0.0;
         let contact = &mut self.actors[i].contact;
         if *contact == Contact::None && touching {
             let horizon_s = 2.0 * self.params.dt.as_secs();
             let collision = Collision {
                 stamp: self.state.stamp,
                 actor: actor.id,
-                impulse_ns: 0.0,
+                impulse_n_s: 0.0,
                 closing_speed_mps: contact::closing_speed(
                     &before.outline,
                     &before.motion,
@@ -351,13 +351,13 @@ impl Simulator {
             *contact = Contact::Begun { collision, patience: PATIENCE };
         }
         match contact {
-            Contact::Begun { collision, patience } if impulse_ns > 0.0 || *patience == 0 => {
-                collision.impulse_ns = impulse_ns;
+            Contact::Begun { collision, patience } if impulse_n_s > 0.0 || *patience == 0 => {
+                collision.impulse_n_s = impulse_n_s;
                 self.state.collisions.push(collision.clone());
                 *contact = Contact::Reported { touched: self.state.stamp };
             }
             Contact::Begun { patience, .. } => *patience -= 1,
-            Contact::Reported { touched } if gap_m <= PARTED_M || impulse_ns > 0.0 => {
+            Contact::Reported { touched } if gap_m <= PARTED_M || impulse_n_s > 0.0 => {
                 *touched = self.state.stamp;
             }
             Contact::Reported { touched } if self.state.stamp - *touched > PARTED => *contact = Contact::None,

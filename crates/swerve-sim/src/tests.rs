@@ -192,7 +192,7 @@ fn a_car_hit_head_on_is_pushed_and_reported_once() {
     assert!((hit.closing_speed_mps - 15.0).abs() < 0.1 && (hit.ego_speed_mps - 15.0).abs() < 0.1, "{hit:?}");
     // Inelastic: m1 m2 / (m1 + m2) of the closing speed.
     let want = 1800.0 * 1500.0 / 3300.0 * 15.0;
-    assert!((hit.impulse_ns - want).abs() < 0.15 * want, "{} {want}", hit.impulse_ns);
+    assert!((hit.impulse_n_s - want).abs() < 0.15 * want, "{} {want}", hit.impulse_n_s);
     assert!(end.actors[0].pose.x_m > start.actors[0].pose.x_m + 1.0, "{:?}", end.actors[0]);
 }
 
@@ -215,7 +215,7 @@ fn a_wall_does_not_move() {
     assert_eq!(collisions.len(), 1, "{collisions:?}");
     assert_eq!(start.actors[0], end.actors[0]);
     let want = 1800.0 * 15.0;
-    assert!((collisions[0].impulse_ns - want).abs() < 0.15 * want, "{:?}", collisions[0]);
+    assert!((collisions[0].impulse_n_s - want).abs() < 0.15 * want, "{:?}", collisions[0]);
 }
 
 #[test]
@@ -233,7 +233,7 @@ fn a_car_from_the_side_closes_with_its_own_speed() {
     assert!((hits[0].stamp.as_secs() - 6.0).abs() < 0.02, "{hits:?}");
     assert!((hits[0].closing_speed_mps - 8.0).abs() < 0.05, "{hits:?}");
     assert!((hits[0].ego_speed_mps - 10.0).abs() < 0.1, "{hits:?}");
-    assert!(hits[0].impulse_ns > 1000.0);
+    assert!(hits[0].impulse_n_s > 1000.0);
 }
 
 /// Drives at constant speed past the truck without minding the person.
@@ -253,7 +253,7 @@ fn at_16_mps_the_person_is_hit_by_the_front_and_thrown() {
     let (hit, end) = ignore_the_person(16.0);
     assert!((hit.closing_speed_mps - 16.0).abs() < 0.2, "{hit:?}");
     // 75 kg brought to the common speed of 15.4 m/s or somewhat more.
-    assert!(hit.impulse_ns > 900.0 && hit.impulse_ns < 1700.0, "{hit:?}");
+    assert!(hit.impulse_n_s > 900.0 && hit.impulse_n_s < 1700.0, "{hit:?}");
     // Still in front of the car two seconds later, which has lost some speed to pushing.
     let front_m = end.ego.state.pose.x_m + 3.8;
     assert!(end.actors[1].pose.x_m > front_m, "{end:?}");
@@ -265,7 +265,7 @@ fn at_20_mps_the_front_is_past_and_the_person_walks_into_the_side() {
     // The front passes 1.15 s after the trigger; the person is then at y = 1.33, 0.15 m from the side.
     let (hit, _) = ignore_the_person(20.0);
     assert!((hit.closing_speed_mps - 2.75).abs() < 0.05, "{hit:?}");
-    assert!(hit.impulse_ns > 100.0 && hit.impulse_ns < 400.0, "{hit:?}");
+    assert!(hit.impulse_n_s > 100.0 && hit.impulse_n_s < 400.0, "{hit:?}");
 }
 
 #[test]

@@ -130,7 +130,7 @@ impl Drive {
                 world.collisions = vec![Collision {
                     stamp: at,
                     actor: ActorId(2),
-                    impulse_ns: 1500.0,
+                    impulse_n_s: 1500.0,
                     closing_speed_mps: 19.8,
                     ego_speed_mps: 19.9,
                 }];

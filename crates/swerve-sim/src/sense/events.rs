@@ -27,7 +27,7 @@ pub fn collisions(world: &WorldState) -> CollisionEvents {
         Some(CollisionEvent {
             actor: actor.id,
             kind: actor.kind,
-            impulse_ns: collision.impulse_ns,
+            impulse_n_s: collision.impulse_n_s,
             closing_speed_mps: collision.closing_speed_mps,
         })
     };

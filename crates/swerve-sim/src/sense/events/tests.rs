@@ -202,10 +202,10 @@ fn a_simulated_car_runs_a_red_light_when_its_speed_says_so() {
 fn collisions_are_told_with_what_was_hit() {
     let mut world = world(vec![actor(4, ActorKind::Car, 9.0, 0.0, [4.0, 2.0, 1.5]), person(7, 3.0, 1.0)]);
     assert_eq!(collisions(&world), CollisionEvents { stamp: world.stamp, events: Vec::new() });
-    let hit = |id: u32, impulse_ns: f64| Collision {
+    let hit = |id: u32, impulse_n_s: f64| Collision {
         stamp: Time::from_ms(500),
         actor: ActorId(id),
-        impulse_ns,
+        impulse_n_s,
         closing_speed_mps: 3.5,
         ego_speed_mps: 9.0,
     };
@@ -213,7 +213,7 @@ fn collisions_are_told_with_what_was_hit() {
     let message: Vec<_> = collisions(&world)
         .events
         .iter()
-        .map(|e| (e.actor.0, e.kind, e.impulse_ns, e.closing_speed_mps))
+        .map(|e| (e.actor.0, e.kind, e.impulse_n_s, e.closing_speed_mps))
         .collect();
     assert_eq!(message, [(4, ActorKind::Car, 9000.0, 3.5), (7, ActorKind::Pedestrian, 300.0, 3.5)]);
 }
@@ -235,5 +235,5 @@ fn a_simulated_collision_is_one_event() {
     );
     assert_eq!(events.len(), 1, "{events:?}");
     assert_eq!((events[0].actor, events[0].kind), (ActorId(2), ActorKind::Pedestrian));
-    assert!(events[0].impulse_ns > 100.0 && events[0].closing_speed_mps > 1.0, "{events:?}");
+    assert!(events[0].impulse_n_s > 100.0 && events[0].closing_speed_mps > 1.0, "{events:?}");
 }
