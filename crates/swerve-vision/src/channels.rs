@@ -10,6 +10,7 @@ mod luv;
 
 use core::ops::Range;
 
+use crate::simd::widest;
 use crate::stack::Stack;
 
 pub use filter::{Resampler, halve, smooth};
@@ -53,17 +54,20 @@ impl Channels {
         }
         self.magnitude.shape(1, width, height);
         self.orientation.shape(1, width, height);
-        for row in 0..height {
-            self.gradient(row);
-        }
+        widest(
+            #[inline(always)]
+            || (0..height).for_each(|row| self.gradient(row)),
+        );
         self.mean.shape(1, width, height);
         smooth::<NEIGHBOURHOOD_PX>(self.magnitude.plane(0), width, self.mean.plane_mut(0), &mut self.row);
-        for line in 0..lines {
-            self.sum(line, shrink, into);
-        }
+        widest(
+            #[inline(always)]
+            || (0..lines).for_each(|line| self.sum(line, shrink, into)),
+        );
     }
 
     /// The gradient of the colour that changes most, row by row; at the edges to one side.
+    #[inline(always)]
     fn gradient(&mut self, row: usize) {
         let (width, height) = (self.smooth.width(), self.smooth.height());
         let (above, below) = (row.saturating_sub(1), (row + 1).min(height - 1));
@@ -85,6 +89,7 @@ impl Channels {
     }
 
     /// One line of cells: first over the rows of pixels, then along them.
+    #[inline(always)]
     fn sum(&mut self, line: usize, shrink: usize, into: &mut Stack) {
         let width = self.smooth.width();
         self.sums.clear();
@@ -106,14 +111,19 @@ impl Channels {
         }
         let scale = 1.0 / (shrink * shrink) as f32;
         for (plane, sums) in self.sums.chunks_exact(width).enumerate() {
-            for (cell, sums) in into.row_mut(plane, line).iter_mut().zip(sums.chunks_exact(shrink)) {
-                *cell = sums.iter().sum::<f32>() * scale;
+            let cells = into.row_mut(plane, line).iter_mut();
+            if shrink == 2 {
+                cells.zip(sums.as_chunks::<2>().0).for_each(|(cell, [a, b])| *cell = (a + b) * scale);
+            } else {
+                let sums = sums.chunks_exact(shrink).map(|sums| sums.iter().sum::<f32>());
+                cells.zip(sums).for_each(|(cell, sum)| *cell = sum * scale);
             }
         }
     }
 }
 
 /// Adds what a bin of orientation gets of each magnitude: all of it at its own, nothing at the next.
+#[inline(always)]
 fn share(bin: f32, magnitudes: &[f32], orientations: &[f32], sums: &mut [f32]) {
     for ((sum, m), o) in sums.iter_mut().zip(magnitudes).zip(orientations) {
         let apart = (o - bin).abs();

@@ -10,6 +10,7 @@ use super::{Detection, Model, Rung, Trees, Weights, feature_step, suppress};
 use crate::channels::{CHANNELS, select};
 use crate::image::Rgb;
 use crate::pyramid::{Pyramid, PyramidParams};
+use crate::simd::widest;
 use crate::stack::Stack;
 
 /// An image of another size than a scanner is for.
@@ -167,18 +168,22 @@ impl Scanner {
                 placed(&self.weights.models[model], cells, self.rung.trees, &mut nodes);
                 let at = |at, score| Candidate { model, level, at, score };
                 let report = &mut |place, score| found.push(at(place, score));
-                match trees.depth {
-                    2 => self.scan::<2>(model, level, &nodes, report),
-                    3 => self.scan::<3>(model, level, &nodes, report),
-                    4 => self.scan::<4>(model, level, &nodes, report),
-                    _ => self.scan::<0>(model, level, &nodes, report),
-                }
+                widest(
+                    #[inline(always)]
+                    || match trees.depth {
+                        2 => self.scan::<2>(model, level, &nodes, report),
+                        3 => self.scan::<3>(model, level, &nodes, report),
+                        4 => self.scan::<4>(model, level, &nodes, report),
+                        _ => self.scan::<0>(model, level, &nodes, report),
+                    },
+                );
             }
         }
         self.nodes = nodes;
     }
 
     /// The windows of one model on one level; trees of any depth where `D` is 0.
+    #[inline(always)]
     fn scan<const D: usize>(
         &self,
         model: usize,
@@ -326,6 +331,7 @@ const DEEPEST: usize = 3;
 const FEW: usize = 2;
 
 /// The score of a window from one of its trees on, given up once it is at `reject` or below.
+#[inline(always)]
 fn climb<'a>(
     window: &[f32],
     trees: impl Iterator<Item = (&'a [Node], &'a [f32])>,
@@ -348,6 +354,7 @@ fn climb<'a>(
 
 /// Scores windows of neighbouring columns, tree by tree, and reports those that are not given up: the same sums, term by
 /// term, as each has by itself.
+#[inline(always)]
 fn side_by_side<'a, const D: usize>(
     windows: &[f32],
     mut trees: impl Iterator<Item = (&'a [Node], &'a [f32])> + Clone,

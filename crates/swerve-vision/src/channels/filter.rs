@@ -1,5 +1,7 @@
 //! Smoothing and resizing of planes.
 
+use crate::simd::widest;
+
 /// Where index `k` lies in `0..n` when the picture is mirrored at its edges, again and again.
 fn mirrored(k: isize, n: usize) -> usize {
     let period = 2 * n as isize;
@@ -15,8 +17,16 @@ fn triangle<const R: usize>(tap: usize) -> f32 {
 
 /// Smooths a plane by a triangle of `R` pixels to each side, mirrored at the edges; `row` is scratch.
 pub fn smooth<const R: usize>(from: &[f32], width: usize, into: &mut [f32], row: &mut Vec<f32>) {
-    let height = from.len().checked_div(width).unwrap_or(0);
     row.resize(width + 2 * R, 0.0);
+    widest(
+        #[inline(always)]
+        || smooth_rows::<R>(from, width, into, row),
+    );
+}
+
+#[inline(always)]
+fn smooth_rows<const R: usize>(from: &[f32], width: usize, into: &mut [f32], row: &mut [f32]) {
+    let height = from.len().checked_div(width).unwrap_or(0);
     for (y, out) in into.chunks_exact_mut(width.max(1)).enumerate() {
         let near = |tap: usize| &from[mirrored((y + tap) as isize - R as isize, height) * width..][..width];
         let inner = &mut row[R..R + width];
@@ -36,6 +46,7 @@ pub fn smooth<const R: usize>(from: &[f32], width: usize, into: &mut [f32], row:
 }
 
 /// The same along one row, which has `R` more numbers at each end.
+#[inline(always)]
 fn along<const R: usize>(row: &[f32], out: &mut [f32]) {
     let width = out.len();
     let middle = &row[R..R + width];
@@ -50,12 +61,18 @@ fn along<const R: usize>(row: &[f32], out: &mut [f32]) {
 
 /// Halves a plane: the means of squares of two by two, an odd last row or column left out.
 pub fn halve(from: &[f32], width: usize, into: &mut [f32]) {
-    for (rows, out) in from.chunks_exact(2 * width.max(1)).zip(into.chunks_exact_mut((width / 2).max(1))) {
-        let (upper, lower) = rows.split_at(width);
-        for ((out, a), b) in out.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
-            *out = (a[0] + a[1] + b[0] + b[1]) * 0.25;
-        }
-    }
+    let rows = from.chunks_exact(2 * width.max(1)).zip(into.chunks_exact_mut((width / 2).max(1)));
+    widest(
+        #[inline(always)]
+        || {
+            for (rows, out) in rows {
+                let (upper, lower) = rows.split_at(width);
+                for ((out, a), b) in out.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
+                    *out = (a[0] + a[1] + b[0] + b[1]) * 0.25;
+                }
+            }
+        },
+    );
 }
 
 /// Resizes planes of one size to one size: between the two nearest pixels along each axis.
@@ -80,12 +97,25 @@ impl Resampler {
 
     /// Resizes a plane, times `gain`.
     pub fn plane(&mut self, from: &[f32], gain: f32, into: &mut [f32]) {
-        let ([width, height], [columns, lines]) = (self.from, self.into);
+        let [width, height] = self.from;
         if width == 0 || height == 0 {
+            return;
+        }
+        if self.from == self.into {
+            into.iter_mut().zip(from).for_each(|(out, value)| *out = value * gain);
             return;
         }
         // One more, that the last column may have a right neighbour.
         self.row.resize(width + 1, 0.0);
+        widest(
+            #[inline(always)]
+            || self.lines(from, gain, into),
+        );
+    }
+
+    #[inline(always)]
+    fn lines(&mut self, from: &[f32], gain: f32, into: &mut [f32]) {
+        let ([width, height], [columns, lines]) = (self.from, self.into);
         for (y, out) in into.chunks_exact_mut(columns.max(1)).enumerate() {
             let (above, share) = nearest(y, lines, height);
             let below = (above as usize + 1).min(height - 1);

@@ -3,10 +3,13 @@
 use swerve_geom::math;
 
 use crate::image::Rgb;
+use crate::simd::widest;
 use crate::stack::Stack;
 
 /// Steps of the table of lightness.
 const STEPS: usize = 1024;
+/// Entries: more than white, where the weights sum up to more than one, and any index has one once it is cut to it.
+const ENTRIES: usize = 2 * STEPS;
 /// The largest of L, u and v; they begin at 0, -88 and -134.
 const LARGEST: f32 = 270.0;
 /// Red, green and blue of the primaries in X, Y, Z.
@@ -19,9 +22,11 @@ const WHITE: [f32; 2] = [0.197_833, 0.468_331];
 #[derive(Clone, Debug)]
 pub struct Luv {
     /// Lightness by luminance.
-    lightness: Vec<f32>,
+    lightness: Box<[f32; ENTRIES]>,
     x: Vec<f32>,
     z: Vec<f32>,
+    /// Which entry of the table.
+    y: Vec<i32>,
 }
 
 impl Default for Luv {
@@ -32,8 +37,8 @@ impl Default for Luv {
             let l = if y > dark { 116.0 * math::pow(y, third) - 16.0 } else { y * 24389.0 / 27.0 };
             l as f32 / LARGEST
         };
-        // A little more than white, where the weights sum up to more than one.
-        Self { lightness: (0..STEPS + 8).map(lightness).collect(), x: Vec::new(), z: Vec::new() }
+        let lightness = Box::new(core::array::from_fn(lightness));
+        Self { lightness, x: Vec::new(), z: Vec::new(), y: Vec::new() }
     }
 }
 
@@ -44,32 +49,43 @@ impl Luv {
         into.shape(3, width, rows.len());
         self.x.resize(width, 0.0);
         self.z.resize(width, 0.0);
-        for (line, row) in rows.enumerate() {
-            self.lightness_row(image.row(row), into.row_mut(0, line));
-            for (plane, white, numerator) in [(1, WHITE[0], 4.0), (2, WHITE[1], 9.0)] {
-                let start = if plane == 1 { 88.0 } else { 134.0 } / LARGEST;
-                let (l, out) = two_rows(into, plane, line);
-                let top = if plane == 1 { &self.x } else { &self.z };
-                for ((out, l), share) in out.iter_mut().zip(l).zip(top) {
-                    *out = l * 13.0 * (numerator * share - white) + start;
+        self.y.resize(width, 0);
+        widest(
+            #[inline(always)]
+            || {
+                for (line, row) in rows.enumerate() {
+                    self.row(image.row(row), line, into);
                 }
-            }
-        }
+            },
+        );
     }
 
-    /// L of one row; `x` and `z` become X and Y over X + 15 Y + 3 Z.
-    fn lightness_row(&mut self, rgb: &[u8], into: &mut [f32]) {
-        for (((l, x), z), rgb) in into.iter_mut().zip(&mut self.x).zip(&mut self.z).zip(rgb.chunks_exact(3)) {
+    #[inline(always)]
+    fn row(&mut self, rgb: &[u8], line: usize, into: &mut Stack) {
+        for (((x, z), y), rgb) in self.x.iter_mut().zip(&mut self.z).zip(&mut self.y).zip(rgb.chunks_exact(3))
+        {
             let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(|value| f32::from(value) * (1.0 / 255.0));
             let [cx, cy, cz] = XYZ.map(|row| row[0] * r + row[1] * g + row[2] * b);
             let over = 1.0 / (cx + 15.0 * cy + 3.0 * cz + 1e-35);
             (*x, *z) = (cx * over, cy * over);
-            *l = self.lightness[(cy * STEPS as f32) as usize];
+            *y = (cy * STEPS as f32) as i32;
+        }
+        for (l, y) in into.row_mut(0, line).iter_mut().zip(&self.y) {
+            *l = self.lightness[*y as usize % ENTRIES];
+        }
+        for (plane, white, numerator) in [(1, WHITE[0], 4.0), (2, WHITE[1], 9.0)] {
+            let start = if plane == 1 { 88.0 } else { 134.0 } / LARGEST;
+            let (l, out) = two_rows(into, plane, line);
+            let top = if plane == 1 { &self.x } else { &self.z };
+            for ((out, l), share) in out.iter_mut().zip(l).zip(top) {
+                *out = l * 13.0 * (numerator * share - white) + start;
+            }
         }
     }
 }
 
 /// A row of the first plane, and the same of a later one to be written.
+#[inline(always)]
 fn two_rows(stack: &mut Stack, plane: usize, row: usize) -> (&[f32], &mut [f32]) {
     let (width, height) = (stack.width(), stack.height());
     let (first, later) = stack.numbers_mut().split_at_mut(width * height);

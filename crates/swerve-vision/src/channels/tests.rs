@@ -3,6 +3,7 @@ use swerve_geom::math;
 
 use super::*;
 use crate::image::Rgb;
+use crate::simd::narrow::both;
 
 /// Bytes of colours that change slowly, with an edge and some noise.
 fn picture(width: usize, height: usize, seed: u64) -> Vec<u8> {
@@ -119,6 +120,40 @@ fn flat_images_of_any_size_have_no_edges() {
         assert!(edges.into_iter().all(|n| n.abs() < 1e-3), "{value} {size:?}");
     }
     assert_eq!(computed(&[], [0, 0], 2).numbers().len(), 0);
+}
+
+/// Also rows that are no multiple of a vector, and both ways of adding up cells.
+#[test]
+fn wide_instructions_change_no_bit() {
+    for (size, shrink) in [([97, 61], 2), ([64, 48], 4), ([5, 9], 1)] {
+        let bytes = picture(size[0], size[1], 7);
+        let [wide, narrow] = both(|| {
+            let cells = computed(&bytes, size, shrink);
+            let (mut resampler, mut half) = (Resampler::default(), vec![0.0; size[0] * size[1]]);
+            let mut resized = Stack::default();
+            resized.shape(CHANNELS, size[0] + 3, size[1] / 2);
+            resampler.set([cells.width(), cells.height()], [size[0] + 3, size[1] / 2]);
+            for plane in 0..CHANNELS {
+                resampler.plane(cells.plane(plane), 0.9, resized.plane_mut(plane));
+            }
+            halve(resized.plane(0), resized.width(), &mut half);
+            [cells.numbers(), resized.numbers(), &half]
+                .concat()
+                .iter()
+                .map(|n| n.to_bits())
+                .collect::<Vec<_>>()
+        });
+        assert!(wide == narrow && wide.iter().any(|bits| *bits != 0), "{size:?}");
+    }
+}
+
+#[test]
+fn a_plane_of_the_size_it_has_stays_as_it_is() {
+    let mut resampler = Resampler::default();
+    let (from, mut into) = ([0.25, 1.5, -0.0, 7.0, 1e-30, 3.0], [0.0; 6]);
+    resampler.set([3, 2], [3, 2]);
+    resampler.plane(&from, 1.0, &mut into);
+    assert_eq!(from, into);
 }
 
 #[test]

@@ -68,10 +68,15 @@ impl Labelled {
         self.truths.iter().filter_map(one).collect()
     }
 
-    /// Boxes of a class that are to be learnt: whole ones, nearly.
-    pub(super) fn examples(&self, class: Class, within_m: f64) -> impl Iterator<Item = [f64; 4]> {
+    /// Boxes of a class that are to be learnt: hidden no more than `occluded_max`, at most a tenth beyond the image's edge.
+    pub(super) fn examples(
+        &self,
+        class: Class,
+        occluded_max: u32,
+        within_m: f64,
+    ) -> impl Iterator<Item = [f64; 4]> {
         let clean = move |truth: &&Truth| {
-            let visible = truth.occluded == 0 && truth.truncated <= 0.1;
+            let visible = truth.occluded <= occluded_max && truth.truncated <= 0.1;
             class.is(&truth.kind) == Some(true) && visible && truth.depth_m <= within_m
         };
         self.truths.iter().filter(clean).map(|truth| truth.bbox)

@@ -35,7 +35,7 @@ pub(super) fn untrained(recipe: &Recipe, source: String) -> Weights {
         classes: classes.iter().map(|class| class.name().to_owned()).collect(),
         models: recipe.window.iter().map(model).collect(),
         rungs: recipe.rung.iter().map(|rung| rung.rung()).collect(),
-        overlap: (0.5, Overlap::Union),
+        overlap: (recipe.learning.overlap, Overlap::Union),
     }
 }
 
@@ -143,7 +143,7 @@ fn mine(
     let mut rng = Rng::keyed(recipe.seed, "windows", &[number as i64]);
     for (model, (window, out)) in recipe.window.iter().zip(&mut windows).enumerate() {
         if round == 0 {
-            for bbox in image.examples(window.class, recipe.learning.within_m) {
+            for bbox in image.examples(window.class, window.occluded_max, recipe.learning.within_m) {
                 let aspect = bbox[2] / bbox[3];
                 if (window.aspects[0]..window.aspects[1]).contains(&aspect) {
                     example(scanner, window, (model, bbox), &mut out.positive);

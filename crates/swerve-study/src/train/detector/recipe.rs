@@ -35,6 +35,9 @@ pub(super) struct Window {
     pub(super) aspects: [f64; 2],
     /// The smallest and the largest height of an object.
     pub(super) heights_m: [f64; 2],
+    /// The most hidden that is learnt, by KITTI's levels: 0 whole, 1 partly hidden, 2 largely.
+    #[serde(default)]
+    pub(super) occluded_max: u32,
 }
 
 /// A kind of objects.
@@ -91,6 +94,8 @@ pub(super) struct Learning {
     pub(super) negatives: [usize; 2],
     /// Farther objects are neither learnt nor counted.
     pub(super) within_m: f64,
+    /// Of boxes of a class that share more than this of their union, the surest stays.
+    pub(super) overlap: f64,
 }
 
 /// A way to use the detector.
@@ -163,6 +168,8 @@ impl Recipe {
         ensure((1..=6).contains(&learning.depth), "learning.depth".into(), "expected 1 to 6");
         ensure(!learning.rounds.is_empty(), "learning.rounds".into(), "expected at least one");
         ensure(learning.negatives[0] > 0, "learning.negatives".into(), "expected more than 0");
+        let is_share = learning.overlap > 0.0 && learning.overlap <= 1.0;
+        ensure(is_share, "learning.overlap".into(), "expected more than 0, at most 1");
         ensure(!self.rung.is_empty(), "rung".into(), "expected at least one");
         for (k, rung) in self.rung.iter().enumerate() {
             let known = (-1..=1).contains(&rung.first_octave) && (1..=32).contains(&rung.per_octave);
