@@ -185,3 +185,6 @@ fn values(bytes: &[u8], kind: &str) -> Result<Vec<f64>, String> {
         other => return Err(format!("numbers of type `{other}`, expected <f8, <f4, <i8, <i4, |u1 or |b1")),
     })
 }
+
+#[cfg(test)]
+mod tests;
