@@ -229,6 +229,13 @@ impl Localizer {
         Ok(Self { base_stamp: Some(stamp), ..Self::with(params, fold) })
     }
 
+    /// Tells the heading and its standard deviation, radians, to one that has not started yet: where the lane is known only
+    /// with the first fix. Without effect on one that has taken a fix.
+    pub fn suppose_heading(&mut self, heading: [f64; 2]) {
+        self.base.suppose_heading(heading);
+        self.states.iter_mut().for_each(|state| state.suppose_heading(heading));
+    }
+
     fn with(params: Params, base: Fold) -> Self {
         let (entries, states) = (VecDeque::with_capacity(KEPT + 1), VecDeque::with_capacity(KEPT + 1));
         Self { params, base, base_stamp: None, entries, states, too_late: 0, nonsense: 0 }

@@ -76,6 +76,10 @@ impl Fold {
         Self { start: None, filter, at, constrained: at, last_fix: Some(at), ..Self::waiting(None) }
     }
 
+    pub(super) fn suppose_heading(&mut self, heading: [f64; 2]) {
+        self.heading = Some(heading);
+    }
+
     pub(super) fn filter(&self) -> Option<&Eskf> {
         self.start.is_none().then_some(&self.filter)
     }
