@@ -35,7 +35,8 @@ impl Consistency {
     pub fn bounds(&self) -> [f64; 2] {
         let (runs, k) = (f64::from(self.runs.max(1)), f64::from(self.dof) * f64::from(self.runs.max(1)));
         let spread = 2.0 / (9.0 * k);
-        [-1.959_964, 1.959_964].map(|z| k * math::pow((1.0 - spread + z * spread.sqrt()).max(0.0), 3.0) / runs)
+        [-1.959_964, 1.959_964]
+            .map(|z| k * math::pow((1.0 - spread + z * spread.sqrt()).max(0.0), 3.0) / runs)
     }
 
     /// Whether the mean is inside its bounds.
@@ -56,7 +57,10 @@ mod tests {
             let mut consistency = Consistency::new(dof);
             (0..50).for_each(|_| consistency.add(f64::from(dof)));
             let [ours_low, ours_high] = consistency.bounds();
-            assert!((ours_low - low).abs() < 5e-3 && (ours_high - high).abs() < 5e-3, "{dof}: {ours_low} {ours_high}");
+            assert!(
+                (ours_low - low).abs() < 5e-3 && (ours_high - high).abs() < 5e-3,
+                "{dof}: {ours_low} {ours_high}"
+            );
             assert!(consistency.holds());
             (0..50).for_each(|_| consistency.add(3.0 * f64::from(dof)));
             assert!(!consistency.holds());

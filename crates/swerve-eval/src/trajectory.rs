@@ -62,7 +62,8 @@ impl SpacePose {
     /// The line, from 1, that is no pose.
     pub fn from_kitti(text: &str) -> Result<Vec<Self>, usize> {
         let pose = |line: &str| -> Option<Self> {
-            let numbers: Vec<f64> = line.split_whitespace().map(|word| word.parse().ok()).collect::<Option<_>>()?;
+            let numbers: Vec<f64> =
+                line.split_whitespace().map(|word| word.parse().ok()).collect::<Option<_>>()?;
             let rows: [f64; 12] = numbers.try_into().ok()?;
             rows.iter().all(|x| x.is_finite()).then(|| Self {
                 rotation: core::array::from_fn(|i| core::array::from_fn(|j| rows[4 * i + j])),

@@ -70,7 +70,13 @@ pub struct Eskf {
 
 impl Eskf {
     /// Moves on by `dt_s` under a specific force and a turn rate, both as measured and taken as constant.
-    pub fn predict(&mut self, params: &Params, accel_mps2: &Vector3<f64>, gyro_radps: &Vector3<f64>, dt_s: f64) {
+    pub fn predict(
+        &mut self,
+        params: &Params,
+        accel_mps2: &Vector3<f64>,
+        gyro_radps: &Vector3<f64>,
+        dt_s: f64,
+    ) {
         let n = &mut self.nominal;
         let force = accel_mps2 - n.accel_bias_mps2;
         let turn = exp(&((gyro_radps - n.gyro_bias_radps) * dt_s));
@@ -121,7 +127,12 @@ impl Eskf {
     }
 
     /// Follows a measurement, where its innovation's square is at most `gate`.
-    pub(crate) fn update<const M: usize>(&mut self, linear: &Linear<M>, gate: f64, degrees: bool) -> Innovation {
+    pub(crate) fn update<const M: usize>(
+        &mut self,
+        linear: &Linear<M>,
+        gate: f64,
+        degrees: bool,
+    ) -> Innovation {
         let refused = Innovation { nis: f64::INFINITY, accepted: false };
         let across = self.covariance * linear.rows.transpose();
         let spread = linear.rows * across + linear.noise;

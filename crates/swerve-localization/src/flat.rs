@@ -20,7 +20,12 @@ pub struct Origin {
 impl Origin {
     /// East, north and up of a fix from here, metres, on a flat map with the radii of curvature at the origin: right to
     /// 0.1 m at a kilometre. Nothing for what is no place on Earth or is further than 100 km from the origin.
-    pub fn east_north_up_m(&self, latitude_deg: f64, longitude_deg: f64, altitude_m: f64) -> Option<[f64; 3]> {
+    pub fn east_north_up_m(
+        &self,
+        latitude_deg: f64,
+        longitude_deg: f64,
+        altitude_m: f64,
+    ) -> Option<[f64; 3]> {
         let (sin, cos) = math::sin_cos(self.latitude_deg.to_radians());
         let eccentricity_squared = FLATTENING * (2.0 - FLATTENING);
         let root = (1.0 - eccentricity_squared * sin * sin).sqrt();

@@ -15,5 +15,5 @@ mod params;
 pub mod recorded;
 
 pub use eskf::{Eskf, Innovation};
-pub use localizer::{Estimate, Initial, Localizer, Mode, Sensed, Source, Tally, Taken};
+pub use localizer::{Estimate, Initial, Localizer, Mode, Sensed, Source, Taken, Tally};
 pub use params::{Hold, Params};

@@ -277,8 +277,12 @@ impl Localizer {
     fn forget(&mut self) {
         let Some(newest) = self.entries.back().map(|entry| entry.stamp) else { return };
         let horizon = Span::from_secs(self.params.horizon_s);
-        while self.entries.front().is_some_and(|first| newest - first.stamp > horizon) || self.entries.len() > KEPT {
-            let (Some(entry), Some(state)) = (self.entries.pop_front(), self.states.pop_front()) else { return };
+        while self.entries.front().is_some_and(|first| newest - first.stamp > horizon)
+            || self.entries.len() > KEPT
+        {
+            let (Some(entry), Some(state)) = (self.entries.pop_front(), self.states.pop_front()) else {
+                return;
+            };
             self.base = state;
             self.base_stamp = Some(entry.stamp);
         }

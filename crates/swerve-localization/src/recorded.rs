@@ -83,7 +83,9 @@ impl Recorded {
     pub fn new(arrays: &BTreeMap<String, Array>) -> Result<Self, String> {
         let get = |key: &str| arrays.get(key).ok_or_else(|| format!("no array `{key}`"));
         let rows = |key: &str| {
-            get(key)?.rows::<3>().ok_or_else(|| format!("`{key}` has another shape: expected rows of 3 numbers"))
+            get(key)?
+                .rows::<3>()
+                .ok_or_else(|| format!("`{key}` has another shape: expected rows of 3 numbers"))
         };
         let stamped = |key: &str| -> Result<Vec<(Time, [f64; 3])>, String> {
             let stamps = &get(&format!("{key}.t"))?.values;
@@ -96,7 +98,11 @@ impl Recorded {
         };
         let (force, turn) = (stamped("imu_f")?, rows("imu_w.data")?);
         if force.len() < 2 || turn.len() < force.len() {
-            return Err(format!("{} accelerations and {} turn rates: expected as many", force.len(), turn.len()));
+            return Err(format!(
+                "{} accelerations and {} turn rates: expected as many",
+                force.len(),
+                turn.len()
+            ));
         }
         let imu: Vec<_> = force.into_iter().zip(turn).map(|((t, f), w)| (t, f, *w)).collect();
         let turned = |y: [f64; 3]| {
@@ -141,7 +147,8 @@ impl Recorded {
     pub fn run(&self, params: Params, preset: Preset) -> Result<Report, swerve_core::ParamError> {
         let (position_m, [roll, pitch, yaw]) = self.truth[0];
         let attitude = from_euler(roll, pitch, yaw);
-        let initial = Initial { position_m, velocity_mps: self.velocity_mps, attitude, sigma: [0.1, 0.1, 0.01] };
+        let initial =
+            Initial { position_m, velocity_mps: self.velocity_mps, attitude, sigma: [0.1, 0.1, 0.01] };
         let mut localizer = Localizer::starting_at(params, self.imu[0].0, &initial)?;
         let fix_sigma_m = if preset == Preset::Paper { Params::PAPER_FIX_M2.sqrt() } else { FIX_SIGMA_M };
         let fix = |at_m: [f64; 3]| Sensed::Fix { at_m, sigma_m: [fix_sigma_m; 3] };

@@ -90,7 +90,11 @@ fn result(args: &EvalArgs) -> anyhow::Result<String> {
         }
         What::Localization(args) => {
             let report = localization::evaluate(args)?;
-            if args.json { Ok(serde_json::to_string_pretty(&report)? + "\n") } else { numbers(&[("", &report)]) }
+            if args.json {
+                Ok(serde_json::to_string_pretty(&report)? + "\n")
+            } else {
+                numbers(&[("", &report)])
+            }
         }
     }
 }

@@ -16,7 +16,13 @@ fn poses(name: &str) -> Option<Vec<SpacePose>> {
 }
 
 fn close(ours: &TrajectoryErrors, golden: &Value, share: f64, what: &str) {
-    for (ours, key) in [(ours.rmse, "rmse"), (ours.mean, "mean"), (ours.median, "median"), (ours.std, "std"), (ours.max, "max")] {
+    for (ours, key) in [
+        (ours.rmse, "rmse"),
+        (ours.mean, "mean"),
+        (ours.median, "median"),
+        (ours.std, "std"),
+        (ours.max, "max"),
+    ] {
         let golden = golden[key].as_f64().unwrap();
         assert!((ours - golden).abs() <= share * golden, "{what} {key}: {ours}, evo has {golden}");
     }
@@ -25,7 +31,8 @@ fn close(ours: &TrajectoryErrors, golden: &Value, share: f64, what: &str) {
 /// Against `evo`, whose numbers and program are in `tests/reference/trajectory`.
 #[test]
 fn errors_are_those_of_evo() {
-    let golden: Value = serde_json::from_str(include_str!("../../../../tests/reference/trajectory/golden.json")).unwrap();
+    let golden: Value =
+        serde_json::from_str(include_str!("../../../../tests/reference/trajectory/golden.json")).unwrap();
     for run in golden["runs"].as_array().unwrap() {
         let name = run["file"].as_str().unwrap();
         let (Some(truth), Some(found)) = (poses("KITTI_00_gt.txt"), poses(name)) else { return };
@@ -43,7 +50,12 @@ fn errors_are_those_of_evo() {
         for delta in [1, 100] {
             let relative = relative_errors(&truth, &found, delta);
             close(&relative.position_m, &run[format!("rpe_{delta}_m")], 1e-6, &format!("{what} RPE {delta}"));
-            close(&relative.angle_deg, &run[format!("rpe_{delta}_deg")], 1e-3, &format!("{what} RPE {delta}"));
+            close(
+                &relative.angle_deg,
+                &run[format!("rpe_{delta}_deg")],
+                1e-3,
+                &format!("{what} RPE {delta}"),
+            );
         }
     }
 }

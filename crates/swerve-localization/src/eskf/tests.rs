@@ -73,7 +73,12 @@ fn the_transition_is_the_derivative_of_the_step() {
 fn the_update_is_josephs() {
     let mut filter = filter();
     for k in 0..50 {
-        filter.predict(&Params::default(), &Vector3::new(0.3, 0.1, 9.8), &Vector3::new(0.0, 0.0, 0.02 * f64::from(k)), 0.01);
+        filter.predict(
+            &Params::default(),
+            &Vector3::new(0.3, 0.1, 9.8),
+            &Vector3::new(0.0, 0.0, 0.02 * f64::from(k)),
+            0.01,
+        );
     }
     let mut rows = SMatrix::<f64, 3, STATES>::zeros();
     for i in 0..3 {

@@ -6,7 +6,8 @@ use swerve_core::{Span, Time};
 use super::start::{Begin, Start};
 use super::{Entry, Estimate, Initial, Mode, Sensed, Source, Tally};
 use crate::eskf::{
-    ATTITUDE, ACCEL_BIAS, Covariance, Eskf, GYRO_BIAS, Linear, OFFSET, POSITION, SCALE, STATES, VELOCITY, skew, yaw_rad,
+    ACCEL_BIAS, ATTITUDE, Covariance, Eskf, GYRO_BIAS, Linear, OFFSET, POSITION, SCALE, STATES, VELOCITY,
+    skew, yaw_rad,
 };
 use crate::params::{Hold, Params};
 
@@ -220,8 +221,7 @@ impl Fold {
         }
         let Wheels { last, since, .. } = self.wheels;
         self.wheels.last = Some(stamp);
-        self.wheels.standing_since =
-            (speed_mps == 0.0).then(|| self.wheels.standing_since.unwrap_or(stamp));
+        self.wheels.standing_since = (speed_mps == 0.0).then(|| self.wheels.standing_since.unwrap_or(stamp));
         // The first reading's own time is not known, and so not what the filter moved in it.
         let (Some(last), Some(since)) = (last, since) else {
             self.wheels = Wheels { since: Some(stamp), filter_m: 0.0, wheel_m: 0.0, ..self.wheels };
@@ -292,7 +292,13 @@ impl Fold {
         self.followed(params, Source::Standing, &linear, None);
     }
 
-    fn followed<const M: usize>(&mut self, params: &Params, source: Source, linear: &Linear<M>, fix: Option<Time>) {
+    fn followed<const M: usize>(
+        &mut self,
+        params: &Params,
+        source: Source,
+        linear: &Linear<M>,
+        fix: Option<Time>,
+    ) {
         let innovation = self.filter.update(linear, params.gate(M), params.degrees_error);
         let tally = &mut self.tallies[source as usize];
         if innovation.accepted {
@@ -333,7 +339,10 @@ impl Fold {
         let silent = |imu: Reading| (self.at - imu.stamp).as_secs() > params.imu_timeout_s;
         let since_fix = self.last_fix.map(|last| (self.at - last).as_secs());
         // Not `>`: what is no number is lost, too.
-        if !(estimate.sigma_m() <= params.lost_sigma_m) || self.imu.is_none_or(silent) || !self.filter.is_sound() {
+        if !(estimate.sigma_m() <= params.lost_sigma_m)
+            || self.imu.is_none_or(silent)
+            || !self.filter.is_sound()
+        {
             Mode::Lost
         } else if since_fix.is_none_or(|s| s > params.coasting_after_s) {
             Mode::Coasting

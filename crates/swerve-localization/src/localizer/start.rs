@@ -110,7 +110,12 @@ pub(super) struct Start {
 
 impl Start {
     /// One more measurement; with the last that it takes, where to begin.
-    pub(super) fn take(&mut self, params: &Params, heading: Option<[f64; 2]>, entry: &Entry) -> Option<Begin> {
+    pub(super) fn take(
+        &mut self,
+        params: &Params,
+        heading: Option<[f64; 2]>,
+        entry: &Entry,
+    ) -> Option<Begin> {
         match entry.what {
             Sensed::Imu { accel_mps2, gyro_radps } => {
                 self.accel_sum_mps2 += Vector3::from(accel_mps2);

@@ -117,7 +117,12 @@ fn it_knows_how_good_it_is() {
             *sum += tally.nis_sum / tally.taken as f64 / 50.0;
         }
     }
-    println!("NEES {nees:.2} of 2, NIS of fixes {:.2} of 3, of wheels {:.2} of 1, rms {:.3} m", nis[0], nis[1], square.sqrt());
+    println!(
+        "NEES {nees:.2} of 2, NIS of fixes {:.2} of 3, of wheels {:.2} of 1, rms {:.3} m",
+        nis[0],
+        nis[1],
+        square.sqrt()
+    );
     assert!((1.48..=2.59).contains(&nees), "{nees}");
     assert!((nis[0] - 3.0).abs() < 0.1 && (nis[1] - 1.0).abs() < 0.1, "{nis:?}");
 }
@@ -167,7 +172,8 @@ fn an_outage_is_bridged_by_wheels_and_gyroscopes() {
             let mut drive = Drive::new(seed, Params { offset_m: 0.0, ..Params::default() });
             drive.fix_sigma_m = 0.1;
             let seconds = 40 + gap_s;
-            let (measured, way, mut localizer) = (drive.measured(seconds), drive.way(seconds), drive.localizer());
+            let (measured, way, mut localizer) =
+                (drive.measured(seconds), drive.way(seconds), drive.localizer());
             let mut modes = Vec::new();
             for (stamp, what) in measured {
                 if stamp > Time::ZERO + Span::from_secs(40.0) && is_fix(&what) {
@@ -194,7 +200,9 @@ fn a_spike_of_fixes_is_refused() {
         let (measured, way, mut localizer) = (drive.measured(40), drive.way(40), drive.localizer());
         for (stamp, mut what) in measured {
             let t_s = stamp.ns() as f64 * 1e-9;
-            if let Sensed::Fix { at_m, .. } = &mut what && (20.0..28.0).contains(&t_s) {
+            if let Sensed::Fix { at_m, .. } = &mut what
+                && (20.0..28.0).contains(&t_s)
+            {
                 at_m[1] += 60.0;
             }
             localizer.take(stamp, what);
@@ -218,7 +226,10 @@ fn it_starts_in_motion_by_the_course() {
     }
     let estimate = localizer.estimate().unwrap();
     let [x, y] = error_m(&estimate, *drive.way(20).last().unwrap());
-    assert!(math::hypot(x, y) < 0.5 && (estimate.heading_rad - Drive::turn(20.0)[0]).abs() < 0.02, "{estimate:?}");
+    assert!(
+        math::hypot(x, y) < 0.5 && (estimate.heading_rad - Drive::turn(20.0)[0]).abs() < 0.02,
+        "{estimate:?}"
+    );
 }
 
 #[test]
@@ -253,7 +264,9 @@ fn a_wrong_start_is_started_again() {
     let mut localizer = drive.localizer();
     let mut first = true;
     for (stamp, mut what) in drive.measured(10) {
-        if let Sensed::Fix { at_m, .. } = &mut what && std::mem::take(&mut first) {
+        if let Sensed::Fix { at_m, .. } = &mut what
+            && std::mem::take(&mut first)
+        {
             *at_m = [80_000.0, -70_000.0, 0.0];
         }
         localizer.take(stamp, what);

@@ -14,10 +14,12 @@ fn npz(data: &[u8], deflated: bool) -> Vec<u8> {
     let packed = if deflated { miniz_oxide::deflate::compress_to_vec(data, 6) } else { data.to_vec() };
     let long = |n: usize| u32::try_from(n).unwrap().to_le_bytes();
     let method: [u8; 2] = if deflated { [8, 0] } else { [0, 0] };
-    let same = [&method[..], &[0; 4], &crc32(data).to_le_bytes(), &long(packed.len()), &long(data.len()), &[5, 0]];
+    let same =
+        [&method[..], &[0; 4], &crc32(data).to_le_bytes(), &long(packed.len()), &long(data.len()), &[5, 0]];
     let header = [b"PK\x03\x04\x14\x00\x00\x00", &same.concat()[..], b"\x00\x00", b"a.npy", &packed].concat();
     let entry = [b"PK\x01\x02\x14\x00\x14\x00\x00\x00", &same.concat()[..], &[0; 16], b"a.npy"].concat();
-    let end = [b"PK\x05\x06\x00\x00\x00\x00\x01\x00\x01\x00", &long(entry.len())[..], &long(header.len()), &[0; 2]];
+    let end =
+        [b"PK\x05\x06\x00\x00\x00\x00\x01\x00\x01\x00", &long(entry.len())[..], &long(header.len()), &[0; 2]];
     [header, entry, end.concat()].concat()
 }
 

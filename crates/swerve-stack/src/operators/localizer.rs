@@ -106,15 +106,19 @@ impl Kind for Filter {
     fn problems(table: &Keys) -> KeyProblems {
         let mut told = table.params(&Params::default()).err().unwrap_or_default();
         if !(0.0..=90.0).contains(&table.lane_heading_deg) {
-            told.push(("lane_heading_deg".into(), format!("expected 0 to 90, found {}", table.lane_heading_deg)));
+            told.push((
+                "lane_heading_deg".into(),
+                format!("expected 0 to 90, found {}", table.lane_heading_deg),
+            ));
         }
         told
     }
 
     fn new(table: Keys, site: &Site<'_>) -> anyhow::Result<Self> {
         let config = site.config();
-        let problems = |told| anyhow!("operator.{}: {}", site.name(), swerve_text::in_one_line(told));
-        let params = table.params(&known(config)).map_err(|told| problems(&told))?;
+        let problems =
+            |told: KeyProblems| anyhow!("operator.{}: {}", site.name(), swerve_text::in_one_line(&told));
+        let params = table.params(&known(config)).map_err(problems)?;
         let gnss = &config.sensing.gnss;
         let origin = Origin {
             latitude_deg: gnss.origin_latitude_deg,
@@ -160,7 +164,10 @@ impl Operator for Filter {
 }
 
 /// Those of a window that were not there before.
-fn new<'a, T>(window: &'a [Message<T>], taken: &mut u64) -> impl Iterator<Item = &'a Message<T>> + use<'a, T> {
+fn new<'a, T>(
+    window: &'a [Message<T>],
+    taken: &mut u64,
+) -> impl Iterator<Item = &'a Message<T>> + use<'a, T> {
     let from = *taken;
     *taken = window.last().map_or(from, |newest| newest.header().seq + 1);
     window.iter().filter(move |message| message.header().seq >= from)
@@ -182,12 +189,13 @@ impl Filter {
     fn start(&mut self, at_m: [f64; 3]) {
         let Some(sigma_rad) = self.lane_heading_rad else { return };
         let s_m = self.route.project(Point2::new(at_m[0], at_m[1])).s_m;
-        let heading_rad = self.route.line().at(s_m).heading_rad;
+        let heading_rad = self.route.line().at(s_m).pose.heading_rad;
         self.localizer.suppose_heading([heading_rad, sigma_rad]);
     }
 
     fn state(&self, estimate: &Estimate) -> EgoState {
-        let Estimate { stamp, position_m, heading_rad, velocity_mps, accel_mps2, yaw_rate_radps, .. } = *estimate;
+        let Estimate { stamp, position_m, heading_rad, velocity_mps, accel_mps2, yaw_rate_radps, .. } =
+            *estimate;
         EgoState {
             stamp,
             pose: Pose2::new(position_m.x, position_m.y, heading_rad),
