@@ -278,7 +278,7 @@ pub(crate) fn skew(v: &Vector3<f64>) -> Matrix3<f64> {
 /// The rotation by a vector: along its axis, by its length.
 pub(crate) fn exp(v: &Vector3<f64>) -> UnitQuaternion<f64> {
     let angle = v.dot(v).sqrt();
-    if !(angle > 1e-12) {
+    if angle.is_nan() || angle <= 1e-12 {
         return unit_of(Quaternion::new(1.0, 0.5 * v.x, 0.5 * v.y, 0.5 * v.z));
     }
     let (sin, cos) = math::sin_cos(0.5 * angle);

@@ -147,8 +147,8 @@ impl Params {
     pub(crate) fn gate(&self, dof: usize) -> f64 {
         let quantiles = match self.gate_one_in {
             0 => return f64::INFINITY,
-            ..=10 => [2.706, 4.605, 6.251],
-            ..=100 => [6.635, 9.210, 11.345],
+            1..=10 => [2.706, 4.605, 6.251],
+            11..=100 => [6.635, 9.210, 11.345],
             _ => [10.828, 13.816, 16.266],
         };
         quantiles[dof - 1]

@@ -338,11 +338,9 @@ impl Fold {
     fn mode(&self, params: &Params, estimate: &Estimate) -> Mode {
         let silent = |imu: Reading| (self.at - imu.stamp).as_secs() > params.imu_timeout_s;
         let since_fix = self.last_fix.map(|last| (self.at - last).as_secs());
-        // Not `>`: what is no number is lost, too.
-        if !(estimate.sigma_m() <= params.lost_sigma_m)
-            || self.imu.is_none_or(silent)
-            || !self.filter.is_sound()
-        {
+        // What is no number is lost, too.
+        let is_sure = estimate.sigma_m() <= params.lost_sigma_m;
+        if !is_sure || self.imu.is_none_or(silent) || !self.filter.is_sound() {
             Mode::Lost
         } else if since_fix.is_none_or(|s| s > params.coasting_after_s) {
             Mode::Coasting
