@@ -1,5 +1,6 @@
 //! Evaluation of a drive: verdict, distances, impact, comfort, response times, run times; and of perception:
-//! detections, tracks, segmentation, each also at the instant at which it can be used ([`timely`]).
+//! detections, tracks, segmentation, each also at the instant at which it can be used ([`timely`]); and of localization:
+//! errors of trajectories, and whether a filter knows its own.
 //!
 //! Every measure is a small accumulator that takes in one sample at a time, so that a run of any length is
 //! evaluated while it happens; [`Evaluation`] holds one of each and gives [`Metrics`], which serialise to
@@ -10,6 +11,7 @@
 mod average_precision;
 mod coco;
 pub mod comfort;
+mod consistency;
 mod distance;
 mod distribution;
 mod drive;
@@ -25,11 +27,13 @@ mod runtime;
 mod segmentation;
 pub mod timely;
 mod tracking;
+mod trajectory;
 mod verdict;
 mod why;
 
 pub use average_precision::{AveragePrecision, Found, Recalls};
 pub use coco::{CocoClass, CocoFound, CocoMetrics, CocoTruth};
+pub use consistency::Consistency;
 pub use distance::{Clearance, Clearances, Outline};
 pub use distribution::{Distribution, Summary};
 pub use drive::{Drive, DriveMetrics};
@@ -45,6 +49,9 @@ pub use segmentation::{Confusion, UnknownClass};
 pub use swerve_geom::image_iou;
 pub use swerve_msg::truth::Verdict;
 pub use tracking::{ClearMot, Hota, IdentityScore, SIMILARITY_MIN, TrackingFrame, TrackingMetrics};
+pub use trajectory::{
+    Alignment, PoseErrors, SpacePose, TrajectoryErrors, absolute_errors, aligned, relative_errors,
+};
 pub use verdict::{Impact, Outcome};
 pub use why::{Account, Milestone, Wait, Why, WhyStep};
 

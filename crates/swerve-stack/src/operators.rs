@@ -16,6 +16,7 @@ mod ladder;
 mod lanes;
 mod lidar;
 mod lidar_objects;
+mod localizer;
 mod monitor;
 mod objects_now;
 mod obstacles;
@@ -65,6 +66,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<lidar_objects::Objects>()
         .with_kind(fusion::Fusions)
         .with::<lanes::LaneLines>()
+        .with::<localizer::Filter>()
         .with::<segmentation::Segmentation>()
         .with::<traffic_lights::Lights>()
         .with_kind(tracker::Trackers)

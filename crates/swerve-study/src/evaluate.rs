@@ -1,7 +1,8 @@
-//! `swerve eval`: what a detector or a tracker reports, from files of the usual forms, against the truth.
+//! `swerve eval`: what a detector, a tracker or a localizer reports, from files of the usual forms, against the truth.
 
 mod coco;
 mod kitti;
+mod localization;
 pub(crate) mod mot;
 #[cfg(test)]
 mod tests;
@@ -16,6 +17,7 @@ use serde::Serialize;
 use serde_json::Value;
 use swerve_report::output::align;
 
+use localization::LocalizationArgs;
 use timely::TimelyArgs;
 
 /// `swerve eval`.
@@ -31,6 +33,8 @@ enum What {
     Detection(DetectionArgs),
     /// Tracks in the image: CLEAR MOT, IDF1, HOTA
     Tracking(Compared),
+    /// A localizer on a recorded drive: errors in metres and degrees, and whether it knows how good it is (NEES, NIS)
+    Localization(LocalizationArgs),
 }
 
 #[derive(clap::Args, Debug)]
@@ -83,6 +87,14 @@ fn result(args: &EvalArgs) -> anyhow::Result<String> {
         }
         What::Tracking(compared) => {
             told(compared, &mot::evaluate(compared)?, |metrics| numbers(&[("", metrics)]))
+        }
+        What::Localization(args) => {
+            let report = localization::evaluate(args)?;
+            if args.json {
+                Ok(serde_json::to_string_pretty(&report)? + "\n")
+            } else {
+                numbers(&[("", &report)])
+            }
         }
     }
 }

@@ -1,0 +1,19 @@
+//! Localization: where the vehicle is, how it stands and moves, and how sure that is.
+//!
+//! [`Eskf`] is the filter, [`Localizer`] what stands around it: start, gates, constraints of a car, measurements that come
+//! late, modes. [`flat`] puts a satellite fix on the map.
+//!
+//! Absences: no engine, no simulator, no file, no clock, no truth, no message type. No memory is asked for once a
+//! [`Localizer`] is made. No product of large matrices from nalgebra: it picks instructions by the processor, and bits
+//! with them.
+
+pub mod eskf;
+pub mod flat;
+mod localizer;
+pub mod npz;
+mod params;
+pub mod recorded;
+
+pub use eskf::{Eskf, Innovation};
+pub use localizer::{Estimate, Initial, Localizer, Mode, Sensed, Source, Taken, Tally};
+pub use params::{Hold, Params};

@@ -1,0 +1,209 @@
+//! Where the ego is by its own sensors, in the place of the pose that the simulator or a vehicle tells.
+//!
+//! ```text
+//! imu, gnss, wheel odometry > localizer --EgoState--> planner, controller
+//! ```
+//!
+//! While it is lost it says nothing: a controller that hears no state falls silent for the safety gate, which stops the car.
+
+use anyhow::anyhow;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use swerve_flow::{At, Context, Inputs, Message, Operator, Port, Window};
+use swerve_geom::{Point2, Pose2, math};
+use swerve_localization::flat::Origin;
+use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed};
+use swerve_msg::{EgoState, Gnss, Imu, Route, WheelOdometry};
+
+use crate::config::Config;
+use crate::kind::{KeyProblems, Kind, Node};
+use crate::site::Site;
+
+/// Messages kept of each sensor: those of a few steps, so that none is missed.
+const KEPT: usize = 16;
+
+/// A filter over inertial unit, satellite fixes and wheels.
+pub(super) struct Filter {
+    localizer: Localizer,
+    params: Params,
+    /// Deviation of the heading that the lane gives, radians; none where the course has to.
+    lane_heading_rad: Option<f64>,
+    /// What is known of the receiver, metres.
+    noise_m: f64,
+    origin: Origin,
+    route: Route,
+    /// Messages of each sensor that were taken.
+    taken: [u64; 2],
+    started: bool,
+    steering_rad: f64,
+}
+
+/// All that says how it moves, and where it is.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// Accelerations and turn rates: each makes a pose.
+    imu: At<Imu>,
+    /// Satellite fixes.
+    fixes: Window<Gnss, KEPT>,
+    /// Speeds by the wheels.
+    wheels: Window<WheelOdometry, KEPT>,
+}
+
+/// Keys of a localizer.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Keys {
+    /// At the start the car stands along its lane, but for this deviation, degrees; 0: its heading is that of its first course.
+    lane_heading_deg: f64,
+    /// What differs from what `[sensing]` says of the sensors.
+    #[schemars(with = "Params")]
+    params: toml::Table,
+}
+
+impl Default for Keys {
+    fn default() -> Self {
+        Self { lane_heading_deg: 5.0, params: toml::Table::new() }
+    }
+}
+
+impl Keys {
+    fn params(&self, known: &Params) -> Result<Params, KeyProblems> {
+        let within = |problems: KeyProblems| {
+            problems.into_iter().map(|(key, what)| (format!("params.{key}"), what)).collect::<KeyProblems>()
+        };
+        let table = toml::Table::try_from(known);
+        let mut table = table.map_err(|e| vec![("params".to_owned(), e.to_string())])?;
+        table.extend(self.params.clone());
+        let params: Params = swerve_text::read(&table).map_err(within)?;
+        let told = |e: swerve_core::ParamError| {
+            within(vec![(e.key.to_string(), format!("expected {}, found {}", e.expected, e.value))])
+        };
+        params.validate().map_err(told).map(|()| params)
+    }
+}
+
+/// What the configuration says of the sensors, and no better than real ones are.
+fn known(config: &Config) -> Params {
+    let (sensing, vehicle) = (&config.sensing, &config.sim.vehicle);
+    let root_period = (sensing.imu_period_ms * 1e-3).sqrt();
+    Params {
+        accel_noise: [(sensing.imu.accel_noise_mps2 * root_period).max(0.02); 3],
+        gyro_noise: [(sensing.imu.gyro_noise_radps * root_period).max(5e-4); 3],
+        accel_bias_mps2: sensing.imu.accel_bias_mps2.max(0.01),
+        gyro_bias_radps: sensing.imu.gyro_bias_radps.max(1e-4),
+        offset_m: sensing.gnss.bias_m,
+        wheel_scale: sensing.odometry.radius_error,
+        imu_at_m: [vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m],
+        ..Params::default()
+    }
+}
+
+impl Kind for Filter {
+    const NODE: Node =
+        Node::new("localizer", "where the ego is by inertial unit, satellite fixes and wheels");
+    type Table = Keys;
+
+    fn problems(table: &Keys) -> KeyProblems {
+        let mut told = table.params(&Params::default()).err().unwrap_or_default();
+        if !(0.0..=90.0).contains(&table.lane_heading_deg) {
+            told.push((
+                "lane_heading_deg".into(),
+                format!("expected 0 to 90, found {}", table.lane_heading_deg),
+            ));
+        }
+        told
+    }
+
+    fn new(table: Keys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let config = site.config();
+        let problems =
+            |told: KeyProblems| anyhow!("operator.{}: {}", site.name(), swerve_text::in_one_line(&told));
+        let params = table.params(&known(config)).map_err(problems)?;
+        let gnss = &config.sensing.gnss;
+        let origin = Origin {
+            latitude_deg: gnss.origin_latitude_deg,
+            longitude_deg: gnss.origin_longitude_deg,
+            altitude_m: gnss.origin_altitude_m,
+        };
+        let lane = table.lane_heading_deg.to_radians();
+        Ok(Self {
+            localizer: Localizer::new(params, None)?,
+            params,
+            lane_heading_rad: (lane > 0.0).then_some(lane),
+            noise_m: gnss.noise_m.max(0.01),
+            origin,
+            route: site.surroundings().route.clone(),
+            taken: [0; 2],
+            started: false,
+            steering_rad: 0.0,
+        })
+    }
+}
+
+impl Operator for Filter {
+    type In = In;
+    type Out = Port<EgoState>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let Some(imu) = input.imu.get() else { return };
+        let Imu { accel_mps2, gyro_radps, .. } = **imu;
+        self.localizer.take(imu.stamp, Sensed::Imu { accel_mps2, gyro_radps });
+        for wheels in new(input.wheels.get(), &mut self.taken[0]) {
+            self.steering_rad = wheels.steering_rad;
+            self.localizer.take(wheels.stamp, Sensed::Wheels(wheels.speed_mps));
+        }
+        for fix in new(input.fixes.get(), &mut self.taken[1]) {
+            self.fix(fix);
+        }
+        if let Some(estimate) = self.localizer.estimate()
+            && estimate.mode != Mode::Lost
+        {
+            out.send(self.state(&estimate));
+        }
+    }
+}
+
+/// Those of a window that were not there before.
+fn new<'a, T>(
+    window: &'a [Message<T>],
+    taken: &mut u64,
+) -> impl Iterator<Item = &'a Message<T>> + use<'a, T> {
+    let from = *taken;
+    *taken = window.last().map_or(from, |newest| newest.header().seq + 1);
+    window.iter().filter(move |message| message.header().seq >= from)
+}
+
+impl Filter {
+    fn fix(&mut self, fix: &Gnss) {
+        let Gnss { stamp, latitude_deg, longitude_deg, altitude_m, .. } = *fix;
+        let Some(at_m) = self.origin.east_north_up_m(latitude_deg, longitude_deg, altitude_m) else { return };
+        if !std::mem::replace(&mut self.started, true) {
+            self.start(at_m);
+        }
+        // A receiver's height is half as good as its place.
+        let sigma_m = [self.noise_m, self.noise_m, 2.0 * math::hypot(self.noise_m, self.params.offset_m)];
+        self.localizer.take(stamp, Sensed::Fix { at_m, sigma_m });
+    }
+
+    /// Before the first fix nothing was known; now the lane is.
+    fn start(&mut self, at_m: [f64; 3]) {
+        let Some(sigma_rad) = self.lane_heading_rad else { return };
+        let s_m = self.route.project(Point2::new(at_m[0], at_m[1])).s_m;
+        let heading_rad = self.route.line().at(s_m).pose.heading_rad;
+        self.localizer.suppose_heading([heading_rad, sigma_rad]);
+    }
+
+    fn state(&self, estimate: &Estimate) -> EgoState {
+        let Estimate { stamp, position_m, heading_rad, velocity_mps, accel_mps2, yaw_rate_radps, .. } =
+            *estimate;
+        EgoState {
+            stamp,
+            pose: Pose2::new(position_m.x, position_m.y, heading_rad),
+            speed_mps: velocity_mps.x,
+            accel_mps2: accel_mps2.x,
+            lateral_accel_mps2: accel_mps2.y,
+            yaw_rate_radps,
+            steering_rad: self.steering_rad,
+        }
+    }
+}
