@@ -130,6 +130,33 @@ fn every_licence_is_permissive() {
     }
 }
 
+/// What is downloaded has been checksums in one place: no git revision, no other registry.
+#[test]
+fn every_package_is_from_the_one_registry() {
+    for package in metadata()["packages"].as_array().unwrap() {
+        let source = package["source"].as_str().unwrap_or("ours");
+        let known = ["ours", "registry+https://github.com/rust-lang/crates.io-index"];
+        assert!(known.contains(&source), "{} {} is from {source}", package["name"], package["version"]);
+    }
+}
+
+/// The oldest compiler that is promised is the one that CI builds with: an older one was never tried.
+#[test]
+fn the_promised_compiler_is_the_one_that_is_used() {
+    let table =
+        |file: &str| -> toml::Table { std::fs::read_to_string(root().join(file)).unwrap().parse().unwrap() };
+    let promised = table("Cargo.toml")["workspace"]["package"]["rust-version"].as_str().unwrap().to_owned();
+    let used = table("rust-toolchain.toml")["toolchain"]["channel"].as_str().unwrap().to_owned();
+    assert!(
+        used == promised || used.strip_suffix(".0") == Some(&promised),
+        "promised {promised}, used {used}"
+    );
+    for package in metadata()["packages"].as_array().unwrap().iter().filter(|p| p["source"].is_null()) {
+        let version = package["rust_version"].as_str();
+        assert_eq!(version, Some(promised.as_str()), "{} promises another compiler", package["name"]);
+    }
+}
+
 /// A test binary links all that its crate uses, and what links it all costs half a minute: a new subject is a module of
 /// one that is there, and a new crate has its tests beside its code.
 #[test]
