@@ -27,7 +27,7 @@ class Player {
   /** `ghost` is a second run, of which the ego and the plan are drawn. */
   constructor(run, moment, ghost = null) {
     [this.run, this.moment, this.ghost] = [run, moment, ghost];
-    this.ghostPlans = ghost ? timed(ghost.plans) : [];
+    this.ghostPlans = timed(ghost?.plans ?? []);
     this.messages = { tracks: timed(run.tracks), predictions: timed(run.predictions), plans: timed(run.plans) };
     this.shown = { truth: true, tracks: true, predictions: true, plan: true, names: true };
     this.follows = true;
