@@ -44,6 +44,9 @@ pub struct ReplayArgs {
     /// of its own, out/SCENARIO_replayed-1 and so on]
     #[arg(long, value_name = "DIR", conflicts_with = "verify")]
     out: Option<PathBuf>,
+    /// Replace what is in the folder of --out
+    #[arg(long, requires = "out")]
+    overwrite: bool,
     /// Worker threads for heavy steps; the result does not depend on them
     #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
     threads: usize,
@@ -65,15 +68,18 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let asks = args.out.is_some() || !args.set.is_empty();
     let name =
         log.start.extra.get("scenario_file").map_or_else(|| "log".into(), |file| stem(Path::new(file)));
-    let claim = || RunFolder::claim(args.out.as_deref(), &format!("{name}_replayed"), false);
+    let claim = || RunFolder::claim(args.out.as_deref(), &format!("{name}_replayed"), args.overwrite);
     let folder = asks.then(claim).transpose()?;
     let replayed = folder.as_ref().map(|folder| folder.path.join("log.mcap"));
-    if let Some(earlier) = replayed.as_ref().filter(|log| log.exists()) {
-        bail!("{}: it is there already: expected another --out", earlier.display());
+    if let Some(earlier) = replayed.as_ref().filter(|log| log.exists() && !args.overwrite) {
+        bail!("{}: it is there already: expected another --out, or --overwrite", earlier.display());
     }
     let into = replayed.as_deref().map(|path| (path, args.command_line()));
     let how = Replay { from: args.from.as_deref(), sets: &sets?, threads: args.threads, into };
-    let comparison = how.run(registry, &log)?;
+    let comparison = how.run(registry, &log).inspect_err(|_| {
+        // Of a replay that never began nothing stays; a folder with something in it is not removed.
+        let _ = folder.as_ref().map(|folder| std::fs::remove_dir(&folder.path));
+    })?;
     swerve_report::output::print(&comparison.text(args.set.is_empty()))?;
     if let Some(replayed) = replayed {
         let page = replayed.with_file_name("comparison.html");

@@ -64,6 +64,13 @@ fn camera(args: &LookArgs, size_px: [usize; 2]) -> anyhow::Result<RoadCamera> {
         anyhow::bail!("--lanes needs the camera: expected --fov, or --calibration with 4 to 9 numbers");
     };
     anyhow::ensure!(lens.len() <= 5, "--calibration has {} numbers, expected 4 to 9", 4 + lens.len());
+    // Half or twice the size of what was calibrated puts it a quarter of the width or more from the middle.
+    let [width, height] = size_px;
+    anyhow::ensure!(
+        !((cx / width as f64 - 0.5).abs() >= 0.25),
+        "--calibration: its optical axis is at column {cx} of an image of {width} x {height} pixels, far from the middle: \
+         expected the calibration of images of this size"
+    );
     let distortion = core::array::from_fn(|k| lens.get(k).copied().unwrap_or(0.0));
     Ok(RoadCamera { size_px, focal_px: [fx, fy], center_px: [cx, cy], distortion, ego_from_camera })
 }

@@ -92,8 +92,12 @@ fn what_cannot_be_looked_with_is_told() {
         ),
         (&["dot.png", "--lanes=rige", "--fov", "70"], "did you mean \"ridge\"?"),
         (
-            &["dot.png", "--lanes", "--calibration", "nan,1,1,1"],
+            &["dot.png", "--lanes", "--calibration", "nan,1,0.5,1"],
             "`focal length across` is NaN, expected 0.001",
+        ),
+        (
+            &["dot.png", "--lanes", "--calibration", "900,900,1,0.5"],
+            "its optical axis is at column 1 of an image of 1 x 1 pixels, far from the middle",
         ),
         (&["dot.png", "--lanes", "--fov", "70", "--height", "0"], "expected metres above 0 and at most 100"),
         (&["dot.png", "--lanes", "--traffic-light"], "cannot be used with"),

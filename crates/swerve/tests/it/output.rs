@@ -221,6 +221,8 @@ fn a_replay_verifies_after_the_scenario_file_is_gone() {
     let replayed = "out/short_replayed-1/log.mcap";
     bench.good(&["replay", replayed, "--verify", "--from", "planning"]);
     assert!(bench.read("out/short_replayed-1/comparison.html").contains("swerve replay o/log.mcap"));
+    assert!(!bench.swerve(&["replay", "o/log.mcap", "--set", "plannig.planner=fot"]).stderr.is_empty());
+    assert!(!bench.path("out/short_replayed-2").exists());
     let again = [&what_if[..], &["--out", "out/short_replayed-1"]].concat();
     assert!(bench.swerve(&again).stderr.contains("log.mcap: it is there already: expected another --out"));
 }
