@@ -1,5 +1,5 @@
-//! What the program costs, in instructions: the same on every machine and at any load, where a time is neither. Counted
-//! by valgrind, of the program as tests are built (what runs are made of is optimised there too), and held against
+//! What the program costs, in instructions: nearly the same on every machine and at any load, where a time is neither.
+//! Counted by valgrind, of the program as tests are built (what runs are made of is optimised there too), and held against
 //! `tests/reference/instructions.toml`; `SWERVE_COUNTS=write` writes that file anew. Needs valgrind.
 
 use std::fmt::Write as _;
@@ -12,11 +12,12 @@ use crate::support::Bench;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// How far a count may be from the stored one before somebody has to say why. Two runs of one program differ by 0.1 %.
-const WITHIN: f64 = 0.03;
+/// How many times the stored count is a slowdown that somebody has to explain. Two runs of one program differ by 0.1 %;
+/// builds with and without incremental compilation, which cut crates into other parts, by up to 17 %.
+const MOST: f64 = 1.25;
 
 const HEAD: &str = "# Instructions of calls of the program, in millions, as tests build it. Written by\n\
-                    # SWERVE_COUNTS=write cargo test -p swerve --test it -- --ignored instructions\n";
+                    # CARGO_INCREMENTAL=0 SWERVE_COUNTS=write cargo test --workspace --test it -- --ignored instructions\n";
 
 #[derive(Deserialize)]
 struct Counts {
@@ -49,7 +50,7 @@ fn count(args: &str) -> f64 {
 
 #[test]
 #[ignore = "a minute of valgrind"]
-fn the_program_takes_as_many_instructions_as_before() {
+fn the_program_takes_no_more_instructions_than_before() {
     if Command::new("valgrind").arg("--version").output().is_err() {
         assert!(std::env::var_os("SWERVE_CI").is_none(), "SWERVE_CI is set, and valgrind is not installed");
         eprintln!("skipped: valgrind is not installed");
@@ -62,7 +63,7 @@ fn the_program_takes_as_many_instructions_as_before() {
         let now = count(args);
         let _infallible = write!(told, "\n[[call]]\nargs = {args:?}\nmillions = {now:.0}\n");
         let ratio = now / millions;
-        if (ratio - 1.0).abs() > WITHIN {
+        if ratio > MOST {
             let _infallible = writeln!(moved, "{args}: {millions:.0} -> {now:.0} M, {ratio:.3} times");
         }
     }
