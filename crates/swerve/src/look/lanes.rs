@@ -67,7 +67,7 @@ fn camera(args: &LookArgs, size_px: [usize; 2]) -> anyhow::Result<RoadCamera> {
     // Half or twice the size of what was calibrated puts it a quarter of the width or more from the middle.
     let [width, height] = size_px;
     anyhow::ensure!(
-        !((cx / width as f64 - 0.5).abs() >= 0.25),
+        (cx / width as f64 - 0.5).abs() < 0.25,
         "--calibration: its optical axis is at column {cx} of an image of {width} x {height} pixels, far from the middle: \
          expected the calibration of images of this size"
     );
