@@ -1,9 +1,12 @@
-//! How well perception sees streets that it has not learnt from, each figure with its floor: the camera's detector on every
-//! rung, the labels of pixels, cars by lidar. Images that are not there are rendered first: some minutes, once.
+//! How well perception sees, each figure with its floor: streets that it has not learnt from by camera and lidar, and
+//! what tests hold of real images, rendered streets and other programs' results. Images that are not there are rendered
+//! first: some minutes, once. `-- tests` prints the figures of the tests alone, `-- drives` also drives the study of the
+//! rungs, which takes an hour of two cores and goes on where it was stopped.
 
 use std::path::Path;
+use std::process::Command;
 
-use swerve_benches::{Goal, Rows, is_asked_to_measure};
+use swerve_benches::{Goal, Rows, is_asked_to_measure, print};
 use swerve_study::train::{HeldOut, held_out, lidar_cars};
 
 const VISION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/swerve-vision");
@@ -71,13 +74,101 @@ fn lidar(rows: &mut Rows) {
     }
 }
 
-fn main() {
-    if !is_asked_to_measure() {
-        return;
+/// The tests that hold a floor, by package: each prints lines of `floor: WHAT: FIGURE >= FLOOR`.
+const TESTS: [(&str, &[&str]); 3] = [
+    (
+        "swerve-vision",
+        &[
+            "published_models_find_the_people_of_pets",
+            "people_are_found_where_opencv_finds_them",
+            "distances_to_a_wall",
+            "real_pairs_are_matched_as_opencv_does",
+            "lines_of_rendered_streets_are_where_their_paint_is",
+            "both_lines_of_real_roads_are_where_people_see_them",
+            "real_crops",
+            "as_dlib_on_its_frames",
+        ],
+    ),
+    ("swerve-perception", &["sort_makes_the_tracks_of_its_authors"]),
+    ("swerve-tests", &["lights_are_told_as_they_are_from_15_to_40_m"]),
+];
+
+/// Figure and floor of a line that a test printed.
+fn floor(line: &str) -> Option<(&str, f64, &str, Goal)> {
+    let (what, figures) = line.strip_prefix("floor: ")?.rsplit_once(": ")?;
+    let (reads, floor) = figures.split_once(' ')?;
+    let goal = match floor.split_once(' ')? {
+        (">=", least) => Goal::Least(least.parse().ok()?),
+        ("<=", most) => Goal::Most(most.parse().ok()?),
+        _ => return None,
+    };
+    Some((what, reads.parse().ok()?, reads, goal))
+}
+
+/// What the tests see. A test that does not find its data or its peer says so and has no row.
+fn tests(rows: &mut Rows) {
+    for (package, names) in TESTS {
+        let mut call = Command::new(env!("CARGO"));
+        call.args(["test", "--locked", "--release", "-p", package, "--"]);
+        call.args(names).args(["--include-ignored", "--nocapture", "--test-threads=1"]);
+        let output = call.output().expect("cargo is there");
+        let said = String::from_utf8_lossy(&output.stdout);
+        for line in said.lines().map(|line| line.rsplit("... ").next().unwrap_or(line)) {
+            if let Some((what, figure, reads, goal)) = floor(line) {
+                rows.row(what, figure, reads, goal);
+            } else if line.starts_with("skipped") {
+                print(line);
+            }
+        }
+        if !output.status.success() {
+            print(&format!("{package}: {}", String::from_utf8_lossy(&output.stderr)));
+        }
     }
+}
+
+/// Drives that touched nothing, by what sees: no truth behind the sensors, and the emulated detector beside it.
+fn drives(rows: &mut Rows) -> anyhow::Result<()> {
+    let study = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/studies/detector_ladder.toml");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("detector_ladder");
+    let mut call = Command::new(env!("CARGO"));
+    call.args(["run", "--locked", "--release", "-p", "swerve", "--", "study"]).arg(study);
+    anyhow::ensure!(call.arg("--out").arg(&folder).status()?.success(), "the study was not driven");
+    let table = std::fs::read_to_string(folder.join("cells.csv"))?;
+    let mut counts: Vec<(&str, usize, usize)> = Vec::new();
+    for line in table.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        // Settings with a comma in their name are quoted.
+        let name = line.strip_prefix('"').and_then(|rest| rest.split('"').next()).unwrap_or(cells[0]);
+        if counts.last().is_none_or(|last| last.0 != name) {
+            counts.push((name, 0, 0));
+        }
+        let last = counts.last_mut().expect("it was put there");
+        *last = (name, last.1 + usize::from(!cells.contains(&"collision")), last.2 + 1);
+    }
+    let theirs = counts.iter().find(|one| one.0 == "emulated D3").map_or(0.0, |one| one.1 as f64);
+    for (name, clear, all) in counts {
+        let goal = if ["fused", "ground"].contains(&name) { Goal::Least(theirs) } else { Goal::None };
+        let what = format!("drives that touched nothing, {name}");
+        rows.row(&what, clear as f64, &format!("{clear} of {all}"), goal);
+    }
+    Ok(())
+}
+
+fn main() -> anyhow::Result<()> {
+    if !is_asked_to_measure() {
+        return Ok(());
+    }
+    let asked = |what: &str| std::env::args().any(|argument| argument == what);
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "accuracy");
-    detector(&mut rows);
-    segmentation(&mut rows);
-    lidar(&mut rows);
+    tests(&mut rows);
+    if !asked("tests") {
+        detector(&mut rows);
+        segmentation(&mut rows);
+        lidar(&mut rows);
+    }
+    if asked("drives") {
+        drives(&mut rows)?;
+    }
     rows.finish();
+    Ok(())
 }

@@ -77,6 +77,14 @@ fn of_the_authors() -> Option<f64> {
     String::from_utf8(output.stdout).ok()?.trim().parse().ok()
 }
 
+/// Milliseconds that dlib takes for a frame of its video; none where this Python (`SWERVE_PYTHON`) has it not.
+fn of_dlib() -> Option<f64> {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/tracking/dlib_speed.py");
+    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
+    let output = Command::new(python).arg(script).arg(VIDEO).output().ok()?;
+    String::from_utf8(output.stdout).ok()?.trim().parse().ok()
+}
+
 /// Fifty cars and fifty people who go their ways, frame by frame.
 fn crowd() -> Vec<Detections> {
     let mut rng = Rng::keyed(1, "crowd", &[]);
@@ -164,6 +172,14 @@ fn by_pixels(rows: &mut Rows) {
     });
     let sample = Sample::new(followed.collect());
     rows.row("correlation (DSST), a frame", sample.least(), &sample.text(2, "ms"), Goal::Most(2.0));
+    let what = "correlation (DSST), times as fast as dlib";
+    match of_dlib() {
+        Some(theirs) => {
+            let times = theirs / sample.median();
+            rows.row(what, times, &format!("{times:.2} ({theirs:.2} ms)"), Goal::None);
+        }
+        None => rows.skipped(what, "needs a Python with dlib (SWERVE_PYTHON)"),
+    }
     let mut appearance = Appearance::default();
     let looks = (0..5).map(|_| {
         let start = now();

@@ -110,6 +110,7 @@ fn lights_are_told_as_they_are_from_15_to_40_m() {
         }
         let share = f64::from(right) / f64::from(all);
         println!("map {map}, {weathers:?}: {right} of {all} right, {more} that are none");
+        println!("floor: traffic lights, simulated, 15 to 40 m, map {map}: {share:.4} >= 0.97");
         assert!(all >= 45 && share >= 0.97 && (told > 30 || !map), "map {map}: {right} of {all}, {told}");
         assert!(20 * more <= all as usize, "map {map}: {more} that are none in {all} images");
     }

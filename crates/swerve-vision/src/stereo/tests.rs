@@ -49,7 +49,8 @@ fn distances_to_a_wall() {
         let mut errors: Vec<f64> = depths.map(|depth| (depth / depth_m - 1.0).abs()).collect();
         errors.sort_by(f64::total_cmp);
         let (median, share) = (errors[errors.len() / 2], errors.len() as f64 / found.pixels().len() as f64);
-        println!("{depth_m} m, {paths:?}: median error {:.2} %, density {share:.2}", 100.0 * median);
+        println!("{depth_m} m, {paths:?}: density {share:.2}");
+        println!("floor: stereo, {paths:?} paths, median error at {depth_m} m: {median:.4} <= {most}");
         assert!(median <= most && share > 0.8, "{depth_m} m: {median} of {share}");
     }
 }
@@ -189,9 +190,11 @@ fn real_pairs_are_matched_as_opencv_does() {
         for paths in [PathCount::Four, PathCount::Eight] {
             let settings = StereoSettings { disparities, paths, ..StereoSettings::default() };
             let (density, bad) = figures(&matched(settings, &images), &truth);
-            println!("{pair} {paths:?}: density {density:.3}, bad {bad:.4}; OpenCV's 3WAY {theirs:.4?}");
+            println!("{pair} {paths:?}: density {density:.3}; OpenCV's 3WAY {theirs:.4?}");
+            let most = theirs[1] + 0.01;
+            println!("floor: stereo {pair}, {paths:?} paths, bad by more than 2 px: {bad:.4} <= {most:.4}");
             assert!(density >= theirs[0], "{pair} {paths:?}: {density} of pixels, OpenCV {}", theirs[0]);
-            assert!(bad <= theirs[1] + 0.01, "{pair} {paths:?}: {bad} bad, OpenCV {}", theirs[1]);
+            assert!(bad <= most, "{pair} {paths:?}: {bad} bad, OpenCV {}", theirs[1]);
         }
     }
 }

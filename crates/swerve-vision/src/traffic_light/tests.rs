@@ -45,7 +45,8 @@ fn real_crops() {
             }
         }
         let share = f64::from(right) / f64::from(all);
-        println!("{part}: {right} of {all} right, {:.1} %; least share {faintest:.2}", 100.0 * share);
+        println!("{part}: {right} of {all} right; least share {faintest:.2}");
+        println!("floor: traffic lights, {part}: {share:.4} >= {floor}");
         assert!(share >= floor, "{part}: {share}");
     }
 }
