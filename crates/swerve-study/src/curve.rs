@@ -145,11 +145,15 @@ impl Series<'_> {
     }
 }
 
-/// Lower quartile, median, upper quartile; zeros of nothing.
+/// Lower quartile, median, upper quartile, in the line between the values next to them; zeros of nothing.
 pub(super) fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
-    [1, 2, 3].map(|q| values.get((last * q + 2) / 4).copied().unwrap_or(0.0))
+    let value = |k: usize| values.get(k).or(values.last()).copied().unwrap_or(0.0);
+    [1, 2, 3].map(|q| {
+        let (k, share) = (last * q / 4, (last * q % 4) as f64 / 4.0);
+        value(k) + share * (value(k + 1) - value(k))
+    })
 }
 
 /// Which time and which values the panels show.
@@ -214,7 +218,8 @@ mod tests {
     fn bands_are_quartiles_of_the_runs_that_get_there() {
         let curves = [vec![1.0, 5.0, 9.0], vec![2.0, 6.0], vec![3.0], vec![4.0], vec![5.0, 7.0]];
         let series = Series { panel: String::new(), name: String::new(), curves: curves.iter().collect() };
-        assert_eq!(series.bands(), [[2.0, 3.0, 4.0], [6.0, 6.0, 7.0]]);
+        assert_eq!(series.bands(), [[2.0, 3.0, 4.0], [5.5, 6.0, 6.5]]);
         assert_eq!(quartiles(Vec::new()), [0.0; 3]);
+        assert_eq!(quartiles(vec![3.0, 1.0]), [1.5, 2.0, 2.5]);
     }
 }

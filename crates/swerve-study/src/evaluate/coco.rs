@@ -12,6 +12,7 @@ use swerve_text::with_nearest_name;
 use super::{Compared, numbers, text, wrong};
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object with `images`, `categories` and `annotations`")]
 struct Truth {
     images: Vec<Named>,
     categories: Vec<Named>,
@@ -19,6 +20,7 @@ struct Truth {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object with `id`")]
 struct Named {
     id: u64,
     #[serde(default)]
@@ -26,6 +28,7 @@ struct Named {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object with `image_id`, `category_id` and `bbox`")]
 struct Annotation {
     image_id: u64,
     category_id: u64,
@@ -37,6 +40,7 @@ struct Annotation {
 }
 
 #[derive(Deserialize)]
+#[serde(expecting = "an object with `image_id`, `category_id`, `bbox` and `score`")]
 struct Report {
     image_id: u64,
     category_id: u64,

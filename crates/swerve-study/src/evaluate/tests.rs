@@ -153,6 +153,7 @@ fn coco_files_that_are_wrong_are_told_with_their_place() {
     let one = |text: &str| format!("[\n {text}]");
     for (found, says) in [
         (String::new(), "bad.json:1: EOF"),
+        (one("7"), "bad.json:2: invalid type: integer `7`, expected an object with `image_id`"),
         (
             one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40]}"#),
             "bad.json:2: missing field `score`",
