@@ -8,6 +8,7 @@ mod colours;
 mod overlay;
 #[cfg(test)]
 mod tests;
+mod video;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -26,6 +27,7 @@ use swerve_stack::config::Config;
 use swerve_stack::street::{EGO_INSTANCE, Street};
 
 use annotate::Canvas;
+use video::Video;
 
 pub use overlay::overlay;
 
@@ -33,11 +35,11 @@ pub use overlay::overlay;
 const PERIOD: Span = Span::from_ms(50);
 /// How long the ego's poses are remembered, for what is told later than it was seen.
 const MEMORY: Span = Span::from_ms(1000);
-/// The picture, and the driver's view in its upper right corner, pixels.
+/// The follower's view, pixels. Beside it, where they hide nobody, the driver's and below that the one from above.
 const WIDTH_PX: u32 = 1280;
 const HEIGHT_PX: u32 = 720;
-const INSET_WIDTH_PX: u32 = 448;
-const INSET_HEIGHT_PX: u32 = 252;
+const BESIDE_PX: u32 = 448;
+const DRIVER_HEIGHT_PX: u32 = 252;
 
 /// What a picture has besides the world.
 #[derive(Default)]
@@ -51,14 +53,33 @@ struct Seen {
     poses: VecDeque<(Time, Transform<Map, Ego>)>,
 }
 
-/// Writes a picture of the run into a folder every 50 ms.
+/// Where the pictures go.
+#[derive(Clone, Copy, Default, Debug)]
+pub struct Sinks<'a> {
+    /// A folder, one file a picture; and beside them the images of the configuration's cameras.
+    pub folder: Option<&'a Path>,
+    /// A file, as a video.
+    pub video: Option<&'a Path>,
+}
+
+impl Sinks<'_> {
+    /// Whether nobody asks for pictures.
+    pub fn is_none(&self) -> bool {
+        self.folder.is_none() && self.video.is_none()
+    }
+}
+
+/// Draws a picture of the run every 50 ms.
 pub struct Frames {
-    folder: PathBuf,
+    folder: Option<PathBuf>,
+    video: Option<Video>,
+    sheet: Frame,
     title: String,
     street: Street,
     renderer: Renderer,
     follower: Eye,
     driver: Eye,
+    above: Eye,
     next: Time,
     count: usize,
     seen: Seen,
@@ -69,6 +90,19 @@ pub struct Frames {
     waiting: BTreeMap<String, (Time, Frame)>,
     detectors: BTreeMap<String, String>,
     failure: Option<anyhow::Error>,
+}
+
+impl Seen {
+    /// Draws all but the world itself over a view of it.
+    fn draw(&self, canvas: &mut Canvas<'_>, world: &WorldState) {
+        if let Some(plan) = &self.plan {
+            canvas.plan(plan, world.stamp);
+        }
+        self.lanes.values().for_each(|(lanes, map_from_ego)| canvas.lanes(lanes, *map_from_ego));
+        if let Some(list) = &self.obstacles {
+            canvas.obstacles(list, world);
+        }
+    }
 }
 
 /// A camera on the ego with room for its image.
@@ -105,19 +139,23 @@ impl Eye {
 }
 
 impl Frames {
-    /// Pictures of a scenario, to be written into `folder`, which is made.
+    /// Pictures of a scenario. The folder is made, and pictures of an earlier run in it are taken away.
     ///
     /// # Errors
-    /// A folder that cannot be made, or has pictures of an earlier run in it.
+    /// A folder that cannot be made, or a video without `ffmpeg`.
     pub fn create(
-        folder: &Path,
+        to: Sinks<'_>,
         title: String,
         scenario: &Scenario,
         config: &Config,
     ) -> anyhow::Result<Self> {
         let (shape, render) = (&config.sim.vehicle.shape, &config.render);
-        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-        remove_pictures(folder)?;
+        let size_px = (WIDTH_PX + BESIDE_PX, HEIGHT_PX);
+        let video = to.video.map(|file| Video::create(file, size_px, 1.0 / PERIOD.as_secs())).transpose()?;
+        if let Some(folder) = to.folder {
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+            remove_pictures(folder)?;
+        }
         let ahead_m = shape.center_ahead_m();
         let assembly = Assembly::new(config)?;
         let looks_at = |placed: &Placed| {
@@ -125,19 +163,25 @@ impl Frames {
         };
         let follower = Eye::new((WIDTH_PX, HEIGHT_PX), 70.0, [ahead_m - 9.5, 0.0, 4.2], 14.0)?;
         let eye_m = [ahead_m + 0.35, 0.36, 1.25];
-        let mut driver = Eye::new((INSET_WIDTH_PX, INSET_HEIGHT_PX), 75.0, eye_m, 2.0)?;
+        let mut driver = Eye::new((BESIDE_PX, DRIVER_HEIGHT_PX), 75.0, eye_m, 2.0)?;
         driver.hides_ego = true;
+        // From 7 m behind to 29 m ahead, 34 m across.
+        let above_px = (BESIDE_PX, HEIGHT_PX - DRIVER_HEIGHT_PX);
+        let above = Eye::new(above_px, 32.0, [ahead_m + 11.0, 0.0, 60.0], 90.0)?;
         let cameras = config
             .camera
             .iter()
             .map(|(name, camera)| Ok::<_, swerve_core::ParamError>((name.clone(), camera.camera(0)?)));
         Ok(Self {
-            folder: folder.to_owned(),
+            folder: to.folder.map(Path::to_owned),
+            video,
+            sheet: sheet(size_px),
             title,
             street: Street::new(scenario, shape, render.weather, config.seed),
             renderer: render.renderer()?,
             follower,
             driver,
+            above,
             next: Time::ZERO,
             count: 0,
             seen: Seen::default(),
@@ -156,13 +200,17 @@ impl Frames {
     pub fn finish(&mut self) -> anyhow::Result<usize> {
         let waiting: Vec<String> = self.waiting.keys().cloned().collect();
         let written = waiting.iter().try_for_each(|stream| self.write(stream));
-        let failure = self.failure.take().or(written.err());
+        let filmed = self.video.take().map_or(Ok(()), |mut video| video.finish());
+        let failure = self.failure.take().or(written.and(filmed).err());
         failure.map_or(Ok(self.count), Err)
     }
 
     /// Draws an image of a camera of the configuration: colour with what the stack sees in it, others in colours. It is
     /// written with the boxes that detectors find in it, or without when the next one comes.
     fn camera(&mut self, operator: &str, stream: &str, image: &Image) -> anyhow::Result<()> {
+        if self.folder.is_none() {
+            return Ok(());
+        }
         let (width_px, height_px) = (image.width_px as usize, image.height_px as usize);
         let mut frame = Frame { width_px, height_px, rgb: colours::of(&image.pixels), ..Frame::default() };
         if let (Pixels::Rgb8(_), Some(camera), Some(world)) =
@@ -194,16 +242,15 @@ impl Frames {
         let newest = self.waiting.get_mut(stream).filter(|(at, _)| *at == stamp);
         let camera = stream.split('.').next().and_then(|camera| self.cameras.get(camera));
         let (Some((_, frame)), Some(camera)) = (newest, camera) else { return false };
-        // What was found is in the image already.
-        let nowhere = Transform::from_roll_pitch_yaw(swerve_geom::Point::default(), 0.0, 0.0, 0.0);
-        draw(&mut Canvas::new(frame, camera, nowhere));
+        draw(&mut Canvas::new(frame, camera, nowhere()));
         true
     }
 
     /// Writes the image of a stream that waits.
     fn write(&mut self, stream: &str) -> anyhow::Result<()> {
         let Some((_, frame)) = self.waiting.remove(stream) else { return Ok(()) };
-        let folder = self.folder.join(stream.replace('.', "/"));
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let folder = folder.join(stream.replace('.', "/"));
         let count = match self.written.get(stream) {
             Some(count) => *count,
             None => {
@@ -220,20 +267,24 @@ impl Frames {
         self.street.show(world);
         // Roll and pitch of the body are the driver's, not the follower's.
         let level = level(world.ego.map_from_ego);
-        self.follower.look(&mut self.renderer, &self.street, level)?;
         self.driver.look(&mut self.renderer, &self.street, world.ego.map_from_ego)?;
-        let camera_from_map = (level * self.follower.ego_from_camera).inverse();
-        let mut canvas = Canvas::new(&mut self.follower.frame, &self.follower.camera, camera_from_map);
-        if let Some(plan) = &self.seen.plan {
-            canvas.plan(plan, world.stamp);
+        for eye in [&mut self.follower, &mut self.above] {
+            eye.look(&mut self.renderer, &self.street, level)?;
+            let camera_from_map = (level * eye.ego_from_camera).inverse();
+            let mut canvas = Canvas::new(&mut eye.frame, &eye.camera, camera_from_map);
+            self.seen.draw(&mut canvas, world);
         }
-        self.seen.lanes.values().for_each(|(lanes, map_from_ego)| canvas.lanes(lanes, *map_from_ego));
-        if let Some(list) = &self.seen.obstacles {
-            canvas.obstacles(list, world);
-        }
-        canvas.inset(&self.driver.frame);
+        paste(&mut self.sheet, &self.follower.frame, (0, 0));
+        paste(&mut self.sheet, &self.driver.frame, (WIDTH_PX, 0));
+        paste(&mut self.sheet, &self.above.frame, (WIDTH_PX, DRIVER_HEIGHT_PX));
+        let mut canvas = Canvas::new(&mut self.sheet, &self.follower.camera, nowhere());
         canvas.head(&self.title, world, self.seen.plan.as_ref());
-        write_picture(&self.folder.join(format!("{:05}.png", self.count)), &self.follower.frame)?;
+        if let Some(folder) = &self.folder {
+            write_picture(&folder.join(format!("{:05}.png", self.count)), &self.sheet)?;
+        }
+        if let Some(video) = &mut self.video {
+            video.take(&self.sheet)?;
+        }
         self.count += 1;
         Ok(())
     }
@@ -276,6 +327,25 @@ impl Observer for Frames {
                 self.failure = self.take(world).err();
             }
         }
+    }
+}
+
+/// For what is drawn by its place in the image, not in the map.
+fn nowhere() -> Transform<swerve_geom::Camera, Map> {
+    Transform::from_roll_pitch_yaw(swerve_geom::Point::default(), 0.0, 0.0, 0.0)
+}
+
+/// An empty picture.
+fn sheet((width_px, height_px): (u32, u32)) -> Frame {
+    let (width_px, height_px) = (width_px as usize, height_px as usize);
+    Frame { width_px, height_px, rgb: vec![0; 3 * width_px * height_px], ..Frame::default() }
+}
+
+/// Copies a picture into a larger one, its top left corner to a place, pixels.
+fn paste(sheet: &mut Frame, view: &Frame, (left, top): (u32, u32)) {
+    for (row, pixels) in view.rgb.chunks_exact(3 * view.width_px).enumerate() {
+        let start = 3 * ((row + top as usize) * sheet.width_px + left as usize);
+        sheet.rgb[start..start + pixels.len()].copy_from_slice(pixels);
     }
 }
 

@@ -1,7 +1,6 @@
-//! Plans by status, and when the first of them came.
+//! Plans by status, and when the first path was found.
 
 use serde::{Deserialize, Serialize};
-use swerve_core::Time;
 use swerve_msg::{Plan, PlanStatus};
 
 use crate::seconds;
@@ -23,13 +22,11 @@ pub struct PlanCounts {
     pub gave_up: u64,
 }
 
-/// Plan counts and first instants.
+/// Plan counts and the first path found.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PlanMetrics {
     /// How many plans came about how.
     pub counts: PlanCounts,
-    /// Stamp of the first plan that was not the plain route, seconds.
-    pub first_reaction_s: Option<f64>,
     /// Stamp of the first path found, seconds.
     pub first_found_s: Option<f64>,
 }
@@ -46,25 +43,20 @@ impl PlanMetrics {
             PlanStatus::Stop => &mut counts.stop,
             PlanStatus::GaveUp => &mut counts.gave_up,
         } += 1;
-        if plan.status != PlanStatus::Route {
-            first(&mut self.first_reaction_s, plan.stamp);
-        }
         if plan.status == PlanStatus::Found {
-            first(&mut self.first_found_s, plan.stamp);
+            self.first_found_s.get_or_insert(seconds(plan.stamp));
         }
     }
 }
 
-fn first(known: &mut Option<f64>, stamp: Time) {
-    known.get_or_insert(seconds(stamp));
-}
-
 #[cfg(test)]
 mod tests {
+    use swerve_core::Time;
+
     use super::*;
 
     #[test]
-    fn plans_are_counted_by_status_and_the_first_ones_kept() {
+    fn plans_are_counted_by_status_and_the_first_path_kept() {
         let mut metrics = PlanMetrics::default();
         for (ms, status) in [
             (0, PlanStatus::Route),
@@ -79,6 +71,6 @@ mod tests {
             metrics.counts,
             PlanCounts { route: 1, found: 2, kept: 1, gave_up: 1, ..Default::default() }
         );
-        assert_eq!((metrics.first_reaction_s, metrics.first_found_s), (Some(0.05), Some(0.1)));
+        assert_eq!(metrics.first_found_s, Some(0.1));
     }
 }

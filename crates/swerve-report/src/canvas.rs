@@ -177,6 +177,12 @@ pub fn number(value: f64) -> String {
     if short == "-0" { "0".into() } else { short.into() }
 }
 
+/// Width of a text, pixels, rather too much than too little.
+pub fn width_of(text: &str, how: Text<'_>) -> f64 {
+    let each = if how.bold { 0.6 } else { 0.55 };
+    each * how.size * text.chars().count() as f64
+}
+
 /// A text as it stands in XML.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use swerve_drive::frames::Frames;
+use swerve_drive::frames::{Frames, Sinks};
 use swerve_drive::page::{COMMAND, RunReport, command_line};
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
@@ -51,6 +51,9 @@ pub(crate) struct RunArgs {
     /// Write a picture of the drive every 50 ms into this folder
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
+    /// Make a video of these pictures, by ffmpeg
+    #[arg(long, value_name = "FILE")]
+    video: Option<PathBuf>,
     /// Take run times from an earlier log instead of the configuration; --set operator.NAME.runtime goes before
     #[arg(long, value_name = "LOG")]
     runtimes: Option<PathBuf>,
@@ -232,9 +235,11 @@ fn stop_on_interrupt(stop: StopHandle) {
 
 /// The pictures of the run, if they are asked for.
 fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Option<Frames>> {
-    let Some(folder) = &args.frames else { return Ok(None) };
-    let title = title(config, &pipeline.scenario);
-    Ok(Some(Frames::create(folder, title, &pipeline.scenario, config)?))
+    let to = Sinks { folder: args.frames.as_deref(), video: args.video.as_deref() };
+    if to.is_none() {
+        return Ok(None);
+    }
+    Frames::create(to, title(config, &pipeline.scenario), &pipeline.scenario, config).map(Some)
 }
 
 pub(crate) fn stem(path: &Path) -> String {

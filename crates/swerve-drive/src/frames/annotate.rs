@@ -111,22 +111,6 @@ impl<'a> Canvas<'a> {
         self.label(At::new(left, top - 4), words, colour);
     }
 
-    /// Another image into the upper right corner.
-    pub(super) fn inset(&mut self, inset: &Frame) {
-        const MARGIN_PX: usize = 12;
-        let left = self.frame.width_px.saturating_sub(inset.width_px + MARGIN_PX);
-        for (row, pixels) in inset.rgb.chunks_exact(3 * inset.width_px).enumerate() {
-            let start = 3 * ((row + MARGIN_PX) * self.frame.width_px + left);
-            if let Some(room) = self.frame.rgb.get_mut(start..start + pixels.len()) {
-                room.copy_from_slice(pixels);
-            }
-        }
-        let at = At::new(left as i32 - 1, MARGIN_PX as i32 - 1);
-        let size = Size::new(inset.width_px as u32 + 2, inset.height_px as u32 + 2);
-        let style = PrimitiveStyle::with_stroke(Rgb888::WHITE, 1);
-        let Ok(()) = Rectangle::new(at, size).into_styled(style).draw(self);
-    }
-
     /// Title, time, speed, and what happened.
     pub(super) fn head(&mut self, title: &str, world: &WorldState, plan: Option<&Plan>) {
         let speed = world.ego.state.speed_mps;

@@ -12,13 +12,17 @@ fn scenario() -> Scenario {
     Scenario::read(&file).unwrap()
 }
 
+fn into(folder: &Path) -> Sinks<'_> {
+    Sinks { folder: Some(folder), video: None }
+}
+
 /// Drives the first tenth of a second with pictures; gives the run's digest and the pictures.
 fn pictures(folder: &Path, threads: usize) -> (swerve_core::Digest, Vec<Vec<u8>>) {
     let (mut config, scenario) = (Config::default(), scenario());
     config.render.threads = threads;
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(100);
-    let mut frames = Frames::create(folder, "a drive".into(), &pipeline.scenario, &config).unwrap();
+    let mut frames = Frames::create(into(folder), "a drive".into(), &pipeline.scenario, &config).unwrap();
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut frames]).unwrap();
     let count = frames.finish().unwrap();
     let read = |k: usize| std::fs::read(folder.join(format!("{k:05}.png"))).unwrap();
@@ -47,7 +51,7 @@ fn a_picture_that_cannot_be_written_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let inside = folder.path().join("frames");
     let (config, scenario) = (Config::default(), scenario());
-    let mut frames = Frames::create(&inside, String::new(), &scenario, &config).unwrap();
+    let mut frames = Frames::create(into(&inside), String::new(), &scenario, &config).unwrap();
     std::fs::remove_dir(&inside).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::ZERO;
@@ -66,7 +70,7 @@ fn images_that_a_detector_looks_at_are_written_with_what_it_finds() {
     let folder = tempfile::tempdir().unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario()).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(220);
-    let mut frames = Frames::create(folder.path(), String::new(), &pipeline.scenario, &config).unwrap();
+    let mut frames = Frames::create(into(folder.path()), String::new(), &pipeline.scenario, &config).unwrap();
     drive_pipeline(pipeline, config.seed, 1, &mut [&mut frames]).unwrap();
     let found = swerve_msg::DetectedBox {
         kind: swerve_msg::ActorKind::Pedestrian,

@@ -4,12 +4,12 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2};
 use swerve_msg::ActorKind;
 
-use super::labels::{Importance, Labels, width_of};
+use super::labels::{Importance, Labels};
 use super::marks::{self, first_sight, label_height};
 use super::record::{ActorTrace, PlanMark, Shape, Story};
 use super::tracks;
 use super::view::View;
-use crate::canvas::{At, Canvas, Text, color, multiples, number, round_step};
+use crate::canvas::{At, Canvas, Text, color, multiples, number, round_step, width_of};
 
 /// Outlines are drawn at the multiples of this, ns.
 const OUTLINE_EVERY_NS: i64 = 500_000_000;

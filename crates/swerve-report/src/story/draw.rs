@@ -3,12 +3,11 @@
 use swerve_eval::{Metrics, Verdict};
 use swerve_msg::ActorKind;
 
-use super::labels::width_of;
 use super::marks::first_sight;
 use super::record::Story;
 use super::view::View;
 use super::{birds_eye, panels, tracks};
-use crate::canvas::{At, Canvas, Text, color};
+use crate::canvas::{At, Canvas, Text, color, width_of};
 
 const WIDTH: f64 = 1240.0;
 const LEFT: f64 = 72.0;

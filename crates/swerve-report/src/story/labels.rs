@@ -1,6 +1,6 @@
 //! Labels that do not lie on each other: all that a view is to say is asked for, and then placed by importance.
 
-use crate::canvas::{At, Canvas, Text};
+use crate::canvas::{At, Canvas, Text, width_of};
 
 /// What a label is for; the first ones are placed first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -86,12 +86,6 @@ impl Labels {
             }
         }
     }
-}
-
-/// Width of a text, pixels, rather too much than too little.
-pub(super) fn width_of(text: &str, how: Text<'_>) -> f64 {
-    let each = if how.bold { 0.6 } else { 0.55 };
-    each * how.size * text.chars().count() as f64
 }
 
 /// Room of a text whose base line is at a place.
