@@ -35,6 +35,13 @@ impl Coverage {
         }
     }
 
+    /// Takes in another's cases.
+    pub fn join(&mut self, other: &Self) {
+        self.cases += other.cases;
+        self.within.iter_mut().zip(other.within).for_each(|(sum, one)| *sum += one);
+        self.areas_m2.iter_mut().zip(other.areas_m2).for_each(|(sum, one)| *sum += one);
+    }
+
     /// Share of cases within, at each of [`LEVELS`]; none before there is a case.
     pub fn shares(&self) -> Option<[f64; 4]> {
         (self.cases > 0).then(|| self.within.map(|n| n as f64 / self.cases as f64))

@@ -77,7 +77,7 @@ fn the_best_is_sought_among_the_likeliest_alone() {
     assert_eq!((best(2).min_ade_m, best(2).ade_of_min_fde_m, best(2).min_fde_m), (1.0, 1.5, 1.9));
     assert_eq!((best(2).missed, best(2).missed_anywhere), (false, true));
     assert!((best(2).brier_min_fde_m - 2.39).abs() < 1e-12);
-    assert!((best(3).p_min_fde_m - (0.2 - 0.1_f64.ln())).abs() < 1e-12);
+    assert!((best(3).p_min_fde_m - (0.2 - math::ln(0.1))).abs() < 1e-12);
     assert_eq!((best(3).fde_m, best(3).min_fde_m), (2.5, 0.2));
     assert_eq!(BestOf::of(&[], 3), None);
     assert_eq!(ModeErrors::of(1.0, &[], &[]), None);
