@@ -1,6 +1,6 @@
 //! Evaluation of a drive: verdict, distances, impact, comfort, response times, run times; and of perception:
 //! detections, tracks, segmentation, each also at the instant at which it can be used ([`timely`]); and of localization:
-//! errors of trajectories, and whether a filter knows its own.
+//! errors of trajectories, and whether a filter knows its own; and of predictions ([`forecast`]).
 //!
 //! Every measure is a small accumulator that takes in one sample at a time, so that a run of any length is
 //! evaluated while it happens; [`Evaluation`] holds one of each and gives [`Metrics`], which serialise to
@@ -16,6 +16,7 @@ mod distance;
 mod distribution;
 mod drive;
 mod evaluation;
+pub mod forecast;
 mod gate;
 mod ground;
 mod jerk;

@@ -10,6 +10,7 @@ mod deadline;
 mod detection;
 mod ego;
 mod event;
+mod forecast;
 mod gate;
 mod health;
 mod image;
@@ -32,6 +33,7 @@ pub use event::{
     CollisionEvent, CollisionEvents, FaultInjection, LaneInvasion, LaneInvasions, RedLightEvent,
     RedLightEvents, RoadLine, Side, Signal,
 };
+pub use forecast::{Forecast, ForecastList, ForecastPose, Mode};
 pub use gate::{GateMode, GateOutput, Refusal, Refusals, StopCause, Switch, VehicleReport};
 pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};

@@ -1,11 +1,17 @@
 //! From what was seen to what will happen.
 //!
 //! [`History`] keeps the past sightings of each obstacle and hands out tracks; [`linear`] turns tracks into
-//! time-indexed predictions, which [`road`] bends as the road does. All poses are in the map frame and describe the centre of a footprint.
+//! time-indexed predictions, which [`road`] bends as the road does; [`forecast`] has more predictors, whose forecasts have
+//! modes and spreads; [`recorded`] reads recorded tracks to judge them by. All poses are in the map frame and describe the centre of a footprint.
 //! Absences: no engine, no simulator, no files, no clock: time is what the stamps say.
 
+mod filter;
 mod history;
 pub mod linear;
+mod past;
+mod predictor;
+pub mod recorded;
 pub mod road;
 
 pub use history::{History, HistoryParams};
+pub use predictor::{Horizon, PredictorName, forecast};

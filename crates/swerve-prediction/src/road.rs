@@ -15,7 +15,7 @@ const ALONG_RAD: f64 = 0.5;
 /// He is on it, or this far beside, metres.
 const BESIDE_M: f64 = 1.0;
 /// Time in which what is left of the speed across the road falls to a third, seconds.
-const SETTLES_S: f64 = 1.0;
+pub(crate) const SETTLES_S: f64 = 1.0;
 
 /// Bends the straight predictions of those who drive along the way, by the velocity that they begin with.
 pub fn follow(predictions: &mut [Prediction], route: &Route) {
@@ -24,20 +24,25 @@ pub fn follow(predictions: &mut [Prediction], route: &Route) {
     }
 }
 
-fn bend(prediction: &mut Prediction, route: &Route) {
-    let [first, .., last] = &prediction.path[..] else { return };
-    let (start, since_s) = (first.at, (last.at - first.at).as_secs());
-    let velocity_mps: Vector2 = (last.pose.point() - first.pose.point()) * (1.0 / since_s);
-    let FrenetPoint { s_m, d_m } = route.project(first.pose.point());
+/// A metre of the road at this place in metres of its line, for who moves along it; none for everybody else.
+pub(crate) fn share_along(route: &Route, place: FrenetPoint, velocity_mps: Vector2) -> Option<f64> {
+    let FrenetPoint { s_m, d_m } = place;
     let beside = route.line().at(s_m);
     let off_rad = angle_between(beside.pose.heading_rad, velocity_mps.heading());
     let is_along = off_rad.abs().min(core::f64::consts::PI - off_rad.abs()) < ALONG_RAD;
     let is_on = (-route.right_m(s_m) - BESIDE_M..=route.left_m(s_m) + BESIDE_M).contains(&d_m);
     // Nearer to the middle of the bend than to its line a way along it has no length.
     let share = 1.0 - beside.curvature_1pm * d_m;
-    if velocity_mps.norm() < SPEED_MIN_MPS || !is_along || !is_on || share < 0.1 {
-        return;
-    }
+    (velocity_mps.norm() >= SPEED_MIN_MPS && is_along && is_on && share >= 0.1).then_some(share)
+}
+
+fn bend(prediction: &mut Prediction, route: &Route) {
+    let [first, .., last] = &prediction.path[..] else { return };
+    let (start, since_s) = (first.at, (last.at - first.at).as_secs());
+    let velocity_mps: Vector2 = (last.pose.point() - first.pose.point()) * (1.0 / since_s);
+    let place @ FrenetPoint { s_m, d_m } = route.project(first.pose.point());
+    let beside = route.line().at(s_m);
+    let Some(share) = share_along(route, place, velocity_mps) else { return };
     let forwards = beside.pose.direction();
     let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
     let turn_rad = if along_mps < 0.0 { core::f64::consts::PI } else { 0.0 };

@@ -1,9 +1,10 @@
-//! `swerve eval`: what a detector, a tracker or a localizer reports, from files of the usual forms, against the truth.
+//! `swerve eval`: what a detector, a tracker, a localizer or a predictor reports, from files of the usual forms, against the truth.
 
 mod coco;
 mod kitti;
 mod localization;
 pub(crate) mod mot;
+mod prediction;
 #[cfg(test)]
 mod tests;
 mod timely;
@@ -18,6 +19,7 @@ use serde_json::Value;
 use swerve_report::output::align;
 
 use localization::LocalizationArgs;
+use prediction::PredictionArgs;
 use timely::TimelyArgs;
 
 /// `swerve eval`.
@@ -35,6 +37,8 @@ enum What {
     Tracking(Compared),
     /// A localizer on a recorded drive: errors in metres and degrees, and whether it knows how good it is (NEES, NIS)
     Localization(LocalizationArgs),
+    /// A predictor on recorded tracks: distances in metres, densities, and whether its spread is the true one
+    Prediction(PredictionArgs),
 }
 
 #[derive(clap::Args, Debug)]
@@ -96,6 +100,7 @@ fn result(args: &EvalArgs) -> anyhow::Result<String> {
                 numbers(&[("", &report)])
             }
         }
+        What::Prediction(args) => prediction::told(args),
     }
 }
 

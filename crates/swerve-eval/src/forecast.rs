@@ -1,0 +1,173 @@
+//! How good predictions of others' ways are: distances of the best of several modes, of all actors together, densities,
+//! and whether the stated spread is the true one.
+//!
+//! Distances as in Argoverse 2's evaluation (`av2.datasets.motion_forecasting.eval.metrics`); where others define them
+//! otherwise it is said at the field.
+
+mod calibration;
+
+use serde::Serialize;
+use swerve_geom::{Obb, Point2, math};
+
+pub use calibration::{Coverage, LEVELS, Recalibration};
+
+/// Who ends further off than this is missed, metres (Argoverse 1 and 2).
+pub const MISS_M: f64 = 2.0;
+
+/// A place at one instant as a normal distribution on the ground.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Gaussian {
+    /// Its share in a mixture, 0 to 1.
+    pub weight: f64,
+    /// Mean.
+    pub mean: Point2,
+    /// Covariance: xx, xy, yy, m².
+    pub covariance_m2: [f64; 3],
+}
+
+/// Errors of one mode against what happened.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
+pub struct ModeErrors {
+    /// What the mode was given, 0 to 1.
+    pub probability: f64,
+    /// Mean distance over all instants, metres.
+    pub ade_m: f64,
+    /// Distance at the last instant, metres.
+    pub fde_m: f64,
+    /// Largest distance, metres.
+    pub largest_m: f64,
+}
+
+impl ModeErrors {
+    /// Of a path, as many points as `truth`; none without any.
+    pub fn of(probability: f64, path: &[Point2], truth: &[Point2]) -> Option<Self> {
+        let distances = path.iter().zip(truth).map(|(p, g)| p.distance(*g));
+        let fde_m = distances.clone().next_back()?;
+        let largest_m = distances.clone().fold(0.0, f64::max);
+        let ade_m = distances.sum::<f64>() / path.len().min(truth.len()) as f64;
+        Some(Self { probability, ade_m, fde_m, largest_m })
+    }
+
+    /// Final distance with what the probability lacks of one, squared, on it: the Brier score's.
+    pub fn brier_fde_m(&self) -> f64 {
+        let lacks = 1.0 - self.probability;
+        self.fde_m + lacks * lacks
+    }
+
+    /// Whether it ends further off than [`MISS_M`].
+    pub fn missed(&self) -> bool {
+        self.fde_m > MISS_M
+    }
+}
+
+/// Errors of mode `k` of all actors together, where modes are joint: means over actors. `actors[m][k]`, as many modes each.
+pub fn joint(actors: &[Vec<ModeErrors>]) -> Vec<ModeErrors> {
+    let modes = actors.iter().map(Vec::len).min().unwrap_or(0);
+    let mean = |k: usize, of: fn(&ModeErrors) -> f64| {
+        actors.iter().map(|modes| of(&modes[k])).sum::<f64>() / actors.len() as f64
+    };
+    let mode = |k: usize| ModeErrors {
+        probability: actors[0][k].probability,
+        ade_m: mean(k, |mode| mode.ade_m),
+        fde_m: mean(k, |mode| mode.fde_m),
+        largest_m: actors.iter().map(|modes| modes[k].largest_m).fold(0.0, f64::max),
+    };
+    (0..modes).map(mode).collect()
+}
+
+/// Errors of the best of the `K` likeliest modes.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
+pub struct BestOf {
+    /// Mean distance of the likeliest mode, metres.
+    pub ade_m: f64,
+    /// Its final distance, metres.
+    pub fde_m: f64,
+    /// Least mean distance, metres (nuScenes, Waymo).
+    pub min_ade_m: f64,
+    /// Least final distance, metres.
+    pub min_fde_m: f64,
+    /// Mean distance of the mode with the least final one, metres (Argoverse 1).
+    pub ade_of_min_fde_m: f64,
+    /// Final distance of that mode with the Brier score of its probability on it (Argoverse 2).
+    pub brier_min_fde_m: f64,
+    /// The same with its probability's logarithm, at most that of 1/20 (Argoverse 1's p-minFDE).
+    pub p_min_fde_m: f64,
+    /// Whether every mode ends further off than [`MISS_M`].
+    pub missed: bool,
+    /// Whether every mode is at least [`MISS_M`] off at some instant (nuScenes).
+    pub missed_anywhere: bool,
+}
+
+impl BestOf {
+    /// Of the `k` likeliest; of equals the first. None without any.
+    pub fn of(modes: &[ModeErrors], k: usize) -> Option<Self> {
+        let mut order: Vec<_> = modes.iter().collect();
+        order.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        order.truncate(k);
+        let likeliest = order.first()?;
+        let nearest = order.iter().min_by(|a, b| a.fde_m.total_cmp(&b.fde_m))?;
+        Some(Self {
+            ade_m: likeliest.ade_m,
+            fde_m: likeliest.fde_m,
+            min_ade_m: order.iter().map(|mode| mode.ade_m).fold(f64::INFINITY, f64::min),
+            min_fde_m: nearest.fde_m,
+            ade_of_min_fde_m: nearest.ade_m,
+            brier_min_fde_m: nearest.brier_fde_m(),
+            p_min_fde_m: nearest.fde_m - math::ln(nearest.probability.max(0.05)),
+            missed: order.iter().all(|mode| mode.missed()),
+            missed_anywhere: order.iter().all(|mode| mode.largest_m >= MISS_M),
+        })
+    }
+}
+
+impl Gaussian {
+    fn determinant(&self) -> f64 {
+        let [xx, xy, yy] = self.covariance_m2;
+        xx * yy - xy * xy
+    }
+
+    /// Squared distance of `point` from the mean in deviations (Mahalanobis).
+    pub fn mahalanobis_squared(&self, point: Point2) -> f64 {
+        let ([xx, xy, yy], off) = (self.covariance_m2, point - self.mean);
+        (yy * off.x * off.x - 2.0 * xy * off.x * off.y + xx * off.y * off.y) / self.determinant()
+    }
+
+    /// Logarithm of weight times density, nats with metres.
+    fn ln_density(&self, point: Point2) -> f64 {
+        let ln_norm = math::ln(core::f64::consts::TAU) + 0.5 * math::ln(self.determinant());
+        math::ln(self.weight) - 0.5 * self.mahalanobis_squared(point) - ln_norm
+    }
+
+    /// The normal distribution with a mixture's mean and covariance; none for an empty one.
+    pub fn of_mixture(parts: &[Self]) -> Option<Self> {
+        let weight = parts.iter().map(|part| part.weight).sum::<f64>();
+        let mean_of =
+            |of: &dyn Fn(&Self) -> f64| parts.iter().map(|part| part.weight * of(part)).sum::<f64>() / weight;
+        let mean = Point2::new(mean_of(&|part| part.mean.x_m), mean_of(&|part| part.mean.y_m));
+        let covariance_m2 = [0, 1, 2].map(|k| {
+            mean_of(&|part| {
+                let off = part.mean - mean;
+                part.covariance_m2[k] + [off.x * off.x, off.x * off.y, off.y * off.y][k]
+            })
+        });
+        (weight > 0.0).then_some(Self { weight, mean, covariance_m2 })
+    }
+}
+
+/// Negative logarithm of a mixture's density where something was, nats with metres. Infinite for an empty mixture.
+pub fn nll(mixture: &[Gaussian], place: Point2) -> f64 {
+    let parts = mixture.iter().map(|part| part.ln_density(place));
+    let largest = parts.clone().fold(f64::NEG_INFINITY, f64::max);
+    if largest == f64::NEG_INFINITY {
+        return f64::INFINITY;
+    }
+    -largest - math::ln(parts.map(|part| math::exp(part - largest)).sum())
+}
+
+/// Whether two outlines, each at the same instants, ever share a point.
+pub fn collide(a: &[Obb], b: &[Obb]) -> bool {
+    a.iter().zip(b).any(|(a, b)| a.overlaps(b))
+}
+
+#[cfg(test)]
+mod tests;

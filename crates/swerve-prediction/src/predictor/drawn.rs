@@ -1,0 +1,110 @@
+//! From points and spreads to the modes of a forecast.
+
+use swerve_core::Time;
+use swerve_geom::{Point2, Pose2, Vector2};
+use swerve_msg::{ActorKind, Forecast, ForecastPose, Mode};
+
+use super::{Horizon, Seen};
+
+/// Slower than this a body's heading is the one before, m/s.
+const HEADING_SPEED_MPS: f64 = 0.1;
+
+/// A place, and its covariance xx, xy, yy in m².
+pub(super) type Spot = (Point2, [f64; 3]);
+
+/// How the velocity of others wanders off from what was foretold, as white noise of acceleration.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Wander {
+    /// Deviation of a sighting along each axis, metres.
+    pub(super) sighting_m: f64,
+    /// Deviation of the velocity that a prediction begins with, m/s.
+    pub(super) speed_mps: f64,
+    /// Density of the acceleration along the motion and across it, m²/s³.
+    pub(super) density: [f64; 2],
+}
+
+/// People on foot, fitted to ETH and UCY; everybody else, to NGSIM.
+pub(super) fn wander(kind: ActorKind) -> Wander {
+    match kind {
+        ActorKind::Pedestrian | ActorKind::Static => {
+            Wander { sighting_m: 0.03, speed_mps: 0.08, density: [0.03, 0.012] }
+        }
+        _ => Wander { sighting_m: 0.15, speed_mps: 0.5, density: [0.9, 0.05] },
+    }
+}
+
+impl Wander {
+    /// Variances along and across the motion after `t_s`, m².
+    fn variances_m2(&self, t_s: f64) -> [f64; 2] {
+        let at_start = self.sighting_m * self.sighting_m + self.speed_mps * self.speed_mps * t_s * t_s;
+        self.density.map(|density| at_start + density * t_s * t_s * t_s / 3.0)
+    }
+
+    /// As a covariance on the map, for a motion in `direction` (of length one).
+    pub(super) fn covariance_m2(&self, direction: Vector2, t_s: f64) -> [f64; 3] {
+        let ([along, across], Vector2 { x, y, .. }) = (self.variances_m2(t_s), direction);
+        [along * x * x + across * y * y, (along - across) * x * y, along * y * y + across * x * x]
+    }
+}
+
+/// The direction of a motion; that of `heading_rad` for who hardly moves.
+pub(super) fn direction(velocity_mps: Vector2, heading_rad: f64) -> Vector2 {
+    let speed_mps = velocity_mps.norm();
+    if speed_mps > HEADING_SPEED_MPS {
+        velocity_mps * (1.0 / speed_mps)
+    } else {
+        Vector2::from_heading(heading_rad)
+    }
+}
+
+/// A mode through these spots, one for each instant; headings are those of the motion.
+pub(super) fn mode(
+    probability: f64,
+    seen: &Seen,
+    stamp: Time,
+    (horizon, spots): (&Horizon, &[Spot]),
+) -> Mode {
+    let mut heading_rad = seen.track.pose.heading_rad;
+    let least_m = HEADING_SPEED_MPS * horizon.step.as_secs();
+    let path = horizon.instants(stamp).zip(spots).enumerate().map(|(k, (at, (point, covariance_m2)))| {
+        let on = match spots.get(k + 1) {
+            Some((next, _)) => *next - *point,
+            None => *point - spots[k.saturating_sub(1)].0,
+        };
+        if on.norm() > least_m {
+            heading_rad = on.heading();
+        }
+        let pose = Pose2::new(point.x_m, point.y_m, heading_rad);
+        ForecastPose { at, pose, covariance_m2: *covariance_m2 }
+    });
+    Mode { probability, path: path.collect() }
+}
+
+/// The forecast of these modes.
+pub(super) fn forecast(seen: &Seen, modes: Vec<Mode>) -> Forecast {
+    let track = seen.track;
+    Forecast { id: track.id, kind: track.kind, extent: track.extent, modes }
+}
+
+/// The forecast of one mode, whose points are given and whose spread is that of its kind.
+pub(super) fn single(seen: &Seen, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Forecast {
+    let spots = spread(seen, stamp, horizon, points);
+    forecast(seen, vec![mode(1.0, seen, stamp, (horizon, &spots))])
+}
+
+/// Points with the spread of the actor's kind.
+pub(super) fn spread(seen: &Seen, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Vec<Spot> {
+    let (wander, step_s) = (wander(seen.past.kind), horizon.step.as_secs());
+    let unseen_s = (stamp - seen.past.last().at).as_secs();
+    let spot = |(k, point): (usize, &Point2)| {
+        let from = points[k.saturating_sub(1)];
+        let on = if k == 0 {
+            points.get(1).map_or(Vector2::default(), |next| *next - *point)
+        } else {
+            *point - from
+        };
+        let direction = direction(on * (1.0 / step_s), seen.track.pose.heading_rad);
+        (*point, wander.covariance_m2(direction, unseen_s + step_s * k as f64))
+    };
+    points.iter().enumerate().map(spot).collect()
+}

@@ -1,0 +1,40 @@
+//! Straight on.
+
+use swerve_core::Time;
+use swerve_geom::Point2;
+use swerve_msg::{Forecast, TrackList};
+
+use super::drawn::single;
+use super::{Horizon, Seen};
+use crate::linear;
+
+/// Over how long the last velocity is taken, seconds: with sightings further apart, the last two.
+pub(super) const VELOCITY_WINDOW_S: f64 = 0.5;
+
+/// The paper's predictor, with a spread.
+pub(super) fn linear(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+    let params = linear::Params {
+        future_steps: horizon.steps,
+        step_s: horizon.step.as_secs(),
+        ..linear::Params::default()
+    };
+    let of_one = |seen: &Seen| {
+        let track = swerve_msg::Track { history: seen.past.sightings.clone(), ..seen.track.clone() };
+        let list = linear::predict(&TrackList { stamp, tracks: vec![track] }, &params);
+        let points: Vec<Point2> =
+            list.predictions.iter().flat_map(|one| &one.path).map(|at| at.pose.point()).collect();
+        single(seen, stamp, horizon, &points)
+    };
+    seen.iter().map(of_one).collect()
+}
+
+/// On with the velocity of the last half second.
+pub(super) fn constant_velocity(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+    let of_one = |seen: &Seen| {
+        let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
+        let now = seen.past.now(stamp, velocity_mps);
+        let at = |k: usize| now + velocity_mps * (horizon.step.as_secs() * k as f64);
+        single(seen, stamp, horizon, &(0..=horizon.steps).map(at).collect::<Vec<_>>())
+    };
+    seen.iter().map(of_one).collect()
+}

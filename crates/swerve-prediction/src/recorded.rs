@@ -1,0 +1,317 @@
+//! Recorded tracks in files, and the windows of them that predictors are judged by.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
+use swerve_core::{Span, Time};
+use swerve_geom::{Point2, Pose2, Vector2};
+use swerve_msg::{ActorId, ActorKind, Extent, Sighting, Track, TrackList};
+
+/// Frames between two rows of one person in the files of ETH and UCY, and what they are taken for, seconds.
+const ETH_UCY_FRAMES: i64 = 10;
+const ETH_UCY_STEP_S: f64 = 0.4;
+/// Between two rows of CommonRoad's recorded scenarios, seconds.
+const COMMONROAD_STEP_S: f64 = 0.1;
+/// Frames count at most this far from zero.
+const FRAME_MAX: f64 = 1e9;
+
+/// Why a text is no recording: the line, counted from 1, and what is wrong with it.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("{line}: {what}")]
+pub struct RecordedError {
+    /// Counted from 1.
+    pub line: usize,
+    /// What is wrong, and what was expected.
+    pub what: String,
+}
+
+/// One actor as recorded.
+#[derive(Clone, PartialEq, Debug)]
+pub struct RecordedTrack {
+    /// Identity within its recording.
+    pub id: ActorId,
+    /// What it is.
+    pub kind: ActorKind,
+    /// Size.
+    pub extent: Extent,
+    /// Step and place, at increasing steps.
+    pub samples: Vec<(i64, Point2)>,
+}
+
+/// Tracks of one scene, in the scene's own map frame.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Recording {
+    /// Between two steps.
+    pub step: Span,
+    /// Ordered by identity.
+    pub tracks: Vec<RecordedTrack>,
+}
+
+/// An actor who is seen throughout a window.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Window {
+    /// Who it is.
+    pub id: ActorId,
+    /// Places after the present, one for each step.
+    pub truth: Vec<Point2>,
+}
+
+/// A present instant: everybody who is there, and who of them is there for long enough to be judged.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Scene {
+    /// With the past that is without a gap, at most as long as is observed.
+    pub tracks: TrackList,
+    /// Ordered by identity.
+    pub windows: Vec<Window>,
+}
+
+/// Who is judged, after how many sightings and for how many steps.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Protocol {
+    /// Sightings up to the present, which is one of them; at least 1.
+    pub observe: usize,
+    /// Steps after it; at least 1.
+    pub predict: usize,
+    /// A window begins at every so many sightings of a track; at least 1.
+    pub stride: usize,
+    /// Fewest steps after the present that are judged, where a track ends before `predict` are over.
+    pub predict_min: usize,
+    /// Fewest actors that are judged at one instant, else nobody is.
+    pub actors_min: usize,
+}
+
+impl Protocol {
+    /// Everybody who is there for all of it, as Trajectron++ takes them.
+    pub fn whole(observe: usize, predict: usize) -> Self {
+        Self { observe, predict, stride: 1, predict_min: predict, actors_min: 1 }
+    }
+}
+
+/// The text of a file, which may be packed by gzip (RFC 1952): at most 512 MiB.
+///
+/// # Errors
+/// What is wrong with the bytes.
+pub fn text(bytes: Vec<u8>) -> Result<String, String> {
+    const MOST_BYTES: usize = 512 << 20;
+    let plain = match bytes.starts_with(&[0x1f, 0x8b]) {
+        false => bytes,
+        true => {
+            let packed = deflated(&bytes).ok_or("expected a file packed by gzip, found a broken head")?;
+            miniz_oxide::inflate::decompress_to_vec_with_limit(packed, MOST_BYTES).map_err(|error| {
+                format!("packed by gzip, but broken or beyond {MOST_BYTES} bytes: {error}")
+            })?
+        }
+    };
+    String::from_utf8(plain).map_err(|_| "expected text in UTF-8".to_owned())
+}
+
+/// What follows the head of a gzip file.
+fn deflated(bytes: &[u8]) -> Option<&[u8]> {
+    let ([_, _, 8, flags, ..], mut rest) = (bytes, bytes.get(10..)?) else { return None };
+    if flags & 4 != 0 {
+        let size = usize::from(u16::from_le_bytes([*rest.first()?, *rest.get(1)?]));
+        rest = rest.get(2 + size..)?;
+    }
+    for flag in [8, 16] {
+        if flags & flag != 0 {
+            rest = rest.get(rest.iter().position(|byte| *byte == 0)? + 1..)?;
+        }
+    }
+    if flags & 2 != 0 { rest.get(2..) } else { Some(rest) }
+}
+
+fn wrong(line: usize, what: impl Display) -> RecordedError {
+    RecordedError { line, what: what.to_string() }
+}
+
+/// A finite number within `most` of zero.
+fn number(line: usize, name: &str, word: &str, most: f64) -> Result<f64, RecordedError> {
+    match word.trim().parse() {
+        Ok(number) if f64::abs(number) <= most => Ok(number),
+        _ => {
+            Err(wrong(line, format!("{name}: expected a number of at most {most}, found `{}`", word.trim())))
+        }
+    }
+}
+
+/// A whole number, which may be written `780.0`.
+fn whole(line: usize, name: &str, word: &str, most: f64) -> Result<i64, RecordedError> {
+    let number = number(line, name, word, most)?;
+    match number.fract() == 0.0 {
+        true => Ok(number as i64),
+        false => Err(wrong(line, format!("{name}: expected a whole number, found `{}`", word.trim()))),
+    }
+}
+
+fn identity(line: usize, name: &str, word: &str) -> Result<ActorId, RecordedError> {
+    let id = whole(line, name, word, f64::from(u32::MAX))?;
+    u32::try_from(id)
+        .map(ActorId)
+        .map_err(|_| wrong(line, format!("{name}: expected no negative number, found `{id}`")))
+}
+
+/// People from a text of ETH or UCY as it is passed on for predictors: `frame person x y`, parted by blanks, in metres,
+/// 10 frames for 0.4 s (the recording `eth` in truth had 0.667 s between them).
+///
+/// # Errors
+/// The first line that is none, or a person who is twice at one instant.
+pub fn eth_ucy(text: &str) -> Result<Recording, RecordedError> {
+    let person = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 };
+    let mut tracks = Tracks::default();
+    for (k, row) in text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty()) {
+        let (line, words) = (k + 1, row.split_whitespace().collect::<Vec<_>>());
+        let [frame, id, x, y] = words[..] else {
+            return Err(wrong(line, format!("expected `frame person x y`, found {} words", words.len())));
+        };
+        let frame = whole(line, "frame", frame, FRAME_MAX)?;
+        if frame % ETH_UCY_FRAMES != 0 {
+            return Err(wrong(
+                line,
+                format!("frame: expected a multiple of {ETH_UCY_FRAMES}, found `{frame}`"),
+            ));
+        }
+        let place = Point2::new(number(line, "x", x, 1e6)?, number(line, "y", y, 1e6)?);
+        let who = (identity(line, "person", id)?, ActorKind::Pedestrian, person);
+        tracks.add(line, who, (frame / ETH_UCY_FRAMES, place))?;
+    }
+    Ok(tracks.into_recording(ETH_UCY_STEP_S))
+}
+
+/// Vehicles and people from CommonRoad's recorded scenarios as rows of
+/// `scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps`, after a line with these names: a recording for
+/// each scenario, in the order of their names.
+///
+/// # Errors
+/// The first line that is none, or an actor who is twice at one instant.
+pub fn commonroad_csv(text: &str) -> Result<BTreeMap<String, Recording>, RecordedError> {
+    const HEAD: &str = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps";
+    let mut rows = text.lines().enumerate();
+    if rows.next().map(|(_, head)| head.trim()) != Some(HEAD) {
+        return Err(wrong(1, format!("expected `{HEAD}`")));
+    }
+    let mut scenarios: BTreeMap<&str, Tracks> = BTreeMap::new();
+    for (k, row) in rows.filter(|(_, row)| !row.trim().is_empty()) {
+        let (line, words) = (k + 1, row.split(',').collect::<Vec<_>>());
+        let [scenario, id, kind, length, width, step, x, y, ..] = words[..] else {
+            return Err(wrong(line, format!("expected 10 columns, found {}", words.len())));
+        };
+        let side = |name, word| number(line, name, word, 100.0);
+        let extent = Extent {
+            length_m: side("length_m", length)?.abs(),
+            width_m: side("width_m", width)?.abs(),
+            height_m: 1.5,
+        };
+        let place = Point2::new(number(line, "x_m", x, 1e6)?, number(line, "y_m", y, 1e6)?);
+        let who = (identity(line, "id", id)?, kind_of(line, kind)?, extent);
+        let step = whole(line, "step", step, FRAME_MAX)?;
+        scenarios.entry(scenario).or_default().add(line, who, (step, place))?;
+    }
+    let recording =
+        |(name, tracks): (&str, Tracks)| (name.to_owned(), tracks.into_recording(COMMONROAD_STEP_S));
+    Ok(scenarios.into_iter().map(recording).collect())
+}
+
+fn kind_of(line: usize, word: &str) -> Result<ActorKind, RecordedError> {
+    Ok(match word.trim() {
+        "car" | "taxi" | "priorityVehicle" => ActorKind::Car,
+        "truck" | "bus" | "train" => ActorKind::Truck,
+        "motorcycle" => ActorKind::Motorcycle,
+        "bicycle" => ActorKind::Cyclist,
+        "pedestrian" => ActorKind::Pedestrian,
+        other => {
+            let known = "car, taxi, priorityVehicle, truck, bus, train, motorcycle, bicycle, pedestrian";
+            return Err(wrong(line, format!("type: expected one of {known}, found `{other}`")));
+        }
+    })
+}
+
+/// Tracks as their rows come.
+#[derive(Default)]
+struct Tracks(BTreeMap<ActorId, (ActorKind, Extent, BTreeMap<i64, Point2>)>);
+
+impl Tracks {
+    fn add(
+        &mut self,
+        line: usize,
+        (id, kind, extent): (ActorId, ActorKind, Extent),
+        (step, place): (i64, Point2),
+    ) -> Result<(), RecordedError> {
+        let (.., samples) = self.0.entry(id).or_insert_with(|| (kind, extent, BTreeMap::new()));
+        match samples.insert(step, place) {
+            None => Ok(()),
+            Some(_) => Err(wrong(line, format!("{} is a second time at one instant", id.0))),
+        }
+    }
+
+    fn into_recording(self, step_s: f64) -> Recording {
+        let track = |(id, (kind, extent, samples)): (ActorId, (ActorKind, Extent, BTreeMap<i64, Point2>))| {
+            RecordedTrack { id, kind, extent, samples: samples.into_iter().collect() }
+        };
+        Recording { step: Span::from_secs(step_s), tracks: self.0.into_iter().map(track).collect() }
+    }
+}
+
+impl Recording {
+    /// Every instant at which somebody is judged, in order.
+    pub fn scenes(&self, protocol: &Protocol) -> Vec<Scene> {
+        let mut judged: BTreeMap<i64, Vec<Window>> = BTreeMap::new();
+        for track in &self.tracks {
+            for present in track.presents(protocol) {
+                let after =
+                    &track.samples[present + 1..track.samples.len().min(present + 1 + protocol.predict)];
+                let truth =
+                    after[..track.run(present, after.len())].iter().map(|(_, place)| *place).collect();
+                judged.entry(track.samples[present].0).or_default().push(Window { id: track.id, truth });
+            }
+        }
+        judged.retain(|_, windows| windows.len() >= protocol.actors_min);
+        judged
+            .into_iter()
+            .map(|(step, windows)| Scene { tracks: self.tracks_at(step, protocol), windows })
+            .collect()
+    }
+
+    /// Everybody at one step.
+    fn tracks_at(&self, step: i64, protocol: &Protocol) -> TrackList {
+        let tracks = self.tracks.iter().filter_map(|track| track.at(step, protocol.observe, self.step));
+        TrackList { stamp: Time::ZERO + self.step * step, tracks: tracks.collect() }
+    }
+}
+
+impl RecordedTrack {
+    /// How many samples after `from` follow each other without a gap, at most `most`.
+    fn run(&self, from: usize, most: usize) -> usize {
+        let follows = |k: &usize| self.samples[from + k].0 == self.samples[from].0 + *k as i64;
+        (1..=most).take_while(follows).count()
+    }
+
+    /// Indices of the samples at which it is judged.
+    fn presents(&self, protocol: &Protocol) -> impl Iterator<Item = usize> {
+        let (observe, least) =
+            (protocol.observe.max(1), protocol.observe.max(1) - 1 + protocol.predict_min.max(1));
+        let firsts = (0..self.samples.len()).step_by(protocol.stride.max(1));
+        firsts
+            .filter(move |first| first + least < self.samples.len() && self.run(*first, least) == least)
+            .map(move |first| first + observe - 1)
+    }
+
+    /// As the tracker would tell it at `step`, if it is there then.
+    fn at(&self, step: i64, observe: usize, span: Span) -> Option<Track> {
+        let present = self.samples.binary_search_by_key(&step, |(at, _)| *at).ok()?;
+        let first = present.saturating_sub(observe.max(1) - 1);
+        let from = (first..=present)
+            .rev()
+            .take_while(|k| self.samples[*k].0 == step - (present - k) as i64)
+            .last()?;
+        let sighting = |(at, point): &(i64, Point2)| Sighting { at: Time::ZERO + span * *at, point: *point };
+        let history: Vec<Sighting> = self.samples[from..=present].iter().map(sighting).collect();
+        let (last, before) = (history[history.len() - 1], history.iter().rev().nth(1));
+        let velocity_mps =
+            before.map_or(Vector2::default(), |before| (last.point - before.point) * (1.0 / span.as_secs()));
+        let pose = Pose2::new(last.point.x_m, last.point.y_m, velocity_mps.heading());
+        Some(Track { id: self.id, kind: self.kind, pose, extent: self.extent, velocity_mps, history })
+    }
+}
+
+#[cfg(test)]
+mod tests;

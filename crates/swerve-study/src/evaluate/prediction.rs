@@ -1,0 +1,232 @@
+//! `swerve eval prediction`: a predictor on recorded tracks, against what happened.
+
+mod tally;
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use clap::ValueEnum;
+use serde::Serialize;
+use swerve_prediction::recorded::{Protocol, Recording, commonroad_csv, eth_ucy, text};
+use swerve_prediction::{Horizon, PredictorName};
+use swerve_report::output::align;
+
+use tally::{Figures, Tally};
+
+/// Recorded tracks, and what is to foretell them.
+#[derive(clap::Args, Debug)]
+pub(super) struct PredictionArgs {
+    /// A folder of recordings, or one file
+    dir: PathBuf,
+    /// How they are written
+    #[arg(long, value_enum)]
+    format: Format,
+    /// Sightings up to the present
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    observe: u16,
+    /// Steps foretold after it
+    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    predict: u16,
+    /// A window begins at every so many sightings of a track
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    stride: u16,
+    /// What foretells: all, or `linear`, `constant_velocity`, `kalman`, `ctra`, `imm`, `social_force`, `orca`, `lane_idm`
+    #[arg(long, value_name = "NAME", default_value = "all", value_parser = named)]
+    predictor: Chosen,
+    /// Who is judged
+    #[arg(long, value_enum, default_value = "whole")]
+    protocol: Who,
+    /// The best of so many modes counts as `min_ade_m` and `min_fde_m`
+    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    best_of: u16,
+    /// Print one JSON object and nothing else
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+#[value(rename_all = "snake_case")]
+enum Format {
+    /// ETH and UCY: *.txt with rows of `frame person x y`, ten frames for 0.4 s
+    EthUcy,
+    /// CommonRoad's recorded scenarios: *.csv or *.csv.gz with rows of 0.1 s
+    CommonroadCsv,
+}
+
+/// Who is judged.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+enum Who {
+    /// Everybody who is there for all of the window (Trajectron++)
+    Whole,
+    /// The same, where there are two at least (S-GAN)
+    Sgan,
+    /// Everybody who is there for two steps at least after the present (Schöller et al. 2020)
+    Schoeller,
+}
+
+#[derive(Clone, Debug)]
+struct Chosen(Vec<PredictorName>);
+
+fn named(word: &str) -> Result<Chosen, String> {
+    let names = PredictorName::ALL.map(PredictorName::name);
+    match PredictorName::ALL.into_iter().find(|predictor| predictor.name() == word) {
+        Some(predictor) => Ok(Chosen(vec![predictor])),
+        None if word == "all" => Ok(Chosen(PredictorName::ALL.to_vec())),
+        None => Err(format!("expected all or one of {}", names.join(", "))),
+    }
+}
+
+/// What one predictor came to.
+#[derive(Serialize)]
+struct Report {
+    predictor: &'static str,
+    files: Vec<FileReport>,
+    /// Over the windows of all files.
+    all: Figures,
+}
+
+#[derive(Serialize)]
+struct FileReport {
+    file: String,
+    #[serde(flatten)]
+    figures: Figures,
+}
+
+/// One file's recordings, by its name.
+type File = (String, Vec<Recording>);
+
+/// What is printed.
+///
+/// # Errors
+/// A folder without such files, a file that cannot be read or is not of its form: file, line, and what was expected.
+pub(super) fn told(args: &PredictionArgs) -> anyhow::Result<String> {
+    let files = files(args)?;
+    let protocol = protocol(args);
+    let reports: Vec<Report> = args
+        .predictor
+        .0
+        .iter()
+        .map(|name| report(*name, &files, &protocol, usize::from(args.best_of)))
+        .collect();
+    if args.json {
+        return Ok(match &reports[..] {
+            [one] => serde_json::to_string_pretty(one)?,
+            all => serde_json::to_string_pretty(all)?,
+        } + "\n");
+    }
+    Ok(table(&reports))
+}
+
+fn protocol(args: &PredictionArgs) -> Protocol {
+    let whole = Protocol {
+        stride: usize::from(args.stride),
+        ..Protocol::whole(usize::from(args.observe), usize::from(args.predict))
+    };
+    match args.protocol {
+        Who::Whole => whole,
+        Who::Sgan => Protocol { actors_min: 2, ..whole },
+        Who::Schoeller => Protocol { predict_min: whole.predict.min(2), ..whole },
+    }
+}
+
+fn files(args: &PredictionArgs) -> anyhow::Result<Vec<File>> {
+    let (dir, endings) = match args.format {
+        Format::EthUcy => (&args.dir, &[".txt"][..]),
+        Format::CommonroadCsv => (&args.dir, &[".csv", ".csv.gz"][..]),
+    };
+    let told = |error| anyhow!("{}: cannot be read: {error}", dir.display());
+    let mut paths = vec![dir.clone()];
+    if std::fs::metadata(dir).map_err(told)?.is_dir() {
+        let entries: Result<Vec<_>, _> =
+            std::fs::read_dir(dir).map_err(told)?.map(|entry| entry.map(|entry| entry.path())).collect();
+        paths = entries.map_err(told)?;
+        paths.retain(|path| endings.iter().any(|ending| path.to_string_lossy().ends_with(ending)));
+        paths.sort();
+    }
+    if paths.is_empty() {
+        return Err(anyhow!(
+            "{}: expected files that end in {}, found none",
+            dir.display(),
+            endings.join(" or ")
+        ));
+    }
+    paths.iter().map(|path| file(path, args.format)).collect()
+}
+
+fn file(path: &Path, format: Format) -> anyhow::Result<File> {
+    let at = path.display();
+    let bytes = std::fs::read(path).map_err(|error| anyhow!("{at}: cannot be read: {error}"))?;
+    let text = text(bytes).map_err(|error| anyhow!("{at}: {error}"))?;
+    let recordings = match format {
+        Format::EthUcy => eth_ucy(&text).map(|recording| vec![recording]),
+        Format::CommonroadCsv => commonroad_csv(&text).map(|scenarios| scenarios.into_values().collect()),
+    };
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok((name, recordings.map_err(|error| anyhow!("{at}:{error}"))?))
+}
+
+fn report(name: PredictorName, files: &[File], protocol: &Protocol, best_of: usize) -> Report {
+    let mut all = Tally::new(best_of, protocol.predict);
+    let of_file = |(file, recordings): &File| {
+        let mut tally = Tally::new(best_of, protocol.predict);
+        for recording in recordings {
+            let horizon = Horizon { steps: protocol.predict, step: recording.step };
+            let scenes = recording.scenes(protocol);
+            tally.begin();
+            for scene in &scenes {
+                let list = swerve_prediction::forecast(name, &scene.tracks, &horizon, None);
+                tally.add(scene, &list);
+            }
+        }
+        all.join(&tally);
+        FileReport { file: file.clone(), figures: tally.figures() }
+    };
+    let files = files.iter().map(of_file).collect();
+    Report { predictor: name.name(), files, all: all.figures() }
+}
+
+fn table(reports: &[Report]) -> String {
+    let head = [
+        "predictor",
+        "file",
+        "windows",
+        "ADE",
+        "FDE",
+        "minADE",
+        "minFDE",
+        "missed",
+        "NLL",
+        "in 90 %",
+        "recalibrated",
+    ];
+    let row = |predictor: &str, file: &str, figures: &Figures| {
+        let cells = [
+            Some(figures.ade_m),
+            Some(figures.fde_m),
+            Some(figures.min_ade_m),
+            Some(figures.min_fde_m),
+            Some(figures.missed),
+            Some(figures.nll),
+            figures.coverage.map(|shares| shares[2]),
+            figures.recalibrated_90,
+        ];
+        let cells = cells.map(|cell| match figures.windows {
+            0 => "-".to_owned(),
+            _ => cell.map_or("-".to_owned(), |value| format!("{value:.3}")),
+        });
+        [predictor.to_owned(), file.to_owned(), figures.windows.to_string()]
+            .into_iter()
+            .chain(cells)
+            .collect()
+    };
+    let mut rows: Vec<Vec<String>> = vec![head.map(str::to_owned).to_vec()];
+    for report in reports {
+        rows.extend(report.files.iter().map(|one| row(report.predictor, &one.file, &one.figures)));
+        if report.files.len() > 1 {
+            rows.push(row(report.predictor, "all", &report.all));
+        }
+    }
+    align(&rows)
+}
