@@ -29,8 +29,8 @@ pub struct DetectedBox {
 }
 
 impl DetectedBox {
-    /// Whether it is somewhere and has a size, and whether what is told of its picture, its errors and its speed are
-    /// edges, a covariance and a number.
+    /// Whether it is somewhere and has a size, and whether what is told of its picture and its errors are edges and a
+    /// covariance.
     pub fn is_finite(&self) -> bool {
         let Extent { length_m, width_m, height_m } = self.extent;
         let is_spread =
@@ -40,7 +40,6 @@ impl DetectedBox {
             && [length_m, width_m, height_m].iter().all(|m| m.is_finite() && *m > 0.0)
             && self.image_px.is_none_or(|edges| edges.iter().all(|px| px.is_finite()))
             && self.covariance_m2.is_none_or(is_spread)
-            && self.radial_speed_mps.is_none_or(f64::is_finite)
     }
 }
 

@@ -57,8 +57,6 @@ struct Measured<'a> {
     at: Column2<f64>,
     covariance: Matrix2<f64>,
     heading_rad: f64,
-    /// The direction of a radar's line of sight.
-    sight: Column2<f64>,
 }
 
 impl Tracker {
@@ -166,24 +164,11 @@ impl<'a> Measured<'a> {
                 + Matrix2::identity() * (params.floor_noise_m * params.floor_noise_m)
         });
         let at = ego.from_local::<Ego>(found.pose.point());
-        let [radar_x_m, radar_y_m] = params.radar_at_m;
-        let (radar_sin, radar_cos) =
-            math::sin_cos(math::atan2(y - radar_y_m, x - radar_x_m) + ego.heading_rad);
         Self {
             found,
             at: Column2::new(at.x_m, at.y_m),
             covariance: own.unwrap_or_else(|| turn * spread * turn.transpose()),
             heading_rad: found.pose.heading_rad + ego.heading_rad,
-            sight: Column2::new(radar_cos, radar_sin),
-        }
-    }
-}
-
-impl Measured<'_> {
-    /// What a radar says of how fast it goes away, if it does.
-    fn tell_speed(&self, filter: &mut Filter, params: &Params) {
-        if let Some(speed_mps) = self.found.radial_speed_mps {
-            filter.update_along(self.sight, speed_mps, params.radial_noise_mps);
         }
     }
 }
@@ -192,14 +177,12 @@ impl Followed {
     fn founded(id: ActorId, measured: &Measured<'_>, stamp: Time, params: &Params) -> Self {
         let found = measured.found;
         let speed = params.motion(found.kind).speed_mps;
-        let mut filter = Filter::new(stamp, measured.at, measured.covariance, speed);
-        measured.tell_speed(&mut filter, params);
         Self {
             id,
             kind: found.kind,
             kind_score: found.score,
             score: found.score,
-            filter,
+            filter: Filter::new(stamp, measured.at, measured.covariance, speed),
             heading_rad: measured.heading_rad,
             extent: found.extent,
             hits: 1,
@@ -220,7 +203,6 @@ impl Followed {
     fn meet(&mut self, measured: &Measured<'_>, stamp: Time, params: &Params) {
         let found = measured.found;
         self.filter.update(measured.at, measured.covariance, params.sightings_max);
-        measured.tell_speed(&mut self.filter, params);
         if found.score > self.kind_score {
             (self.kind, self.kind_score) = (found.kind, found.score);
         }

@@ -29,9 +29,6 @@ struct Echo {
 /// Standard deviation of half a size, as a share of it.
 const SIZE_SHARE: f64 = 0.3;
 
-/// Standard deviation of a distance that is no better than a guess, metres.
-const VAGUE_M: f64 = 1.0;
-
 /// Standard deviations of an object's distance that an echo may be off.
 const DEVIATIONS: f64 = 3.0;
 
@@ -50,8 +47,7 @@ impl Echoes<'_> {
                 .iter()
                 .enumerate()
                 .filter_map(|(k, object)| Some((k, echo.off(object, radar, params)?)));
-            let rank =
-                |k: usize| objects[k].is_guessed || objects[k].spread.deviation_m(echo.bearing_rad) > VAGUE_M;
+            let rank = |k: usize| objects[k].is_guessed;
             let best = near.min_by(|a, b| rank(a.0).cmp(&rank(b.0)).then(a.1.total_cmp(&b.1)));
             let Some((k, _)) = best else { continue };
             if strongest[k].as_ref().is_none_or(|known| echo.snr_db > known.snr_db) {

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{Matrix2, Matrix2x4, Matrix4, RowVector4, Vector2, Vector4};
+use nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4};
 use swerve_core::Time;
 use swerve_geom::Point2;
 
@@ -119,19 +119,6 @@ impl Filter {
         while self.steps.iter().filter(|step| step.is_measured).count() > kept.max(1) {
             self.steps.pop_front();
         }
-    }
-
-    /// Takes in the present velocity in one direction, a unit vector: m/s, and their standard deviation.
-    pub(super) fn update_along(&mut self, direction: Vector2<f64>, speed_mps: f64, deviation_mps: f64) {
-        let step = self.steps.back_mut().expect("a filter starts with a step and keeps its last");
-        let h = RowVector4::new(0.0, 0.0, direction.x, direction.y);
-        let (Gauss { mean, covariance }, noise) = (step.filtered, deviation_mps * deviation_mps);
-        let gain = covariance * h.transpose() / ((h * covariance * h.transpose())[0] + noise);
-        let rest = Matrix4::identity() - gain * h;
-        step.filtered = Gauss {
-            mean: mean + gain * (speed_mps - (h * mean)[0]),
-            covariance: rest * covariance * rest.transpose() + gain * noise * gain.transpose(),
-        };
     }
 
     /// Squared distance of a measurement from the present position, expected after a sudden change of the velocity of

@@ -50,10 +50,6 @@ pub struct Params {
     /// Standard deviation of its place in any direction, on top, metres: poses of the ego have errors too. With more,
     /// velocities come later.
     pub floor_noise_m: f64,
-    /// Standard deviation of the speed along the line of sight that a radar tells of a box, m/s: limbs swing.
-    pub radial_noise_mps: f64,
-    /// Where that radar sits in the ego frame, metres: its lines of sight begin there.
-    pub radar_at_m: [f64; 2],
     /// How people on foot and on bicycles move.
     pub person: Motion,
     /// How motor vehicles move.
@@ -76,8 +72,6 @@ impl Default for Params {
             range_noise_share: 0.03,
             bearing_noise_rad: 0.002,
             floor_noise_m: 0.02,
-            radial_noise_mps: 0.3,
-            radar_at_m: [0.0, 0.0],
             person: Motion { speed_mps: 2.0, accel_density: 2.0, change_mps: 3.0 },
             vehicle: Motion { speed_mps: 8.0, accel_density: 4.0, change_mps: 3.0 },
             fixed: Motion { speed_mps: 0.05, accel_density: 1e-4, change_mps: 0.05 },
@@ -113,9 +107,6 @@ impl Params {
             ("bearing_noise_rad", self.bearing_noise_rad, [0.0, 1.0]),
             // Above zero, or a filter could become certain.
             ("floor_noise_m", self.floor_noise_m, [1e-3, 10.0]),
-            ("radar_at_m[0]", self.radar_at_m[0], [-20.0, 20.0]),
-            ("radar_at_m[1]", self.radar_at_m[1], [-20.0, 20.0]),
-            ("radial_noise_mps", self.radial_noise_mps, [1e-3, 100.0]),
             ("person.speed_mps", self.person.speed_mps, [1e-3, 100.0]),
             ("person.accel_density", self.person.accel_density, [1e-6, 1e3]),
             ("person.change_mps", self.person.change_mps, [0.0, 100.0]),

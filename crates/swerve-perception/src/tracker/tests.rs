@@ -263,30 +263,6 @@ fn a_covariance_of_its_own_weighs_a_box() {
     assert!(sure > 20.25 && unsure < 20.05, "{sure} {unsure}");
 }
 
-/// Who crosses the line of sight of a radar at the ego's front is known to do so after two sightings whose distances are
-/// off by much; whatever a radar says that is no number is not listened to.
-#[test]
-fn a_radars_speed_keeps_errors_of_distance_out_of_the_velocity() {
-    let speed = |radial: fn(f64) -> Option<f64>| {
-        let person = Motion { speed_mps: 6.0, ..Params::default().person };
-        let mut tracker = tracker(Params { radar_at_m: [4.0, 0.0], person, ..Params::default() });
-        for (ms, off_m) in [(0, 1.0), (50, -1.0), (100, -1.0)] {
-            let y_m = 3.0 - 2.75 * 1e-3 * ms as f64;
-            let told = found(ActorKind::Pedestrian, 20.0 + off_m, y_m);
-            let covariance_m2 = Some([1.0, 0.0, 1e-3]);
-            let radial_speed_mps = radial(-2.75 * y_m / math::hypot(16.0 + off_m, y_m));
-            let told = DetectedBox { covariance_m2, radial_speed_mps, ..told };
-            tracker.update(&frame(ms, vec![told]), origin());
-        }
-        let found = tracker.update(&frame(100, Vec::new()), origin());
-        found.tracks.first().map(|track| track.velocity_mps)
-    };
-    let (with, without) = (speed(Some).unwrap(), speed(|_| None).unwrap());
-    assert!(with.x.abs() < 0.3 && (-3.0..-1.5).contains(&with.y), "{with:?}");
-    assert!(without.x < -1.0, "{without:?}");
-    assert_eq!(speed(|_| Some(f64::NAN)), None);
-}
-
 #[test]
 fn what_sensors_confirm_in_turn_stays_on_probation_through_the_lists_of_the_other() {
     let reported = |probation_s: f64| {
