@@ -27,10 +27,10 @@ fn cpu_s() -> f64 {
     ticks.sum::<f64>() / 100.0
 }
 
-/// Drives once; gives the simulated seconds.
-fn drive(config: &Config, scenario: &Scenario, log: Option<&Path>) -> anyhow::Result<f64> {
+/// Drives once on as many threads; gives the simulated seconds.
+fn drive(config: &Config, scenario: &Scenario, threads: usize, log: Option<&Path>) -> anyhow::Result<f64> {
     let Some(log) = log else {
-        return Ok(drive_observed(config, scenario, 1, &mut [])?.report.at.as_secs());
+        return Ok(drive_observed(config, scenario, threads, &mut [])?.report.at.as_secs());
     };
     let start = RunStart {
         version: env!("CARGO_PKG_VERSION").into(),
@@ -41,17 +41,22 @@ fn drive(config: &Config, scenario: &Scenario, log: Option<&Path>) -> anyhow::Re
     let mut recorder = Recorder::create(log, &start)?;
     let pipeline = Pipeline::build(config, scenario)?;
     set_up(&mut recorder, config, &pipeline);
-    let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut recorder as &mut dyn Observer])?;
+    let outcome = drive_pipeline(pipeline, config.seed, threads, &mut [&mut recorder as &mut dyn Observer])?;
     recorder.finish()?;
     Ok(outcome.report.at.as_secs())
 }
 
 /// Simulated seconds per processor second and per second, over drives of half a second together.
-fn rates(config: &Config, scenario: &Scenario, log: Option<&Path>) -> anyhow::Result<(f64, f64)> {
+fn rates(
+    config: &Config,
+    scenario: &Scenario,
+    threads: usize,
+    log: Option<&Path>,
+) -> anyhow::Result<(f64, f64)> {
     let (began, began_cpu_s) = (now(), cpu_s());
     let mut simulated_s = 0.0;
     while began.elapsed().as_secs_f64() < 0.5 {
-        simulated_s += drive(config, scenario, log)?;
+        simulated_s += drive(config, scenario, threads, log)?;
     }
     let (wall_s, used_s) = (began.elapsed().as_secs_f64(), cpu_s() - began_cpu_s);
     let used_s = if began_cpu_s > 0.0 { used_s } else { wall_s };
@@ -73,7 +78,7 @@ fn loops(rows: &mut Rows) -> anyhow::Result<()> {
                 Config::load(None, &set).map_err(|problems| swerve_drive::problems_error(&problems))?;
             let (mut core, mut wall) = (vec![], vec![]);
             for _ in 0..ROUNDS {
-                let (per_core, per_wall) = rates(&config, &scenario, log)?;
+                let (per_core, per_wall) = rates(&config, &scenario, 1, log)?;
                 core.push(per_core);
                 wall.push(per_wall);
             }
@@ -98,8 +103,6 @@ height_px = HEIGHT
 period_ms = 50
 [lidar.roof]
 preset = 'vlp_32'
-[render]
-threads = 2
 ";
 
 fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
@@ -115,7 +118,7 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
             .map_err(|problems| swerve_drive::problems_error(&problems))?;
         let (mut core, mut wall) = (vec![], vec![]);
         for _ in 0..ROUNDS {
-            let (per_core, per_wall) = rates(&config, &scenario, Some(&file))?;
+            let (per_core, per_wall) = rates(&config, &scenario, 2, Some(&file))?;
             core.push(per_core);
             wall.push(per_wall);
         }

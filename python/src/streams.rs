@@ -110,8 +110,7 @@ impl Capture {
             (_, None) => false,
             (Some(names), _) => names.iter().any(|name| name == publication.stream),
             (None, Some(payload)) => {
-                let any = payload.as_any();
-                !(any.is::<Image>() || any.is::<PointCloud>() || any.is::<PointInstances>())
+                !(payload.is::<Image>() || payload.is::<PointCloud>() || payload.is::<PointInstances>())
             }
         }
     }

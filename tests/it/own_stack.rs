@@ -48,7 +48,7 @@ struct Seen(Vec<(Time, Time, f64)>);
 impl Observer for Seen {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let payload = publication.payload.and_then(|payload| payload.as_any().downcast_ref::<ClearAhead>());
+        let payload = publication.payload.and_then(|payload| payload.downcast_ref::<ClearAhead>());
         if let Some(clear) = payload {
             self.0.push((clear.stamp, publication.visible_at, clear.distance_m));
         }

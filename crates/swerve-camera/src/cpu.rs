@@ -23,13 +23,13 @@ use swerve_scene::Scene;
 use crate::View;
 use crate::error::RenderError;
 use crate::frame::{FrameMut, Outputs};
+use crate::frontend::Threads;
 use crate::frontend::lamp::{Lamp, collect_lamps};
 use crate::frontend::lens::LensCache;
 use crate::frontend::light::Environment;
 use crate::frontend::sensor::Sensor;
 use crate::frontend::sub_frame::SubFrame;
 use crate::frontend::texture::Tiles;
-use crate::frontend::thread_pool;
 use crate::frontend::viewpoint::Viewpoint;
 use band::BandPainter;
 use cull::Culled;
@@ -41,7 +41,7 @@ use shadow_maps::{ShadowCache, ShadowMaps};
 
 /// The back end for CPUs.
 pub(crate) struct CpuRenderer {
-    pool: Option<rayon::ThreadPool>,
+    threads: Threads,
     shadows: ShadowCache,
     lenses: LensCache,
     work: Work,
@@ -61,17 +61,14 @@ struct Work {
 impl CpuRenderer {
     pub(crate) fn new(threads: usize) -> Result<Self, RenderError> {
         let (shadows, lenses) = (ShadowCache::default(), LensCache::default());
-        Ok(Self { pool: thread_pool(threads)?, shadows, lenses, work: Work::default(), sums: Vec::new() })
+        let threads = Threads::new(threads)?;
+        Ok(Self { threads, shadows, lenses, work: Work::default(), sums: Vec::new() })
     }
 
     /// One pass; sizes, weather and poses have been checked.
     pub(crate) fn render(&mut self, scene: &Scene, view: &View<'_>, out: FrameMut<'_>) {
-        let Self { pool, shadows, lenses, work, sums } = self;
-        let mut pass = Pass { scene, view, shadows, lenses, work, sums, parallel: pool.is_some() };
-        match pool {
-            Some(pool) => pool.install(move || pass.run(out)),
-            None => pass.run(out),
-        }
+        let Self { threads, shadows, lenses, work, sums } = self;
+        threads.run(|parallel| Pass { scene, view, shadows, lenses, work, sums, parallel }.run(out));
     }
 }
 

@@ -17,11 +17,37 @@ use crate::error::RenderError;
 /// Rows that share lists of triangles, and are the unit of work.
 pub(crate) const BAND: usize = 16;
 
-/// Threads of a renderer, if it is to have more than the caller's.
-pub(crate) fn thread_pool(threads: usize) -> Result<Option<rayon::ThreadPool>, RenderError> {
-    if threads < 2 {
-        return Ok(None);
+/// Threads of a renderer.
+pub(crate) enum Threads {
+    /// The caller's.
+    One,
+    /// Those of the pool in which the caller is, if it is in one.
+    Callers,
+    /// Its own.
+    Own(rayon::ThreadPool),
+}
+
+impl Threads {
+    /// As many, as [`crate::RenderOptions::threads`] has it.
+    pub(crate) fn new(threads: usize) -> Result<Self, RenderError> {
+        let named =
+            rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("render-{k}"));
+        match threads {
+            0 => Ok(Self::Callers),
+            1 => Ok(Self::One),
+            _ => match named.build() {
+                Ok(pool) => Ok(Self::Own(pool)),
+                Err(error) => Err(RenderError::Threads { threads, why: error.to_string() }),
+            },
+        }
     }
-    let named = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("render-{k}"));
-    named.build().map(Some).map_err(|error| RenderError::Threads { threads, why: error.to_string() })
+
+    /// Does `work` where pieces of it that are joined run on these threads; it is told whether there are several.
+    pub(crate) fn run<T: Send>(&self, work: impl FnOnce(bool) -> T + Send) -> T {
+        match self {
+            Self::One => work(false),
+            Self::Callers => work(rayon::current_thread_index().is_some()),
+            Self::Own(pool) => pool.install(|| work(true)),
+        }
+    }
 }

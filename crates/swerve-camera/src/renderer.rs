@@ -10,7 +10,7 @@ use crate::check::{check, check_count};
 use crate::cpu::CpuRenderer;
 use crate::error::RenderError;
 use crate::frame::{Frame, FrameMut, Outputs};
-use crate::frontend::thread_pool;
+use crate::frontend::Threads;
 use crate::gpu::{GpuRenderer, InFlight};
 use crate::{Camera, View};
 
@@ -58,8 +58,9 @@ impl Backend {
 pub struct RenderOptions {
     /// Which back end.
     pub backend: Backend,
-    /// Threads of the CPU back end. With 1 (or 0) all is done on the caller's thread; with more on that
-    /// many of the renderer's own, while the caller waits. The other back ends copy images with as many.
+    /// Threads of the CPU back end. With 1 all is done on the caller's thread; with more on that many of the
+    /// renderer's own, while the caller waits; with 0 on those of the pool of rayon's in which the caller is, if it
+    /// is in one. The other back ends copy images with as many.
     pub threads: usize,
 }
 
@@ -117,7 +118,7 @@ impl Renderer {
     /// # Errors
     /// If its threads cannot be started, or if the device does not take what the back end needs.
     pub fn on(gpu: Arc<Gpu>, threads: usize) -> Result<Self, RenderError> {
-        let pool = thread_pool(threads)?;
+        let pool = Threads::new(threads)?;
         let started = guarded(|| GpuRenderer::new(gpu, pool));
         let engine = started.map_err(|why| RenderError::Adapter { why })?;
         Ok(Self { engine: Engine::Gpu(Box::new(engine)), threads, fell_back: None })
@@ -145,6 +146,14 @@ impl Renderer {
     /// Why the renderer left its adapter for the CPU back end, if it had to.
     pub fn fell_back(&self) -> Option<&str> {
         self.fell_back.as_deref()
+    }
+
+    /// Whether a scene and a view can be rendered.
+    ///
+    /// # Errors
+    /// A weather out of its range, a pose that is not finite.
+    pub fn check(scene: &Scene, view: &View<'_>) -> Result<(), RenderError> {
+        check(scene, core::slice::from_ref(view))
     }
 
     /// One pass: writes the images that `out` has.

@@ -178,7 +178,7 @@ impl Frames {
             sheet: sheet(size_px),
             title,
             street: Street::new(scenario, shape, render.weather, config.seed),
-            renderer: render.renderer()?,
+            renderer: render.renderer(0)?,
             follower,
             driver,
             above,
@@ -293,7 +293,7 @@ impl Frames {
 impl Observer for Frames {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(image) = payload.downcast_ref::<Image>() {
             if self.failure.is_none() {
                 self.failure = self.camera(publication.operator, publication.stream, image).err();

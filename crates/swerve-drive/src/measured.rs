@@ -79,7 +79,7 @@ impl Observer for Measured {
         self.rungs.event(event);
         match event {
             Event::Publication(publication) => {
-                let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+                let Some(payload) = publication.payload else { return };
                 let evaluation = &mut self.evaluation;
                 let is_of = |publisher: &Option<String>| publisher.as_deref() == Some(publication.operator);
                 if let Some(world) = payload.downcast_ref::<WorldState>() {

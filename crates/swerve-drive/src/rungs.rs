@@ -75,7 +75,7 @@ impl Rungs {
 impl Observer for Rungs {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(RungTaken { rung, run_time, .. }) = payload.downcast_ref::<RungTaken>() {
             let key = (publication.operator.to_owned(), *run_time, rung.clone());
             *self.taken.entry(key).or_default() += 1;

@@ -22,7 +22,7 @@ use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
-use swerve_text::{Document, nearest};
+use swerve_text::nearest;
 
 pub use command::{WhyArgs, of_run, run};
 
@@ -62,7 +62,7 @@ impl Logged {
             _ => true,
         };
         let log = Log::read_where(path, is_small)?;
-        let document = Document::parse("configuration of the log", log.start.config.clone())?;
+        let document = Config::logged(&log.start.config)?;
         let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
         if config.live.is_some() {
             bail!("{}: of a vehicle: the log does not hold where the others were", path.display());

@@ -9,7 +9,7 @@ use crate::graph::{AnyStream, Graph, GraphError};
 use crate::input::{Edge, PortSpec, Slot, Timer};
 use crate::message::{Header, Msg};
 use crate::operator::{Body, Context};
-use crate::payload::{ErasedPayload, Outs, PayloadType, Sent};
+use crate::payload::{ErasedPayload, Outs, PayloadType};
 
 /// How an operator of any types reads one input.
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +88,7 @@ impl AnyOutputs<'_> {
         let payload = self.types.get(port).ok_or(AnyOutputError::Port(port))?;
         let sent = (payload.decode)(cbor)
             .map_err(|why| AnyOutputError::Payload { expected: payload.name(), why })?;
-        let digest = sent.digest;
+        let digest = sent.digest();
         self.outs.set(port, sent);
         Ok(digest)
     }
@@ -102,7 +102,7 @@ struct AnyBody<O> {
 
 impl<O: AnyOperator> Body for AnyBody<O> {
     fn step(&mut self, cx: &mut Context<'_>, slots: &mut [Slot], outs: &mut Outs) {
-        let message = |Msg { header, sent: Sent { payload, .. } }| AnyMessage { header, payload };
+        let message = |Msg { header, sent }: Msg| AnyMessage { header, payload: sent.into_made().payload };
         let input = |slot: &mut Slot| match core::mem::take(slot) {
             Slot::Empty => AnyInput::Nothing,
             Slot::Tick => AnyInput::Tick,

@@ -11,10 +11,13 @@ mod setup;
 mod start;
 mod turn;
 
+use std::sync::Arc;
+
 use swerve_core::Time;
 
 use crate::decision::{Decision, Replay};
 use crate::observer::{DropReason, Dropped, Event, Observer};
+use crate::promise::Pending;
 use crate::report::{EndReason, RunError, RunReport};
 use commit::Commits;
 use due::{Due, Ready};
@@ -85,6 +88,9 @@ impl Engine<'_> {
         self.now = now;
         self.pass = 0;
         self.instants += 1;
+        if let Some(promised) = self.digest.broken.take() {
+            self.note_broken(&promised);
+        }
         self.due.mark(now, &mut self.ready);
     }
 
@@ -138,15 +144,32 @@ impl Engine<'_> {
         self.decide(|| Decision::Drop { operator: operator.to_string(), stamp, at, reason });
     }
 
+    /// The threads of the run, in virtual time and where there are several: its own thread is to be one of them.
+    pub(crate) fn workers(&self) -> Option<Arc<rayon::ThreadPool>> {
+        self.pool.as_ref().and_then(Pool::workers)
+    }
+
+    /// Notes why what an operator promised was never made, if so.
+    fn note_broken(&mut self, promised: &Pending) {
+        if let Err(why) = promised.wait() {
+            let (operator, message) = (promised.operator.to_string(), why.to_owned());
+            self.failure.get_or_insert(RunError::Panic { operator, message });
+        }
+    }
+
     /// Ends the run: tells the observers, gives the report.
     pub(crate) fn finish(mut self, end: EndReason) -> Result<RunReport, RunError> {
+        let digest = self.digest.digest();
+        if let Some(promised) = self.digest.broken.take() {
+            self.note_broken(&promised);
+        }
         let end = match (&self.failure, self.stop.take()) {
             (Some(failure), _) => EndReason::Failed(failure.to_string()),
             (None, Some(reason)) => EndReason::Stopped(reason),
             (None, None) => end,
         };
         let report = RunReport {
-            digest: self.digest.digest(),
+            digest,
             end,
             at: self.now,
             seed: self.seed,

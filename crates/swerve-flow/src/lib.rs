@@ -94,6 +94,7 @@ mod payload;
 mod playback;
 mod policy;
 mod port;
+mod promise;
 mod remote;
 mod report;
 mod runtime;
@@ -119,12 +120,13 @@ pub use observer::{
 pub use operator::{Context, Miss, Operator, Progress};
 pub use options::RunOptions;
 pub use output::{Declaration, Loan, Outputs, Port};
-pub use payload::{ErasedPayload, Payload, PayloadType};
 #[doc(hidden)]
-pub use payload::{Outs, Sent};
+pub use payload::Outs;
+pub use payload::{ErasedPayload, Payload, PayloadType, Sent};
 pub use playback::{PlaybackMessage, PlaybackPayload, PlaybackRecord};
 pub use policy::{Full, Late, Policy};
 pub use port::{InputPort, NamedInputs, NamedOutputs, OutputInfo, OutputPort, PortInfo, PortMode, Wire};
+pub use promise::{Promise, Workers};
 pub use remote::{Answered, Call, CallError, Lost, RemoteExecutor, Worker};
 pub use report::{Drops, EndReason, OperatorReport, RunError, RunReport, TickReport};
 pub use runtime::{RecordedTimes, RuntimeModel};

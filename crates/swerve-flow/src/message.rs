@@ -70,6 +70,7 @@ pub(crate) struct Msg {
 impl Msg {
     #[inline]
     pub(crate) fn typed<T: Payload>(self) -> Message<T> {
-        Message { header: self.header, digest: self.sent.digest, value: self.sent.typed() }
+        let (value, digest) = self.sent.typed();
+        Message { header: self.header, value, digest }
     }
 }

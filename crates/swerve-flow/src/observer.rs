@@ -10,7 +10,7 @@ pub use dispatch::Dispatcher;
 
 use crate::deadline::Reaction;
 use crate::decision::Decision;
-use crate::payload::ErasedPayload;
+use crate::payload::Sent;
 use crate::report::RunReport;
 
 /// Is told everything that happens in a run, in commit order: a recorder, a table, a test. It goes along where its run
@@ -71,7 +71,7 @@ pub struct Publication<'a> {
     /// What the step that computed it read.
     pub reads: Reads<'a>,
     /// What it carries; none for a bare watermark.
-    pub payload: Option<&'a dyn ErasedPayload>,
+    pub payload: Option<&'a Sent>,
 }
 
 /// What a step read: per input other than timers, the stamp of the (newest) message, none if there was none.

@@ -8,6 +8,7 @@ use swerve_core::{Rng, Time};
 use crate::input::{Inputs, Slot, Slots};
 use crate::output::{Outputs, Port};
 use crate::payload::{Outs, Payload, Sent};
+use crate::promise::Workers;
 use crate::wall::Alarm;
 
 /// One component: a step from inputs to outputs, with state of its own.
@@ -68,6 +69,7 @@ pub(crate) struct Task {
     pub(crate) seed: u64,
     pub(crate) rng: Option<Rng>,
     pub(crate) meter: Meter,
+    pub(crate) workers: Option<Workers>,
     pub(crate) unusual: Option<Box<Unusual>>,
 }
 
@@ -86,7 +88,16 @@ impl Task {
     /// A task that nothing cuts.
     #[inline]
     pub(crate) fn new(now: Time, stamp: Time, seed: u64) -> Self {
-        Self { now, stamp, deadline: None, seed, rng: None, meter: Meter::default(), unusual: None }
+        Self {
+            now,
+            stamp,
+            deadline: None,
+            seed,
+            rng: None,
+            meter: Meter::default(),
+            workers: None,
+            unusual: None,
+        }
     }
 }
 
@@ -140,6 +151,12 @@ impl Context<'_> {
     /// The operator's name in the graph.
     pub fn name(&self) -> &str {
         self.name
+    }
+
+    /// Who may go on with this step's work while the run goes on; none on one thread, on a thread of theirs, under wall
+    /// clock, and where the run time is what the step takes on this host.
+    pub fn workers(&self) -> Option<&Workers> {
+        self.task.workers.as_ref()
     }
 
     /// Random numbers of this operator and stamp, under the run's seed.

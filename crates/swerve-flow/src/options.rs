@@ -8,7 +8,8 @@ use swerve_core::Time;
 pub struct RunOptions {
     /// Decides everything random.
     pub seed: u64,
-    /// How many steps of heavy operators may run on the host at once; shows in no result.
+    /// How many threads do the work of the run, the engine's own among them in virtual time: steps of heavy operators,
+    /// and what steps leave to others; shows in no result.
     pub threads: usize,
     /// The last instant, itself included; none: until an operator stops the run or nothing is left to do.
     pub until: Option<Time>,

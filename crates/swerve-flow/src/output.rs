@@ -6,7 +6,8 @@ use swerve_core::{Digest, digest_of};
 
 use crate::graph::Stream;
 use crate::message::Message;
-use crate::payload::{Outs, Payload, PayloadType, Sent};
+use crate::payload::{Made, Outs, Payload, PayloadType};
+use crate::promise::Pending;
 
 /// The outputs of an operator: `()`, a [`Port`], a tuple of up to four ports, or a struct of ports with
 /// `#[derive(Outputs)]`.
@@ -48,12 +49,17 @@ impl Declaration {
 }
 
 /// One output of an operator: carries at most one message per step.
-#[derive(Debug)]
 pub struct Port<T> {
     pub(crate) index: usize,
-    sent: Option<Arc<T>>,
-    /// The fingerprint of what is sent, where it is known already.
-    known: Option<Digest>,
+    sent: Option<Filled<T>>,
+}
+
+/// What a step left in a port.
+enum Filled<T> {
+    /// A payload, and its fingerprint where that is known already.
+    Here(Arc<T>, Option<Digest>),
+    /// What another thread makes.
+    Promised(Arc<Pending>),
 }
 
 impl<T: Payload> Port<T> {
@@ -79,8 +85,11 @@ impl<T: Payload> Port<T> {
     }
 
     fn put(&mut self, value: Arc<T>, known: Option<Digest>) {
-        self.sent = Some(value);
-        self.known = known;
+        self.sent = Some(Filled::Here(value, known));
+    }
+
+    pub(crate) fn promise(&mut self, pending: Arc<Pending>) {
+        self.sent = Some(Filled::Promised(pending));
     }
 }
 
@@ -105,18 +114,23 @@ impl<T: Payload> Outputs for Port<T> {
     }
 
     fn fresh(first: usize) -> Self {
-        Self { index: first, sent: None, known: None }
+        Self { index: first, sent: None }
     }
 
     #[inline(always)]
     fn take(&mut self, sent: &mut Outs) {
-        let Some(payload) = self.sent.take() else { return };
-        let digest = self.known.unwrap_or_else(|| digest_of(&*payload));
-        sent.set(self.index, Sent { payload, digest });
+        match self.sent.take() {
+            None => {}
+            Some(Filled::Here(payload, known)) => {
+                let digest = known.unwrap_or_else(|| digest_of(&*payload));
+                sent.set(self.index, Made { payload, digest }.into());
+            }
+            Some(Filled::Promised(pending)) => sent.set(self.index, pending.into()),
+        }
     }
 
     fn values(outs: Option<&Outs>, first: usize) -> Self::Values {
-        outs.and_then(|outs| outs.get(first)).cloned().map(Sent::typed)
+        outs.and_then(|outs| outs.get(first)).cloned().map(|sent| sent.typed().0)
     }
 }
 

@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 use swerve_core::{Digest, digest_of};
 
 use crate::cddl::cddl;
+use crate::promise::Pending;
 
 /// A type that a stream may carry: anything that can be written, read back and shared.
 pub trait Payload: Serialize + DeserializeOwned + Send + Sync + 'static {}
@@ -64,23 +65,150 @@ impl fmt::Debug for dyn ErasedPayload {
     }
 }
 
-/// A payload on its way: shared, with its digest taken once, where it was made.
+/// A payload, shared, with its digest taken once, where it was made.
 #[derive(Clone, Debug)]
-pub struct Sent {
+pub(crate) struct Made {
     pub(crate) payload: Arc<dyn ErasedPayload>,
     pub(crate) digest: Digest,
 }
 
-impl Sent {
+impl Made {
     pub(crate) fn new<T: Payload>(payload: Arc<T>) -> Self {
         let digest = digest_of(&*payload);
         Self { payload, digest }
     }
+}
+
+/// A payload on its way: made, or [promised](crate::Promise). Its type is known either way; who asks for more waits
+/// until it is made.
+#[derive(Clone)]
+pub struct Sent(Form);
+
+#[derive(Clone)]
+enum Form {
+    Made(Made),
+    Promised(Arc<Pending>),
+}
+
+impl From<Made> for Sent {
+    #[inline(always)]
+    fn from(made: Made) -> Self {
+        Self(Form::Made(made))
+    }
+}
+
+impl From<Arc<Pending>> for Sent {
+    fn from(pending: Arc<Pending>) -> Self {
+        Self(Form::Promised(pending))
+    }
+}
+
+impl Sent {
+    pub(crate) fn new<T: Payload>(payload: Arc<T>) -> Self {
+        Made::new(payload).into()
+    }
+
+    /// The promise, if it is one.
+    #[inline]
+    pub(crate) fn promised(&self) -> Option<&Arc<Pending>> {
+        match &self.0 {
+            Form::Made(_) => None,
+            Form::Promised(pending) => Some(pending),
+        }
+    }
+
+    /// Whether it is a promise, kept or not: what is cheap to ask of other payloads may take long.
+    pub fn is_promised(&self) -> bool {
+        self.promised().is_some()
+    }
+
+    /// What was made; none where a promise was broken, which ends the run.
+    #[inline]
+    pub(crate) fn made(&self) -> Option<&Made> {
+        match &self.0 {
+            Form::Made(made) => Some(made),
+            Form::Promised(pending) => pending.wait().ok(),
+        }
+    }
+
+    /// The payload; none where a promise was broken, which ends the run.
+    pub fn payload(&self) -> Option<&dyn ErasedPayload> {
+        self.made().map(|made| &*made.payload)
+    }
+
+    /// The payload's fingerprint, as it enters the run's digest.
+    pub fn digest(&self) -> Digest {
+        self.made().map_or(Digest(0), |made| made.digest)
+    }
+
+    /// The payload's type, while the program runs; nobody waits for that.
+    pub fn type_id(&self) -> TypeId {
+        match &self.0 {
+            Form::Made(made) => made.payload.as_any().type_id(),
+            Form::Promised(pending) => pending.payload.id,
+        }
+    }
+
+    /// Whether the payload is of this type; nobody waits for that.
+    pub fn is<T: Payload>(&self) -> bool {
+        self.type_id() == TypeId::of::<T>()
+    }
+
+    /// The payload, if it is of this type.
+    pub fn downcast_ref<T: Payload>(&self) -> Option<&T> {
+        if self.is::<T>() { self.payload()?.as_any().downcast_ref() } else { None }
+    }
+
+    /// The payload's Rust type, for error messages and listings; nobody waits for that.
+    pub fn type_name(&self) -> &'static str {
+        match &self.0 {
+            Form::Made(made) => made.payload.type_name(),
+            Form::Promised(pending) => pending.payload.full_name,
+        }
+    }
+
+    /// The form of the payload in CDDL, as [`ErasedPayload::cddl`]; nobody waits for that.
+    pub fn cddl(&self) -> String {
+        match &self.0 {
+            Form::Made(made) => made.payload.cddl(),
+            Form::Promised(pending) => (pending.payload.cddl)(),
+        }
+    }
+
+    /// Appends the payload in CBOR; nothing where a promise was broken.
+    pub fn to_cbor(&self, out: &mut Vec<u8>) {
+        if let Some(payload) = self.payload() {
+            payload.to_cbor(out);
+        }
+    }
+
+    /// Appends the payload in the form in which it goes to another process; nothing where a promise was broken.
+    pub fn to_wire(&self, out: &mut Vec<u8>) {
+        if let Some(payload) = self.payload() {
+            payload.to_wire(out);
+        }
+    }
+
+    /// The payload in the memory that all readers share, with its fingerprint.
+    #[inline]
+    pub(crate) fn into_made(self) -> Made {
+        match self.0 {
+            Form::Made(made) => made,
+            Form::Promised(pending) => pending.wait().expect("the engine looked before it was read").clone(),
+        }
+    }
 
     #[inline]
-    pub(crate) fn typed<T: Payload>(self) -> Arc<T> {
-        let any: Arc<dyn Any + Send + Sync> = self.payload;
-        any.downcast().expect("the graph's check compared the types of both ends")
+    pub(crate) fn typed<T: Payload>(self) -> (Arc<T>, Digest) {
+        let Made { payload, digest } = self.into_made();
+        let any: Arc<dyn Any + Send + Sync> = payload;
+        (any.downcast().expect("the graph's check compared the types of both ends"), digest)
+    }
+}
+
+impl fmt::Debug for Sent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}({})", self.type_name(), self.digest())
     }
 }
 
@@ -93,6 +221,7 @@ pub struct PayloadType {
     pub full_name: &'static str,
     pub(crate) decode: Decode,
     pub(crate) from_wire: FromWire,
+    pub(crate) cddl: fn() -> String,
 }
 
 impl PartialEq for PayloadType {
@@ -111,6 +240,7 @@ impl PayloadType {
             full_name: core::any::type_name::<T>(),
             decode: decode::<T>,
             from_wire: from_wire::<T>,
+            cddl: cddl::<T>,
         }
     }
 

@@ -49,7 +49,7 @@ enum Kind {
 impl core::fmt::Debug for PlaybackPayload {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match &self.0 {
-            Kind::Ready(sent) => write!(f, "{:?}", sent.payload),
+            Kind::Ready(sent) => write!(f, "{sent:?}"),
             Kind::Cbor(bytes) => write!(f, "{} bytes of CBOR", bytes.len()),
         }
     }
@@ -109,12 +109,9 @@ impl PlaybackRecord {
     pub(crate) fn check(&self, stream: &StreamSpec) -> Result<(), (Time, String)> {
         match &self.message {
             Some(PlaybackMessage { payload: PlaybackPayload(Kind::Ready(sent)), stamp, .. })
-                if sent.payload.as_any().type_id() != stream.payload.id =>
+                if sent.type_id() != stream.payload.id =>
             {
-                Err((
-                    *stamp,
-                    format!("expected {}, found {}", stream.payload.full_name, sent.payload.type_name()),
-                ))
+                Err((*stamp, format!("expected {}, found {}", stream.payload.full_name, sent.type_name())))
             }
             Some(PlaybackMessage { payload: PlaybackPayload(Kind::Cbor(bytes)), stamp, .. }) => {
                 (stream.decode)(bytes).map(|_| ()).map_err(|reason| (*stamp, reason))

@@ -15,7 +15,7 @@ use crate::engine::run_step;
 use crate::input::Slot;
 use crate::message::{Header, Msg};
 use crate::operator::{Body, Context, Cut, Meter, Offered, Task};
-use crate::payload::{FromWire, Outs, Sent};
+use crate::payload::{FromWire, Made, Outs, Sent};
 use crate::wall::Alarm;
 
 /// Has the steps of one operator taken by somebody else. One for each operator; a step blocks the thread that
@@ -144,8 +144,9 @@ fn put<T: Serialize>(value: &T, out: &mut Vec<u8>) {
 
 fn put_sent(sent: &Sent, scratch: &mut Vec<u8>, out: &mut Vec<u8>) {
     scratch.clear();
-    sent.payload.to_wire(scratch);
-    put(&(sent.digest, scratch.len()), out);
+    let Made { payload, digest } = sent.clone().into_made();
+    payload.to_wire(scratch);
+    put(&(digest, scratch.len()), out);
     out.extend_from_slice(scratch);
 }
 
@@ -161,7 +162,7 @@ fn take_sent(from_wire: FromWire, bytes: &mut &[u8]) -> Result<Sent, CallError> 
         return Err(CallError(format!("a payload of {len} bytes is cut off")));
     };
     *bytes = rest;
-    Ok(Sent { payload: from_wire(payload).map_err(CallError)?, digest })
+    Ok(Made { payload: from_wire(payload).map_err(CallError)?, digest }.into())
 }
 
 /// Why a call or an answer makes no sense: no step was taken.

@@ -6,7 +6,7 @@ use swerve_core::{Span, Time};
 
 use crate::engine::Engine;
 use crate::graph::{Graph, GraphError};
-use crate::message::Header;
+use crate::message::{Header, Msg};
 use crate::observer::Observer;
 use crate::options::RunOptions;
 use crate::payload::ErasedPayload;
@@ -41,6 +41,11 @@ pub enum Reached {
     Instant,
     /// The run is over.
     End,
+}
+
+/// A message as it is shown outside; none where a promise was broken, which ends the run.
+fn carried(message: &Msg) -> Option<(&Header, &Arc<dyn ErasedPayload>)> {
+    Some((&message.header, &message.sent.made()?.payload))
 }
 
 /// A stream whose newest messages are kept: [`Session::watch`].
@@ -82,12 +87,12 @@ impl<'o> Session<'o> {
     /// The newest messages of a stream that a reader without feedback would see at this moment, oldest first: at
     /// least as many as are [watched](Self::watch), if there are so many.
     pub fn recent(&self, stream: Watched) -> impl Iterator<Item = (&Header, &Arc<dyn ErasedPayload>)> {
-        self.engine.seen(stream.0).map(|message| (&message.header, &message.sent.payload))
+        self.engine.seen(stream.0).filter_map(carried)
     }
 
     /// The newest message of a stream that a reader without feedback would see at this moment.
     pub fn newest(&self, stream: Watched) -> Option<(&Header, &Arc<dyn ErasedPayload>)> {
-        self.engine.seen(stream.0).next_back().map(|message| (&message.header, &message.sent.payload))
+        self.engine.seen(stream.0).next_back().and_then(carried)
     }
 
     /// Why the run failed, if it did.
@@ -107,6 +112,13 @@ impl<'o> Session<'o> {
 
     /// Goes on until it holds, the run is over, or everything up to and including `instant` is settled.
     pub fn advance_to(&mut self, instant: Time) -> Reached {
+        match self.engine.workers() {
+            Some(pool) => pool.install(|| self.go_on_to(instant)),
+            None => self.go_on_to(instant),
+        }
+    }
+
+    fn go_on_to(&mut self, instant: Time) -> Reached {
         loop {
             // A sweep that is under way is brought to its end, as in every run.
             if !self.holds && (self.engine.is_over() || self.inbox.is_stopped()) {

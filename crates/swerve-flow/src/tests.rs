@@ -8,6 +8,7 @@ mod memory;
 mod named;
 mod net;
 mod ports;
+mod promises;
 mod remote;
 mod runtimes;
 mod session;

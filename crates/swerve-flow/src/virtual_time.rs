@@ -41,8 +41,15 @@ pub fn run_replay(
     run(Engine::new(graph, options, Some(replay), observers, None)?, until, &inbox)
 }
 
-fn run(mut engine: Engine<'_>, until: Option<Time>, inbox: &Inbox) -> Result<RunReport, RunError> {
+fn run(engine: Engine<'_>, until: Option<Time>, inbox: &Inbox) -> Result<RunReport, RunError> {
     let until = until.unwrap_or(Time::MAX);
+    match engine.workers() {
+        Some(pool) => pool.install(|| go_on(engine, until, inbox)),
+        None => go_on(engine, until, inbox),
+    }
+}
+
+fn go_on(mut engine: Engine<'_>, until: Time, inbox: &Inbox) -> Result<RunReport, RunError> {
     engine.wake_all();
     engine.sweep(Time::ZERO);
     while !engine.is_over() {

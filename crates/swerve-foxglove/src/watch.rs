@@ -113,7 +113,8 @@ impl Throttle {
 impl Foxglove {
     /// For a run in which this does not change.
     pub fn new(setup: Setup) -> Self {
-        let watch = Dispatcher::new(Watch::new(setup))
+        let shows_images = setup.images.is_some();
+        let mut watch = Dispatcher::new(Watch::new(setup))
             .on::<WorldState>(Watch::world)
             .on::<EgoState>(Watch::localized)
             .on::<Command>(Watch::command)
@@ -130,12 +131,14 @@ impl Foxglove {
                 watch.out.show("gnss", When::new(p), 0, move || Some(location(&fix)));
             })
             .on::<RadarScan>(Watch::radar)
-            .on::<PointCloud>(Watch::lidar)
             .on::<Detections>(|watch, p, found| watch.in_image(p, found, "detections", camera::detections))
             .on::<TrafficLights>(|watch, p, seen| {
                 watch.in_image(p, seen, "traffic_lights", camera::traffic_lights);
-            })
-            .on::<Image>(Watch::image);
+            });
+        if shows_images {
+            // Where nobody looks at them nobody waits until they are drawn.
+            watch = watch.on::<PointCloud>(Watch::lidar).on::<Image>(Watch::image);
+        }
         Self { watch }
     }
 
@@ -193,9 +196,6 @@ impl Watch {
     }
 
     fn lidar(&mut self, p: &Publication<'_>, cloud: &PointCloud) {
-        if self.setup.images.is_none() {
-            return;
-        }
         let (cloud, sensor, motion) = (cloud.clone(), p.operator.to_owned(), self.motion(p.operator, cloud));
         let (topic, bytes) = (format!("{sensor}/points"), 22 * cloud.len());
         self.out.show(&topic, When::new(p), bytes, move || cloud::lidar(&sensor, &cloud, &motion));

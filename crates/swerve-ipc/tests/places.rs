@@ -122,7 +122,7 @@ struct Log {
 impl Observer for Log {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(image) = payload.downcast_ref::<Image>() {
             self.written.push(place(pixels(image)));
             self.sums.push(pixels(image).iter().map(|byte| u64::from(*byte)).sum());

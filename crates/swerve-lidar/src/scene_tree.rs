@@ -8,6 +8,8 @@ pub(crate) mod flat;
 mod instances;
 mod shape;
 
+use std::sync::Arc;
+
 use swerve_core::ParamError;
 use swerve_scene::vector::{dot, scale};
 use swerve_scene::{Instance, MeshId, MeshLibrary, Scene, SemanticClass, Weather};
@@ -81,14 +83,15 @@ pub struct RayMemory {
 /// Trees over a scene, for rays of lidars, radars and whoever else asks what is in the way.
 ///
 /// [`SceneTree::update`] takes over a step of the scene; what did not change is kept. The answers depend on the
-/// scene alone, not on earlier updates or threads, and are the same bits on every x86-64 machine.
+/// scene alone, not on earlier updates or threads, and are the same bits on every x86-64 machine. A copy shares with
+/// its original what never moves and the trees of meshes.
 #[derive(Clone, Debug)]
 pub struct SceneTree {
     /// Origin of all coordinates here, map frame.
     centre_m: [f64; 3],
     static_version: Option<u64>,
-    ground: Shape,
-    far_statics: InstanceTree,
+    ground: Arc<Shape>,
+    far_statics: Arc<InstanceTree>,
     moving: InstanceTree,
     shapes: Vec<CachedShape>,
     weather: Weather,
@@ -125,8 +128,8 @@ impl SceneTree {
         Self {
             centre_m: [0.0; 3],
             static_version: None,
-            ground: Shape::default(),
-            far_statics: InstanceTree::default(),
+            ground: Arc::default(),
+            far_statics: Arc::default(),
             moving: InstanceTree::default(),
             shapes: Vec::new(),
             weather: Weather::default(),
@@ -185,8 +188,12 @@ impl SceneTree {
                 },
             ));
         }
-        self.ground = Shape { soup: Soup::new(&triangles, &mut self.builder), surfaces };
-        self.far_statics.build(far.into_iter(), meshes, self.centre_m, &mut self.builder);
+        self.ground = Arc::new(Shape { soup: Soup::new(&triangles, &mut self.builder), surfaces });
+        let mut far_statics = InstanceTree::default();
+        far_statics.build(far.into_iter(), meshes, self.centre_m, &mut self.builder);
+        self.far_statics = Arc::new(far_statics);
+        // It grew with the static part, and is copied with the tree.
+        self.builder = Builder::default();
     }
 
     /// The scene's weather.

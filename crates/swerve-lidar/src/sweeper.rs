@@ -47,7 +47,7 @@ pub struct Sweeper {
     /// Directions of the beams in a column at azimuth 0.
     beams: Vec<[f32; 3]>,
     columns: Vec<Column>,
-    pool: Option<rayon::ThreadPool>,
+    threads: Threads,
     shots: Vec<Shot>,
     turn: u64,
     gpu: Option<Box<GpuEngine>>,
@@ -76,13 +76,24 @@ struct Shot {
     is_seen: bool,
 }
 
+/// Threads that fire columns.
+enum Threads {
+    /// The caller's.
+    One,
+    /// Those of the pool in which the caller is, if it is in one.
+    Callers,
+    /// Some beside the caller's.
+    Own(rayon::ThreadPool),
+}
+
 /// Nanoseconds of a second.
 const SECOND_NS: f64 = 1e9;
 /// Most threads of a lidar.
 const THREADS_MAX: usize = 256;
 
 impl Sweeper {
-    /// Checks a description; its columns are shared out to `threads` threads, of which the caller's is one.
+    /// Checks a description; its columns are shared out to `threads` threads, of which the caller's is one; with 0 to
+    /// those of the pool of rayon's in which the caller is, if it is in one.
     ///
     /// # Errors
     /// The first field that no lidar can have, and threads that cannot be started.
@@ -102,13 +113,17 @@ impl Sweeper {
             Column { azimuth: [sin, cos], at_ns, offset_s: (at_ns as f64 / SECOND_NS) as f32 }
         });
         let (beams, columns) = (beams.collect(), columns.collect());
-        let pool = if threads > 1 { Some(start(threads - 1)?) } else { None };
+        let threads = match threads {
+            0 => Threads::Callers,
+            1 => Threads::One,
+            _ => Threads::Own(start(threads - 1)?),
+        };
         Ok(Self {
             spec,
             period_ns,
             beams,
             columns,
-            pool,
+            threads,
             shots: Vec::new(),
             turn: 0,
             gpu: None,
@@ -233,6 +248,26 @@ impl Sweeper {
                 self.fallback = Some(why);
             }
         }
+    }
+
+    /// Fires one turn whose steps are all known, as [`Self::begin_turn`] and [`Self::fire`] would one by one, on the CPU:
+    /// of each step the scene, and what is fired in it. The columns of all steps are shared out at once.
+    ///
+    /// # Errors
+    /// As [`Self::fire`].
+    pub fn fire_turn(
+        &self,
+        turn: u64,
+        steps: &[(Arc<SceneTree>, Firing)],
+        out: &mut CloudMut<'_>,
+    ) -> Result<(), FireError> {
+        *out.len = 0;
+        let pieces: Result<Vec<Piece>, _> =
+            steps.iter().map(|(_, firing)| Piece::new(self, firing)).collect();
+        let pieces = pieces?;
+        out.check(pieces.iter().map(|piece| piece.columns.len()).sum::<usize>() * self.beams.len())?;
+        self.cast_turn(turn, steps, &pieces, out);
+        Ok(())
     }
 
     /// When a column is fired, seconds since the first.

@@ -395,7 +395,7 @@ struct Seen {
 impl Observer for Seen {
     fn event(&mut self, event: &swerve_flow::Event<'_>) {
         let swerve_flow::Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(health) = payload.downcast_ref::<SensorHealth>() {
             self.health.push((publication.operator.to_owned(), *health));
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {

@@ -2,9 +2,7 @@
 
 use std::io::Write;
 
-use swerve_flow::{
-    Decision, DropReason, EndReason, ErasedPayload, Event, Observer, Publication, Reaction, RunReport,
-};
+use swerve_flow::{Decision, DropReason, EndReason, Event, Observer, Publication, Reaction, RunReport, Sent};
 
 use crate::record::{
     DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,
@@ -13,7 +11,7 @@ use crate::trace::Published;
 use crate::{Recorder, TraceWriter};
 
 /// Appends what stands in a log for a payload that it leaves out: in CBOR, a map of `left_out` to the digest.
-pub fn left_out(payload: &dyn ErasedPayload, out: &mut Vec<u8>) {
+pub fn left_out(payload: &Sent, out: &mut Vec<u8>) {
     let place = std::collections::BTreeMap::from([("left_out", payload.digest().to_string())]);
     ciborium::into_writer(&place, out).expect("a map of two words serializes, and memory takes all");
 }
@@ -86,6 +84,9 @@ impl Recorder {
             type_name: payload.type_name().into(),
             form: payload.cddl(),
         };
+        if payload.is_promised() {
+            return self.promised(p.stream, info, header, payload);
+        }
         let leaves_out = self.leaves_out(payload);
         self.message(p.stream, info, header, |out| {
             if leaves_out { left_out(payload, out) } else { payload.to_cbor(out) }

@@ -1,6 +1,5 @@
 //! Writing a log while the run goes on.
 
-use std::any::Any;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -12,7 +11,7 @@ use std::thread::JoinHandle;
 use crossbeam_channel::{Sender, bounded};
 use serde::{Serialize, Serializer};
 use swerve_core::{Span, Time};
-use swerve_flow::{ErasedPayload, Event};
+use swerve_flow::{Event, Sent};
 
 use crate::LogError;
 use crate::record::{
@@ -30,8 +29,8 @@ const BATCH_RECORDS: usize = 256;
 const BATCH_BYTES: usize = 256 << 10;
 /// or this much run time.
 const BATCH_SPAN: Span = Span::from_ms(100);
-/// Views that are a batch by themselves (images, point clouds) of which so many may wait: that bounds memory.
-const BIG_VIEWS: usize = 8;
+/// Items that are a batch by themselves (images, point clouds) of which so many may wait: that bounds memory.
+const BIG: usize = 16;
 
 /// A name that many records share.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -58,6 +57,13 @@ pub(crate) enum Item {
         header: MessageHeader,
         payload: Range<usize>,
     },
+    /// A message whose payload may not be made yet; of what is left out the digest alone is logged.
+    Promised {
+        stream: usize,
+        header: MessageHeader,
+        payload: Sent,
+        leaves_out: bool,
+    },
     Watermark(WatermarkRecord<Name>),
     Step(StepRecord<Name>),
     Unfinished(UnfinishedRecord<Name>),
@@ -74,7 +80,11 @@ pub(crate) enum Item {
 impl Item {
     /// Whether this fills a batch by what waits with it.
     fn is_big(&self) -> bool {
-        matches!(self, Self::View(view) if view.bytes >= BATCH_BYTES)
+        match self {
+            Self::View(view) => view.bytes >= BATCH_BYTES,
+            Self::Promised { leaves_out, .. } => !leaves_out,
+            _ => false,
+        }
     }
 }
 
@@ -89,7 +99,7 @@ pub(crate) struct Batch {
 }
 
 /// Says of which payloads only the digest is logged.
-pub type LeavesOut = fn(&dyn Any) -> bool;
+pub type LeavesOut = fn(&Sent) -> bool;
 
 /// Writes a run into a file, through a thread of its own.
 ///
@@ -109,7 +119,7 @@ pub struct Recorder {
     views: Option<Box<dyn Views>>,
     shown: Vec<View>,
     sender: Option<Sender<Batch>>,
-    /// Takes a token for each big view that waits.
+    /// Takes a token for each big item that waits.
     big: Sender<()>,
     thread: Option<JoinHandle<Result<u64, LogError>>>,
     /// Why nothing more is written.
@@ -147,16 +157,11 @@ impl Recorder {
     fn view(&mut self, view: View) {
         let at = view.visible_at;
         self.batch.views_bytes += view.bytes;
-        let item = Item::View(view);
-        if item.is_big() {
-            // Fails where the writer has, which the next batch tells.
-            let _sent = self.big.send(());
-        }
-        self.push(at, item);
+        self.push(at, Item::View(view));
     }
 
-    pub(crate) fn leaves_out(&self, payload: &dyn ErasedPayload) -> bool {
-        self.leaves_out.is_some_and(|leaves_out| leaves_out(payload.as_any()))
+    pub(crate) fn leaves_out(&self, payload: &Sent) -> bool {
+        self.leaves_out.is_some_and(|leaves_out| leaves_out(payload))
     }
 
     /// Records into any place; `path` is its name in errors.
@@ -167,13 +172,13 @@ impl Recorder {
     ) -> Result<Self, LogError> {
         let mut writer = LogWriter::new(path, to, start)?;
         let (sender, receiver) = bounded::<Batch>(BATCHES);
-        let (big, big_done) = bounded::<()>(BIG_VIEWS);
+        let (big, big_done) = bounded::<()>(BIG);
         let work = move || {
             // An error drops the receiver, which the run notices at its next batch.
             for batch in receiver {
-                let big_views = batch.items.iter().filter(|item| item.is_big()).count();
+                let big = batch.items.iter().filter(|item| item.is_big()).count();
                 writer.write(batch)?;
-                big_done.try_iter().take(big_views).for_each(drop);
+                big_done.try_iter().take(big).for_each(drop);
             }
             writer.close()
         };
@@ -205,16 +210,34 @@ impl Recorder {
         header: MessageHeader,
         encode: impl FnOnce(&mut Vec<u8>),
     ) {
+        let stream = self.stream(stream, info);
+        let payload = self.bytes(encode);
+        self.push(header.visible_at, Item::Message { stream, header, payload });
+    }
+
+    /// The same with a payload that may not be made yet; the writer's thread waits for it.
+    pub(crate) fn promised(
+        &mut self,
+        stream: &str,
+        info: impl FnOnce() -> StreamInfo,
+        header: MessageHeader,
+        payload: &Sent,
+    ) {
+        let (stream, leaves_out) = (self.stream(stream, info), self.leaves_out(payload));
+        let item = Item::Promised { stream, header, payload: payload.clone(), leaves_out };
+        self.push(header.visible_at, item);
+    }
+
+    /// The number of a stream, which is declared the first time it is named.
+    fn stream(&mut self, stream: &str, info: impl FnOnce() -> StreamInfo) -> usize {
         let known = self.streams.iter().find(|(name, _)| &*name.0 == stream).map(|&(_, number)| number);
-        let stream = known.unwrap_or_else(|| {
+        known.unwrap_or_else(|| {
             let number = self.streams.len();
             let name = self.name(stream);
             self.streams.push((name, number));
             self.batch.items.push(Item::Stream(info()));
             number
-        });
-        let payload = self.bytes(encode);
-        self.push(header.visible_at, Item::Message { stream, header, payload });
+        })
     }
 
     /// A watermark without a message.
@@ -317,11 +340,16 @@ impl Recorder {
     }
 
     fn push(&mut self, at: Time, item: Item) {
+        let is_big = item.is_big();
+        if is_big {
+            // Fails where the writer has, which the next batch tells.
+            let _sent = self.big.send(());
+        }
         self.now = at;
         self.batch.items.push(item);
         let since = *self.batch.since.get_or_insert(at);
         let bytes = self.batch.bytes.len() + self.batch.views_bytes;
-        let full = self.batch.items.len() >= BATCH_RECORDS || bytes >= BATCH_BYTES;
+        let full = self.batch.items.len() >= BATCH_RECORDS || bytes >= BATCH_BYTES || is_big;
         if full || at - since >= BATCH_SPAN {
             self.send();
         }

@@ -11,6 +11,7 @@ use swerve_core::{Span, Time};
 
 use crate::LogError;
 use crate::format::{self, Kind, unsigned};
+use crate::observe::left_out;
 use crate::record::{RunEnd, RunStart, StreamInfo};
 use crate::recorder::{Batch, Item};
 use crate::view::View;
@@ -105,6 +106,16 @@ impl<W: Write + Seek> LogWriter<W> {
                 format::write_message(&header, &bytes[payload], &mut self.scratch);
                 let channel = self.streams[stream];
                 self.put(channel, header.seq, header.visible_at, header.stamp)
+            }
+            Item::Promised { stream, header, payload, leaves_out } => {
+                let mut cbor = Vec::new();
+                match leaves_out {
+                    true => left_out(&payload, &mut cbor),
+                    false => payload.to_cbor(&mut cbor),
+                }
+                self.scratch.clear();
+                format::write_message(&header, &cbor, &mut self.scratch);
+                self.put(self.streams[stream], header.seq, header.visible_at, header.stamp)
             }
             Item::Watermark(r) => self.single(Kind::Watermarks, &r, r.visible_at, r.watermark),
             Item::Step(r) => self.single(Kind::Steps, &r, r.end, r.stamp),

@@ -9,6 +9,7 @@ mod street;
 mod vehicle;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -204,10 +205,10 @@ pub struct Model {
     pub size: Size,
 }
 
-/// All meshes of a scene, and which of them were made for what.
+/// All meshes of a scene, and which of them were made for what. Copies share the meshes.
 #[derive(Clone, Debug, Default)]
 pub struct MeshLibrary {
-    meshes: Vec<Mesh>,
+    meshes: Vec<Arc<Mesh>>,
     made: BTreeMap<(Kind, Size, u64), MeshId>,
     version: Key,
 }
@@ -216,7 +217,7 @@ impl MeshLibrary {
     /// Adds a mesh of the caller.
     pub fn add(&mut self, mesh: Mesh) -> MeshId {
         self.version.long(mesh.key().0);
-        self.meshes.push(mesh);
+        self.meshes.push(Arc::new(mesh));
         MeshId(self.meshes.len() as u32 - 1)
     }
 
@@ -229,7 +230,7 @@ impl MeshLibrary {
     }
 
     /// All meshes, by id. They are only ever appended.
-    pub fn meshes(&self) -> &[Mesh] {
+    pub fn meshes(&self) -> &[Arc<Mesh>] {
         &self.meshes
     }
 

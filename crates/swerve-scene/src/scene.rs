@@ -1,5 +1,7 @@
 //! The scene: things with a place, lights, weather. Plain data; whoever has a world fills it in.
 
+use std::sync::Arc;
+
 use swerve_geom::{Map, Point, Transform};
 
 use crate::SemanticClass;
@@ -120,10 +122,11 @@ impl Instance {
     }
 }
 
-/// The part that never moves. Back ends keep what they computed from it for as long as its version stays.
+/// The part that never moves. Back ends keep what they computed from it for as long as its version stays; copies share
+/// it.
 #[derive(Clone, Debug, Default)]
 pub struct StaticPart {
-    instances: Vec<Instance>,
+    instances: Arc<Vec<Instance>>,
     version: Key,
 }
 
@@ -228,7 +231,7 @@ impl Scene {
     pub fn add_static(&mut self, instance: Instance) {
         instance.add_to(&mut self.statics.version);
         self.statics.version.long(self.meshes.get(instance.mesh).key().0);
-        self.statics.instances.push(instance);
+        Arc::make_mut(&mut self.statics.instances).push(instance);
     }
 
     /// Adds a piece of road or ground.

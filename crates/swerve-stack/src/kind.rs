@@ -78,7 +78,8 @@ pub enum Scheduled {
 pub enum Heavy {
     /// Never.
     No,
-    /// Against the real clock, so that nobody waits for them; in virtual time it shows in no result.
+    /// Against the real clock, so that nobody waits for them; in virtual time they leave their work to other threads
+    /// themselves.
     OnWallClock,
     /// Always.
     Yes,

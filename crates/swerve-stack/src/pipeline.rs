@@ -53,8 +53,7 @@ impl Pipeline {
     pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
         let pipeline = Self::build_without_stage(config, scenario)?;
         if let Some(stage) = &pipeline.stage {
-            let raised = stage::with(stage, |stage| stage.raise(config, &pipeline.scenario));
-            raised.context("building the pipeline")?;
+            stage.raise(config, &pipeline.scenario).context("building the pipeline")?;
         }
         Ok(pipeline)
     }

@@ -17,7 +17,7 @@ use crate::config::Config;
 use crate::config::model::Model;
 use crate::config::resolved::Resolved;
 use crate::kind::Settings;
-use crate::stage::{SharedStage, Stage, StreamMemory};
+use crate::stage::{SharedStage, StreamMemory};
 
 /// What the operators of a drive are built around.
 pub struct Surroundings {
@@ -165,7 +165,7 @@ impl Site<'_> {
 
     /// What cameras and lidars share.
     pub(crate) fn stage(&mut self) -> SharedStage {
-        self.building.stage.get_or_insert_with(Stage::empty).clone()
+        self.building.stage.get_or_insert_default().clone()
     }
 }
 

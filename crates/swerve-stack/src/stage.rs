@@ -1,8 +1,8 @@
 //! What all cameras and lidars of a run share.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use swerve_camera::Renderer;
+use swerve_camera::{Backend, Renderer};
 use swerve_core::Time;
 use swerve_gpu as gpu;
 use swerve_lidar::{LidarEngine, SceneTree, Sweeper, TreeError};
@@ -13,24 +13,31 @@ use swerve_scene::Scene;
 use swerve_vehicle::Shape;
 
 use crate::config::Config;
-use crate::config::camera::RenderBackend;
+use crate::config::camera::{RenderBackend, RenderConfig};
 use crate::config::clock::Clock;
 use crate::street::Street;
 
 /// What all cameras and lidars of a run share: the world as it looks, and what images and rays need of it.
 ///
-/// It makes nothing depend on who asks first: images and echoes are functions of the world's state.
+/// It makes nothing depend on who asks first: images and echoes are functions of the world's state. Who asks for a
+/// scene or a tree keeps it while later states are shown to others.
 ///
 /// Raised where the run is driven; a process that takes steps of others needs none.
+#[derive(Default)]
 pub(crate) struct Stage {
-    set: Option<Set>,
-    lidars: Lidars,
+    set: OnceLock<Set>,
+    lidars: Mutex<Lidars>,
 }
 
 struct Set {
+    shown: Mutex<Shown>,
+    renderers: Renderers,
+}
+
+/// The newest state that anybody asked for.
+struct Shown {
     street: Street,
-    renderer: Renderer,
-    tree: SceneTree,
+    tree: Arc<SceneTree>,
     /// The state that the street shows.
     shown: Option<Time>,
     /// The state that the tree was made of.
@@ -38,63 +45,121 @@ struct Set {
 }
 
 /// A stage and who else has it.
-pub(crate) type SharedStage = Arc<Mutex<Stage>>;
+pub(crate) type SharedStage = Arc<Stage>;
+
+/// Threads of a renderer and of a lidar where the real clock moves the run: there they are their own.
+const ON_WALL_CLOCK: usize = 2;
+
+/// Threads of a renderer or lidar: in virtual time those of the run.
+pub(crate) fn threads(config: &Config) -> usize {
+    if config.clock.source == Clock::Wall { ON_WALL_CLOCK } else { 0 }
+}
 
 impl Stage {
-    /// An empty one.
-    pub(crate) fn empty() -> SharedStage {
-        Arc::new(Mutex::new(Self { set: None, lidars: Lidars::default() }))
-    }
-
     /// Sets it up for a run.
-    pub(crate) fn raise(&mut self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
-        let mut render = config.render;
-        if config.clock.source == Clock::Wall && render.backend == RenderBackend::Auto {
+    pub(crate) fn raise(&self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
+        let (mut render, is_wall) = (config.render, config.clock.source == Clock::Wall);
+        if is_wall && render.backend == RenderBackend::Auto {
             (render.backend, _) = render.backend.on_this_machine(&gpu::probe());
         }
         let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
-        let (renderer, tree) = (render.renderer()?, SceneTree::default());
-        self.set = Some(Set { street, renderer, tree, shown: None, planted: None });
+        let shown = Shown { street, tree: Arc::default(), shown: None, planted: None };
+        let first = render.renderer(threads(config))?;
+        // An adapter works for one at a time, and so do the threads of a renderer that has its own.
+        let more = (!is_wall && first.backend() == Backend::Cpu).then_some(render);
+        let renderers = Renderers { free: Mutex::new(vec![first]), returned: Condvar::new(), more };
+        let _raised_once = self.set.set(Set { shown: Mutex::new(shown), renderers });
         Ok(())
     }
 
-    fn set(&mut self) -> &mut Set {
-        self.set.as_mut().expect("sensors are stepped where the run is driven, and there the stage is raised")
+    fn set(&self) -> &Set {
+        self.set.get().expect("sensors are stepped where the run is driven, and there the stage is raised")
     }
 
-    /// The scene of a state of the world, and who draws it.
-    pub(crate) fn of(&mut self, world: &WorldState) -> (&Scene, &mut Renderer) {
-        let set = self.set();
-        set.show(world);
-        (set.street.scene(), &mut set.renderer)
+    /// The scene of a state of the world.
+    pub(crate) fn scene_of(&self, world: &WorldState) -> Arc<Scene> {
+        let mut shown = lock(&self.set().shown);
+        shown.show(world);
+        shown.street.shared()
     }
 
     /// The scene of a state of the world as rays meet it.
-    pub(crate) fn tree_of(&mut self, world: &WorldState) -> Result<&SceneTree, TreeError> {
-        let set = self.set();
-        set.show(world);
-        if set.planted != Some(world.stamp) {
-            set.tree.update(set.street.scene())?;
-            set.planted = Some(world.stamp);
+    pub(crate) fn tree_of(&self, world: &WorldState) -> Result<Arc<SceneTree>, TreeError> {
+        let mut shown = lock(&self.set().shown);
+        shown.show(world);
+        let Shown { street, tree, planted, .. } = &mut *shown;
+        if *planted != Some(world.stamp) {
+            Arc::make_mut(tree).update(street.scene())?;
+            *planted = Some(world.stamp);
         }
-        Ok(&set.tree)
+        Ok(tree.clone())
+    }
+
+    /// Whether several frames may be drawn at once.
+    pub(crate) fn draws_at_once(&self) -> bool {
+        self.set().renderers.more.is_some()
+    }
+
+    /// Draws with a renderer that nobody else draws with.
+    pub(crate) fn draw<T>(&self, work: impl FnOnce(&mut Renderer) -> T) -> T {
+        let renderers = &self.set().renderers;
+        let mut taken = Taken { renderers, renderer: Some(renderers.take()) };
+        work(taken.renderer.as_mut().expect("it is given back when this is dropped"))
     }
 
     /// Remembers what casts the rays of a lidar.
-    pub(crate) fn note(&mut self, sweeper: &Sweeper) {
-        self.lidars.on_gpu |= sweeper.engine() == LidarEngine::Gpu;
-        if self.lidars.fell_back.is_none() {
-            self.lidars.fell_back = sweeper.fallback().map(str::to_owned);
+    pub(crate) fn note(&self, sweeper: &Sweeper) {
+        let mut lidars = lock(&self.lidars);
+        lidars.on_gpu |= sweeper.engine() == LidarEngine::Gpu;
+        if lidars.fell_back.is_none() {
+            lidars.fell_back = sweeper.fallback().map(str::to_owned);
         }
     }
 }
 
-impl Set {
+impl Shown {
     fn show(&mut self, world: &WorldState) {
         if self.shown != Some(world.stamp) {
             self.street.show(world);
             self.shown = Some(world.stamp);
         }
+    }
+}
+
+/// Renderers of a run: any of them draws any camera, and keeps what it can for the next.
+struct Renderers {
+    /// With which nobody draws.
+    free: Mutex<Vec<Renderer>>,
+    returned: Condvar,
+    /// What makes another one when none is free; none where who draws waits instead.
+    more: Option<RenderConfig>,
+}
+
+impl Renderers {
+    fn take(&self) -> Renderer {
+        let mut free = lock(&self.free);
+        loop {
+            if let Some(renderer) = free.pop() {
+                return renderer;
+            }
+            if let Some(Ok(another)) = self.more.map(|more| more.renderer(0)) {
+                return another;
+            }
+            free = self.returned.wait(free).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+/// A renderer that is drawn with.
+struct Taken<'a> {
+    renderers: &'a Renderers,
+    renderer: Option<Renderer>,
+}
+
+impl Drop for Taken<'_> {
+    fn drop(&mut self) {
+        lock(&self.renderers.free).extend(self.renderer.take());
+        self.renderers.returned.notify_one();
     }
 }
 
@@ -109,10 +174,10 @@ pub struct Rendered {
     pub fell_back: Option<String>,
 }
 
-pub(crate) fn rendered(stage: &Mutex<Stage>) -> Rendered {
-    with(stage, |stage| {
-        let lidars = core::mem::take(&mut stage.lidars);
-        let renderer = &stage.set().renderer;
+pub(crate) fn rendered(stage: &Stage) -> Rendered {
+    let lidars = core::mem::take(&mut *lock(&stage.lidars));
+    // Where there are several they are all of a kind.
+    stage.draw(|renderer| {
         let backend = renderer.backend();
         let adapter = renderer.adapter().map(|adapter| format!(", {adapter}")).unwrap_or_default();
         let lidars_by = if lidars.on_gpu { ", lidars by gpu" } else { "" };
@@ -132,9 +197,9 @@ struct Lidars {
     fell_back: Option<String>,
 }
 
-/// Works with the stage while nobody else does.
-pub(crate) fn with<T>(stage: &Mutex<Stage>, work: impl FnOnce(&mut Stage) -> T) -> T {
-    work(&mut stage.lock().unwrap_or_else(PoisonError::into_inner))
+/// Works on in spite of a panic elsewhere, which ends the run anyway.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// From farther off than this a sensor sees the car that carries it, metres from its outline.

@@ -8,6 +8,8 @@ mod scenery;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
+
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Point, Point2, Polyline, Transform};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
@@ -29,7 +31,8 @@ const STANDS_MPS: f64 = 0.15;
 
 /// A scenario's world as a scene.
 pub struct Street {
-    scene: Scene,
+    /// Shared with who draws earlier states.
+    scene: Arc<Scene>,
     /// Of each actor of the scenario: what draws its look, and where it started.
     actors: Vec<(u64, Point2)>,
     ego: Model,
@@ -55,6 +58,7 @@ impl Street {
         let model = scene.meshes.model_sized(Kind::Sedan, size, looks(0));
         let fixed_lights = scene.lights.len();
         let lights = traffic_lights(&mut scene, scenario, &line);
+        let scene = Arc::new(scene);
         Self { scene, actors, ego: model, lights, ego_ahead_m: ego.center_ahead_m(), fixed_lights }
     }
 
@@ -63,57 +67,63 @@ impl Street {
         &self.scene
     }
 
+    /// The same, to be drawn while later states are shown.
+    pub(crate) fn shared(&self) -> Arc<Scene> {
+        self.scene.clone()
+    }
+
     /// Moves everything to where it is in `world`: a function of that state alone.
     pub fn show(&mut self, world: &WorldState) {
-        self.scene.dynamics.clear();
-        self.scene.lights.truncate(self.fixed_lights);
+        let scene = Arc::make_mut(&mut self.scene);
+        scene.dynamics.clear();
+        scene.lights.truncate(self.fixed_lights);
         let ego = &world.ego;
         let middle: Transform<swerve_geom::Ego, swerve_scene::Body> =
             Transform::from_roll_pitch_yaw(Point::new(self.ego_ahead_m, 0.0, 0.0), 0.0, 0.0, 0.0);
         let mut instance = Instance::placed(&self.ego, ego.map_from_ego * middle).with_id(EGO_INSTANCE);
         instance.motion = motion_of(ego);
-        self.put_vehicle(instance, self.ego);
+        put_vehicle(scene, instance, self.ego);
         for (light, switch) in &self.lights {
             let lamp = match switch.signal(world.stamp) {
                 Signal::Green => lamps::GREEN,
                 Signal::Yellow => lamps::YELLOW,
                 Signal::Red => lamps::RED,
             };
-            self.scene.dynamics.push(Instance { look: light.look.with_lamp(lamp, true), ..*light });
+            scene.dynamics.push(Instance { look: light.look.with_lamp(lamp, true), ..*light });
         }
         for actor in &world.actors {
-            self.put(actor);
+            let index = (actor.id.0 as usize).wrapping_sub(1);
+            put(scene, actor, self.actors.get(index).copied().unwrap_or((0, actor.pose.point())));
         }
     }
+}
 
-    fn put(&mut self, actor: &Actor) {
-        let index = (actor.id.0 as usize).wrapping_sub(1);
-        let (look, start) = self.actors.get(index).copied().unwrap_or((0, actor.pose.point()));
-        let (kind, size) = shape(actor, look, start);
-        let model = match size {
-            Some(size) => self.scene.meshes.model_sized(kind, size, look),
-            None => self.scene.meshes.model(kind, look),
-        };
-        let at = Point::new(actor.pose.x_m, actor.pose.y_m, actor.z_m);
-        let pose = Transform::from_roll_pitch_yaw(at, 0.0, 0.0, actor.pose.heading_rad);
-        let mut instance = Instance::placed(&model, pose).with_id(actor.id.0);
-        instance.motion.linear_mps = [actor.velocity_mps.x, actor.velocity_mps.y, 0.0];
-        match actor.kind {
-            ActorKind::Car | ActorKind::Truck | ActorKind::Motorcycle => self.put_vehicle(instance, model),
-            _ => self.scene.dynamics.push(instance),
-        }
+/// Puts an actor in, of which there is known what draws its look, and where it started.
+fn put(scene: &mut Scene, actor: &Actor, (look, start): (u64, Point2)) {
+    let (kind, size) = shape(actor, look, start);
+    let model = match size {
+        Some(size) => scene.meshes.model_sized(kind, size, look),
+        None => scene.meshes.model(kind, look),
+    };
+    let at = Point::new(actor.pose.x_m, actor.pose.y_m, actor.z_m);
+    let pose = Transform::from_roll_pitch_yaw(at, 0.0, 0.0, actor.pose.heading_rad);
+    let mut instance = Instance::placed(&model, pose).with_id(actor.id.0);
+    instance.motion.linear_mps = [actor.velocity_mps.x, actor.velocity_mps.y, 0.0];
+    match actor.kind {
+        ActorKind::Car | ActorKind::Truck | ActorKind::Motorcycle => put_vehicle(scene, instance, model),
+        _ => scene.dynamics.push(instance),
     }
+}
 
-    /// A vehicle has its lamps on when the weather asks for it.
-    fn put_vehicle(&mut self, mut instance: Instance, model: Model) {
-        let on = self.scene.weather.lamps_on;
-        instance.look = instance.look.with_lamp(lamps::HEAD, on).with_lamp(lamps::TAIL, on);
-        if on {
-            let front_m = 0.5 * f64::from(model.size.metres()[0]);
-            self.scene.lights.push(Light::head_lamps(&instance.map_from_body, front_m, 0.7));
-        }
-        self.scene.dynamics.push(instance);
+/// A vehicle has its lamps on when the weather asks for it.
+fn put_vehicle(scene: &mut Scene, mut instance: Instance, model: Model) {
+    let on = scene.weather.lamps_on;
+    instance.look = instance.look.with_lamp(lamps::HEAD, on).with_lamp(lamps::TAIL, on);
+    if on {
+        let front_m = 0.5 * f64::from(model.size.metres()[0]);
+        scene.lights.push(Light::head_lamps(&instance.map_from_body, front_m, 0.7));
     }
+    scene.dynamics.push(instance);
 }
 
 /// How the ego moves, in the map; so do the cameras on it.

@@ -36,7 +36,7 @@ struct Readings {
 impl Observer for Readings {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(world) = payload.downcast_ref::<WorldState>() {
             self.touched |= !world.collisions.is_empty();
         }

@@ -40,7 +40,7 @@ impl Observer for Watching<'_> {
     fn event(&mut self, event: &Event<'_>) {
         self.0.with_report(|report| report.event(event));
         if let Event::Publication(publication) = event
-            && publication.payload.is_some_and(|payload| payload.as_any().is::<EgoState>())
+            && publication.payload.is_some_and(swerve_flow::Sent::is::<EgoState>)
         {
             self.0.frame(publication.visible_at);
         }

@@ -22,7 +22,7 @@ use swerve_scenario::Scenario;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 use swerve_stack::{Registry, Role};
-use swerve_text::{Document, Problem, nearest, parse_assignment};
+use swerve_text::{Problem, nearest, parse_assignment};
 
 use crate::run::stem;
 
@@ -47,9 +47,9 @@ pub struct ReplayArgs {
     /// Replace what is in the folder of --out
     #[arg(long, requires = "out")]
     overwrite: bool,
-    /// Worker threads for heavy steps; the result does not depend on them
-    #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
-    threads: usize,
+    /// Threads of the run; the result does not depend on them [default: one for each processor]
+    #[arg(long, value_parser = swerve_drive::threads::parser())]
+    threads: Option<usize>,
 }
 
 impl ReplayArgs {
@@ -74,8 +74,9 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(earlier) = replayed.as_ref().filter(|log| log.exists() && !args.overwrite) {
         bail!("{}: it is there already: expected another --out, or --overwrite", earlier.display());
     }
+    let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);
     let into = replayed.as_deref().map(|path| (path, args.command_line()));
-    let how = Replay { from: args.from.as_deref(), sets: &sets?, threads: args.threads, into };
+    let how = Replay { from: args.from.as_deref(), sets: &sets?, threads, into };
     let comparison = how.run(registry, &log).inspect_err(|_| {
         // Of a replay that never began nothing stays; a folder with something in it is not removed.
         let _ = folder.as_ref().map(|folder| std::fs::remove_dir(&folder.path));
@@ -190,7 +191,7 @@ struct Replay<'a> {
 
 impl Replay<'_> {
     fn run(&self, registry: &Registry, log: &Log) -> anyhow::Result<Comparison> {
-        let document = Document::parse("configuration of the log", log.start.config.clone())?;
+        let document = Config::logged(&log.start.config)?;
         let config = Config::from_document_with(registry, &document, self.sets)
             .map_err(|problems| problems_error(&problems))?;
         let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
@@ -385,7 +386,7 @@ impl Observer for Comparison {
 fn said(p: &Publication<'_>, leaves_out: Option<LeavesOut>) -> Said {
     let mut payload = Vec::new();
     match p.payload {
-        Some(carried) if leaves_out.is_some_and(|is_left_out| is_left_out(carried.as_any())) => {
+        Some(carried) if leaves_out.is_some_and(|is_left_out| is_left_out(carried)) => {
             left_out(carried, &mut payload);
         }
         Some(carried) => carried.to_cbor(&mut payload),

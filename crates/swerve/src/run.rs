@@ -45,9 +45,9 @@ pub(crate) struct RunArgs {
     /// Print one JSON object and nothing else
     #[arg(long)]
     json: bool,
-    /// Worker threads for heavy steps; the result does not depend on them
-    #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
-    threads: usize,
+    /// Threads of the run; the result does not depend on them [default: one for each processor]
+    #[arg(long, value_parser = swerve_drive::threads::parser())]
+    threads: Option<usize>,
     /// Write a picture of the drive every 50 ms into this folder
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
@@ -82,7 +82,7 @@ struct Shown {
 impl Observer for Shown {
     fn event(&mut self, event: &Event<'_>) {
         if let Event::Publication(publication) = event
-            && publication.payload.is_some_and(|payload| payload.as_any().is::<EgoState>())
+            && publication.payload.is_some_and(swerve_flow::Sent::is::<EgoState>)
         {
             self.progress.simulated_to(publication.visible_at.as_secs());
         }
@@ -133,7 +133,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     observers.extend(car.as_mut().map(Ros2Car::observer));
     let processes = start_processes(&config, &mut pipeline)?;
     stop_on_interrupt(pipeline.graph.stop_handle());
-    let threads = threads(args.threads, &config);
+    let threads = threads(args.threads.unwrap_or_else(swerve_drive::threads::cores), &config);
     let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
     let traffic = processes.as_ref().map(Processes::traffic);
     drop(processes);

@@ -50,7 +50,7 @@ impl Observer for Seen {
                 self.steps.push((step.operator.to_owned(), step.start, step.end - step.start));
             }
             Event::Publication(publication) => {
-                let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+                let Some(payload) = publication.payload else { return };
                 if let Some(taken) = payload.downcast_ref::<RungTaken>() {
                     self.rungs.push((publication.operator.to_owned(), taken.stamp, taken.rung.clone()));
                 } else if let Some(budget) = payload.downcast_ref::<ResponseBudget>() {

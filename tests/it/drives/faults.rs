@@ -26,7 +26,7 @@ impl Observer for Seen {
         let (Some(stamp), Some(payload)) = (publication.stamp, publication.payload) else { return };
         let stream = publication.stream.to_owned();
         self.times.entry(stream.clone()).or_default().push((stamp, publication.visible_at));
-        let any = payload.as_any();
+        let any = payload;
         if let Some(pose) = any.downcast_ref::<EgoState>() {
             self.poses.entry(stream).or_default().push(*pose);
         } else if let Some(image) = any.downcast_ref::<Image>() {

@@ -31,7 +31,7 @@ struct Seen {
 impl Observer for Seen {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(gate) = payload.downcast_ref::<GateOutput>() {
             self.gate.push((publication.visible_at, *gate));
         } else if let Some(command) = payload.downcast_ref::<Command>() {

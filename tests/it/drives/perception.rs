@@ -25,7 +25,7 @@ struct Seen {
 impl Observer for Seen {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(boxes) = payload.downcast_ref::<Detections>() {
             self.boxes.push((publication.visible_at, boxes.clone()));
         } else if let Some(tracks) = payload.downcast_ref::<TrackList>() {

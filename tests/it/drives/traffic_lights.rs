@@ -25,7 +25,7 @@ struct Seen {
 impl Observer for Seen {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(lights) = payload.downcast_ref::<TrafficLights>() {
             self.lights.push(lights.clone());
         } else if let Some(passed) = payload.downcast_ref::<RedLightEvents>() {

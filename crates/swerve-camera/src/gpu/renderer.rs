@@ -23,11 +23,12 @@ use super::sub_frames::Shown;
 use super::target::Target;
 use crate::View;
 use crate::frame::{FrameMut, Outputs};
+use crate::frontend::Threads;
 
 /// The back end for one device.
 pub(crate) struct GpuRenderer {
     pub(super) gpu: Arc<Gpu>,
-    pub(super) pool: Option<rayon::ThreadPool>,
+    pub(super) threads: Threads,
     pub(super) pipelines: Pipelines,
     pub(super) meshes: MeshStore,
     pub(super) statics: Statics,
@@ -61,14 +62,14 @@ pub(crate) struct InFlight {
 
 impl GpuRenderer {
     /// Starts on a device; more than one thread helps to copy images.
-    pub(crate) fn new(gpu: Arc<Gpu>, pool: Option<rayon::ThreadPool>) -> Result<Self, String> {
+    pub(crate) fn new(gpu: Arc<Gpu>, threads: Threads) -> Result<Self, String> {
         use wgpu::BufferUsages as Usage;
         let pipelines = Pipelines::new(&gpu);
         let read = Usage::STORAGE | Usage::COPY_DST;
         let blank = [DEPTH, DEPTH, SKY, SKY].map(|format| maps::image(&gpu, 1, format));
         let no_maps = maps::bind(&gpu, &pipelines, [&blank[0], &blank[1], &blank[2], &blank[3]]);
         let made = Self {
-            pool,
+            threads,
             meshes: MeshStore::new(&gpu),
             statics: Statics::default(),
             maps: MapCache::default(),
@@ -177,10 +178,10 @@ impl GpuRenderer {
                 }
             }
             let copy = |(to, from): (&mut [u8], &[u8])| to.copy_from_slice(from);
-            match &self.pool {
-                Some(pool) => pool.install(|| copies.into_par_iter().for_each(copy)),
-                None => copies.into_iter().for_each(copy),
-            }
+            self.threads.run(|parallel| match parallel {
+                true => copies.into_par_iter().for_each(copy),
+                false => copies.into_iter().for_each(copy),
+            });
         }
         buffer.unmap();
         self.read_backs.give(buffer);

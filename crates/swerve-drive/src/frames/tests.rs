@@ -18,12 +18,11 @@ fn into(folder: &Path) -> Sinks<'_> {
 
 /// Drives the first tenth of a second with pictures; gives the run's digest and the pictures.
 fn pictures(folder: &Path, threads: usize) -> (swerve_core::Digest, Vec<Vec<u8>>) {
-    let (mut config, scenario) = (Config::default(), scenario());
-    config.render.threads = threads;
+    let (config, scenario) = (Config::default(), scenario());
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(100);
     let mut frames = Frames::create(into(folder), "a drive".into(), &pipeline.scenario, &config).unwrap();
-    let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut frames]).unwrap();
+    let outcome = drive_pipeline(pipeline, config.seed, threads, &mut [&mut frames]).unwrap();
     let count = frames.finish().unwrap();
     let read = |k: usize| std::fs::read(folder.join(format!("{k:05}.png"))).unwrap();
     (outcome.digest, (0..count).map(read).collect())

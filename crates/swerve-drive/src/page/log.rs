@@ -14,7 +14,6 @@ use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_stack::{Assembly, Registry};
-use swerve_text::Document;
 
 use super::{COMMAND, RunReport, set_inputs};
 use crate::load::problems_error;
@@ -37,7 +36,7 @@ fn page_of(
     log: &Log,
     damage: Option<LogError>,
 ) -> anyhow::Result<Page<RunPage>> {
-    let document = Document::parse("configuration of the log", log.start.config.clone())?;
+    let document = Config::logged(&log.start.config)?;
     let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
     let text = log.start.extra.get("scenario").context("the log holds no scenario")?;
     let scenario = Scenario::parse("scenario of the log", text).map_err(|p| problems_error(&p))?;

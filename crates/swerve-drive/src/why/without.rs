@@ -93,7 +93,7 @@ impl Observer for Compared<'_> {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(p) = event else { return };
         let (Some(stamp), Some(payload)) = (p.stamp, p.payload) else { return };
-        let Some(plan) = payload.as_any().downcast_ref::<Plan>() else { return };
+        let Some(plan) = payload.downcast_ref::<Plan>() else { return };
         if p.operator != self.planner || stamp < self.from || self.first.is_some() {
             return;
         }

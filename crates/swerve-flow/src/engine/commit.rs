@@ -1,5 +1,8 @@
 //! Publishing: headers, the digest, and who is to be told.
 
+use std::collections::VecDeque;
+use std::sync::Arc;
+
 use swerve_core::{Digest, Hasher, Time};
 
 use super::due::{Due, Ready};
@@ -9,6 +12,7 @@ use super::{Engine, Event};
 use crate::message::{Header, Msg};
 use crate::observer::{Publication, Reads};
 use crate::payload::{Outs, Sent};
+use crate::promise::Pending;
 
 impl Engine<'_> {
     /// Publishes the operator's answer for a stamp on those of its streams that have a message.
@@ -36,7 +40,7 @@ impl Engine<'_> {
         let id = node.streams[port];
         let stream = &mut self.streams[id];
         let header = stream.next_header(now, watermark, answer);
-        self.digest.message(stream.key, &header, sent.digest);
+        self.digest.message(stream.key, &header, &sent);
         if !self.observers.is_empty() {
             self.tell_publication(rank, port, &header, answer, &sent);
         }
@@ -68,7 +72,7 @@ impl Engine<'_> {
             reused_from: header.reused_from,
             origin: header.origin,
             reads: Reads { names, stamps: answer.reads },
-            payload: Some(&*sent.payload),
+            payload: Some(sent),
         }));
     }
 
@@ -203,18 +207,24 @@ pub(super) struct Commits {
     /// What waits to be hashed: stream, stamp, visible_at and payload of each message.
     waiting: Box<[[u8; 32]; WAITING_MAX]>,
     waits: usize,
+    /// Those of which the payload was not made yet, and where they wait.
+    promised: VecDeque<(usize, Arc<Pending>)>,
+    /// One that was broken.
+    pub(super) broken: Option<Arc<Pending>>,
 }
 
-/// How many messages wait before they are hashed.
-const WAITING_MAX: usize = 64;
+/// How many messages wait before they are hashed: what is drawn may be so far behind.
+const WAITING_MAX: usize = 512;
 
 impl Commits {
     pub(super) fn new() -> Self {
-        Self { hasher: Hasher::new(), waiting: Box::new([[0; 32]; WAITING_MAX]), waits: 0 }
+        let waiting = Box::new([[0; 32]; WAITING_MAX]);
+        Self { hasher: Hasher::new(), waiting, waits: 0, promised: VecDeque::new(), broken: None }
     }
 
     #[inline]
-    pub(super) fn message(&mut self, stream: u64, header: &Header, payload: Digest) {
+    pub(super) fn message(&mut self, stream: u64, header: &Header, sent: &Sent) {
+        self.take_made(false);
         if self.waits == WAITING_MAX {
             self.flush();
         }
@@ -222,14 +232,29 @@ impl Commits {
         bytes[..8].copy_from_slice(&stream.to_le_bytes());
         bytes[8..16].copy_from_slice(&header.stamp.ns().to_le_bytes());
         bytes[16..24].copy_from_slice(&header.visible_at.ns().to_le_bytes());
-        bytes[24..].copy_from_slice(&payload.0.to_le_bytes());
+        match sent.promised() {
+            None => bytes[24..].copy_from_slice(&sent.digest().0.to_le_bytes()),
+            Some(promised) => self.promised.push_back((self.waits, promised.clone())),
+        }
         self.waits += 1;
     }
 
     #[inline(never)]
     fn flush(&mut self) {
+        self.take_made(true);
         self.hasher.bytes(self.waiting[..self.waits].as_flattened());
         self.waits = 0;
+    }
+
+    /// Takes in what was made meanwhile, in order, or waits for all of it, and holds it no longer.
+    fn take_made(&mut self, all: bool) {
+        while self.promised.front().is_some_and(|(_, promised)| all || promised.is_settled()) {
+            let Some((at, promised)) = self.promised.pop_front() else { return };
+            match promised.wait() {
+                Ok(made) => self.waiting[at][24..].copy_from_slice(&made.digest.0.to_le_bytes()),
+                Err(_) => self.broken = Some(promised),
+            }
+        }
     }
 
     /// The digest of all messages so far.

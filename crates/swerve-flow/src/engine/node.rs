@@ -1,7 +1,7 @@
 //! The state of operators and streams during a run.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use swerve_core::{Span, Time};
 
@@ -13,6 +13,7 @@ use crate::operator::{Body, Offered, OnDeadline, Unusual};
 use crate::payload::{Decode, Outs};
 use crate::playback::PlaybackRecord;
 use crate::policy::Policy;
+use crate::promise::Pending;
 use crate::report::{Lateness, OperatorReport};
 use crate::runtime::{Draw, RuntimeModel};
 
@@ -59,6 +60,9 @@ pub(crate) struct Node {
     pub(crate) came_out: Option<Time>,
     /// The newest finished result, kept where a reaction may want it.
     pub(crate) last: Option<Finished>,
+    /// Of its last steps that promised something one promise each, oldest first; gone where it is kept and nobody
+    /// holds it any more.
+    pub(crate) promised: VecDeque<Weak<Pending>>,
     /// Since when it has had a complete frame and a free place without a start.
     pub(crate) since: Option<Time>,
     /// It had a turn in this sweep whose (e) and (f) are still to come.

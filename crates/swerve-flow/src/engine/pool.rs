@@ -1,7 +1,9 @@
-//! Worker threads for heavy steps. Which thread runs a step, and when, shows in no result.
+//! Threads for heavy steps. Which thread runs a step, and when, shows in no result.
 //!
-//! In virtual time the engine's own thread is one of them: while it waits for a step it runs one that is queued.
-//! A worker more, which would be woken for it, has been seen to share a core with another one for milliseconds.
+//! In virtual time they are one pool of rayon's for all that a run does, and the engine's own thread is one of them:
+//! while it waits it does what is queued. What runs in the pool waits for nothing but pieces of its own work, so who
+//! waits there may do work of others meanwhile. Under wall clock the engine has to keep the time, and steps that are
+//! late are not to wait for others: each worker is a thread of its own.
 
 use std::collections::VecDeque;
 use std::io;
@@ -13,6 +15,7 @@ use super::node::Ran;
 use super::start::run;
 use crate::input::Slot;
 use crate::operator::{Body, Task};
+use crate::promise::Bell;
 
 /// A step on its way to a worker.
 pub(crate) struct Job {
@@ -33,9 +36,20 @@ pub(crate) struct Done {
 
 pub(crate) struct Pool {
     shared: Arc<Shared>,
-    workers: Vec<JoinHandle<()>>,
+    crew: Crew,
     tickets: u64,
 }
+
+/// Who runs the steps.
+enum Crew {
+    /// The threads of a run in virtual time.
+    Pool(Arc<rayon::ThreadPool>),
+    /// Workers beside the thread that keeps the time.
+    Workers(Vec<JoinHandle<()>>),
+}
+
+/// Stack of a thread, bytes: steps of several operators may lie on top of one another.
+const STACK: usize = 16 << 20;
 
 /// Told whenever a step is done, beside the pool's own record: the wall-clock engine sleeps elsewhere.
 pub(crate) type Doorbell = Arc<dyn Fn() + Send + Sync>;
@@ -43,7 +57,7 @@ pub(crate) type Doorbell = Arc<dyn Fn() + Send + Sync>;
 struct Shared {
     state: Mutex<State>,
     work: Condvar,
-    done: Condvar,
+    done: Bell,
     doorbell: Option<Doorbell>,
     running: AtomicU64,
     overlapped: AtomicU64,
@@ -57,31 +71,55 @@ struct State {
 }
 
 impl Pool {
-    /// A pool of `threads`: all of them workers where a doorbell is rung for one that waits elsewhere, else one
-    /// of them is the thread that waits.
+    /// A pool of `threads`: workers where a doorbell is rung for one that waits elsewhere, else the engine's own thread
+    /// is to be one of them.
     pub(crate) fn new(threads: usize, doorbell: Option<Doorbell>) -> io::Result<Self> {
-        let workers = if doorbell.is_some() { threads } else { threads - 1 };
+        let is_wall = doorbell.is_some();
         let shared = Arc::new(Shared {
             state: Mutex::default(),
             work: Condvar::new(),
-            done: Condvar::new(),
+            done: Bell::default(),
             doorbell,
             running: AtomicU64::new(0),
             overlapped: AtomicU64::new(0),
         });
-        let mut pool = Self { shared, workers: Vec::new(), tickets: 0 };
-        for i in 0..workers {
+        let name = |i| format!("swerve-worker-{i}");
+        if !is_wall {
+            let pool =
+                rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(name).stack_size(STACK);
+            let pool = pool.build().map_err(io::Error::other)?;
+            return Ok(Self { shared, crew: Crew::Pool(Arc::new(pool)), tickets: 0 });
+        }
+        // Made before its workers, so that those that were started end should one fail to.
+        let mut pool = Self { shared, crew: Crew::Workers(Vec::new()), tickets: 0 };
+        for i in 0..threads {
             let shared = pool.shared.clone();
-            pool.workers
-                .push(Builder::new().name(format!("swerve-worker-{i}")).spawn(move || shared.work())?);
+            let worker = Builder::new().name(name(i)).spawn(move || shared.work())?;
+            if let Crew::Workers(workers) = &mut pool.crew {
+                workers.push(worker);
+            }
         }
         Ok(pool)
+    }
+
+    /// The threads of a run in virtual time.
+    pub(crate) fn workers(&self) -> Option<Arc<rayon::ThreadPool>> {
+        match &self.crew {
+            Crew::Pool(pool) => Some(pool.clone()),
+            Crew::Workers(_) => None,
+        }
     }
 
     pub(crate) fn submit(&mut self, job: Job) -> u64 {
         self.tickets += 1;
         self.shared.lock().jobs.push_back((self.tickets, job));
-        self.shared.work.notify_one();
+        match &self.crew {
+            Crew::Pool(pool) => {
+                let shared = self.shared.clone();
+                pool.spawn(move || shared.run_oldest());
+            }
+            Crew::Workers(_) => self.shared.work.notify_one(),
+        }
         self.tickets
     }
 
@@ -92,16 +130,13 @@ impl Pool {
             if let Some(index) = state.done.iter().position(|done| done.ticket == ticket) {
                 return state.done.swap_remove(index);
             }
-            if self.shared.doorbell.is_none()
-                && let Some((ticket, job)) = state.take(ticket)
-            {
-                drop(state);
-                let done = self.shared.run(ticket, job);
-                state = self.shared.lock();
-                state.done.push(done);
-                continue;
+            let queued = if self.shared.doorbell.is_none() { state.take(ticket) } else { None };
+            drop(state);
+            match queued {
+                Some((ticket, job)) => self.shared.run(ticket, job),
+                None => self.shared.done.wait_unless(|| self.shared.has(ticket)),
             }
-            state = self.shared.done.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self.shared.lock();
         }
     }
 
@@ -124,7 +159,8 @@ impl Drop for Pool {
             state.jobs.clear();
         }
         self.shared.work.notify_all();
-        for thread in self.workers.drain(..) {
+        let Crew::Workers(workers) = &mut self.crew else { return };
+        for thread in workers.drain(..) {
             // A worker catches what operators panic with, so this one has nothing to say.
             let _ = thread.join();
         }
@@ -132,9 +168,9 @@ impl Drop for Pool {
 }
 
 impl State {
-    /// Takes the queued step under this ticket, else the oldest one.
+    /// Takes the queued step under this ticket.
     fn take(&mut self, ticket: u64) -> Option<(u64, Job)> {
-        let index = self.jobs.iter().position(|(queued, _)| *queued == ticket).unwrap_or(0);
+        let index = self.jobs.iter().position(|(queued, _)| *queued == ticket)?;
         self.jobs.remove(index)
     }
 }
@@ -157,17 +193,25 @@ impl Shared {
                 state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
             };
             drop(state);
-            let done = self.run(ticket, job);
-            self.lock().done.push(done);
-            self.done.notify_all();
-            if let Some(ring) = &self.doorbell {
-                ring();
-            }
+            self.run(ticket, job);
         }
     }
 
-    /// Runs a step on the present thread.
-    fn run(&self, ticket: u64, job: Job) -> Done {
+    /// Runs the step that has been queued longest, if it is not running by now.
+    fn run_oldest(&self) {
+        let job = self.lock().jobs.pop_front();
+        if let Some((ticket, job)) = job {
+            self.run(ticket, job);
+        }
+    }
+
+    /// Whether the step under this ticket is done.
+    fn has(&self, ticket: u64) -> bool {
+        self.lock().done.iter().any(|done| done.ticket == ticket)
+    }
+
+    /// Runs a step on the present thread, and tells that it is done.
+    fn run(&self, ticket: u64, job: Job) {
         if self.running.fetch_add(1, Ordering::Relaxed) > 0 {
             self.overlapped.fetch_add(1, Ordering::Relaxed);
         }
@@ -175,6 +219,10 @@ impl Shared {
         let mut ran = Ran::default();
         run(&mut *body, &name, &mut task, &mut slots, Some(crate::host::now()), &mut ran);
         self.running.fetch_sub(1, Ordering::Relaxed);
-        Done { ticket, rank, body, ran }
+        self.lock().done.push(Done { ticket, rank, body, ran });
+        self.done.ring();
+        if let Some(ring) = &self.doorbell {
+            ring();
+        }
     }
 }

@@ -35,8 +35,11 @@ impl<'o> Engine<'o> {
         wire(&graph, &rank_of, &mut streams);
         let heavy = graph.operators.iter().any(|operator| operator.heavy);
         // In virtual time one thread is this one; under wall clock it has to keep the time.
-        let threads =
-            if heavy && (options.threads > 1 || wall.is_some()) { options.threads.max(1) } else { 0 };
+        let threads = match (&wall, options.threads) {
+            (None, threads) if threads > 1 => threads,
+            (Some(_), threads) if heavy => threads.max(1),
+            _ => 0,
+        };
         let (wall, doorbell) = wall.unzip();
         let mut resources: Vec<ResourceState> = graph
             .resources
@@ -198,6 +201,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         floor: Time::MIN,
         came_out: None,
         last: None,
+        promised: VecDeque::new(),
         since: None,
         unsettled: false,
         lateness: None,

@@ -13,11 +13,16 @@ use crate::deadline::{Anchor, Reaction};
 use crate::decision::{Decided, Decision};
 use crate::graph::newest;
 use crate::input::Slot;
+use crate::message::Msg;
 use crate::observer::{Reads, StepStart};
 use crate::operator::{Body, Context, Cut, ErasedMiss, Meter, Offered, Task};
 use crate::payload::Outs;
+use crate::promise::Workers;
 use crate::report::RunError;
 use crate::runtime::{Draw, RuntimeModel};
+
+/// Steps of an operator of which the promises may be unkept at once.
+const PROMISED_MAX: usize = 2;
 
 impl Engine<'_> {
     /// Starts the step for the oldest complete frame; `alone` if no other one starts in this pass of the turn.
@@ -34,7 +39,12 @@ impl Engine<'_> {
             Some(Anchor::Start) => self.deadline_from(rank, now),
             _ => open.deadline,
         };
+        self.keep_up(rank);
         let (origin, reads) = self.fill_slots(rank, stamp);
+        self.wait_for_promised(rank);
+        if self.failure.is_some() {
+            return;
+        }
         let decided = self.replay.as_ref().and_then(|replay| replay.step(&self.nodes[rank].name, stamp));
         let draw = self.draw(rank, stamp, decided);
         self.nodes[rank].tally.steps += 1;
@@ -43,7 +53,9 @@ impl Engine<'_> {
         let meter = Meter { units: 0, cut: self.cut(rank, deadline, decided) };
         let offered = meter.cut.as_ref().and_then(|cut| cut.offered.clone());
         let due = (deadline < Time::MAX).then_some(deadline);
-        let mut task = Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, unusual: None };
+        let workers = None;
+        let mut task =
+            Task { now, stamp, deadline: due, seed: self.seed, rng: None, meter, workers, unusual: None };
         let (least_end, known) = match draw {
             Draw::Known(span) | Draw::Unrecorded(span) => (now.saturating_add(span), true),
             Draw::Work(base) => (now.saturating_add(base).min(deadline), false),
@@ -149,6 +161,30 @@ impl Engine<'_> {
         (origin, reads)
     }
 
+    /// Waits until all is made of what the next step reads: what runs in the pool must not wait for what runs there.
+    fn wait_for_promised(&mut self, rank: usize) {
+        let is_broken = |msg: &Msg| msg.sent.promised().is_some_and(|promised| promised.wait().is_err());
+        let broken = |slot: &Slot| match slot {
+            Slot::Message(msg) if is_broken(msg) => msg.sent.promised().cloned(),
+            Slot::Window(all) => {
+                all.iter().find(|msg| is_broken(msg)).and_then(|msg| msg.sent.promised().cloned())
+            }
+            _ => None,
+        };
+        if let Some(promised) = self.nodes[rank].slots.iter().find_map(broken) {
+            self.note_broken(&promised);
+        }
+    }
+
+    /// Waits until what an operator promised a while ago is made, so that what waits stays bounded.
+    fn keep_up(&mut self, rank: usize) {
+        while self.nodes[rank].promised.len() >= PROMISED_MAX {
+            if let Some(oldest) = self.nodes[rank].promised.pop_front().and_then(|oldest| oldest.upgrade()) {
+                let _made = oldest.wait();
+            }
+        }
+    }
+
     fn draw(&mut self, rank: usize, stamp: Time, decided: Option<Decided>) -> Draw {
         let node = &mut self.nodes[rank];
         if let Some(span) = decided.and_then(|decided| decided.run_time) {
@@ -198,9 +234,17 @@ impl Engine<'_> {
 
     fn run_here(&mut self, rank: usize, task: &mut Task, ran: &mut Ran) {
         let begin = self.host_time(rank).then(crate::host::now);
+        let workers = self.workers();
         let node = &mut self.nodes[rank];
+        // What a step leaves to others is not in its time on this host.
+        if let Some(pool) = workers.filter(|_| !matches!(node.runtime, RuntimeModel::Measured { .. })) {
+            task.workers = Some(Workers { pool, operator: node.name.clone() });
+        }
         let body = node.body.as_mut().expect("the operator is not away");
         run(&mut **body, &node.name, task, &mut node.slots, begin, ran);
+        if task.workers.is_some() {
+            node.promised.extend(ran.outs.iter().find_map(|(_, sent)| sent.promised().map(Arc::downgrade)));
+        }
     }
 
     fn send_away(&mut self, rank: usize, task: Task) -> Outcome {

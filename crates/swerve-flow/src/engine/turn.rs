@@ -111,7 +111,7 @@ impl Engine<'_> {
                 let stream =
                     &self.streams[self.nodes[rank].policy_stream.expect("set where a policy is read")];
                 let newest = stream.visible(self.now, matches!(edge, Edge::Feedback(_))).checked_sub(1);
-                newest.map_or(before, |index| *stream.history[index].sent.clone().typed::<Span>())
+                newest.map_or(before, |index| *stream.history[index].sent.clone().typed::<Span>().0)
             }
         };
         anchor.saturating_add(length)

@@ -1,12 +1,12 @@
 //! Payloads by their type: what an observer does with each is registered once, whoever publishes it.
 
-use core::any::{Any, TypeId};
+use core::any::TypeId;
 use std::collections::BTreeMap;
 
 use super::{Event, Observer, Publication};
-use crate::payload::Payload;
+use crate::payload::{Payload, Sent};
 
-type Handler<S> = Box<dyn FnMut(&mut S, &Publication<'_>, &dyn Any) + Send>;
+type Handler<S> = Box<dyn FnMut(&mut S, &Publication<'_>, &Sent) + Send>;
 
 /// An observer that hands each payload to what was registered for its type, together with a state that all share.
 ///
@@ -47,9 +47,10 @@ impl<S> Dispatcher<S> {
         mut self,
         mut handler: impl FnMut(&mut S, &Publication<'_>, &T) + Send + 'static,
     ) -> Self {
-        let typed = move |state: &mut S, publication: &Publication<'_>, payload: &dyn Any| {
-            let payload = payload.downcast_ref().expect("handlers are kept by the type that they take");
-            handler(state, publication, payload);
+        let typed = move |state: &mut S, publication: &Publication<'_>, sent: &Sent| {
+            if let Some(payload) = sent.downcast_ref() {
+                handler(state, publication, payload);
+            }
         };
         self.handlers.entry(TypeId::of::<T>()).or_default().push(Box::new(typed));
         self
@@ -57,7 +58,7 @@ impl<S> Dispatcher<S> {
 
     /// Hands on a publication; a bare watermark is nobody's.
     pub fn publication(&mut self, publication: &Publication<'_>) {
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         for handler in self.handlers.get_mut(&payload.type_id()).into_iter().flatten() {
             handler(&mut self.state, publication, payload);
         }

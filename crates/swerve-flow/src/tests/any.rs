@@ -40,7 +40,7 @@ fn an_operator_of_any_types_reads_and_publishes_as_one_with_types() {
     let mut sums = Vec::new();
     let mut take = |event: &Event<'_>| {
         if let Event::Publication(Publication { operator: "adder", payload: Some(payload), .. }) = event {
-            sums.push(*payload.as_any().downcast_ref::<i64>().unwrap() / 1_000_000);
+            sums.push(*payload.downcast_ref::<i64>().unwrap() / 1_000_000);
         }
     };
     let report = run_virtual(net.graph, &RunOptions::until(at(30)), vec![&mut take]).unwrap();

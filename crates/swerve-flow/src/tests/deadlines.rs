@@ -246,7 +246,7 @@ fn anytime(operator: Anytime, runtime: RuntimeModel) -> (Vec<(i64, i64, i64)>, L
             ..
         }) = event
         {
-            let value = *payload.as_any().downcast_ref::<i64>().unwrap();
+            let value = *payload.downcast_ref::<i64>().unwrap();
             values.push((stamp.ns() / 1_000_000, visible_at.ns() / 1_000_000, value));
         }
     };

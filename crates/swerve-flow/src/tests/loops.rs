@@ -35,7 +35,7 @@ fn s7_a_command_acts_from_the_first_tick_strictly_after_it_is_visible() {
             operator: "world", payload: Some(payload), visible_at, ..
         }) = event
         {
-            states.push((visible_at.ns() / 1_000_000, *payload.as_any().downcast_ref::<i64>().unwrap()));
+            states.push((visible_at.ns() / 1_000_000, *payload.downcast_ref::<i64>().unwrap()));
         }
     };
     let report = run_virtual(net.graph, &RunOptions::default(), vec![&mut observer]).unwrap();

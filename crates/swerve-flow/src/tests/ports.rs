@@ -101,7 +101,7 @@ fn windows(graph: Graph) -> Vec<Vec<i64>> {
     let mut seen = Vec::new();
     let mut observer = |event: &Event<'_>| {
         if let Event::Publication(Publication { operator: "sum", payload: Some(payload), .. }) = event {
-            seen.push(payload.as_any().downcast_ref::<Vec<i64>>().unwrap().clone());
+            seen.push(payload.downcast_ref::<Vec<i64>>().unwrap().clone());
         }
     };
     run_virtual(graph, &RunOptions::until(at(45)), vec![&mut observer]).unwrap();
@@ -224,7 +224,7 @@ fn what_is_passed_on_is_the_same_payload_with_the_same_digest() {
         let mut payloads: Vec<(String, usize)> = Vec::new();
         let mut observer = |event: &Event<'_>| {
             if let Event::Publication(publication) = event
-                && let Some(payload) = publication.payload.and_then(|p| p.as_any().downcast_ref::<i64>())
+                && let Some(payload) = publication.payload.and_then(|p| p.downcast_ref::<i64>())
             {
                 payloads.push((publication.operator.to_owned(), std::ptr::from_ref(payload).addr()));
             }

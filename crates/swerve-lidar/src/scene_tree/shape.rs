@@ -1,5 +1,7 @@
 //! Shapes: triangles with their surfaces, and where they are.
 
+use std::sync::Arc;
+
 use swerve_geom::{Map, Transform};
 use swerve_scene::vector::{add, scale};
 use swerve_scene::{Body, Instance, Mesh, MeshId, MeshLibrary, SemanticClass};
@@ -65,7 +67,7 @@ impl Shape {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CachedShape {
     pub(crate) key: Option<u64>,
-    pub(crate) shape: Shape,
+    pub(crate) shape: Arc<Shape>,
 }
 
 /// Makes the tree of a mesh unless it is there.
@@ -81,7 +83,7 @@ pub(crate) fn keep_shape(
     let mesh = meshes.get(id);
     let kept = &mut shapes[id.index()];
     if kept.key != Some(mesh.key().0) {
-        *kept = CachedShape { key: Some(mesh.key().0), shape: Shape::new(id, mesh, builder) };
+        *kept = CachedShape { key: Some(mesh.key().0), shape: Arc::new(Shape::new(id, mesh, builder)) };
     }
 }
 

@@ -1,10 +1,12 @@
 //! Rays on the CPU, eight columns at a time.
 
-use std::sync::{Mutex, PoisonError};
+use core::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
 
+use rayon::prelude::*;
 use wide::f32x8;
 
-use super::{Firing, Piece, Shot, Sweeper};
+use super::{Firing, Piece, Shot, Sweeper, Threads};
 use crate::bvh::LANES;
 use crate::cloud::{CloudMut, Point};
 use crate::returns::Receiver;
@@ -29,8 +31,11 @@ impl Sweeper {
         let first = columns.start;
         let group = |(k, shots): (usize, &mut [Shot])| caster.group(first + (k * LANES) as u32, shots);
         let chunk = LANES * beams;
-        match &self.pool {
-            Some(pool) => {
+        match &self.threads {
+            Threads::Callers if rayon::current_thread_index().is_some() => {
+                shots[..count].par_chunks_mut(chunk).enumerate().for_each(group);
+            }
+            Threads::Own(pool) => {
                 // The caller's thread takes groups like the others: late threads just find fewer left.
                 let groups = Mutex::new(shots[..count].chunks_mut(chunk).enumerate());
                 let next = || groups.lock().unwrap_or_else(PoisonError::into_inner).next();
@@ -40,16 +45,56 @@ impl Sweeper {
                     work();
                 });
             }
-            None => shots[..count].chunks_mut(chunk).enumerate().for_each(group),
+            _ => shots[..count].chunks_mut(chunk).enumerate().for_each(group),
         }
-        for (column, shots) in columns.clone().zip(shots.chunks(beams)) {
+        self.push(columns.clone(), &shots, out);
+        self.shots = shots;
+    }
+
+    /// Fires the pieces of a turn, each in its own step's scene, and adds their points.
+    pub(super) fn cast_turn(
+        &self,
+        turn: u64,
+        steps: &[(Arc<SceneTree>, Firing)],
+        pieces: &[Piece],
+        out: &mut CloudMut<'_>,
+    ) {
+        let beams = self.beams.len();
+        let mut shots = vec![Shot::default(); self.points_max()];
+        let (mut rest, mut groups) = (&mut shots[..], Vec::new());
+        for ((tree, firing), piece) in steps.iter().zip(pieces) {
+            let receiver = Receiver::new(&self.spec, tree.weather(), turn);
+            let (own, others) = core::mem::take(&mut rest).split_at_mut(piece.columns.len() * beams);
+            rest = others;
+            groups.extend(own.chunks_mut(LANES * beams).enumerate().map(|(k, shots)| {
+                let caster = ColumnCaster { sweeper: self, tree, firing, receiver };
+                (caster, piece.columns.start + (k * LANES) as u32, shots)
+            }));
+        }
+        let cast = |(caster, first, shots): (ColumnCaster<'_>, u32, &mut [Shot])| caster.group(first, shots);
+        match &self.threads {
+            Threads::Callers if rayon::current_thread_index().is_some() => {
+                groups.into_par_iter().for_each(cast);
+            }
+            Threads::Own(pool) => pool.install(|| groups.into_par_iter().for_each(cast)),
+            _ => groups.into_iter().for_each(cast),
+        }
+        let mut from = 0;
+        for piece in pieces {
+            self.push(piece.columns.clone(), &shots[from..], out);
+            from += piece.columns.len() * beams;
+        }
+    }
+
+    /// Adds the points of columns, of which `shots` has the beams.
+    fn push(&self, columns: Range<u32>, shots: &[Shot], out: &mut CloudMut<'_>) {
+        for (column, shots) in columns.zip(shots.chunks(self.beams.len())) {
             let offset_s = self.offset_s(column);
             for (ring, shot) in shots.iter().enumerate().filter(|(_, shot)| shot.is_seen) {
                 let Shot { at_m, intensity, instance, class, .. } = *shot;
                 out.push(&Point { at_m, intensity, ring: ring as u16, offset_s, instance, class });
             }
         }
-        self.shots = shots;
     }
 }
 

@@ -31,6 +31,23 @@ impl Firing {
         let (begin, end) = (map_from_lidar, map_from_lidar);
         Self { begin_ns: 0, begin, end_ns: sweeper.period_ns(), end, hidden_instance: None }
     }
+
+    /// Whether it can be fired.
+    ///
+    /// # Errors
+    /// Poses that are not finite, a step that ends before it begins.
+    pub fn check(&self) -> Result<(), FireError> {
+        for (when, pose) in [("begin", &self.begin), ("end", &self.end)] {
+            let placed = pose.origin().coords.iter().all(|x| x.abs() <= REACH_MAX_M);
+            if !placed || !pose.rotation().coords.iter().all(|x| x.is_finite()) {
+                return Err(FireError::Pose { when });
+            }
+        }
+        if self.end_ns < self.begin_ns {
+            return Err(FireError::Backwards { by_ns: self.end_ns.abs_diff(self.begin_ns) });
+        }
+        Ok(())
+    }
 }
 
 /// Outcome of a piece of a turn.
@@ -75,7 +92,7 @@ impl Piece {
     /// # Errors
     /// Poses that are not finite, a step that ends before it begins.
     pub(super) fn new(sweeper: &Sweeper, firing: &Firing) -> Result<Self, FireError> {
-        check(firing)?;
+        firing.check()?;
         let columns = sweeper.columns_between(firing.begin_ns, firing.end_ns);
         Ok(Self { firing: *firing, columns })
     }
@@ -85,17 +102,4 @@ impl Piece {
         let is_complete = !self.columns.is_empty() && self.columns.end == columns_of_turn;
         Fired { columns: self.columns.clone(), is_complete }
     }
-}
-
-fn check(firing: &Firing) -> Result<(), FireError> {
-    for (when, pose) in [("begin", &firing.begin), ("end", &firing.end)] {
-        let placed = pose.origin().coords.iter().all(|x| x.abs() <= REACH_MAX_M);
-        if !placed || !pose.rotation().coords.iter().all(|x| x.is_finite()) {
-            return Err(FireError::Pose { when });
-        }
-    }
-    if firing.end_ns < firing.begin_ns {
-        return Err(FireError::Backwards { by_ns: firing.end_ns.abs_diff(firing.begin_ns) });
-    }
-    Ok(())
 }

@@ -260,7 +260,10 @@ impl Observer for Collector {
             Event::Publication(p) => {
                 let Some(stamp) = p.stamp else { return };
                 let (stream, operator, at, origin) = (p.stream, p.operator, p.visible_at, p.origin);
-                self.message(Message { stream, operator, stamp, at, origin }, p.payload.map(|p| p.as_any()));
+                // What is still being made is looked at for photos alone: who looks waits.
+                let looked_at = p.payload.filter(|p| !p.is_promised() || self.with_photos && p.is::<Image>());
+                let payload = looked_at.and_then(|p| p.payload()).map(|p| p.as_any());
+                self.message(Message { stream, operator, stamp, at, origin }, payload);
             }
             Event::StepEnd(s) => self.step(s.operator, s.stamp, s.start, s.end, s.late),
             Event::Miss(m) => self.miss(m.operator, m.stamp, m.at, name_of(&m.reaction)),

@@ -183,7 +183,7 @@ impl Observer for Story {
     /// Takes in world states, tracks, predictions and plans, by their types, as the engine publishes them.
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(world) = payload.downcast_ref::<WorldState>() {
             self.world(world);
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {

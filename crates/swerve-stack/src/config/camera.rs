@@ -17,21 +17,13 @@ use swerve_vehicle::Shape;
 use super::sensors::{range, timing_faults};
 
 /// How the world is rendered.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderConfig {
     /// What computes the images.
     pub backend: RenderBackend,
     /// Weather and time of day.
     pub weather: WeatherPreset,
-    /// Threads of the renderer; the images do not depend on them.
-    pub threads: usize,
-}
-
-impl Default for RenderConfig {
-    fn default() -> Self {
-        Self { backend: RenderBackend::default(), weather: WeatherPreset::default(), threads: 2 }
-    }
 }
 
 /// What computes images.
@@ -72,9 +64,9 @@ impl RenderBackend {
 }
 
 impl RenderConfig {
-    /// What renders, started.
-    pub fn renderer(&self) -> anyhow::Result<Renderer> {
-        let options = RenderOptions { backend: self.backend.in_virtual_time(), threads: self.threads };
+    /// What renders, started, on as many threads as [`RenderOptions::threads`] says; the images do not depend on them.
+    pub fn renderer(&self, threads: usize) -> anyhow::Result<Renderer> {
+        let options = RenderOptions { backend: self.backend.in_virtual_time(), threads };
         Renderer::new(options).context("render.backend")
     }
 }

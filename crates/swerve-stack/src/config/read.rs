@@ -45,6 +45,15 @@ impl Config {
         if sets.is_empty() { Ok(plain) } else { Self::with_sets(registry, document, sets) }
     }
 
+    /// The configuration that a log holds. What nothing ever depended on is passed over: keys that are no more.
+    pub fn logged(text: &str) -> Result<Document, Problems> {
+        let mut document = Document::parse("configuration of the log", text.to_owned())?;
+        if let Some(render) = document.table.get_mut("render").and_then(toml::Value::as_table_mut) {
+            render.remove("threads");
+        }
+        Ok(document)
+    }
+
     /// Several files as one: what a later one says goes over what those before it say, key by key.
     pub fn layered(documents: impl IntoIterator<Item = Document>) -> Option<Document> {
         let whole = |mut document: Document| {
@@ -65,6 +74,7 @@ impl Config {
             Err(misread) => misread,
         };
         let (mut faults, guessed) = (misread.problems, misread.guessed);
+        faults.iter_mut().for_each(hint_at_what_went);
         let of_form = faults.len();
         if let Some(meant) = misread.meant {
             Self { registry: registry.clone(), ..meant }.check(&mut faults);
@@ -104,7 +114,11 @@ impl Config {
         gather_named_sections(&mut table, registry);
         fill_in(&mut table);
         let config: Self = swerve_text::read(&table).map_err(|found| {
-            found.into_iter().map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
+            let hinted = found.into_iter().map(|mut fault| {
+                hint_at_what_went(&mut fault);
+                fault
+            });
+            hinted.map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
         })?;
         Ok(Self { registry: registry.clone(), ..config })
     }
@@ -119,6 +133,13 @@ impl Config {
     fn check(&self, faults: &mut KeyProblems) {
         faults.extend(self.problems_of_values());
         self.check_pipeline(faults);
+    }
+}
+
+/// Says of a key that is no more what took its place.
+fn hint_at_what_went((key, message): &mut KeyProblem) {
+    if key == "render.threads" {
+        *message = "there is no such key any more: --threads counts for all that a run does".into();
     }
 }
 

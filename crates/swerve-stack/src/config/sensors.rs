@@ -280,9 +280,6 @@ impl Config {
     }
 
     pub(super) fn check_sensors(&self, told: &mut Faults) {
-        if !(1..=256).contains(&self.render.threads) {
-            told.push(("render.threads".into(), format!("expected 1 to 256, found {}", self.render.threads)));
-        }
         for (kind, name) in self.named_sensors() {
             let plain = super::operator::is_plain_name(name);
             if !plain || pipeline_names().any(|operator| operator == name) {

@@ -1,15 +1,15 @@
 //! Lidars on the ego.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use anyhow::Context as _;
 use swerve_core::{Rng, Span, Time};
 use swerve_flow::{
-    At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port, PortInfo,
+    At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port, PortInfo, Workers,
 };
 use swerve_geom::{Ego, Lidar, Map, Transform};
 use swerve_gpu::{AdapterKind, Gpu};
-use swerve_lidar::{CloudMut, Firing, LidarEngine, Sweeper, TruthMut};
+use swerve_lidar::{CloudMut, Firing, LidarEngine, SceneTree, Sweeper, TruthMut};
 use swerve_msg::block::Memory;
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{Packed, PointCloud};
@@ -18,7 +18,7 @@ use super::camera::on_its_way;
 use crate::config::sensors::LidarConfig;
 use crate::kind::{Heavy, Node, OnItsWay, OperatorKind, Settings};
 use crate::site::Site;
-use crate::stage::{Pool, SharedStage, StreamMemory, hides_ego, with};
+use crate::stage::{Pool, SharedStage, StreamMemory, hides_ego, lock, threads};
 use crate::street::EGO_INSTANCE;
 
 /// Lidars, `[lidar.NAME]`: of the simulated world, or of a vehicle.
@@ -89,7 +89,7 @@ impl OperatorKind for Lidars {
 /// at the scene of this step. A turn is published at the first step at which it is over.
 struct LidarOperator {
     stage: SharedStage,
-    sweeper: Sweeper,
+    sweeper: Arc<Sweeper>,
     ego_from_lidar: Transform<Ego, Lidar>,
     hidden_instance: Option<u32>,
     /// When the turn that is being fired begins, and which it is.
@@ -97,7 +97,15 @@ struct LidarOperator {
     turn: u64,
     /// The step before: when, and where the sensor was.
     last: Option<(Time, Transform<Map, Lidar>)>,
+    /// Its points so far, where its columns are fired as the world goes on;
     sweep: Option<Sweep>,
+    /// what is to be fired, where that is left to other threads when all of it is known.
+    steps: Vec<(Arc<SceneTree>, Firing)>,
+    memory: Arc<Mutex<Memories>>,
+}
+
+/// The memory of turns.
+struct Memories {
     clouds: Pool<PointCloud>,
     truths: Pool<PointInstances>,
 }
@@ -125,7 +133,7 @@ impl LidarOperator {
         let shape = &config.sim.vehicle.shape;
         let seed = Rng::keyed(config.seed, name, &[]).bits();
         let wrong = |faults: Vec<(String, String)>| anyhow::anyhow!("lidar.{name}: {faults:?}");
-        let (spec, threads) = (lidar.spec(seed).map_err(wrong)?, config.render.threads);
+        let (spec, threads) = (lidar.spec(seed).map_err(wrong)?, threads(config));
         let sweeper = match lidar.engine {
             LidarEngine::Cpu => Sweeper::new(spec, threads)?,
             LidarEngine::Gpu => {
@@ -135,25 +143,30 @@ impl LidarOperator {
         };
         let ego_from_lidar = lidar.ego_from_lidar(shape);
         let hidden_instance = hides_ego(lidar.at_m(shape), shape).then_some(EGO_INSTANCE);
-        let (clouds, truths) = (Pool::new(points), Pool::new(truth));
+        let memory = Memories { clouds: Pool::new(points), truths: Pool::new(truth) };
         let begins = Time::ZERO + settings.phase(Span::from_ns(sweeper.period_ns()));
         let last = None;
         Ok(Self {
             stage,
-            sweeper,
+            sweeper: Arc::new(sweeper),
             ego_from_lidar,
             hidden_instance,
             begins,
             turn: 0,
             last,
             sweep: None,
-            clouds,
-            truths,
+            steps: Vec::new(),
+            memory: Arc::new(Mutex::new(memory)),
         })
     }
 
-    /// Fires the columns of this turn up to a step of the world.
-    fn fire(&mut self, world: &WorldState, end: Transform<Map, Lidar>) -> Result<(), String> {
+    /// Fires the columns of this turn up to a step of the world, or notes them `for_others`.
+    fn fire(
+        &mut self,
+        world: &WorldState,
+        end: Transform<Map, Lidar>,
+        for_others: bool,
+    ) -> Result<(), String> {
         let (since, begin) = self.last.unwrap_or((world.stamp, end));
         let firing = Firing {
             begin_ns: (since - self.begins).ns(),
@@ -162,17 +175,56 @@ impl LidarOperator {
             end,
             hidden_instance: self.hidden_instance,
         };
+        let tree = self.stage.tree_of(world).map_err(|error| error.to_string())?;
+        if for_others {
+            firing.check().map_err(|error| error.to_string())?;
+            self.steps.push((tree, firing));
+            return Ok(());
+        }
         let points_max = self.sweeper.points_max();
-        let (clouds, truths) = (&mut self.clouds, &mut self.truths);
-        let sweep = self.sweep.get_or_insert_with(|| Sweep::new(points_max, clouds, truths));
-        let sweeper = &mut self.sweeper;
-        with(&self.stage, |stage| {
-            let tree = stage.tree_of(world).map_err(|error| error.to_string())?;
-            sweeper.fire(tree, &firing, &mut sweep.room()).map_err(|error| error.to_string())?;
-            stage.note(sweeper);
-            Ok(())
-        })
+        let sweep = self.sweep.get_or_insert_with(|| Sweep::new(points_max, &self.memory));
+        let sweeper = alone(&mut self.sweeper);
+        sweeper.fire(&tree, &firing, &mut sweep.room()).map_err(|error| error.to_string())?;
+        self.stage.note(sweeper);
+        Ok(())
     }
+
+    /// Ends the turn, of which all columns are fired, and begins the next one.
+    fn end_turn(&mut self, stamp: Time, out: &mut Out) -> Result<(), String> {
+        let Some(sweep) = &mut self.sweep else { return Ok(()) };
+        let (cloud, truth) = sweep.end(self.begins, stamp, &self.memory)?;
+        out.points.forward(cloud);
+        out.truth.forward(truth);
+        sweep.begin(self.sweeper.points_max(), &self.memory);
+        alone(&mut self.sweeper).begin_turn(self.turn + 1, &mut sweep.room());
+        Ok(())
+    }
+
+    /// Leaves the turn to others.
+    fn leave_turn(&mut self, stamp: Time, workers: &Workers, out: &mut Out) {
+        let (points, truth) = (workers.promise(&mut out.points), workers.promise(&mut out.truth));
+        let (sweeper, memory) = (self.sweeper.clone(), self.memory.clone());
+        let (turn, begins, steps) = (self.turn, self.begins, core::mem::take(&mut self.steps));
+        workers.spawn(move || {
+            let mut sweep = Sweep::new(sweeper.points_max(), &memory);
+            let fired = sweeper.fire_turn(turn, &steps, &mut sweep.room()).map_err(|error| error.to_string());
+            match fired.and_then(|()| sweep.end(begins, stamp, &memory)) {
+                Ok(ended) => {
+                    points.keep(ended.0);
+                    truth.keep(ended.1);
+                }
+                Err(error) => {
+                    points.fail(error.as_str());
+                    truth.fail(error);
+                }
+            }
+        });
+    }
+}
+
+/// A sweeper of which no turn was left to others.
+fn alone(sweeper: &mut Arc<Sweeper>) -> &mut Sweeper {
+    Arc::get_mut(sweeper).expect("a run leaves all turns to others or none")
 }
 
 impl Operator for LidarOperator {
@@ -183,56 +235,48 @@ impl Operator for LidarOperator {
         let Some(world) = input.world.get() else { return };
         let map_from_lidar = world.ego.map_from_ego * self.ego_from_lidar;
         let period = Span::from_ns(self.sweeper.period_ns());
+        let workers = cx.workers().filter(|_| self.sweeper.engine() == LidarEngine::Cpu).cloned();
         // The end of one turn and the begin of the next may be in one step.
         while self.begins <= world.stamp {
-            if let Err(error) = self.fire(world, map_from_lidar) {
+            if let Err(error) = self.fire(world, map_from_lidar, workers.is_some()) {
                 return cx.stop_run(format!("lidar {}: {error}", cx.name()));
             }
             let ends = self.begins + period;
             if world.stamp < ends {
                 break;
             }
-            let Some(sweep) = &mut self.sweep else { return };
-            let (cloud, truth) = match sweep.end(self.begins, world.stamp) {
-                Ok(ended) => ended,
-                Err(error) => return cx.stop_run(format!("lidar {}: {error}", cx.name())),
-            };
-            self.clouds.keep(&cloud);
-            self.truths.keep(&truth);
-            out.points.forward(cloud);
-            out.truth.forward(truth);
+            if let Some(workers) = &workers {
+                self.leave_turn(world.stamp, workers, out);
+            } else if let Err(error) = self.end_turn(world.stamp, out) {
+                return cx.stop_run(format!("lidar {}: {error}", cx.name()));
+            }
             self.turn += 1;
             self.begins = ends;
-            sweep.begin(self.sweeper.points_max(), &mut self.clouds, &mut self.truths);
-            self.sweeper.begin_turn(self.turn, &mut sweep.room());
         }
         self.last = Some((world.stamp, map_from_lidar));
     }
 }
 
 impl Sweep {
-    fn new(points_max: usize, clouds: &mut Pool<PointCloud>, truths: &mut Pool<PointInstances>) -> Self {
-        let (cloud, truth) = Self::memory(points_max, clouds, truths);
+    fn new(points_max: usize, memory: &Mutex<Memories>) -> Self {
+        let (cloud, truth) = Self::memory(points_max, memory);
         let mut sweep = Self { cloud, truth, class: vec![0; points_max], len: 0 };
         sweep.reset(points_max);
         sweep
     }
 
     /// Takes memory that no reader holds, with room for a turn.
-    fn begin(&mut self, points_max: usize, clouds: &mut Pool<PointCloud>, truths: &mut Pool<PointInstances>) {
-        (self.cloud, self.truth) = Self::memory(points_max, clouds, truths);
+    fn begin(&mut self, points_max: usize, memory: &Mutex<Memories>) {
+        (self.cloud, self.truth) = Self::memory(points_max, memory);
         self.reset(points_max);
     }
 
-    fn memory(
-        points_max: usize,
-        clouds: &mut Pool<PointCloud>,
-        truths: &mut Pool<PointInstances>,
-    ) -> (Arc<PointCloud>, Arc<PointInstances>) {
+    fn memory(points_max: usize, memory: &Mutex<Memories>) -> Ended {
         let truth = |memory: Option<&dyn Memory>| PointInstances {
             instance: Packed::in_memory(memory, points_max),
             ..PointInstances::default()
         };
+        let Memories { clouds, truths } = &mut *lock(memory);
         (clouds.take(|memory| PointCloud::in_memory(memory, points_max)), truths.take(truth))
     }
 
@@ -270,7 +314,7 @@ impl Sweep {
     }
 
     /// The turn as it is published: its points alone, their times counted from the stamp.
-    fn end(&mut self, begins: Time, stamp: Time) -> Result<Ended, String> {
+    fn end(&mut self, begins: Time, stamp: Time, memory: &Mutex<Memories>) -> Result<Ended, String> {
         let (len, shift_s) = (self.len, (begins - stamp).as_secs());
         let (cloud, truth) = self.parts();
         (cloud.stamp, truth.stamp) = (stamp, stamp);
@@ -286,6 +330,9 @@ impl Sweep {
         }
         cloud.seal()?;
         truth.instance.seal()?;
+        let mut memory = lock(memory);
+        memory.clouds.keep(&self.cloud);
+        memory.truths.keep(&self.truth);
         Ok((self.cloud.clone(), self.truth.clone()))
     }
 }

@@ -262,7 +262,7 @@ impl Observer for Watch {
     fn event(&mut self, event: &Event<'_>) {
         if let Event::Publication(publication) = event
             && let Some(payload) = publication.payload
-            && let Some(world) = payload.as_any().downcast_ref::<WorldState>()
+            && let Some(world) = payload.downcast_ref::<WorldState>()
             && world.stamp >= self.next
         {
             self.next = world.stamp + EVERY;

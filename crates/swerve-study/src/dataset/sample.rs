@@ -118,7 +118,7 @@ impl<'a> Collector<'a> {
 impl Observer for Collector<'_> {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|p| p.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(world) = payload.downcast_ref::<WorldState>() {
             self.worlds.push_back(world.clone());
             if self.worlds.len() > WORLDS {

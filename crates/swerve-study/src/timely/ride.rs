@@ -16,7 +16,7 @@ use swerve_perception::{CameraObjects, Detector};
 use swerve_scenario::{Actor, Direction, Motion, PAVEMENT_M, Scenario, Segment};
 use swerve_sim::{SimParams, Simulator};
 use swerve_stack::config::Config;
-use swerve_stack::config::camera::{CameraConfig, RenderConfig};
+use swerve_stack::config::camera::CameraConfig;
 use swerve_stack::config::camera_detectors::{self, CameraObjectsTable};
 use swerve_stack::config::perception::image_camera;
 use swerve_stack::street::{EGO_INSTANCE, Street};
@@ -203,7 +203,7 @@ impl Pixels {
         let mounted = the_camera(config)?;
         let shape = &config.sim.vehicle.shape;
         let street = Street::new(ride.simulator.scenario(), shape, config.render.weather, config.seed);
-        let renderer = RenderConfig { threads: 1, ..config.render }.renderer()?;
+        let renderer = config.render.renderer(1)?;
         let camera = mounted.camera(0)?;
         let frame = Frame::new(&camera, Outputs::GEOMETRY);
         let forest = forest.then(|| segmenter(mounted)).transpose()?;

@@ -149,7 +149,7 @@ pub(super) fn rendered(
 pub(super) fn camera_text(camera: &Camera) -> String {
     format!(
         "[camera.front]\nat_m = [1.75, 0.0, {:?}]\nwidth_px = {}\nheight_px = {}\nfov_deg = {:?}\nperiod_ms = {:?}\n\
-         outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"]\n[render]\nthreads = 1\n",
+         outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"]\n",
         camera.height_m, camera.width_px, camera.height_px, camera.fov_deg, camera.period_ms
     )
 }

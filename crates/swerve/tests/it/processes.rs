@@ -371,7 +371,7 @@ impl Observer for Watcher {
     fn event(&mut self, event: &Event<'_>) {
         self.killer.event(event);
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(supervision) = payload.downcast_ref::<Supervision>() {
             self.supervision.push((publication.visible_at, supervision.clone()));
         }

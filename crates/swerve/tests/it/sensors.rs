@@ -27,12 +27,13 @@ fn a_drive_with_sensors_is_repeated_from_its_log_on_any_number_of_threads() {
     bench.write("start.toml", &SHORT.replace("timeout_s = 10.0", "timeout_s = 0.4"));
     bench.write("sensors.toml", SENSORS);
     let digest = |out: &str, threads: &str| {
-        let args = ["run", "start.toml", "-c", "sensors.toml", "--json", "--out", out, "--set", threads];
+        let args = ["run", "start.toml", "-c", "sensors.toml", "--json", "--out", out, "--threads", threads];
         let metrics: Value = serde_json::from_str(&bench.good(&args)).unwrap();
         metrics["digest"].as_str().unwrap().to_owned()
     };
-    let one = digest("one", "render.threads=1");
-    assert_eq!(digest("two", "render.threads=2"), one);
+    let one = digest("one", "1");
+    assert_eq!(digest("three", "3"), one);
+    assert_eq!(digest("two", "2"), one);
     let said = bench.good(&["replay", "two/log.mcap", "--verify"]);
     for stream in ["eye.rgb", "eye.depth", "roof.points", "roof.truth", "front.scan", "front.truth"] {
         let row: Vec<&str> =

@@ -55,7 +55,7 @@ struct Watch<'a> {
 impl Observer for Watch<'_> {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(world) = payload.downcast_ref::<WorldState>() {
             self.world = Some(world.clone());
         } else if let Some(ego) = payload.downcast_ref::<EgoState>() {
