@@ -28,6 +28,7 @@ struct Camera {
 }
 
 /// Takes its time; a function of the stamp alone.
+#[expect(clippy::disallowed_methods, reason = "work that takes a while on the host")]
 fn drawn(stamp: Time) -> Vec<u64> {
     std::thread::sleep(Duration::from_micros(300));
     (0..100).map(|k| k * stamp.ns() as u64).collect()
