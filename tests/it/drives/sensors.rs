@@ -222,7 +222,7 @@ fn threads_do_not_show() {
         "camera.eye.transfer_ms=0",
         "camera.eye.width_px=160",
         "camera.eye.height_px=120",
-        "operator.lines={ kind = 'lanes', runtime = { fixed_ms = 20 } }",
+        "operator.lines={ kind = 'lanes', reads = { image = 'eye.rgb' }, runtime = { fixed_ms = 20 } }",
     ];
     for sets in [&[][..], &at_once] {
         let config = config(SENSORS, sets);
