@@ -171,7 +171,7 @@ impl Sent {
     pub fn cddl(&self) -> String {
         match &self.0 {
             Form::Made(made) => made.payload.cddl(),
-            Form::Promised(pending) => (pending.payload.cddl)(),
+            Form::Promised(pending) => (pending.cddl)(),
         }
     }
 
@@ -221,7 +221,6 @@ pub struct PayloadType {
     pub full_name: &'static str,
     pub(crate) decode: Decode,
     pub(crate) from_wire: FromWire,
-    pub(crate) cddl: fn() -> String,
 }
 
 impl PartialEq for PayloadType {
@@ -240,7 +239,6 @@ impl PayloadType {
             full_name: core::any::type_name::<T>(),
             decode: decode::<T>,
             from_wire: from_wire::<T>,
-            cddl: cddl::<T>,
         }
     }
 

@@ -12,6 +12,7 @@ use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 
 use rayon::{ThreadPool, Yield};
 
+use crate::cddl::cddl;
 use crate::output::Port;
 use crate::payload::{Made, Payload, PayloadType};
 
@@ -25,7 +26,7 @@ pub struct Workers {
 impl Workers {
     /// Publishes on `port` what the promise will be kept with.
     pub fn promise<T: Payload>(&self, port: &mut Port<T>) -> Promise<T> {
-        let pending = Arc::new(Pending::new(self.operator.clone(), PayloadType::of::<T>()));
+        let pending = Arc::new(Pending::of::<T>(self.operator.clone()));
         port.promise(pending.clone());
         Promise { pending, payload: PhantomData }
     }
@@ -67,14 +68,16 @@ pub(crate) struct Pending {
     /// Whose it is.
     pub(crate) operator: Arc<str>,
     pub(crate) payload: PayloadType,
+    pub(crate) cddl: fn() -> String,
     /// What it is, or why it was never made.
     made: OnceLock<Result<Made, Box<str>>>,
     told: Bell,
 }
 
 impl Pending {
-    fn new(operator: Arc<str>, payload: PayloadType) -> Self {
-        Self { operator, payload, made: OnceLock::new(), told: Bell::default() }
+    fn of<T: Payload>(operator: Arc<str>) -> Self {
+        let payload = PayloadType::of::<T>();
+        Self { operator, payload, cddl: cddl::<T>, made: OnceLock::new(), told: Bell::default() }
     }
 
     fn settle(&self, made: Result<Made, Box<str>>) {

@@ -47,7 +47,7 @@ impl Config {
 
     /// The configuration that a log holds. What nothing ever depended on is passed over: keys that are no more.
     pub fn logged(text: &str) -> Result<Document, Problems> {
-        let mut document = Document::parse("configuration of the log", text.to_owned())?;
+        let mut document = Document::parse("configuration of the log", text)?;
         if let Some(render) = document.table.get_mut("render").and_then(toml::Value::as_table_mut) {
             render.remove("threads");
         }
