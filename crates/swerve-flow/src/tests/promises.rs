@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
 
 use swerve_core::{Digest, Time};
 
@@ -30,8 +29,11 @@ struct Camera {
 /// Takes its time; a function of the stamp alone.
 #[expect(clippy::disallowed_methods, reason = "work that takes a while on the host")]
 fn drawn(stamp: Time) -> Vec<u64> {
-    std::thread::sleep(Duration::from_micros(300));
-    (0..100).map(|k| k * stamp.ns() as u64).collect()
+    let mut x = stamp.ns() as u64;
+    for k in 0..50_000 {
+        x = (x ^ k).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 3;
+    }
+    (0..100).map(|k| k * (x % 1_000_000)).collect()
 }
 
 impl Operator for Camera {
