@@ -20,17 +20,19 @@ class Live {
     [this.page, this.moment, this.player] = [page, moment, player];
     this.state = el("output", { id: "state" }, "connecting");
     this.problem = el("output", { id: "problem", role: "alert" });
+    [this.looked, this.looks, this.strip] = [-1, {}, el("div", { class: "strip", id: "looks" })];
   }
 
   node() {
     const button = (id, text, command) => el("button", { id, click: () => this.command(command()) }, text);
     const seed = el("input", { id: "seed", type: "number", min: 0, value: this.page.seed, size: 6, "aria-label": "seed" });
     const set = el("input", { id: "set", type: "text", size: 40, placeholder: "KEY=VALUE", "aria-label": "a key of the configuration or the scenario" });
-    const again = () => ({ do: "restart", seed: Number(seed.value), set: set.value.trim() ? [set.value.trim()] : [] });
+    const again = (byHand) => () => ({ do: "restart", seed: Number(seed.value), set: set.value.trim() ? [set.value.trim()] : [], by_hand: byHand });
     const speed = choice("speed", ["0.25", "0.5", "1", "2", "max"], String(this.page.speed ?? "max"), (value) => this.command({ do: "speed", speed: value === "max" ? null : Number(value) }));
-    return el("div", {},
+    return el("div", {}, this.strip,
       el("div", { class: "bar" }, button("go", "start", () => ({ do: "go" })), button("pause", "pause", () => ({ do: "pause" })), button("step", "one frame", () => ({ do: "step" })), speed, this.state),
-      el("div", { class: "bar" }, "seed", seed, set, button("restart", "restart", again), this.problem));
+      el("div", { class: "bar" }, "seed", seed, set, button("restart", "restart", again(false)), button("hand", "drive by hand", again(true)), this.problem),
+      this.page.by_hand ? new Wheel((held) => this.command({ do: "hold", ...held })).node : "");
   }
 
   async command(what) {
@@ -42,7 +44,7 @@ class Live {
   have() {
     const { ego, commands, tracks, predictions, plans, photos, actors } = this.page;
     const last = Math.max(-1, ...actors.map((actor) => actor.t.at(-1) ?? -1));
-    return { ego: ego.t.length, commands: commands.t.length, tracks: tracks.length, predictions: predictions.length, plans: plans.length, photos: photos.length, actors: last < 0 ? null : last };
+    return { looked: this.looked, ego: ego.t.length, commands: commands.t.length, tracks: tracks.length, predictions: predictions.length, plans: plans.length, photos: photos.length, actors: last < 0 ? null : last };
   }
 
   async listen() {
@@ -73,11 +75,31 @@ class Live {
       if (known) columns(known, actor);
       else page.actors.push(actor);
     }
+    this.look(rows.looks);
     const atEnd = moment.t >= moment.end && !this.player.playing;
     moment.end = page.end = rows.end;
     this.player.grown();
     moment.set(atEnd ? rows.end : moment.t);
     this.state.textContent = rows.state;
+  }
+
+  /** Images as they come, in a row; points of a cloud go into the player. */
+  look(looks) {
+    for (const { stream, t, dropped, photo, points } of looks) {
+      this.looked = Math.max(this.looked, t);
+      const look = (this.looks[stream] ??= this.frame(stream));
+      look.caption.textContent = `${stream} ${seconds(t, 2)}${dropped ? `, ${dropped} not shown` : ""}`;
+      if (photo) look.image.src = photo;
+      look.image.hidden = !photo;
+      if (points) this.page.clouds = { ...this.page.clouds, [stream]: { t, points } };
+    }
+  }
+
+  /** Room for what a stream shows. */
+  frame(stream) {
+    const [image, caption] = [el("img", { alt: stream }), el("figcaption", {})];
+    this.strip.append(el("figure", {}, image, caption));
+    return { image, caption };
   }
 
   /** Shows what the run came to, and waits for a restart. */

@@ -150,6 +150,7 @@ class Player {
     context.fillRect(0, 0, width, height);
     if (run.road) this.drawRoad(pen, run.road);
     pen.trail(run.ego, t, colour("ego"));
+    this.drawClouds(pen, t);
     if (shown.truth) for (const actor of run.actors) this.drawActor(pen, actor, t);
     if (shown.predictions) this.drawPredictions(pen, t);
     if (shown.tracks) this.drawTracks(pen, t);
@@ -184,6 +185,19 @@ class Player {
     if (actor.kind === "pedestrian") pen.circle(x, y, actor.width / 200, style);
     else pen.box(x, y, actor.h[k] / 1e3, actor.length / 100, actor.width / 100, style);
     if (this.shown.names) pen.text(x, y, (actor.width / 200) * this.scale + 6, actor.name || `${actor.kind} ${actor.id}`);
+  }
+
+  /** What lidars saw last, where the run goes on and that is not long ago. */
+  drawClouds(pen, t) {
+    for (const cloud of Object.values(this.run.clouds ?? {})) {
+      const ego = egoAt(this.run.ego, cloud.t);
+      if (!ego || Math.abs(t - cloud.t) > 300_000) continue;
+      const [cos, sin] = [Math.cos(ego.h) / 100, Math.sin(ego.h) / 100];
+      for (let k = 0; k < cloud.points.length; k += 2) {
+        const [x, y] = [cloud.points[k], cloud.points[k + 1]];
+        pen.circle(ego.x + cos * x - sin * y, ego.y + sin * x + cos * y, 0.08, { fill: colour("ink") });
+      }
+    }
   }
 
   drawTracks(pen, t) {

@@ -14,6 +14,7 @@ mod tests;
 
 pub use collect::{Collector, Message};
 pub use embed::{data_of, page};
+pub use picture::photo;
 pub use rows::{Have, Rows};
 pub use run::{
     Actor, Changed, Commands, Ego, EgoShape, Input, Marks, Messages, Operator, Parting, Photo, Plan,

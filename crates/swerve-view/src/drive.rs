@@ -7,14 +7,19 @@ use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::{RunInput, drive_pipeline, load};
 use swerve_flow::{EndReason, Event, Observer};
-use swerve_msg::EgoState;
-use swerve_report::page::{Page, RunPage};
+use swerve_msg::{EgoState, Encoding, Image, PointCloud};
+use swerve_report::page::{Page, RunPage, photo};
 use swerve_stack::Registry;
+use swerve_stack::agent::{Agent, Seat};
+use swerve_stack::config::Config;
 use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
+use swerve_vehicle::Kinematic;
 
 use crate::Summarise;
+use crate::looks::{Sight, from_above};
 use crate::show::{Begin, Over, Show};
+use crate::wheel::Wheel;
 
 /// Drives what a page asks for.
 pub(crate) struct Driver<'a> {
@@ -31,18 +36,38 @@ struct Live {
     page: RunPage,
     run: u64,
     speed: Option<f64>,
+    by_hand: bool,
 }
 
 /// Takes a run in for the page, and holds it back as the page asks.
-struct Watching<'a>(&'a Show);
+struct Watching<'a> {
+    show: &'a Show,
+    config: &'a Config,
+}
 
 impl Observer for Watching<'_> {
     fn event(&mut self, event: &Event<'_>) {
+<<<<<<< HEAD
         self.0.with_report(|report| report.event(event));
         if let Event::Publication(publication) = event
             && publication.payload.is_some_and(swerve_flow::Sent::is::<EgoState>)
+=======
+        self.show.with_report(|report| report.event(event));
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        if let Some(ego) = payload.downcast_ref::<EgoState>() {
+            self.show.frame(publication.visible_at, ego.speed_mps);
+        } else if let Some(image) = payload.downcast_ref::<Image>() {
+            // Depth and classes have no look.
+            if image.encoding() == Encoding::Rgb8 {
+                self.show.look(publication.stream, image.stamp, || photo(image).map(Sight::Photo));
+            }
+        } else if let (Some(cloud), Some(lidar)) =
+            (payload.downcast_ref::<PointCloud>(), self.config.lidar.get(publication.operator))
+>>>>>>> view
         {
-            self.0.frame(publication.visible_at);
+            let mount = lidar.ego_from_lidar(&self.config.sim.vehicle.shape);
+            self.show.look(publication.stream, cloud.stamp, || Some(from_above(cloud, mount)));
         }
     }
 }
@@ -82,13 +107,19 @@ impl Driver<'_> {
         input.set.extend(with.set.iter().cloned());
         self.check(&input)?;
         let (config, scenario) = load(self.registry, &input)?;
-        let mut pipeline = Pipeline::build(&config, &scenario)?;
+        let seat = with.by_hand.then(Seat::default);
+        let mut pipeline = match &seat {
+            Some(seat) => Pipeline::build_for(&config, &scenario, &Agent::Command(seat.clone()))?,
+            None => Pipeline::build(&config, &scenario)?,
+        };
+        let wheel = seat.map(|seat| Wheel::new(seat, Kinematic::new(&config.sim.vehicle)));
         let report = RunReport::new(&config, &pipeline, command_line(&input, None));
-        self.show.begin(self.page(&report), report, pipeline.graph.stop_handle());
+        self.show.begin(self.page(&report, with.by_hand), report, wheel, pipeline.graph.stop_handle());
         let processes = (!config.process.is_empty())
             .then(|| Processes::start(&Program::this()?, &config, &mut pipeline))
             .transpose()?;
-        let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut Watching(self.show)])?;
+        let mut watching = Watching { show: self.show, config: &config };
+        let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut watching])?;
         drop(processes);
         if outcome.report.end == EndReason::Interrupted {
             return Ok((Over { problem: Some("interrupted".into()), ..Over::default() }, None));
@@ -101,10 +132,10 @@ impl Driver<'_> {
     }
 
     /// The page of a run of which nothing has happened yet; it may ask this server, and nobody else, for more.
-    fn page(&self, report: &RunReport) -> String {
+    fn page(&self, report: &RunReport, by_hand: bool) -> String {
         let (run, speed) = self.show.upcoming();
         let (title, page) = report.head();
-        let html = Page::new("live", title, Live { page, run, speed }).html();
+        let html = Page::new("live", title, Live { page, run, speed, by_hand }).html();
         html.replacen("img-src data:\"", "img-src data:; connect-src 'self'\"", 1)
     }
 }

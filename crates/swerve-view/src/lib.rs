@@ -3,8 +3,10 @@
 
 mod drive;
 mod http;
+mod looks;
 mod server;
 mod show;
+mod wheel;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

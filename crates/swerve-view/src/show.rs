@@ -9,6 +9,9 @@ use swerve_drive::page::RunReport;
 use swerve_flow::StopHandle;
 use swerve_report::page::{Have, Rows};
 
+use crate::looks::{Looks, Sight};
+use crate::wheel::{Held, Wheel};
+
 pub(crate) const NO_SPEED: &str = "expected a number from 0.01 to 1000, or max";
 /// How long a page that has everything waits for more.
 const WAIT: Duration = Duration::from_millis(500);
@@ -29,15 +32,22 @@ pub(crate) enum Ask {
     Step,
     /// Times real time; none as fast as it comes.
     Speed { speed: Option<f64> },
-    /// Begin again, with this seed and these keys on top of the command line's.
-    Restart { seed: u32, set: Vec<String> },
+    /// Begin again, as told on top of the command line.
+    Restart(Begin),
+    /// Pedals and steering, in a run that is driven by hand.
+    Hold(Held),
 }
 
 /// What a run is begun with.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub(crate) struct Begin {
+    /// In the place of the command line's.
     pub(crate) seed: Option<u32>,
+    /// Keys of the configuration or the scenario on top of the command line's, as `KEY=VALUE`.
     pub(crate) set: Vec<String>,
+    /// Whether a person drives in the place of the controller.
+    pub(crate) by_hand: bool,
 }
 
 /// What a run came to.
@@ -55,6 +65,9 @@ struct State {
     page: String,
     whole: Option<String>,
     report: Option<RunReport>,
+    looks: Looks,
+    /// Where a person drives it.
+    wheel: Option<Wheel>,
     over: Option<Over>,
     holds: bool,
     steps: u32,
@@ -72,9 +85,24 @@ pub(crate) struct Show {
     changed: Condvar,
 }
 
+/// What a page has.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(crate) struct Has {
+    #[serde(flatten)]
+    have: Have,
+    /// The instant of the newest look, microseconds.
+    #[serde(default = "before")]
+    looked: i64,
+}
+
+fn before() -> i64 {
+    -1
+}
+
 /// Rows for a page.
 #[derive(Serialize)]
 struct Told<'a> {
+    looks: serde_json::Value,
     run: u64,
     state: &'a str,
     #[serde(flatten)]
@@ -103,7 +131,7 @@ impl Show {
         (state.run + 1, state.speed)
     }
 
-    pub(crate) fn begin(&self, page: String, report: RunReport, stop: StopHandle) {
+    pub(crate) fn begin(&self, page: String, report: RunReport, wheel: Option<Wheel>, stop: StopHandle) {
         let mut state = self.state();
         // What is asked for before the run has begun stops it too.
         if state.quits || state.next.is_some() {
@@ -112,7 +140,7 @@ impl Show {
         let (holds, speed, next, quits) = (state.holds, state.speed, state.next.take(), state.quits);
         let run = state.run + 1;
         let (report, stop) = (Some(report), Some(stop));
-        *state = State { run, page, report, stop, holds, speed, next, quits, ..State::default() };
+        *state = State { run, page, report, wheel, stop, holds, speed, next, quits, ..State::default() };
         self.changed.notify_all();
     }
 
@@ -121,14 +149,25 @@ impl Show {
         self.state().report.as_mut().map(act)
     }
 
+    /// Takes in what a sensor saw, if a page waits for it.
+    pub(crate) fn look(&self, stream: &str, stamp: Time, make: impl FnOnce() -> Option<Sight>) {
+        let wanted = self.state().looks.wants(stream);
+        if let Some(sight) = wanted.then(make).flatten() {
+            self.state().looks.keep(stream, stamp, sight);
+        }
+    }
+
     /// Lets the run go on from a frame when it is due, by the real clock and by what the page asks for. Nothing of
     /// the run depends on how long that takes.
     #[expect(
         clippy::disallowed_methods,
         reason = "a person watches in real time; the run depends on none of it"
     )]
-    pub(crate) fn frame(&self, now: Time) {
+    pub(crate) fn frame(&self, now: Time, speed_mps: f64) {
         let mut state = self.state();
+        if let Some(wheel) = &mut state.wheel {
+            wheel.speed_mps = speed_mps;
+        }
         self.changed.notify_all();
         loop {
             if state.quits || state.next.is_some() {
@@ -199,18 +238,21 @@ impl Show {
 
     /// Does what a page asks for; a restart has been checked.
     pub(crate) fn ask(&self, ask: Ask) -> Result<(), &'static str> {
-        if let Ask::Restart { seed, set } = ask {
-            self.interrupt(|state| state.next = Some(Begin { seed: Some(seed), set }));
+        if let Ask::Restart(with) = ask {
+            self.interrupt(|state| state.next = Some(with));
             return Ok(());
         }
         let mut state = self.state();
+        if let Ask::Hold(held) = ask {
+            return state.wheel.as_ref().ok_or("nobody drives this run by hand")?.hold(held);
+        }
         match ask {
             Ask::Go => (state.holds, state.steps) = (false, 0),
             Ask::Pause => (state.holds, state.steps) = (true, 0),
             Ask::Step => (state.holds, state.steps) = (true, state.steps.saturating_add(1)),
             Ask::Speed { speed: Some(times) } if !is_speed(times) => return Err(NO_SPEED),
             Ask::Speed { speed } => state.speed = speed,
-            Ask::Restart { .. } => {}
+            Ask::Restart(_) | Ask::Hold(_) => {}
         }
         state.since = None;
         self.changed.notify_all();
@@ -218,21 +260,22 @@ impl Show {
     }
 
     /// The rows that a page does not have, as JSON; waits a little where there are none.
-    pub(crate) fn rows(&self, have: &Have) -> String {
+    pub(crate) fn rows(&self, Has { have, looked }: &Has) -> String {
         let state = self.state();
         let nothing_new = |state: &mut State| {
             let ego = state.report.as_ref().map(|report| report.so_far().ego.t.len());
             state.over.is_none() && ego.is_none_or(|ego| ego == have.ego)
         };
         let waited = self.changed.wait_timeout_while(state, WAIT, nothing_new);
-        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let looks = state.looks.since(*looked);
         let rows = state.report.as_ref().map(|report| report.rows(have));
         let how = match () {
             () if state.over.is_some() => "over",
             () if state.holds => "paused",
             () => "running",
         };
-        let told = Told { run: state.run, state: how, rows, over: state.over.as_ref() };
+        let told = Told { looks, run: state.run, state: how, rows, over: state.over.as_ref() };
         serde_json::to_string(&told).expect("rows are plain structs")
     }
 }

@@ -7,7 +7,7 @@ use crate::canvas::escape;
 const TEMPLATE: &str = include_str!("../../page/page.html");
 const STYLE: &str = include_str!("../../page/style.css");
 /// In the order in which they build on each other.
-const SCRIPTS: [&str; 10] = [
+const SCRIPTS: [&str; 11] = [
     include_str!("../../page/kit.js"),
     include_str!("../../page/chart.js"),
     include_str!("../../page/player.js"),
@@ -16,6 +16,7 @@ const SCRIPTS: [&str; 10] = [
     include_str!("../../page/heatmap.js"),
     include_str!("../../page/study.js"),
     include_str!("../../page/compare.js"),
+    include_str!("../../page/wheel.js"),
     include_str!("../../page/live.js"),
     include_str!("../../page/main.js"),
 ];

@@ -9,7 +9,7 @@ const WIDTH_PX: usize = 200;
 
 /// A coloured image, made smaller by leaving out pixels, as an address that holds a PNG; none of other images, or
 /// where the log has only a fingerprint of it.
-pub(super) fn photo(image: &Image) -> Option<String> {
+pub fn photo(image: &Image) -> Option<String> {
     let (columns, rows) = (image.width_px as usize, image.height_px as usize);
     let bytes = image.pixels.bytes();
     if image.encoding() != Encoding::Rgb8 || columns == 0 || rows == 0 || bytes.len() != 3 * columns * rows {

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
+use crate::browser::Page;
 use crate::report::{browser, drawn_at, text};
 use crate::support::Bench;
 
@@ -126,4 +127,57 @@ fn a_browser_shows_the_run_while_it_goes_on() {
     bench.good(&["run", "short.toml", "--out", "o"]);
     let viewed = Viewed::start(&bench, &["o"]);
     assert!(drawn_at(&browser, &viewed.address, 1000).contains("Run times"));
+}
+
+/// The last speed of the ego, mm/s, and how far to the left it got, cm.
+fn came_to(rows: &Value) -> (i64, i64) {
+    let column = |name: &str| rows["ego"][name].as_array().unwrap().iter().map(|x| x.as_i64().unwrap());
+    (column("v").next_back().unwrap(), column("y").max().unwrap())
+}
+
+fn held(steering: f64, throttle: f64, brake: f64) -> Value {
+    json!({ "do": "hold", "steering": steering, "throttle": throttle, "brake": brake })
+}
+
+#[test]
+fn a_person_drives_in_the_place_of_the_controller() {
+    let bench = Bench::new();
+    let viewed = Viewed::start(&bench, &["short.toml", "--speed", "max", "--paused"]);
+    let drive = |run: u64, held: &Value| {
+        viewed.command(&json!({ "do": "pause" }));
+        viewed.command(&json!({ "do": "restart", "seed": 1, "set": [], "by_hand": true }));
+        viewed.until(|rows| rows["run"] == run && rows["ego"]["t"] != json!([]));
+        viewed.command(held);
+        viewed.command(&json!({ "do": "go" }));
+        came_to(&viewed.until(|rows| rows["run"] == run && rows["state"] == "over"))
+    };
+    let (status, why) = viewed.ask("POST", "control", &held(0.0, 0.0, 1.0).to_string());
+    assert_eq!((status, why.trim()), (400, "nobody drives this run by hand"));
+    let (speed, left) = drive(2, &held(0.0, 0.0, 1.0));
+    assert!(speed == 0 && left.abs() < 20, "it brakes: {speed} mm/s, {left} cm to the left");
+    let (speed, left) = drive(3, &held(0.5, 0.0, 0.0));
+    assert!(speed > 1000 && left > 300, "it turns: {speed} mm/s, {left} cm to the left");
+    assert_eq!(viewed.ask("POST", "control", &held(2.0, 0.0, 0.0).to_string()).0, 400);
+}
+
+#[test]
+fn arrow_keys_in_a_browser_drive_the_car() {
+    let Some(browser) = browser() else { return };
+    let bench = Bench::new();
+    let viewed = Viewed::start(&bench, &["short.toml", "--paused"]);
+    let mut page = Page::open(&browser, &viewed.address);
+    page.until("document.getElementById('hand') !== null");
+    page.evaluate("document.getElementById('hand').click()");
+    page.until("document.getElementById('wheel') !== null");
+    page.key("keyDown", "ArrowDown");
+    page.until("document.getElementById('wheel').textContent.includes('brake 1.00')");
+    page.evaluate("document.getElementById('go').click()");
+    let stands =
+        viewed.until(|rows| rows["run"] == 2 && rows["ego"]["v"] != json!([]) && came_to(rows).0 == 0);
+    assert!(stands["commands"]["brake"].as_array().unwrap().iter().any(|brake| *brake == 1000));
+    page.key("keyUp", "ArrowDown");
+    page.key("keyDown", "ArrowUp");
+    viewed.until(|rows| came_to(rows).0 > 300);
+    page.until("parseFloat(document.getElementById('time').textContent) > 1");
+    assert_eq!(page.errors, Vec::<String>::new());
 }
