@@ -76,6 +76,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/studies/planners_paper_visibility.toml"
     "configs/studies/planners_skip_to_latest.toml"
     "configs/studies/planners_this_host.toml"
+    "configs/studies/prediction.toml"
     "configs/studies/table1.toml"
     "configs/studies/table1_ablation.toml"
     "configs/studies/table1_jerk.toml"

@@ -6,6 +6,7 @@
 //! what can move within it, so nothing passes through anything however far the samples are apart.
 
 mod motion;
+mod risk;
 mod solid;
 mod walked;
 
@@ -18,6 +19,7 @@ use swerve_msg::{ActorKind, Prediction};
 use walked::Walked;
 
 pub use motion::between;
+pub use risk::within_risk;
 pub use solid::Solid;
 
 /// How predicted motion enters the collision check.
@@ -38,6 +40,9 @@ pub enum CollisionMode {
     /// Prediction of Pedestrians, ITSC 2018, but along one line). What rolls needs a way to stop in and stays
     /// time-indexed. Where this leaves neither a way through nor a stop, planners take pedestrians as predicted.
     MayStop,
+    /// As [`MayStop`](Self::MayStop), but ways that others hardly go are not kept clear of: whoever makes the request leaves
+    /// out the least likely, up to a bound on the probability of them all ([`within_risk`]).
+    Risk,
 }
 
 impl CollisionMode {
@@ -46,7 +51,7 @@ impl CollisionMode {
         match self {
             Self::TimeIndexed => &[Self::TimeIndexed],
             Self::SweptStatic => &[Self::SweptStatic],
-            Self::MayStop => &[Self::MayStop, Self::TimeIndexed],
+            Self::MayStop | Self::Risk => &[Self::MayStop, Self::TimeIndexed],
         }
     }
 }
@@ -207,7 +212,9 @@ impl Obstacles {
     pub fn for_each_at(&self, at: Time, mut visit: impl FnMut(&Solid)) {
         for mover in &self.movers {
             match self.mode {
-                CollisionMode::TimeIndexed | CollisionMode::MayStop => visit(&self.place_at(mover, at)),
+                CollisionMode::TimeIndexed | CollisionMode::MayStop | CollisionMode::Risk => {
+                    visit(&self.place_at(mover, at))
+                }
                 CollisionMode::SweptStatic => self.places[mover.first..mover.end].iter().for_each(&mut visit),
             }
         }
@@ -243,7 +250,7 @@ impl Obstacles {
                 continue;
             }
             match self.mode {
-                CollisionMode::TimeIndexed | CollisionMode::MayStop => {
+                CollisionMode::TimeIndexed | CollisionMode::MayStop | CollisionMode::Risk => {
                     let solid = self.place_at(mover, at);
                     nearest_m = nearer(footprint, &solid, own_m + mover.radius_m, nearest_m);
                 }
@@ -285,7 +292,7 @@ impl Obstacles {
     pub(crate) fn fastest_mps(&self) -> f64 {
         match self.mode {
             CollisionMode::SweptStatic => 0.0,
-            CollisionMode::TimeIndexed | CollisionMode::MayStop => {
+            CollisionMode::TimeIndexed | CollisionMode::MayStop | CollisionMode::Risk => {
                 self.movers.iter().map(|m| m.speed_mps).fold(0.0, f64::max)
             }
         }

@@ -31,6 +31,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::Following;
+use swerve_prediction::PredictorName;
 use swerve_pylot::Preset;
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
 use swerve_vehicle::VehicleParams;
@@ -253,7 +254,9 @@ impl Default for SensingConfig {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PredictionConfig {
-    /// With one sighting: the reported velocity (`best`), or standing still (`paper`).
+    /// Which one; all but `linear` are told more of the past.
+    pub predictor: PredictorName,
+    /// With one sighting: the reported velocity (`best`), or standing still (`paper`). Of `linear`.
     pub preset: Preset,
     /// Sightings that the straight line is fitted to.
     pub past_steps: usize,
@@ -261,13 +264,34 @@ pub struct PredictionConfig {
     pub horizon_ms: f64,
     /// Between predicted poses, ms.
     pub step_ms: f64,
-    /// Whether who drives along the road is predicted to go on along it, and not straight on.
+    /// Whether who drives along the road is predicted to go on along it, and not straight on. Of `linear`; `lane_idm`
+    /// always does.
     pub along_road: bool,
+}
+
+/// Sightings that are kept for predictors that look further back than a line: 3.2 s at 20 Hz.
+const LONG_PAST: usize = 64;
+
+impl PredictionConfig {
+    /// Sightings that tracks have to hold.
+    pub fn sightings(&self) -> usize {
+        match self.predictor {
+            PredictorName::Linear => self.past_steps,
+            _ => self.past_steps.max(LONG_PAST),
+        }
+    }
 }
 
 impl Default for PredictionConfig {
     fn default() -> Self {
-        Self { preset: Preset::Best, past_steps: 5, horizon_ms: 5000.0, step_ms: 100.0, along_road: false }
+        Self {
+            predictor: PredictorName::Linear,
+            preset: Preset::Best,
+            past_steps: 5,
+            horizon_ms: 5000.0,
+            step_ms: 100.0,
+            along_road: false,
+        }
     }
 }
 

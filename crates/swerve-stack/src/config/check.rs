@@ -29,6 +29,7 @@ impl Config {
         range("prediction.step_ms", self.prediction.step_ms, 1.0, 10_000.0);
         range("prediction.past_steps", self.prediction.past_steps as f64, 1.0, 1000.0);
         range("control.period_ms", self.control.period_ms, 1.0, 1000.0);
+        range("planning.risk_max", self.planning.risk_max, 0.0, 0.5);
         range("planning.added_latency_ms", self.planning.added_latency_ms, 0.0, 100_000.0);
         range("planning.expected_ms", self.planning.expected_ms.unwrap_or(0.0), 0.0, 10_000.0);
         if let Err(error) = self.sim.vehicle.validate() {

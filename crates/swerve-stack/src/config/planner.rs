@@ -99,7 +99,8 @@ pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, Str
         let wrong: Vec<_> = era.into_iter().chain(rule).collect();
         return if wrong.is_empty() { Ok(rules) } else { Err(wrong) };
     }
-    if planning.collision() == CollisionMode::MayStop && planning.planner.is_paper() {
+    let ours = matches!(planning.collision(), CollisionMode::MayStop | CollisionMode::Risk);
+    if ours && planning.planner.is_paper() {
         let message = "the paper's planners know `swept_static` and `time_indexed`".to_owned();
         return Err(vec![("planning.collision".into(), message)]);
     }

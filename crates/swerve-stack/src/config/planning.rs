@@ -112,9 +112,12 @@ pub struct PlanningConfig {
     #[schemars(with = "Rules")]
     pub rules: toml::Table,
     /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way: slow
-    /// or stop while that suffices, else go by where they are predicted to be), or the original's `swept_static`; when
+    /// or stop while that suffices, else go by where they are predicted to be), `risk` (as `may_stop`, but the least
+    /// likely modes of a predictor are not kept clear of, up to `risk_max`), or the original's `swept_static`; when
     /// absent `may_stop`, under the preset `paper` the original's.
     pub collision: Option<CollisionMode>,
+    /// With `collision = "risk"`: probability that a plan may touch anybody, as far as predictions are right.
+    pub risk_max: f64,
     /// Where a plan starts; the preset's when absent.
     pub start: Option<StartState>,
     /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
@@ -143,6 +146,7 @@ impl Default for PlanningConfig {
             era: None,
             rules: toml::Table::new(),
             collision: None,
+            risk_max: 0.05,
             start: None,
             expected_ms: None,
             params: toml::Table::new(),

@@ -59,7 +59,7 @@ impl Resolved {
         // The noise of a detector that is not emulated is taken to be that of the emulation's defaults.
         let behind = detector.as_ref().map_or_else(Default::default, |emulated| emulated.params);
         let tracker =
-            perception.tracker(&behind, config.prediction.past_steps).unwrap_or_else(|(key, message)| {
+            perception.tracker(&behind, config.prediction.sightings()).unwrap_or_else(|(key, message)| {
                 tell(format!("perception.{key}"), message);
                 GroundParams::default()
             });

@@ -137,10 +137,15 @@ fn rules_of_the_paper_are_told_with_line_and_key() {
         problems("", &["planning.rules.solid_left=true"]),
         ["--set: planning.rules.solid_left: only the preset `paper` has one"]
     );
-    let may_stop = problems("[planning]\npreset = \"paper\"\ncollision = \"may_stop\"\n", &[]);
+    for ours in ["may_stop", "risk"] {
+        assert_eq!(
+            problems(&format!("[planning]\npreset = \"paper\"\ncollision = \"{ours}\"\n"), &[]),
+            ["c.toml:3: planning.collision: the paper's planners know `swept_static` and `time_indexed`"]
+        );
+    }
     assert_eq!(
-        may_stop,
-        ["c.toml:3: planning.collision: the paper's planners know `swept_static` and `time_indexed`"]
+        problems("", &["planning.risk_max=0.6"]),
+        ["--set: planning.risk_max: expected 0 to 0.5, found 0.6"]
     );
 }
 

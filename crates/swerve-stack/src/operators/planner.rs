@@ -9,7 +9,8 @@ use swerve_flow::{
     PortInfo, RuntimeModel, Window,
 };
 use swerve_msg::{EgoState, Plan, Prediction, PredictionList, Route, RungTaken};
-use swerve_planning::{Budget, Planner, Progress, Request, Unlimited, predicted_start};
+use swerve_planning::collision::within_risk;
+use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
 
 use super::deadlines::planner_deadline;
@@ -128,6 +129,8 @@ struct PlannerOperator {
     target_speed_mps: f64,
     shape: Shape,
     limits: Limits,
+    /// Where others' modes are weighed: what those may sum up to that are not kept clear of.
+    risk_max: Option<f64>,
     /// Moved on by this where the start is predicted.
     expected: Option<Span>,
     previous: Option<Arc<Plan>>,
@@ -135,20 +138,18 @@ struct PlannerOperator {
 
 impl PlannerOperator {
     fn new(config: &Config, around: &Surroundings) -> anyhow::Result<Self> {
-        let vehicle = &config.sim.vehicle;
-        let expected = match config.planning.start_state() {
+        let (vehicle, planning) = (&config.sim.vehicle, &config.planning);
+        let expected = match planning.start_state() {
             StartState::Measured => None,
             StartState::Predicted => Some(Span::from_secs(config.expected_ms() * 1e-3)),
         };
         Ok(Self {
-            planner: config
-                .planning
-                .planner()
-                .map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
+            planner: planning.planner().map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
             shape: vehicle.shape,
             limits: vehicle.limits,
+            risk_max: (planning.collision() == CollisionMode::Risk).then_some(planning.risk_max),
             expected,
             previous: None,
         })
@@ -176,6 +177,10 @@ impl PlannerOperator {
                 let plausible = predictions.predictions.iter().filter(|p| p.is_plausible());
                 Cow::Owned(plausible.cloned().collect())
             }
+        };
+        let predictions = match self.risk_max {
+            Some(risk_max) => Cow::Owned(within_risk(&predictions, risk_max)),
+            None => predictions,
         };
         let request = Request {
             stamp,

@@ -1,14 +1,16 @@
-//! Straight lines through past sightings, and along the road.
+//! Where the others will be: straight lines through past sightings, along the road, or as another predictor has it.
 
+use swerve_core::Span;
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_msg::{PredictionList, Route, TrackList};
-use swerve_prediction::{linear, road};
+use swerve_prediction::{Horizon, PredictorName, forecast, linear, road};
 
 use crate::kind::{Kind, NoKeys, Node};
 use crate::site::Site;
 
-/// Straight lines through past sightings.
+/// Straight lines through past sightings, or what another predictor makes of them.
 pub(super) struct Predictor {
+    name: PredictorName,
     params: linear::Params,
     /// What vehicles follow.
     road: Option<Route>,
@@ -34,8 +36,23 @@ impl Kind for Predictor {
             step_s: prediction.step_ms * 1e-3,
             ..prediction.preset.linear()
         };
-        let road = prediction.along_road.then(|| site.surroundings().route.clone());
-        Ok(Self { params, road })
+        let name = prediction.predictor;
+        let on_road = match name {
+            PredictorName::Linear => prediction.along_road,
+            _ => name == PredictorName::LaneIdm,
+        };
+        let road = on_road.then(|| site.surroundings().route.clone());
+        Ok(Self { name, params, road })
+    }
+}
+
+impl Predictor {
+    fn lines(&self, tracks: &TrackList) -> PredictionList {
+        let mut list = linear::predict(tracks, &self.params);
+        if let Some(route) = &self.road {
+            road::follow(&mut list.predictions, route);
+        }
+        list
     }
 }
 
@@ -45,11 +62,14 @@ impl Operator for Predictor {
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         if let Some(tracks) = input.tracks.get() {
-            let mut list = linear::predict(tracks, &self.params);
-            if let Some(route) = &self.road {
-                road::follow(&mut list.predictions, route);
-            }
-            out.loan().send(list);
+            out.loan().send(match self.name {
+                PredictorName::Linear => self.lines(tracks),
+                name => {
+                    let linear::Params { future_steps: steps, step_s, .. } = self.params;
+                    let horizon = Horizon { steps, step: Span::from_secs(step_s) };
+                    PredictionList::from(&forecast(name, tracks, &horizon, self.road.as_ref()))
+                }
+            });
         }
     }
 }

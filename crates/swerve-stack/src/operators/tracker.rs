@@ -55,7 +55,7 @@ impl OperatorKind for Trackers {
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let settings = site.settings();
         let config = settings.config;
-        let sightings_max = config.prediction.past_steps;
+        let sightings_max = config.prediction.sightings();
         if !settings.offers::<Detections>() {
             let params = HistoryParams { sightings_max, ..HistoryParams::default() };
             return site.add(HistoryTracker(History::new(params)), None);
