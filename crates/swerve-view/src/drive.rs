@@ -47,14 +47,9 @@ struct Watching<'a> {
 
 impl Observer for Watching<'_> {
     fn event(&mut self, event: &Event<'_>) {
-<<<<<<< HEAD
-        self.0.with_report(|report| report.event(event));
-        if let Event::Publication(publication) = event
-            && publication.payload.is_some_and(swerve_flow::Sent::is::<EgoState>)
-=======
         self.show.with_report(|report| report.event(event));
         let Event::Publication(publication) = event else { return };
-        let Some(payload) = publication.payload.map(|payload| payload.as_any()) else { return };
+        let Some(payload) = publication.payload else { return };
         if let Some(ego) = payload.downcast_ref::<EgoState>() {
             self.show.frame(publication.visible_at, ego.speed_mps);
         } else if let Some(image) = payload.downcast_ref::<Image>() {
@@ -64,7 +59,6 @@ impl Observer for Watching<'_> {
             }
         } else if let (Some(cloud), Some(lidar)) =
             (payload.downcast_ref::<PointCloud>(), self.config.lidar.get(publication.operator))
->>>>>>> view
         {
             let mount = lidar.ego_from_lidar(&self.config.sim.vehicle.shape);
             self.show.look(publication.stream, cloud.stamp, || Some(from_above(cloud, mount)));

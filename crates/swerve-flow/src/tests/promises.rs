@@ -27,7 +27,6 @@ struct Camera {
 }
 
 /// Takes its time; a function of the stamp alone.
-#[expect(clippy::disallowed_methods, reason = "work that takes a while on the host")]
 fn drawn(stamp: Time) -> Vec<u64> {
     let mut x = stamp.ns() as u64;
     for k in 0..50_000 {
