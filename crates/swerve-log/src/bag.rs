@@ -5,11 +5,12 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use mcap::records::MessageHeader;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use crate::LogError;
 use crate::format::RECORD_MAX;
-use crate::mcap_record::{self, op, op_name};
+use crate::mcap_record::{self, Schema, op, op_name};
 use crate::reader::{describe, open_sized};
 
 /// A topic of a recording.
@@ -163,13 +164,13 @@ impl Record {
     fn parse(opcode: u8, body: &[u8]) -> Option<Self> {
         Some(match opcode {
             op::SCHEMA => {
-                let (id, name, _) = mcap_record::schema(body)?;
+                let (id, Schema { name, .. }) = mcap_record::schema(body)?;
                 Self::Schema(id, name)
             }
             op::CHANNEL => Self::Channel(mcap_record::channel(body)?),
             op::MESSAGE => {
-                let (channel, data) = mcap_record::message(body)?;
-                let received_ns = mcap_record::log_time_ns(body)?;
+                let (MessageHeader { channel_id: channel, log_time: received_ns, .. }, data) =
+                    mcap_record::message(body)?;
                 Self::Message { channel, received_ns, data: data.to_vec() }
             }
             _ => Self::Other,

@@ -6,7 +6,7 @@
 //!   `/swerve/misses`, `/swerve/drops`, `/swerve/decisions`.
 //! - Channels of kind `view`: messages in the forms of other programs, in their own encodings. They are no part
 //!   of the record: a reader passes over them, and they are not counted.
-//! - Metadata record `swerve_run_end`, last: digest, instant, reason, report, number of records.
+//! - Metadata record `swerve_run_end`, last: digest, instant, reason, report, number of records, seals.
 //!
 //! A message's `log_time` is the instant of its publication, its `publish_time` the stamp, nanoseconds of run
 //! time, zero for instants before the run. Channel schemas are CDDL (RFC 8610) of the form.
@@ -21,6 +21,8 @@ use crate::record::{MessageHeader, RunEnd, RunStart};
 pub(crate) const FORM: &str = "1";
 pub(crate) const RUN_START: &str = "swerve_run";
 pub(crate) const RUN_END: &str = "swerve_run_end";
+/// Key of the end's metadata: digests of all else ([`crate::seals`]); logs of old have none.
+pub(crate) const SEALS: &str = "seals";
 pub(crate) const ENCODING: &str = "cbor";
 pub(crate) const SCHEMA_ENCODING: &str = "cddl";
 /// Key of a channel's metadata: which kind of record it carries.
@@ -162,7 +164,9 @@ pub(crate) fn end_from_map(mut map: BTreeMap<String, String>) -> Result<(RunEnd,
         reason: take(&mut map, "reason")?,
         report: take(&mut map, "report")?,
     };
-    Ok((end, number(&take(&mut map, "records")?, 10)?))
+    let records = number(&take(&mut map, "records")?, 10)?;
+    let unknown = map.into_keys().next().map(|key| format!("expected no entry `{key}` in the run's end"));
+    unknown.map_or(Ok((end, records)), Err)
 }
 
 fn take(map: &mut BTreeMap<String, String>, key: &str) -> Result<String, String> {

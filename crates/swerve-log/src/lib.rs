@@ -15,6 +15,7 @@ mod observe;
 mod reader;
 mod record;
 mod recorder;
+mod seals;
 mod trace;
 mod view;
 mod writer;

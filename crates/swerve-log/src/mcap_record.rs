@@ -2,8 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use mcap::records::MessageHeader;
+
 /// Opcodes of MCAP records (<https://mcap.dev/spec>, "Records").
 pub(crate) mod op {
+    pub(crate) const HEADER: u8 = 0x01;
     pub(crate) const SCHEMA: u8 = 0x03;
     pub(crate) const CHANNEL: u8 = 0x04;
     pub(crate) const MESSAGE: u8 = 0x05;
@@ -13,7 +16,7 @@ pub(crate) mod op {
 /// The usual name of an opcode.
 pub(crate) fn op_name(opcode: u8) -> &'static str {
     match opcode {
-        0x01 => "the header",
+        op::HEADER => "the header",
         0x02 => "the footer",
         op::SCHEMA => "a schema",
         op::CHANNEL => "a channel",
@@ -42,11 +45,25 @@ pub(crate) struct Channel {
     pub(crate) metadata: BTreeMap<String, String>,
 }
 
-/// Number and name of a schema, and what it says where that is text.
-pub(crate) fn schema(body: &[u8]) -> Option<(u16, String, String)> {
+/// A schema's name, encoding, and what it says where that is text.
+#[derive(Clone, Default)]
+pub(crate) struct Schema {
+    pub(crate) name: String,
+    pub(crate) encoding: String,
+    pub(crate) text: String,
+}
+
+/// Profile and library of a file.
+pub(crate) fn header(body: &[u8]) -> Option<(String, String)> {
     let mut cursor = Cursor(body);
-    let (id, name, _encoding) = (cursor.u16()?, cursor.text()?, cursor.text()?);
-    Some((id, name, cursor.text().unwrap_or_default()))
+    Some((cursor.text()?, cursor.text()?))
+}
+
+/// A schema and its number.
+pub(crate) fn schema(body: &[u8]) -> Option<(u16, Schema)> {
+    let mut cursor = Cursor(body);
+    let (id, name, encoding) = (cursor.u16()?, cursor.text()?, cursor.text()?);
+    Some((id, Schema { name, encoding, text: cursor.text().unwrap_or_default() }))
 }
 
 pub(crate) fn channel(body: &[u8]) -> Option<Channel> {
@@ -55,16 +72,12 @@ pub(crate) fn channel(body: &[u8]) -> Option<Channel> {
     Some(Channel { id, schema, topic: cursor.text()?, encoding: cursor.text()?, metadata: cursor.map()? })
 }
 
-/// A message's channel and data.
-pub(crate) fn message(body: &[u8]) -> Option<(u16, &[u8])> {
-    let channel = Cursor(body).u16()?;
-    Some((channel, body.get(2 + 4 + 8 + 8..)?)) // after channel, sequence, log time, publish time
-}
-
-/// When a message was recorded.
-pub(crate) fn log_time_ns(body: &[u8]) -> Option<u64> {
-    let bytes = body.get(2 + 4..2 + 4 + 8)?; // after channel and sequence
-    Some(u64::from_le_bytes(bytes.try_into().ok()?))
+/// A message's header and data.
+pub(crate) fn message(body: &[u8]) -> Option<(MessageHeader, &[u8])> {
+    let mut cursor = Cursor(body);
+    let (channel_id, sequence) = (cursor.u16()?, cursor.u32()?);
+    let header = MessageHeader { channel_id, sequence, log_time: cursor.u64()?, publish_time: cursor.u64()? };
+    Some((header, cursor.0))
 }
 
 /// Name and entries of a metadata record.
@@ -87,8 +100,16 @@ impl<'a> Cursor<'a> {
         Some(u16::from_le_bytes(self.bytes(2)?.try_into().ok()?))
     }
 
+    fn u32(&mut self) -> Option<u32> {
+        Some(u32::from_le_bytes(self.bytes(4)?.try_into().ok()?))
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        Some(u64::from_le_bytes(self.bytes(8)?.try_into().ok()?))
+    }
+
     fn prefixed(&mut self) -> Option<&'a [u8]> {
-        let length = u32::from_le_bytes(self.bytes(4)?.try_into().ok()?);
+        let length = self.u32()?;
         self.bytes(length as usize)
     }
 

@@ -12,8 +12,9 @@ use serde::de::DeserializeOwned;
 
 use crate::LogError;
 use crate::format::{self, Kind};
-use crate::mcap_record::{self, op, op_name};
+use crate::mcap_record::{self, Schema, op, op_name};
 use crate::record::{DecisionRecord, PublicationRecord, Record, RunEnd, RunStart, StreamInfo};
+use crate::seals::{Seals, first_difference};
 
 /// Reads a log from its start. Damage of any kind ends the reading with an error that names the place; what
 /// came before has been given.
@@ -33,11 +34,11 @@ pub struct Reader {
 struct Context {
     start: Option<RunStart>,
     end: Option<RunEnd>,
-    /// Name and text of each.
-    schemas: BTreeMap<u16, (String, String)>,
+    schemas: BTreeMap<u16, Schema>,
     channels: BTreeMap<u16, Channel>,
     streams: Vec<Arc<StreamInfo>>,
     records: u64,
+    seals: Seals,
 }
 
 #[derive(Clone)]
@@ -219,9 +220,14 @@ impl Context {
     fn take(&mut self, opcode: u8, body: &[u8]) -> Result<Option<Record>, Fault> {
         let broken = || Fault::Content(format!("expected {} within its length", op_name(opcode)));
         match opcode {
+            op::HEADER => {
+                let (profile, library) = mcap_record::header(body).ok_or_else(broken)?;
+                self.seals.file(&profile, &library);
+                Ok(None)
+            }
             op::SCHEMA => {
-                let (id, name, text) = mcap_record::schema(body).ok_or_else(broken)?;
-                self.schemas.insert(id, (name, text));
+                let (id, schema) = mcap_record::schema(body).ok_or_else(broken)?;
+                self.schemas.insert(id, schema);
                 Ok(None)
             }
             op::CHANNEL => self.channel(mcap_record::channel(body).ok_or_else(broken)?).map(|()| None),
@@ -230,8 +236,9 @@ impl Context {
                 self.metadata(&name, map).map(|()| None)
             }
             op::MESSAGE => {
-                let (id, data) = mcap_record::message(body).ok_or_else(broken)?;
-                let record = self.message(id, data).map_err(Fault::Content)?;
+                let (header, data) = mcap_record::message(body).ok_or_else(broken)?;
+                self.seals.message(&header, data);
+                let record = self.message(header.channel_id, data).map_err(Fault::Content)?;
                 self.records += u64::from(record.is_some());
                 Ok(record)
             }
@@ -239,10 +246,18 @@ impl Context {
         }
     }
 
-    fn metadata(&mut self, name: &str, map: BTreeMap<String, String>) -> Result<(), Fault> {
+    fn metadata(&mut self, name: &str, mut map: BTreeMap<String, String>) -> Result<(), Fault> {
         match name {
-            format::RUN_START => self.start = Some(format::start_from_map(map).map_err(Fault::Foreign)?),
+            format::RUN_START => {
+                self.seals.head(&map);
+                self.start = Some(format::start_from_map(map).map_err(Fault::Foreign)?);
+            }
             format::RUN_END => {
+                if let Some(sealed) = map.remove(format::SEALS)
+                    && let Some(part) = first_difference(&sealed, &self.seals.lines(&map))
+                {
+                    return Err(Fault::Content(format!("{part} was changed after it was written")));
+                }
                 let (end, records) = format::end_from_map(map).map_err(Fault::Content)?;
                 if records != self.records {
                     return Err(Fault::Content(format!("expected {records} records before the run's end")));
@@ -259,22 +274,26 @@ impl Context {
             return Ok(()); // the summary repeats them
         }
         let foreign = |key: &str| Fault::Foreign(format!("expected channels with an entry `{key}`"));
+        let kind = channel.metadata.get(format::KIND).and_then(|kind| Kind::from_name(kind));
+        let kind = kind.ok_or_else(|| foreign(format::KIND))?;
+        let schema = self.schemas.get(&channel.schema).cloned().unwrap_or_default();
+        if kind != Kind::View {
+            self.seals.channel(&channel, &schema);
+        }
         let mut metadata = channel.metadata;
-        let kind = metadata.get(format::KIND).and_then(|kind| Kind::from_name(kind));
-        let of = match kind.ok_or_else(|| foreign(format::KIND))? {
+        let of = match kind {
             Kind::View => Channel::View,
             _ if channel.encoding != format::ENCODING => {
                 return Err(Fault::Foreign(format!("expected messages in {}", format::ENCODING)));
             }
             Kind::Stream => {
                 let mut take = |key| metadata.remove(key).ok_or_else(|| foreign(key));
-                let (type_name, text) = self.schemas.get(&channel.schema).cloned().unwrap_or_default();
                 let info = Arc::new(StreamInfo {
                     stream: take("stream")?,
                     operator: take("operator")?,
                     port: take("port")?.parse().map_err(|_| foreign("port"))?,
-                    type_name,
-                    form: text.strip_prefix(Kind::Stream.schema()).unwrap_or_default().to_owned(),
+                    type_name: schema.name,
+                    form: schema.text.strip_prefix(Kind::Stream.schema()).unwrap_or_default().to_owned(),
                 });
                 self.streams.push(info.clone());
                 Channel::Stream(info)

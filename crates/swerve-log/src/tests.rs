@@ -1,10 +1,11 @@
 //! Logs written and read back, whole and damaged.
 
 use std::collections::BTreeMap;
-use std::io::{self, Cursor, Seek, SeekFrom, Write};
+use std::io::{self, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Rng, Span, Time};
 
@@ -259,6 +260,76 @@ fn every_single_flipped_bit_of_the_messages_is_found() {
         bytes[at] ^= 1 << (at % 8);
         std::fs::write(&path, &bytes).unwrap();
         assert!(Log::read(&path).is_err(), "byte {at}");
+    }
+}
+
+/// The records of a log with their opcodes, unpacked; what is computed from them (chunks, indices, sums) left out.
+fn unpacked(whole: &[u8]) -> Vec<(u8, Vec<u8>)> {
+    let mut reader = LinearReader::new();
+    let (mut records, mut rest) = (Vec::new(), whole);
+    while let Some(event) = reader.next_event() {
+        match event.unwrap() {
+            LinearReadEvent::ReadRequest(n) => {
+                let n = rest.read(reader.insert(n)).unwrap();
+                reader.notify_read(n);
+            }
+            LinearReadEvent::Record { opcode: 0x0f, .. } => break, // the end of the data
+            LinearReadEvent::Record { data, opcode } => {
+                records.extend(matches!(opcode, 1 | 3 | 4 | 5 | 12).then(|| (opcode, data.to_vec())));
+            }
+        }
+    }
+    records
+}
+
+/// A file of these records without any checksum, as somebody who changes a log makes it.
+fn packed(records: &[(u8, Vec<u8>)]) -> Vec<u8> {
+    let mut file = mcap::MAGIC.to_vec();
+    let ends = [(0x0f, vec![0; 4]), (0x02, vec![0; 20])];
+    for (opcode, body) in records.iter().chain(&ends) {
+        file.push(*opcode);
+        file.extend((body.len() as u64).to_le_bytes());
+        file.extend(body);
+    }
+    [&file[..], mcap::MAGIC].concat()
+}
+
+#[test]
+fn every_changed_byte_of_a_record_is_named_though_checksums_fit() {
+    let dir = tempfile::tempdir().unwrap();
+    let records = unpacked(&written(&dir.path().join("whole"), 2));
+    let path = dir.path().join("changed.mcap");
+    std::fs::write(&path, packed(&records)).unwrap();
+    Log::read(&path).unwrap();
+    let mut by_channel = 0;
+    for i in 0..records.len() {
+        for at in 0..=records[i].1.len() {
+            let mut changed = records.clone();
+            let (opcode, body) = &mut changed[i];
+            *body.get_mut(at).unwrap_or(opcode) ^= 1 << (at % 8);
+            std::fs::write(&path, packed(&changed)).unwrap();
+            let error = Log::read(&path).expect_err(&format!("record {i}, byte {at}")).to_string();
+            by_channel += usize::from(error.contains("/pose was changed"));
+        }
+    }
+    assert!(by_channel > 100, "{by_channel}");
+    let exchanged: Vec<usize> = (0..records.len()).filter(|i| records[*i].0 == 5).collect();
+    let mut changed = records.clone();
+    changed.swap(exchanged[0], exchanged[1]);
+    std::fs::write(&path, packed(&changed)).unwrap();
+    Log::read(&path).expect_err("order");
+}
+
+#[test]
+fn every_changed_byte_of_a_short_log_is_found() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = written(&dir.path().join("whole"), 1);
+    let path = dir.path().join("changed.mcap");
+    for at in 0..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 1 << (at % 8);
+        std::fs::write(&path, &bytes).unwrap();
+        Log::read(&path).expect_err(&format!("byte {at} of {}", whole.len()));
     }
 }
 

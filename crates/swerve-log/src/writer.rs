@@ -11,11 +11,14 @@ use swerve_core::{Span, Time};
 
 use crate::LogError;
 use crate::format::{self, Kind, unsigned};
+use crate::mcap_record::{Channel, Schema};
 use crate::observe::left_out;
 use crate::record::{RunEnd, RunStart, StreamInfo};
 use crate::recorder::{Batch, Item};
+use crate::seals::{self, Seals};
 use crate::view::View;
 
+const PROFILE: &str = "swerve";
 const CHUNK_BYTES: u64 = 1 << 20;
 /// At most this much run time is lost when the process is killed.
 const FLUSH_EVERY: Span = Span::from_ms(1000);
@@ -31,6 +34,7 @@ pub(crate) struct LogWriter<W: Write + Seek> {
     views: BTreeMap<String, (u16, u32)>,
     scratch: Vec<u8>,
     records: u64,
+    seals: Seals,
     flushed_at: Time,
     ended: bool,
 }
@@ -41,17 +45,21 @@ impl<W: Write + Seek> LogWriter<W> {
             .compression(Some(Compression::Lz4))
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true) // a chunk reaches the file whole, so that a kill leaves none half written
-            .profile("swerve");
+            .library(seals::LIBRARY)
+            .profile(PROFILE);
         let failed = |error| write_error(path, &error);
         let mut mcap = options.create(to).map_err(failed)?;
         let metadata = Metadata { name: format::RUN_START.into(), metadata: format::start_to_map(start) };
         mcap.write_metadata(&metadata).map_err(failed)?;
+        let mut seals = Seals::default();
+        seals.file(PROFILE, seals::LIBRARY);
+        seals.head(&metadata.metadata);
         let mut singles = [0; Kind::SINGLE.len()];
         for (id, kind) in singles.iter_mut().zip(Kind::SINGLE) {
-            let schema = add_schema(&mut mcap, &format!("swerve.{}", kind.name()), kind).map_err(failed)?;
+            let (name, topic) = (format!("swerve.{}", kind.name()), format!("/swerve/{}", kind.name()));
             let metadata = BTreeMap::from([(format::KIND.into(), kind.name().into())]);
-            let topic = format!("/swerve/{}", kind.name());
-            *id = mcap.add_channel(schema, &topic, format::ENCODING, &metadata).map_err(failed)?;
+            let added = add_channel(&mut mcap, &mut seals, topic, metadata, (name, kind.schema().into()));
+            *id = added.map_err(failed)?;
         }
         mcap.flush().map_err(failed)?;
         Ok(Self {
@@ -62,6 +70,7 @@ impl<W: Write + Seek> LogWriter<W> {
             views: BTreeMap::new(),
             scratch: Vec::new(),
             records: 0,
+            seals,
             flushed_at: Time::ZERO,
             ended: false,
         })
@@ -135,7 +144,6 @@ impl<W: Write + Seek> LogWriter<W> {
     fn stream(&mut self, info: &StreamInfo) -> Result<(), McapError> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
         let form = [Kind::Stream.schema(), &info.form].concat();
-        let schema = mcap.add_schema(&info.type_name, format::SCHEMA_ENCODING, form.as_bytes())?;
         let metadata = BTreeMap::from([
             (format::KIND.into(), Kind::Stream.name().into()),
             ("stream".into(), info.stream.clone()),
@@ -143,7 +151,8 @@ impl<W: Write + Seek> LogWriter<W> {
             ("port".into(), info.port.to_string()),
         ]);
         let topic = format!("/{}", info.stream);
-        self.streams.push(mcap.add_channel(schema, &topic, format::ENCODING, &metadata)?);
+        let schema = (info.type_name.clone(), form);
+        self.streams.push(add_channel(mcap, &mut self.seals, topic, metadata, schema)?);
         Ok(())
     }
 
@@ -193,6 +202,7 @@ impl<W: Write + Seek> LogWriter<W> {
             log_time: unsigned(at),
             publish_time: unsigned(stamp),
         };
+        self.seals.message(&header, &self.scratch);
         mcap.write_to_known_channel(&header, &self.scratch)?;
         if at - self.flushed_at >= FLUSH_EVERY {
             self.flushed_at = at;
@@ -203,7 +213,8 @@ impl<W: Write + Seek> LogWriter<W> {
 
     fn end(&mut self, end: &RunEnd) -> Result<(), McapError> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
-        let metadata = format::end_to_map(end, self.records);
+        let mut metadata = format::end_to_map(end, self.records);
+        metadata.insert(format::SEALS.into(), self.seals.lines(&metadata));
         mcap.write_metadata(&Metadata { name: format::RUN_END.into(), metadata })?;
         self.ended = true;
         Ok(())
@@ -223,8 +234,19 @@ impl<W: Write + Seek> Drop for LogWriter<W> {
     }
 }
 
-fn add_schema<W: Write + Seek>(mcap: &mut mcap::Writer<W>, name: &str, kind: Kind) -> Result<u16, McapError> {
-    mcap.add_schema(name, format::SCHEMA_ENCODING, kind.schema().as_bytes())
+/// Adds a channel and its schema (name and text) to the file and to what is sealed; the channel's number.
+fn add_channel<W: Write + Seek>(
+    mcap: &mut mcap::Writer<W>,
+    seals: &mut Seals,
+    topic: String,
+    metadata: BTreeMap<String, String>,
+    (name, text): (String, String),
+) -> Result<u16, McapError> {
+    let schema = mcap.add_schema(&name, format::SCHEMA_ENCODING, text.as_bytes())?;
+    let id = mcap.add_channel(schema, &topic, format::ENCODING, &metadata)?;
+    let channel = Channel { id, schema, topic, encoding: format::ENCODING.into(), metadata };
+    seals.channel(&channel, &Schema { name, encoding: format::SCHEMA_ENCODING.into(), text });
+    Ok(id)
 }
 
 fn write_error(path: &Path, error: &McapError) -> LogError {
