@@ -441,6 +441,52 @@ class FaultInjection(Message):
 
 
 @dataclass(slots=True)
+class ForecastPose(Message):
+    """Where something will be at one instant, and how sure that is."""
+    at: Time
+    """Instant."""
+    pose: Pose2
+    """Pose of its centre in the map."""
+    covariance_m2: tuple[float, float, float]
+    """Covariance of the centre in the map: xx, xy, yy, m²."""
+
+
+@dataclass(slots=True)
+class Mode(Message):
+    """One way in which something may go on."""
+    probability: float
+    """Probability of this mode, 0 to 1."""
+    path: list[ForecastPose]
+    """Poses at increasing instants; the first describes the stamp of the list. Never empty."""
+
+
+@dataclass(slots=True)
+class Forecast(Message):
+    """All ways in which one actor may go on."""
+    id: ActorId
+    """Identity of the track."""
+    kind: ActorKind
+    """What it is."""
+    extent: Extent
+    """Size."""
+    modes: list[Mode]
+    """At least one, with the same instants each; probabilities sum to 1."""
+
+
+@dataclass(slots=True)
+class ForecastList(Message):
+    """How everything tracked may go on."""
+    stamp: Time
+    """Instant of the newest sighting that this builds on."""
+    forecasts: list[Forecast]
+    """Ordered by identity."""
+    joint: bool
+    """Whether mode `k` of one actor goes with mode `k` of every other: as many modes each, with the same
+    probabilities.
+    """
+
+
+@dataclass(slots=True)
 class VehicleReport(Message):
     """What the vehicle says of itself."""
     stamp: Time
@@ -946,6 +992,9 @@ __all__ = [
     "EndReason",
     "Extent",
     "FaultInjection",
+    "Forecast",
+    "ForecastList",
+    "ForecastPose",
     "GateMode",
     "GateOutput",
     "Gnss",
@@ -960,6 +1009,7 @@ __all__ = [
     "LaneLine",
     "Lanes",
     "Message",
+    "Mode",
     "MotionCommand",
     "Obb",
     "Obstacle",
