@@ -1,4 +1,4 @@
-//! Objects in the images of one camera: what boosted trees find, and where that stands on the ground.
+//! Objects in the images of one camera: what a sliding window finds, and where that stands on the ground.
 //!
 //! A box in the image tells the distance twice (Hoiem, Efros, Hebert: "Putting objects in perspective", IJCV 2008,
 //! section 2). Its foot lies on a ray that meets level ground, and it is as high as such a thing mostly is. Both give
@@ -9,8 +9,8 @@ mod place;
 #[cfg(test)]
 mod tests;
 
-use swerve_geom::Pose2;
-use swerve_msg::{DetectedBox, Detections, Image, Pixels, Route};
+use swerve_geom::{Ego, Pose2};
+use swerve_msg::{DetectedBox, Detections, Image, Pixels, Route, TrackList};
 use swerve_vision::acf::{Detection, Ground, Overlap, Rung, Scanner, Weights, share, suppress, vote};
 use swerve_vision::{ImageError, Rgb};
 use thiserror::Error;
@@ -47,7 +47,7 @@ pub enum DetectorError {
     #[error("it finds `{0}`, expected classes of {expected}", expected = CLASSES.map(|class| class.name).join(", "))]
     Class(String),
     /// Its scores say nothing of how likely a box is right.
-    #[error("its scores are sums of trees, expected a detector whose scores are probabilities")]
+    #[error("its scores are sums, expected a detector whose scores are probabilities")]
     Scores,
 }
 
@@ -65,7 +65,8 @@ pub enum ShotError {
     Size(#[from] ImageError),
 }
 
-/// Finds objects in images. What it has found before has no effect; only its memory is kept.
+/// Finds objects in images. What it has found before has no effect; only its memory is kept, and on a rung that does not
+/// search each image whole how many there were.
 #[derive(Clone, Debug)]
 pub struct CameraObjects {
     weights: Weights,
@@ -77,6 +78,9 @@ pub struct CameraObjects {
     /// All boxes of the last image, and those of them that are left, between the places that windows have.
     all: Vec<Detection>,
     found: Vec<Detection>,
+    /// Where tracks have their pictures.
+    near: Vec<[f64; 4]>,
+    images: u32,
 }
 
 impl CameraObjects {
@@ -90,21 +94,40 @@ impl CameraObjects {
         if rung.calibrations.is_empty() {
             return Err(DetectorError::Scores);
         }
-        Ok(Self { weights, rung, classes, score_min, scanner: None, all: Vec::new(), found: Vec::new() })
+        let (all, found, near) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { weights, rung, classes, score_min, scanner: None, all, found, near, images: 0 })
     }
 
-    /// Finds the objects of an image, by falling score, and writes them over what was there.
+    /// Finds the objects of an image, by falling score, and writes them over what was there. Where `tracks` are known, a
+    /// rung that does not search each image whole looks around them alone in the others.
     ///
     /// # Errors
     /// An image without colours, not whole, or of parallel rays.
-    pub fn detect(&mut self, shot: &Shot<'_>, out: &mut Detections) -> Result<(), ShotError> {
+    pub fn detect(
+        &mut self,
+        shot: &Shot<'_>,
+        tracks: Option<&TrackList>,
+        out: &mut Detections,
+    ) -> Result<(), ShotError> {
         let Pixels::Rgb8(bytes) = &shot.image.pixels else { return Err(ShotError::NoColour) };
         if shot.image.camera.intrinsics.is_parallel {
             return Err(ShotError::Parallel);
         }
         let size = [shot.image.width_px, shot.image.height_px].map(|px| px as usize);
         let eye = Eye::new(&shot.image.camera, shot.pitch_rad);
-        self.look(Rgb::new(size[0], size[1], bytes)?, eye.ground());
+        let image = Rgb::new(size[0], size[1], bytes)?;
+        let followed = tracks.filter(|_| !self.images.is_multiple_of(self.rung.whole_every));
+        self.images = self.images.wrapping_add(1);
+        self.near.clear();
+        if let Some(tracks) = followed {
+            let passed_s = (shot.image.stamp - tracks.stamp).as_secs();
+            self.near.extend(tracks.tracks.iter().filter_map(|track| {
+                let at = shot.ego.to_local::<Ego>(track.pose.point() + track.velocity_mps * passed_s);
+                let heading_rad = track.pose.heading_rad - shot.ego.heading_rad;
+                eye.picture(Pose2::new(at.x_m, at.y_m, heading_rad), track.extent, size)
+            }));
+        }
+        self.look(image, eye.ground(), followed.is_some());
         let (road, size) = (Road::new(shot.route, shot.ego), size.map(|px| px as f64));
         out.stamp = shot.image.stamp;
         out.boxes.clear();
@@ -134,8 +157,8 @@ impl CameraObjects {
         Ok(())
     }
 
-    /// Fills `found`, the likeliest first.
-    fn look(&mut self, image: Rgb<'_>, ground: Ground) {
+    /// Fills `found`, the likeliest first; around what is near alone, where that is asked for.
+    fn look(&mut self, image: Rgb<'_>, ground: Ground, is_near: bool) {
         let size = [image.width(), image.height()];
         let stays = |(of, at, _): &([usize; 2], Ground, Scanner)| {
             let moved_px = (at.horizon_px - ground.horizon_px).abs();
@@ -148,6 +171,7 @@ impl CameraObjects {
             (size, ground, Scanner::new(self.weights.clone(), self.rung.clone(), size, Some(ground)))
         });
         self.found.clear();
+        scanner.look_near(is_near.then_some(&self.near));
         scanner.detect_all(image, &mut self.all).expect("it is for images of this size");
         self.found.extend_from_slice(&self.all);
         suppress(&mut self.found, self.weights.overlap.0, self.weights.overlap.1);

@@ -1,22 +1,27 @@
-//! Detection by boosted trees over channels: a window of cells slides over every level of a pyramid, and each tree adds
-//! to its score until that is too low to go on (a *soft cascade*).
+//! Detection by sliding windows: a window of cells slides over every level of a pyramid of channels, and boosted trees
+//! add to its score until that is too low to go on (a *soft cascade*), or a linear template is summed up over it (HOG).
 //!
 //! Dollár, Appel, Belongie, Perona: "Fast feature pyramids for object detection", PAMI 2014 (ACF); Nam, Dollár, Han:
 //! "Local decorrelation for improved pedestrian detection", NIPS 2014 (LDCF: the same over channels that are filtered
-//! and halved). Boxes are left, top, width and height in pixels of the image.
+//! and halved); module `blocks` for HOG. Boxes are left, top, width and height in pixels of the image.
 
+mod blocks;
+mod cascade;
 mod decorrelate;
 mod detector;
 mod ground;
 mod stored;
 mod suppress;
+mod template;
 mod weights;
+mod windows;
 
 pub use detector::{Candidate, Scanner, SizeError};
 pub use ground::Ground;
 pub use stored::{feature_step, leaf_step};
 pub use suppress::{Overlap, iou, share, suppress, vote};
-pub use weights::{Calibration, Model, Rung, Weights, WeightsError};
+pub use template::Template;
+pub use weights::{Calibration, Model, Rung, Scorer, Weights, WeightsError};
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +32,7 @@ pub struct Detection {
     pub class: usize,
     /// Left, top, width, height in pixels.
     pub bbox: [f64; 4],
-    /// How likely it is one, 0 to 1, where the weights say how scores map to that; else the sum of the trees.
+    /// How likely it is one, 0 to 1, where the weights say how scores map to that; else the sum of the trees or the template.
     pub score: f64,
 }
 

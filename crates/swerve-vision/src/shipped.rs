@@ -4,8 +4,9 @@ use crate::acf::{Weights, WeightsError};
 use crate::segmentation;
 
 /// Names and files.
-const DETECTORS: [(&str, &[u8]); 3] = [
+const DETECTORS: [(&str, &[u8]); 4] = [
     ("street", include_bytes!("../detectors/street.weights")),
+    ("hog_street", include_bytes!("../detectors/hog_street.weights")),
     ("acf_inria", include_bytes!("../detectors/acf_inria.weights")),
     ("ldcf_inria", include_bytes!("../detectors/ldcf_inria.weights")),
 ];

@@ -83,12 +83,12 @@ def convert(path, source):
     rungs = [("doubled", 1), ("as_it_is", 0)]
     rung = lambda name, octave: (
         text(name) + zigzag(octave) + varint(int(pyramid.nPerOct)) + varint(int(opts.stride) // cell or 1)
-        + varint(len(trees)) + f32(float(opts.cascThr)) + b"\0" + varint(0)
+        + varint(len(trees)) + f32(float(opts.cascThr)) + varint(1) + b"\0" + varint(0)
     )
     payload += varint(len(rungs)) + b"".join(rung(*r) for r in rungs)
     payload += floats([float(opts.pNms.overlap)], "d") + varint(1)
     digest = struct.pack("<Q", xxhash.xxh3_64_intdigest(payload))
-    return b"SWERVDET\x01" + digest + payload
+    return b"SWERVDET\x02" + digest + payload
 
 
 if __name__ == "__main__":

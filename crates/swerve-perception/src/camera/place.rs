@@ -4,6 +4,7 @@ use swerve_geom::{Camera, Ego, Obb, Point, Point2, Pose2, Transform, Vector, mat
 use swerve_msg::{ActorKind, CameraInfo, Extent, Intrinsics};
 use swerve_vision::acf::Ground;
 
+use crate::image_box::ImageCamera;
 use crate::road::Road;
 
 /// Deviation of the row of a box's foot, as a share of its height, and of that height; of its middle column, half as much.
@@ -88,6 +89,16 @@ impl Eye {
         let level = down(0.0) / (down(0.0) - down(1.0));
         let horizon_px = self.lens.cy_px + self.lens.fy_px * level;
         Ground { horizon_px, focal_px: self.lens.fy_px, height_m: self.height_m }
+    }
+
+    /// Left, top, width and height of the picture that something upright on the ground has; none where it has none in an
+    /// image of this size.
+    pub(super) fn picture(&self, pose: Pose2<Ego>, extent: Extent, size: [usize; 2]) -> Option<[f64; 4]> {
+        let info = CameraInfo { intrinsics: self.lens, ego_from_camera: self.level_from_camera };
+        let [width_px, height_px] = size.map(|px| px as u32);
+        let [left, top, right, bottom] =
+            ImageCamera { info, width_px, height_px }.image_px(pose, 0.0, extent)?;
+        Some([left, top, right - left, bottom - top])
     }
 
     /// Where something of a class stands whose picture is this box (left, top, width, height; the image has `rows`), with

@@ -1,6 +1,7 @@
 use proptest::prelude::*;
-use swerve_geom::{Camera, Ego, Point, Transform};
-use swerve_msg::{CameraInfo, Encoding, Intrinsics};
+use swerve_geom::{Camera, Ego, Point, Point2, Transform, Vector2};
+use swerve_msg::{ActorId, ActorKind, CameraInfo, Encoding, Intrinsics, Track};
+use swerve_vision::acf::{Calibration, Model, Scorer, Template};
 use swerve_vision::shipped;
 
 use super::*;
@@ -86,17 +87,17 @@ fn images_without_objects_have_none_and_others_are_refused() {
         let mut image = Image::new(size[0], size[1], Encoding::Rgb8);
         image.camera = camera(0.0, 0.0);
         image.stamp = swerve_core::Time::from_ms(40);
-        assert_eq!(objects.detect(&shot(&image), &mut found), Ok(()));
+        assert_eq!(objects.detect(&shot(&image), None, &mut found), Ok(()));
         assert_eq!((found.boxes.len(), found.stamp), (0, image.stamp), "{size:?}");
     }
     let depth = Image::new(8, 8, Encoding::DepthF32M);
-    assert_eq!(objects.detect(&shot(&depth), &mut found), Err(ShotError::NoColour));
+    assert_eq!(objects.detect(&shot(&depth), None, &mut found), Err(ShotError::NoColour));
     let mut cut = Image::new(8, 8, Encoding::Rgb8);
     cut.width_px = 9;
-    assert!(matches!(objects.detect(&shot(&cut), &mut found), Err(ShotError::Size(_))));
+    assert!(matches!(objects.detect(&shot(&cut), None, &mut found), Err(ShotError::Size(_))));
     let mut parallel = Image::new(8, 8, Encoding::Rgb8);
     parallel.camera.intrinsics.is_parallel = true;
-    assert_eq!(objects.detect(&shot(&parallel), &mut found), Err(ShotError::Parallel));
+    assert_eq!(objects.detect(&shot(&parallel), None, &mut found), Err(ShotError::Parallel));
 }
 
 #[test]
@@ -104,8 +105,82 @@ fn detectors_of_other_things_are_refused() {
     let weights = shipped::detector("acf_inria").unwrap().unwrap();
     let rung = weights.rungs[0].clone();
     let said = CameraObjects::new(weights.clone(), rung.clone(), 0.3).unwrap_err().to_string();
-    assert!(said.contains("sums of trees") || said.contains("expected classes of pedestrian, car"), "{said}");
+    assert!(
+        said.contains("scores are sums") || said.contains("expected classes of pedestrian, car"),
+        "{said}"
+    );
     let named = Weights { classes: vec!["sheep".into()], ..weights };
     let said = CameraObjects::new(named, rung, 0.3).unwrap_err();
     assert_eq!(said, DetectorError::Class("sheep".into()));
+}
+
+/// People of one size wherever a window is looked at.
+fn people_anywhere(whole_every: u32) -> CameraObjects {
+    let template = Template { weights: vec![0.0; 10 * 5 * 10], offset: 1.0 };
+    let model = Model {
+        class: 0,
+        cells: [5, 10],
+        object_px: [12.0, 32.0],
+        heights_m: [1.4, 2.0],
+        scorer: Scorer::Template(template),
+    };
+    let rung = Rung {
+        name: "tracked".into(),
+        first_octave: 0,
+        per_octave: 2,
+        stride: 5,
+        trees: 1,
+        reject: 0.0,
+        whole_every,
+        tolerance_rad: Some(0.02),
+        calibrations: vec![Calibration { slope: 1.0, offset: 0.0 }],
+    };
+    let weights = Weights {
+        source: "by hand".into(),
+        shrink: 4,
+        decay: [0.0; 3],
+        filters: Vec::new(),
+        classes: vec!["pedestrian".into()],
+        models: vec![model],
+        rungs: vec![rung.clone()],
+        overlap: (0.3, Overlap::Union),
+    };
+    CameraObjects::new(weights, rung, 0.3).unwrap()
+}
+
+#[test]
+fn tracks_are_looked_at_where_they_have_come_to() {
+    let mut image = Image::new(800, 600, Encoding::Rgb8);
+    image.camera = camera(0.0, 0.0);
+    image.stamp = swerve_core::Time::from_ms(500);
+    // 20 m ahead and 3 m to the left of an ego that stands and looks elsewhere, half a second after it was 1 m off.
+    let ego = Pose2::new(5.0, 7.0, 1.0);
+    let there = ego.from_local(Point2::<Ego>::new(20.0, 3.0));
+    let person = Track {
+        id: ActorId(1),
+        kind: ActorKind::Pedestrian,
+        pose: Pose2::new(there.x_m - 1.0, there.y_m, 0.3),
+        extent: CLASSES[0].extent,
+        velocity_mps: Vector2::new(2.0, 0.0),
+        history: Vec::new(),
+    };
+    let tracks = TrackList { stamp: swerve_core::Time::ZERO, tracks: vec![person] };
+    let (mut objects, mut counts) = (people_anywhere(3), Vec::new());
+    for _ in 0..4 {
+        let mut found = Detections::default();
+        let shot = Shot { image: &image, ego, pitch_rad: 0.0, route: None };
+        objects.detect(&shot, Some(&tracks), &mut found).unwrap();
+        let near = |one: &&DetectedBox| one.pose.point().distance(Point2::new(20.0, 3.0)) < 8.0;
+        counts.push((found.boxes.len(), found.boxes.iter().filter(near).count()));
+    }
+    let [whole, first, second, again] = counts[..] else { unreachable!() };
+    assert!(whole == again && whole.0 > 10 && whole.1 == 0, "{counts:?}");
+    assert!(first == second && first.1 > first.0 / 2, "{counts:?}");
+    // Nothing is followed: nothing is looked at until the next image is searched whole. Nobody says what is: all is.
+    let mut found = Detections::default();
+    let shot = Shot { image: &image, ego, pitch_rad: 0.0, route: None };
+    objects.detect(&shot, Some(&TrackList::default()), &mut found).unwrap();
+    assert!(found.boxes.is_empty());
+    objects.detect(&shot, None, &mut found).unwrap();
+    assert_eq!(found.boxes.len(), whole.0);
 }

@@ -439,10 +439,7 @@ fn a_detector_that_cannot_look_is_told_with_its_line() {
     for (line, expected) in [
         (&*format!("detector = \"{foreign}\""), "detector: PATH: no weights of a detector: expected a file"),
         ("detector = \"stret\"", "detector: no detector `stret`; did you mean \"street\"?"),
-        (
-            "detector = \"acf_inria\"\nrung = \"as_it_is\"",
-            "detector: `acf_inria`: its scores are sums of trees",
-        ),
+        ("detector = \"acf_inria\"\nrung = \"as_it_is\"", "detector: `acf_inria`: its scores are sums"),
         ("rung = \"grund\"", "rung: no rung `grund`; did you mean \"ground\"?"),
         ("score_min = 2", "score_min: expected 0 to 1, found 2"),
         ("run_times_ms = { fasst = 3 }", "run_times_ms.fasst: no rung `fasst`"),
@@ -472,4 +469,22 @@ fn the_ladder_of_a_camera_detector_ends_at_the_rung_that_is_named() {
     let full = crate::config::camera_detectors::run_time("street", "full").unwrap();
     assert_eq!(objects.length.map(Span::as_ms), Some(full.most_ms()));
     assert_eq!(objects.kind.takes_ms(&objects.settings(&config)), Some([full.most_ms(); 2]));
+}
+
+#[test]
+fn a_detector_that_searches_around_tracks_reads_them() {
+    for (keys, tracks) in [
+        ("rung = \"tracked\"", true),
+        ("rung = \"tracked\"\ndetector = \"hog_street\"", true),
+        ("rung = \"ground\"", false),
+        ("rung = \"ground\"\nladder = true", false),
+    ] {
+        let tracker = "[operator.tracker]\nreads = { boxes = \"objects\" }\n";
+        let assembly = assembly(&format!("{EYE}{keys}\n{tracker}"));
+        let objects = assembly.operator("objects").unwrap();
+        let edges =
+            objects.inputs.iter().filter(|input| input.port.name == "tracks").flat_map(|input| &input.from);
+        let found: Vec<_> = edges.map(|edge| (edge.stream.as_str(), edge.feedback)).collect();
+        assert_eq!(found, if tracks { vec![("tracker", true)] } else { vec![] }, "{keys}");
+    }
 }

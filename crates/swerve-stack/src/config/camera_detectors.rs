@@ -165,7 +165,7 @@ mod tests {
             (&[], "no weights of a detector"),
             (&whole[..whole.len() / 2], "damaged weights"),
             (&damaged, "damaged weights: their digest is"),
-            (&newer, "weights of version 9, expected 1"),
+            (&newer, "weights of version 9, expected 2"),
         ] {
             std::fs::write(path, bytes).unwrap();
             let said = weights(path).unwrap_err();

@@ -5,7 +5,7 @@ use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
     PortInfo, RuntimeModel, Window,
 };
-use swerve_msg::{Detections, EgoState, Image, Route, RungTaken};
+use swerve_msg::{Detections, EgoState, Image, Route, RungTaken, TrackList};
 use swerve_perception::CameraObjects;
 use swerve_perception::camera::Shot;
 use swerve_text::number;
@@ -36,6 +36,9 @@ struct In {
     image: At<Image>,
     /// Where the ego was.
     poses: Window<EgoState, POSES>,
+    /// What is followed, for a rung that searches around tracks.
+    #[port(feedback)]
+    tracks: Option<Latest<TrackList>>,
 }
 
 /// The newest image, at each tick.
@@ -47,6 +50,9 @@ struct PeriodicIn {
     image: Latest<Image>,
     /// Where the ego was.
     poses: Window<EgoState, POSES>,
+    /// What is followed, for a rung that searches around tracks.
+    #[port(feedback)]
+    tracks: Option<Latest<TrackList>>,
 }
 
 /// Boxes, and how they came about.
@@ -86,13 +92,25 @@ impl CameraObjectsTable {
         told
     }
 
+    /// The rungs of the detector that it may take, in its order. One that searches around tracks is on a ladder only where
+    /// it is the one that is named: at most it takes as long as the same without them.
+    fn taken<'a>(&self, weights: &'a Weights) -> impl Iterator<Item = &'a swerve_vision::acf::Rung> {
+        let named = weights.rungs.iter().position(|rung| rung.name == self.rung).unwrap_or(0);
+        let first = if self.ladder { 0 } else { named };
+        let rungs = weights.rungs[first..=named].iter().enumerate();
+        rungs.filter(move |(k, rung)| first + k == named || rung.whole_every == 1).map(|(_, rung)| rung)
+    }
+
+    /// Whether one of them searches around tracks.
+    fn follows(&self, weights: &Weights) -> bool {
+        self.taken(weights).any(|rung| rung.whole_every > 1)
+    }
+
     /// The rungs that it may take, the fastest first, the one that is named last; on a ladder each with what it takes at
     /// most.
     fn rungs(&self, weights: &Weights) -> Result<Vec<Rung<CameraObjects>>, (&'static str, String)> {
-        let named = weights.rungs.iter().position(|rung| rung.name == self.rung).unwrap_or(0);
-        let first = if self.ladder { 0 } else { named };
         let mut rungs = Vec::new();
-        for rung in &weights.rungs[first..=named] {
+        for rung in self.taken(weights) {
             let what = CameraObjects::new(weights.clone(), rung.clone(), self.score_min);
             let what = what.map_err(|error| ("detector", format!("`{}`: {error}", self.detector)))?;
             let time = self.run_time(&rung.name).map(|time| time.most_ms());
@@ -140,10 +158,15 @@ impl OperatorKind for CameraDetector {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        match settings.config.execution.model {
+        let mut ports = match settings.config.execution.model {
             Model::Periodic => PeriodicIn::ports(),
             _ => In::ports(),
+        };
+        let table = table(settings);
+        if !weights(&table.detector).is_ok_and(|weights| table.follows(&weights)) {
+            ports.retain(|port| port.name != "tracks");
         }
+        ports
     }
 
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
@@ -195,8 +218,11 @@ struct Periodic {
     last: Option<Time>,
 }
 
+/// Past poses of the ego, and what is followed.
+type Around<'a> = (&'a [EgoState], Option<&'a TrackList>);
+
 impl Detector {
-    fn look(&mut self, cx: &mut Context<'_>, image: &Image, poses: &[EgoState], out: &mut Out) {
+    fn look(&mut self, cx: &mut Context<'_>, image: &Image, (poses, tracks): Around<'_>, out: &mut Out) {
         let before = poses.partition_point(|pose| pose.stamp <= image.stamp);
         let Some(measured) = poses[..before].last().or(poses.first()) else { return };
         let ego = measured.pose_after((image.stamp - measured.stamp).as_secs());
@@ -210,7 +236,7 @@ impl Detector {
         };
         let mut found = Detections::default();
         let shot = Shot { image, ego, pitch_rad, route: Some(&self.route) };
-        if let Err(error) = objects.detect(&shot, &mut found) {
+        if let Err(error) = objects.detect(&shot, tracks, &mut found) {
             return cx.stop_run(format!("{}: {error}", cx.name()));
         }
         out.boxes.loan().send(found);
@@ -238,7 +264,8 @@ impl Operator for Detector {
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Out) {
         let Some(image) = input.image.get() else { return };
         let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
-        self.look(cx, image, &poses, out);
+        let tracks = input.tracks.as_ref().and_then(|tracks| Some(&**tracks.get()?));
+        self.look(cx, image, (&poses, tracks), out);
     }
 }
 
@@ -251,6 +278,7 @@ impl Operator for Periodic {
         let Some(image) = newest else { return };
         self.last = Some(image.stamp);
         let poses: Vec<EgoState> = input.poses.get().iter().map(|pose| **pose).collect();
-        self.detector.look(cx, image, &poses, out);
+        let tracks = input.tracks.as_ref().and_then(|tracks| Some(&**tracks.get()?));
+        self.detector.look(cx, image, (&poses, tracks), out);
     }
 }

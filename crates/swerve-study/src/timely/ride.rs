@@ -349,7 +349,7 @@ impl Boxes {
                 };
                 let shot = Shot { image: &image, ego: world.ego.state.pose, pitch_rad: 0.0, route: None };
                 let mut found = Detections::default();
-                objects.detect(&shot, &mut found)?;
+                objects.detect(&shot, None, &mut found)?;
                 found.boxes
             }
         };

@@ -4,10 +4,13 @@ use core::ops::Range;
 
 use thiserror::Error;
 
+use super::blocks::Blocks;
+use super::cascade::{Node, placed, scan};
 use super::decorrelate::decorrelate;
 use super::ground::Ground;
-use super::{Detection, Model, Rung, Trees, Weights, feature_step, suppress};
-use crate::channels::{CHANNELS, select};
+use super::weights::Features;
+use super::windows::{Run, Windows, everywhere, within};
+use super::{Detection, Model, Rung, Scorer, Weights, suppress};
 use crate::image::Rgb;
 use crate::pyramid::{Pyramid, PyramidParams};
 use crate::simd::widest;
@@ -32,7 +35,7 @@ pub struct Candidate {
     pub level: usize,
     /// Its first column and line of cells, padding counted.
     pub at: [usize; 2],
-    /// The sum of its trees.
+    /// The sum of its trees, or of its template.
     pub score: f32,
 }
 
@@ -45,19 +48,27 @@ pub struct Scanner {
     size: [usize; 2],
     pyramid: Pyramid,
     filtered: Vec<f32>,
-    /// The cells of each level, filtered, where there are filters.
-    decorrelated: Vec<Stack>,
-    nodes: Vec<Node>,
+    blocks: Blocks,
+    /// What is made of the cells of each level, where features are not these.
+    derived: Vec<Stack>,
+    search: Search,
     candidates: Vec<Candidate>,
 }
 
-/// A node of a tree on one level.
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    /// Of its feature, from the window's first cell.
-    offset: u32,
-    threshold: f32,
+/// Where to look, and the memory that takes.
+#[derive(Clone, Debug, Default)]
+struct Search {
+    everywhere: bool,
+    near: Vec<[f64; 4]>,
+    areas: Vec<[Range<usize>; 2]>,
+    runs: Vec<Run>,
+    nodes: Vec<Node>,
 }
+
+/// Around a box, objects are looked for up to so many times as large or as small, and with their middle off by such a
+/// share of its size.
+const NEAR_SIZE: f64 = 1.4;
+const NEAR_SHARE: f64 = 0.35;
 
 impl Scanner {
     /// For images of this width and height in pixels, on one of the weights' rungs. Where the rung asks for ground and
@@ -86,7 +97,7 @@ impl Scanner {
                 .unwrap_or(0.0..0.0)
         };
         let pyramid = Pyramid::new(params, size, rows);
-        let decorrelated = vec![Stack::default(); pyramid.levels().len()];
+        let derived = vec![Stack::default(); pyramid.levels().len()];
         Self {
             weights,
             rung,
@@ -94,8 +105,9 @@ impl Scanner {
             size,
             pyramid,
             filtered: Vec::new(),
-            decorrelated,
-            nodes: Vec::new(),
+            blocks: Blocks::default(),
+            derived,
+            search: Search { everywhere: true, ..Search::default() },
             candidates: Vec::new(),
         }
     }
@@ -103,13 +115,6 @@ impl Scanner {
     /// What it looks with.
     pub fn weights(&self) -> &Weights {
         &self.weights
-    }
-
-    /// Other models and calibrations, for the same windows: what training changes.
-    pub fn set_trees(&mut self, trees: Vec<Trees>) {
-        for (model, trees) in self.weights.models.iter_mut().zip(trees) {
-            model.trees = trees;
-        }
     }
 
     /// What is found in an image, the likeliest first.
@@ -146,75 +151,98 @@ impl Scanner {
             return Err(SizeError { found, expected: self.size });
         }
         self.pyramid.fill(image);
-        if !self.weights.filters.is_empty() {
-            for (level, into) in self.pyramid.levels().iter().zip(&mut self.decorrelated) {
-                decorrelate(&level.cells, &self.weights.filters, &mut self.filtered, into);
+        for (level, into) in self.pyramid.levels().iter().zip(&mut self.derived) {
+            match self.weights.features() {
+                Features::Channels => {}
+                Features::Decorrelated => {
+                    decorrelate(&level.cells, &self.weights.filters, &mut self.filtered, into);
+                }
+                Features::Blocks => self.blocks.fill(&level.cells, into),
             }
         }
         Ok(())
     }
 
-    /// All windows of the image taken in that are not given up.
+    /// All windows of the image taken in that are not given up: everywhere, or around the boxes of [`look_near`].
+    ///
+    /// [`look_near`]: Self::look_near
     pub fn candidates(&mut self, found: &mut Vec<Candidate>) {
         found.clear();
-        let mut nodes = core::mem::take(&mut self.nodes);
+        let mut search = core::mem::take(&mut self.search);
         for model in 0..self.weights.models.len() {
-            let trees = &self.weights.models[model].trees;
-            if trees.is_empty() {
-                continue;
-            }
             for level in 0..self.pyramid.levels().len() {
-                let cells = self.cells(level);
-                placed(&self.weights.models[model], cells, self.rung.trees, &mut nodes);
-                let at = |at, score| Candidate { model, level, at, score };
-                let report = &mut |place, score| found.push(at(place, score));
+                self.runs(model, level, &mut search);
+                self.scan([model, level], &mut search, found);
+            }
+        }
+        self.search = search;
+    }
+
+    /// Looks from now on around these boxes (left, top, width, height) alone: their middle may be off by a part of
+    /// their size, and so may be that. None to look everywhere.
+    pub fn look_near(&mut self, boxes: Option<&[[f64; 4]]>) {
+        self.search.everywhere = boxes.is_none();
+        self.search.near.clear();
+        self.search.near.extend_from_slice(boxes.unwrap_or_default());
+    }
+
+    /// Scores the windows of a model on a level.
+    fn scan(&self, [model, level]: [usize; 2], search: &mut Search, found: &mut Vec<Candidate>) {
+        let (of, cells) = (&self.weights.models[model], self.cells(level));
+        let (stride, reject) = (self.rung.stride, self.rung.reject);
+        let windows = Windows { cells, runs: &search.runs, stride, reject };
+        let report = &mut |at, score| found.push(Candidate { model, level, at, score });
+        match &of.scorer {
+            Scorer::Trees(trees) if trees.is_empty() => {}
+            Scorer::Trees(trees) => {
+                placed(trees, of.cells, cells, self.rung.trees, &mut search.nodes);
+                let nodes = &search.nodes;
                 widest(
                     #[inline(always)]
                     || match trees.depth {
-                        2 => self.scan::<2>(model, level, &nodes, report),
-                        3 => self.scan::<3>(model, level, &nodes, report),
-                        4 => self.scan::<4>(model, level, &nodes, report),
-                        _ => self.scan::<0>(model, level, &nodes, report),
+                        2 => scan::<2>(trees, nodes, &windows, report),
+                        3 => scan::<3>(trees, nodes, &windows, report),
+                        4 => scan::<4>(trees, nodes, &windows, report),
+                        _ => scan::<0>(trees, nodes, &windows, report),
                     },
                 );
             }
+            Scorer::Template(template) if template.weights.is_empty() => {}
+            Scorer::Template(template) => widest(
+                #[inline(always)]
+                || template.scan(of.cells, &windows, report),
+            ),
         }
-        self.nodes = nodes;
     }
 
-    /// The windows of one model on one level; trees of any depth where `D` is 0.
-    #[inline(always)]
-    fn scan<const D: usize>(
-        &self,
-        model: usize,
-        level: usize,
-        nodes: &[Node],
-        report: &mut impl FnMut([usize; 2], f32),
-    ) {
-        let cells = self.cells(level);
-        let trees = &self.weights.models[model].trees;
-        let depth = if D == 0 { trees.depth } else { D };
-        let [columns, lines] = self.places(model, level);
-        let (inner, reject) = ((1 << depth) - 1, self.rung.reject);
-        let all = || nodes.chunks_exact(inner).zip(trees.leaves.chunks_exact(inner + 1));
-        for line in lines.step_by(self.rung.stride) {
-            let mut rest = columns.clone();
-            if (1..=DEEPEST).contains(&D) && self.rung.stride == 1 {
-                while rest.len() >= LANES {
-                    let windows = &cells.numbers()[line * cells.width() + rest.start..];
-                    let mut report = |lane, score| report([rest.start + lane, line], score);
-                    side_by_side::<D>(windows, all(), reject, &mut report);
-                    rest.start += LANES;
-                }
-            }
-            for column in rest.step_by(self.rung.stride) {
-                let window = &cells.numbers()[line * cells.width() + column..];
-                let score = climb(window, all(), depth, (0.0, reject));
-                if score > reject {
-                    report([column, line], score);
-                }
-            }
+    /// Which windows of a model are looked at on a level.
+    fn runs(&self, model: usize, level: usize, search: &mut Search) {
+        let (places, stride) = (self.places(model, level), self.rung.stride);
+        if search.everywhere {
+            return everywhere(places, stride, &mut search.runs);
         }
+        search.areas.clear();
+        search.areas.extend(search.near.iter().filter_map(|bbox| self.area(model, level, *bbox)));
+        within(&search.areas, places, stride, &mut search.runs);
+    }
+
+    /// Columns and lines where windows of a model begin whose object may be the one in a box; none on a level where it
+    /// would be too large or too small.
+    fn area(&self, model: usize, level: usize, bbox: [f64; 4]) -> Option<[Range<usize>; 2]> {
+        let (window, at) = (&self.weights.models[model], &self.pyramid.levels()[level]);
+        let apart = bbox[3] * at.scale[1] / window.object_px[1];
+        if !(1.0 / NEAR_SIZE..=NEAR_SIZE).contains(&apart) {
+            return None;
+        }
+        let inset = self.inset_px(window);
+        let range = |k: usize, from_px: f64, reach_px: f64| {
+            let middle_px = bbox[k] + 0.5 * bbox[k + 2] - from_px;
+            let cell = |px: f64| (px * at.scale[k] - 0.5 * window.object_px[k] - inset[k]) / self.cell_px();
+            let first = cell(middle_px - reach_px).floor().max(0.0) as usize;
+            first..(cell(middle_px + reach_px).ceil().max(0.0) as usize).saturating_add(1)
+        };
+        let larger = bbox[2].max(bbox[3]);
+        Some([range(0, 0.0, NEAR_SHARE * larger), range(1, at.top_px, NEAR_SHARE * bbox[3])])
     }
 
     /// Where windows of a model can begin on a level: columns and lines of cells.
@@ -273,12 +301,12 @@ impl Scanner {
         levels.iter().take(2).filter_map(nearest).collect()
     }
 
-    /// The features of a window in units of [`feature_step`], a byte each.
+    /// The features of a window in units of [`Weights::feature_step`], a byte each.
     pub fn features(&self, candidate: &Candidate, into: &mut Vec<u8>) {
         let ([columns, lines], cells) =
             (self.weights.models[candidate.model].cells, self.cells(candidate.level));
         for plane in 0..self.weights.planes() {
-            let units = 1.0 / feature_step(plane % CHANNELS);
+            let units = 1.0 / self.weights.feature_step(plane);
             for line in 0..lines {
                 let row = &cells.row(plane, candidate.at[1] + line)[candidate.at[0]..][..columns];
                 into.extend(row.iter().map(|value| (value * units).clamp(0.0, 255.0) as u8));
@@ -300,10 +328,9 @@ impl Scanner {
     }
 
     fn cells(&self, level: usize) -> &Stack {
-        if self.weights.filters.is_empty() {
-            &self.pyramid.levels()[level].cells
-        } else {
-            &self.decorrelated[level]
+        match self.weights.features() {
+            Features::Channels => &self.pyramid.levels()[level].cells,
+            Features::Decorrelated | Features::Blocks => &self.derived[level],
         }
     }
 
@@ -321,78 +348,6 @@ impl Scanner {
         };
         [of(0), of(1)]
     }
-}
-
-/// Windows of neighbouring columns that are scored at once.
-const LANES: usize = 8;
-/// Deeper trees are climbed one by one: all nodes of a tree are looked at where several windows are.
-const DEEPEST: usize = 3;
-/// Where no more windows than this are left of those, they are followed one by one.
-const FEW: usize = 2;
-
-/// The score of a window from one of its trees on, given up once it is at `reject` or below.
-#[inline(always)]
-fn climb<'a>(
-    window: &[f32],
-    trees: impl Iterator<Item = (&'a [Node], &'a [f32])>,
-    depth: usize,
-    (mut score, reject): (f32, f32),
-) -> f32 {
-    for (nodes, leaves) in trees {
-        let mut k = 0;
-        for _ in 0..depth {
-            let node = nodes[k];
-            k = 2 * k + if window[node.offset as usize] < node.threshold { 1 } else { 2 };
-        }
-        score += leaves[k - nodes.len()];
-        if score <= reject {
-            break;
-        }
-    }
-    score
-}
-
-/// Scores windows of neighbouring columns, tree by tree, and reports those that are not given up: the same sums, term by
-/// term, as each has by itself.
-#[inline(always)]
-fn side_by_side<'a, const D: usize>(
-    windows: &[f32],
-    mut trees: impl Iterator<Item = (&'a [Node], &'a [f32])> + Clone,
-    reject: f32,
-    report: &mut impl FnMut(usize, f32),
-) {
-    let (mut scores, mut alive) = ([0.0; LANES], [true; LANES]);
-    while alive.iter().filter(|alive| **alive).count() > FEW {
-        let Some((nodes, leaves)) = trees.next() else { break };
-        let values = leaves_of::<D>(nodes, leaves, windows);
-        for lane in 0..LANES {
-            scores[lane] += values[lane];
-            alive[lane] &= scores[lane] > reject;
-        }
-    }
-    for lane in (0..LANES).filter(|lane| alive[*lane]) {
-        let score = climb(&windows[lane..], trees.clone(), D, (scores[lane], reject));
-        if score > reject {
-            report(lane, score);
-        }
-    }
-}
-
-/// The leaf of one tree that each of the windows comes to: from the leaves down to the root, each node keeps one of two.
-#[inline(always)]
-fn leaves_of<const D: usize>(nodes: &[Node], leaves: &[f32], windows: &[f32]) -> [f32; LANES] {
-    let mut values = [[0.0; LANES]; 1 << DEEPEST];
-    values.iter_mut().zip(leaves).for_each(|(value, leaf)| *value = [*leaf; LANES]);
-    for level in (0..D).rev() {
-        for k in 0..1 << level {
-            let node = nodes[(1 << level) - 1 + k];
-            let row = &windows[node.offset as usize..][..LANES];
-            values[k] = core::array::from_fn(|lane| {
-                select(row[lane] < node.threshold, values[2 * k][lane], values[2 * k + 1][lane])
-            });
-        }
-    }
-    values[0]
 }
 
 /// Pixels along a cell that features are taken from.
@@ -422,19 +377,4 @@ fn rows_px(model: &Model, weights: &Weights, rung: &Rung, ground: Option<Ground>
         + 2.0 * cell_px(weights))
         / scale;
     foot.start - box_px - around_px..foot.end + around_px
-}
-
-/// Where the trees' features are on a level.
-fn placed(model: &Model, cells: &Stack, trees: usize, into: &mut Vec<Node>) {
-    let [columns, lines] = model.cells;
-    let plane = cells.width() * cells.height();
-    let inner = (1 << model.trees.depth) - 1;
-    let nodes = model.trees.features.iter().zip(&model.trees.thresholds).take(trees.saturating_mul(inner));
-    into.clear();
-    into.extend(nodes.map(|(feature, &threshold)| {
-        let feature = usize::from(*feature);
-        let (line, column) = (feature / columns % lines, feature % columns);
-        let offset = feature / (columns * lines) * plane + line * cells.width() + column;
-        Node { offset: offset as u32, threshold }
-    }));
 }

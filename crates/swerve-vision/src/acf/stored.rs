@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Model, Trees};
+use super::{Model, Scorer, Template, Trees};
 use crate::channels::CHANNELS;
 
 /// One unit of a threshold on a channel: a byte holds colour up to one, gradients up to two.
@@ -22,13 +22,14 @@ pub(super) struct Stored {
     cells: [usize; 2],
     object_px: [f64; 2],
     heights_m: [f64; 2],
-    trees: Form,
+    scorer: Form,
 }
 
 #[derive(Serialize, Deserialize)]
 enum Form {
     Units { depth: usize, features: Vec<u16>, thresholds: Vec<u8>, leaves: Vec<i16> },
     Floats(Trees),
+    Template(Template),
 }
 
 /// The unit of a feature's threshold.
@@ -45,33 +46,41 @@ fn units<T: TryFrom<i32>>(number: f32, unit: f32) -> Option<T> {
 
 impl From<Model> for Stored {
     fn from(model: Model) -> Self {
-        let Model { class, cells, object_px, heights_m, trees } = model;
-        let nodes = trees.features.iter().zip(&trees.thresholds);
-        let thresholds =
-            nodes.map(|(f, threshold)| units(*threshold, step(cells, *f))).collect::<Option<_>>();
-        let leaves = trees.leaves.iter().map(|leaf| units(*leaf, leaf_step())).collect::<Option<_>>();
-        let trees = match (thresholds, leaves) {
-            (Some(thresholds), Some(leaves)) => {
-                Form::Units { depth: trees.depth, features: trees.features, thresholds, leaves }
-            }
-            _ => Form::Floats(trees),
+        let Model { class, cells, object_px, heights_m, scorer } = model;
+        let scorer = match scorer {
+            Scorer::Trees(trees) => of_trees(cells, trees),
+            Scorer::Template(template) => Form::Template(template),
         };
-        Self { class, cells, object_px, heights_m, trees }
+        Self { class, cells, object_px, heights_m, scorer }
+    }
+}
+
+/// In whole units where all are.
+fn of_trees(cells: [usize; 2], trees: Trees) -> Form {
+    let nodes = trees.features.iter().zip(&trees.thresholds);
+    let thresholds = nodes.map(|(f, threshold)| units(*threshold, step(cells, *f))).collect::<Option<_>>();
+    let leaves = trees.leaves.iter().map(|leaf| units(*leaf, leaf_step())).collect::<Option<_>>();
+    match (thresholds, leaves) {
+        (Some(thresholds), Some(leaves)) => {
+            Form::Units { depth: trees.depth, features: trees.features, thresholds, leaves }
+        }
+        _ => Form::Floats(trees),
     }
 }
 
 impl From<Stored> for Model {
     fn from(stored: Stored) -> Self {
-        let Stored { class, cells, object_px, heights_m, trees } = stored;
-        let trees = match trees {
-            Form::Floats(trees) => trees,
+        let Stored { class, cells, object_px, heights_m, scorer } = stored;
+        let scorer = match scorer {
+            Form::Template(template) => Scorer::Template(template),
+            Form::Floats(trees) => Scorer::Trees(trees),
             Form::Units { depth, features, thresholds, leaves } => {
                 let nodes = features.iter().zip(thresholds);
                 let thresholds = nodes.map(|(f, units)| f32::from(units) * step(cells, *f)).collect();
                 let leaves = leaves.into_iter().map(|units| f32::from(units) * leaf_step()).collect();
-                Trees { depth, features, thresholds, leaves }
+                Scorer::Trees(Trees { depth, features, thresholds, leaves })
             }
         };
-        Self { class, cells, object_px, heights_m, trees }
+        Self { class, cells, object_px, heights_m, scorer }
     }
 }

@@ -3,6 +3,7 @@ mod published;
 use swerve_core::Rng;
 
 use super::*;
+use crate::simd::narrow::both;
 use crate::{Rgb, shipped};
 
 /// A detector of bright squares of 8 pixels on dark ground: one tree over lightness in and around a window of 8 cells.
@@ -26,7 +27,13 @@ fn squares() -> Weights {
         thresholds: vec![0.25; 7],
         leaves: (0..8).map(leaf).collect(),
     };
-    let model = Model { class: 0, cells: [8, 8], object_px: [8.0, 8.0], heights_m: [0.9, 1.1], trees };
+    let model = Model {
+        class: 0,
+        cells: [8, 8],
+        object_px: [8.0, 8.0],
+        heights_m: [0.9, 1.1],
+        scorer: Scorer::Trees(trees),
+    };
     let rung = Rung {
         name: "all".into(),
         first_octave: 0,
@@ -34,6 +41,7 @@ fn squares() -> Weights {
         stride: 1,
         trees: 8,
         reject: 0.0,
+        whole_every: 1,
         tolerance_rad: None,
         calibrations: vec![Calibration { slope: 1.0, offset: 0.0 }],
     };
@@ -99,6 +107,77 @@ fn what_stands_on_no_ground_is_not_looked_for() {
 }
 
 #[test]
+fn around_boxes_only_what_is_there_is_found() {
+    let wanted = [[40, 30, 12], [90, 60, 16], [30, 90, 23]];
+    let bytes = image(160, 140, &wanted);
+    let mut scanner = Scanner::new(squares(), squares().rungs[1].clone(), [160, 140], None);
+    let mut look = |boxes: Option<&[[f64; 4]]>| {
+        let mut found = Vec::new();
+        scanner.look_near(boxes);
+        scanner.detect(Rgb::new(160, 140, &bytes).unwrap(), &mut found).unwrap();
+        wanted.map(|square| {
+            let [l, t, n] = square.map(|n| n as f64);
+            found.iter().any(|one| iou(one.bbox, [l, t, n, n]) > 0.5)
+        })
+    };
+    let off = |[l, t, n]: [usize; 3]| [l as f64 + 0.2 * n as f64, t as f64, n as f64, 1.15 * n as f64];
+    assert_eq!(look(None), [true; 3]);
+    assert_eq!(look(Some(&[])), [false; 3]);
+    assert_eq!(look(Some(&[off(wanted[0])])), [true, false, false]);
+    assert_eq!(look(Some(&[off(wanted[2]), off(wanted[1])])), [false, true, true]);
+    // Far too large, far away, or nowhere at all.
+    let senseless = [[30.0, 20.0, 60.0, 60.0], [1e300, -1e300, 12.0, 12.0], [f64::NAN; 4]];
+    assert_eq!(look(Some(&senseless)), [false; 3]);
+    assert_eq!(look(None), [true; 3]);
+}
+
+/// A detector by a template of any weights.
+fn template(cells: [usize; 2]) -> Weights {
+    let mut rng = Rng::keyed(3, "template", &[]);
+    let count = blocks::PLANES * cells[0] * cells[1];
+    let weights = (0..count).map(|_| rng.normal() as f32).collect();
+    let mut detector = squares();
+    detector.models[0].cells = cells;
+    detector.models[0].scorer = Scorer::Template(Template { weights, offset: 0.5 });
+    detector
+}
+
+#[test]
+fn a_template_is_summed_up_over_each_window() {
+    let bytes: Vec<u8> = (0..121 * 90 * 3).map(|k| (k * 37 % 91 + k / 363 * 53 % 83) as u8).collect();
+    for stride in 1..4 {
+        let weights = template([6, 5]);
+        let rung = Rung { stride, reject: f32::NEG_INFINITY, ..weights.rungs[1].clone() };
+        let [wide, narrow] = both(|| {
+            let mut scanner = Scanner::new(weights.clone(), rung.clone(), [121, 90], None);
+            scanner.fill(Rgb::new(121, 90, &bytes).unwrap()).unwrap();
+            let mut candidates = Vec::new();
+            scanner.candidates(&mut candidates);
+            (candidates, scanner)
+        });
+        assert_eq!(wide.0, narrow.0);
+        assert!(wide.0.len() > 50);
+        let (found, scanner) = wide;
+        let Scorer::Template(template) = &weights.models[0].scorer else { unreachable!() };
+        for level in 0..scanner.levels() {
+            let [columns, lines] = scanner.places(0, level);
+            for (column, line) in
+                columns.step_by(stride).flat_map(|c| lines.clone().step_by(stride).map(move |l| (c, l)))
+            {
+                let candidate = Candidate { model: 0, level, at: [column, line], score: 0.0 };
+                let mut bytes = Vec::new();
+                scanner.features(&candidate, &mut bytes);
+                let values = bytes.iter().map(|byte| (f32::from(*byte) + 0.5) * blocks::STEP);
+                let about: f32 = template.weights.iter().zip(values).map(|(w, v)| w * v).sum::<f32>() + 0.5;
+                let same = |one: &&Candidate| one.level == level && one.at == candidate.at;
+                let one = found.iter().find(same).unwrap();
+                assert!((one.score - about).abs() < 0.1, "{} {about}", one.score);
+            }
+        }
+    }
+}
+
+#[test]
 fn images_with_nothing_in_them_have_a_result() {
     let weights = squares();
     for (size, value) in
@@ -157,6 +236,8 @@ fn nothing_is_allocated_from_the_second_image_on() {
 fn weights_are_read_as_written() {
     let weights = squares();
     assert_eq!(Weights::read(&weights.write()).unwrap(), weights);
+    let linear = template([6, 4]);
+    assert_eq!(Weights::read(&linear.write()).unwrap(), linear);
     for name in shipped::names() {
         let weights = shipped::detector(name).unwrap().unwrap();
         assert_eq!(Weights::read(&weights.write()).unwrap(), weights);
@@ -172,7 +253,7 @@ fn what_is_wrong_with_weights_is_told() {
         "no weights of a detector: expected a file that begins with `SWERVDET`"
     );
     assert!(told(&[]).starts_with("no weights"));
-    assert_eq!(told(&[&good[..8], &[9], &good[9..]].concat()), "weights of version 9, expected 1");
+    assert_eq!(told(&[&good[..8], &[9], &good[9..]].concat()), "weights of version 9, expected 2");
     let mut rng = Rng::keyed(1, "damage", &[]);
     for _ in 0..200 {
         let mut bad = good.clone();
@@ -187,10 +268,26 @@ fn what_is_wrong_with_weights_is_told() {
         change(&mut weights);
         assert_eq!(told(&weights.write()), format!("weights that make no sense: {expected}"));
     };
-    check(|w| w.models[0].trees.features[0] = 640, "features within the window expected");
+    check(|w| trees(w).features[0] = 640, "features within the window expected");
     check(|w| w.models[0].class = 1, "models of the classes expected");
-    check(|w| w.models[0].trees.leaves.truncate(5), "full trees expected");
-    check(|w| w.models[0].trees.depth = 60, "trees of 1 to 8 levels expected");
+    check(|w| trees(w).leaves.truncate(5), "full trees expected");
+    check(|w| trees(w).depth = 60, "trees of 1 to 8 levels expected");
+    check(|w| w.rungs[0].whole_every = 0, "an image searched whole expected");
     check(|w| w.rungs[0].stride = 0, "a stride and trees of at least 1 expected");
-    check(|w| w.models[0].trees.thresholds[0] = f32::NAN, "finite thresholds and leaves expected");
+    check(|w| trees(w).thresholds[0] = f32::NAN, "finite thresholds and leaves expected");
+    check(|w| w.models.extend(template([6, 4]).models), "trees or templates alone expected");
+    check(
+        |w| {
+            w.models = template([6, 4]).models;
+            w.models[0].cells = [6, 5];
+        },
+        "finite weights of the window expected",
+    );
+}
+
+fn trees(weights: &mut Weights) -> &mut Trees {
+    match &mut weights.models[0].scorer {
+        Scorer::Trees(trees) => trees,
+        Scorer::Template(_) => unreachable!("squares are found by trees"),
+    }
 }

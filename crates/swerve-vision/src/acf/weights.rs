@@ -4,16 +4,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Trees;
 use super::decorrelate::SIDE;
-use super::stored::Stored;
+use super::stored::{Stored, feature_step};
 use super::suppress::Overlap;
-use crate::channels::CHANNELS;
+use super::{Template, Trees, blocks};
+use crate::channels::{CHANNELS, ORIENTATIONS};
 use crate::weights_file::{WeightsFile, ensure};
 
 pub use crate::weights_file::WeightsError;
 
-const FILE: WeightsFile = WeightsFile { of: "detector", magic: "SWERVDET", version: 1 };
+const FILE: WeightsFile = WeightsFile { of: "detector", magic: "SWERVDET", version: 2 };
 
 /// All that a detector has learnt, and how it is to be used.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -36,7 +36,7 @@ pub struct Weights {
     pub overlap: (f64, Overlap),
 }
 
-/// A window and its trees.
+/// A window and what gives it a score.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(from = "Stored", into = "Stored")]
 pub struct Model {
@@ -49,7 +49,27 @@ pub struct Model {
     /// The smallest and the largest height that an object has, for ground that is known.
     pub heights_m: [f64; 2],
     /// What the score is the sum of.
-    pub trees: Trees,
+    pub scorer: Scorer,
+}
+
+/// What gives a window its score.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Scorer {
+    /// Boosted trees, over channels.
+    Trees(Trees),
+    /// A linear template, over blocks of histograms of oriented gradients.
+    Template(Template),
+}
+
+/// What windows are described by.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Features {
+    /// The ten channels (ACF).
+    Channels,
+    /// These filtered and halved (LDCF).
+    Decorrelated,
+    /// Histograms of oriented gradients, normalised by blocks (HOG).
+    Blocks,
 }
 
 /// A way to use a detector.
@@ -67,6 +87,8 @@ pub struct Rung {
     pub trees: usize,
     /// A window whose score falls to this or below is given up.
     pub reject: f32,
+    /// Of so many images one is searched whole, the others around tracks alone; 1 to search each whole.
+    pub whole_every: u32,
     /// How far the horizon may be off if the camera is known and objects stand on the ground; none to look anywhere.
     pub tolerance_rad: Option<f64>,
     /// Of each class; none to give scores as they are.
@@ -110,12 +132,48 @@ impl Weights {
 
     /// Planes that features are taken from.
     pub fn planes(&self) -> usize {
-        if self.filters.is_empty() { CHANNELS } else { self.filters.len() / (SIDE * SIDE) }
+        match self.features() {
+            Features::Channels => CHANNELS,
+            Features::Decorrelated => self.filters.len() / (SIDE * SIDE),
+            Features::Blocks => blocks::PLANES,
+        }
+    }
+
+    /// One unit of a feature of a plane, where a byte holds it.
+    pub fn feature_step(&self, plane: usize) -> f32 {
+        match self.features() {
+            Features::Channels | Features::Decorrelated => feature_step(plane % CHANNELS),
+            Features::Blocks => blocks::STEP,
+        }
+    }
+
+    /// Which plane of a picture is this one of its mirror image: gradients lean the other way.
+    pub fn mirrored(&self, plane: usize) -> usize {
+        let turned = |bin: usize| (ORIENTATIONS - bin) % ORIENTATIONS;
+        let channel = |plane: usize| {
+            let first = CHANNELS - ORIENTATIONS;
+            if plane < first { plane } else { first + turned(plane - first) }
+        };
+        match self.features() {
+            Features::Channels => channel(plane),
+            Features::Decorrelated => plane / CHANNELS * CHANNELS + channel(plane % CHANNELS),
+            Features::Blocks if plane < ORIENTATIONS => turned(plane),
+            // Left and right blocks change places.
+            Features::Blocks => ORIENTATIONS + ((plane - ORIENTATIONS) ^ 1),
+        }
+    }
+
+    /// What all its models look at.
+    pub(super) fn features(&self) -> Features {
+        match self.models.first().map(|model| &model.scorer) {
+            Some(Scorer::Template(_)) => Features::Blocks,
+            _ if self.filters.is_empty() => Features::Channels,
+            _ => Features::Decorrelated,
+        }
     }
 
     fn check(&self) -> Result<(), &'static str> {
         let filters = CHANNELS * SIDE * SIDE;
-        let finite = |numbers: &[f32]| numbers.iter().all(|number| number.is_finite());
         ensure((1..=16).contains(&self.shrink), "cells of 1 to 16 pixels expected")?;
         ensure(
             self.filters.len().is_multiple_of(filters) && finite(&self.filters),
@@ -128,6 +186,7 @@ impl Weights {
             ensure((-1..=1).contains(&rung.first_octave), "a first octave of -1, 0 or 1 expected")?;
             ensure((1..=32).contains(&rung.per_octave), "1 to 32 levels an octave expected")?;
             ensure(rung.stride > 0 && rung.trees > 0, "a stride and trees of at least 1 expected")?;
+            ensure(rung.whole_every > 0, "an image searched whole expected")?;
             let calibrated = rung.calibrations.len();
             ensure(
                 calibrated == 0 || calibrated == self.classes.len(),
@@ -140,25 +199,41 @@ impl Weights {
                 (1..=256).contains(&columns) && (1..=256).contains(&lines),
                 "windows of 1 to 256 cells expected",
             )?;
-            let (trees, features) = (&model.trees, self.planes() * columns * lines);
-            ensure((1..=8).contains(&trees.depth), "trees of 1 to 8 levels expected")?;
-            let nodes = trees.len() * ((1 << trees.depth) - 1);
-            let whole = trees.leaves.len() == trees.len() << trees.depth;
-            ensure(
-                whole && nodes == trees.features.len() && nodes == trees.thresholds.len(),
-                "full trees expected",
-            )?;
-            ensure(
-                trees.features.iter().all(|f| usize::from(*f) < features),
-                "features within the window expected",
-            )?;
-            ensure(
-                finite(&trees.thresholds) && finite(&trees.leaves),
-                "finite thresholds and leaves expected",
-            )?;
+            let features = self.planes() * columns * lines;
+            match (&model.scorer, self.features()) {
+                (Scorer::Trees(trees), Features::Channels | Features::Decorrelated) => {
+                    trees.check(features)?
+                }
+                (Scorer::Template(template), Features::Blocks) => {
+                    let whole = template.weights.len() == features && template.offset.is_finite();
+                    ensure(whole && finite(&template.weights), "finite weights of the window expected")?;
+                }
+                _ => return Err("trees or templates alone expected"),
+            }
             ensure(model.class < self.classes.len(), "models of the classes expected")?;
             let sizes = [model.object_px, model.heights_m].concat();
             ensure(sizes.iter().all(|size| size.is_finite() && *size > 0.0), "objects of some size expected")
         })
     }
+}
+
+impl Trees {
+    fn check(&self, features: usize) -> Result<(), &'static str> {
+        ensure((1..=8).contains(&self.depth), "trees of 1 to 8 levels expected")?;
+        let nodes = self.len() * ((1 << self.depth) - 1);
+        let whole = self.leaves.len() == self.len() << self.depth;
+        ensure(
+            whole && nodes == self.features.len() && nodes == self.thresholds.len(),
+            "full trees expected",
+        )?;
+        ensure(
+            self.features.iter().all(|f| usize::from(*f) < features),
+            "features within the window expected",
+        )?;
+        ensure(finite(&self.thresholds) && finite(&self.leaves), "finite thresholds and leaves expected")
+    }
+}
+
+fn finite(numbers: &[f32]) -> bool {
+    numbers.iter().all(|number| number.is_finite())
 }

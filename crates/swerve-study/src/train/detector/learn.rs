@@ -1,21 +1,24 @@
-//! Rounds of training: windows from the images, trees from the windows, and again with what the trees took wrongly.
+//! Rounds of training: windows from the images, trees or templates from the windows, and again with what these took
+//! wrongly.
 
 use rayon::prelude::*;
 use swerve_core::Rng;
 use swerve_report::progress::Progress;
-use swerve_vision::acf::{Candidate, Model, Overlap, Rung, Scanner, Trees, Weights, feature_step, iou};
+use swerve_vision::acf::{Candidate, Model, Overlap, Rung, Scanner, Scorer, Template, Trees, Weights, iou};
 use swerve_vision::boosting::{BoostParams, Samples, boost};
-use swerve_vision::channels::{CHANNELS, ORIENTATIONS};
+use swerve_vision::svm::{self, SvmParams};
 
 use super::labelled::Labelled;
-use super::recipe::{Recipe, Window};
+use super::recipe::{Growing, Method, Recipe, Svm, Window};
 
 /// Powers of the scale that colour, magnitude and orientations fall with (Dollár et al. 2014, table 2).
 const DECAY: [f32; 3] = [0.0, 0.11, 0.11];
+/// Passes of a support vector machine over its windows at most.
+const PASSES: usize = 200;
 /// Windows that share less than this with an object are none: at first, and of those that were taken for one.
 const APART: [f64; 2] = [0.1, 0.3];
 
-/// Weights without trees.
+/// Weights that nothing was learnt for yet: a template of zeros, or no trees.
 pub(super) fn untrained(recipe: &Recipe, source: String) -> Weights {
     let mut classes: Vec<_> = recipe.window.iter().map(|window| window.class).collect();
     classes.sort_unstable();
@@ -25,7 +28,10 @@ pub(super) fn untrained(recipe: &Recipe, source: String) -> Weights {
         cells: window.cells,
         object_px: window.object_px,
         heights_m: window.heights_m,
-        trees: Trees { depth: recipe.learning.depth, ..Trees::default() },
+        scorer: match &recipe.learning.method {
+            Method::Trees(growing) => Scorer::Trees(Trees { depth: growing.depth, ..Trees::default() }),
+            Method::Svm(_) => Scorer::Template(Template::default()),
+        },
     };
     Weights {
         source,
@@ -46,21 +52,27 @@ struct Windows {
     negative: Vec<u8>,
 }
 
-/// Grows the trees of all windows; the same on any number of threads.
+/// Learns what gives all windows their scores; the same on any number of threads.
 pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights, progress: &Progress) {
+    // Templates give no window up early: fewer are looked at.
+    let (per_octave, stride) = match &recipe.learning.method {
+        Method::Trees(_) => (8, 1),
+        Method::Svm(_) => (4, 2),
+    };
     let looking = Rung {
         name: String::new(),
-        first_octave: 0,
-        per_octave: 8,
-        stride: 1,
+        first_octave: recipe.rung.iter().map(|rung| rung.rung().first_octave).max().unwrap_or(0),
+        per_octave,
+        stride,
         trees: usize::MAX,
         reject: -1.0,
+        whole_every: 1,
         tolerance_rad: None,
         calibrations: Vec::new(),
     };
     let size = [recipe.camera.width_px, recipe.camera.height_px].map(|px| px as usize);
     let mut kept = vec![Windows::default(); weights.models.len()];
-    for (round, trees) in recipe.learning.rounds.iter().enumerate() {
+    for round in 0..recipe.learning.rounds() {
         let scanner = Scanner::new(weights.clone(), looking.clone(), size, None);
         let mined: Vec<Vec<Windows>> = images
             .par_iter()
@@ -68,7 +80,7 @@ pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights,
             .map_init(|| scanner.clone(), |scanner, (k, image)| mine(recipe, scanner, image, [round, k]))
             .collect();
         for (model, kept) in kept.iter_mut().enumerate() {
-            let features = features(&recipe.window[model]);
+            let features = features(weights, &recipe.window[model]);
             let fresh: Vec<u8> = mined.iter().flat_map(|windows| &windows[model].negative).copied().collect();
             kept.positive.extend(mined.iter().flat_map(|windows| &windows[model].positive));
             let room = (recipe.learning.negatives[1] * features).saturating_sub(fresh.len()) / features;
@@ -79,29 +91,30 @@ pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights,
                 &mut Rng::keyed(recipe.seed, "kept", &[round as i64, model as i64]),
             );
             kept.negative.extend(&fresh);
-            let params = BoostParams {
-                depth: recipe.learning.depth,
-                trees: *trees,
-                one_of: recipe.learning.one_of,
-                seed: recipe.seed + model as u64,
-            };
-            let samples = Samples { features, positive: &kept.positive, negative: &kept.negative };
-            let grown = to_floats(boost(samples, &params), &recipe.window[model]);
             progress.tell(&format!(
-                "{} {model}, round {round}: {} windows with, {} without, {} of them new; {} trees",
+                "{} {model}, round {round}: {} windows with, {} without, {} of them new",
                 recipe.window[model].class.name(),
                 kept.positive.len() / features,
                 kept.negative.len() / features,
                 fresh.len() / features,
-                grown.len(),
             ));
-            weights.models[model].trees = grown;
         }
+        let learn_one = |(model, kept): (usize, &Windows)| {
+            let seed = recipe.seed + model as u64;
+            match &recipe.learning.method {
+                Method::Trees(growing) => Scorer::Trees(grow(weights, model, kept, (growing, round, seed))),
+                Method::Svm(svm) => Scorer::Template(separate(weights, model, kept, (svm, seed))),
+            }
+        };
+        let learnt: Vec<Scorer> = kept.par_iter().enumerate().map(learn_one).collect();
+        weights.models.iter_mut().zip(learnt).for_each(|(model, scorer)| model.scorer = scorer);
+        progress.one_done();
     }
 }
 
-fn features(window: &Window) -> usize {
-    CHANNELS * window.cells[0] * window.cells[1]
+/// How many features a window has.
+fn features(weights: &Weights, window: &Window) -> usize {
+    weights.planes() * window.cells[0] * window.cells[1]
 }
 
 /// Leaves so many rows, drawn at random, in their order.
@@ -117,13 +130,41 @@ fn thin(rows: &mut Vec<u8>, width: usize, room: usize, rng: &mut Rng) {
     *rows = chosen.iter().flat_map(|k| &rows[k * width..][..width]).copied().collect();
 }
 
-/// Thresholds in the features' own units.
-fn to_floats(mut trees: Trees, window: &Window) -> Trees {
-    let plane = window.cells[0] * window.cells[1];
+/// Boosted trees, their thresholds in the features' own units.
+fn grow(
+    weights: &Weights,
+    model: usize,
+    windows: &Windows,
+    (growing, round, seed): (&Growing, usize, u64),
+) -> Trees {
+    let [columns, lines] = weights.models[model].cells;
+    let plane = columns * lines;
+    let params =
+        BoostParams { depth: growing.depth, trees: growing.rounds[round], one_of: growing.one_of, seed };
+    let features = weights.planes() * plane;
+    let samples = Samples { features, positive: &windows.positive, negative: &windows.negative };
+    let mut trees = boost(samples, &params);
     for (feature, threshold) in trees.features.iter().zip(&mut trees.thresholds) {
-        *threshold *= feature_step(usize::from(*feature) / plane);
+        *threshold *= weights.feature_step(usize::from(*feature) / plane);
     }
     trees
+}
+
+/// What a support vector machine makes of the windows; their features are as they are in images.
+fn separate(weights: &Weights, model: usize, windows: &Windows, (svm, seed): (&Svm, u64)) -> Template {
+    let [columns, lines] = weights.models[model].cells;
+    let plane = columns * lines;
+    let steps: Vec<f32> =
+        (0..weights.planes() * plane).map(|feature| weights.feature_step(feature / plane)).collect();
+    // A byte is what a feature was cut to: in the middle it was half a unit more.
+    let value = |(byte, step): (&u8, &f32)| (f32::from(*byte) + 0.5) * step;
+    let rows = windows.positive.chunks_exact(steps.len()).chain(windows.negative.chunks_exact(steps.len()));
+    let samples: Vec<f32> = rows.flat_map(|row| row.iter().zip(&steps).map(value)).collect();
+    let counts = [&windows.positive, &windows.negative].map(|bytes| bytes.len() / steps.len());
+    let is_positive: Vec<bool> = (0..counts[0] + counts[1]).map(|k| k < counts[0]).collect();
+    let params = SvmParams { cost: svm.cost, passes: PASSES, seed, ..SvmParams::default() };
+    let linear = svm::train(steps.len(), &samples, &is_positive, &params);
+    Template { weights: linear.weights.iter().map(|w| *w as f32).collect(), offset: linear.offset as f32 }
 }
 
 /// What one image adds.
@@ -194,16 +235,14 @@ fn example(scanner: &Scanner, window: &Window, (model, bbox): (usize, [f64; 4]),
     for candidate in scanner.around(model, bbox) {
         let start = into.len();
         scanner.features(&candidate, into);
-        let mirrored = mirror(&into[start..], window.cells);
+        let mirrored = mirror(scanner.weights(), &into[start..], window.cells);
         into.extend(mirrored);
     }
 }
 
-/// A window's features as they would be in a mirror: gradients lean the other way.
-fn mirror(features: &[u8], [columns, lines]: [usize; 2]) -> Vec<u8> {
+/// A window's features as they would be in a mirror.
+fn mirror(weights: &Weights, features: &[u8], [columns, lines]: [usize; 2]) -> Vec<u8> {
     let plane = |k: usize| &features[k * columns * lines..][..columns * lines];
-    let first = CHANNELS - ORIENTATIONS;
-    let source = |k: usize| if k < first { k } else { first + (ORIENTATIONS - (k - first)) % ORIENTATIONS };
-    let planes = (0..CHANNELS).map(|k| plane(source(k)));
+    let planes = (0..weights.planes()).map(|k| plane(weights.mirrored(k)));
     planes.flat_map(|plane| plane.chunks_exact(columns).flat_map(|row| row.iter().rev().copied())).collect()
 }

@@ -22,7 +22,7 @@ pub(in crate::train) struct Recipe {
     pub(super) rung: Vec<Ladder>,
 }
 
-/// What is found by one set of trees.
+/// What is found by one set of trees, or by one template.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Window {
@@ -78,24 +78,62 @@ impl Class {
     }
 }
 
-/// How trees are grown.
+/// How it learns.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Learning {
     /// Pixels along a cell.
     pub(super) shrink: usize,
-    /// Levels of nodes.
-    pub(super) depth: usize,
-    /// Trees at most, of each round; each but the first adds what the round before took for objects.
-    pub(super) rounds: Vec<usize>,
-    /// Each tree is offered one of so many features.
-    pub(super) one_of: usize,
+    /// Trees or templates.
+    pub(super) method: Method,
     /// Windows without an object that one image adds in a round, and that are kept in all.
     pub(super) negatives: [usize; 2],
     /// Farther objects are neither learnt nor counted.
     pub(super) within_m: f64,
     /// Of boxes of a class that share more than this of their union, the surest stays.
     pub(super) overlap: f64,
+}
+
+/// What gives windows their scores.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Method {
+    /// Boosted trees over channels.
+    Trees(Growing),
+    /// Linear templates over histograms of gradients.
+    Svm(Svm),
+}
+
+/// How trees are grown.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Growing {
+    /// Levels of nodes.
+    pub(super) depth: usize,
+    /// Trees at most, of each round; each but the first adds what the round before took for objects.
+    pub(super) rounds: Vec<usize>,
+    /// Each tree is offered one of so many features.
+    pub(super) one_of: usize,
+}
+
+/// How a support vector machine is trained.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Svm {
+    /// What a window on the wrong side costs.
+    pub(super) cost: f64,
+    /// Rounds; each but the first adds what the round before took for objects.
+    pub(super) rounds: usize,
+}
+
+impl Learning {
+    /// How often windows are looked for and learnt from.
+    pub(super) fn rounds(&self) -> usize {
+        match &self.method {
+            Method::Trees(growing) => growing.rounds.len(),
+            Method::Svm(svm) => svm.rounds,
+        }
+    }
 }
 
 /// A way to use the detector.
@@ -106,9 +144,22 @@ pub(super) struct Ladder {
     first_octave: i32,
     per_octave: usize,
     stride: usize,
+    /// Trees asked at most; all.
+    #[serde(default = "all")]
     trees: usize,
     reject: f32,
+    /// Of so many images one is searched whole; each.
+    #[serde(default = "one")]
+    whole_every: u32,
     tolerance_deg: Option<f64>,
+}
+
+fn all() -> usize {
+    u32::MAX as usize
+}
+
+fn one() -> u32 {
+    1
 }
 
 impl Ladder {
@@ -120,6 +171,7 @@ impl Ladder {
             stride: self.stride,
             trees: self.trees,
             reject: self.reject,
+            whole_every: self.whole_every,
             tolerance_rad: self.tolerance_deg.map(f64::to_radians),
             calibrations: Vec::new(),
         }
@@ -165,8 +217,17 @@ impl Recipe {
         }
         let learning = &self.learning;
         ensure((1..=8).contains(&learning.shrink), "learning.shrink".into(), "expected 1 to 8");
-        ensure((1..=6).contains(&learning.depth), "learning.depth".into(), "expected 1 to 6");
-        ensure(!learning.rounds.is_empty(), "learning.rounds".into(), "expected at least one");
+        match &learning.method {
+            Method::Trees(Growing { depth, one_of, .. }) => {
+                ensure((1..=6).contains(depth), "learning.method.trees.depth".into(), "expected 1 to 6");
+                ensure(*one_of > 0, "learning.method.trees.one_of".into(), "expected at least 1");
+            }
+            Method::Svm(Svm { cost, .. }) => {
+                let is_positive = cost.is_finite() && *cost > 0.0;
+                ensure(is_positive, "learning.method.svm.cost".into(), "expected more than 0");
+            }
+        }
+        ensure(learning.rounds() > 0, "learning.method".into(), "expected at least one round");
         ensure(learning.negatives[0] > 0, "learning.negatives".into(), "expected more than 0");
         let is_share = learning.overlap > 0.0 && learning.overlap <= 1.0;
         ensure(is_share, "learning.overlap".into(), "expected more than 0, at most 1");
@@ -174,9 +235,9 @@ impl Recipe {
         for (k, rung) in self.rung.iter().enumerate() {
             let known = (-1..=1).contains(&rung.first_octave) && (1..=32).contains(&rung.per_octave);
             ensure(
-                known && rung.stride > 0 && rung.trees > 0,
+                known && rung.stride > 0 && rung.trees > 0 && rung.whole_every > 0,
                 format!("rung[{k}]"),
-                "expected a first octave of -1 to 1, 1 to 32 levels an octave, a stride and trees",
+                "expected a first octave of -1 to 1, 1 to 32 levels an octave, a stride, trees, an image searched whole",
             );
         }
         problems

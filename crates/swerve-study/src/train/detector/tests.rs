@@ -49,13 +49,19 @@ fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
 }
 
 #[test]
-fn the_stored_detector_is_of_the_recipe() {
-    let path = Path::new("../swerve-vision/detectors/street.toml");
-    let (recipe, text) = Recipe::read(path).unwrap();
-    let weights = swerve_vision::shipped::detector("street").unwrap().unwrap();
+fn the_stored_detectors_are_of_their_recipes() {
+    for name in ["street", "hog_street"] {
+        is_of_its_recipe(name);
+    }
+}
+
+fn is_of_its_recipe(detector: &str) {
+    let path = Path::new("../swerve-vision/detectors").join(detector).with_extension("toml");
+    let (recipe, text) = Recipe::read(&path).unwrap();
+    let weights = swerve_vision::shipped::detector(detector).unwrap().unwrap();
     assert_eq!(
         weights.source,
-        source::<Recipe>(path, &text),
+        source::<Recipe>(&path, &text),
         "train the detector again: its recipe has changed"
     );
     assert_eq!(weights.models.len(), recipe.window.len());
@@ -70,24 +76,28 @@ fn a_file_that_is_no_image_is_told() {
     assert!(format!("{error:#}").starts_with("reading Cargo.toml: "), "{error:#}");
 }
 
-/// The bytes of weights learnt from drawn images, on a number of threads.
-fn learnt(threads: usize) -> Vec<u8> {
+/// The bytes of weights learnt from drawn images by a method, on a number of threads.
+fn learnt(method: &str, threads: usize) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tiny.toml");
-    let tiny =
-        RECIPE.replace("width_px = 800", "width_px = 176").replace("height_px = 600", "height_px = 88");
-    std::fs::write(&path, tiny.replace("rounds = [64, 1024]", "rounds = [4, 12]")).unwrap();
+    let tiny = RECIPE
+        .replace("width_px = 800", "width_px = 176")
+        .replace("height_px = 600", "height_px = 88")
+        .replace("trees = { depth = 3, rounds = [64, 1024], one_of = 8 }", method);
+    assert!(tiny.contains(method));
+    std::fs::write(&path, tiny).unwrap();
     let (mut recipe, _) = Recipe::read(&path).unwrap();
     recipe.window.retain(|window| window.class.name() == "car");
     let images: Vec<Labelled> = (0..7).map(|k| Labelled::drawn([176, 88], k)).collect();
     let mut weights = learn::untrained(&recipe, "drawn".to_owned());
+    let last = weights.rungs.len() - 1;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         learn::learn(&recipe, &images, &mut weights, &Progress::fits(1));
-        let found = score::detect(&recipe, &weights, &weights.rungs[5], &images);
+        let found = score::detect(&recipe, &weights, &weights.rungs[last], &images);
         let car = (0, recipe.window[0].class);
         let judged = score::judged(&found, &images, car, recipe.learning.within_m);
-        weights.rungs[5].calibrations = vec![score::calibrate(&judged)];
+        weights.rungs[last].calibrations = vec![score::calibrate(&judged)];
         let (ap, wanted) = score::average_precision(&found, &images, car, recipe.learning.within_m);
         assert!(wanted == 21 && ap.unwrap() > 0.5, "{ap:?} of {wanted}: nothing was learnt");
     });
@@ -96,7 +106,10 @@ fn learnt(threads: usize) -> Vec<u8> {
 
 #[test]
 fn weights_are_the_same_bytes_on_any_number_of_threads() {
-    let one = learnt(1);
-    assert!(one.len() > 300);
-    assert_eq!(one, learnt(4));
+    for method in ["trees = { depth = 3, rounds = [4, 12], one_of = 8 }", "svm = { cost = 0.1, rounds = 2 }"]
+    {
+        let one = learnt(method, 1);
+        assert!(one.len() > 300);
+        assert!(one == learnt(method, 4), "{method}");
+    }
 }

@@ -1,0 +1,137 @@
+//! A soft cascade of trees over windows.
+
+use super::Trees;
+use super::windows::Windows;
+use crate::channels::select;
+use crate::stack::Stack;
+
+/// A node of a tree on one level.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    /// Of its feature, from the window's first cell.
+    offset: u32,
+    threshold: f32,
+}
+
+/// Windows of neighbouring columns that are scored at once.
+const LANES: usize = 8;
+/// Deeper trees are climbed one by one: all nodes of a tree are looked at where several windows are.
+const DEEPEST: usize = 3;
+/// Where no more windows than this are left of those, they are followed one by one.
+const FEW: usize = 2;
+
+/// Reports the windows that are not given up, with their scores; trees of any depth where `D` is 0.
+#[inline(always)]
+pub(super) fn scan<const D: usize>(
+    trees: &Trees,
+    nodes: &[Node],
+    windows: &Windows<'_>,
+    report: &mut impl FnMut([usize; 2], f32),
+) {
+    let depth = if D == 0 { trees.depth } else { D };
+    let (inner, reject, cells) = ((1 << depth) - 1, windows.reject, windows.cells);
+    let all = || nodes.chunks_exact(inner).zip(trees.leaves.chunks_exact(inner + 1));
+    for (line, columns) in windows.runs {
+        let mut rest = columns.clone();
+        if (1..=DEEPEST).contains(&D) && windows.stride == 1 {
+            while rest.len() >= LANES {
+                let first = &cells.numbers()[line * cells.width() + rest.start..];
+                let mut report = |lane, score| report([rest.start + lane, *line], score);
+                side_by_side::<D>(first, all(), reject, &mut report);
+                rest.start += LANES;
+            }
+        }
+        for column in rest.step_by(windows.stride) {
+            let window = &cells.numbers()[line * cells.width() + column..];
+            let score = climb(window, all(), depth, (0.0, reject));
+            if score > reject {
+                report([column, *line], score);
+            }
+        }
+    }
+}
+
+/// The score of a window from one of its trees on, given up once it is at `reject` or below.
+#[inline(always)]
+fn climb<'a>(
+    window: &[f32],
+    trees: impl Iterator<Item = (&'a [Node], &'a [f32])>,
+    depth: usize,
+    (mut score, reject): (f32, f32),
+) -> f32 {
+    for (nodes, leaves) in trees {
+        let mut k = 0;
+        for _ in 0..depth {
+            let node = nodes[k];
+            k = 2 * k + if window[node.offset as usize] < node.threshold { 1 } else { 2 };
+        }
+        score += leaves[k - nodes.len()];
+        if score <= reject {
+            break;
+        }
+    }
+    score
+}
+
+/// Scores windows of neighbouring columns, tree by tree, and reports those that are not given up: the same sums, term by
+/// term, as each has by itself.
+#[inline(always)]
+fn side_by_side<'a, const D: usize>(
+    windows: &[f32],
+    mut trees: impl Iterator<Item = (&'a [Node], &'a [f32])> + Clone,
+    reject: f32,
+    report: &mut impl FnMut(usize, f32),
+) {
+    let (mut scores, mut alive) = ([0.0; LANES], [true; LANES]);
+    while alive.iter().filter(|alive| **alive).count() > FEW {
+        let Some((nodes, leaves)) = trees.next() else { break };
+        let values = leaves_of::<D>(nodes, leaves, windows);
+        for lane in 0..LANES {
+            scores[lane] += values[lane];
+            alive[lane] &= scores[lane] > reject;
+        }
+    }
+    for lane in (0..LANES).filter(|lane| alive[*lane]) {
+        let score = climb(&windows[lane..], trees.clone(), D, (scores[lane], reject));
+        if score > reject {
+            report(lane, score);
+        }
+    }
+}
+
+/// The leaf of one tree that each of the windows comes to: from the leaves down to the root, each node keeps one of two.
+#[inline(always)]
+fn leaves_of<const D: usize>(nodes: &[Node], leaves: &[f32], windows: &[f32]) -> [f32; LANES] {
+    let mut values = [[0.0; LANES]; 1 << DEEPEST];
+    values.iter_mut().zip(leaves).for_each(|(value, leaf)| *value = [*leaf; LANES]);
+    for level in (0..D).rev() {
+        for k in 0..1 << level {
+            let node = nodes[(1 << level) - 1 + k];
+            let row = &windows[node.offset as usize..][..LANES];
+            values[k] = core::array::from_fn(|lane| {
+                select(row[lane] < node.threshold, values[2 * k][lane], values[2 * k + 1][lane])
+            });
+        }
+    }
+    values[0]
+}
+
+/// Where the features of the first so many trees are on a level, for windows of so many columns and lines.
+pub(super) fn placed(
+    trees: &Trees,
+    [columns, lines]: [usize; 2],
+    cells: &Stack,
+    most: usize,
+    into: &mut Vec<Node>,
+) {
+    let plane = cells.width() * cells.height();
+    let inner = (1 << trees.depth) - 1;
+    let nodes = trees.features.iter().zip(&trees.thresholds).take(most.saturating_mul(inner));
+    into.clear();
+    into.extend(nodes.map(|(feature, &threshold)| {
+        let feature = usize::from(*feature);
+        let (line, column) = (feature / columns % lines, feature % columns);
+        let offset = feature / (columns * lines) * plane + line * cells.width() + column;
+        Node { offset: offset as u32, threshold }
+    }));
+}
