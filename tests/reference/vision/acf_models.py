@@ -80,10 +80,19 @@ def convert(path, source):
     model = varint(0) + varint(columns) + varint(lines) + floats([width, height], "d") + floats([1.4, 2.0], "d")
     model += varint(1) + varint(depth) + vector(features, varint) + vector(thresholds, f32) + vector(leaves, f32)
     payload += varint(1) + model
-    rungs = [("doubled", 1), ("as_it_is", 0)]
-    rung = lambda name, octave: (
-        text(name) + zigzag(octave) + varint(int(pyramid.nPerOct)) + varint(int(opts.stride) // cell or 1)
-        + varint(len(trees)) + f32(float(opts.cascThr)) + varint(1) + b"\0" + varint(0)
+    # Octave, levels of one, stride in cells, trees; the last two as their authors have them, on two sizes.
+    all_of_them, own, stride = len(trees), int(pyramid.nPerOct), int(opts.stride) // cell or 1
+    rungs = [
+        ("half", -1, own, stride, all_of_them),
+        ("quick", 0, 4, 2 * stride, all_of_them // 8),
+        ("coarse", 0, 4, 2 * stride, all_of_them),
+        ("doubled_coarse", 1, 4, 2 * stride, all_of_them),
+        ("as_it_is", 0, own, stride, all_of_them),
+        ("doubled", 1, own, stride, all_of_them),
+    ]
+    rung = lambda name, octave, per_octave, stride, asked: (
+        text(name) + zigzag(octave) + varint(per_octave) + varint(stride) + varint(asked)
+        + f32(float(opts.cascThr)) + varint(1) + b"\0" + varint(0)
     )
     payload += varint(len(rungs)) + b"".join(rung(*r) for r in rungs)
     payload += floats([float(opts.pNms.overlap)], "d") + varint(1)

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use swerve_eval::{AveragePrecision, Found, Recalls};
 
-use crate::acf::{Detection, Overlap, Scanner, iou};
+use crate::acf::{Detection, Overlap, Rung, Scanner, Weights, iou};
 use crate::{Rgb, shipped, video::Video};
 
 /// Boxes of the frames, as their authors detected them.
@@ -18,12 +18,9 @@ fn truth() -> Vec<(usize, [f64; 4])> {
     text.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())).map(line).collect()
 }
 
-/// Average precision at an overlap of one half over the frames, with the image twice as large.
-fn average_precision(name: &str, video: &Video) -> f64 {
-    let weights = shipped::detector(name).unwrap().unwrap();
-    let mut weights = weights;
-    weights.overlap = (0.5, Overlap::Union);
-    let rung = weights.rungs[0].clone();
+/// Average precision at an overlap of one half over the frames.
+fn average_precision(weights: Weights, rung: Rung, video: &Video) -> f64 {
+    let weights = Weights { overlap: (0.5, Overlap::Union), ..weights };
     let mut scanner = Scanner::new(weights, rung, video.size, None);
     let (truth, mut ap, mut found) = (truth(), AveragePrecision::new(0.5), Vec::<Detection>::new());
     for number in video.numbers() {
@@ -43,8 +40,13 @@ fn average_precision(name: &str, video: &Video) -> f64 {
 fn published_models_find_the_people_of_pets() {
     let Some(video) = Video::open(5, 26, 31) else { return };
     for (name, least) in [("acf_inria", 0.82), ("ldcf_inria", 0.82)] {
-        let value = average_precision(name, &video);
-        println!("floor: {name}, AP50 on vtest.avi: {value:.3} >= {least}");
-        assert!(value >= least, "{name}: {value:.3}, expected at least {least}");
+        let weights = shipped::detector(name).unwrap().unwrap();
+        let of = |rung: &Rung| (rung.name.clone(), average_precision(weights.clone(), rung.clone(), &video));
+        let found: Vec<(String, f64)> = weights.rungs.iter().map(of).collect();
+        println!("{name}: {found:.3?}");
+        // The last sees people who are half as high as the window.
+        let (rung, value) = found.last().unwrap();
+        println!("floor: {name}, rung {rung}, AP50 on vtest.avi: {value:.3} >= {least}");
+        assert!(found.len() > 4 && *value >= least, "{name}: {value:.3}, expected at least {least}");
     }
 }
