@@ -65,8 +65,8 @@ pub enum ShotError {
     Size(#[from] ImageError),
 }
 
-/// Finds objects in images. What it has found before has no effect; only its memory is kept, and on a rung that does not
-/// search each image whole how many there were.
+/// Finds objects in images. What it has found before has no effect but on a rung that does not search each image whole;
+/// else only its memory is kept.
 #[derive(Clone, Debug)]
 pub struct CameraObjects {
     weights: Weights,
@@ -78,7 +78,7 @@ pub struct CameraObjects {
     /// All boxes of the last image, and those of them that are left, between the places that windows have.
     all: Vec<Detection>,
     found: Vec<Detection>,
-    /// Where tracks have their pictures.
+    /// Where to look: pictures of tracks, and of what was found in the image before.
     near: Vec<[f64; 4]>,
     images: u32,
 }
@@ -99,7 +99,8 @@ impl CameraObjects {
     }
 
     /// Finds the objects of an image, by falling score, and writes them over what was there. Where `tracks` are known, a
-    /// rung that does not search each image whole looks around them alone in the others.
+    /// rung that does not search each image whole looks in the others around them alone, and around what it found in the
+    /// image before.
     ///
     /// # Errors
     /// An image without colours, not whole, or of parallel rays.
@@ -126,6 +127,8 @@ impl CameraObjects {
                 let heading_rad = track.pose.heading_rad - shot.ego.heading_rad;
                 eye.picture(Pose2::new(at.x_m, at.y_m, heading_rad), track.extent, size)
             }));
+            // Who was found just now is followed by nobody yet: a tracker waits to see them again.
+            self.near.extend(self.found.iter().filter(|one| one.score >= self.score_min).map(|one| one.bbox));
         }
         self.look(image, eye.ground(), followed.is_some());
         let (road, size) = (Road::new(shot.route, shot.ego), size.map(|px| px as f64));

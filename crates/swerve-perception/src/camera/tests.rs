@@ -169,6 +169,7 @@ fn tracks_are_looked_at_where_they_have_come_to() {
     for _ in 0..4 {
         let mut found = Detections::default();
         let shot = Shot { image: &image, ego, pitch_rad: 0.0, route: None };
+        objects.found.clear();
         objects.detect(&shot, Some(&tracks), &mut found).unwrap();
         let near = |one: &&DetectedBox| one.pose.point().distance(Point2::new(20.0, 3.0)) < 8.0;
         counts.push((found.boxes.len(), found.boxes.iter().filter(near).count()));
@@ -177,10 +178,17 @@ fn tracks_are_looked_at_where_they_have_come_to() {
     assert!(whole == again && whole.0 > 10 && whole.1 == 0, "{counts:?}");
     assert!(first == second && first.1 > first.0 / 2, "{counts:?}");
     // Nothing is followed: nothing is looked at until the next image is searched whole. Nobody says what is: all is.
-    let mut found = Detections::default();
-    let shot = Shot { image: &image, ego, pitch_rad: 0.0, route: None };
-    objects.detect(&shot, Some(&TrackList::default()), &mut found).unwrap();
-    assert!(found.boxes.is_empty());
-    objects.detect(&shot, None, &mut found).unwrap();
-    assert_eq!(found.boxes.len(), whole.0);
+    let look = |objects: &mut CameraObjects, tracks: Option<&TrackList>| {
+        let mut found = Detections::default();
+        let shot = Shot { image: &image, ego, pitch_rad: 0.0, route: None };
+        objects.detect(&shot, tracks, &mut found).unwrap();
+        found.boxes.len()
+    };
+    objects.found.clear();
+    assert_eq!(look(&mut objects, Some(&TrackList::default())), 0);
+    assert_eq!(look(&mut objects, None), whole.0);
+    // What was found in the image before is looked for again.
+    let mut objects = people_anywhere(9);
+    assert_eq!(look(&mut objects, Some(&TrackList::default())), whole.0);
+    assert!(look(&mut objects, Some(&TrackList::default())) > whole.0 / 2);
 }
