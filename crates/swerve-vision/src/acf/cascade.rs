@@ -13,12 +13,10 @@ pub(super) struct Node {
     threshold: f32,
 }
 
-/// Windows of neighbouring columns that are scored at once.
+/// Windows of a line that are scored at once.
 const LANES: usize = 8;
 /// Deeper trees are climbed one by one: all nodes of a tree are looked at where several windows are.
 const DEEPEST: usize = 3;
-/// Where no more windows than this are left of those, they are followed one by one.
-const FEW: usize = 2;
 
 /// Reports the windows that are not given up, with their scores; trees of any depth where `D` is 0.
 #[inline(always)]
@@ -33,12 +31,16 @@ pub(super) fn scan<const D: usize>(
     let all = || nodes.chunks_exact(inner).zip(trees.leaves.chunks_exact(inner + 1));
     for (line, columns) in windows.runs {
         let mut rest = columns.clone();
-        if (1..=DEEPEST).contains(&D) && windows.stride == 1 {
-            while rest.len() >= LANES {
+        if (1..=DEEPEST).contains(&D) && windows.stride <= 2 {
+            let stride = windows.stride;
+            while rest.len() >= LANES * stride {
                 let first = &cells.numbers()[line * cells.width() + rest.start..];
-                let mut report = |lane, score| report([rest.start + lane, *line], score);
-                side_by_side::<D>(first, all(), reject, &mut report);
-                rest.start += LANES;
+                let mut report = |lane, score| report([rest.start + lane * stride, *line], score);
+                match stride {
+                    1 => side_by_side::<D, 1>(first, all(), reject, &mut report),
+                    _ => side_by_side::<D, 2>(first, all(), reject, &mut report),
+                }
+                rest.start += LANES * stride;
             }
         }
         for column in rest.step_by(windows.stride) {
@@ -73,43 +75,48 @@ fn climb<'a>(
     score
 }
 
-/// Scores windows of neighbouring columns, tree by tree, and reports those that are not given up: the same sums, term by
-/// term, as each has by itself.
+/// Scores windows `S` columns apart, tree by tree, and reports those that are not given up: the same sums, term by term, as
+/// each has by itself.
 #[inline(always)]
-fn side_by_side<'a, const D: usize>(
+fn side_by_side<'a, const D: usize, const S: usize>(
     windows: &[f32],
-    mut trees: impl Iterator<Item = (&'a [Node], &'a [f32])> + Clone,
+    trees: impl Iterator<Item = (&'a [Node], &'a [f32])>,
     reject: f32,
     report: &mut impl FnMut(usize, f32),
 ) {
-    let (mut scores, mut alive) = ([0.0; LANES], [true; LANES]);
-    while alive.iter().filter(|alive| **alive).count() > FEW {
-        let Some((nodes, leaves)) = trees.next() else { break };
-        let values = leaves_of::<D>(nodes, leaves, windows);
-        for lane in 0..LANES {
-            scores[lane] += values[lane];
-            alive[lane] &= scores[lane] > reject;
+    let mut scores = [0.0_f32; LANES];
+    for (nodes, leaves) in trees {
+        let values = leaves_of::<D, S>(nodes, leaves, windows);
+        // What is given up has no finite score any more, and adding to it changes nothing.
+        scores = core::array::from_fn(|lane| {
+            let score = scores[lane] + values[lane];
+            select(score > reject, score, f32::NEG_INFINITY)
+        });
+        if !scores.iter().fold(false, |any, score| any | (*score > reject)) {
+            return;
         }
     }
-    for lane in (0..LANES).filter(|lane| alive[*lane]) {
-        let score = climb(&windows[lane..], trees.clone(), D, (scores[lane], reject));
-        if score > reject {
-            report(lane, score);
-        }
+    for (lane, score) in scores.into_iter().enumerate().filter(|(_, score)| *score > reject) {
+        report(lane, score);
     }
 }
 
 /// The leaf of one tree that each of the windows comes to: from the leaves down to the root, each node keeps one of two.
 #[inline(always)]
-fn leaves_of<const D: usize>(nodes: &[Node], leaves: &[f32], windows: &[f32]) -> [f32; LANES] {
+fn leaves_of<const D: usize, const S: usize>(
+    nodes: &[Node],
+    leaves: &[f32],
+    windows: &[f32],
+) -> [f32; LANES] {
     let mut values = [[0.0; LANES]; 1 << DEEPEST];
     values.iter_mut().zip(leaves).for_each(|(value, leaf)| *value = [*leaf; LANES]);
     for level in (0..D).rev() {
         for k in 0..1 << level {
             let node = nodes[(1 << level) - 1 + k];
-            let row = &windows[node.offset as usize..][..LANES];
+            let first = node.offset as usize;
+            let row = &windows[first..first + LANES * S];
             values[k] = core::array::from_fn(|lane| {
-                select(row[lane] < node.threshold, values[2 * k][lane], values[2 * k + 1][lane])
+                select(row[lane * S] < node.threshold, values[2 * k][lane], values[2 * k + 1][lane])
             });
         }
     }
