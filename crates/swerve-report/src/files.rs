@@ -14,6 +14,22 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         .with_context(|| format!("writing {}", path.display()))
 }
 
+/// Refuses a result that would take the place of what it is made of.
+///
+/// # Errors
+/// `out` is one of `inputs`.
+pub fn refuse_to_replace(out: Option<&Path>, inputs: &[PathBuf]) -> anyhow::Result<()> {
+    let Some(out) = out else { return Ok(()) };
+    let Ok(there) = out.canonicalize() else { return Ok(()) };
+    let is_input = inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there));
+    anyhow::ensure!(
+        !is_input,
+        "{}: is read, and would be written over: expected another --out",
+        out.display()
+    );
+    Ok(())
+}
+
 /// Makes a folder for results, and holds it until what this gives is dropped: two runs at once would mix theirs.
 /// Nothing is left in the folder, and a program that is killed holds nothing.
 pub fn claim(folder: &Path) -> anyhow::Result<Option<File>> {

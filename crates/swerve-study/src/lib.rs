@@ -113,8 +113,14 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             // Only now is there something to finish in order; until here a signal ends the program at once.
             let stop = Arc::new(AtomicBool::new(false));
             let on_signal = stop.clone();
-            ctrlc::set_handler(move || on_signal.store(true, Ordering::SeqCst))
-                .context("listening for Ctrl-C")?;
+            let stopping = move || {
+                // Cells are whole or not there, so that nothing is lost where the program ends at once.
+                if on_signal.swap(true, Ordering::SeqCst) {
+                    std::process::exit(130);
+                }
+                eprintln!("\nstopping after the cells that are under way; once more to stop at once");
+            };
+            ctrlc::set_handler(stopping).context("listening for Ctrl-C")?;
             let out = out_folder(&bench.study, args.out.as_deref());
             let store = CellStore::open(&out)?;
             let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);

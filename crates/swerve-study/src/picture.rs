@@ -1,9 +1,10 @@
 //! Images in files: PNG and JPEG are read, PNG is written.
 
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use swerve_report::files::write_png;
+use swerve_report::files::{refuse_to_replace, write_png};
 use swerve_vision::{ImageError, Rgb};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -11,6 +12,66 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::train::read_png;
+
+/// What a folder's images are called.
+const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// Images to be looked at, each with the file for what is drawn into it.
+#[derive(Debug)]
+pub struct Pictures(Vec<(PathBuf, Option<PathBuf>)>);
+
+impl Pictures {
+    /// The images of files, and of folders by name. Where they are to be drawn into, in the folder `out`, each has a name of
+    /// its own there.
+    ///
+    /// # Errors
+    /// A folder without an image, an image that would be written over, or `out` cannot be made.
+    pub fn new(paths: &[PathBuf], out: Option<&Path>) -> anyhow::Result<Self> {
+        let mut images = Vec::new();
+        for path in paths {
+            if path.is_dir() {
+                images.extend(images_in(path)?);
+            } else {
+                images.push(path.clone());
+            }
+        }
+        let Some(out) = out else { return Ok(Self(images.into_iter().map(|image| (image, None)).collect())) };
+        let mut taken = BTreeSet::new();
+        let mut drawing = |image: &PathBuf| -> anyhow::Result<PathBuf> {
+            let stem = image.file_stem().unwrap_or_default().to_string_lossy();
+            let others = (2..).map(|number: u32| format!("{stem}-{number}.png"));
+            let mut names = core::iter::once(format!("{stem}.png")).chain(others);
+            let name = names.find(|name| taken.insert(name.clone())).context("no name is left")?;
+            Ok(out.join(name))
+        };
+        let pairs = images.iter().map(|image| Ok((image.clone(), Some(drawing(image)?))));
+        let pairs = pairs.collect::<anyhow::Result<Vec<_>>>()?;
+        for (_, drawing) in &pairs {
+            refuse_to_replace(drawing.as_deref(), &images)?;
+        }
+        std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
+        Ok(Self(pairs))
+    }
+
+    /// Each with the file for its drawing, where one is wanted.
+    pub fn iter(&self) -> impl Iterator<Item = (&Path, Option<&Path>)> {
+        self.0.iter().map(|(image, drawing)| (image.as_path(), drawing.as_deref()))
+    }
+}
+
+fn images_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let reading = || format!("reading {}", folder.display());
+    let entries = std::fs::read_dir(folder).with_context(reading)?;
+    let paths = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>();
+    let is_image = |path: &PathBuf| {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && path.is_file()
+    };
+    let mut images: Vec<PathBuf> = paths.with_context(reading)?.into_iter().filter(is_image).collect();
+    images.sort();
+    anyhow::ensure!(!images.is_empty(), "{}: expected PNG or JPEG files in it", folder.display());
+    Ok(images)
+}
 
 /// An image in colours.
 pub struct Picture {
@@ -28,10 +89,17 @@ impl Picture {
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         let file = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
         if !file.starts_with(&[0xff, 0xd8]) {
+            anyhow::ensure!(
+                file.starts_with(b"\x89PNG"),
+                "reading {}: neither a PNG nor a JPEG image",
+                path.display()
+            );
             let (size, bytes) = read_png(path)?;
             return Ok(Self { size, bytes });
         }
-        let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
+        // Strictly: what is cut off is an error, no grey.
+        let options =
+            DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB).set_strict_mode(true);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&file[..]), options);
         let bytes = decoder.decode().map_err(|e| anyhow::anyhow!("reading {}: {e}", path.display()))?;
         let info = decoder.info().with_context(|| format!("reading {}: no size", path.display()))?;
@@ -46,19 +114,13 @@ impl Picture {
         Rgb::new(self.size[0], self.size[1], &self.bytes)
     }
 
-    /// Writes it as PNG into a folder, named as the file that it was read from.
+    /// Writes it as PNG.
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn write(&self, folder: &Path, path: &Path) -> anyhow::Result<()> {
-        let name = Path::new(path.file_name().unwrap_or_default()).with_extension("png");
+    pub fn write(&self, file: &Path) -> anyhow::Result<()> {
         let [width, height] = self.size.map(|px| px as u32);
-        write_png(
-            &folder.join(name),
-            (width, height),
-            (png::ColorType::Rgb, png::BitDepth::Eight),
-            &self.bytes,
-        )
+        write_png(file, (width, height), (png::ColorType::Rgb, png::BitDepth::Eight), &self.bytes)
     }
 
     /// Colours the pixels within `radius` of a place, as far as there are any.

@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use swerve_perception::image_plane::{
     Appearance, BOXES_MAX, ByteTrack, DeepSort, ImageDetection, ImageTrack, ImageTracker, Look, Sort,
 };
-use swerve_report::files::{refuse_unwritable, write_whole};
+use swerve_report::files::{refuse_to_replace, refuse_unwritable, write_whole};
 
 use crate::evaluate::mot;
 use crate::picture::Picture;
@@ -54,6 +54,7 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
         let found = ImageDetection { box_px: [left, top, left + width, top + height], score: row.confidence };
         frames.entry(row.frame).or_default().push(found);
     }
+    refuse_to_replace(Some(&args.out), core::slice::from_ref(&args.detections))?;
     refuse_unwritable(&args.out)?;
     let rows = match (args.tracker, &args.images) {
         (TrackerName::Sort, _) => tracks(&frames, by_boxes(Sort::default())),

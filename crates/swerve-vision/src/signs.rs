@@ -40,6 +40,8 @@ pub const SIZE_MIN_PX: usize = 12;
 const ASPECT: [f64; 2] = [0.64, 1.25];
 /// Share of its box that an outline fills: a circle has 0.785, an octagon 0.828, a triangle 0.5, a box 1.
 const FILLED: [f64; 2] = [0.68, 0.9];
+/// Of its width, by how much the sides of an octagon may be off in the mean of its rows: what is drawn coarsely.
+const OFF_OCTAGON: f64 = 0.06;
 /// Share of the red in the outline of a stop sign, and of the white: letters and, where it is not cut off, a rim.
 const STOP: [[f64; 2]; 2] = [[0.45, 0.95], [0.03, 0.5]];
 /// Share of the red in the outline of a speed limit.
@@ -73,9 +75,11 @@ impl SignFinder {
 /// What a region is, if anything.
 fn sign(reader: &mut Reader, image: Rgb<'_>, regions: &Regions, region: &Region) -> Option<Sign> {
     let (mut outline, mut red, mut white) = (0_usize, 0_usize, 0_usize);
+    let mut off = 0.0;
     for y in region.top..region.bottom {
         let Some((from, to)) = regions.span(region, y) else { continue };
         outline += to - from;
+        off += off_octagon(region, y, [from, to]);
         red += regions.row(y)[from..to].iter().filter(|label| **label == region.label).count();
         let bytes = &image.row(y)[3 * from..3 * to];
         white += bytes.chunks_exact(3).filter(|rgb| is_white(rgb)).count();
@@ -95,7 +99,21 @@ fn sign(reader: &mut Reader, image: Rgb<'_>, regions: &Regions, region: &Region)
             reader.read(image, [left + 0.5 * width, top + 0.5 * height], [DISC * width, DISC * height])?;
         return (score >= LIKENESS_MIN).then(|| sign(Meaning::SpeedLimit(number), score));
     }
-    (is_in(red, STOP[0]) && is_in(white, STOP[1])).then(|| sign(Meaning::Stop, (red + white).min(1.0)))
+    let is_octagon = off <= OFF_OCTAGON * height;
+    (is_octagon && is_in(red, STOP[0]) && is_in(white, STOP[1]))
+        .then(|| sign(Meaning::Stop, (red + white).min(1.0)))
+}
+
+/// Of its width, by how much both sides of a row are off those of an octagon that fills the region's box, in their mean.
+fn off_octagon(region: &Region, y: usize, sides: [usize; 2]) -> f64 {
+    /// Of its width or height, what a corner of a regular octagon is cut off by.
+    const CORNER: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
+    let down = (y - region.top) as f64 + 0.5;
+    let from_end = down.min(region.height() as f64 - down) / region.height() as f64;
+    let width = region.width() as f64;
+    let cut = width * (CORNER - from_end).max(0.0);
+    let [from, to] = sides.map(|x| (x - region.left) as f64);
+    0.5 * ((from - cut).abs() + (to - (width - cut)).abs()) / width
 }
 
 /// Red as of paint in any light: by the ratio of its colours.

@@ -7,9 +7,8 @@ mod segmentation;
 mod signs;
 mod stereo;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context as _;
 use clap::ArgGroup;
 use swerve_vision::lanes::Method;
 
@@ -17,7 +16,7 @@ use swerve_vision::lanes::Method;
 #[derive(clap::Args, Debug)]
 #[command(group = ArgGroup::new("mode").required(true).args(["detector", "lanes", "segmentation", "signs", "stereo", "traffic_light"]))]
 pub(crate) struct LookArgs {
-    /// Images (PNG, JPEG)
+    /// Images (PNG, JPEG), or folders of them
     #[arg(required_unless_present = "stereo", conflicts_with = "stereo")]
     images: Vec<PathBuf>,
     /// Find objects: the detector that is in the program, or a file of weights
@@ -42,13 +41,13 @@ pub(crate) struct LookArgs {
     #[arg(long, requires = "detector")]
     rung: Option<String>,
     /// Leave out objects that are less likely
-    #[arg(long, value_name = "0..1", default_value_t = 0.5)]
+    #[arg(long, value_name = "0..1", default_value_t = 0.5, allow_negative_numbers = true, value_parser = least)]
     least: f64,
     /// Horizontal field of view, degrees: objects stand, and lines lie, on flat ground then
-    #[arg(long, value_name = "DEG", value_parser = fov)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = fov)]
     fov: Option<f64>,
     /// Of the camera above that ground, m
-    #[arg(long, value_name = "M", default_value_t = 1.35, value_parser = height)]
+    #[arg(long, value_name = "M", default_value_t = 1.35, allow_negative_numbers = true, value_parser = height)]
     height: f64,
     /// By which the camera of --lanes looks down, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = pitch)]
@@ -105,6 +104,10 @@ fn number(text: &str, least: f64, most: f64, expected: &str) -> Result<f64, Stri
     }
 }
 
+fn least(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 1.0, "0 to 1")
+}
+
 fn fov(text: &str) -> Result<f64, String> {
     number(text, 1.0, 170.0, "1 to 170 degrees")
 }
@@ -115,11 +118,4 @@ fn height(text: &str) -> Result<f64, String> {
 
 fn pitch(text: &str) -> Result<f64, String> {
     number(text, -45.0, 45.0, "-45 to 45 degrees")
-}
-
-/// Makes the folder for what is drawn, where one is asked for.
-fn make_folder(folder: Option<&Path>) -> anyhow::Result<()> {
-    folder.map_or(Ok(()), |out| {
-        std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))
-    })
 }

@@ -81,9 +81,21 @@ pub(super) fn check(
     ensure((64..=4096).contains(&camera.width_px), "camera.width_px".into(), "expected 64 to 4096");
     ensure((64..=4096).contains(&camera.height_px), "camera.height_px".into(), "expected 64 to 4096");
     ensure(camera.fov_deg > 1.0 && camera.fov_deg < 170.0, "camera.fov_deg".into(), "expected 1 to 170");
-    ensure(camera.height_m > 0.0, "camera.height_m".into(), "expected more than 0");
-    ensure(camera.period_ms > 0.0, "camera.period_ms".into(), "expected more than 0");
+    let height = camera.height_m > 0.0 && camera.height_m <= 100.0;
+    ensure(height, "camera.height_m".into(), "expected more than 0, at most 100");
+    let period = (1.0..=60_000.0).contains(&camera.period_ms);
+    ensure(period, "camera.period_ms".into(), "expected 1 to 60000");
     for (k, set) in sets.iter().enumerate() {
+        let is_name = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        let named =
+            set.name.starts_with(|c: char| c.is_ascii_alphanumeric()) && set.name.chars().all(is_name);
+        ensure(
+            named,
+            format!("set[{k}].name"),
+            "expected letters, digits, `-`, `_` and `.`: a folder is named so",
+        );
+        let first = sets[..k].iter().all(|other| other.name != set.name);
+        ensure(first, format!("set[{k}].name"), "expected a name that no other set has");
         ensure(
             set.streets[0] < set.streets[1],
             format!("set[{k}].streets"),

@@ -34,8 +34,18 @@ fn images_without_a_sign_have_none() {
             ring[3 * k..3 * k + 3].copy_from_slice(if away > 12.0 { &red } else { &[220; 3] });
         }
     }
+    // A house of red bricks with a white window: as full as an octagon, and of another shape.
+    let mut house = plain(60, 40, [90, 90, 95]);
+    for k in 0..60 * 40 {
+        let (x, y) = (k % 60, k / 60);
+        let half = if y < 12 { 3 * y / 2 } else { 18 };
+        if x + half >= 30 && x < 30 + half && y < 38 {
+            let is_window = (22..32).contains(&x) && (18..30).contains(&y);
+            house[3 * k..3 * k + 3].copy_from_slice(if is_window { &[220; 3] } else { &[180, 20, 25] });
+        }
+    }
     let mut finder = SignFinder::default();
-    for bytes in [&car, &ball, &ring] {
+    for bytes in [&car, &ball, &ring, &house] {
         assert_eq!(found(60, 40, bytes), []);
         finder.find(Rgb::new(60, 40, bytes).unwrap(), &mut Vec::new());
     }

@@ -5,11 +5,10 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde::Serialize;
 use swerve_report::output;
-use swerve_study::picture::Picture;
+use swerve_study::picture::{Picture, Pictures};
 use swerve_vision::lanes::{LaneFinder, LaneLine, LaneSettings, Lanes, Method, RoadCamera};
 
 use super::LookArgs;
-use super::make_folder;
 
 const COLOURS: [[u8; 3]; 2] = [[255, 40, 40], [40, 90, 255]];
 /// Between two dots of a line that is drawn, metres.
@@ -35,9 +34,8 @@ struct Line {
 
 /// Runs it.
 pub(super) fn run(args: &LookArgs, method: Method) -> anyhow::Result<()> {
-    make_folder(args.out.as_deref())?;
     let mut finder: Option<(RoadCamera, LaneFinder)> = None;
-    for path in &args.images {
+    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref())?.iter() {
         let mut picture = Picture::read(path)?;
         let camera = camera(args, picture.size)?;
         if finder.as_ref().is_none_or(|(of, _)| *of != camera) {
@@ -47,9 +45,9 @@ pub(super) fn run(args: &LookArgs, method: Method) -> anyhow::Result<()> {
         let Some((_, finder)) = &mut finder else { continue };
         let lanes = finder.find(picture.rgb()?).with_context(|| path.display().to_string())?;
         tell(path, &lanes, args.json)?;
-        if let Some(out) = &args.out {
+        if let Some(drawing) = drawing {
             draw(&mut picture, &camera, &lanes);
-            picture.write(out, path)?;
+            picture.write(drawing)?;
         }
     }
     Ok(())

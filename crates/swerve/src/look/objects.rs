@@ -7,11 +7,10 @@ use serde::Serialize;
 use swerve_geom::math;
 use swerve_report::output;
 use swerve_stack::config::camera_detectors;
-use swerve_study::picture::Picture;
+use swerve_study::picture::{Picture, Pictures};
 use swerve_vision::acf::{Detection, Ground, Rung, Scanner, Weights};
 
 use super::LookArgs;
-use super::make_folder;
 
 /// What is printed of an image.
 #[derive(Serialize)]
@@ -35,9 +34,8 @@ pub(super) fn run(args: &LookArgs, detector: &str) -> anyhow::Result<()> {
     let rung = rung(&weights, args)?;
     // Scores of others' detectors are sums, which no probability bounds.
     let least = if rung.calibrations.is_empty() { f64::NEG_INFINITY } else { args.least };
-    make_folder(args.out.as_deref())?;
     let mut scanner: Option<([usize; 2], Scanner)> = None;
-    for path in &args.images {
+    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref())?.iter() {
         let mut picture = Picture::read(path)?;
         let size = picture.size;
         if scanner.as_ref().is_none_or(|(of, _)| *of != size) {
@@ -49,9 +47,9 @@ pub(super) fn run(args: &LookArgs, detector: &str) -> anyhow::Result<()> {
         }
         found.retain(|one| one.score >= least);
         tell(path, &weights, &found, args.json)?;
-        if let Some(out) = &args.out {
+        if let Some(drawing) = drawing {
             found.iter().for_each(|one| draw(&mut picture, one));
-            picture.write(out, path)?;
+            picture.write(drawing)?;
         }
     }
     Ok(())

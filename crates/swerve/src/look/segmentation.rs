@@ -7,11 +7,10 @@ use serde::Serialize;
 use swerve_drive::frames::overlay;
 use swerve_report::output;
 use swerve_stack::config::camera_detectors;
-use swerve_study::picture::Picture;
+use swerve_study::picture::{Picture, Pictures};
 use swerve_vision::segmentation::{Class, Segmenter};
 
 use super::LookArgs;
-use super::make_folder;
 use super::objects::ground;
 
 /// What is printed of an image.
@@ -25,9 +24,8 @@ struct Seen<'a> {
 /// Runs it.
 pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
     let weights = camera_detectors::segmentation(name).map_err(|message| anyhow!(message))?;
-    make_folder(args.out.as_deref())?;
     let mut segmenter: Option<([usize; 2], Segmenter)> = None;
-    for path in &args.images {
+    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref())?.iter() {
         let mut picture = Picture::read(path)?;
         let size = picture.size;
         let ground = ground(args, size).context("--segmentation needs the camera: expected --fov")?;
@@ -40,11 +38,11 @@ pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
         }
         let seen = Seen { image: path.display().to_string(), shares: shares(&weights.classes, &labels) };
         tell(&seen, args.json)?;
-        if let Some(out) = &args.out {
+        if let Some(drawing) = drawing {
             let names: Vec<(&str, u8)> =
                 weights.classes.iter().map(|class| (class.name.as_str(), class.id)).collect();
             overlay(&mut picture.bytes, size, &labels, &names);
-            picture.write(out, path)?;
+            picture.write(drawing)?;
         }
     }
     Ok(())

@@ -3,11 +3,10 @@
 use anyhow::Context as _;
 use serde::Serialize;
 use swerve_report::output;
-use swerve_study::picture::Picture;
+use swerve_study::picture::{Picture, Pictures};
 use swerve_vision::signs::{Meaning, Sign, SignFinder};
 
 use super::LookArgs;
-use super::make_folder;
 
 /// Of the frames around signs.
 const COLOUR: [u8; 3] = [60, 230, 120];
@@ -43,17 +42,16 @@ impl Found {
 
 /// Runs it.
 pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
-    make_folder(args.out.as_deref())?;
     let mut finder = SignFinder::default();
-    for path in &args.images {
+    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref())?.iter() {
         let mut picture = Picture::read(path)?;
         let mut found = Vec::new();
         finder.find(picture.rgb().with_context(|| path.display().to_string())?, &mut found);
         let seen = Seen { image: path.display().to_string(), signs: found.iter().map(Found::new).collect() };
         tell(&seen, args.json)?;
-        if let Some(out) = &args.out {
+        if let Some(drawing) = drawing {
             seen.signs.iter().for_each(|sign| picture.frame(sign.bbox, COLOUR));
-            picture.write(out, path)?;
+            picture.write(drawing)?;
         }
     }
     Ok(())

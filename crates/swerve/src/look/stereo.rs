@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use serde::Serialize;
-use swerve_report::files::write_whole;
+use swerve_report::files::{refuse_to_replace, write_whole};
 use swerve_report::output;
 use swerve_study::picture::Picture;
 use swerve_vision::Plane;
@@ -27,6 +27,7 @@ struct Seen {
 /// Runs it.
 pub(super) fn run(args: &LookArgs, pair: &[PathBuf]) -> anyhow::Result<()> {
     let out = args.out.as_ref().context("expected --out with the file to be written")?;
+    refuse_to_replace(Some(out), pair)?;
     let mut planes = [Plane::default(), Plane::default()];
     for (plane, path) in planes.iter_mut().zip(pair) {
         Picture::read(path)?.rgb().with_context(|| path.display().to_string())?.gray(plane);

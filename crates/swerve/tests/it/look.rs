@@ -71,6 +71,39 @@ fn every_pixel_has_a_class() {
 }
 
 #[test]
+fn a_folder_is_looked_through_and_no_picture_is_lost() {
+    let bench = Bench::new();
+    for name in ["a/b.png", "a/a.png", "c/a.png"] {
+        std::fs::create_dir_all(bench.path(name).parent().unwrap()).unwrap();
+        image(&bench, name, [20, 10], 0);
+    }
+    bench.write("a/notes.txt", "no image");
+    let said = bench.good(&["look", "a", "c/a.png", "--signs", "--json", "--out", "drawn"]);
+    let images: Vec<&str> = said.lines().map(|line| line.split('"').nth(3).unwrap()).collect();
+    assert_eq!(images, ["a/a.png", "a/b.png", "c/a.png"]);
+    for name in ["a.png", "b.png", "a-2.png"] {
+        assert!(bench.path("drawn").join(name).exists(), "{name}");
+    }
+    // What is read is never written over, by itself or by another's drawing.
+    let before = std::fs::read(bench.path("a/a.png")).unwrap();
+    bench.write("det.txt", "1,-1,1,1,5,5,0.9\n");
+    std::fs::create_dir(bench.path("empty")).unwrap();
+    for (args, expected) in [
+        (&["look", "a", "--signs", "--out", "a"][..], "a/a.png: is read, and would be written over"),
+        (&["look", "c/a.png", "a/b.png", "a/a.png", "--signs", "--out", "a"], "is read, and would be"),
+        (&["look", "--stereo", "a/a.png", "a/b.png", "--out", "a/a.png"], "is read, and would be"),
+        (&["track", "det.txt", "--tracker", "sort", "--out", "det.txt"], "is read, and would be"),
+        (&["look", "empty", "--signs"], "empty: expected PNG or JPEG files in it"),
+        (&["look", "det.txt", "--signs"], "neither a PNG nor a JPEG image"),
+        (&["look", "a/a.png", "--signs", "--least", "1.5"], "expected 0 to 1"),
+    ] {
+        let said = bench.swerve(args);
+        assert!(said.code != Some(0) && said.stderr.contains(expected), "{args:?}: {said:?}");
+    }
+    assert_eq!(std::fs::read(bench.path("a/a.png")).unwrap(), before);
+}
+
+#[test]
 fn what_cannot_be_looked_with_is_told() {
     let bench = Bench::new();
     image(&bench, "dot.png", [1, 1], 255);

@@ -202,20 +202,30 @@ impl Recipe {
             let room = |side: usize| {
                 window.cells[side] as f64 * self.learning.shrink as f64 >= window.object_px[side]
             };
-            let sized = window.object_px.iter().all(|px| *px >= 4.0)
-                && window.cells.iter().all(|n| (1..=64).contains(n));
+            let sized = window.object_px.iter().all(|px| (4.0..=512.0).contains(px));
+            ensure(sized, format!("window[{k}].object_px"), "expected 4 to 512 pixels");
+            let celled = window.cells.iter().all(|n| (1..=64).contains(n));
             ensure(
-                sized && room(0) && room(1),
+                celled && (!sized || room(0) && room(1)),
                 format!("window[{k}].cells"),
                 "expected 1 to 64 cells, room for the object",
             );
+            let rising = |[from, to]: [f64; 2]| from >= 0.0 && from < to && to.is_finite();
             ensure(
-                window.heights_m[0] > 0.0 && window.heights_m[0] < window.heights_m[1],
+                rising(window.heights_m) && window.heights_m[0] > 0.0,
                 format!("window[{k}].heights_m"),
                 "expected from and to, above 0",
             );
+            ensure(
+                rising(window.aspects),
+                format!("window[{k}].aspects"),
+                "expected from and to, neither below 0",
+            );
+            ensure(window.occluded_max <= 2, format!("window[{k}].occluded_max"), "expected 0 to 2");
         }
         let learning = &self.learning;
+        let within = learning.within_m > 0.0 && learning.within_m <= 1000.0;
+        ensure(within, "learning.within_m".into(), "expected more than 0, at most 1000");
         ensure((1..=8).contains(&learning.shrink), "learning.shrink".into(), "expected 1 to 8");
         match &learning.method {
             Method::Trees(Growing { depth, one_of, .. }) => {
@@ -239,6 +249,9 @@ impl Recipe {
                 format!("rung[{k}]"),
                 "expected a first octave of -1 to 1, 1 to 32 levels an octave, a stride, trees, an image searched whole",
             );
+            ensure(rung.reject.is_finite(), format!("rung[{k}].reject"), "expected a finite number");
+            let tolerance = rung.tolerance_deg.is_none_or(|deg| (0.0..=45.0).contains(&deg));
+            ensure(tolerance, format!("rung[{k}].tolerance_deg"), "expected 0 to 45");
         }
         problems
     }

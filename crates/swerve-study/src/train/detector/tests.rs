@@ -32,7 +32,17 @@ fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
         ("streets = [900, 903]", "streets = [3, 5]", "streets that are not both trained on and held out"),
         ("class = \"truck\"", "class = \"lorry\"", "found \"lorry\""),
         ("weather = \"clear_noon\"", "weather = \"clear_moon\"", "unknown weather `clear_moon`"),
+        ("within_m = 40.0", "within_m = nan", "learning.within_m: expected more than 0, at most 1000"),
+        (
+            "aspects = [",
+            "aspects = [nan, 1.0] # [",
+            "window[0].aspects: expected from and to, neither below 0",
+        ),
+        ("object_px = [", "object_px = [-9.5, 0.0] # [", "window[0].object_px: expected 4 to 512 pixels"),
+        ("name = \"training_clear_noon\"", "name = \"../noon\"", "set[0].name: expected letters, digits"),
         ("per_octave = 4", "per_octave = 0", "rung[0]"),
+        ("tolerance_deg = 0.7", "tolerance_deg = nan", "rung[0].tolerance_deg: expected 0 to 45"),
+        ("reject = -0.5", "reject = nan", "rung[0].reject: expected a finite number"),
     ];
     for (from, to, expected) in cases {
         let text = RECIPE.replacen(from, to, 1);
