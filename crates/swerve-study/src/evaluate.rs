@@ -53,9 +53,9 @@ struct DetectionArgs {
 /// Two sides, and how the result is told.
 #[derive(clap::Args, Debug)]
 struct Compared {
-    /// What is there: COCO's annotations (JSON), a folder of KITTI's labels, or MOTChallenge's rows
+    /// What is there: of objects COCO's annotations (JSON) or a folder of KITTI's labels, of tracks MOTChallenge's rows
     truth: PathBuf,
-    /// What is reported: COCO's results (JSON), a folder of KITTI's labels with scores, or MOTChallenge's rows
+    /// What is reported: of objects COCO's results (JSON) or KITTI's labels with scores, of tracks MOTChallenge's rows
     found: PathBuf,
     /// Print one JSON object and nothing else
     #[arg(long)]
