@@ -1,5 +1,6 @@
 //! Files written whole or not at all.
 
+use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
 use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -14,20 +15,29 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         .with_context(|| format!("writing {}", path.display()))
 }
 
-/// Refuses a result that would take the place of what it is made of.
+/// Refuses results that would take the place of what they are made of.
 ///
 /// # Errors
-/// `out` is one of `inputs`.
-pub fn refuse_to_replace(out: Option<&Path>, inputs: &[PathBuf]) -> anyhow::Result<()> {
-    let Some(out) = out else { return Ok(()) };
-    let Ok(there) = out.canonicalize() else { return Ok(()) };
-    let is_input = inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there));
-    anyhow::ensure!(
-        !is_input,
-        "{}: is read, and would be written over: expected another --out",
-        out.display()
-    );
-    Ok(())
+/// One of `outs` is one of `inputs`.
+pub fn refuse_to_replace<'a>(
+    outs: impl IntoIterator<Item = &'a Path>,
+    inputs: &[PathBuf],
+) -> anyhow::Result<()> {
+    let read: BTreeSet<PathBuf> = inputs.iter().filter_map(|input| input.canonicalize().ok()).collect();
+    let replaced = outs.into_iter().find(|out| out.canonicalize().is_ok_and(|out| read.contains(&out)));
+    let Some(out) = replaced else { return Ok(()) };
+    bail!("{}: is read, and would be written over: expected another --out", out.display())
+}
+
+/// What a folder holds, in order of names.
+///
+/// # Errors
+/// It cannot be read.
+pub fn entries(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut paths =
+        std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    paths.sort();
+    Ok(paths)
 }
 
 /// Makes a folder for results, and holds it until what this gives is dropped: two runs at once would mix theirs.

@@ -4,14 +4,14 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use swerve_report::files::{refuse_to_replace, write_png};
+use swerve_report::files::{entries, refuse_to_replace, write_png};
 use swerve_vision::{ImageError, Rgb};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use crate::train::read_png;
+use crate::train::decode_png;
 
 /// What a folder's images are called.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -37,18 +37,18 @@ impl Pictures {
         }
         let Some(out) = out else { return Ok(Self(images.into_iter().map(|image| (image, None)).collect())) };
         let mut taken = BTreeSet::new();
-        let mut drawing = |image: &PathBuf| -> anyhow::Result<PathBuf> {
+        let mut drawing = |image: &Path| {
             let stem = image.file_stem().unwrap_or_default().to_string_lossy();
-            let others = (2..).map(|number: u32| format!("{stem}-{number}.png"));
-            let mut names = core::iter::once(format!("{stem}.png")).chain(others);
-            let name = names.find(|name| taken.insert(name.clone())).context("no name is left")?;
-            Ok(out.join(name))
+            let mut drawing = out.join(format!("{stem}.png"));
+            let mut number = 1;
+            while !taken.insert(drawing.clone()) {
+                number += 1;
+                drawing = out.join(format!("{stem}-{number}.png"));
+            }
+            drawing
         };
-        let pairs = images.iter().map(|image| Ok((image.clone(), Some(drawing(image)?))));
-        let pairs = pairs.collect::<anyhow::Result<Vec<_>>>()?;
-        for (_, drawing) in &pairs {
-            refuse_to_replace(drawing.as_deref(), &images)?;
-        }
+        let pairs: Vec<_> = images.iter().map(|image| (image.clone(), Some(drawing(image)))).collect();
+        refuse_to_replace(taken.iter().map(PathBuf::as_path), &images)?;
         std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
         Ok(Self(pairs))
     }
@@ -60,15 +60,11 @@ impl Pictures {
 }
 
 fn images_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let reading = || format!("reading {}", folder.display());
-    let entries = std::fs::read_dir(folder).with_context(reading)?;
-    let paths = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>();
-    let is_image = |path: &PathBuf| {
+    let mut images = entries(folder).with_context(|| format!("reading {}", folder.display()))?;
+    images.retain(|path| {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && path.is_file()
-    };
-    let mut images: Vec<PathBuf> = paths.with_context(reading)?.into_iter().filter(is_image).collect();
-    images.sort();
+    });
     anyhow::ensure!(!images.is_empty(), "{}: expected PNG or JPEG files in it", folder.display());
     Ok(images)
 }
@@ -94,7 +90,7 @@ impl Picture {
                 "reading {}: neither a PNG nor a JPEG image",
                 path.display()
             );
-            let (size, bytes) = read_png(path)?;
+            let (size, bytes) = decode_png(std::io::Cursor::new(&file), path)?;
             return Ok(Self { size, bytes });
         }
         // Strictly: what is cut off is an error, no grey.

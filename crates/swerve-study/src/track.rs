@@ -54,7 +54,7 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
         let found = ImageDetection { box_px: [left, top, left + width, top + height], score: row.confidence };
         frames.entry(row.frame).or_default().push(found);
     }
-    refuse_to_replace(Some(&args.out), core::slice::from_ref(&args.detections))?;
+    refuse_to_replace([args.out.as_path()], core::slice::from_ref(&args.detections))?;
     refuse_unwritable(&args.out)?;
     let rows = match (args.tracker, &args.images) {
         (TrackerName::Sort, _) => tracks(&frames, by_boxes(Sort::default())),

@@ -9,6 +9,7 @@ mod street;
 
 use std::path::Path;
 
+pub(crate) use images::decode_png;
 pub use images::read_png;
 use swerve_stack::Registry;
 

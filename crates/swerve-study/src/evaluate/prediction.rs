@@ -11,6 +11,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 use swerve_prediction::recorded::{Protocol, Recording, commonroad_csv, eth_ucy, text};
 use swerve_prediction::{Horizon, PredictorName};
+use swerve_report::files::entries;
 use swerve_report::output::align;
 
 use tally::{Figures, Tally};
@@ -139,11 +140,8 @@ fn files(args: &PredictionArgs) -> anyhow::Result<Vec<File>> {
     let told = |error| anyhow!("{}: cannot be read: {error}", dir.display());
     let mut paths = vec![dir.clone()];
     if std::fs::metadata(dir).map_err(told)?.is_dir() {
-        let entries: Result<Vec<_>, _> =
-            std::fs::read_dir(dir).map_err(told)?.map(|entry| entry.map(|entry| entry.path())).collect();
-        paths = entries.map_err(told)?;
+        paths = entries(dir).map_err(told)?;
         paths.retain(|path| endings.iter().any(|ending| path.to_string_lossy().ends_with(ending)));
-        paths.sort();
     }
     if paths.is_empty() {
         return Err(anyhow!(

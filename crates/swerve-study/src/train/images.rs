@@ -168,8 +168,16 @@ pub(super) fn camera_text(camera: &Camera) -> String {
 
 /// Width, height and bytes of an image of 8 bits a colour.
 pub fn read_png(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
+    let file = std::fs::File::open(path).with_context(|| format!("reading {}", path.display()))?;
+    decode_png(std::io::BufReader::new(file), path)
+}
+
+/// The same from what the file at `path` holds.
+pub(crate) fn decode_png(
+    file: impl std::io::BufRead + std::io::Seek,
+    path: &Path,
+) -> anyhow::Result<([usize; 2], Vec<u8>)> {
     let reading = || format!("reading {}", path.display());
-    let file = std::io::BufReader::new(std::fs::File::open(path).with_context(reading)?);
     let mut decoder = png::Decoder::new(file);
     decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
     let mut reader = decoder.read_info().with_context(reading)?;

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use rayon::prelude::*;
 use swerve_eval::Confusion;
+use swerve_report::files::entries;
 use swerve_report::progress::Progress;
 use swerve_stack::Registry;
 use swerve_vision::Rgb;
@@ -91,10 +92,7 @@ fn sets(
     let of = recipe.set.iter().filter(|set| set.purpose == purpose);
     of.map(|set| {
         let folder = rendered(&recipe.camera, set, &args.data, registry)?.join("image_2");
-        let entries = std::fs::read_dir(&folder).with_context(|| format!("reading {}", folder.display()))?;
-        let mut paths: Vec<PathBuf> =
-            entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
-        paths.sort();
+        let paths = entries(&folder).with_context(|| format!("reading {}", folder.display()))?;
         Ok((set.name.clone(), paths))
     })
     .collect()

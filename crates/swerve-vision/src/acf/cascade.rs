@@ -92,6 +92,7 @@ fn side_by_side<'a, const D: usize, const S: usize>(
             let score = scores[lane] + values[lane];
             select(score > reject, score, f32::NEG_INFINITY)
         });
+        // All lanes are looked at, as that takes one comparison of all of them and no branch for each.
         if !scores.iter().fold(false, |any, score| any | (*score > reject)) {
             return;
         }

@@ -27,7 +27,7 @@ struct Seen {
 /// Runs it.
 pub(super) fn run(args: &LookArgs, pair: &[PathBuf]) -> anyhow::Result<()> {
     let out = args.out.as_ref().context("expected --out with the file to be written")?;
-    refuse_to_replace(Some(out), pair)?;
+    refuse_to_replace([out.as_path()], pair)?;
     let mut planes = [Plane::default(), Plane::default()];
     for (plane, path) in planes.iter_mut().zip(pair) {
         Picture::read(path)?.rgb().with_context(|| path.display().to_string())?.gray(plane);

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
+use swerve_report::files::entries;
 use swerve_vision::Rgb;
 use swerve_vision::acf::iou;
 
@@ -92,9 +93,7 @@ impl Labelled {
 /// All samples of a folder in KITTI's form, in order of their names.
 pub(super) fn read(folder: &Path) -> anyhow::Result<Vec<Labelled>> {
     let labels = folder.join("label_2");
-    let entries = std::fs::read_dir(&labels).with_context(|| format!("reading {}", labels.display()))?;
-    let mut paths: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
-    paths.sort();
+    let paths = entries(&labels).with_context(|| format!("reading {}", labels.display()))?;
     let sample = |path: &PathBuf| {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let image = folder.join("image_2").join(name + ".png");
