@@ -54,7 +54,7 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
                 [{\"image_id\":1,\"category_id\":1,\"bbox\":[1,2,30,41],\"score\":0.9}]";
     let picture = Picture { size: [5, 3], bytes: (0..45).collect() };
     std::fs::create_dir_all(folder.join("png"))?;
-    picture.write(&folder.join("png"), Path::new("small"))?;
+    picture.write(&folder.join("png/small.png"))?;
     // The target puts the first two bytes there.
     let photo = swerve_foxglove::jpeg(&[120; 16 * 8 * 3], 16, 8, 80).context("an image of a size")?;
     put(folder, "jpeg", "small", &photo[2..])?;
