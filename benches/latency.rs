@@ -4,13 +4,13 @@
 //! 20 ms, a controller at 100 Hz. The latency of an operator is the age of the stamp at its publication; end to end is
 //! the age of the newest frame behind a command, at every command. All but `measured` give the same figures anywhere.
 
-use std::fmt::Write as _;
 use std::hint::black_box;
 use std::path::Path;
 use std::sync::Arc;
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
 use swerve_core::{Rng, Span, Time};
+use swerve_draw::{Axes, Canvas, Picture, Style, Text, color};
 use swerve_flow::{
     At, Context, Event, Every, Graph, Late, Latest, Observer, Operator, Policy, Port, RecordedTimes,
     RunOptions, RuntimeModel, every, run_virtual,
@@ -204,68 +204,54 @@ fn table(cases: &[Case]) -> String {
 }
 
 /// Small multiples: a histogram of the end-to-end latency for each model (row) and policy (column).
-fn svg(cases: &[Case]) -> String {
+fn picture(cases: &[Case]) -> Picture {
     const W: f64 = 270.0;
     const H: f64 = 92.0;
     const LEFT: f64 = 100.0;
     const TOP: f64 = 62.0;
+    const NAME: Text = Text { bold: true, ..Text::PLAIN };
     let columns = policies().len();
     let (width, height) = (LEFT + W * columns as f64 + 10.0, TOP + H * (cases.len() / columns) as f64 + 10.0);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
-         font-family=\"Helvetica, Arial, sans-serif\" font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n\
-         <text x=\"10\" y=\"20\" font-size=\"15\" font-weight=\"bold\">End-to-end latency by run-time model and busy policy</text>\n\
-         <text x=\"10\" y=\"36\" fill=\"#5B636D\">age of the newest frame behind each command, 0 to 600 ms; lines: p50, p99, p99.9</text>\n"
-    );
+    let title = "End-to-end latency by run-time model and busy policy";
+    let mut canvas = Canvas::default();
+    canvas.text((10.0, 20.0), title, Text::TITLE);
+    let what = "age of the newest frame behind each command, 0 to 600 ms; lines: p50, p99, p99.9";
+    canvas.text((10.0, 36.0), what, Text::SOFT);
     for (k, case) in cases.iter().enumerate() {
         let (x, y) = (LEFT + W * (k % columns) as f64, TOP + H * (k / columns) as f64);
         if k < columns {
-            let _ = writeln!(
-                svg,
-                "<text x=\"{x}\" y=\"{}\" font-weight=\"bold\">{}</text>",
-                TOP - 8.0,
-                case.policy
-            );
+            canvas.text((x, TOP - 8.0), case.policy, NAME);
         }
         if k % columns == 0 {
-            let _ =
-                writeln!(svg, "<text x=\"10\" y=\"{}\" font-weight=\"bold\">{}</text>", y + 40.0, case.model);
+            canvas.text((10.0, y + 40.0), case.model, NAME);
         }
-        panel(&mut svg, case, (x, y), (W - 18.0, H - 28.0));
+        panel(&mut canvas, case, (x, y), (W - 18.0, H - 28.0));
     }
-    svg + "</svg>\n"
+    canvas.finish(width, height, title)
 }
 
-fn panel(svg: &mut String, case: &Case, (x, y): (f64, f64), (width, height): (f64, f64)) {
+fn panel(canvas: &mut Canvas, case: &Case, corner: (f64, f64), size: (f64, f64)) {
     let bins = histogram(case);
     let most = bins.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    let _ =
-        writeln!(svg, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"#F4F3EF\"/>");
-    let step = width / BINS as f64;
+    let axes = Axes { corner, size, x: (0.0, RANGE_MS), y: (0.0, most) };
+    axes.ground(canvas);
+    let step = RANGE_MS / BINS as f64;
     for (bin, share) in bins.iter().enumerate().filter(|(_, share)| **share > 0.0) {
-        let tall = (share / most * (height - 2.0)).max(1.0);
-        let (left, top) = (x + step * bin as f64, y + height - tall);
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{tall:.1}\" fill=\"#0072B2\"/>",
-            step - 0.6
-        );
+        let (left, bottom) = axes.at(step * bin as f64, 0.0);
+        let (right, top) = axes.at(step * (bin + 1) as f64, *share);
+        let tall = (bottom - top).max(1.0);
+        canvas.rect((left, bottom - tall), (right - left - 0.6, tall), Style::fill(color::EGO));
     }
     let figures = SHARES.map(|share| case.ages[4].at(share));
-    for (ms, color) in figures.iter().zip(["#009E73", "#C98A00", "#B00020"]) {
-        let at = x + width * (ms / RANGE_MS).min(1.0);
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{at:.1} {y}v{height}\" stroke=\"{color}\" stroke-width=\"1.4\" stroke-dasharray=\"3 2\"/>"
-        );
+    for (ms, paint) in figures.iter().zip([color::PLAN, color::SIGHT, color::ALARM]) {
+        let at = ms.min(RANGE_MS);
+        canvas.line(axes.at(at, 0.0), axes.at(at, most), Style::line(paint, 1.4).dashed(3.0, 2.0));
     }
+    axes.frame(canvas);
     let [p50, p99, p999] = figures;
-    let _ = writeln!(
-        svg,
-        "<text x=\"{x}\" y=\"{:.1}\" fill=\"#5B636D\" font-size=\"10\">p50 {p50:.0}  p99 {p99:.0}  p99.9 {p999:.0} ms, {:.0} % of frames</text>",
-        y + height + 12.0,
-        100.0 * case.through
-    );
+    let through = 100.0 * case.through;
+    let text = format!("p50 {p50:.0}  p99 {p99:.0}  p99.9 {p999:.0} ms, {through:.0} % of frames");
+    canvas.text((corner.0, corner.1 + size.1 + 12.0), &text, Text { size: 10.0, ..Text::SOFT });
 }
 
 fn main() -> std::io::Result<()> {
@@ -285,7 +271,7 @@ fn main() -> std::io::Result<()> {
     );
     print(&table(&cases));
     let path = Path::new(folder).join("latency.svg");
-    std::fs::write(&path, svg(&cases))?;
+    std::fs::write(&path, picture(&cases).svg())?;
     for case in cases.iter().filter(|case| case.model == "log-normal") {
         let [p50, p99, p999] = SHARES.map(|share| case.ages[4].at(share));
         let what = format!("end to end, detector log-normal 75 ms, {}", case.policy);

@@ -8,6 +8,8 @@ use anyhow::Context as _;
 use swerve_drive::{drive_pipeline, run_start};
 use swerve_flow::{Answered, Call, Event, Lost, Observer, RemoteExecutor, Worker};
 use swerve_fuzz::WORKERS;
+use swerve_localization::map_file::MapFile;
+use swerve_localization::voxels::Voxel;
 use swerve_log::Recorder;
 use swerve_ros2::{Kind, cdr, samples};
 use swerve_stack::config::Config;
@@ -35,6 +37,7 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
         ("plan_problems", "configs/problems", "json"),
         ("detector_weights", "crates/swerve-vision/detectors", "weights"),
         ("segmentation_weights", "crates/swerve-vision/segmentations", "weights"),
+        ("prediction_weights", "crates/swerve-prediction/weights", "weights"),
         ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),
     ];
     for (target, from, ending) in of {
@@ -60,6 +63,16 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
     put(folder, "jpeg", "small", &photo[2..])?;
     put(folder, "mot", "two", mot.as_bytes())?;
     put(folder, "kitti", "one", kitti.as_bytes())?;
+    let cloud = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
+                 1 2 3\n4 5 6\n";
+    put(folder, "clouds", "points", cloud.as_bytes())?;
+    let voxel = Voxel {
+        index: [1, -2, 0],
+        count: 9,
+        mean_m: [0.1, 0.2, 0.0],
+        covariance_m2: [0.1, 0.0, 0.0, 0.1, 0.0, 0.001],
+    };
+    put(folder, "clouds", "map", &MapFile::new(1.0, vec![voxel]).write())?;
     put(folder, "coco", "one", coco.as_bytes())?;
     put(folder, "ros2_mapping", "some", b"vehicle = \"autoware\"\n[topics.pose]\ntopic = \"/x\"\n")
 }

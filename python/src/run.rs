@@ -165,7 +165,7 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     story.conclude(&outcome.metrics, why.as_ref());
     Ok(Driven {
         metrics: serde_json::to_string(&Summary::of(config, scenario, &outcome, why))?,
-        story: draw(&story),
+        story: draw(&story).svg(),
         streams: capture.streams,
         config: config.to_text(),
         scenario: scenario_text.clone(),

@@ -38,7 +38,7 @@ fn run(bench: &Bench, out: &std::path::Path, threads: usize, reins: &Reins) -> a
         axes: study.axes.clone(),
         cells: serde_json::to_string(&finished)?,
         csv: table::csv(study, &results),
-        heatmap: heatmap::draw(&table::Grid::of(study, &results), title),
+        heatmap: heatmap::draw(&table::Grid::of(study, &results), title).svg(),
     })
 }
 

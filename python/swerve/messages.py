@@ -64,6 +64,10 @@ class StopCause(str, Enum):
     """The emergency stop."""
     COMMAND_FROZEN = "command_frozen"
     """Commands come, and say the same for too long."""
+    SECOND_WRITER = "second_writer"
+    """Commands come from somebody else than from who drove."""
+    TRANSPORT_LOST = "transport_lost"
+    """The process that carries commands and reports is gone."""
 
 
 class Refusal(str, Enum):
@@ -120,6 +124,8 @@ class PlanStatus(str, Enum):
     """Nothing found: speed zero along the route."""
     GAVE_UP = "gave_up"
     """Nothing found: the route is followed regardless."""
+    COMFORTABLE = "comfortable"
+    """The comfortable layer found this path."""
 
 
 class InfractionKind(str, Enum):
@@ -506,6 +512,15 @@ class Switch(Message):
     """Whether the stack is to drive: its rising edge enables."""
     emergency: bool
     """Whether the car is to be stopped at once."""
+
+
+@dataclass(slots=True)
+class WireAlarm(Message):
+    """What is wrong with the wire between a vehicle and who drives it. Said whenever that changes."""
+    cause: StopCause | None
+    """Why the car is to be stopped; none where all is well, or somebody has let go of the switch since."""
+    what: str
+    """What happened, in words."""
 
 
 @dataclass(slots=True)
@@ -1055,5 +1070,6 @@ __all__ = [
     "VehicleReport",
     "Verdict",
     "WheelOdometry",
+    "WireAlarm",
     "WorldState",
 ]

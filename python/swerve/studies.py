@@ -25,7 +25,7 @@ class StudyResult:
     axes: list[str]
     """What varies."""
     cells: list[dict[str, Any]] = field(repr=False)
-    """The cells: `labels` (one an axis), `verdict`, `digest` and figures; `error` where the run failed."""
+    """The cells: `labels` (one an axis), `verdict`, `digest` and metrics; `error` where the run failed."""
     csv: str = field(repr=False)
     """The same as a table."""
     heatmap: str = field(repr=False)

@@ -9,4 +9,5 @@ mod foxglove; // logs opened elsewhere: layouts, readers in Python and JavaScrip
 mod own_stack; // operators of a package of its own
 mod replay; // logs computed again: verified, altered, damaged
 mod scenarios; // every shipped scenario under every pipeline that it expects something of
+mod supply_chain; // what others made: its rules, its bill, its compiler
 mod tidy; // the house: dependency arrows, licences, page lengths

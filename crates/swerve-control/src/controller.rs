@@ -5,8 +5,8 @@ mod params;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
-use swerve_geom::{FrenetPoint, Pose2, math};
-use swerve_msg::{Command, EgoState, Plan, PlanPoint, Route};
+use swerve_geom::{FrenetPoint, Pose2, angle_between, math};
+use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, Route};
 use swerve_vehicle::{Limits, Shape};
 
 use crate::lateral::{self, OnPath};
@@ -137,11 +137,30 @@ impl Controller {
             _ => self.step_tracker(input, &here, dt_s),
         };
         let max = self.limits.steering_max_rad;
-        self.steering_rad = steering_rad.clamp(-max, max);
+        let change = self.steering_change_rad(input, status, &here, dt_s);
+        self.steering_rad =
+            steering_rad.clamp(self.steering_rad - change, self.steering_rad + change).clamp(-max, max);
         let Pedals { throttle, brake } = drive.pedals;
         let command = Command { steering_rad: self.steering_rad, throttle, brake };
         let Drive { speed_mps, accel_mps2, .. } = drive;
         Output { command, speed_mps, accel_mps2, status, mpc: report }
+    }
+
+    /// How far the wheels may be turned in one step, radians: on a comfortable plan no faster than the lateral jerk of
+    /// comfort has it (`v² κ`, and the wheels' angle is close to wheelbase times curvature); beside it as fast as they can.
+    fn steering_change_rad(&self, input: &Input<'_>, status: Status, here: &Here, dt_s: f64) -> f64 {
+        let comfortable = input.plan.is_some_and(|plan| plan.status == PlanStatus::Comfortable);
+        if status != Status::Plan || !comfortable || self.params.law == Law::Pid {
+            return f64::INFINITY;
+        }
+        let (ego, beside) = (input.ego, self.at(here.s_m).pose);
+        let off_m = beside.point().distance(ego.pose.point());
+        let off_rad = angle_between(beside.heading_rad, ego.pose.heading_rad).abs();
+        if off_m > ON_PLAN_M || off_rad > ON_PLAN_RAD {
+            return f64::INFINITY;
+        }
+        let v = ego.speed_mps.abs().max(SLOW_MPS);
+        self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s
     }
 
     /// Decides what to follow and loads it as the reference.
@@ -375,6 +394,13 @@ impl Controller {
         self.reference.at(s_m).expect("every way to load the reference leaves a point in it")
     }
 }
+
+/// Slower than this the wheels are turned no faster than at it while that is comfortable, m/s.
+const SLOW_MPS: f64 = 6.0;
+
+/// An ego that is no further from its plan, and heads no further off it, is on it.
+const ON_PLAN_M: f64 = 0.2;
+const ON_PLAN_RAD: f64 = 0.03;
 
 /// A law's answer for the speed.
 struct Drive {

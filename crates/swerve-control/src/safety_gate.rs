@@ -180,6 +180,8 @@ pub struct GateInput {
     pub enable: bool,
     /// Whether the car is to be stopped at once.
     pub emergency: bool,
+    /// Why the car is to be stopped whatever the command says: who hears commands found something wrong.
+    pub alarm: Option<StopCause>,
 }
 
 /// The state machine: see the module's page.
@@ -318,16 +320,22 @@ impl SafetyGate {
         let report = self.report.is_some_and(|r| is_fresh(r.stamp, now, self.params.report_timeout_s));
         let rising = input.enable && !self.enable_before;
         let hangs = self.hangs(now);
-        let may_start = rising && command && !hangs && report && !input.emergency;
+        let fault = match () {
+            () if input.emergency => Some(StopCause::Emergency),
+            () if input.alarm.is_some() => input.alarm,
+            () if !report => Some(StopCause::ReportTimeout),
+            () if !command => Some(StopCause::CommandTimeout),
+            () if hangs => Some(StopCause::CommandFrozen),
+            () => None,
+        };
+        let may_start = rising && fault.is_none();
         match self.mode {
             GateMode::Manual if may_start => GateMode::Driving,
             GateMode::Manual => GateMode::Manual,
-            GateMode::Driving if input.emergency => GateMode::Stopping(StopCause::Emergency),
-            GateMode::Driving if !report => GateMode::Stopping(StopCause::ReportTimeout),
-            GateMode::Driving if !command => GateMode::Stopping(StopCause::CommandTimeout),
-            GateMode::Driving if hangs => GateMode::Stopping(StopCause::CommandFrozen),
-            GateMode::Driving if !input.enable => GateMode::Stopping(StopCause::Released),
-            GateMode::Driving => GateMode::Driving,
+            GateMode::Driving => {
+                let fault = fault.or((!input.enable).then_some(StopCause::Released));
+                fault.map_or(GateMode::Driving, GateMode::Stopping)
+            }
             GateMode::Stopping(cause) if report && self.stands() => {
                 GateMode::Holding(if input.emergency { StopCause::Emergency } else { cause })
             }

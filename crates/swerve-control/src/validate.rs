@@ -18,6 +18,7 @@ impl Params {
             ("stanley.softening_mps", self.stanley.softening_mps),
             ("along.gain_ps", self.along.gain_ps),
             ("along.reach_m", self.along.reach_m),
+            ("comfort_jerk_mps3", self.comfort_jerk_mps3),
             ("mpc.dt_s", self.mpc.dt_s),
             ("mpc.jerk_max_mps3", self.mpc.jerk_max_mps3),
             ("mpc.corridor_m", self.mpc.corridor_m),

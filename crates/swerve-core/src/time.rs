@@ -171,7 +171,9 @@ impl fmt::Debug for Time {
 
 impl fmt::Display for Span {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.3} ms", self.as_ms())
+        let text = format!("{:.3}", self.as_ms());
+        // No decimals that say nothing.
+        write!(f, "{} ms", text.trim_end_matches('0').trim_end_matches('.'))
     }
 }
 
@@ -184,6 +186,12 @@ impl fmt::Debug for Span {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_span_is_told_without_decimals_that_say_nothing() {
+        let told = [50_000_000, 33_300_000, 0, -1_500_000, 1_234].map(|ns| Span::from_ns(ns).to_string());
+        assert_eq!(told, ["50 ms", "33.3 ms", "0 ms", "-1.5 ms", "0.001 ms"]);
+    }
 
     #[test]
     fn seconds_round_to_the_nearest_nanosecond() {

@@ -109,6 +109,8 @@ impl Outcome {
             Metric::DurationS => Some(metrics.drive.duration_s),
             Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),
             Metric::LateralJerkMaxMps3 => metrics.lateral_jerk.raw_max_mps3,
+            Metric::DecelerationMaxMps2 => Some(metrics.drive.deceleration_max_mps2),
+            Metric::ComfortShare => metrics.comfort.map(|comfort| comfort.share_within),
             Metric::RoadMarginM => Some(self.road_margin_m),
         }
     }

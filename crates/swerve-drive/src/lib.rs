@@ -12,6 +12,7 @@ mod story;
 
 pub mod frames;
 pub mod page;
+pub mod pictures;
 pub mod process;
 pub mod program;
 pub mod realtime;

@@ -44,6 +44,16 @@ impl RunReport {
         report
     }
 
+    /// Of a drive with a vehicle that is about to begin.
+    ///
+    /// # Errors
+    /// The configuration makes no pipeline.
+    pub fn live(config: &Config, scenario: &Scenario, command: String) -> anyhow::Result<Self> {
+        let mut report = Self::of_config(config, scenario, command);
+        report.set_up_live(config, scenario)?;
+        Ok(report)
+    }
+
     fn of_config(config: &Config, scenario: &Scenario, command: String) -> Self {
         let page = RunPage {
             scenario: scenario.name.clone(),
@@ -66,6 +76,14 @@ impl RunReport {
         let names = scenario.actors.iter().zip(1..);
         self.collector.set_names(names.map(|(actor, id)| (ActorId(id), actor.name.clone())));
         set_inputs(&mut self.collector, &pipeline.assembly);
+    }
+
+    /// The graph needs the vehicle; who reads what does not.
+    fn set_up_live(&mut self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
+        let shape = outline(&config.sim.vehicle.shape);
+        self.collector.set_ground(&scenario.road.route(), scenario.road.lane_width_m, shape);
+        set_inputs(&mut self.collector, &Assembly::new(config)?);
+        Ok(())
     }
 
     /// What heads the page, and what it holds before anything is measured.

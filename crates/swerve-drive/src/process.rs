@@ -10,7 +10,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{Graph, SourceHandle};
-use swerve_ipc::{IpcError, OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerSpec, work};
+use swerve_ipc::{
+    IpcError, LATE_S, OnWorkerEvent, Setup, Traffic, WorkerEvent, WorkerPool, WorkerSpec, work,
+};
 use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -58,6 +60,11 @@ fn unready(program: &Program, config: &Config, error: IpcError) -> anyhow::Error
     }
 }
 
+#[expect(clippy::print_stderr, reason = "said beside the drive, which may never begin")]
+fn tell(what: &str) {
+    eprintln!("{what}");
+}
+
 /// Passes on what becomes of processes, so that the controller reads it and the log has it.
 fn on_event(supervisor: Option<SourceHandle<Supervision>>) -> OnWorkerEvent {
     let gone: Mutex<Vec<GoneProcess>> = Mutex::default();
@@ -65,6 +72,12 @@ fn on_event(supervisor: Option<SourceHandle<Supervision>>) -> OnWorkerEvent {
         let mut gone = gone.lock().unwrap_or_else(PoisonError::into_inner);
         match event {
             WorkerEvent::Gone { process, why } => {
+                gone.retain(|one| one.process != process);
+                gone.push(GoneProcess { process, why });
+            }
+            WorkerEvent::Late { process } => {
+                let why = format!("was started again, and is not ready after {LATE_S} s");
+                tell(&format!("process `{process}` {why}: it is waited for, and the ego is stopped"));
                 gone.retain(|one| one.process != process);
                 gone.push(GoneProcess { process, why });
             }
@@ -167,10 +180,8 @@ impl Processes {
             };
             workers.start(spec, on_event.clone())?;
         }
-        #[expect(clippy::print_stderr, reason = "said before the drive, which may never begin")]
-        let tell = |process: &str| eprintln!("{}", waiting(config, process));
         workers
-            .wait_ready_telling(READY_WITHIN, TOLD_AFTER, &tell)
+            .wait_ready_telling(READY_WITHIN, TOLD_AFTER, &|process| tell(&waiting(config, process)))
             .map_err(|error| unready(program, config, error))?;
         for (name, process) in &config.process {
             for operator in &process.operators {

@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::config::{Config, old_names};
 use swerve_text::{Document, Problem, Problems, nearest};
 
 /// A file that is in the program.
@@ -45,6 +45,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/camera_objects.toml"
     "configs/deadlines.toml"
     "configs/detector.toml"
+    "configs/full.toml"
     "configs/fused_objects.toml"
     "configs/fusion.toml"
     "configs/lidar_objects.toml"
@@ -195,6 +196,9 @@ impl Kind {
     pub fn layers(self, given: &[PathBuf]) -> Result<Document, Problem> {
         let documents: Vec<Document> =
             given.iter().map(|path| self.document(path)).collect::<Result<_, _>>()?;
+        for document in &documents {
+            old_names(&document.table).iter().for_each(|line| eprintln!("note: {}: {line}", document.file));
+        }
         match Config::layered(documents) {
             Some(document) => Ok(document),
             None => Document::parse("defaults", ""),
@@ -212,6 +216,12 @@ impl Kind {
         given: &[PathBuf],
         sets: &[(String, toml::Value)],
     ) -> Result<Config, Problems> {
+        let mut assigned = toml::Table::new();
+        for (key, value) in sets {
+            // What cannot be set is told by the one who sets it.
+            let _ = swerve_text::set(&mut assigned, key, value.clone());
+        }
+        old_names(&assigned).iter().for_each(|line| eprintln!("note: --set: {line}"));
         Config::from_document_with(registry, &self.layers(given)?, sets)
     }
 

@@ -10,13 +10,15 @@ mod timeline;
 mod waits;
 mod without;
 
+use core::fmt;
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
+use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use swerve_core::{Span, Time};
 use swerve_eval::{Account, Clearances, Metrics, Milestone, Why};
 use swerve_log::{Log, Record};
-use swerve_msg::truth::{Verdict, WorldState};
+use swerve_msg::truth::{EgoTruth, Verdict, WorldState};
 use swerve_msg::{ActorId, Detections, EgoState, Plan, PredictionList, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -222,12 +224,39 @@ impl Logged {
     }
 }
 
+/// The ego of a logged state of the world: what comes after it, the others, is most of the state and is not read.
+struct EgoOnly(EgoTruth);
+
+impl<'de> Deserialize<'de> for EgoOnly {
+    fn deserialize<D: Deserializer<'de>>(state: D) -> Result<Self, D::Error> {
+        struct Keys;
+        impl<'de> Visitor<'de> for Keys {
+            type Value = EgoOnly;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a state of the world")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<EgoOnly, A::Error> {
+                while let Some(key) = map.next_key::<String>()? {
+                    if key == "ego" {
+                        return map.next_value().map(EgoOnly);
+                    }
+                    map.next_value::<IgnoredAny>()?;
+                }
+                Err(Error::missing_field("ego"))
+            }
+        }
+        state.deserialize_map(Keys)
+    }
+}
+
 /// The step of the world that takes up a command that can be read from an instant on, and the first state with an
 /// effect after it.
 fn effect(log: &Log, world: &str, readable: Time) -> anyhow::Result<Option<(Time, Time)>> {
     let mut before: Option<EgoState> = None;
     for publication in log.publications(world).filter(|p| p.header.stamp > readable) {
-        let state = publication.decode::<WorldState>()?.ego.state;
+        let state = publication.decode::<EgoOnly>()?.0.state;
         let Some(then) = &before else {
             before = Some(state);
             continue;

@@ -20,14 +20,17 @@ pub struct PlanCounts {
     pub stop: u64,
     /// None found, the route was followed regardless.
     pub gave_up: u64,
+    /// A path within the limits of comfort was found.
+    #[serde(default)]
+    pub comfortable: u64,
 }
 
-/// Plan counts and the first path found.
+/// Plan counts, and when the planner itself first found a path.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PlanMetrics {
     /// How many plans came about how.
     pub counts: PlanCounts,
-    /// Stamp of the first path found, seconds.
+    /// Stamp of the first path found that is not within the limits of comfort, seconds.
     pub first_found_s: Option<f64>,
 }
 
@@ -42,6 +45,7 @@ impl PlanMetrics {
             PlanStatus::Brake => &mut counts.brake,
             PlanStatus::Stop => &mut counts.stop,
             PlanStatus::GaveUp => &mut counts.gave_up,
+            PlanStatus::Comfortable => &mut counts.comfortable,
         } += 1;
         if plan.status == PlanStatus::Found {
             self.first_found_s.get_or_insert(seconds(plan.stamp));

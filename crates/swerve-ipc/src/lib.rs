@@ -29,5 +29,5 @@ mod worker;
 
 pub use error::IpcError;
 pub use link::Traffic;
-pub use pool::{OnLoss, OnWorkerEvent, WorkerEvent, WorkerPool, WorkerSpec};
+pub use pool::{LATE_S, OnLoss, OnWorkerEvent, WorkerEvent, WorkerPool, WorkerSpec};
 pub use worker::{Setup, work};

@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver as Channel, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
-use rustix::event::{PollFd, PollFlags, poll};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use serde::{Deserialize, Serialize};
@@ -61,6 +61,11 @@ pub enum WorkerEvent {
         process: String,
         /// How it ended.
         why: String,
+    },
+    /// It was started again, and is not ready after [`LATE_S`] seconds.
+    Late {
+        /// Which.
+        process: String,
     },
     /// It was started again, and is ready.
     Restarted {
@@ -288,8 +293,7 @@ impl Watch {
     fn watch(mut self, mut life: OwnedFd) {
         let mut futile = 0;
         loop {
-            // Until it ends, however that is; meanwhile others may kill it.
-            while poll(&mut [PollFd::new(&life, PollFlags::IN)], None) == Err(Errno::INTR) {}
+            self.await_end(&life);
             let child = lock(&self.shared.child).take();
             let why = ended(child.map(|mut child| child.wait()));
             if self.is_ending() {
@@ -322,10 +326,34 @@ impl Watch {
         }
     }
 
+    /// Waits until a process ends, however that is; meanwhile others may kill it. Says where one that was started again
+    /// does not come to be ready.
+    fn await_end(&self, life: &OwnedFd) {
+        let mut late =
+            Some(Timespec { tv_sec: LATE_S, tv_nsec: 0 }).filter(|_| self.shared.watched.life().starts > 1);
+        loop {
+            match poll(&mut [PollFd::new(life, PollFlags::IN)], late.as_ref()) {
+                Err(Errno::INTR) => {}
+                Ok(0) => {
+                    late = None;
+                    // Whoever finds it ready waits for this lock: that is said after this.
+                    let life = self.shared.watched.life();
+                    if life.ready != life.starts {
+                        (self.on_event)(WorkerEvent::Late { process: self.spec.process.clone() });
+                    }
+                }
+                _ => return,
+            }
+        }
+    }
+
     fn is_ending(&self) -> bool {
         self.shared.ending.load(Ordering::SeqCst)
     }
 }
+
+/// A worker that was started again and is not ready after so many seconds is told.
+pub const LATE_S: i64 = 1;
 
 /// So many times in turn a worker may end before it is ready.
 const FUTILE_MAX: u32 = 3;

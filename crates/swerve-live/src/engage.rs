@@ -51,7 +51,7 @@ pub struct Action {
 enum Phase {
     /// Nobody wants to drive.
     Idle,
-    /// The vehicle is asked to listen.
+    /// The vehicle is asked to accept commands.
     Asking { since: Time, asked: Option<Time> },
     /// The switch is on, since then; asked since.
     On { since: Time, asking_since: Time },
@@ -133,7 +133,7 @@ impl Engagement {
             return Some("not all topics that are needed are there: the switch is off");
         }
         self.phase = Phase::Asking { since: at.now, asked: None };
-        Some("the vehicle is asked to listen")
+        Some("the vehicle is asked to accept commands")
     }
 
     fn advance(&mut self, at: &Situation) -> (bool, Option<&'static str>) {

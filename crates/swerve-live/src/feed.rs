@@ -10,7 +10,7 @@ use swerve_control::safety_gate::GateParams;
 use swerve_core::{Span, Time};
 use swerve_flow::{SendError, StopHandle};
 use swerve_geom::FrenetPoint;
-use swerve_msg::{GateMode, Route, Switch};
+use swerve_msg::{GateMode, Route, StopCause, Switch, WireAlarm};
 use swerve_report::progress::LiveLine;
 use swerve_ros2::mapping::Role;
 
@@ -146,6 +146,8 @@ struct Memory {
     reported: Option<Time>,
     switch: Option<Switch>,
     last_switch: Time,
+    alarm: WireAlarm,
+    last_alarm: Time,
     was_ready: bool,
     mode: GateMode,
     behind: bool,
@@ -161,6 +163,8 @@ impl Feed<'_> {
             reported: None,
             switch: None,
             last_switch: Time::ZERO,
+            alarm: WireAlarm::default(),
+            last_alarm: Time::ZERO,
             was_ready: false,
             mode: GateMode::Manual,
             behind: false,
@@ -177,6 +181,7 @@ impl Feed<'_> {
                 self.intake.take(taken.name, &taken.message, now, &mut memory.out);
             }
             self.hand_on(&mut memory);
+            self.watch_the_wire(&mut memory);
             self.work_the_switch(&mut memory);
             self.look_for_the_end(&mut memory);
             self.report(&mut memory);
@@ -202,6 +207,26 @@ impl Feed<'_> {
             memory.behind = true;
             self.status_sink.note(self.clock.now(), "the engine does not keep up: messages are dropped");
         }
+    }
+
+    /// Has the gate stop the car where the transport was lost, until somebody lets go of the switch.
+    fn watch_the_wire(&mut self, memory: &mut Memory) {
+        let is_on = memory.switch.is_some_and(|switch| switch.enable);
+        let mut alarm = if is_on { memory.alarm.clone() } else { WireAlarm::default() };
+        for what in self.wire.take_losses() {
+            self.status_sink.note(self.clock.now(), &what);
+            if is_on && alarm.cause.is_none() {
+                alarm = WireAlarm { cause: Some(StopCause::TransportLost), what };
+            }
+        }
+        if alarm == memory.alarm {
+            return;
+        }
+        memory.alarm = alarm.clone();
+        let stamp = self.clock.now().max(memory.last_alarm.saturating_add(Span::from_ns(1)));
+        memory.last_alarm = stamp;
+        let arrived = Arrived { at: stamp, stamp, input: Input::Wire(alarm) };
+        memory.not_taken += u64::from(self.inputs.send(arrived) == Err(SendError::Full));
     }
 
     fn silent(&self, now: Time) -> Vec<Role> {
@@ -261,7 +286,7 @@ impl Feed<'_> {
             let why = if interrupts > 0 {
                 Some("it was interrupted")
             } else {
-                self.until.filter(|until| now >= *until).map(|_| "the time is over")
+                self.until.filter(|until| now >= *until).map(|_| "the time limit was reached")
             };
             memory.end = why.map(|why| End::new(why, now, &self.status));
         }

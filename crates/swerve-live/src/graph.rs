@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use anyhow::Context as _;
 use swerve_flow::{Payload, SendError, SourceHandle};
-use swerve_msg::{EgoState, Gnss, Image, Imu, ObstacleList, PointCloud, Switch, VehicleReport};
+use swerve_msg::{EgoState, Gnss, Image, Imu, ObstacleList, PointCloud, Switch, VehicleReport, WireAlarm};
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
@@ -35,6 +35,8 @@ pub struct Inputs {
     gnss: SourceHandle<Gnss>,
     report: SourceHandle<VehicleReport>,
     switch: SourceHandle<Switch>,
+    /// None where the drive was recorded.
+    wire: Option<SourceHandle<WireAlarm>>,
     topics: SourceHandle<Vec<TopicState>>,
     images: BTreeMap<String, SourceHandle<Image>>,
     clouds: BTreeMap<String, SourceHandle<PointCloud>>,
@@ -54,6 +56,7 @@ impl Inputs {
             Input::Gnss(x) => self.gnss.send(stamp, x),
             Input::Report(x) => self.report.send(stamp, x),
             Input::Switch(x) => self.switch.send(stamp, x),
+            Input::Wire(x) => self.wire.as_ref().map_or(Ok(()), |source| source.send(stamp, x)),
             Input::Topics(x) => self.topics.send(stamp, x),
             Input::Image(name, x) => self.images.get(&name).map_or(Ok(()), |source| source.send(stamp, x)),
             Input::Cloud(name, x) => self.clouds.get(&name).map_or(Ok(()), |source| source.send(stamp, x)),
@@ -79,6 +82,7 @@ impl LiveGraph {
             gnss: input(&mut pipeline, names::GNSS)?,
             report: input(&mut pipeline, names::REPORT)?,
             switch: input(&mut pipeline, names::SWITCH)?,
+            wire: pipeline.take_source(names::WIRE),
             topics,
             images: inputs(&mut pipeline, named(config.camera.keys().collect()))?,
             clouds: inputs(&mut pipeline, named(config.lidar.keys().collect()))?,

@@ -9,7 +9,7 @@ use swerve_flow::PlaybackRecord;
 use swerve_geom::{Ego, Point, Transform};
 use swerve_msg::{
     CameraInfo, EgoState, Gnss, Image, Imu, Obstacle, ObstacleList, PointCloud, Switch, VehicleReport,
-    WheelOdometry,
+    WheelOdometry, WireAlarm,
 };
 use swerve_ros2::AnyMessage;
 use swerve_ros2::clock::{ClockParams, StampVerdict};
@@ -51,6 +51,8 @@ pub enum Input {
     Report(VehicleReport),
     /// The person's switch.
     Switch(Switch),
+    /// What is wrong with the wire.
+    Wire(WireAlarm),
     /// How the topics are, for the log.
     Topics(Vec<TopicState>),
 }
@@ -69,6 +71,8 @@ pub mod names {
     pub const REPORT: &str = "vehicle";
     /// [`super::Input::Switch`].
     pub const SWITCH: &str = "switch";
+    /// [`super::Input::Wire`].
+    pub const WIRE: &str = "wire";
     /// [`super::Input::Topics`].
     pub const TOPICS: &str = "topics";
 }
@@ -95,6 +99,7 @@ impl Arrived {
             Input::Image(name, _) | Input::Cloud(name, _) => name,
             Input::Report(_) => names::REPORT,
             Input::Switch(_) => names::SWITCH,
+            Input::Wire(_) => names::WIRE,
             Input::Topics(_) => names::TOPICS,
         }
     }
@@ -111,6 +116,7 @@ impl Arrived {
             Input::Cloud(_, x) => PlaybackRecord::message(at, stamp, x),
             Input::Report(x) => PlaybackRecord::message(at, stamp, x),
             Input::Switch(x) => PlaybackRecord::message(at, stamp, x),
+            Input::Wire(x) => PlaybackRecord::message(at, stamp, x),
             Input::Topics(x) => PlaybackRecord::message(at, stamp, x),
         }
     }

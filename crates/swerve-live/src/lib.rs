@@ -55,7 +55,6 @@ use swerve_msg::GateOutput;
 use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::progress::LiveLine;
-use swerve_ros2::bridge::Stopped;
 use swerve_ros2::mapping::Mapping;
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -88,7 +87,7 @@ pub struct LiveArgs {
     /// Replace the results of an earlier run in the folder of --out
     #[arg(long, requires = "out")]
     overwrite: bool,
-    /// Who says that the stack is to drive, in place of the configuration's live.enable
+    /// Who enables the stack, in place of the configuration's live.enable
     #[arg(long)]
     enable: Option<EnableBy>,
     /// Set a configuration key, such as ego.speed_mps=5
@@ -103,6 +102,20 @@ pub struct LiveArgs {
 }
 
 impl LiveArgs {
+    /// A drive of a configuration with these keys set, everything else as it is by default.
+    pub fn of(config: PathBuf, set: Vec<String>) -> Self {
+        Self {
+            config,
+            seconds: None,
+            out: None,
+            overwrite: false,
+            enable: None,
+            set,
+            json: false,
+            threads: 2,
+        }
+    }
+
     /// The command line that drives so again.
     fn command_line(&self) -> String {
         let mut line = format!("swerve live {}", quoted(&self.config.display().to_string()));
@@ -352,8 +365,32 @@ impl Drop for Set<'_> {
     }
 }
 
+/// Somebody who sees a drive while it goes on and can do nothing about it.
+pub trait Onlooker: Observer {
+    /// Takes in what is about to be driven, by this command line.
+    ///
+    /// # Errors
+    /// It cannot be shown; nothing is driven then.
+    fn begin(&mut self, drive: &Drive, command: String) -> anyhow::Result<()>;
+}
+
 /// Runs `swerve live`.
+///
+/// # Errors
+/// All that is wrong with the configuration, or the drive failed.
 pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
+    run_before(args, registry, None)
+}
+
+/// As [`run`], before somebody's eyes.
+///
+/// # Errors
+/// As [`run`]; a recorded drive is over at once, so that nobody can look on.
+pub fn run_before(
+    args: &LiveArgs,
+    registry: &Registry,
+    mut onlooker: Option<&mut dyn Onlooker>,
+) -> anyhow::Result<()> {
     let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
     let mut sets = sets?;
     if let Some(enable) = args.enable {
@@ -368,6 +405,14 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
         anyhow::ensure!(seconds > 0.0 && seconds < 1e6, "--seconds {seconds}: expected more than 0");
     }
     let name = args.config.file_stem().map_or_else(|| "live".into(), |s| s.to_string_lossy().into_owned());
+    if let Some(onlooker) = &mut onlooker {
+        let is_recorded = drive.config.source.is_some();
+        anyhow::ensure!(
+            !is_recorded,
+            "source: a recorded drive is not shown live; `swerve view` shows its log"
+        );
+        onlooker.begin(&drive, args.command_line())?;
+    }
     let folder = RunFolder::claim(args.out.as_deref(), &name, args.overwrite)?;
     let out = &folder.path;
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
@@ -391,18 +436,12 @@ pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
     let status_sink = Box::new(LiveLine::new(!args.json));
     let options = DriveOptions { until, threads: args.threads, status_sink, flags: &flags };
-    let driven = self::drive(&drive, &wire, options, &mut [&mut files.recorder, &mut files.trace]);
-    let topics = wire.statistics();
-    let stopped = wire.stop(BRIDGE_END);
-    let concluded = conclude(args, &drive, files, driven, &topics);
-    if stopped == Stopped::Hanging {
-        // The transport does not end by itself: all files are written, so the process is ended.
-        if let Err(error) = &concluded {
-            swerve_report::output::tell(&format!("error: {}", swerve_report::output::message(error)));
-        }
-        std::process::exit(i32::from(concluded.is_err()));
-    }
-    concluded
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut files.recorder, &mut files.trace];
+    observers.extend(onlooker.map(|onlooker| onlooker as &mut dyn Observer));
+    let driven = self::drive(&drive, &wire, options, &mut observers);
+    let (topics, lost) = (wire.statistics(), wire.lost());
+    wire.stop(BRIDGE_END);
+    conclude(args, &drive, files, driven, &topics, lost)
 }
 
 /// Ends the files and tells what it came to.
@@ -412,11 +451,12 @@ fn conclude(
     files: DriveFiles,
     driven: anyhow::Result<Driven>,
     topics: &[swerve_ros2::bridge::TopicStatistics],
+    transports_lost: u64,
 ) -> anyhow::Result<()> {
     let part = files.finish()?;
     let driven = driven?;
     let out = part.name_whole()?;
-    let summary = Summary::new(drive, &driven, topics);
+    let summary = Summary::new(drive, &driven, topics).with_lost(transports_lost);
     let json = serde_json::to_string_pretty(&summary)? + "\n";
     let place = out.conclude("report.html, log.mcap, trace.json", &json)?;
     drive.report(&out.path)?;

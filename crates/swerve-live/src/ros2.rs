@@ -14,6 +14,7 @@ mod drive;
 mod mounts;
 mod show;
 mod streams;
+mod writers;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,8 +27,9 @@ use serde::Serialize;
 use swerve_flow::Observer;
 use swerve_report::output::align;
 use swerve_ros2::AnyMessage;
-use swerve_ros2::bridge::{Bridge, Direction, EndpointId, Options, ServiceSide, Stopped};
+use swerve_ros2::bridge::{Direction, EndpointId, Options, ServiceSide};
 use swerve_ros2::mapping::{Mapping, Purpose, Role, Side, Vehicle};
+use swerve_ros2::transport::Transport;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 
@@ -51,7 +53,7 @@ const CONTROL_MODE_SERVICE: &str = "/control/control_mode_request";
 
 /// Messages on their way out.
 struct Outbox {
-    bridge: Arc<Bridge>,
+    bridge: Arc<Transport>,
     queues: [SyncSender<(EndpointId, Make)>; 2],
     /// Messages that found their queue full, by endpoint.
     dropped: Vec<u64>,
@@ -78,7 +80,7 @@ impl Outbox {
 }
 
 /// Makes and sends what is in a queue until it is closed.
-fn send(bridge: &Bridge, queue: &Receiver<(EndpointId, Make)>) {
+fn send(bridge: &Transport, queue: &Receiver<(EndpointId, Make)>) {
     for (id, make) in queue {
         if let Some(message) = make() {
             // What is not sent is counted by the bridge.
@@ -89,7 +91,7 @@ fn send(bridge: &Bridge, queue: &Receiver<(EndpointId, Make)>) {
 
 /// The car on ROS 2's topics, as long as it lives.
 pub struct Ros2Car {
-    bridge: Arc<Bridge>,
+    bridge: Arc<Transport>,
     show: Show,
     threads: Vec<JoinHandle<()>>,
     listener: Option<(JoinHandle<ListenerReport>, Arc<AtomicBool>)>,
@@ -110,7 +112,7 @@ impl Ros2Car {
         let driver = DriverInputs::take(pipeline);
         let streams = Streams::new(&pipeline.graph.describe()?);
         let options = options(config, &streams, &mapping, &mounts, driver.is_some());
-        let bridge = Arc::new(Bridge::start(&options)?);
+        let bridge = Arc::new(crate::wire::transport(&mapping, &options)?);
         let (mut queues, mut threads) = (Vec::new(), Vec::new());
         for (name, places) in [("swerve-ros2-small", SMALL_MAX), ("swerve-ros2-large", LARGE_MAX)] {
             let (sender, queue) = sync_channel(places);
@@ -152,7 +154,10 @@ impl Ros2Car {
             stop.store(true, Ordering::Relaxed);
             thread.join().ok()
         });
-        let topics = bridge.statistics().into_iter().zip(dropped).map(|(topic, dropped)| Ros2Topic {
+        let of_others =
+            |id| report.as_ref().and_then(|report| report.of_others.get(&EndpointId(id))).copied();
+        let topics = bridge.statistics().into_iter().zip(dropped).enumerate();
+        let topics = topics.map(|(id, (topic, dropped))| Ros2Topic {
             topic: topic.topic,
             kind: topic.kind.type_name(),
             others: topic.matched,
@@ -160,15 +165,14 @@ impl Ros2Car {
             not_sent: topic.not_published,
             dropped,
             received: topic.received,
-            refused: topic.refused.total(),
+            refused: topic.refused.total() + of_others(id).unwrap_or_default(),
         });
         let topics = topics.collect();
-        if let Some(bridge) = Arc::into_inner(bridge)
-            && bridge.stop(STOP_WITHIN) == Stopped::Hanging
-        {
-            eprintln!("ROS 2's transport does not end in order; it goes with the program");
+        let transports_lost = bridge.lost();
+        if let Some(bridge) = Arc::into_inner(bridge) {
+            bridge.stop(STOP_WITHIN);
         }
-        Ros2Report { topics, driver: report.map(Ros2Driver::new) }
+        Ros2Report { topics, transports_lost, driver: report.map(Ros2Driver::new) }
     }
 }
 
@@ -207,6 +211,8 @@ fn is_command(role: Role) -> bool {
 pub struct Ros2Report {
     /// The topics.
     pub topics: Vec<Ros2Topic>,
+    /// How often the process of the transport ended or hung, and a fresh one was started.
+    pub transports_lost: u64,
     /// The other stack, where one drove.
     pub driver: Option<Ros2Driver>,
 }
@@ -218,6 +224,8 @@ pub struct Ros2Driver {
     pub commands: u64,
     /// Commands whose stamps cannot be: these did not.
     pub implausible: u64,
+    /// Commands of another writer than the one that drove: refused, and the car was stopped.
+    pub of_others: u64,
     /// The run's time minus the time of the stack's clock, ms, for the fastest command.
     pub clock_offset_ms: Option<f64>,
     /// How far that is not known, ms.
@@ -228,10 +236,11 @@ pub struct Ros2Driver {
 
 impl Ros2Driver {
     fn new(report: ListenerReport) -> Self {
-        let ListenerReport { commands, implausible, clock } = report;
+        let ListenerReport { commands, implausible, of_others, clock } = report;
         Self {
             commands,
             implausible,
+            of_others: of_others.into_values().sum(),
             clock_offset_ms: clock.map(|clock| clock.offset.as_ms()),
             clock_spread_ms: clock.map(|clock| clock.spread.as_ms()),
             clock_jumps: clock.map_or(0, |clock| clock.jumps),
@@ -257,28 +266,35 @@ pub struct Ros2Topic {
     pub dropped: u64,
     /// Messages that came.
     pub received: u64,
-    /// Messages that came and were no sound ones of this type.
+    /// Messages that came and were not taken: no sound ones of this type, or of another writer than the one that drove.
     pub refused: u64,
 }
 
 impl Ros2Report {
     /// For the terminal.
     pub fn text(&self) -> String {
-        let head = ["topic", "others", "sent", "not sent", "dropped", "received", "refused"];
+        let head = ["topic", "peers", "sent", "send errors", "dropped", "received", "refused"];
         let row = |t: &Ros2Topic| {
             let counts = [t.others as u64, t.sent, t.not_sent, t.dropped, t.received, t.refused];
             std::iter::once(t.topic.clone()).chain(counts.map(|n| n.to_string())).collect()
         };
         let rows = std::iter::once(head.map(str::to_owned).to_vec()).chain(self.topics.iter().map(row));
         let mut text = align(&rows.collect::<Vec<_>>());
+        if self.transports_lost > 0 {
+            text += &format!("the process of the transport was lost {} times\n", self.transports_lost);
+        }
         if let Some(driver) = &self.driver {
-            let Ros2Driver { commands, implausible, .. } = driver;
+            let Ros2Driver { commands, implausible, of_others, .. } = driver;
             text +=
                 &format!("{commands} commands of the other stack, {implausible} refused for their stamps");
             if let (Some(offset), Some(spread)) = (driver.clock_offset_ms, driver.clock_spread_ms) {
-                text += &format!("; its clock: {offset:+.1} ms to the run's time, known to {spread:.1} ms");
+                text +=
+                    &format!("; its clock: {offset:+.1} ms to the run's time, uncertain by {spread:.1} ms");
             }
             text += "\n";
+            if *of_others > 0 {
+                text += &format!("{of_others} commands of a second writer refused: the car was stopped\n");
+            }
         }
         text
     }

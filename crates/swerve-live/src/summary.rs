@@ -33,6 +33,8 @@ pub struct Summary {
     sink: SinkReport,
     /// Messages that the engine did not take because it did not keep up.
     not_taken: u64,
+    /// How often the process of the transport ended or hung, and a fresh one was started.
+    transports_lost: u64,
     topics: Vec<Topic>,
     /// How timers kept time on the real clock, by operator.
     timers: Vec<Timer>,
@@ -206,10 +208,17 @@ impl Summary {
             drive: driven.figures.clone(),
             sink: driven.sink,
             not_taken: driven.feed.not_taken,
+            transports_lost: 0,
             topics,
             timers: operators.iter().filter_map(timer).collect(),
             operators: operators.iter().filter(|o| o.steps > 0).map(operator).collect(),
         }
+    }
+
+    /// The same, with how often the process of the transport was lost.
+    #[must_use]
+    pub fn with_lost(self, transports_lost: u64) -> Self {
+        Self { transports_lost, ..self }
     }
 
     /// The topics that are needed and never brought anything that could be used.
@@ -237,20 +246,29 @@ impl Summary {
             &self.drive;
         row("driven", format!("{driven_m:.1} m in {driving_s:.1} s, at most {speed_max_mps:.1} m/s"));
         let (p50, p99, max) = (self.drive.beside_p50_m, self.drive.beside_p99_m, self.drive.beside_max_m);
-        row("beside the route", format!("p50 {p50:.3}  p99 {p99:.3}  max {max:.3} m"));
+        row("cross-track error", format!("p50 {p50:.3}  p99 {p99:.3}  max {max:.3} m"));
         let changes = modes.iter().map(|change| format!("{:.2} s {}", change.at_s, mode_words(change.mode)));
         row("gate", changes.collect::<Vec<_>>().join(", "));
         row("commands", format!("{outputs}, {} refused, {limited} limited", refused.total()));
         let SinkReport { sent, not_sent, skipped, silences, stop_commands, stood_at_end, released } =
             self.sink;
         row("to the vehicle", format!("{sent} messages sent, {not_sent} not, {skipped} outputs skipped"));
+        if self.transports_lost > 0 {
+            row(
+                "transport",
+                format!("its process was lost {} times, and started again", self.transports_lost),
+            );
+        }
         if silences > 0 || stop_commands > 0 {
             let stood = match stood_at_end {
                 Some(true) => "; it stood at the end",
                 Some(false) => "; it did not come to a standstill in time",
                 None => "",
             };
-            row("without the gate", format!("{silences} silences, {stop_commands} commands to stop{stood}"));
+            row(
+                "stopped without it",
+                format!("gate silent {silences} times, {stop_commands} commands to stop{stood}"),
+            );
         }
         if released == Some(false) {
             row("", "the vehicle never said that it was released".into());
@@ -277,7 +295,7 @@ impl Summary {
             "lost",
             "over rate",
             "offset ms",
-            "spread ms",
+            "uncertainty ms",
         ];
         let ms = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| format!("{x:.2}"));
         let heard = self.topics.iter().filter(|topic| topic.received > 0).map(|topic| {

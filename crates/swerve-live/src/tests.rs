@@ -214,7 +214,7 @@ fn a_sound_drive_ends_at_rest_and_released() {
     let (driven, lane) = ride(3.0, None, |_, _| {});
     assert!(driven.report.is_ok());
     assert_sane(&lane);
-    assert_eq!(driven.feed.why, "the time is over");
+    assert_eq!(driven.feed.why, "the time limit was reached");
     let released = StopCause::Released;
     let expected =
         [GateMode::Manual, GateMode::Driving, GateMode::Stopping(released), GateMode::Holding(released)];

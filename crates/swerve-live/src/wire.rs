@@ -4,12 +4,13 @@ use core::time::Duration;
 use std::collections::BTreeMap;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
+use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::program::Program;
 use swerve_ros2::AnyMessage;
-use swerve_ros2::bridge::{
-    Bridge, BridgeError, Direction, Endpoint, EndpointId, Options, ServiceSide, Stopped, TopicStatistics,
-};
+use swerve_ros2::bridge::{Direction, Endpoint, EndpointId, Options, ServiceSide, TopicStatistics};
 use swerve_ros2::mapping::{Mapping, Role, Side};
+use swerve_ros2::transport::{Transport, TransportProcess};
 use swerve_stack::config::live::{EnableBy, LiveConfig};
 
 /// The host's clock: run time counts from its making.
@@ -95,11 +96,39 @@ pub trait Wire: Sync {
 
     /// Counts of the topics.
     fn statistics(&self) -> Vec<TopicStatistics>;
+
+    /// Why transports were lost since the last call, a sentence each; all is well again where the next one is there.
+    fn take_losses(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// The word of the command line by which this program becomes the process of a transport.
+pub const TRANSPORT: &str = "transport";
+
+/// What that process does.
+///
+/// # Errors
+/// When it was no run that started it.
+pub fn run_transport() -> anyhow::Result<()> {
+    let started_by = "`swerve transport` is started by `swerve live` and `swerve run --ros2`";
+    swerve_ros2::transport::run().context(started_by)
+}
+
+/// A transport in a process of its own, which this program is started as.
+///
+/// # Errors
+/// The transport does not start.
+pub(super) fn transport(mapping: &Mapping, options: &Options) -> anyhow::Result<Transport> {
+    let program = Program::this()?.with(&[TRANSPORT]);
+    let memory_mib = mapping.transport_memory_mib;
+    let process = TransportProcess { command: Box::new(move || program.command()), memory_mib };
+    Ok(Transport::start(options, process)?)
 }
 
 /// The bridge as a wire.
 pub struct BridgeWire {
-    bridge: Bridge,
+    bridge: Transport,
     sends: BTreeMap<Role, EndpointId>,
 }
 
@@ -108,9 +137,9 @@ impl BridgeWire {
     ///
     /// # Errors
     /// The transport does not start.
-    pub fn start(mapping: &Mapping, live: &LiveConfig) -> Result<Self, BridgeError> {
+    pub fn start(mapping: &Mapping, live: &LiveConfig) -> anyhow::Result<Self> {
         let options = options(mapping, live);
-        let bridge = Bridge::start(&options)?;
+        let bridge = transport(mapping, &options)?;
         let sent = options.endpoints.iter().enumerate().filter(|(_, e)| e.direction == Direction::Send);
         let role = |(i, e): (usize, &Endpoint)| {
             let name = e.name.strip_suffix(OWN).unwrap_or(&e.name);
@@ -120,8 +149,13 @@ impl BridgeWire {
     }
 
     /// Ends the node.
-    pub fn stop(self, deadline: Duration) -> Stopped {
-        self.bridge.stop(deadline)
+    pub fn stop(self, deadline: Duration) {
+        self.bridge.stop(deadline);
+    }
+
+    /// How many processes of the transport were lost.
+    pub fn lost(&self) -> u64 {
+        self.bridge.lost()
     }
 }
 
@@ -172,6 +206,10 @@ impl Wire for BridgeWire {
 
     fn statistics(&self) -> Vec<TopicStatistics> {
         self.bridge.statistics()
+    }
+
+    fn take_losses(&self) -> Vec<String> {
+        self.bridge.take_losses()
     }
 }
 

@@ -304,7 +304,8 @@ pub fn yaw_rad(attitude: &UnitQuaternion<f64>) -> f64 {
     math::atan2(forward.y, forward.x)
 }
 
-fn unit(q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+/// The same rotation with its length, which products wear away, set to 1 again.
+pub(crate) fn unit(q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     unit_of(q.into_inner())
 }
 

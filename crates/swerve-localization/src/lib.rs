@@ -7,13 +7,24 @@
 //! [`Localizer`] is made. No product of large matrices from nalgebra: it picks instructions by the processor, and bits
 //! with them.
 
+pub mod dead_reckoning;
+mod eigen;
 pub mod eskf;
 pub mod flat;
+mod grid;
+pub mod icp;
 mod localizer;
+pub mod map_file;
+pub mod matcher;
+pub mod ndt;
 pub mod npz;
+pub mod odometry;
 mod params;
+pub mod ply;
 pub mod recorded;
+pub mod voxels;
 
 pub use eskf::{Eskf, Innovation};
+pub use grid::downsampled;
 pub use localizer::{Estimate, Initial, Localizer, Mode, Sensed, Source, Taken, Tally};
 pub use params::{Hold, Params};

@@ -44,6 +44,17 @@ pub enum Sensed {
         /// Standard deviation of each.
         sigma_m: [f64; 3],
     },
+    /// Place and heading of the ego origin by matching what is around with a map.
+    Pose {
+        /// In the map, metres.
+        at_m: [f64; 3],
+        /// Heading, radians.
+        heading_rad: f64,
+        /// Covariance of the place on the ground: xx, xy, yy, m². A direction that the match did not see has a large one.
+        covariance_m2: [f64; 3],
+        /// Standard deviations of height (m) and heading (rad).
+        sigma: [f64; 2],
+    },
     /// Speed of the rear axle by the wheels, the mean since the reading before, m/s.
     Wheels(f64),
 }
@@ -53,8 +64,10 @@ pub enum Sensed {
 pub enum Source {
     /// Satellite fixes.
     Fix,
-    /// Places by other means.
+    /// Places by other means, and those of poses.
     Place,
+    /// Headings of poses.
+    Heading,
     /// Speed by the wheels.
     Wheels,
     /// Neither to the side nor up.
@@ -155,25 +168,28 @@ pub(crate) struct Entry {
 
 impl Entry {
     /// Order among equal stamps: the inertial unit first, then by contents.
-    fn key(&self) -> (Time, u8, [u64; 6]) {
-        let [a, b] = [self.what.numbers().0, self.what.numbers().1];
-        let bits = |x: f64| x.to_bits();
+    fn key(&self) -> (Time, u8, [u64; 9]) {
         let rank = match self.what {
             Sensed::Imu { .. } => 0,
             Sensed::Wheels(_) => 1,
             Sensed::Fix { .. } => 2,
             Sensed::Place { .. } => 3,
+            Sensed::Pose { .. } => 4,
         };
-        (self.stamp, rank, [a[0], a[1], a[2], b[0], b[1], b[2]].map(bits))
+        (self.stamp, rank, self.what.numbers().map(f64::to_bits))
     }
 }
 
 impl Sensed {
-    fn numbers(&self) -> ([f64; 3], [f64; 3]) {
+    fn numbers(&self) -> [f64; 9] {
         match *self {
-            Self::Imu { accel_mps2, gyro_radps } => (accel_mps2, gyro_radps),
-            Self::Fix { at_m, sigma_m } | Self::Place { at_m, sigma_m } => (at_m, sigma_m),
-            Self::Wheels(speed_mps) => ([speed_mps, 0.0, 0.0], [0.0; 3]),
+            Self::Imu { accel_mps2: [a, b, c], gyro_radps: [d, e, f] } => [a, b, c, d, e, f, 0.0, 0.0, 0.0],
+            Self::Fix { at_m: [a, b, c], sigma_m: [d, e, f] }
+            | Self::Place { at_m: [a, b, c], sigma_m: [d, e, f] } => [a, b, c, d, e, f, 0.0, 0.0, 0.0],
+            Self::Pose { at_m: [a, b, c], heading_rad, covariance_m2: [d, e, f], sigma: [g, h] } => {
+                [a, b, c, heading_rad, d, e, f, g, h]
+            }
+            Self::Wheels(speed_mps) => [speed_mps, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         }
     }
 
@@ -184,6 +200,11 @@ impl Sensed {
             Self::Imu { accel_mps2, gyro_radps } => within(accel_mps2, 500.0) && within(gyro_radps, 100.0),
             Self::Fix { at_m, sigma_m } | Self::Place { at_m, sigma_m } => {
                 within(at_m, 1e7) && sigma_m.iter().all(|s| (1e-4..=1e4).contains(s))
+            }
+            Self::Pose { at_m, heading_rad, covariance_m2: [xx, xy, yy], sigma } => {
+                let is_covariance = [xx, yy].iter().all(|x| (1e-8..=1e8).contains(x)) && xy * xy < xx * yy;
+                let sigmas = sigma.iter().all(|s| (1e-5..=1e4).contains(s));
+                within(at_m, 1e7) && heading_rad.abs() <= 100.0 && is_covariance && sigmas
             }
             Self::Wheels(speed_mps) => speed_mps.abs() <= 150.0,
         }

@@ -14,7 +14,7 @@ use crate::mcap_record::{self, Schema, op, op_name};
 use crate::reader::{describe, open_sized};
 
 /// A topic of a recording.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Default, Debug)]
 pub struct BagTopic {
     /// Its name.
     pub name: String,
@@ -22,6 +22,10 @@ pub struct BagTopic {
     pub type_name: String,
     /// How they are written: `cdr` for ROS 2.
     pub encoding: String,
+    /// How their form is written: `ros2msg`, `protobuf`; empty where the recording does not say.
+    pub schema_encoding: String,
+    /// Their form itself.
+    pub schema: Vec<u8>,
 }
 
 /// A recorded message.
@@ -42,7 +46,7 @@ pub struct Bag {
     /// How much of the file is left to be taken in.
     left: u64,
     mcap: LinearReader,
-    schemas: BTreeMap<u16, String>,
+    schemas: BTreeMap<u16, Schema>,
     channels: BTreeMap<u16, usize>,
     topics: Vec<BagTopic>,
     messages: u64,
@@ -125,17 +129,18 @@ impl Bag {
     fn take(&mut self, record: Record) -> Option<BagMessage> {
         match record {
             Record::Other => None,
-            Record::Schema(id, name) => {
-                self.schemas.insert(id, name);
+            Record::Schema(id, schema) => {
+                self.schemas.insert(id, schema);
                 None
             }
             Record::Channel(channel) => {
                 // The summary repeats them.
                 if !self.channels.contains_key(&channel.id) {
                     self.channels.insert(channel.id, self.topics.len());
-                    let type_name = self.schemas.get(&channel.schema).cloned().unwrap_or_default();
+                    let Schema { name: type_name, encoding: schema_encoding, data: schema, .. } =
+                        self.schemas.get(&channel.schema).cloned().unwrap_or_default();
                     let (name, encoding) = (channel.topic, channel.encoding);
-                    self.topics.push(BagTopic { name, type_name, encoding });
+                    self.topics.push(BagTopic { name, type_name, encoding, schema_encoding, schema });
                 }
                 None
             }
@@ -153,7 +158,7 @@ impl Bag {
 
 /// A record of the file.
 enum Record {
-    Schema(u16, String),
+    Schema(u16, Schema),
     Channel(mcap_record::Channel),
     Message { channel: u16, received_ns: u64, data: Vec<u8> },
     Other,
@@ -164,8 +169,8 @@ impl Record {
     fn parse(opcode: u8, body: &[u8]) -> Option<Self> {
         Some(match opcode {
             op::SCHEMA => {
-                let (id, Schema { name, .. }) = mcap_record::schema(body)?;
-                Self::Schema(id, name)
+                let (id, schema) = mcap_record::schema(body)?;
+                Self::Schema(id, schema)
             }
             op::CHANNEL => Self::Channel(mcap_record::channel(body)?),
             op::MESSAGE => {
@@ -238,8 +243,13 @@ mod tests {
             let (messages, bag, end) = read(&recorded(compression, chunks));
             end.unwrap();
             assert_eq!((messages.len(), bag.strays()), (40, 0), "{compression:?}");
-            let topic =
-                BagTopic { name: "/b".into(), type_name: "std_msgs/msg/Bool".into(), encoding: "cdr".into() };
+            let topic = BagTopic {
+                name: "/b".into(),
+                type_name: "std_msgs/msg/Bool".into(),
+                encoding: "cdr".into(),
+                schema_encoding: "ros2msg".into(),
+                schema: b"bool data".to_vec(),
+            };
             assert_eq!(bag.topics()[1], topic);
             let told: Vec<_> = messages.iter().map(|m| (m.topic, m.received_ns, m.data[4])).collect();
             assert_eq!(told, (0..40).map(|i| (i % 2, 1_000 + i as u64, i as u8)).collect::<Vec<_>>());

@@ -45,11 +45,12 @@ pub(crate) struct Channel {
     pub(crate) metadata: BTreeMap<String, String>,
 }
 
-/// A schema's name, encoding, and what it says where that is text.
+/// A schema's name, encoding, what it says, and the same where that is text.
 #[derive(Clone, Default)]
 pub(crate) struct Schema {
     pub(crate) name: String,
     pub(crate) encoding: String,
+    pub(crate) data: Vec<u8>,
     pub(crate) text: String,
 }
 
@@ -63,7 +64,9 @@ pub(crate) fn header(body: &[u8]) -> Option<(String, String)> {
 pub(crate) fn schema(body: &[u8]) -> Option<(u16, Schema)> {
     let mut cursor = Cursor(body);
     let (id, name, encoding) = (cursor.u16()?, cursor.text()?, cursor.text()?);
-    Some((id, Schema { name, encoding, text: cursor.text().unwrap_or_default() }))
+    let data = cursor.prefixed().unwrap_or_default().to_vec();
+    let text = core::str::from_utf8(&data).unwrap_or_default().to_owned();
+    Some((id, Schema { name, encoding, data, text }))
 }
 
 pub(crate) fn channel(body: &[u8]) -> Option<Channel> {

@@ -245,7 +245,10 @@ fn add_channel<W: Write + Seek>(
     let schema = mcap.add_schema(&name, format::SCHEMA_ENCODING, text.as_bytes())?;
     let id = mcap.add_channel(schema, &topic, format::ENCODING, &metadata)?;
     let channel = Channel { id, schema, topic, encoding: format::ENCODING.into(), metadata };
-    seals.channel(&channel, &Schema { name, encoding: format::SCHEMA_ENCODING.into(), text });
+    seals.channel(
+        &channel,
+        &Schema { name, encoding: format::SCHEMA_ENCODING.into(), text, ..Schema::default() },
+    );
     Ok(id)
 }
 

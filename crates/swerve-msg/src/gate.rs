@@ -25,6 +25,15 @@ pub struct Switch {
     pub emergency: bool,
 }
 
+/// What is wrong with the wire between a vehicle and who drives it. Said whenever that changes.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct WireAlarm {
+    /// Why the car is to be stopped; none where all is well, or somebody has let go of the switch since.
+    pub cause: Option<StopCause>,
+    /// What happened, in words.
+    pub what: String,
+}
+
 /// What the safety gate does.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -54,6 +63,10 @@ pub enum StopCause {
     Emergency,
     /// Commands come, and say the same for too long.
     CommandFrozen,
+    /// Commands come from somebody else than from who drove.
+    SecondWriter,
+    /// The process that carries commands and reports is gone.
+    TransportLost,
 }
 
 impl StopCause {
@@ -65,6 +78,8 @@ impl StopCause {
             Self::Released => "the switch was released",
             Self::Emergency => "emergency stop",
             Self::CommandFrozen => "the command is frozen",
+            Self::SecondWriter => "commands of a second writer",
+            Self::TransportLost => "the transport was lost",
         }
     }
 }

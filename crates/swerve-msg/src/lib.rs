@@ -34,7 +34,7 @@ pub use event::{
     RedLightEvents, RoadLine, Side, Signal,
 };
 pub use forecast::{Forecast, ForecastList, ForecastPose, Mode};
-pub use gate::{GateMode, GateOutput, Refusal, Refusals, StopCause, Switch, VehicleReport};
+pub use gate::{GateMode, GateOutput, Refusal, Refusals, StopCause, Switch, VehicleReport, WireAlarm};
 pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use lane::{LaneLine, Lanes};

@@ -49,6 +49,8 @@ pub enum PlanStatus {
     Stop,
     /// Nothing found: the route is followed regardless.
     GaveUp,
+    /// The comfortable layer found this path.
+    Comfortable,
 }
 
 impl PlanStatus {

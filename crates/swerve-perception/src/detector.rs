@@ -6,17 +6,17 @@
 //!
 //! Of an actor at distance `d` of which the share `s` is visible:
 //! - it is **missed** unless a draw falls below
-//!   `recall_best * L((half_distance - d * 1.7 m / height) / spread) * L((s - half_share) / share_spread)`, `L` the
+//!   `recall_best * L((half_distance - d * 1.7 m / height) / spread) * L((s - half_visibility) / visibility_scale)`, `L` the
 //!   logistic function: what is small or far covers few pixels;
 //! - its **place** is off along the line of sight by `range_noise_m + range_noise_share * d` and across it by
 //!   `bearing_noise_rad`, its **size** and **heading** by theirs times `1 + d / 30 m`;
-//! - its **score** is `L(±score_gap / 2 + n)`, `n` standard normal, plus for what is there and minus for what is not.
+//! - its **score** is `L(±score_separation / 2 + n)`, `n` standard normal, plus for what is there and minus for what is not.
 //!
 //! **False positives** stand at places of the map (cells of 4 m) for as long as a draw lasts, in a corridor ahead
 //! of the car.
 
 mod drift;
-mod ghosts;
+mod false_positives;
 mod params;
 #[cfg(test)]
 mod tests;
@@ -67,7 +67,7 @@ impl Detector {
     pub fn detect(&self, seen: &Surroundings) -> Detections {
         let found = seen.obstacles.iter().filter_map(|obstacle| self.found(obstacle, seen));
         let mut boxes: Vec<DetectedBox> =
-            found.chain(self.ghosts(seen)).filter_map(|found| self.pictured(found)).collect();
+            found.chain(self.false_positives(seen)).filter_map(|found| self.pictured(found)).collect();
         // The order tells nothing of what is true.
         boxes.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.pose.x_m.total_cmp(&b.pose.x_m)));
         Detections { stamp: seen.stamp, boxes }
@@ -78,8 +78,8 @@ impl Detector {
         let p = &self.params;
         let as_person_m = distance_m * USUAL_HEIGHT_M / extent.height_m.max(0.1);
         p.recall_best
-            * logistic((p.half_distance_m - as_person_m) / p.distance_spread_m)
-            * logistic((visible_share - p.half_share) / p.share_spread)
+            * logistic((p.half_distance_m - as_person_m) / p.distance_scale_m)
+            * logistic((visible_share - p.half_visibility) / p.visibility_scale)
     }
 
     fn found(&self, obstacle: &Obstacle, seen: &Surroundings) -> Option<DetectedBox> {
@@ -88,10 +88,10 @@ impl Detector {
         let distance_m = math::hypot(at.x_m, at.y_m);
         let of = |what: &'static str| Of { what, id: i64::from(obstacle.id.0), at: seen.stamp };
         let missed = 1.0 - self.recall(distance_m, obstacle.extent, obstacle.visible_share);
-        if uniform(self.draw(of("missed"), p.missed)) < missed {
+        if uniform(self.draw(of("missed"), p.misses)) < missed {
             return None;
         }
-        let place = |what| self.draw(of(what), p.misplaced);
+        let place = |what| self.draw(of(what), p.pose_errors);
         let range_m =
             (distance_m + (p.range_noise_m + p.range_noise_share * distance_m) * place("range")).max(0.1);
         let bearing_rad = math::atan2(at.y_m, at.x_m) + p.bearing_noise_rad * place("bearing");
@@ -106,7 +106,7 @@ impl Detector {
         let width_m = if is_round { length_m } else { size("width", obstacle.extent.width_m) };
         Some(DetectedBox {
             kind: obstacle.kind,
-            score: logistic(0.5 * p.score_gap + self.draw(of("score"), p.missed)),
+            score: logistic(0.5 * p.score_separation + self.draw(of("score"), p.misses)),
             pose: Pose2::new(range_m * cos, range_m * sin, heading_rad),
             bottom_m: 0.0,
             extent: Extent { length_m, width_m, height_m: size("height", obstacle.extent.height_m) },

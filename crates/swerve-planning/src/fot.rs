@@ -22,19 +22,24 @@ use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::{Limits, Shape};
 
+use crate::brake::way_ahead;
 use crate::collision::{CollisionMode, Obstacles};
 use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
+use crate::path::route::PATH_STEP_M;
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::road::Road;
 use candidate::{Candidate, Outcome};
 use lattice::Lattice;
-use line::{OnLine, RouteLine};
+use line::{Line, OnLine, RouteLine};
 use motion::{Checks, Drivable, FrenetState, Place};
 use search::{Search, Task};
 use swerve_core::param::ParamError;
 
 /// Largest time between two points of a plan, seconds.
 const POINT_STEP_S: f64 = 0.1;
+
+/// How far a way goes on beyond the plan that it continues, metres.
+const WAY_ON_M: f64 = 100.0;
 
 /// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
 #[derive(Clone, Debug)]
@@ -61,6 +66,11 @@ impl Fot {
             road: Road::default(),
             obstacles: Obstacles::default(),
         })
+    }
+
+    /// The same along a line whose corners are eased over `ease_m` before and after each place.
+    pub(crate) fn eased(params: Params, ease_m: f64) -> Result<Self, ParamError> {
+        Ok(Self { line: RouteLine::eased(ease_m), ..Self::new(params)? })
     }
 
     /// The parameters.
@@ -131,8 +141,60 @@ impl Planner for Fot {
 }
 
 impl Fot {
+    /// The route's line, and where on it the request starts.
+    pub(crate) fn along(&mut self, request: &Request<'_>) -> (&Line, f64) {
+        self.line.follow(request.route.line());
+        (self.line.line(), self.line.locate(request.start.pose).s_m)
+    }
+
+    /// The obstacles that were asked about last.
+    pub(crate) fn obstacles(&self) -> &Obstacles {
+        &self.obstacles
+    }
+
+    /// The rest of the previous plan's path from the start on, and from its end on beside the line as far as a stop takes.
+    pub(crate) fn way_on(&self, request: &Request<'_>) -> Vec<Pose2> {
+        let mut poses = way_ahead(request);
+        let end = self.line.locate(*poses.last().unwrap_or(&request.start.pose));
+        let steps = (WAY_ON_M / PATH_STEP_M).ceil() as usize;
+        poses.extend((1..=steps).map(|k| {
+            let node = self.line.line().at(end.s_m + k as f64 * PATH_STEP_M);
+            let (x_m, y_m) = (node.x_m - node.sin * end.d_m, node.y_m + node.cos * end.d_m);
+            Pose2::new(x_m, y_m, math::atan2(node.sin, node.cos))
+        }));
+        poses
+    }
+
+    /// The cheapest valid plan, by the first of the collision modes; no fallback.
+    pub(crate) fn found(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
+        self.set_world(request, self.params.collision.in_order()[0]);
+        self.search(request, |search, task, lattice, other| {
+            let all = search.run(task, lattice, Some(&mut *budget), &mut 0);
+            all.found().or_else(|| behind(search, task, lattice, other, budget))
+        })
+    }
+
     /// A plan among the obstacles that are set; where there is none, what comes last falls back to something.
     fn plan_among(&mut self, request: &Request<'_>, last: bool, budget: &mut Counted<'_>) -> Option<Plan> {
+        let found = self
+            .search(request, |search, task, lattice, coarse| anytime(search, task, lattice, coarse, budget));
+        let Self { params, obstacles, .. } = self;
+        found.or_else(|| {
+            if last {
+                Some(keep_or_brake(request, obstacles, 0.0))
+            } else {
+                kept(request, obstacles, params.clearance_m)
+                    .or_else(|| give_way(request, obstacles, params.clearance_m))
+            }
+        })
+    }
+
+    /// What `look` finds among the obstacles that are set.
+    fn search(
+        &mut self,
+        request: &Request<'_>,
+        look: impl FnOnce(&mut Search, &Task<'_>, &Lattice, &mut Lattice) -> Option<Candidate>,
+    ) -> Option<Plan> {
         let start = self.frenet(request);
         let target_mps = self.target(request);
         self.lattice.set(&self.params, target_mps);
@@ -141,15 +203,7 @@ impl Fot {
         let checks = checks(params, request, obstacles, road);
         let line = line.line();
         let task = Task { params, line, cut_m: f64::INFINITY, start, target_mps, checks };
-        let found = anytime(search, &task, lattice, coarse, budget);
-        found.map(|candidate| to_plan(&task, &candidate, request)).or_else(|| {
-            if last {
-                Some(keep_or_brake(request, obstacles, 0.0))
-            } else {
-                kept(request, obstacles, params.clearance_m)
-                    .or_else(|| give_way(request, obstacles, params.clearance_m))
-            }
-        })
+        look(search, &task, lattice, coarse).map(|candidate| to_plan(&task, &candidate, request))
     }
 }
 
@@ -174,22 +228,31 @@ pub fn anytime(
         Outcome::Stopped => return first,
         Outcome::Nothing => {}
     }
+    behind(search, task, lattice, coarse, budget)
+}
+
+/// Those that stop or follow behind what is in the way, then slower ones.
+fn behind(
+    search: &mut Search,
+    task: &Task<'_>,
+    lattice: &Lattice,
+    other: &mut Lattice,
+    budget: &mut dyn Budget,
+) -> Option<Candidate> {
+    let spent = &mut 0;
     if task.params.follow_gap_m > 0.0 {
-        coarse.set_aims(lattice, task.start.d[0], |t_s| follow::aim(task, t_s));
+        other.set_aims(lattice, task.start.d[0], |t_s| follow::aim(task, t_s));
         // The place says how near to come; nearness in the cost would favour braking late and hard, which
         // takes fewer samples.
         let params = Params { weight_obstacle: 0.0, ..*task.params };
-        match search.run(&Task { params: &params, ..*task }, coarse, Some(budget), spent) {
+        match search.run(&Task { params: &params, ..*task }, other, Some(budget), spent) {
             Outcome::Found(candidate) => return Some(candidate),
             Outcome::Stopped => return None,
             Outcome::Nothing => {}
         }
     }
-    coarse.set_slower(lattice, task.params.slower_speeds);
-    match search.run(task, coarse, Some(budget), spent) {
-        Outcome::Found(candidate) => Some(candidate),
-        Outcome::Nothing | Outcome::Stopped => None,
-    }
+    other.set_slower(lattice, task.params.slower_speeds);
+    search.run(task, other, Some(budget), spent).found()
 }
 
 fn checks<'a>(

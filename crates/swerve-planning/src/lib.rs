@@ -8,6 +8,7 @@
 pub mod aeb;
 pub mod brake;
 pub mod collision;
+pub mod comfort;
 pub mod deadline;
 pub mod fallback;
 pub mod fot;

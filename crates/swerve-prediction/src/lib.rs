@@ -7,11 +7,14 @@
 
 mod filter;
 mod history;
+mod idm;
+pub mod learned;
 pub mod linear;
+mod net;
 mod past;
 mod predictor;
 pub mod recorded;
 pub mod road;
 
 pub use history::{History, HistoryParams};
-pub use predictor::{Horizon, PredictorName, forecast};
+pub use predictor::{Horizon, PredictorName, Telling, Told, forecast, forecast_by, foretold, shipped};

@@ -1,13 +1,17 @@
 //! Predictors by name: each turns tracks into ways in which their actors may go on.
 
+#[cfg(test)]
+mod any_tracks;
 mod drawn;
 mod filters;
 mod lane_idm;
-mod orca;
+mod learned;
+pub(crate) mod orca;
 mod social_force;
 mod straight;
 #[cfg(test)]
 mod tests;
+mod truth;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,7 +19,10 @@ use swerve_core::param::{ParamError, require, require_within};
 use swerve_core::{Span, Time};
 use swerve_msg::{ForecastList, Route, Track, TrackList};
 
+use crate::learned::Weights;
 use crate::past::Past;
+
+pub use truth::{Telling, Told, foretold};
 
 /// Predictors by name.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -39,11 +46,20 @@ pub enum PredictorName {
     /// Vehicles keep to the lane and their distance (Treiber's intelligent driver model), or brake: two modes. People go
     /// on or stop.
     LaneIdm,
+    /// A net after MultiPath (Chai et al. 2019), reduced: anchors with offsets and spreads, all at once.
+    Multipath,
+    /// A net after multiple futures prediction (Tang and Salakhutdinov 2019), reduced: hidden modes, unrolled step by step
+    /// for everybody at once.
+    Mfp,
+    /// A net after R2P2 (Rhinehart et al. 2018), reduced: a policy of one step, whose noise makes samples.
+    R2p2,
+    /// What will happen, where somebody tells it ([`foretold`]): for experiments.
+    Truth,
 }
 
 impl PredictorName {
-    /// All, in the order of this list.
-    pub const ALL: [Self; 8] = [
+    /// All that foretell from tracks alone, in the order of this list.
+    pub const ALL: [Self; 11] = [
         Self::Linear,
         Self::ConstantVelocity,
         Self::Kalman,
@@ -52,6 +68,9 @@ impl PredictorName {
         Self::SocialForce,
         Self::Orca,
         Self::LaneIdm,
+        Self::Multipath,
+        Self::Mfp,
+        Self::R2p2,
     ];
 
     /// As it is written in configurations.
@@ -65,6 +84,10 @@ impl PredictorName {
             Self::SocialForce => "social_force",
             Self::Orca => "orca",
             Self::LaneIdm => "lane_idm",
+            Self::Multipath => "multipath",
+            Self::Mfp => "mfp",
+            Self::R2p2 => "r2p2",
+            Self::Truth => "truth",
         }
     }
 }
@@ -93,15 +116,21 @@ impl Horizon {
 }
 
 /// One actor's track beside what of its past can be gone by.
-struct Seen<'a> {
-    track: &'a Track,
-    past: Past,
+pub(crate) struct Seen<'a> {
+    pub(crate) track: &'a Track,
+    pub(crate) past: Past,
+}
+
+/// Everybody who can be on a road.
+pub(crate) fn seen(tracks: &TrackList) -> Vec<Seen<'_>> {
+    let plausible = tracks.tracks.iter().filter(|track| track.is_plausible());
+    plausible.map(|track| Seen { track, past: Past::of(track, tracks.stamp) }).collect()
 }
 
 /// How every track may go on, in the map frame. `road` is what [`PredictorName::LaneIdm`] keeps to; without it, straight
 /// ahead is the lane.
 ///
-/// Tracks that cannot be on a road ([`Track::is_plausible`]) are left out. Covariances are those of people on foot and of
+/// Tracks know nothing of [`PredictorName::Truth`], which goes on as [`PredictorName::ConstantVelocity`] here. Tracks that cannot be on a road ([`Track::is_plausible`]) are left out. Covariances are those of people on foot and of
 /// vehicles as recorded (docs/prediction.md), not of these actors.
 pub fn forecast(
     name: PredictorName,
@@ -110,8 +139,7 @@ pub fn forecast(
     road: Option<&Route>,
 ) -> ForecastList {
     let stamp = tracks.stamp;
-    let plausible = tracks.tracks.iter().filter(|track| track.is_plausible());
-    let seen: Vec<Seen> = plausible.map(|track| Seen { track, past: Past::of(track, stamp) }).collect();
+    let seen = seen(tracks);
     let forecasts = match name {
         PredictorName::Linear => straight::linear(&seen, stamp, horizon),
         PredictorName::ConstantVelocity => straight::constant_velocity(&seen, stamp, horizon),
@@ -121,6 +149,22 @@ pub fn forecast(
         PredictorName::SocialForce => social_force::forecasts(&seen, stamp, horizon),
         PredictorName::Orca => orca::forecasts(&seen, stamp, horizon),
         PredictorName::LaneIdm => lane_idm::forecasts(&seen, stamp, horizon, road),
+        PredictorName::Multipath | PredictorName::Mfp | PredictorName::R2p2 => {
+            let weights = shipped(name).expect("each of these has learnt");
+            learned::forecasts(&seen, stamp, horizon, weights)
+        }
+        PredictorName::Truth => return foretold(tracks, horizon, &Telling::default(), &|_, _| None),
     };
     ForecastList { stamp, forecasts, joint: false }
+}
+
+/// The weights that a predictor is shipped with, if it is one that has learnt.
+pub fn shipped(name: PredictorName) -> Option<&'static Weights> {
+    learned::shipped(name)
+}
+
+/// How every track may go on by these weights, as [`forecast`] has it.
+pub fn forecast_by(weights: &Weights, tracks: &TrackList, horizon: &Horizon) -> ForecastList {
+    let forecasts = learned::forecasts(&seen(tracks), tracks.stamp, horizon, weights);
+    ForecastList { stamp: tracks.stamp, forecasts, joint: false }
 }

@@ -1,5 +1,8 @@
 //! Recorded tracks in files, and the windows of them that predictors are judged by.
 
+mod made;
+mod written;
+
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
@@ -7,11 +10,15 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{ActorId, ActorKind, Extent, Sighting, Track, TrackList};
 
+pub use made::{made, made_finely};
+pub use written::{StepError, commonroad_text};
+
 /// Frames between two rows of one person in the files of ETH and UCY, and what they are taken for, seconds.
 const ETH_UCY_FRAMES: i64 = 10;
 const ETH_UCY_STEP_S: f64 = 0.4;
 /// Between two rows of CommonRoad's recorded scenarios, seconds.
 const COMMONROAD_STEP_S: f64 = 0.1;
+const HEAD: &str = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps";
 /// Frames count at most this far from zero.
 const FRAME_MAX: f64 = 1e9;
 
@@ -184,7 +191,6 @@ pub fn eth_ucy(text: &str) -> Result<Recording, RecordedError> {
 /// # Errors
 /// The first line that is none, or an actor who is twice at one instant.
 pub fn commonroad_csv(text: &str) -> Result<BTreeMap<String, Recording>, RecordedError> {
-    const HEAD: &str = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps";
     let mut rows = text.lines().enumerate();
     if rows.next().map(|(_, head)| head.trim()) != Some(HEAD) {
         return Err(wrong(1, format!("expected `{HEAD}`")));

@@ -10,6 +10,7 @@ use swerve_stack::Registry;
 use swerve_stack::config::{Config, detectors};
 use swerve_text::{did_you_mean, parse_assignment};
 
+use crate::files::FileKind;
 use crate::key::{Choice, Key};
 use crate::{params, schema};
 
@@ -24,9 +25,9 @@ pub struct KeysArgs {
     /// As a page
     #[arg(long, conflicts_with = "schema")]
     markdown: bool,
-    /// The JSON schema of a configuration file, for editors that check what is typed (taplo)
-    #[arg(long, conflicts_with = "prefix")]
-    schema: bool,
+    /// The JSON schema of a file, for editors that check what is typed (taplo) [default: config]
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "config", conflicts_with = "prefix")]
+    schema: Option<FileKind>,
 }
 
 /// Lists keys.
@@ -34,8 +35,8 @@ pub struct KeysArgs {
 /// # Errors
 /// There is none of that name.
 pub fn run(args: &KeysArgs, registry: &Registry) -> anyhow::Result<()> {
-    if args.schema {
-        return print(&(serde_json::to_string_pretty(&schema_for!(Config))? + "\n"));
+    if let Some(kind) = args.schema {
+        return print(&(serde_json::to_string_pretty(&kind.schema())? + "\n"));
     }
     let all = keys(registry);
     let found = match &args.prefix {
@@ -163,7 +164,8 @@ fn what_it_takes(key: &Key) -> String {
 fn page(keys: &[&Key]) -> String {
     let mut text = "# Keys of a configuration\n\n\
         Made by `swerve keys --markdown`; `swerve keys PREFIX` shows a part of it, `swerve keys WORD` finds a word, and \
-        `swerve keys --schema` is the JSON schema for editors.\n\
+        `swerve keys --schema` is the JSON schema for editors; `--schema scenario`, `study` and `timing` are those of \
+        the other files.\n\
         `NAME` stands for a name of one's own; what stands in brackets is the setting under which a key is there.\n"
         .to_owned();
     let mut part = "";

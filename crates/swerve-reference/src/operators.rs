@@ -118,7 +118,7 @@ fn input(port: &PortInfo) -> Vec<String> {
     let how = match port.mode {
         PortMode::At => "of the frame's stamp".to_owned(),
         PortMode::Latest => "the newest".to_owned(),
-        PortMode::Window(n) => format!("the newest {n}"),
+        PortMode::Window(n) => format!("the last {n}"),
         PortMode::Every => "timer".to_owned(),
     };
     let many = if port.many { ", any number" } else { "" };

@@ -13,7 +13,7 @@ function showRuns(page) {
     section("settings", "What is set differently", settings(a, b)),
     player ? section("player", "The drive", el("p", { class: "soft small" }, "The first run; of the second its car and its plan."), player.node()) : "",
     player ? section("timeline", "Time line", ...timeline([{ run: a, name: "first" }, { run: b, name: "second" }], moment, { marks })) : "",
-    a.metrics && b.metrics ? section("figures", "Figures", sideBySide(a.metrics, b.metrics)) : "",
+    a.metrics && b.metrics ? section("metrics", "Metrics", sideBySide(a.metrics, b.metrics)) : "",
     section("times", "Run times", el("h3", {}, "first"), runTimes(a), el("h3", {}, "second"), runTimes(b)),
   );
   moment.set(addressed().has("t") ? Number(addressed().get("t")) * 1e6 : (first?.at ?? 0));

@@ -115,10 +115,8 @@ function verdicts(cells) {
   return [...counts].map(([verdict, n]) => `${n} ${verdict.replaceAll("_", " ")}`).join(", ");
 }
 
-const LOOKS = [
-  { colour: "var(--ego)", dash: null }, { colour: "var(--person)", dash: "7 3" }, { colour: "var(--plan)", dash: "2 3" },
-  { colour: "var(--fallback)", dash: "10 3 2 3" }, { colour: "var(--sight)", dash: "4 4" }, { colour: "var(--vehicle)", dash: "1 4" },
-];
+/** Four colours that differ in lightness, then the same with dashes: as in the pictures. */
+const LOOKS = [null, "7 3"].flatMap((dash) => [1, 2, 3, 4].map((k) => ({ colour: `var(--line-${k})`, dash })));
 
 /** A measure over one axis, a line for each step of another, with intervals. */
 function axisPlot(study, cells, { axis, split, measure }) {

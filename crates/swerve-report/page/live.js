@@ -24,6 +24,8 @@ class Live {
   }
 
   node() {
+    // A car is driven by whoever drives it, never from here.
+    if (this.page.watch_only) return el("div", {}, this.strip, el("div", { class: "bar" }, this.state, this.problem));
     const button = (id, text, command) => el("button", { id, click: () => this.command(command()) }, text);
     const seed = el("input", { id: "seed", type: "number", min: 0, value: this.page.seed, size: 6, "aria-label": "seed" });
     const set = el("input", { id: "set", type: "text", size: 40, placeholder: "KEY=VALUE", "aria-label": "a key of the configuration or the scenario" });

@@ -2,17 +2,36 @@
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
-use std::io::{BufWriter, ErrorKind};
+use std::io::{BufWriter, ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow, bail};
 
-/// Writes `bytes` under `path`: first beside it, then renamed, so that a reader never sees half a file.
+/// Writes `bytes` under `path`: first beside it, then renamed, so that a reader never sees half a file. Where that fails,
+/// nothing of it is left.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let beside = beside(path);
-    std::fs::write(&beside, bytes)
-        .and_then(|()| std::fs::rename(&beside, path))
-        .with_context(|| format!("writing {}", path.display()))
+    let written = std::fs::write(&beside, bytes).and_then(|()| std::fs::rename(&beside, path));
+    if written.is_err() {
+        // On a full disk what is half written takes the room that others need.
+        let _gone = std::fs::remove_file(&beside);
+    }
+    written.with_context(|| format!("writing {}", path.display()))
+}
+
+/// No file that is read whole may be longer, bytes: a device or a pipe would never end.
+const LENGTH_MAX: u64 = 1 << 30;
+
+/// Reads a file whole.
+///
+/// # Errors
+/// It cannot be read, or is longer than 1 GiB.
+pub fn read_whole(path: &Path) -> anyhow::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(LENGTH_MAX + 1).read_to_end(&mut bytes));
+    read.map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))?;
+    anyhow::ensure!(bytes.len() as u64 <= LENGTH_MAX, "{}: longer than 1 GiB", path.display());
+    Ok(bytes)
 }
 
 /// Refuses results that would take the place of what they are made of.

@@ -1,6 +1,5 @@
 //! Results for people: text in columns, files written whole, progress, pictures, pages.
 
-pub mod canvas;
 pub mod files;
 pub mod graph;
 pub mod output;

@@ -2,7 +2,7 @@
 //!
 //! [`Story`] takes in a run as it goes on and keeps what a reader wants to see; [`draw`] turns it into a figure:
 //! a bird's-eye view (road, ways of ego and actors, outlines every half second, tracks, the plan and the predictions
-//! at each change of mind, the first sight, the closest approach or the collision), and below it speed, steering,
+//! at each change of the plan, when the actor was first visible, the closest approach or the collision), and below it speed, steering,
 //! accelerations and time to collision over one time axis. Map frame, metres, seconds of run time.
 
 mod birds_eye;

@@ -19,6 +19,8 @@ mod receive;
 mod service;
 mod statistics;
 
+use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
@@ -50,9 +52,22 @@ const DROP_DEADLINE: Duration = Duration::from_secs(2);
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct EndpointId(pub usize);
 
+/// The name of a writer on the network, by which DDS tells writers apart. Anybody can claim any.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
+pub struct WriterGuid(pub [u8; 16]);
+
+impl fmt::Display for WriterGuid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parts = self.0.chunks(4).map(|part| part.iter().map(|byte| format!("{byte:02x}")).collect());
+        f.write_str(&parts.collect::<Vec<String>>().join("."))
+    }
+}
+
 /// A message that came, and passed its checks.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Received {
+    /// Who wrote it.
+    pub writer: WriterGuid,
     /// The message.
     pub message: AnyMessage,
     /// When this host received it, nanoseconds since the Unix epoch.
@@ -254,6 +269,12 @@ impl Bridge {
     /// Waits until a message waits on any endpoint; `false` when none came in time.
     pub fn wait(&self, timeout: Duration) -> bool {
         self.wait_until(timeout, State::has_any)
+    }
+
+    /// The name on the network of who sends on this endpoint.
+    pub fn writer(&self, EndpointId(id): EndpointId) -> Option<WriterGuid> {
+        let publisher = self.node.as_ref()?.publishers.get(id)?.as_ref()?;
+        Some(WriterGuid(publisher.gid().to_bytes16()))
     }
 
     /// How many others read or write this topic.

@@ -80,6 +80,17 @@ pub fn decode_any(kind: Kind, payload: &[u8]) -> Result<AnyMessage, DecodeError>
     Ok(message)
 }
 
+/// The message of this kind in a payload that this program wrote: it is not checked, ours to answer for.
+///
+/// # Errors
+/// Bytes that are none.
+pub(crate) fn decode_unchecked(kind: Kind, payload: &[u8]) -> Result<AnyMessage, DecodeError> {
+    let body = payload.get(HEADER_BYTES..).ok_or(DecodeError::TooShort(payload.len()))?;
+    let decoded = fields::<LittleEndian>(kind, body);
+    let (message, _) = decoded.map_err(|e| DecodeError::Malformed { kind, reason: e.to_string() })?;
+    Ok(message)
+}
+
 /// The message and how many bytes it took.
 fn fields<BO: ByteOrder>(kind: Kind, body: &[u8]) -> cdr_encoding::Result<(AnyMessage, usize)> {
     let mut deserializer = CdrDeserializer::<BO>::new(body);

@@ -12,10 +12,11 @@
 
 use std::collections::VecDeque;
 
+use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
 /// Limits of what is plausible.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ClockParams {
     /// Length of a bucket.
     pub bucket: Span,
@@ -48,7 +49,7 @@ impl Default for ClockParams {
 }
 
 /// The worth of a stamp.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum StampVerdict {
     /// It fits what came before it.
     Plausible,
@@ -74,7 +75,7 @@ impl StampVerdict {
 }
 
 /// The offset of a clock, as far as it is known.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct ClockOffset {
     /// Host's time minus sensor's time for the message with the least delay: add it to a stamp.
     pub offset: Span,

@@ -1,12 +1,13 @@
 //! Settings from the environment, which the transport does not read itself.
 
+use serde::{Deserialize, Serialize};
 use std::net::{IpAddr, Ipv4Addr};
 
 /// Domains that DDS's port formula leaves room for below the ephemeral ports.
 const DOMAIN_MAX: u16 = 232;
 
 /// Where to look for others.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Network {
     /// Participants of other domains are not seen.
     pub domain: u16,

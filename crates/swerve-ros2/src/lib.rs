@@ -13,6 +13,7 @@
 //! | [`mapping`] | which stream is which topic: built-in tables for vehicles, changed in TOML |
 //! | [`clock`] | the offset between a sensor's clock and the host's, and what a stamp is worth |
 //! | [`bridge`] | the node: [`bridge::Bridge::start`], `publish`, `take`, `statistics`, `stop` |
+//! | [`transport`] | the same in a process of its own, with a bound on its memory |
 //! | [`mod@env`] | what the environment says |
 //! | [`samples`] | one example of every message, for tests |
 //!
@@ -34,5 +35,6 @@ pub mod mapping;
 pub mod message;
 pub mod msg;
 pub mod samples;
+pub mod transport;
 
 pub use message::{AnyMessage, Kind, RosMessage};

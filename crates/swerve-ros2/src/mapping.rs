@@ -7,6 +7,7 @@
 //! domain = 3                      # else ROS_DOMAIN_ID
 //! localhost_only = true           # else ROS_LOCALHOST_ONLY
 //! service_mapping = "cyclone"     # how the other side's middleware maps services; "enhanced" is Fast DDS's
+//! transport_memory_mib = 1024     # what the process that speaks DDS may take
 //!
 //! [ros2.frames]
 //! map = "map"
@@ -29,6 +30,7 @@ pub(crate) mod tables;
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use swerve_text::{Problems, Range, Reading, TableReader, did_you_mean};
 use toml::{Table, Value};
 
@@ -39,7 +41,7 @@ use crate::env::Network;
 use crate::message::Kind;
 
 /// How a topic's messages are delivered.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Qos {
     /// Whether what is lost is sent again. A reader that wants that is not matched with a writer that does not.
     pub reliable: bool,
@@ -87,7 +89,7 @@ pub struct TopicMap {
 }
 
 /// How requests and replies are told apart, which differs between middlewares.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum ServiceMap {
     /// `rmw_fastrtps`.
     #[default]
@@ -97,6 +99,10 @@ pub enum ServiceMap {
     /// Plain remote procedure calls over DDS.
     Basic,
 }
+
+/// The memory that the transport's process may take unless a table says otherwise, MiB. With all of Autoware's topics,
+/// images with them, it takes about a quarter.
+const TRANSPORT_MEMORY_MIB: u32 = 1024;
 
 /// Everything that a bridge is told.
 #[derive(Clone, PartialEq, Debug)]
@@ -111,6 +117,8 @@ pub struct Mapping {
     pub network: Network,
     /// How services are mapped.
     pub service_map: ServiceMap,
+    /// The memory that the transport's process may take, MiB.
+    pub transport_memory_mib: u32,
     /// Name of the map frame.
     pub map_frame: String,
     /// Name of the frame at the centre of the rear axle.
@@ -128,6 +136,7 @@ impl Mapping {
             namespace: "/".to_owned(),
             network,
             service_map: ServiceMap::default(),
+            transport_memory_mib: TRANSPORT_MEMORY_MIB,
             map_frame: "map".to_owned(),
             base_frame: "base_link".to_owned(),
             topics: tables::topics(vehicle),
@@ -153,6 +162,8 @@ impl Mapping {
         replace(&mut mapping.network.domain, domain.and_then(|domain| u16::try_from(domain).ok()));
         replace(&mut mapping.network.localhost_only, table.truth_if_any("localhost_only"));
         replace(&mut mapping.service_map, named(table, "service_mapping", &SERVICE_NAMES));
+        let memory_mib = table.whole_if_any("transport_memory_mib", 256, 65_536);
+        replace(&mut mapping.transport_memory_mib, memory_mib.and_then(|mib| u32::try_from(mib).ok()));
         if let Some(frames) = table.table_if_any("frames") {
             replace(&mut mapping.map_frame, text(&frames, "map"));
             replace(&mut mapping.base_frame, text(&frames, "base_link"));

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 pub use crate::catalogue::{AnyMessage, Kind};
 use crate::check::Check;
@@ -133,6 +133,19 @@ impl Kind {
         let (package, name) = type_name.split_once('/')?;
         let name = name.strip_prefix("msg/").unwrap_or(name);
         Self::ALL.iter().copied().find(|kind| kind.package() == package && kind.name() == name)
+    }
+}
+
+impl Serialize for Kind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.type_name())
+    }
+}
+
+impl<'de> Deserialize<'de> for Kind {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        Self::parse(&name).ok_or_else(|| serde::de::Error::custom(format!("no message is called {name}")))
     }
 }
 

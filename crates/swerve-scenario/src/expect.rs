@@ -19,13 +19,17 @@ pub enum Metric {
     LateralAccelMaxMps2,
     /// Largest lateral jerk, m/s³.
     LateralJerkMaxMps3,
+    /// Largest deceleration, m/s².
+    DecelerationMaxMps2,
+    /// Share of the time within nuPlan's limits of comfort.
+    ComfortShare,
     /// Smallest distance of the ego's outline to the edge of the drivable ground, metres.
     RoadMarginM,
 }
 
 impl Metric {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::MinDistanceM,
         Self::ImpactSpeedMps,
         Self::ClosingSpeedMps,
@@ -33,6 +37,8 @@ impl Metric {
         Self::DurationS,
         Self::LateralAccelMaxMps2,
         Self::LateralJerkMaxMps3,
+        Self::DecelerationMaxMps2,
+        Self::ComfortShare,
         Self::RoadMarginM,
     ];
 
@@ -46,6 +52,8 @@ impl Metric {
             Self::DurationS => "duration_s",
             Self::LateralAccelMaxMps2 => "lateral_accel_max_mps2",
             Self::LateralJerkMaxMps3 => "lateral_jerk_max_mps3",
+            Self::DecelerationMaxMps2 => "deceleration_max_mps2",
+            Self::ComfortShare => "comfort_share",
             Self::RoadMarginM => "road_margin_m",
         }
     }

@@ -9,8 +9,11 @@
 //! rapier's types is in `bodies` and `ego`, and none of them appears in a public signature of this crate
 //! outside `ego`.
 //!
+//! [`Ahead`] tells where scripted actors will be, as far as that is settled.
+//!
 //! Absences: no rendering, no operators, no files.
 
+mod ahead;
 mod bodies;
 mod contact;
 pub mod ego;
@@ -18,7 +21,9 @@ mod rules;
 mod script;
 pub mod sense;
 mod simulator;
+mod trigger;
 
+pub use ahead::Ahead;
 pub use simulator::{SimError, SimParams, Simulator};
 
 #[cfg(test)]

@@ -2,10 +2,10 @@ use glam::Vec3;
 use rapier3d::prelude::{ColliderHandle, PhysicsWorld};
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
-use swerve_geom::{Obb, Point2, Pose2, Vector2};
+use swerve_geom::{Obb, Point2, Vector2};
 use swerve_msg::truth::{Actor, Collision, Infraction, InfractionKind, WorldState};
 use swerve_msg::{Command, Route};
-use swerve_scenario::{Scenario, Subject, Trigger};
+use swerve_scenario::Scenario;
 
 use crate::bodies::{self, Body, Mode, Placed};
 use crate::contact::{self, Motion2};
@@ -14,6 +14,7 @@ use swerve_vehicle::VehicleParams;
 use crate::ego::EgoCar;
 use crate::rules::Rules;
 use crate::script::Script;
+use crate::trigger::Situation;
 
 /// How the world is simulated.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -82,8 +83,10 @@ enum Contact {
     Reported { touched: Time },
 }
 
-/// The ego just before a step.
+/// What moves freely just before a step: the ego, and the actors that were pushed.
 struct Before {
+    /// Indices of the actors.
+    loose: Vec<usize>,
     outline: Obb,
     motion: Motion2,
     speed_mps: f64,
@@ -233,7 +236,9 @@ impl Simulator {
             velocity_mps,
             yaw_rate_radps: f64::from(body.angvel().z),
         };
-        Before { outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
+        let is_loose = |&i: &usize| self.actors[i].body.mode == Mode::Hit;
+        let loose = (0..self.actors.len()).filter(is_loose).collect();
+        Before { loose, outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
     }
 
     /// Where the script has actor `i` at `instant`.
@@ -274,8 +279,7 @@ impl Simulator {
         if near(&before.outline, actor, reach_m) && actor.gap_m(&before.outline) <= reach_m {
             return true;
         }
-        let loose = |j: usize| j != i && self.actors[j].body.mode == Mode::Hit;
-        (0..self.actors.len()).filter(|&j| loose(j)).any(|j| {
+        before.loose.iter().filter(|&&j| j != i).any(|&j| {
             let other = &self.state.actors[j];
             let reach_m = (other.velocity_mps.norm() + own) * dt_s + MARGIN_M;
             let outline = other.footprint();
@@ -380,28 +384,15 @@ impl Simulator {
 
     /// Sets off the actors whose trigger is met by the present state.
     fn pull_triggers(&mut self) {
-        for i in 0..self.actors.len() {
-            if self.actors[i].set_off.is_none() && self.is_met(i) {
-                self.actors[i].set_off = Some(self.state.stamp);
-            }
-        }
-    }
-
-    fn is_met(&self, i: usize) -> bool {
-        let own = self.state.actors[i].pose.point();
-        match self.scenario.actors[i].trigger {
-            None => false,
-            Some(Trigger::Distance { to, within_m }) => self.center(to).point().distance(own) <= within_m,
-            Some(Trigger::Time { at_s }) => self.state.stamp - Time::ZERO >= Span::from_secs(at_s),
-            Some(Trigger::Reaches { who: Subject::Ego, s_m }) => self.rules.s_m() >= s_m,
-            Some(Trigger::Reaches { who, s_m }) => self.route.project(self.center(who).point()).s_m >= s_m,
-        }
-    }
-
-    fn center(&self, who: Subject) -> Pose2 {
-        match who {
-            Subject::Ego => self.outline().center,
-            Subject::Actor(i) => self.state.actors[i].pose,
+        let met: Vec<bool> = {
+            let poses = |i: usize| self.state.actors[i].pose;
+            let ego = (self.outline().center, self.rules.s_m());
+            let situation = Situation { now: self.state.stamp, route: &self.route, ego, actor: &poses };
+            let meets = |i: usize| situation.meets(self.scenario.actors[i].trigger, poses(i));
+            (0..self.actors.len()).map(|i| self.actors[i].set_off.is_none() && meets(i)).collect()
+        };
+        for (player, _) in self.actors.iter_mut().zip(met).filter(|(_, met)| *met) {
+            player.set_off = Some(self.state.stamp);
         }
     }
 }

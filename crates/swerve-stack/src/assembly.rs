@@ -112,7 +112,7 @@ impl Assembly {
     pub(crate) fn with_problems(config: &Config, problems: &mut KeyProblems) -> Self {
         let entries = base::entries(config);
         let node = |own: &OperatorConfig| Some(config.registry.kind(own.kind.as_deref()?)?.node());
-        let known = entries.iter().map(|(name, own)| (name.clone(), node(own))).collect();
+        let mut known: Vec<_> = entries.iter().map(|(name, own)| (name.clone(), node(own))).collect();
         let mut operators = Vec::new();
         let resolved = Arc::new(Resolved::new(config, problems));
         for (name, own) in entries {
@@ -126,6 +126,12 @@ impl Assembly {
             placed.inputs = ports(&settings, &placed.kind);
         }
         links::link(&mut operators, config, problems);
+        for (name, node) in &mut known {
+            let placed = operators.iter().find(|placed| placed.name == *name);
+            if let (Some(node), Some(placed)) = (node, placed) {
+                node.stays = placed.kind.stays(&placed.settings(config));
+            }
+        }
         Self { operators, known }
     }
 

@@ -15,6 +15,7 @@ pub mod injection;
 pub mod live;
 pub mod model;
 pub mod monitor;
+mod old_names;
 mod operator;
 pub mod perception;
 mod planner;
@@ -44,6 +45,7 @@ use injection::FaultConfig;
 pub use live::LiveConfig;
 use model::ExecutionConfig;
 use monitor::MonitorConfig;
+pub use old_names::old_names;
 pub(crate) use operator::is_plain_name;
 pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
 use perception::PerceptionConfig;
@@ -79,7 +81,7 @@ pub struct Config {
     pub lidar: BTreeMap<String, LidarConfig>,
     /// What stands between the sensors and the predictor.
     pub perception: PerceptionConfig,
-    /// Watchers of single cameras and lidars, by name.
+    /// Monitors of single cameras and lidars, by name.
     pub monitor: BTreeMap<String, MonitorConfig>,
     /// The predictor.
     pub prediction: PredictionConfig,
@@ -153,7 +155,24 @@ impl Default for Config {
 }
 
 /// A table whose keys depend on other keys, in schemas.
-pub(crate) type AnyTable = BTreeMap<String, schemars::Schema>;
+pub(crate) type AnyTable = BTreeMap<String, AnyValue>;
+
+/// Any value, in schemas.
+pub(crate) struct AnyValue;
+
+impl JsonSchema for AnyValue {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "AnyValue".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        true.into()
+    }
+}
 
 /// The ego vehicle in the scenario.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -264,15 +283,30 @@ pub struct PredictionConfig {
     pub horizon_ms: f64,
     /// Between predicted poses, ms.
     pub step_ms: f64,
-    /// Whether who drives along the road is predicted to go on along it, and not straight on. Of `linear`; `lane_idm`
-    /// always does.
-    pub along_road: bool,
+    /// Whether who drives along the road is predicted to go on along it, and not straight on; when absent with the preset
+    /// `best`. Of `linear`; `lane_idm` always does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub along_road: Option<bool>,
+    /// Of `truth`: how far ahead it knows what will happen, ms; everybody goes straight on after that. When absent as far as
+    /// `horizon_ms`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth_horizon_ms: Option<f64>,
+    /// Of `truth`: deviation of what it tells, along each axis and for each second ahead, metres.
+    pub truth_noise_mps: f64,
 }
 
 /// Sightings that are kept for predictors that look further back than a line: 3.2 s at 20 Hz.
 const LONG_PAST: usize = 64;
 
 impl PredictionConfig {
+    /// Whether who drives along the road is predicted along it.
+    pub fn follows_road(&self) -> bool {
+        match self.predictor {
+            PredictorName::Linear => self.along_road.unwrap_or(self.preset == Preset::Best),
+            predictor => predictor == PredictorName::LaneIdm,
+        }
+    }
+
     /// Sightings that tracks have to hold.
     pub fn sightings(&self) -> usize {
         match self.predictor {
@@ -290,7 +324,9 @@ impl Default for PredictionConfig {
             past_steps: 5,
             horizon_ms: 5000.0,
             step_ms: 100.0,
-            along_road: false,
+            along_road: None,
+            truth_horizon_ms: None,
+            truth_noise_mps: 0.0,
         }
     }
 }

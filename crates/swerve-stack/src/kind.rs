@@ -251,6 +251,11 @@ pub trait OperatorKind: Send + Sync {
     /// What the house knows of it.
     fn node(&self) -> Node;
 
+    /// Why its steps are taken where the run is driven under these settings; none where another process may take them.
+    fn stays(&self, _settings: &Settings<'_>) -> Option<&'static str> {
+        self.node().stays
+    }
+
     /// Its own keys with their defaults.
     fn keys(&self) -> toml::Table {
         toml::Table::new()

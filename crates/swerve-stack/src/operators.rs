@@ -37,7 +37,7 @@ mod world;
 
 use swerve_msg::{
     Command, Detections, EgoState, Gnss, Image, Imu, MotionCommand, ObstacleList, Plan, PointCloud,
-    PredictionList, RadarScan, Supervision, TrackList, VehicleReport, WheelOdometry,
+    PredictionList, RadarScan, Supervision, TrackList, VehicleReport, WheelOdometry, WireAlarm,
 };
 
 use crate::registry::Registry;
@@ -70,7 +70,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<segmentation::Segmentation>()
         .with::<traffic_lights::Lights>()
         .with_kind(tracker::Trackers)
-        .with::<predictor::Predictor>()
+        .with_kind(predictor::Predictors)
         .with::<stop_lines::StopLines>()
         .with_kind(deadlines::DeadlinePolicy)
         .with_kind(planner::Planners)
@@ -86,6 +86,11 @@ pub(crate) fn all(registry: Registry) -> Registry {
             "process_events",
             "what becomes of the run's processes",
             |s| s.on_wall_clock() && !s.config.process.is_empty(),
+        ))
+        .with_kind(inputs::source::<WireAlarm>(
+            "wire_alarm_input",
+            "what is wrong with the wire between a vehicle and who drives it",
+            |s| s.on_wall_clock() && (s.config.live.is_some() || s.config.is_driven_over_ros2()),
         ))
         .with_kind(inputs::source::<MotionCommand>("command_input", "what another stack asks for", |_| true))
         .with_kind(inputs::source::<EgoState>("pose_input", "poses that a vehicle reports", |_| true))

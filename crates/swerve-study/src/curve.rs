@@ -1,12 +1,14 @@
 //! What a study draws over time: for every combination the median over its seeds, with the quartiles around it.
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 use swerve_core::{Span, Time};
+use swerve_draw::color::{Look, SERIES};
+use swerve_draw::{Axes, Canvas, Picture, Style, Text};
 use swerve_drive::{Outcome, drive_observed};
 use swerve_flow::{Event, Observer};
 use swerve_msg::Imu;
 use swerve_msg::truth::WorldState;
-use swerve_report::canvas::{Canvas, Text, color, multiples, number, round_step};
 use swerve_report::output::align;
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
@@ -15,7 +17,7 @@ use super::cells::CellResult;
 use super::grid::Study;
 
 /// A quantity over time.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Curve {
     /// Differences of the lateral acceleration at the centre of gravity over 50 ms, m/s³, as Pylot logs them: from the
@@ -81,7 +83,7 @@ impl Curve {
     }
 
     /// The picture: a panel for every combination of all axes but the last, a line for each of its steps.
-    pub(super) fn draw(self, study: &Study, results: &[Option<CellResult>]) -> String {
+    pub(super) fn draw(self, study: &Study, results: &[Option<CellResult>]) -> Picture {
         let all = series(study, results);
         let mut panels: Vec<&str> = all.iter().map(|series| series.panel.as_str()).collect();
         panels.dedup();
@@ -89,15 +91,17 @@ impl Curve {
         let scale = Scale::of(&bands);
         let mut canvas = Canvas::default();
         let title = if study.description.is_empty() { &study.name } else { &study.description };
-        canvas.text((LEFT, 28.0), title, Text { size: 16.0, bold: true, ..Text::default() });
+        canvas.text((LEFT, 28.0), title, Text::TITLE);
         for (row, panel) in panels.iter().enumerate() {
             let top = TOP + row as f64 * (PANEL_H + GAP);
             scale.draw_axes(&mut canvas, top, &format!("{panel}: {}", self.title()));
             let of_panel = all.iter().zip(&bands).filter(|(series, _)| series.panel == *panel);
             for (k, (series, band)) in of_panel.enumerate() {
-                scale.draw_band(&mut canvas, top, (band, COLORS[k % COLORS.len()]));
+                let look = SERIES[k % SERIES.len()];
+                scale.draw_band(&mut canvas, top, (band, look));
                 let at = (LEFT + PANEL_W - 130.0, top + 18.0 + 16.0 * k as f64);
-                let how = Text { color: COLORS[k % COLORS.len()], bold: true, rim: true, ..Text::default() };
+                let how = Text { bold: true, rim: true, ..Text::PLAIN };
+                canvas.line((at.0 - 30.0, at.1 - 4.0), (at.0 - 6.0, at.1 - 4.0), line_of(look));
                 canvas.text(at, &series.name, how);
             }
         }
@@ -111,7 +115,10 @@ const TOP: f64 = 56.0;
 const PANEL_W: f64 = 760.0;
 const PANEL_H: f64 = 220.0;
 const GAP: f64 = 56.0;
-const COLORS: [&str; 4] = [color::EGO, color::PERSON, color::PLAN, color::FALLBACK];
+
+fn line_of(look: Look) -> Style {
+    Style::line(look.color, 1.6).dashes(look.dash)
+}
 
 /// The runs of one combination.
 struct Series<'a> {
@@ -174,39 +181,23 @@ impl Scale {
         Self { from: first.saturating_sub(20), to: last + 10, most: 1.05 * most }
     }
 
-    fn x(&self, k: usize) -> f64 {
-        LEFT + PANEL_W * (k as f64 - self.from as f64) / (self.to - self.from) as f64
-    }
-
-    fn y(&self, top: f64, value: f64) -> f64 {
-        top + 0.5 * PANEL_H * (1.0 - value / self.most)
+    /// The panel whose top is here, over seconds.
+    fn axes(&self, top: f64) -> Axes {
+        let x = (self.from as f64 * EVERY.as_secs(), self.to as f64 * EVERY.as_secs());
+        Axes { corner: (LEFT, top), size: (PANEL_W, PANEL_H), x, y: (-self.most, self.most) }
     }
 
     fn draw_axes(&self, canvas: &mut Canvas, top: f64, title: &str) {
-        let line = format!("stroke=\"{}\" stroke-width=\"1\"", color::GRID);
-        let soft = Text { color: color::SOFT, ..Text::default() };
-        canvas.text((LEFT, top - 8.0), title, soft);
-        let step = round_step(2.0 * self.most, 6.0);
-        for value in multiples(-self.most, self.most, step) {
-            let y = self.y(top, value);
-            canvas.line((LEFT, y), (LEFT + PANEL_W, y), &line);
-            canvas.text((LEFT - 8.0, y + 4.0), &number(value), Text { anchor: "end", ..soft });
-        }
-        let every = (EVERY.as_secs().recip() * 0.5) as usize;
-        for k in (self.from.next_multiple_of(every)..=self.to).step_by(every) {
-            let label = format!("{} s", number(k as f64 * EVERY.as_secs()));
-            canvas.line((self.x(k), top), (self.x(k), top + PANEL_H), &line);
-            canvas.text((self.x(k), top + PANEL_H + 16.0), &label, Text { anchor: "middle", ..soft });
-        }
+        self.axes(top).panel(canvas, (12.0, 6.0), (title, "time (s)"));
     }
 
-    fn draw_band(&self, canvas: &mut Canvas, top: f64, (band, paint): (&[[f64; 3]], &str)) {
+    fn draw_band(&self, canvas: &mut Canvas, top: f64, (band, look): (&[[f64; 3]], Look)) {
+        let axes = self.axes(top);
         let shown = self.from.min(band.len())..band.len().min(self.to + 1);
-        let at = |quartile: usize, k: usize| (self.x(k), self.y(top, band[k][quartile]));
+        let at = |quartile: usize, k: usize| axes.at(k as f64 * EVERY.as_secs(), band[k][quartile]);
         let around = shown.clone().map(|k| at(0, k)).chain(shown.clone().rev().map(|k| at(2, k)));
-        canvas.path(around, true, &format!("fill=\"{paint}\" fill-opacity=\"0.18\""));
-        let line = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.6\"");
-        canvas.path(shown.map(|k| at(1, k)), false, &line);
+        canvas.path(around, true, Style::fill(look.color).filled_by(0.18));
+        canvas.path(shown.map(|k| at(1, k)), false, line_of(look));
     }
 }
 

@@ -1,13 +1,14 @@
 //! `swerve dataset`: labelled images and point clouds of scenarios, in the forms of KITTI and COCO.
 //!
 //! Each frame of one camera is a sample: colour, depth, classes and instances, the newest turn of one lidar, and
-//! every actor that has a pixel in it. Labels are the simulator's truth.
+//! every actor that has a pixel in it. Labels are the simulator's truth. With `--tracks` the ways of everybody instead.
 
 mod coco;
 mod kitti;
 mod sample;
 #[cfg(test)]
 mod tests;
+mod tracks;
 
 use std::path::{Path, PathBuf};
 
@@ -32,7 +33,7 @@ use sample::{Collector, Sample};
 #[derive(clap::Args, Debug)]
 pub struct DatasetArgs {
     /// Scenario files (TOML)
-    #[arg(required = true)]
+    #[arg(required_unless_present = "crossing")]
     pub(crate) scenarios: Vec<PathBuf>,
     /// Output folder; must be empty or absent
     #[arg(long)]
@@ -44,7 +45,14 @@ pub struct DatasetArgs {
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// Seeds, each a data set's worth of drives
+    /// Where everybody goes, ten times a second, in place of images: CSV as CommonRoad's recorded scenarios
+    #[arg(long, conflicts_with = "weathers")]
+    pub(crate) tracks: bool,
+    /// With --tracks, for each seed also a minute at a made crossing with lights, cars that keep their distance, and so many
+    /// people who make way
+    #[arg(long, value_name = "PEOPLE", requires = "tracks", value_parser = clap::value_parser!(u16).range(0..=200))]
+    pub(crate) crossing: Option<u16>,
+    /// Seeds: every scenario is driven once with each
     #[arg(long, value_delimiter = ',', default_value = "1")]
     pub(crate) seeds: Vec<u32>,
     /// Weathers, such as clear_noon,hard_rain_sunset,clear_night
@@ -57,18 +65,16 @@ const KITTI_LIKE: (&str, &str) = ("camera", "lidar");
 
 /// Runs `swerve dataset`.
 pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
+    if args.tracks {
+        refuse_occupied(&args.out)?;
+        return swerve_report::output::print(&tracks::write(args, registry)?);
+    }
     let mut base = base(args, registry)?;
     if base.render.backend == RenderBackend::Auto {
         (base.render.backend, _) = RenderBackend::Auto.on_this_machine(&gpu::probe());
     }
     let (camera, lidar) = sensors(&base)?;
-    let occupied = std::fs::read_dir(&args.out).is_ok_and(|mut entries| entries.next().is_some());
-    if occupied {
-        bail!(
-            "{}: expected an empty folder, or none: samples are never mixed (those of an interrupted call lack `index.csv`)",
-            args.out.display()
-        );
-    }
+    refuse_occupied(&args.out)?;
     let _held = claim(&args.out)?;
     let scenarios: Vec<_> =
         args.scenarios.iter().map(|path| read_scenario(path)).collect::<anyhow::Result<_>>()?;
@@ -94,10 +100,24 @@ pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
     swerve_report::output::print(&format!("{count} samples of {drives} drives in {}\n", args.out.display()))
 }
 
-fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
+fn refuse_occupied(out: &Path) -> anyhow::Result<()> {
+    let occupied = std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
+    if occupied {
+        bail!(
+            "{}: expected an empty folder, or none: samples are never mixed (those of an interrupted call lack `index.csv`)",
+            out.display()
+        );
+    }
+    Ok(())
+}
+
+fn configured(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
     let sets: Result<Vec<_>, _> = args.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
-    let mut config =
-        Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))?;
+    Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))
+}
+
+fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
+    let mut config = configured(args, registry)?;
     if args.config.is_empty() && config.camera.is_empty() {
         let (camera, lidar) = KITTI_LIKE;
         config.camera.insert(camera.into(), kitti_camera());

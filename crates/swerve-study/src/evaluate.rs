@@ -4,7 +4,8 @@ mod coco;
 mod kitti;
 mod localization;
 pub(crate) mod mot;
-mod prediction;
+pub(crate) mod prediction;
+mod registration;
 #[cfg(test)]
 mod tests;
 mod timely;
@@ -20,6 +21,7 @@ use swerve_report::output::align;
 
 use localization::LocalizationArgs;
 use prediction::PredictionArgs;
+use registration::RegistrationArgs;
 use timely::TimelyArgs;
 
 /// `swerve eval`.
@@ -39,6 +41,8 @@ enum What {
     Localization(LocalizationArgs),
     /// A predictor on recorded tracks: distances in metres, densities, and whether its spread is the true one
     Prediction(PredictionArgs),
+    /// Scan matching on two point clouds: the pose of one in the other, and what it took to find
+    Registration(RegistrationArgs),
 }
 
 #[derive(clap::Args, Debug)]
@@ -101,6 +105,7 @@ fn result(args: &EvalArgs) -> anyhow::Result<String> {
             }
         }
         What::Prediction(args) => prediction::told(args),
+        What::Registration(args) => registration::told(args),
     }
 }
 

@@ -1,24 +1,28 @@
 //! A study file: a base run and axes over configuration keys, expanded to cells.
 
 mod forms;
+mod left_out;
 mod places;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_drive::shipped::Kind;
 use swerve_report::output::quoted;
 use swerve_text::{Document, Problem, Problems, is_within, number};
 
 pub use forms::{Files, Values};
+use left_out::{check_left_out, left_out};
 
 use super::curve::Curve;
 use super::ranking::Ranking;
 use super::timely::Timely;
+use super::timely_prediction::TimelyPrediction;
 
 /// A study as its file says it.
-#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StudyFile {
     /// What it is for; becomes the title of its picture.
@@ -45,13 +49,15 @@ pub struct StudyFile {
     pub ranking: Option<Ranking>,
     /// What is measured in the place of a verdict.
     pub timely: Option<Timely>,
+    /// What predictions are worth when they are late, beside the drives.
+    pub timely_prediction: Option<TimelyPrediction>,
 }
 
 /// Steps by axis.
 pub type LeaveOut = BTreeMap<String, Vec<String>>;
 
 /// The run that the axes vary.
-#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Base {
     /// Scenario file, relative to the study's folder.
@@ -61,11 +67,12 @@ pub struct Base {
     pub config: Files,
     /// Keys set in every cell.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, serde_json::Value>")]
     pub set: toml::Table,
 }
 
 /// One thing that varies.
-#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
     /// Column name; the key's last part when absent.
@@ -83,7 +90,7 @@ pub struct Axis {
 }
 
 /// Several keys set together under one name.
-#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Setting {
     /// Name in tables.
@@ -92,11 +99,12 @@ pub struct Setting {
     pub scenario: Option<PathBuf>,
     /// Keys and values.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, serde_json::Value>")]
     pub set: toml::Table,
 }
 
 /// Asks for the largest added latency at which the verdict is still good.
-#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Budget {
     /// Largest added latency looked at, ms.
@@ -191,6 +199,8 @@ pub struct Study {
     pub ranking: Option<Ranking>,
     /// What is measured in the place of a verdict.
     pub timely: Option<Timely>,
+    /// What predictions are worth when they are late, and the study's folder.
+    pub timely_prediction: Option<(TimelyPrediction, PathBuf)>,
 }
 
 /// Configuration keys with their values, in the order in which they are set.
@@ -251,10 +261,17 @@ impl Study {
         }
         if let Some(timely) = &file.timely {
             timely.check(document, &axes, &mut problems);
-            if file.budget.is_some() || file.curve.is_some() || file.ranking.is_some() {
-                problems
-                    .push(document.problem("timely", "not with budget, curve or ranking: nothing is driven"));
+            if file.budget.is_some()
+                || file.curve.is_some()
+                || file.ranking.is_some()
+                || file.timely_prediction.is_some()
+            {
+                let message = "not with budget, curve, ranking or timely_prediction: nothing is driven";
+                problems.push(document.problem("timely", message));
             }
+        }
+        if let Some(timely_prediction) = &file.timely_prediction {
+            timely_prediction.check(document, &mut problems);
         }
         check_left_out(document, &file.leave_out, (&axes, &steps), &mut problems);
         if !problems.is_empty() {
@@ -282,6 +299,9 @@ impl Study {
             leave_out: file.leave_out,
             ranking: file.ranking,
             timely: file.timely,
+            timely_prediction: file
+                .timely_prediction
+                .map(|timely_prediction| (timely_prediction, folder.to_owned())),
         })
     }
 
@@ -340,44 +360,6 @@ fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Opt
         key: key.clone(),
         message: format!("the axis `{axis}` of the study varies it"),
     })
-}
-
-/// Whether a combination, one label an axis, is one of those that are not driven.
-fn left_out(all: &[LeaveOut], axes: &[String], labels: &[String]) -> bool {
-    let has = |(axis, steps): (&String, &Vec<String>)| {
-        axes.iter().zip(labels).any(|(name, label)| name == axis && steps.contains(label))
-    };
-    all.iter().any(|out| out.iter().all(has))
-}
-
-fn check_left_out(
-    document: &Document,
-    all: &[LeaveOut],
-    (axes, steps): (&[String], &[Vec<Step>]),
-    problems: &mut Problems,
-) {
-    let mut all_of_every_axis = false;
-    for (i, out) in all.iter().enumerate() {
-        let mut wrong = |message| problems.push(document.problem(&format!("leave_out[{i}]"), message));
-        for (name, labels) in out {
-            let Some(axis) = axes.iter().position(|axis| axis == name) else {
-                wrong(format!("no axis of the name `{name}`"));
-                continue;
-            };
-            let known = |label: &&String| steps[axis].iter().any(|step| step.label == **label);
-            for label in labels.iter().filter(|label| !known(label)) {
-                wrong(format!("`{name}` has no step `{label}`"));
-            }
-        }
-        let whole = |(name, labels): (&String, &Vec<String>)| {
-            let axis = axes.iter().position(|axis| axis == name);
-            axis.is_some_and(|axis| steps[axis].iter().all(|step| labels.contains(&step.label)))
-        };
-        all_of_every_axis |= out.iter().all(whole);
-    }
-    if all_of_every_axis {
-        problems.push(document.problem("leave_out", "nothing is left"));
-    }
 }
 
 /// Names and steps of the axes; what is wrong with them goes to `problems`.

@@ -1,6 +1,6 @@
 //! The study as a picture: one square a combination, coloured by the share of good runs.
 
-use swerve_report::canvas::{At, Canvas, Text, color, width_of};
+use swerve_draw::{Anchor, At, Canvas, Color, Picture, Style, Text, color, width_of};
 
 use super::chance::wilson;
 use super::table::{Grid, Square};
@@ -14,19 +14,19 @@ const TOP: f64 = 86.0;
 const MARGIN: f64 = 24.0;
 
 /// A name beside the squares.
-const NAME: Text<'_> = Text { size: 13.0, color: color::INK, anchor: "middle", bold: false, rim: false };
+const NAME: Text = Text { size: 13.0, color: color::INK, anchor: Anchor::Middle, bold: false, rim: false };
 
 /// The texts of a square: what happened how often, and what else is known of it.
-const FIRST: Text<'_> = Text { bold: true, ..NAME };
-const SECOND: Text<'_> = Text { size: 11.0, ..NAME };
-const TITLE: Text<'_> = Text { size: 16.0, anchor: "start", bold: true, ..NAME };
+const FIRST: Text = Text { bold: true, ..NAME };
+const SECOND: Text = Text { size: 11.0, ..NAME };
+const TITLE: Text = Text { size: 16.0, anchor: Anchor::Start, bold: true, ..NAME };
 
-fn widest<'a>(texts: impl IntoIterator<Item = &'a String>, how: Text<'_>) -> f64 {
+fn widest<'a>(texts: impl IntoIterator<Item = &'a String>, how: Text) -> f64 {
     texts.into_iter().map(|text| width_of(text, how)).fold(0.0, f64::max)
 }
 
-/// Draws the grid as an SVG.
-pub fn draw(grid: &Grid, title: &str) -> String {
+/// Draws the grid.
+pub fn draw(grid: &Grid, title: &str) -> Picture {
     let left = MARGIN + 16.0 + widest(grid.rows.iter().chain([&grid.row_axes]), NAME);
     let told: Vec<[String; 2]> = grid.squares.iter().map(told).collect();
     let widths = [(0, FIRST), (1, SECOND)].map(|(line, how)| widest(told.iter().map(|t| &t[line]), how));
@@ -40,13 +40,13 @@ pub fn draw(grid: &Grid, title: &str) -> String {
     let middle = left + 0.5 * square_w * grid.columns.len() as f64;
     let axis = Text { color: color::SOFT, ..NAME };
     canvas.text((middle, 56.0), &grid.column_axis, axis);
-    canvas.text((left - 10.0, TOP - 10.0), &grid.row_axes, Text { anchor: "end", ..axis });
+    canvas.text((left - 10.0, TOP - 10.0), &grid.row_axes, Text { anchor: Anchor::End, ..axis });
     for (c, name) in grid.columns.iter().enumerate() {
         canvas.text((left + square_w * (c as f64 + 0.5), TOP - 10.0), name, NAME);
     }
     for (r, name) in grid.rows.iter().enumerate() {
         let y = TOP + SQUARE_H * r as f64;
-        canvas.text((left - 10.0, y + 0.5 * SQUARE_H + 5.0), name, Text { anchor: "end", ..NAME });
+        canvas.text((left - 10.0, y + 0.5 * SQUARE_H + 5.0), name, Text { anchor: Anchor::End, ..NAME });
         for (c, square) in grid.row(r).iter().enumerate() {
             let paint = Paint::of(square, budget_max(grid));
             let told = &told[r * grid.columns.len() + c];
@@ -76,10 +76,10 @@ fn told(square: &Square) -> [String; 2] {
         (None, runs) => {
             let (low, high) = wilson(square.no_collision, runs);
             let more = core::iter::once(format!("{} on the road", square.on_road))
-                .chain(square.impact_median_mps().map(|v| format!("hit {v:.1} m/s")))
+                .chain(square.impact_median_mps().map(|v| format!("impact {v:.1} m/s")))
                 .chain(square.rest().map(|(verdict, n)| format!("{n} {verdict}")));
             [
-                format!("{} of {runs} hit nothing ({low:.2}-{high:.2})", square.no_collision),
+                format!("{} of {runs} collision-free ({low:.2}-{high:.2})", square.no_collision),
                 more.collect::<Vec<_>>().join(", "),
             ]
         }
@@ -88,8 +88,8 @@ fn told(square: &Square) -> [String; 2] {
 
 /// The colours of a square.
 struct Paint {
-    fill: String,
-    ink: &'static str,
+    fill: Color,
+    ink: Color,
     /// The part that safe stops have for themselves, 0 to 1.
     stopped: f64,
 }
@@ -102,20 +102,19 @@ impl Paint {
         };
         let counts = budget_max.is_none() && square.runs > 0;
         let stopped = if counts { square.stopped as f64 / square.runs as f64 } else { 0.0 };
-        let is_dark = level.is_some_and(|level| !(0.2..=0.8).contains(&level)) && stopped == 0.0;
-        let ink = if is_dark { "#ffffff" } else { color::INK };
-        Self { fill: level.map_or_else(|| "#eeeeee".to_owned(), colour), ink, stopped }
+        let fill = level.map_or(color::NOTHING, color::graded);
+        let ink = if stopped > 0.0 { color::INK } else { color::ink_on(fill) };
+        Self { fill, ink, stopped }
     }
 
     fn square(&self, canvas: &mut Canvas, [first, second]: &[String; 2], (x, y): At, width: f64) {
         let (at, size) = ((x + 2.0, y + 2.0), (width - 4.0, SQUARE_H - 4.0));
-        canvas.rect(at, size, &format!("rx=\"4\" fill=\"{}\"", self.fill));
+        canvas.rect(at, size, Style::fill(self.fill).rounded(4.0));
         if self.stopped > 0.0 {
             let part = size.0 * self.stopped;
-            let style = format!("rx=\"4\" fill=\"{}\"", color::STOPPED_LIGHT);
-            canvas.rect((at.0 + size.0 - part, at.1), (part, size.1), &style);
+            stopped_area(canvas, (at.0 + size.0 - part, at.1), (part, size.1));
         }
-        let rim = self.stopped > 0.0 && self.stopped < 1.0;
+        let rim = self.stopped > 0.0;
         let middle = (x + 0.5 * width, y + 0.5 * SQUARE_H);
         let up = if second.is_empty() { 5.0 } else { -2.0 };
         canvas.text((middle.0, middle.1 + up), first, Text { color: self.ink, rim, ..FIRST });
@@ -125,32 +124,29 @@ impl Paint {
     }
 }
 
-/// From orange (0) over a light middle to blue (1): told apart by the colour-blind too.
-fn colour(level: f64) -> String {
-    let (low, middle, high) = ([213.0, 94.0, 0.0], [245.0, 240.0, 230.0], [0.0, 90.0, 160.0]);
-    let (from, to, t) =
-        if level < 0.5 { (low, middle, 2.0 * level) } else { (middle, high, 2.0 * level - 1.0) };
-    let mix = |i: usize| (from[i] + (to[i] - from[i]) * t).round() as u8;
-    format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
+/// The part of a square that safe stops have: hatched, so that no colour is needed to see it.
+fn stopped_area(canvas: &mut Canvas, at: At, size: (f64, f64)) {
+    canvas.rect(at, size, Style::fill(color::PAPER).outlined(color::STOPPED, 1.0));
+    canvas.hatch(at, size, Style::line(color::STOPPED, 0.8).lined_by(0.5));
 }
 
 fn legend_of_stops(canvas: &mut Canvas, (x, y): At) {
-    canvas.rect((x, y), (16.0, 12.0), &format!("fill=\"{}\"", color::STOPPED_LIGHT));
-    let small = Text { size: 11.0, color: color::SOFT, anchor: "start", ..NAME };
+    stopped_area(canvas, (x, y), (16.0, 12.0));
+    let small = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start, ..NAME };
     let text = "of the square's width: share of runs that stopped safely before what was in the way";
     canvas.text((x + 24.0, y + 10.0), text, small);
 }
 
 fn legend(canvas: &mut Canvas, (x, y): At, budget_max: Option<f64>, good: &str) {
     for i in 0..=10 {
-        let fill = format!("fill=\"{}\"", colour(0.1 * f64::from(i)));
-        canvas.rect((x + 16.0 * f64::from(i), y), (16.0, 12.0), &fill);
+        let fill = Style::fill(color::graded(0.1 * f64::from(i)));
+        canvas.rect((x + 16.0 * f64::from(i), y), (16.0, 12.0), fill);
     }
     let text = match budget_max {
         Some(max) => format!("largest added latency that still avoids, 0 to {max:.0} ms"),
         None => format!("share of runs that {good}, 0 to 1"),
     };
-    let small = Text { size: 11.0, color: color::SOFT, anchor: "start", ..NAME };
+    let small = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start, ..NAME };
     canvas.text((x + 16.0 * 11.0 + 8.0, y + 10.0), &text, small);
 }
 
@@ -171,7 +167,8 @@ mod tests {
 
     /// What stands in the squares: left edge, right edge, text.
     fn texts(svg: &str) -> Vec<(f64, f64, &str)> {
-        let texts = svg.lines().filter(|line| line.contains("hit nothing (") || line.contains("on the road"));
+        let texts =
+            svg.lines().filter(|line| line.contains("collision-free (") || line.contains("on the road"));
         let places = texts.map(|line| {
             let text = line.split_once('>').unwrap().1.split_once('<').unwrap().0;
             let how = if line.contains("bold") { FIRST } else { SECOND };
@@ -194,7 +191,7 @@ mod tests {
             squares: vec![long, Square { runs: 5, no_collision: 5, good: 5, ..Square::default() }],
             good: "avoided",
         };
-        let svg = draw(&grid, "t");
+        let svg = draw(&grid, "t").svg();
         let (squares, texts) = (squares(&svg), texts(&svg));
         // Where squares have a rim around their ink, a text is there twice.
         assert!(texts.len() >= 4, "{svg}");
@@ -203,12 +200,12 @@ mod tests {
         }
         assert!(svg.contains(">policy latency_ms<") && svg.contains(">speed_mps<"));
         assert!(
-            svg.contains("5 of 5 hit nothing (0.57-1.00)") && svg.contains("0 of 5 hit nothing (0.00-0.43)")
+            svg.contains("5 of 5 collision-free (0.57-1.00)")
+                && svg.contains("0 of 5 collision-free (0.00-0.43)")
         );
-        let ours = format!("fill=\"{}\"", color::STOPPED_LIGHT);
-        assert!(svg.contains(&ours), "safe stops have a colour of their own");
+        assert!(svg.contains(&format!("stroke=\"{}\"", color::STOPPED)), "safe stops are hatched");
         assert_eq!(
-            svg.matches(&format!("rx=\"4\" fill=\"{}\"", colour(1.0))).count(),
+            svg.matches(&format!("rx=\"4\" fill=\"{}\"", color::graded(1.0))).count(),
             1,
             "the success alone"
         );

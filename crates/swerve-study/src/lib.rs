@@ -16,14 +16,17 @@ mod cluster;
 pub mod curve;
 pub mod grid;
 pub mod heatmap;
+pub mod map;
 pub mod page;
 pub mod picture;
 pub mod ranking;
 pub mod report;
 pub mod table;
 pub mod timely;
+mod timely_prediction;
 pub mod track;
 pub mod train;
+mod worlds;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -34,6 +37,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
 use swerve_drive::page::REPORT;
+use swerve_drive::pictures::PictureArgs;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::{Outcome, drive, problems_error};
@@ -61,6 +65,8 @@ pub struct StudyArgs {
     /// Output folder [default: out/ and the study's name]
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    pictures: PictureArgs,
     /// Cells run at once [default: one a core]
     #[arg(long, value_parser = swerve_drive::threads::parser())]
     threads: Option<usize>,
@@ -91,6 +97,8 @@ enum StudyCommand {
         /// Output folder [default: out/ and the study's name]
         #[arg(long)]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        pictures: PictureArgs,
         /// Set a configuration key in every cell, as in the shards' calls
         #[arg(long, value_name = "KEY=VALUE")]
         set: Vec<String>,
@@ -100,8 +108,8 @@ enum StudyCommand {
 /// Runs or merges a study.
 pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
     match (&args.command, &args.file) {
-        (Some(StudyCommand::Merge { folders, study, out, set }), _) => {
-            merge(registry, study, folders, out.as_deref(), set)
+        (Some(StudyCommand::Merge { folders, study, out, set, pictures }), _) => {
+            merge(registry, study, folders, (out.as_deref(), *pictures), set)
         }
         (None, Some(file)) => {
             let bench = Bench::open(registry, file, &args.set)?;
@@ -127,7 +135,7 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             let runner = Runner { store: &store, threads, shard: args.shard, stop: &stop };
             let results =
                 runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
-            report(&bench, &results, &out)?;
+            report(&bench, &results, &out, args.pictures)?;
             finish(&bench.study, &results, args.shard, &stop)
         }
         (None, None) => bail!("expected a study file"),
@@ -333,23 +341,28 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
     }
 }
 
-fn report(bench: &Bench, results: &[Option<CellResult>], out: &Path) -> anyhow::Result<()> {
+fn report(
+    bench: &Bench,
+    results: &[Option<CellResult>],
+    out: &Path,
+    pictures: PictureArgs,
+) -> anyhow::Result<()> {
     let study = &bench.study;
     if let Some(timely) = &study.timely {
         let chart = timely::chart::Chart::of(study, timely, results);
         write_whole(&out.join("timely.csv"), chart.csv().as_bytes())?;
-        write_whole(&out.join("timely.svg"), chart.draw().as_bytes())?;
+        let drawn = pictures.write_in(out, "timely", &chart.draw())?;
         write_whole(&out.join(REPORT), timely_page(study, &chart).html().as_bytes())?;
         let (done, all) = (results.iter().flatten().count(), study.cells.len());
         let at = out.display();
         let text =
-            format!("{}{done} of {all} cells in {at}: report.html, timely.csv, timely.svg\n", chart.text());
+            format!("{}{done} of {all} cells in {at}: report.html, timely.csv, {drawn}\n", chart.text());
         return swerve_report::output::print(&text);
     }
     let grid = table::Grid::of(study, results);
     let title = if study.description.is_empty() { &study.name } else { &study.description };
     write_whole(&out.join("cells.csv"), table::csv(study, results).as_bytes())?;
-    write_whole(&out.join("heatmap.svg"), heatmap::draw(&grid, title).as_bytes())?;
+    let heat = pictures.write_in(out, "heatmap", &heatmap::draw(&grid, title))?;
     let lines = study.cells.iter().zip(results).map(|(cell, result)| bench.repeat(cell, result.as_ref()));
     let commands = lines.collect::<anyhow::Result<Vec<_>>>()?;
     write_whole(&out.join("commands.txt"), (commands.join("\n") + "\n").as_bytes())?;
@@ -358,15 +371,27 @@ fn report(bench: &Bench, results: &[Option<CellResult>], out: &Path) -> anyhow::
         None => "repeats each cell",
         Some(_) => "drives each cell at its budget",
     };
-    let mut more = "";
-    let mut pictures = Vec::new();
+    let mut more = String::new();
+    let mut drawn = Vec::new();
     if let Some(curve) = study.curve {
-        let svg = curve.draw(study, results);
-        write_whole(&out.join("curve.svg"), svg.as_bytes())?;
-        more = "curve.svg, ";
-        pictures.push(("Curves".to_owned(), svg));
+        let picture = curve.draw(study, results);
+        more = pictures.write_in(out, "curve", &picture)? + ", ";
+        drawn.push(("Curves".to_owned(), picture.svg()));
     }
-    write_whole(&out.join(REPORT), page::page(study, results, &commands, pictures).html().as_bytes())?;
+    let mut foreseen = String::new();
+    if let Some((timely_prediction, folder)) = &study.timely_prediction {
+        let measured = timely_prediction.measure(folder)?;
+        let picture = measured.draw(title);
+        write_whole(&out.join("timely_prediction.csv"), measured.csv().as_bytes())?;
+        write_whole(&out.join("crossover.csv"), measured.crossover_csv().as_bytes())?;
+        more += &format!(
+            "timely_prediction.csv, crossover.csv, {}, ",
+            pictures.write_in(out, "timely_prediction", &picture)?
+        );
+        drawn.push(("Predictions that are late".to_owned(), picture.svg()));
+        foreseen = measured.text() + "\n";
+    }
+    write_whole(&out.join(REPORT), page::page(study, results, &commands, drawn).html().as_bytes())?;
     let mut ranked = study.curve.map_or_else(String::new, |curve| curve.text(study, results) + "\n");
     if let Some(ranking) = &study.ranking {
         let settings = ranking::settings(study, ranking, results);
@@ -374,7 +399,7 @@ fn report(bench: &Bench, results: &[Option<CellResult>], out: &Path) -> anyhow::
         ranked += &(ranking::text(ranking, &settings) + "\n");
     }
     swerve_report::output::print(&format!(
-        "{}\n{ranked}{done} of {} cells in {}: report.html, cells.csv, heatmap.svg, {more}commands.txt (one line {repeats})\n",
+        "{}\n{foreseen}{ranked}{done} of {} cells in {}: report.html, cells.csv, {heat}, {more}commands.txt (one line {repeats})\n",
         grid.text(),
         study.cells.len(),
         out.display()
@@ -390,7 +415,7 @@ fn timely_page(study: &Study, chart: &timely::chart::Chart<'_>) -> Page<Figures>
         command: format!("swerve study {}", quoted(&study.file)),
         columns: rows.next().unwrap_or_default(),
         rows: rows.collect(),
-        pictures: vec![("Over time".to_owned(), chart.draw())],
+        pictures: vec![("Over time".to_owned(), chart.draw().svg())],
     };
     Page::new("figures", title, figures)
 }
@@ -399,7 +424,7 @@ fn merge(
     registry: &Registry,
     file: &Path,
     folders: &[PathBuf],
-    out: Option<&Path>,
+    (out, pictures): (Option<&Path>, PictureArgs),
     sets: &[String],
 ) -> anyhow::Result<()> {
     let bench = Bench::open(registry, file, sets)?;
@@ -436,7 +461,7 @@ fn merge(
         }
         results.push(result);
     }
-    report(&bench, &results, &out)?;
+    report(&bench, &results, &out, pictures)?;
     let missing = results.iter().filter(|r| r.is_none()).count();
     anyhow::ensure!(
         missing == 0,

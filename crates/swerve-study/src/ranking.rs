@@ -13,7 +13,7 @@ use super::grid::Study;
 use super::table::field;
 
 /// Asks for the comparison.
-#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ranking {
     /// The axes whose combinations are settings; all others are pooled.
@@ -108,7 +108,7 @@ impl Ranked {
 const COLUMNS: [&str; 7] =
     ["runs", "collisions", "impact m/s", "others", "response p50 ms", "p99 ms", "misses"];
 
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()

@@ -94,11 +94,12 @@ fn number(x: Option<f64>) -> String {
 }
 
 pub(super) fn field(text: &str) -> String {
-    if text.contains([',', '"', '\n']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
+    if text.contains([',', '"', '\n']) { quoted(text) } else { text.to_owned() }
+}
+
+/// A text in quotes, as CSV has it.
+pub(super) fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
 }
 
 /// The study over two dimensions: seeds summed up, the last other axis across, the rest down.
@@ -284,7 +285,7 @@ impl Square {
         let mut text =
             format!("{}/{} ({low:.2}-{high:.2}), {} on road", self.no_collision, self.runs, self.on_road);
         if let Some(impact) = self.impact_median_mps() {
-            let _ = write!(text, ", hit {impact:.1} m/s");
+            let _ = write!(text, ", impact {impact:.1} m/s");
         }
         for (verdict, n) in self.rest() {
             let _ = write!(text, ", {n} {verdict}");
@@ -339,6 +340,7 @@ mod tests {
             leave_out: vec![],
             ranking: None,
             timely: None,
+            timely_prediction: None,
         }
     }
 
@@ -365,7 +367,7 @@ mod tests {
         let lines: Vec<String> = grid.text().lines().map(str::to_owned).collect();
         assert_eq!(lines[0].trim(), "speed_mps");
         assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["planner", "16", "18"]);
-        let (one, two) = ("1/1 (0.21-1.00), 1 on road", "1/2 (0.09-0.91), 2 on road, hit 12.0 m/s");
+        let (one, two) = ("1/1 (0.21-1.00), 1 on road", "1/2 (0.09-0.91), 2 on road, impact 12.0 m/s");
         assert_eq!(lines[2], format!("fot      {two}  {one}"));
         assert_eq!(grid.squares[0].share(), Some(0.5));
         let stood =
@@ -373,7 +375,7 @@ mod tests {
         let of = |study: &Study| Grid::of(study, &stood).squares[0].clone();
         assert_eq!(
             (of(&study).share(), of(&study).text().as_str()),
-            (Some(0.0), "1/2 (0.09-0.91), 2 on road, hit 9.0 m/s, 1 timeout")
+            (Some(0.0), "1/2 (0.09-0.91), 2 on road, impact 9.0 m/s, 1 timeout")
         );
         assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
         let safe =
@@ -401,8 +403,8 @@ mod tests {
         assert_eq!(grid.squares[0].text(), "1/1 (0.21-1.00), 1 on road, 1 failed");
         assert_eq!((grid.squares[0].share(), grid.squares[1].share()), (Some(1.0), None));
         assert_eq!(grid.squares[1].text(), "2 failed");
-        let picture = crate::heatmap::draw(&grid, "t");
-        assert!(picture.contains(">2 failed<") && picture.contains("1 of 1 hit nothing"), "{picture}");
+        let picture = crate::heatmap::draw(&grid, "t").svg();
+        assert!(picture.contains(">2 failed<") && picture.contains("1 of 1 collision-free"), "{picture}");
     }
 
     #[test]
@@ -420,7 +422,7 @@ mod tests {
             let results = [one(0, first), one(1, second), None, None];
             let grid = Grid::of(&study, &results);
             assert_eq!(grid.squares[0].text(), told);
-            let picture = crate::heatmap::draw(&grid, "t");
+            let picture = crate::heatmap::draw(&grid, "t").svg();
             assert!(picture.contains(&format!(">{}<", told.split_once(" (").unwrap().0)), "{picture}");
             let csv = csv(&study, &results);
             let wanted = format!("fot,16,1,{:.4},{},avoided", first.unwrap(), first == Some(300.0));

@@ -15,6 +15,7 @@ mod tests;
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, ensure};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_eval::timely::{Finished, Snap, end_anchored, start_anchored};
@@ -30,7 +31,7 @@ use ride::{Eyes, Ride, Sight};
 use score::Score;
 
 /// `[timely]` of a study file.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timely {
     /// What is measured.
@@ -59,7 +60,7 @@ pub struct Timely {
 }
 
 /// What is measured. All values are 0 to 1 but for MOTA, which may be below.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
     /// Mean intersection over union of rendered classes.

@@ -1,9 +1,10 @@
-//! `swerve train`: models that perception is shipped with, learned from simulated drives.
+//! `swerve train`: models that perception and prediction are shipped with, learned from simulated drives.
 
 mod by_recipe;
 mod detector;
 mod images;
 mod lidar;
+mod prediction;
 pub(crate) mod segmentation;
 mod street;
 
@@ -26,6 +27,8 @@ enum What {
     Detector(by_recipe::RecipeArgs),
     /// A camera's labels of pixels, on images of random streets, by a recipe
     Segmentation(by_recipe::RecipeArgs),
+    /// A small net that predicts where others go, on tracks that are made or recorded, by a recipe
+    Prediction(by_recipe::RecipeArgs),
     /// Trees that tell objects in the points of a lidar; and how good they are, on streets that they have not seen
     Lidar(lidar::LidarArgs),
 }
@@ -69,6 +72,7 @@ pub fn run(args: &TrainArgs, registry: &Registry) -> anyhow::Result<()> {
     match &args.what {
         What::Detector(args) => by_recipe::run::<detector::Recipe>(args, registry),
         What::Segmentation(args) => by_recipe::run::<segmentation::Recipe>(args, registry),
+        What::Prediction(args) => by_recipe::run::<prediction::Recipe>(args, registry),
         What::Lidar(args) => lidar::run(args),
     }
 }

@@ -1,7 +1,10 @@
-//! The chart of `swerve timing --svg`: a row for each operator, a bar for each step, marks for what came of it.
+//! The chart of `swerve timing --picture`: a row for each operator, a bar for each step, marks for what came of it.
 
 use swerve_core::{Span, Time};
-use swerve_report::canvas::{At, Canvas, Text, color, round_step};
+use swerve_draw::color::{self, SERIES};
+use swerve_draw::{
+    Anchor, At, Canvas, Color, Entry, Picture, Sign, Style, Text, legend, multiples, round_step, width_of,
+};
 
 use super::pipeline::Pipeline;
 use super::table::ms;
@@ -21,18 +24,17 @@ const STEP_PX: f64 = 40.0;
 const STEPS_MAX: usize = 3000;
 /// Ticks of the axis stand about this far apart.
 const TICK_PX: f64 = 80.0;
-/// An approximation for the sans-serif faces of browsers at 11 px; labels only need not to collide.
-const GLYPH_PX: f64 = 6.4;
-
-/// Fills that stay apart from each other, and dark text readable on them.
-const FILLS: [&str; 8] =
-    ["#8fbbe0", "#f5c078", "#a5d39a", "#e8a2a0", "#c3b1e0", "#9fd6d2", "#e6b8d6", "#d8cf8a"];
+/// Tints of the palette that dark text can be read on.
+fn fill_of(operator: usize) -> Color {
+    SERIES[operator % 4].color.mixed(color::PAPER, 0.6)
+}
 
 /// What stands at a bar, at a mark and at the axis.
-const LABEL: Text<'_> = Text { size: 11.0, color: color::INK, anchor: "start", bold: false, rim: false };
+const LABEL: Text = Text { size: 11.0, ..Text::PLAIN };
+const NOTE: Text = Text { size: 9.0, ..Text::SOFT };
 
-/// The chart of a run as SVG text.
-pub(crate) fn svg(pipeline: &Pipeline, trace: &Trace) -> String {
+/// The chart of a run.
+pub(crate) fn draw(pipeline: &Pipeline, trace: &Trace) -> Picture {
     let chart = Chart::new(pipeline, trace);
     let mut canvas = Canvas::default();
     chart.axis(&mut canvas);
@@ -69,11 +71,11 @@ impl<'a> Chart<'a> {
             tops.push(y);
             y += LANE_PX * depth as f64 + FOOT_PX;
         }
-        let longest = |text: usize| text as f64 * GLYPH_PX + 24.0;
-        let left_px = pipeline
-            .operators
-            .iter()
-            .map(|op| longest(op.name.chars().count().max(note(pipeline, op).chars().count())));
+        let widest = |op: &super::BlackBox| {
+            let note = width_of(&note(pipeline, op), NOTE);
+            width_of(&op.name, Text { bold: true, ..LABEL }).max(note) + 24.0
+        };
+        let left_px = pipeline.operators.iter().map(widest);
         let end = Time::ZERO + pipeline.span;
         let until = trace.steps.get(STEPS_MAX).map_or(end, |step| step.start.max(Time::from_ns(1)));
         let takes_time = |step: &&Step| step.end.is_none_or(|end| end > step.start);
@@ -100,7 +102,7 @@ impl<'a> Chart<'a> {
         self.left_px + (at - Time::ZERO).as_ms() * self.px_per_ms
     }
 
-    fn finish(&self, mut canvas: Canvas) -> String {
+    fn finish(&self, mut canvas: Canvas) -> Picture {
         let all = Time::ZERO + self.pipeline.span;
         let part = if self.until < all {
             format!("the first {} of ", ms(self.until - Time::ZERO))
@@ -116,14 +118,12 @@ impl<'a> Chart<'a> {
 
     fn axis(&self, canvas: &mut Canvas) {
         let step = round_step(TICK_PX / self.px_per_ms, 1.0);
-        let ticks = ((self.until - Time::ZERO).as_ms() / step).floor() as usize;
         let (label_y, soft) = (self.bottom_px + 14.0, Text { color: color::SOFT, ..LABEL });
-        for tick in 0..=ticks {
-            let at_ms = tick as f64 * step;
+        for at_ms in multiples(0.0, (self.until - Time::ZERO).as_ms(), step) {
             let x = self.left_px + at_ms * self.px_per_ms;
             canvas.line((x, TOP_PX - 6.0), (x, self.bottom_px), GRID);
             let text = ms(Span::from_ns((at_ms * 1e6).round() as i64));
-            canvas.text((x, label_y), &text, Text { anchor: "middle", ..soft });
+            canvas.text((x, label_y), &text, Text { anchor: Anchor::Middle, ..soft });
         }
         canvas.text((self.left_px - 24.0, label_y), "ms", soft);
     }
@@ -135,7 +135,7 @@ impl<'a> Chart<'a> {
             canvas.line((8.0, bottom), (self.left_px + self.plot_px, bottom), GRID);
             canvas.text((12.0, top + 9.0), &op.name, Text { bold: true, ..LABEL });
             let note = note(self.pipeline, op);
-            canvas.text((12.0, top + 20.0), &note, Text { size: 9.0, color: color::SOFT, ..LABEL });
+            canvas.text((12.0, top + 20.0), &note, NOTE);
         }
     }
 
@@ -144,11 +144,11 @@ impl<'a> Chart<'a> {
         let (x, y) = (self.x(step.start), self.tops[step.operator] + LANE_PX * lane as f64);
         let width = (self.x(end) - x).max(1.5);
         let style = bar_style(
-            FILLS[step.operator % FILLS.len()],
+            fill_of(step.operator),
             match step {
                 Step { late: true, .. } => LATE,
                 Step { end: None, .. } => UNDER_WAY,
-                _ => ("1", ""),
+                _ => DONE,
             },
         );
         let label = ms(step.stamp - Time::ZERO);
@@ -159,9 +159,9 @@ impl<'a> Chart<'a> {
             step.end.map_or_else(|| "after the end".to_owned(), |end| ms(end - Time::ZERO)),
         );
         canvas.begin_titled(&title);
-        canvas.rect((x, y), (width, BAR_PX), &style);
+        canvas.rect((x, y), (width, BAR_PX), style);
         canvas.end_titled();
-        if width > label.chars().count() as f64 * GLYPH_PX + 4.0 {
+        if width > width_of(&label, LABEL) + 4.0 {
             canvas.text((x + 3.0, y + 11.5), &label, LABEL);
         }
     }
@@ -182,60 +182,52 @@ impl<'a> Chart<'a> {
     }
 
     fn legend(&self, canvas: &mut Canvas) {
-        let y = self.bottom_px + 42.0;
-        let mut x = 18.0;
-        type Draw = fn(&mut Canvas, At);
-        let entries: [(Draw, &str); 6] = [
-            (published, "published"),
-            (published_again, "published again (reuse_last)"),
-            (missed, "deadline missed"),
-            (dropped, "dropped"),
-            (|canvas, at| swatch(canvas, at, LATE), "ended too late, not published"),
-            (|canvas, at| swatch(canvas, at, UNDER_WAY), "under way at the end"),
+        let entries: [(Sign, &str); 6] = [
+            (Sign::Mark(published), "published"),
+            (Sign::Mark(published_again), "published again (reuse_last)"),
+            (Sign::Mark(missed), "deadline missed"),
+            (Sign::Mark(dropped), "dropped"),
+            (Sign::Block(bar_style(fill_of(0), LATE)), "ended too late, not published"),
+            (Sign::Block(bar_style(fill_of(0), UNDER_WAY)), "under way at the end"),
         ];
-        for (draw, text) in entries {
-            draw(canvas, (x, y));
-            canvas.text((x + 12.0, y + 4.0), text, LABEL);
-            x += 40.0 + text.chars().count() as f64 * GLYPH_PX;
-        }
+        let entries: Vec<Entry> = entries.into_iter().map(|(sign, text)| (sign, text.to_owned())).collect();
+        let right = self.left_px + self.plot_px;
+        legend(canvas, (12.0, self.bottom_px + 42.0), right, &entries);
     }
 }
 
-const GRID: &str = "stroke=\"#D9DDE2\"";
+const GRID: Style = Style::line(color::GRID, 1.0);
 
 /// Opacity and dashes of the bars of steps that came to nothing.
-const LATE: (&str, &str) = ("0.35", " stroke-dasharray=\"3 2\"");
-const UNDER_WAY: (&str, &str) = ("0.6", " stroke-dasharray=\"1 2\"");
+const LATE: (f64, [f64; 2]) = (0.35, [3.0, 2.0]);
+const UNDER_WAY: (f64, [f64; 2]) = (0.6, [1.0, 2.0]);
+const DONE: (f64, [f64; 2]) = (1.0, [0.0, 0.0]);
 
-fn bar_style(fill: &str, (opacity, dash): (&str, &str)) -> String {
-    format!("rx=\"2\" fill=\"{fill}\" fill-opacity=\"{opacity}\" stroke=\"#555\" stroke-width=\"0.7\"{dash}")
+fn bar_style(fill: Color, (opacity, [dash, gap]): (f64, [f64; 2])) -> Style {
+    Style::fill(fill).filled_by(opacity).outlined(color::SOFT, 0.7).dashed(dash, gap).rounded(2.0)
 }
 
-fn triangle(canvas: &mut Canvas, (x, y): At, fill: &str) {
+fn triangle(canvas: &mut Canvas, (x, y): At, fill: Color) {
     let points = [(x, y - 4.0), (x + 4.0, y + 3.0), (x - 4.0, y + 3.0)];
-    canvas.path(points, true, &format!("fill=\"{fill}\" stroke=\"#1b6e2d\""));
+    canvas.path(points, true, Style::fill(fill).outlined(color::GOOD, 1.0));
 }
 
 fn published(canvas: &mut Canvas, at: At) {
-    triangle(canvas, at, "#1b6e2d");
+    triangle(canvas, at, color::GOOD);
 }
 
 fn published_again(canvas: &mut Canvas, at: At) {
-    triangle(canvas, at, "#fff");
+    triangle(canvas, at, color::PAPER);
 }
 
 fn missed(canvas: &mut Canvas, (x, y): At) {
     for side in [-3.5, 3.5] {
-        canvas.line((x - side, y - 3.5), (x + side, y + 3.5), "stroke=\"#c01818\" stroke-width=\"2\"");
+        canvas.line((x - side, y - 3.5), (x + side, y + 3.5), Style::line(color::ALARM, 2.0));
     }
 }
 
 fn dropped(canvas: &mut Canvas, at: At) {
-    canvas.circle(at, 3.0, "fill=\"#fff\" stroke=\"#777\" stroke-width=\"1.4\"");
-}
-
-fn swatch(canvas: &mut Canvas, (x, y): At, how: (&str, &str)) {
-    canvas.rect((x - 8.0, y - 5.5), (16.0, 11.0), &bar_style(FILLS[0], how));
+    canvas.circle(at, 3.0, Style::fill(color::PAPER).outlined(color::SOFT, 1.4));
 }
 
 /// Which lane of its operator's row each step lies in, the first that is free; and how many lanes each row has.

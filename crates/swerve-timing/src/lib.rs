@@ -20,6 +20,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use swerve_drive::pictures::PictureArgs;
 use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problems};
 
@@ -32,8 +33,11 @@ pub struct TimingArgs {
     /// The pipeline, as TOML.
     pub file: PathBuf,
     /// Draw a chart of all steps, publications, misses and drops into this file.
-    #[arg(long, value_name = "FILE")]
-    pub svg: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", alias = "svg")]
+    pub picture: Option<PathBuf>,
+    /// How it is written.
+    #[command(flatten)]
+    pub pictures: PictureArgs,
     /// Write a page with all steps, of which each tells its chain, and the run times into this file.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -54,14 +58,14 @@ pub struct TimingArgs {
 /// When the file cannot be read or has problems (all of them, with line and key), the run fails (a full queue
 /// under `fail`), or the chart cannot be written.
 pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
-    for path in [&args.svg, &args.report].into_iter().flatten() {
+    for path in [&args.picture, &args.report].into_iter().flatten() {
         swerve_report::files::refuse_toml(path)?;
     }
     let pipeline = read_file(&args.file).map_err(|problems| swerve_drive::problems_error(&problems))?;
     let trace =
         simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
-    if let Some(path) = &args.svg {
-        swerve_report::files::write_whole(path, svg(&pipeline, &trace).as_bytes())?;
+    if let Some(path) = &args.picture {
+        args.pictures.write(path, &draw(&pipeline, &trace))?;
     }
     if let Some(path) = &args.report {
         let page = page::page(&args.file, args.seed, &pipeline, &trace);
@@ -77,6 +81,11 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
 /// When the file cannot be read, or all that is wrong with it: file, line, key and what was expected.
 pub fn read_file(path: &Path) -> Result<Pipeline, Problems> {
     read::pipeline(&Kind::Timing.document(path)?)
+}
+
+/// The JSON schema of a timing file.
+pub fn schema() -> schemars::Schema {
+    schemars::schema_for!(read::File)
 }
 
 /// The pipeline that `text` describes; `name` stands for its file in messages.
@@ -100,9 +109,9 @@ pub fn table(pipeline: &Pipeline, trace: &Trace) -> String {
     table::table(pipeline, trace)
 }
 
-/// A Gantt chart as SVG.
-pub fn svg(pipeline: &Pipeline, trace: &Trace) -> String {
-    gantt::svg(pipeline, trace)
+/// A Gantt chart.
+pub fn draw(pipeline: &Pipeline, trace: &Trace) -> swerve_draw::Picture {
+    gantt::draw(pipeline, trace)
 }
 
 /// Every publication in commit order, as a JSON array of

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 use swerve_core::Span;
 use swerve_flow::{Policy, Reaction};
@@ -14,36 +15,50 @@ use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
 const TICKS_MAX: i64 = 2_000_000;
 const SLOTS_MAX: usize = 1_000_000;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct File {
+pub(crate) struct File {
+    /// How long the pipeline runs, ms.
     span_ms: f64,
+    /// The operators, in the order of their ranks.
     operator: Vec<OperatorTable>,
+    /// What operators share, by name.
     #[serde(default)]
     resource: BTreeMap<String, ResourceTable>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct OperatorTable {
+    /// What others call it.
     name: String,
+    /// From one tick of a timer to the next, ms.
     every_ms: Option<f64>,
+    /// The first tick of a timer, ms.
     phase_ms: Option<f64>,
+    /// Operators at whose stamps it fires.
     #[serde(default)]
     at: Vec<String>,
+    /// Operators of which it takes the newest message.
     #[serde(default)]
     latest: Vec<String>,
+    /// The same of operators behind it.
     #[serde(default)]
     feedback: Vec<String>,
+    /// How long a step takes.
     runtime: Runtime,
+    /// What happens while it is busy: `skip_to_latest`, `queue(N)`, `pipelined(N)` and their variants.
     policy: Option<String>,
+    /// By when it has to be done.
     deadline: Option<Deadline>,
+    /// The resource that a step takes up.
     uses: Option<String>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct ResourceTable {
+    /// Steps that it takes at a time.
     slots: usize,
 }
 

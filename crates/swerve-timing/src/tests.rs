@@ -283,7 +283,7 @@ fn the_chart_has_a_bar_for_each_step_and_survives_any_name() {
     let text = GOOD.replace("camera", "<cam & era>");
     let pipeline = parse("p.toml", &text).expect("the file is good");
     let trace = simulate(&pipeline, 1, 1).expect("it runs");
-    let svg = svg(&pipeline, &trace);
+    let svg = draw(&pipeline, &trace).svg();
     assert_eq!(svg.matches("<title>").count(), 1 + trace.steps.len(), "the picture's own, and one a step");
     assert!(svg.contains("&lt;cam &amp; era&gt;") && !svg.contains("<cam"));
     assert!(svg.trim_end().ends_with("</svg>"));
@@ -293,7 +293,7 @@ fn the_chart_has_a_bar_for_each_step_and_survives_any_name() {
 fn a_chart_of_a_long_run_shows_its_first_part_and_says_so() {
     let text = GOOD.replace("span_ms = 2000", "span_ms = 3600000");
     let pipeline = parse("p.toml", &text).expect("the file is good");
-    let svg = svg(&pipeline, &simulate(&pipeline, 1, 1).expect("it runs"));
+    let svg = draw(&pipeline, &simulate(&pipeline, 1, 1).expect("it runs")).svg();
     assert!(svg.contains("the first ") && svg.contains(" of 3600000 ms"), "{}", &svg[..600]);
     assert!(svg.len() < 2_000_000, "{} bytes", svg.len());
 }

@@ -5,8 +5,10 @@ use serde::Serialize;
 use swerve_drive::page::{RunReport, command_line};
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
+use swerve_drive::views::views_of;
 use swerve_drive::{RunInput, drive_pipeline, load};
 use swerve_flow::{EndReason, Event, Observer};
+use swerve_foxglove::Foxglove;
 use swerve_msg::{EgoState, Encoding, Image, PointCloud};
 use swerve_report::page::{Page, RunPage, photo};
 use swerve_stack::Registry;
@@ -17,6 +19,7 @@ use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::Kinematic;
 
 use crate::Summarise;
+use crate::foxglove::Streams;
 use crate::looks::{Sight, from_above};
 use crate::show::{Begin, Over, Show};
 use crate::wheel::Wheel;
@@ -27,6 +30,8 @@ pub(crate) struct Driver<'a> {
     pub(crate) input: &'a RunInput,
     pub(crate) summarise: Summarise<'a>,
     pub(crate) show: &'a Show,
+    /// For the Foxglove app.
+    pub(crate) streams: Option<Streams>,
 }
 
 /// What the page of a run that goes on holds beside the run.
@@ -37,6 +42,15 @@ struct Live {
     run: u64,
     speed: Option<f64>,
     by_hand: bool,
+    watch_only: bool,
+}
+
+/// The page of a run of which nothing has happened yet; it may ask this server, and nobody else, for more.
+pub(crate) fn live_page(show: &Show, report: &RunReport, by_hand: bool, watch_only: bool) -> String {
+    let (run, speed) = show.upcoming();
+    let (title, page) = report.head();
+    let html = Page::new("live", title, Live { page, run, speed, by_hand, watch_only }).html();
+    html.replacen("img-src data:\"", "img-src data:; connect-src 'self'\"", 1)
 }
 
 /// Takes a run in for the page, and holds it back as the page asks.
@@ -108,12 +122,20 @@ impl Driver<'_> {
         };
         let wheel = seat.map(|seat| Wheel::new(seat, Kinematic::new(&config.sim.vehicle)));
         let report = RunReport::new(&config, &pipeline, command_line(&input, None));
-        self.show.begin(self.page(&report, with.by_hand), report, wheel, pipeline.graph.stop_handle());
+        let page = live_page(self.show, &report, with.by_hand, false);
+        self.show.begin(page, report, wheel, Some(pipeline.graph.stop_handle()));
+        let mut streams = self.streams.as_ref().map(|streams| {
+            streams.of_run(config.registry.with_views_of(Foxglove::new(views_of(&config, &pipeline))))
+        });
         let processes = (!config.process.is_empty())
             .then(|| Processes::start(&Program::this()?, &config, &mut pipeline))
             .transpose()?;
         let mut watching = Watching { show: self.show, config: &config };
-        let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut watching])?;
+        let mut observers: Vec<&mut dyn Observer> = Vec::new();
+        // Before the page, which holds the run back at a frame until it is due.
+        observers.extend(streams.as_mut().map(|streams| streams as &mut dyn Observer));
+        observers.push(&mut watching);
+        let outcome = drive_pipeline(pipeline, config.seed, 1, &mut observers)?;
         drop(processes);
         if outcome.report.end == EndReason::Interrupted {
             return Ok((Over { problem: Some("interrupted".into()), ..Over::default() }, None));
@@ -124,12 +146,7 @@ impl Driver<'_> {
         let verdict = page.of.metrics["verdict"].as_str().map(str::to_owned);
         Ok((Over { verdict, digest: Some(digest), problem: None }, Some(page.html())))
     }
-
-    /// The page of a run of which nothing has happened yet; it may ask this server, and nobody else, for more.
-    fn page(&self, report: &RunReport, by_hand: bool) -> String {
-        let (run, speed) = self.show.upcoming();
-        let (title, page) = report.head();
-        let html = Page::new("live", title, Live { page, run, speed, by_hand }).html();
-        html.replacen("img-src data:\"", "img-src data:; connect-src 'self'\"", 1)
-    }
 }
+
+#[cfg(test)]
+mod tests;

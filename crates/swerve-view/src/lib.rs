@@ -2,12 +2,15 @@
 //! token can open.
 
 mod drive;
+mod foxglove;
 mod http;
 mod looks;
 mod server;
 mod show;
+mod vehicle;
 mod wheel;
 
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -20,6 +23,7 @@ use swerve_stack::Registry;
 use swerve_stack::config::Config;
 
 use crate::drive::Driver;
+use crate::foxglove::Streams;
 use crate::server::Server;
 use crate::show::Show;
 
@@ -29,6 +33,9 @@ pub struct ViewArgs {
     /// What is driven: a scenario; or a log, or the folder of a run, to be looked at
     #[command(flatten)]
     input: RunInput,
+    /// Drive a vehicle as `swerve live` does, by the configuration in SCENARIO's place, and show it; watch only
+    #[arg(long, conflicts_with_all = ["config", "seed", "speed", "paused"])]
+    live: bool,
     /// Port on 127.0.0.1 [default: a free one]
     #[arg(long, default_value_t = 0, hide_default_value = true)]
     port: u16,
@@ -38,6 +45,12 @@ pub struct ViewArgs {
     /// Wait for the page's start button
     #[arg(long)]
     paused: bool,
+    /// Serve the run, or the log, for the Foxglove app too, at IP:PORT or a port of 127.0.0.1 [default: 127.0.0.1:8765]
+    #[arg(
+        long, value_name = "ADDR", num_args = 0..=1, default_missing_value = foxglove::USUAL,
+        value_parser = foxglove::address
+    )]
+    foxglove: Option<SocketAddr>,
     /// Print the address and open no browser
     #[arg(long)]
     no_open: bool,
@@ -63,32 +76,39 @@ pub type Summarise<'a> = &'a dyn Fn(&Config, &Scenario, &Outcome) -> anyhow::Res
 /// # Errors
 /// What is to be shown cannot be read, or the port is taken.
 pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> anyhow::Result<()> {
-    let show = Arc::new(Show::new(args.speed.0, args.paused));
-    let driver = match log_in(&args.input.scenario) {
-        Some(log) => {
-            show.set_page(page_of_log(registry, &log)?.html());
-            None
-        }
-        None => {
-            let driver = Driver { registry, input: &args.input, summarise, show: &show };
-            driver.check(&args.input)?;
-            Some(driver)
-        }
-    };
-    let interrupted = Arc::clone(&show);
-    ctrlc::set_handler(move || interrupted.quit()).context("waiting for Ctrl-C")?;
+    let show = if args.live { Show::of_vehicle() } else { Show::new(args.speed.0, args.paused) };
+    let show = Arc::new(show);
+    let log = log_in(&args.input.scenario).filter(|_| !args.live);
+    if let Some(log) = &log {
+        show.set_page(page_of_log(registry, log)?.html());
+    }
+    let (streams, foxglove) = args.foxglove.map(Streams::start).transpose()?.unzip();
+    if let (Some(log), Some(streams)) = (&log, &streams) {
+        streams.play(log.clone(), args.speed.0)?;
+    }
+    let driver = Driver { registry, input: &args.input, summarise, show: &show, streams };
+    if log.is_none() && !args.live {
+        driver.check(&args.input)?;
+    }
+    if !args.live {
+        let interrupted = Arc::clone(&show);
+        ctrlc::set_handler(move || interrupted.quit()).context("waiting for Ctrl-C")?;
+    }
     let address = Server::start(args.port, Arc::clone(&show))?;
-    print(&format!("{address}\n"))?;
+    let lines = [Some(address.clone()), foxglove].into_iter().flatten().map(|line| line + "\n");
+    print(&lines.collect::<String>())?;
     if !args.no_open {
         open(&address);
     }
-    match driver {
-        Some(driver) => driver.drive_until_quit(),
-        None => {
-            show.wait_for_quit();
-            Ok(())
-        }
+    if args.live {
+        // Ctrl-C is the drive's: it stops the car.
+        return vehicle::drive(&args.input.scenario, &args.input.set, registry, &show, driver.streams);
     }
+    if log.is_none() {
+        return driver.drive_until_quit();
+    }
+    show.wait_for_quit();
+    Ok(())
 }
 
 /// The log that is named, by itself or by the folder of its run.

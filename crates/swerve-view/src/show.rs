@@ -1,12 +1,13 @@
 //! What the run, the server and Ctrl-C share: the run as far as it goes, and what is asked of it.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_drive::page::RunReport;
-use swerve_flow::StopHandle;
+use swerve_flow::{Event, Observer as _, StopHandle};
 use swerve_report::page::{Have, Rows};
 
 use crate::looks::{Looks, Sight};
@@ -77,12 +78,17 @@ struct State {
     stop: Option<StopHandle>,
     next: Option<Begin>,
     quits: bool,
+    /// Whether it is a vehicle that is shown: nothing can be asked of it.
+    watch_only: bool,
 }
 
 /// The run that is shown.
+#[derive(Default)]
 pub(crate) struct Show {
     state: Mutex<State>,
     changed: Condvar,
+    /// Events that the page of a vehicle lacks.
+    missed: AtomicU64,
 }
 
 /// What a page has.
@@ -113,7 +119,12 @@ struct Told<'a> {
 
 impl Show {
     pub(crate) fn new(speed: Option<f64>, holds: bool) -> Self {
-        Self { state: Mutex::new(State { speed, holds, ..State::default() }), changed: Condvar::new() }
+        Self { state: Mutex::new(State { speed, holds, ..State::default() }), ..Self::default() }
+    }
+
+    /// Of a vehicle: nothing holds it back and nothing can be asked of it.
+    pub(crate) fn of_vehicle() -> Self {
+        Self { state: Mutex::new(State { watch_only: true, ..State::default() }), ..Self::default() }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -131,22 +142,59 @@ impl Show {
         (state.run + 1, state.speed)
     }
 
-    pub(crate) fn begin(&self, page: String, report: RunReport, wheel: Option<Wheel>, stop: StopHandle) {
+    pub(crate) fn begin(
+        &self,
+        page: String,
+        report: RunReport,
+        wheel: Option<Wheel>,
+        stop: Option<StopHandle>,
+    ) {
         let mut state = self.state();
         // What is asked for before the run has begun stops it too.
-        if state.quits || state.next.is_some() {
+        if let Some(stop) = stop.as_ref().filter(|_| state.quits || state.next.is_some()) {
             stop.stop();
         }
         let (holds, speed, next, quits) = (state.holds, state.speed, state.next.take(), state.quits);
-        let run = state.run + 1;
-        let (report, stop) = (Some(report), Some(stop));
-        *state = State { run, page, report, wheel, stop, holds, speed, next, quits, ..State::default() };
+        let (run, watch_only, report) = (state.run + 1, state.watch_only, Some(report));
+        *state = State {
+            run,
+            page,
+            report,
+            wheel,
+            stop,
+            holds,
+            speed,
+            next,
+            quits,
+            watch_only,
+            ..State::default()
+        };
         self.changed.notify_all();
     }
 
     /// Changes what is known of the run.
     pub(crate) fn with_report<T>(&self, act: impl FnOnce(&mut RunReport) -> T) -> Option<T> {
         self.state().report.as_mut().map(act)
+    }
+
+    /// Takes in what happens without ever waiting: what comes while a page is being written is left out of the page.
+    pub(crate) fn glimpse(&self, event: &Event<'_>) {
+        let mut state = match self.state.try_lock() {
+            Ok(state) => state,
+            Err(TryLockError::Poisoned(state)) => state.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                self.missed.fetch_add(1, Ordering::Relaxed);
+                return;
+            }
+        };
+        if let Some(report) = &mut state.report {
+            report.event(event);
+        }
+    }
+
+    /// How many events the page lacks.
+    pub(crate) fn missed(&self) -> u64 {
+        self.missed.load(Ordering::Relaxed)
     }
 
     /// Takes in what a sensor saw, if a page waits for it.
@@ -238,6 +286,9 @@ impl Show {
 
     /// Does what a page asks for; a restart has been checked.
     pub(crate) fn ask(&self, ask: Ask) -> Result<(), &'static str> {
+        if self.state().watch_only {
+            return Err("this drive is only watched");
+        }
         if let Ask::Restart(with) = ask {
             self.interrupt(|state| state.next = Some(with));
             return Ok(());

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{Parser, Subcommand};
 use swerve_drive::{process, why};
 use swerve_stack::Registry;
-use swerve_study::{calibrate, dataset, evaluate, report, track, train};
+use swerve_study::{calibrate, dataset, evaluate, map, report, track, train};
 
 use swerve_reference::{keys, operators};
 
@@ -21,7 +21,7 @@ pub struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Drive a scenario: verdict, figures, pictures, log
+    /// Drive a scenario: verdict, metrics, pictures, log
     Run(run::RunArgs),
     /// Drive a scenario before one's eyes: the report's player in a browser, live; or look at a log in it
     View(swerve_view::ViewArgs),
@@ -29,11 +29,11 @@ enum Command {
     Live(swerve_live::LiveArgs),
     /// Vary a run along axes over configuration keys and seeds
     Study(swerve_study::StudyArgs),
-    /// Say why a logged drive ended so: from the first sight of an actor to the car's answer
+    /// Say why a logged drive ended so: from the instant an actor was first visible to the car's answer
     Why(why::WhyArgs),
     /// Make the page of a run or a study from its folder, or of two beside each other
     Report(report::ReportArgs),
-    /// Compute a log's streams again and compare, or ask what would have been
+    /// Compute a log's streams again and compare, or compute what other settings would have given
     Replay(replay::ReplayArgs),
     /// List the kinds of operators that a configuration can name, or show one of them
     Operators(operators::OperatorsArgs),
@@ -43,23 +43,25 @@ enum Command {
     Graph(graph::GraphArgs),
     /// Run a pipeline of black boxes: response times, drops, misses, utilisation
     Timing(swerve_timing::TimingArgs),
-    /// Pose planning problems of a file to a planner
+    /// Solve the planning problems of a file with a planner
     Plan(plan::PlanArgs),
     /// Check scenario, configuration, study and timing files without running them
     Check(check::CheckArgs),
     /// Measure what the planners cost on this host, or fit an emulated detector, and freeze that in a configuration
     Calibrate(calibrate::CalibrateArgs),
-    /// Make labelled images and point clouds of scenarios, as KITTI and COCO have them
+    /// Make labelled images and point clouds of scenarios in the formats of KITTI and COCO
     Dataset(dataset::DatasetArgs),
     /// Measure what a detector or a tracker reports against the truth
     Eval(evaluate::EvalArgs),
+    /// Make a map of what stands along a road, and find a lidar by it
+    Map(map::MapArgs),
     /// Make tracks of a file of detections
     Track(track::TrackArgs),
     /// Learn what perception is shipped with from simulated drives
     Train(train::TrainArgs),
     /// Find objects in images: boxes, as a table, JSON or pictures
     Look(look::LookArgs),
-    /// Tell what this machine offers: graphics adapters, shared memory, and what will be used
+    /// Show what this machine has: graphics adapters, shared memory, and what will be used
     Doctor(doctor::DoctorArgs),
     /// Make a folder to begin in: a scenario, a configuration, an operator of one's own, and what is what
     New(new::NewArgs),
@@ -72,6 +74,9 @@ enum Command {
     /// Take steps for a run in another process, which starts this one
     #[command(hide = true)]
     Worker,
+    /// Speak DDS for a run in another process, which starts this one
+    #[command(hide = true)]
+    Transport,
 }
 
 /// Reads a command line, the program's name first; the error is what the terminal would show.
@@ -100,6 +105,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Calibrate(args) => calibrate::run(args, registry),
         Command::Dataset(args) => dataset::run(args, registry),
         Command::Eval(args) => evaluate::run(args),
+        Command::Map(args) => map::run(args, registry),
         Command::Track(args) => track::run(args),
         Command::Train(args) => train::run(args, registry),
         Command::Look(args) => look::run(args),
@@ -109,5 +115,6 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),
         Command::Worker => process::run_worker(registry),
+        Command::Transport => swerve_live::wire::run_transport(),
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use swerve_drive::pictures::PictureArgs;
 use swerve_drive::{RunInput, load};
 use swerve_stack::Registry;
 use swerve_stack::pipeline::Pipeline;
@@ -12,19 +13,21 @@ pub(crate) struct GraphArgs {
     #[command(flatten)]
     input: RunInput,
     /// Graphviz instead of text
-    #[arg(long, conflicts_with = "svg")]
+    #[arg(long, conflicts_with = "picture")]
     dot: bool,
     /// The text that makes this pipeline, to start a configuration from
-    #[arg(long, conflicts_with_all = ["dot", "svg"])]
+    #[arg(long, conflicts_with_all = ["dot", "picture"])]
     toml: bool,
     /// Draw it into this file
-    #[arg(long, value_name = "FILE")]
-    svg: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", alias = "svg")]
+    picture: Option<PathBuf>,
+    #[command(flatten)]
+    how: PictureArgs,
 }
 
 /// Prints the graph.
 pub(crate) fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
-    if let Some(file) = &args.svg {
+    if let Some(file) = &args.picture {
         swerve_report::files::refuse_toml(file)?;
     }
     let (config, scenario) = load(registry, &args.input)?;
@@ -33,8 +36,8 @@ pub(crate) fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     if args.toml {
         return swerve_report::output::print(&pipeline.assembly.to_toml(&config, &info));
     }
-    if let Some(file) = &args.svg {
-        swerve_report::files::write_whole(file, swerve_report::graph::svg(&info).as_bytes())?;
+    if let Some(file) = &args.picture {
+        args.how.write(file, &swerve_report::graph::draw(&info))?;
     }
     swerve_report::output::print(&if args.dot {
         swerve_report::graph::dot(&info)

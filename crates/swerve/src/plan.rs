@@ -14,6 +14,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
+use swerve_drive::pictures::PictureArgs;
 use swerve_pylot::Preset;
 use swerve_pylot::posed::{ProblemFile, Solution};
 use swerve_report::files::write_whole;
@@ -71,8 +72,10 @@ pub struct PlanArgs {
     #[arg(long)]
     json: bool,
     /// Draw a picture of each problem into this folder
-    #[arg(long, value_name = "DIR")]
-    svg: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", alias = "svg")]
+    pictures: Option<PathBuf>,
+    #[command(flatten)]
+    how: PictureArgs,
     /// Write a page with the table and all pictures into this file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -93,11 +96,11 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
     let posed =
         read::select(&file, args.planner, &args.config).with_context(|| args.file.display().to_string())?;
     let solutions = solve_all(&file, &posed, preset);
-    if let Some(folder) = &args.svg {
+    if let Some(folder) = &args.pictures {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         for (k, solution) in solutions.iter().enumerate() {
-            let svg = picture::draw(&file, &posed, k, solution);
-            write_whole(&folder.join(picture_name(k, &solution.id)), svg.as_bytes())?;
+            let picture = picture::draw(&file, &posed, k, solution);
+            args.how.write_in(folder, &picture_name(k, &solution.id), &picture)?;
         }
     }
     if let Some(path) = &args.report {
@@ -123,13 +126,13 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
 /// A file name for a problem's picture, whatever characters its name has.
 fn picture_name(k: usize, id: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-    format!("{k:03}_{}.svg", id.chars().map(plain).collect::<String>())
+    format!("{k:03}_{}", id.chars().map(plain).collect::<String>())
 }
 
 fn page(args: &PlanArgs, (file, posed): (&ProblemFile, &Posed<'_>), solutions: &[Solution]) -> Page<Figures> {
     let (planner, config, path) = (args.planner.name(), &args.config, args.file.display().to_string());
     let preset = if args.preset == PresetName::Paper { " --preset paper" } else { "" };
-    let picture = |(k, s): (usize, &Solution)| (s.id.clone(), picture::draw(file, posed, k, s));
+    let picture = |(k, s): (usize, &Solution)| (s.id.clone(), picture::draw(file, posed, k, s).svg());
     let figures = Figures {
         command: format!(
             "swerve plan {} --planner {planner} --config {}{preset}",

@@ -326,7 +326,7 @@ impl Comparison {
     }
 
     fn text(&self, compare_digest: bool) -> String {
-        let head = ["stream", "same", "different", "missing", "more"].map(str::to_owned).to_vec();
+        let head = ["stream", "identical", "different", "missing", "extra"].map(str::to_owned).to_vec();
         let rows = self.streams.iter().map(|(name, c)| {
             let numbers = [c.same, c.different, c.missing, c.more].map(|n| n.to_string());
             std::iter::once(name.clone()).chain(numbers).collect()

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use swerve_drive::frames::{Frames, Sinks};
 use swerve_drive::page::{COMMAND, RunReport, command_line};
+use swerve_drive::pictures::PictureArgs;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::realtime::Realtime;
@@ -17,7 +18,7 @@ use swerve_flow::{EndReason, Event, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
 use swerve_log::{Log, Recorder, TraceWriter};
 use swerve_msg::{Command, EgoState, MotionCommand};
-use swerve_report::files::{RunFolder, write_whole};
+use swerve_report::files::RunFolder;
 use swerve_report::output::print;
 use swerve_report::progress::Progress;
 use swerve_report::story::{Story, draw};
@@ -31,6 +32,8 @@ use crate::summary::Summary;
 /// `swerve run`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct RunArgs {
+    #[command(flatten)]
+    pictures: PictureArgs,
     #[command(flatten)]
     input: RunInput,
     /// Output folder [default: one of its own, out/SCENARIO-1 and so on; out/SCENARIO leads to the newest]
@@ -139,7 +142,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     drop(processes);
     let ros2 = car.map(Ros2Car::finish);
     shown.progress.finish();
-    let ends = Ends { clock: config.clock.source, folder: &folder };
+    let ends = Ends { clock: config.clock.source, folder: &folder, pictures: args.pictures };
     let realtime = realtime.map(|realtime| realtime.obtained());
     // What was recorded until a failure is kept, readable.
     let recorded = recording.finish();
@@ -174,6 +177,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
 struct Ends<'a> {
     clock: Clock,
     folder: &'a RunFolder,
+    pictures: PictureArgs,
 }
 
 impl Ends<'_> {
@@ -200,8 +204,8 @@ impl Ends<'_> {
 
     /// Writes what is left of a run beside its log; where all of it is, in a line.
     fn leave(&self, json: &str, story: &Story) -> anyhow::Result<String> {
-        write_whole(&self.folder.path.join("story.svg"), draw(story).as_bytes())?;
-        self.folder.conclude("report.html, story.svg, log.mcap, trace.json", json)
+        let drawn = self.pictures.write_in(&self.folder.path, "story", &draw(story))?;
+        self.folder.conclude(&format!("report.html, {drawn}, log.mcap, trace.json"), json)
     }
 }
 

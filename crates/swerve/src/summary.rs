@@ -122,7 +122,7 @@ impl Summary {
         }
         if let Some(Traffic { calls, bytes, copied, in_place }) = self.traffic {
             text += &format!(
-                "{calls} steps in other processes: {:.1} MB in messages, {in_place} big arrays read in place, \
+                "{calls} steps in other processes: {:.1} MB in messages, {in_place} payload arrays read in shared memory, \
                  {copied} bytes of them copied\n",
                 bytes as f64 * 1e-6
             );

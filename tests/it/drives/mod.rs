@@ -5,6 +5,7 @@ mod deadlines;
 mod faults;
 mod gate;
 mod perception;
+mod prediction;
 mod sensors;
 mod story;
 mod traffic_lights;

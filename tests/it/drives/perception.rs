@@ -55,9 +55,9 @@ fn drive(detector: &str, sets: &[&str]) -> (Seen, swerve_core::Digest) {
 const PERFECT: [&str; 9] = [
     "perception.params.recall_best=1",
     "perception.params.half_distance_m=10000",
-    "perception.params.half_share=-1",
-    "perception.params.ghosts_per_frame=0",
-    "perception.params.score_gap=20",
+    "perception.params.half_visibility=-1",
+    "perception.params.false_positives_per_frame=0",
+    "perception.params.score_separation=20",
     "perception.params.range_noise_share=0",
     "perception.params.bearing_noise_rad=0",
     "perception.params.size_noise_share=0",

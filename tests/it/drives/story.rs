@@ -13,13 +13,13 @@ fn drawn(assignments: &[&str]) -> String {
     let mut story = story(&config, &scenario, &pipeline);
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut story]).unwrap();
     story.conclude(&outcome.metrics, None);
-    draw(&story)
+    draw(&story).svg()
 }
 
 #[test]
 fn a_real_run_has_its_story() {
     let svg = drawn(&[]);
-    for part in ["first sight", "truck", "lateral acc.", "response time"] {
+    for part in ["first visible", "truck", "lateral acc.", "response time"] {
         assert!(svg.contains(part), "{part}");
     }
     assert!(!svg.contains("NaN") && svg.len() < 400_000, "{}", svg.len());
@@ -32,5 +32,5 @@ fn an_ego_that_stands_far_away_has_one_outline_and_a_distance_to_each() {
     let closest = svg.split("closest to person ").nth(1).unwrap().split('<').next().unwrap();
     let distance = closest.split(", ").nth(1).unwrap();
     assert!(svg.contains(&format!("m (truck), {distance} (person)")), "{closest}");
-    assert_eq!(svg.matches("fill-opacity=\"0.10\"").count(), 1);
+    assert_eq!(svg.matches("fill-opacity=\"0.1\"").count(), 1);
 }

@@ -34,7 +34,7 @@ pub enum Law {
 }
 
 /// Parameters of a [`Controller`](crate::Controller).
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Which laws steer and drive.
@@ -59,6 +59,27 @@ pub struct Params {
     pub slip: SlipParams,
     /// Model predictive control.
     pub mpc: mpc::Params,
+    /// Most lateral jerk that is steered with while the plan is a comfortable one, m/s³; not with [`Law::Pid`].
+    pub comfort_jerk_mps3: f64,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            law: Law::default(),
+            following: Following::default(),
+            stop: StopParams::default(),
+            pid: pid::Params::default(),
+            waypoint: WaypointParams::default(),
+            pure_pursuit: PurePursuitParams::default(),
+            stanley: StanleyParams::default(),
+            speed: speed::Params::default(),
+            along: AlongParams::default(),
+            slip: SlipParams::default(),
+            mpc: mpc::Params::default(),
+            comfort_jerk_mps3: 6.5,
+        }
+    }
 }
 
 /// Slip of the tyres, which adds to the geometry of steering: fed forward, from the path's own lateral acceleration.

@@ -67,6 +67,28 @@ impl Bench {
 }
 
 #[test]
+fn an_alarm_of_the_wire_stops_the_car_and_the_switch_lets_it_drive_again() {
+    for cause in [StopCause::SecondWriter, StopCause::TransportLost] {
+        let mut bench = Bench::driving();
+        bench.input.alarm = Some(cause);
+        let output = bench.run(1);
+        assert_eq!(output.mode, GateMode::Stopping(cause));
+        assert!(output.command.speed_mps == 0.0 && output.command.accel_mps2 < 0.0, "{output:?}");
+        assert_eq!(bench.run(1000).mode, GateMode::Holding(cause));
+        bench.input.enable = false;
+        bench.run(5);
+        bench.input.enable = true;
+        assert_eq!(bench.run(5).mode, GateMode::Holding(cause), "nobody drives while there is one");
+        (bench.input.enable, bench.input.alarm) = (false, None);
+        assert_eq!(bench.run(5).mode, GateMode::Holding(cause), "its end is no act");
+        bench.input.enable = true;
+        assert_eq!(bench.run(5).mode, GateMode::Driving);
+        (bench.input.alarm, bench.input.emergency) = (Some(cause), true);
+        assert_eq!(bench.run(1).mode, GateMode::Stopping(StopCause::Emergency), "the harder one");
+    }
+}
+
+#[test]
 fn enabling_is_an_act_and_needs_all_to_be_well() {
     // Held from the start: that is no act.
     let mut held = Bench::new();
@@ -408,7 +430,7 @@ proptest! {
                 VehicleReport { stamp: at(stamp), speed_mps, steering_rad, driver_active }
             });
             sound.extend(command.filter(|c| c.steering_rad.is_finite() && c.speed_mps.is_finite() && c.accel_mps2.is_finite()).map(|c| c.stamp));
-            let output = gate.step(&GateInput { now, command, origin: None, report, enable, emergency });
+            let output = gate.step(&GateInput { now, command, origin: None, report, enable, emergency, alarm: None });
             let c = output.command;
             prop_assert!(c.steering_rad.is_finite() && c.speed_mps.is_finite() && c.accel_mps2.is_finite(), "{output:?}");
             prop_assert!(c.steering_rad.abs() <= p.steering_max_rad);

@@ -11,13 +11,12 @@ use swerve_msg::{Command, EgoState, Image, Plan, PredictionList, TrackList};
 use swerve_report::output::quoted;
 use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage};
 use swerve_scenario::Scenario;
+use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
-use swerve_stack::{Assembly, Registry};
 
-use super::{COMMAND, RunReport, set_inputs};
+use super::{COMMAND, RunReport};
 use crate::load::problems_error;
-use crate::measured::outline;
 
 /// The page of a run from its log and, where it lies beside that and is of the same run, `metrics.json`. Of a log that
 /// was cut off, what there is.
@@ -43,10 +42,7 @@ fn page_of(
     let mut report = RunReport::of_config(&config, &scenario, String::new());
     report.page.command = command_of_log(log, &config, &scenario);
     if config.live.is_some() {
-        // The graph needs the vehicle; who reads what does not.
-        let shape = outline(&config.sim.vehicle.shape);
-        report.collector.set_ground(&scenario.road.route(), scenario.road.lane_width_m, shape);
-        set_inputs(&mut report.collector, &Assembly::new(&config)?);
+        report.set_up_live(&config, &scenario)?;
     } else {
         report.set_up(&config, &Pipeline::build(&config, &scenario)?);
     }

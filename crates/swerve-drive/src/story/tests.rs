@@ -44,7 +44,7 @@ fn picture(scenario: &Path) -> (Story, String) {
     let mut story = story(&config, &scenario, &pipeline);
     let outcome = crate::drive_pipeline(pipeline, config.seed, 1, &mut [&mut story]).unwrap();
     story.conclude(&outcome.metrics, None);
-    let svg = swerve_report::story::draw(&story);
+    let svg = swerve_report::story::draw(&story).svg();
     (story, svg)
 }
 

@@ -58,7 +58,8 @@ fn whatever_a_log_holds_is_used_or_counted() {
             data.truncate((rng.bits() % data.len() as u64) as usize);
         }
         let received_ns = if rng.bits().is_multiple_of(50) { rng.bits() } else { epoch + i * S / 100 };
-        let topic = BagTopic { name: topic.clone(), type_name: kind.type_name(), encoding: "cdr".into() };
+        let (name, type_name) = (topic.clone(), kind.type_name());
+        let topic = BagTopic { name, type_name, encoding: "cdr".into(), ..BagTopic::default() };
         recording.take(&topic, &BagMessage { topic: 0, received_ns, data }, &wanted, &mut intake);
     }
     recording.conclude(&intake);

@@ -1,20 +1,22 @@
 //! Commands of another stack, from its topics to the safety gate.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use swerve_core::{Span, Time};
 use swerve_flow::SourceHandle;
-use swerve_msg::{GateMode, MotionCommand, Switch};
+use swerve_msg::{GateMode, MotionCommand, StopCause, Switch, WireAlarm};
 use swerve_ros2::AnyMessage;
-use swerve_ros2::bridge::Bridge;
+use swerve_ros2::bridge::{EndpointId, Received};
 use swerve_ros2::clock::{ClockOffset, ClockParams};
 use swerve_ros2::convert::{Epoch, SteeringGear, control_from_ros};
-use swerve_ros2::mapping::{Mapping, Role};
+use swerve_ros2::mapping::{Mapping, Purpose, Role};
 use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
 use swerve_ros2::msg::builtin_interfaces as builtin;
 use swerve_ros2::msg::ds_dbw_msgs::{BrakeCmd, SteeringCmd, ThrottleCmd, UlcCmd};
+use swerve_ros2::transport::Transport;
 use swerve_stack::config::live::EnableBy;
 use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::{Pedals, VehicleParams, accel_for_pedals};
@@ -22,6 +24,8 @@ use swerve_vehicle::{Pedals, VehicleParams, accel_for_pedals};
 use crate::engage::{Engagement, Situation};
 use crate::intake::Request;
 use crate::time::TopicClock;
+
+use super::writers::Writers;
 
 /// How often the switch is looked at.
 const TICK: Duration = Duration::from_millis(20);
@@ -40,12 +44,18 @@ pub(super) struct DriverInputs {
     pub(super) commands: SourceHandle<MotionCommand>,
     /// Whether it is to drive.
     pub(super) switch: SourceHandle<Switch>,
+    /// What is wrong with who asks.
+    pub(super) alarms: SourceHandle<WireAlarm>,
 }
 
 impl DriverInputs {
     /// Those of a pipeline that another stack drives.
     pub(super) fn take(pipeline: &mut Pipeline) -> Option<Self> {
-        Some(Self { commands: pipeline.take_source_of()?, switch: pipeline.take_source_of()? })
+        Some(Self {
+            commands: pipeline.take_source_of()?,
+            switch: pipeline.take_source_of()?,
+            alarms: pipeline.take_source_of()?,
+        })
     }
 }
 
@@ -72,6 +82,8 @@ pub(super) struct ListenerReport {
     pub(super) commands: u64,
     /// Commands that did not, for want of a plausible stamp.
     pub(super) implausible: u64,
+    /// Commands of others than who drove, by topic.
+    pub(super) of_others: BTreeMap<EndpointId, u64>,
     /// How its clock stands to the run's time.
     pub(super) clock: Option<ClockOffset>,
 }
@@ -87,6 +99,8 @@ pub(super) struct Listener {
     waits_since: Option<Time>,
     switch: Option<Switch>,
     wire: Wire,
+    writers: Writers,
+    alarm: WireAlarm,
     last: Option<Time>,
     report: ListenerReport,
 }
@@ -102,31 +116,68 @@ impl Listener {
             waits_since: None,
             switch: None,
             wire: Wire::new(vehicle),
+            writers: Writers::default(),
+            alarm: WireAlarm::default(),
             last: None,
             report: ListenerReport::default(),
         }
     }
 
-    pub(super) fn run(mut self, bridge: &Bridge, mapping: &Mapping, stop: &AtomicBool) -> ListenerReport {
+    pub(super) fn run(mut self, bridge: &Transport, mapping: &Mapping, stop: &AtomicBool) -> ListenerReport {
         while !stop.load(Ordering::Relaxed) {
             bridge.wait(TICK);
             for (id, received) in std::iter::from_fn(|| bridge.take_any()).take(AT_ONCE) {
-                let role = mapping.topic(&bridge.endpoints()[id.0].name).map(|topic| topic.role);
-                if let Some(role) = role {
-                    self.take(role, &received.message);
+                let Some(topic) = mapping.topic(&bridge.endpoints()[id.0].name) else { continue };
+                if topic.role.purpose() != Purpose::Motion || self.writers.hear(id, received.writer) {
+                    self.take(topic.role, &received.message);
+                } else {
+                    self.tell_second_writer(&topic.topic, &received);
                 }
             }
-            let requests = &mut self.requests;
             // Only Autoware's vehicles have the service.
-            let _none = bridge.serve_control_mode(|mode| {
-                let drive = mode == ControlModeReport::AUTONOMOUS;
-                requests.push(Request::Drive(drive));
-                drive || mode == ControlModeReport::MANUAL
-            });
+            let modes = bridge.take_modes().into_iter();
+            self.requests.extend(modes.map(|mode| Request::Drive(mode == ControlModeReport::AUTONOMOUS)));
+            for what in bridge.take_losses() {
+                self.tell(&what);
+                self.raise(StopCause::TransportLost, what);
+            }
             self.advance_switch();
         }
         self.report.clock = self.clock.offset();
+        self.report.of_others = self.writers.into_refused();
         self.report
+    }
+
+    /// Has the gate stop the car: one of two writers is not who the person let drive.
+    fn tell_second_writer(&mut self, topic: &str, received: &Received) {
+        if self.alarm.cause.is_some() {
+            return;
+        }
+        let what = format!(
+            "commands on {topic} of a second writer, {}: they are refused and the car is stopped; let go of the switch \
+             and press it to drive by one of the two",
+            received.writer
+        );
+        self.tell(&what);
+        self.raise(StopCause::SecondWriter, what);
+    }
+
+    /// Has the gate stop the car, unless it does so already, or the switch is off.
+    fn raise(&mut self, cause: StopCause, what: String) {
+        if self.alarm.cause.is_none() && self.switch.is_some_and(|switch| switch.enable) {
+            self.say(WireAlarm { cause: Some(cause), what });
+        }
+    }
+
+    fn tell(&self, what: &str) {
+        let at_s = lock(&self.shared).now.as_secs();
+        eprintln!("{at_s:7.2} s  {what}");
+    }
+
+    fn say(&mut self, alarm: WireAlarm) {
+        self.alarm = alarm;
+        // A run that is over has nobody to be told.
+        let _over = self.inputs.alarms.send_now(self.alarm.clone());
     }
 
     fn advance_switch(&mut self) {
@@ -144,6 +195,11 @@ impl Listener {
         }
         let at = Situation { now, ready, listens: None, driver: false, mode };
         let action = self.engagement.step(&requests, &at);
+        // The switch is the act by which a person says who drives.
+        self.writers.pin(action.switch.enable);
+        if !action.switch.enable && self.alarm.cause.is_some() {
+            self.say(WireAlarm::default());
+        }
         if self.switch.replace(action.switch) != Some(action.switch) {
             // A run that is over has nobody to be told.
             let _over = self.inputs.switch.send_now(action.switch);

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use swerve_core::{Span, Time};
+use swerve_geom::wrap_angle;
 
 use super::start::{Begin, Start};
 use super::{Entry, Estimate, Initial, Mode, Sensed, Source, Tally};
@@ -52,7 +53,7 @@ pub(super) struct Fold {
     /// When the car was last supposed to be one.
     constrained: Time,
     last_fix: Option<Time>,
-    tallies: [Tally; 5],
+    tallies: [Tally; 6],
 }
 
 impl Fold {
@@ -67,7 +68,7 @@ impl Fold {
             wheels: Wheels::default(),
             constrained: Time::ZERO,
             last_fix: None,
-            tallies: [Tally::default(); 5],
+            tallies: [Tally::default(); 6],
         }
     }
 
@@ -103,6 +104,10 @@ impl Fold {
             Sensed::Imu { .. } => self.constrain(params, entry.stamp),
             Sensed::Fix { at_m, sigma_m } => self.fix(params, entry.stamp, at_m, sigma_m),
             Sensed::Place { at_m, sigma_m } => self.place(params, entry.stamp, at_m, sigma_m),
+            Sensed::Pose { at_m, heading_rad, covariance_m2: [xx, xy, yy], sigma: [up, turn] } => {
+                let covariance = Matrix3::new(xx, xy, 0.0, xy, yy, 0.0, 0.0, 0.0, up * up);
+                self.pose(params, entry.stamp, at_m, &covariance, [heading_rad, turn]);
+            }
             Sensed::Wheels(speed_mps) => self.wheels(params, entry.stamp, speed_mps),
         }
         self.remember(entry);
@@ -188,6 +193,27 @@ impl Fold {
     fn place(&mut self, params: &Params, stamp: Time, at_m: [f64; 3], sigma_m: [f64; 3]) {
         let linear = self.position(at_m, sigma_m, &Vector3::zeros());
         self.followed(params, Source::Place, &linear, Some(stamp));
+    }
+
+    /// Place of the ego origin, then its heading.
+    fn pose(
+        &mut self,
+        params: &Params,
+        stamp: Time,
+        at_m: [f64; 3],
+        covariance: &Matrix3<f64>,
+        heading: [f64; 2],
+    ) {
+        let lever = -Vector3::from(params.imu_at_m);
+        let linear = Linear { noise: *covariance, ..self.position(at_m, [1.0; 3], &lever) };
+        self.followed(params, Source::Place, &linear, Some(stamp));
+        let n = &self.filter.nominal;
+        let mut rows = SMatrix::<f64, 1, STATES>::zeros();
+        let up = n.attitude.to_rotation_matrix().into_inner().row(2).into_owned();
+        rows.fixed_view_mut::<1, 3>(0, ATTITUDE).copy_from(&up);
+        let residual = wrap_angle(heading[0] - yaw_rad(&n.attitude));
+        let linear = Linear { residual: [residual].into(), rows, noise: [[heading[1] * heading[1]]].into() };
+        self.followed(params, Source::Heading, &linear, None);
     }
 
     /// The place of a point `lever` from the inertial unit.

@@ -141,7 +141,7 @@ impl Start {
                 }
                 begin
             }
-            Sensed::Place { .. } => None,
+            Sensed::Place { .. } | Sensed::Pose { .. } => None,
         }
     }
 

@@ -330,7 +330,7 @@ proptest! {
     /// Whatever the sensors say, and with stamps that go anywhere: a finite estimate that knows when it is lost.
     #[test]
     fn nonsense_is_survived(
-        events in proptest::collection::vec((0_u8..4, -2_000_i64..20_000, any::<[f64; 6]>(), any::<bool>()), 1..80),
+        events in proptest::collection::vec((0_u8..5, -2_000_i64..20_000, any::<[f64; 6]>(), any::<bool>()), 1..80),
     ) {
         let mut drive = Drive::new(1, Params::default());
         let mut localizer = drive.localizer();
@@ -344,6 +344,7 @@ proptest! {
                 0 => Sensed::Imu { accel_mps2: a, gyro_radps: b },
                 1 => Sensed::Fix { at_m: a, sigma_m: b.map(f64::abs) },
                 2 => Sensed::Place { at_m: a, sigma_m: b.map(f64::abs) },
+                3 => Sensed::Pose { at_m: a, heading_rad: b[0], covariance_m2: b, sigma: [b[1], b[2]] },
                 _ => Sensed::Wheels(a[0]),
             };
             localizer.take(Time::ZERO + Span::from_ms(ms), what);
@@ -353,3 +354,5 @@ proptest! {
         }
     }
 }
+
+mod matched;

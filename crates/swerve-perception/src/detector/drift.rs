@@ -6,14 +6,14 @@ use swerve_core::{Span, Time};
 
 /// How a standard normal number goes on from instant to instant.
 ///
-/// `sqrt(steady) * slow + sqrt(1 - steady) * new`: `new` is drawn for each instant; `slow` is drawn at multiples of
+/// `sqrt(correlation) * slow + sqrt(1 - correlation) * new`: `new` is drawn for each instant; `slow` is drawn at multiples of
 /// `period_s`, blended linearly between two of them and scaled so that its deviation stays 1. At each single instant
 /// the number is standard normal; two that are at least two periods apart share no more than chance.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Drift {
-    /// Share of the variance that neighbouring instants have in common, 0 to 1.
-    pub steady: f64,
+    /// Correlation of neighbouring instants: the share of the variance that they have in common, 0 to 1.
+    pub correlation: f64,
     /// Between two draws of it, seconds.
     pub period_s: f64,
 }
@@ -28,7 +28,7 @@ impl Drift {
         let (before, part) = self.block(at);
         let slow = (1.0 - part) * draw(before, SLOW) + part * draw(before + 1, SLOW);
         let deviation = ((1.0 - part) * (1.0 - part) + part * part).sqrt();
-        self.steady.sqrt() * slow / deviation + (1.0 - self.steady).sqrt() * draw(at.ns(), NEW)
+        self.correlation.sqrt() * slow / deviation + (1.0 - self.correlation).sqrt() * draw(at.ns(), NEW)
     }
 
     /// The newest slow instant, counted from the start of time, and how far the next one has come, 0 to 1.
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
     use swerve_core::Rng;
 
-    const DRIFT: Drift = Drift { steady: 0.8, period_s: 0.5 };
+    const DRIFT: Drift = Drift { correlation: 0.8, period_s: 0.5 };
 
     fn number(k: i64, ms: i64) -> f64 {
         DRIFT.at(Time::from_ms(ms), |when, which| Rng::keyed(3, "drift", &[k, when, which]).normal())

@@ -29,16 +29,16 @@ pub struct Params {
     /// Distance from the ego origin at which half of that is left for a person of 1.7 m, metres; in proportion to
     /// the height of others.
     pub half_distance_m: f64,
-    /// How gradually, metres: the share falls from 73 to 27 % over twice this.
-    pub distance_spread_m: f64,
-    /// Visible share at which half is left.
-    pub half_share: f64,
-    /// How gradually.
-    pub share_spread: f64,
-    /// Things reported per frame that are none, on average.
-    pub ghosts_per_frame: f64,
-    /// Between the scores of what is there and what is none, in standard deviations of either's logit.
-    pub score_gap: f64,
+    /// Scale of the logistic curve about it, metres: the share falls from 73 to 27 % over twice this.
+    pub distance_scale_m: f64,
+    /// Visible share of an object at which half is left.
+    pub half_visibility: f64,
+    /// Scale of the logistic curve about it.
+    pub visibility_scale: f64,
+    /// False positives per frame, on average.
+    pub false_positives_per_frame: f64,
+    /// Between the mean scores of true and of false positives, in standard deviations of either's logit.
+    pub score_separation: f64,
     /// Standard deviation of the distance, metres, at any distance.
     pub range_noise_m: f64,
     /// The same, as a share of the distance, on top.
@@ -50,31 +50,31 @@ pub struct Params {
     /// Standard deviation of the heading near by, radians; twice that at 30 m.
     pub heading_noise_rad: f64,
     /// How misses and scores go on over time.
-    pub missed: Drift,
+    pub misses: Drift,
     /// How false positives go on over time: longer, or they would be gone before anyone believes them.
-    pub ghosts: Drift,
+    pub false_positives: Drift,
     /// How errors of place, size and heading go on over time.
-    pub misplaced: Drift,
+    pub pose_errors: Drift,
 }
 
 /// Most false positives per frame: one in every other cell.
-pub(super) const GHOSTS_MAX: f64 = 40.0;
+pub(super) const FALSE_POSITIVES_MAX: f64 = 40.0;
 
 impl Default for Params {
     fn default() -> Self {
-        Self::of_difficulty(Sensing::Camera, 1.0)
+        Self::of_error_level(Sensing::Camera, 1.0)
     }
 }
 
 impl Params {
-    /// The family that calibration chooses from: one number, the difficulty, from 0 (nothing is wrong) up.
+    /// The family that calibration chooses from: one number, the error level, from 0 (nothing is wrong) up.
     ///
     /// One public number, an average precision, can fix one number. How the parameters go with each other is ours:
-    /// with difficulty 1 a person is found half of the time at 70 m, every fifth frame holds a false positive, and
+    /// with error level 1 a person is found half of the time at 70 m, every fifth frame holds a false positive, and
     /// places are off as is usual for what the detector looks with: 3 % of the distance for one camera, 5 cm and
     /// 0.2 % for a lidar.
-    pub fn of_difficulty(sensing: Sensing, difficulty: f64) -> Self {
-        let d = difficulty.max(0.0);
+    pub fn of_error_level(sensing: Sensing, error_level: f64) -> Self {
+        let d = error_level.max(0.0);
         let root = d.sqrt();
         let half_distance_m = (70.0 / d.max(1e-3)).min(1e4);
         let (range_noise_m, range_noise_share, bearing_noise_rad) = match sensing {
@@ -84,19 +84,19 @@ impl Params {
         Self {
             recall_best: math::exp(-0.03 * d),
             half_distance_m,
-            distance_spread_m: 0.15 * half_distance_m,
-            half_share: 0.5 * (1.0 - math::exp(-0.5 * d)) - 0.2,
-            share_spread: 0.08,
-            ghosts_per_frame: (0.2 * d).min(GHOSTS_MAX),
-            score_gap: (4.0 / root.max(1e-2)).min(20.0),
+            distance_scale_m: 0.15 * half_distance_m,
+            half_visibility: 0.5 * (1.0 - math::exp(-0.5 * d)) - 0.2,
+            visibility_scale: 0.08,
+            false_positives_per_frame: (0.2 * d).min(FALSE_POSITIVES_MAX),
+            score_separation: (4.0 / root.max(1e-2)).min(20.0),
             range_noise_m: range_noise_m * root,
             range_noise_share: range_noise_share * root,
             bearing_noise_rad: bearing_noise_rad * root,
             size_noise_share: (0.04 * root).min(0.2),
             heading_noise_rad: 0.05 * root,
-            missed: Drift { steady: 0.6, period_s: 0.4 },
-            ghosts: Drift { steady: 0.92, period_s: 0.4 },
-            misplaced: Drift { steady: 0.8, period_s: 2.0 },
+            misses: Drift { correlation: 0.6, period_s: 0.4 },
+            false_positives: Drift { correlation: 0.92, period_s: 0.4 },
+            pose_errors: Drift { correlation: 0.8, period_s: 2.0 },
         }
     }
 
@@ -108,22 +108,22 @@ impl Params {
         let all = [
             ("recall_best", self.recall_best, [0.0, 1.0]),
             ("half_distance_m", self.half_distance_m, [0.0, 1e5]),
-            ("distance_spread_m", self.distance_spread_m, [1e-3, 1e5]),
-            ("half_share", self.half_share, [-1.0, 2.0]),
-            ("share_spread", self.share_spread, [1e-3, 10.0]),
-            ("ghosts_per_frame", self.ghosts_per_frame, [0.0, GHOSTS_MAX]),
-            ("score_gap", self.score_gap, [0.0, 50.0]),
+            ("distance_scale_m", self.distance_scale_m, [1e-3, 1e5]),
+            ("half_visibility", self.half_visibility, [-1.0, 2.0]),
+            ("visibility_scale", self.visibility_scale, [1e-3, 10.0]),
+            ("false_positives_per_frame", self.false_positives_per_frame, [0.0, FALSE_POSITIVES_MAX]),
+            ("score_separation", self.score_separation, [0.0, 50.0]),
             ("range_noise_m", self.range_noise_m, [0.0, 50.0]),
             ("range_noise_share", self.range_noise_share, [0.0, 1.0]),
             ("bearing_noise_rad", self.bearing_noise_rad, [0.0, 1.0]),
             ("size_noise_share", self.size_noise_share, [0.0, 1.0]),
             ("heading_noise_rad", self.heading_noise_rad, [0.0, 10.0]),
-            ("missed.steady", self.missed.steady, [0.0, 1.0]),
-            ("missed.period_s", self.missed.period_s, [1e-3, 1e3]),
-            ("ghosts.steady", self.ghosts.steady, [0.0, 1.0]),
-            ("ghosts.period_s", self.ghosts.period_s, [1e-3, 1e3]),
-            ("misplaced.steady", self.misplaced.steady, [0.0, 1.0]),
-            ("misplaced.period_s", self.misplaced.period_s, [1e-3, 1e3]),
+            ("misses.correlation", self.misses.correlation, [0.0, 1.0]),
+            ("misses.period_s", self.misses.period_s, [1e-3, 1e3]),
+            ("false_positives.correlation", self.false_positives.correlation, [0.0, 1.0]),
+            ("false_positives.period_s", self.false_positives.period_s, [1e-3, 1e3]),
+            ("pose_errors.correlation", self.pose_errors.correlation, [0.0, 1.0]),
+            ("pose_errors.period_s", self.pose_errors.period_s, [1e-3, 1e3]),
         ];
         within(&all)
     }

@@ -21,7 +21,7 @@ fn origin() -> Pose2<Map> {
 }
 
 fn quiet() -> Params {
-    Params { ghosts_per_frame: 0.0, ..Params::of_difficulty(Sensing::Camera, 1.5) }
+    Params { false_positives_per_frame: 0.0, ..Params::of_error_level(Sensing::Camera, 1.5) }
 }
 
 fn detector(params: Params) -> Detector {
@@ -31,7 +31,7 @@ fn detector(params: Params) -> Detector {
 #[test]
 fn without_difficulty_all_that_there_is_comes_out_as_it_is() {
     let detector =
-        Detector::new(Params::of_difficulty(Sensing::Camera, 0.0), Some(camera()), 7, "detector").unwrap();
+        Detector::new(Params::of_error_level(Sensing::Camera, 0.0), Some(camera()), 7, "detector").unwrap();
     let ego = Pose2::new(100.0, 50.0, 1.0);
     let at = ego.from_local(Point2::<Ego>::new(20.0, -1.0));
     for ms in 0..100 {
@@ -102,7 +102,7 @@ fn places_are_off_by_what_the_parameters_say() {
 
 #[test]
 fn false_positives_have_their_rate_stay_in_place_and_score_low() {
-    let params = Params { ghosts_per_frame: 2.0, ..quiet() };
+    let params = Params { false_positives_per_frame: 2.0, ..quiet() };
     let detector = detector(params);
     let at = |ms: i64| detector.detect(&seen(ms, Pose2::new(ms as f64 * 0.01, 3.0, 0.3), vec![])).boxes;
     let n = 1000;
@@ -149,7 +149,7 @@ fn bad_numbers_are_refused_or_do_no_harm() {
     let broken = Params { recall_best: f64::NAN, ..Params::default() };
     assert_eq!(Detector::new(broken, None, 1, "d").unwrap_err().key, "recall_best");
     let ego = Pose2::new(f64::NAN, 0.0, 0.0);
-    let found = detector(Params { ghosts_per_frame: 3.0, ..quiet() }).detect(&seen(
+    let found = detector(Params { false_positives_per_frame: 3.0, ..quiet() }).detect(&seen(
         0,
         ego,
         vec![obstacle(1, f64::INFINITY, 0.0, PERSON, 1.0)],

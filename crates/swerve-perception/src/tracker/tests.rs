@@ -155,7 +155,7 @@ impl Score {
 
 /// Six people who walk to and fro before a car that drives by at 8 m/s, seen by a detector of this difficulty.
 fn followed(difficulty: f64) -> Score {
-    let params = detector::Params::of_difficulty(Sensing::Camera, difficulty);
+    let params = detector::Params::of_error_level(Sensing::Camera, difficulty);
     let detector = Detector::new(params, None, 11, "detector").unwrap();
     let mut tracker = tracker(Params {
         range_noise_share: params.range_noise_share,

@@ -25,6 +25,20 @@ pub fn smoothed(points: &[Point2]) -> Result<Polyline, PolylineError> {
     Polyline::smooth(&dense, STEP_M)
 }
 
+/// The mean of the line over `half_m` before and after each place: where curvature jumps it changes steadily instead,
+/// and a bend of radius `R` is cut by `half_m² / 6 R`.
+fn eased(line: &Polyline, half_m: f64) -> Result<Polyline, PolylineError> {
+    let reach = (half_m / STEP_M).round() as i32;
+    let steps = (line.length() / STEP_M).ceil() as i32;
+    let mean = |k: i32| {
+        let around = (k - reach..=k + reach).map(|j| line.at(f64::from(j) * STEP_M).pose);
+        let (x, y) = around.fold((0.0, 0.0), |(x, y), pose| (x + pose.x_m, y + pose.y_m));
+        let count = f64::from(2 * reach + 1);
+        Point2::new(x / count, y / count)
+    };
+    Polyline::new(&(0..=steps).map(mean).collect::<Vec<_>>())
+}
+
 /// The line at one arc length.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Node {
@@ -145,13 +159,21 @@ pub struct OnLine {
 pub struct RouteLine {
     line: Line,
     route: Option<Polyline>,
+    ease_m: f64,
 }
 
 impl RouteLine {
+    /// Corners are eased over `ease_m` before and after each place.
+    pub(crate) fn eased(ease_m: f64) -> Self {
+        Self { ease_m, ..Self::default() }
+    }
+
     /// Takes the route over.
     pub fn follow(&mut self, route: &Polyline) {
         if self.route.as_ref() != Some(route) {
-            match smoothed(route.points()) {
+            let smooth = smoothed(route.points());
+            match smooth.and_then(|line| if self.ease_m > 0.0 { eased(&line, self.ease_m) } else { Ok(line) })
+            {
                 Ok(smooth) => self.line.set(&smooth),
                 Err(_) => self.line.set(route),
             }

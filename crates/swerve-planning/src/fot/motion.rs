@@ -270,7 +270,7 @@ impl Checks<'_> {
             }
         }
         let margin_m = limits.road_margin_m;
-        let needed_m = if share > 0.0 { margin_m.min(grace.margin_m) } else { margin_m };
+        let needed_m = margin_m.min(margin_m + (grace.margin_m - margin_m) * share);
         limits.road.margin_m(&outline(self.shape, place)) >= needed_m
     }
 

@@ -6,7 +6,7 @@ use swerve_msg::{ActorKind, Forecast, Mode};
 
 use super::drawn::{Spot, direction, forecast, mode, wander};
 use super::{Horizon, Seen};
-use crate::filter::{Axis, Belief, Model, Motion, believe};
+use crate::filter::{Belief, Model, Motion, believe};
 use crate::past::Past;
 
 /// Velocity that slowly dies away, people's within a minute: nobody goes straight on for ever.
@@ -71,9 +71,8 @@ fn foretold(seen: &Seen, stamp: Time, horizon: &Horizon, (model, belief): (&Mode
         .map(|k| {
             let t_s = unseen_s + horizon.step.as_secs() * k as f64;
             let point = match model.motion {
-                Motion::Fading(_) => {
-                    let [x, y] = belief.axes.map(|axis| faded(&axis, model, t_s));
-                    Point2::new(x, y)
+                Motion::Fading(tau_s) => {
+                    belief.point() + belief.derivative(1) * (tau_s * (1.0 - math::exp(-t_s / tau_s)))
                 }
                 Motion::Turning(tau_s) => {
                     rolled.on(t_s - until_s, tau_s);
@@ -85,11 +84,6 @@ fn foretold(seen: &Seen, stamp: Time, horizon: &Horizon, (model, belief): (&Mode
         })
         .collect();
     mode(belief.weight, seen, stamp, (horizon, &spots))
-}
-
-/// Where a fading velocity leads along one axis.
-fn faded(axis: &Axis, model: &Model, t_s: f64) -> f64 {
-    axis.on(model, t_s).mean[0]
 }
 
 /// Who turns and gains speed, both dying away.

@@ -13,13 +13,13 @@ use super::drawn::{forecast, mode, spread};
 use super::filters::{CTRA, IMM, beliefs, forecasts as filtered};
 use super::straight::VELOCITY_WINDOW_S;
 use super::{Horizon, Seen};
+use crate::idm::{self, STAND_GAP_M};
 use crate::road::{SETTLES_S, share_along};
 
 /// Largest acceleration and comfortable braking, m/s².
 const GAIN_MPS2: f64 = 1.0;
 const BRAKE_MPS2: f64 = 2.0;
-/// Gap at a stand, metres; bounds of the gap in time, seconds, and what is wanted where nobody is ahead.
-const STAND_GAP_M: f64 = 2.0;
+/// Bounds of the gap in time, seconds; the larger is wanted where nobody is ahead.
 const HEADWAY_S: [f64; 2] = [0.4, 2.0];
 /// Speed that is wanted, over the present one: who is alone goes on as he goes.
 const WANTED_SHARE: f64 = 1.05;
@@ -27,6 +27,8 @@ const WANTED_SHARE: f64 = 1.05;
 const LATERAL_MPS2: f64 = 3.0;
 /// The present acceleration goes over into the model's with this time constant, seconds.
 const ACCELERATION_FADES_S: f64 = 1.0;
+/// In half a second nobody has come farther along the road than this, metres.
+const NEAR_M: f64 = 60.0;
 /// Whoever is this far ahead is nobody's leader, metres.
 const AHEAD_MAX_M: f64 = 100.0;
 /// Share of vehicles that brake for no reason that is known here, and how hard, m/s².
@@ -51,6 +53,8 @@ struct Driver<'a> {
 struct Place<'a> {
     point: Point2,
     velocity_mps: Vector2,
+    /// The same by the road, where there is one.
+    by_road: Option<FrenetPoint>,
     along: Option<OnRoad<'a>>,
 }
 
@@ -72,7 +76,6 @@ pub(super) fn forecasts(
     horizon: &Horizon,
     road: Option<&Route>,
 ) -> Vec<Forecast> {
-    let walks = |seen: &Seen| matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static);
     let places: Vec<Place> = seen.iter().map(|seen| Place::of(seen, stamp, road)).collect();
     let mut drivers: Vec<Driver> = Vec::with_capacity(seen.len());
     for (k, (place, seen_k)) in places.iter().zip(seen).enumerate() {
@@ -93,36 +96,39 @@ pub(super) fn forecasts(
     seen.iter().enumerate().map(of_one).collect()
 }
 
+fn walks(seen: &Seen) -> bool {
+    matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static)
+}
+
 impl<'a> Place<'a> {
     fn of(seen: &Seen, stamp: Time, road: Option<&'a Route>) -> Self {
         let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
         let point = seen.past.now(stamp, velocity_mps);
-        let along = road.and_then(|route| {
-            let (at, line) = (route.project(point), route.line());
+        let by_road = road.map(|route| route.project(point));
+        let along = road.zip(by_road).and_then(|(route, at)| {
+            let line = route.line();
             let share = share_along(route, at, velocity_mps)?;
             let heading: Vector2 = line.at(at.s_m).pose.direction();
             let sense = if heading.dot(velocity_mps) < 0.0 { -1.0 } else { 1.0 };
             // In the road's own coordinates: over half a second of a bend the velocity seems to go across.
             let across_mps =
                 seen.past.before(VELOCITY_WINDOW_S).map_or(heading.cross(velocity_mps), |before| {
-                    let (then, last) = (route.project(before.point), seen.past.last());
-                    (route.project(last.point).d_m - then.d_m) / (last.at - before.at).as_secs()
+                    let last = seen.past.last();
+                    let d_m = |point| route.project_near(point, at.s_m, NEAR_M).d_m;
+                    (d_m(last.point) - d_m(before.point)) / (last.at - before.at).as_secs()
                 });
             Some(OnRoad { route, at, sense: sense / share, across_mps })
         });
-        Self { point, velocity_mps, along }
+        Self { point, velocity_mps, by_road, along }
     }
 
     /// How far `other` is ahead along the lane, and how far beside it, metres.
-    fn ahead_of(&self, other: Point2) -> (f64, f64) {
-        match &self.along {
-            Some(OnRoad { route, at, sense, .. }) => {
-                let there = route.project(other);
-                ((there.s_m - at.s_m) / sense, there.d_m - at.d_m)
-            }
+    fn ahead_of(&self, other: &Self) -> (f64, f64) {
+        match self.along.as_ref().zip(other.by_road) {
+            Some((OnRoad { at, sense, .. }, there)) => ((there.s_m - at.s_m) / sense, there.d_m - at.d_m),
             None => {
                 let unit = self.velocity_mps * (1.0 / self.velocity_mps.norm().max(1e-9));
-                let off: Vector2 = other - self.point;
+                let off: Vector2 = other.point - self.point;
                 (unit.dot(off), unit.cross(off))
             }
         }
@@ -156,7 +162,7 @@ fn leader(places: &[Place], seen: &[Seen], k: usize) -> Option<(usize, f64)> {
     let own = seen[k].track.extent;
     let gap = |(j, place): (usize, &Place)| {
         let (other, near) = (seen[j].track.extent, places[k].point.distance(place.point) < AHEAD_MAX_M);
-        let (ahead_m, beside_m) = if near { places[k].ahead_of(place.point) } else { (-1.0, 0.0) };
+        let (ahead_m, beside_m) = if near { places[k].ahead_of(place) } else { (-1.0, 0.0) };
         let same_way = place.velocity_mps.dot(places[k].velocity_mps) >= 0.0;
         let is_next =
             j != k && ahead_m > 0.0 && same_way && beside_m.abs() < 0.5 * (own.width_m + other.width_m);
@@ -168,9 +174,12 @@ fn leader(places: &[Place], seen: &[Seen], k: usize) -> Option<(usize, f64)> {
 impl<'a> Driver<'a> {
     fn of(seen: &Seen, place: &Place<'a>, leader: Option<(usize, f64)>) -> Self {
         let speed_mps = place.velocity_mps.norm();
-        let belief = &beliefs(&seen.past, CTRA)[0];
         let along = place.velocity_mps * (1.0 / speed_mps.max(1e-6));
-        let gain_mps2 = along.dot(belief.derivative(2)).clamp(-8.0, 4.0);
+        // Who walks is only somebody to keep behind.
+        let gain_mps2 = match walks(seen) {
+            true => 0.0,
+            false => along.dot(beliefs(&seen.past, CTRA)[0].derivative(2)).clamp(-8.0, 4.0),
+        };
         let place = place.clone();
         Self { place, leader, speed_mps, first_mps: speed_mps, extra_mps2: gain_mps2, on_m: 0.0 }
     }
@@ -179,17 +188,11 @@ impl<'a> Driver<'a> {
     fn wanted_mps2(&self, leader: Option<(f64, f64)>) -> f64 {
         let v = self.speed_mps;
         let free_mps = (self.first_mps * WANTED_SHARE + 0.1).min(self.place.bend_mps(self.on_m + v));
-        let ratio = v / free_mps.max(0.1);
-        let free = 1.0 - ratio * ratio * ratio * ratio;
-        let near = leader.map_or(0.0, |(gap_m, leader_mps)| {
-            let first_gap_m = self.leader.map_or(f64::INFINITY, |(_, gap_m)| gap_m);
-            let headway_s =
-                ((first_gap_m - STAND_GAP_M) / self.first_mps.max(1.0)).clamp(HEADWAY_S[0], HEADWAY_S[1]);
-            let closing = v * (v - leader_mps) / (2.0 * (GAIN_MPS2 * BRAKE_MPS2).sqrt());
-            let wanted_m = STAND_GAP_M + (v * headway_s + closing).max(0.0);
-            (wanted_m / gap_m.max(0.1)) * (wanted_m / gap_m.max(0.1))
-        });
-        (GAIN_MPS2 * (free - near)).max(-8.0)
+        let first_gap_m = self.leader.map_or(f64::INFINITY, |(_, gap_m)| gap_m);
+        let headway_s =
+            ((first_gap_m - STAND_GAP_M) / self.first_mps.max(1.0)).clamp(HEADWAY_S[0], HEADWAY_S[1]);
+        let driver = idm::Driver { gain_mps2: GAIN_MPS2, brake_mps2: BRAKE_MPS2, headway_s };
+        driver.acceleration_mps2(v, free_mps.max(0.1), leader).max(-8.0)
     }
 }
 

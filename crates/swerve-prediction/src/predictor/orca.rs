@@ -16,7 +16,7 @@ use super::{Horizon, Seen};
 /// For how long nobody is to touch anybody, seconds.
 const LOOK_AHEAD_S: f64 = 1.5;
 /// Of a person, metres.
-const RADIUS_M: f64 = 0.2;
+pub(crate) const RADIUS_M: f64 = 0.2;
 /// Nobody gets faster than this much of the present speed.
 const SPEED_SHARE_MAX: f64 = 1.3;
 /// Nearest others that are minded, and how near they have to be, metres.
@@ -29,13 +29,13 @@ const EPSILON: f64 = 1e-9;
 
 /// Somebody on the way.
 #[derive(Clone, Copy)]
-struct Agent {
-    point: Point2,
-    velocity_mps: Vector2,
-    wanted_mps: Vector2,
-    radius_m: f64,
+pub(crate) struct Agent {
+    pub(crate) point: Point2,
+    pub(crate) velocity_mps: Vector2,
+    pub(crate) wanted_mps: Vector2,
+    pub(crate) radius_m: f64,
     /// Whether the way is given: what is no person goes straight on, and is given way in full.
-    fixed: bool,
+    pub(crate) fixed: bool,
 }
 
 /// Velocities to the left of `direction` through `point` are allowed.
@@ -76,7 +76,7 @@ impl Agent {
 }
 
 /// The velocity that agent `k` takes up.
-fn velocity(agents: &[Agent], k: usize, step_s: f64) -> Vector2 {
+pub(crate) fn velocity(agents: &[Agent], k: usize, step_s: f64) -> Vector2 {
     let me = &agents[k];
     if me.fixed {
         return me.velocity_mps;

@@ -68,3 +68,68 @@ fn packed_text_is_unpacked_and_broken_is_told() {
     }
     assert!(text(vec![0xff]).unwrap_err().contains("UTF-8"));
 }
+
+#[test]
+fn what_is_made_moves_as_traffic_does() {
+    let recording = made(1, 12);
+    assert_eq!(recording, made(1, 12), "the same twice");
+    assert_ne!(recording, made(2, 12));
+    assert_eq!(recording.step, Span::from_ms(400));
+    let (mut people, mut cars, mut stands, mut bends) = (0, 0, 0, 0);
+    for track in &recording.tracks {
+        let moved: Vec<f64> = track.samples.windows(2).map(|two| two[0].1.distance(two[1].1)).collect();
+        let (most, walks) = (moved.iter().copied().fold(0.0, f64::max), track.kind == ActorKind::Pedestrian);
+        assert!(most < if walks { 1.3 } else { 6.5 }, "{:?} {most}", track.kind);
+        assert!(track.samples.windows(2).all(|two| two[1].0 == two[0].0 + 1), "without a gap");
+        people += usize::from(walks);
+        cars += usize::from(!walks);
+        stands += usize::from(!walks && moved.iter().any(|moved| *moved < 0.05));
+        let (first, last) = (track.samples[0].1, track.samples[track.samples.len() - 1].1);
+        let both_m = (first.x_m - last.x_m).abs().min((first.y_m - last.y_m).abs());
+        bends += usize::from(!walks && both_m > 20.0);
+    }
+    assert!(people > 15 && cars > 15 && stands > 3 && bends > 3, "{people} {cars} {stands} {bends}");
+    // Cars keep apart: of the same instant and way no two are in one place.
+    let mut least_m = f64::INFINITY;
+    let cars: Vec<_> = recording.tracks.iter().filter(|one| one.kind == ActorKind::Car).collect();
+    for (k, a) in cars.iter().enumerate() {
+        for b in &cars[..k] {
+            for (step, at) in &a.samples {
+                let other = b.samples.iter().find(|(other, _)| other == step);
+                least_m = other.map_or(least_m, |(_, other)| least_m.min(at.distance(*other)));
+            }
+        }
+    }
+    assert!(least_m > 1.0, "{least_m}");
+}
+
+#[test]
+fn what_is_written_is_read_again() {
+    let (fine, coarse) = (made_finely(7, 3), made(7, 3));
+    assert_eq!((fine.step, coarse.step), (Span::from_ms(100), Span::from_ms(400)));
+    // The same minute: every fourth place.
+    let id = coarse.tracks[0].id;
+    let same = fine.tracks.iter().find(|track| track.id == id).unwrap();
+    for (step, place) in &coarse.tracks[0].samples {
+        let at = same.samples.binary_search_by_key(&(4 * step), |(at, _)| *at).unwrap();
+        assert_eq!(same.samples[at].1, *place);
+    }
+    let mut still = fine.tracks[0].clone();
+    (still.id, still.kind) = (ActorId(9999), ActorKind::Static);
+    let mut written = fine.clone();
+    written.tracks.push(still);
+    let text = commonroad_text(&[("a, minute".to_owned(), written)]).unwrap();
+    let read = commonroad_csv(&text).unwrap();
+    let read = &read["a  minute"];
+    assert_eq!(read.tracks.len(), fine.tracks.len(), "what stands for good is left out");
+    for (read, fine) in read.tracks.iter().zip(&fine.tracks) {
+        assert_eq!((read.id, read.kind, read.samples.len()), (fine.id, fine.kind, fine.samples.len()));
+        for ((a, p), (b, q)) in read.samples.iter().zip(&fine.samples) {
+            assert!(a == b && p.distance(*q) < 1e-4);
+        }
+    }
+    assert_eq!(
+        commonroad_text(&[("x".to_owned(), coarse)]).unwrap_err().to_string(),
+        "a step of 400 ms in place of 0.1 s"
+    );
+}

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::canvas::escape;
+use swerve_draw::escape;
 
 const TEMPLATE: &str = include_str!("../../page/page.html");
 const STYLE: &str = include_str!("../../page/style.css");

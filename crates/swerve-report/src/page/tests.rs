@@ -84,3 +84,34 @@ fn a_page_without_a_drive_is_one_too() {
     let data: serde_json::Value = serde_json::from_str(data_of(&page.html()).unwrap()).unwrap();
     assert_eq!((&data["kind"], &data["road"]), (&"run".into(), &serde_json::Value::Null));
 }
+
+/// The page by day has the palette and the letters of the pictures.
+#[test]
+fn the_page_has_the_colours_of_the_pictures() {
+    use swerve_draw::color;
+    let html = Page::new("figures", "t", Figures::default()).html();
+    let names = [
+        ("paper", color::PAPER),
+        ("ink", color::INK),
+        ("soft", color::SOFT),
+        ("rule", color::GRID),
+        ("ego", color::EGO),
+        ("person", color::PERSON),
+        ("vehicle", color::VEHICLE),
+        ("plan", color::PLAN),
+        ("fallback", color::FALLBACK),
+        ("sight", color::SIGHT),
+        ("alarm", color::ALARM),
+        ("ground", color::GROUND),
+        ("road", color::ROAD),
+        ("edge", color::ROAD_EDGE),
+        ("lane", color::LANE),
+    ];
+    let lines = (1..5).zip(color::SERIES).map(|(k, look)| (format!("line-{k}"), look.color));
+    for (name, color) in names.map(|(name, color)| (name.to_owned(), color)).into_iter().chain(lines) {
+        let said = format!("--{name}: {}", color.to_string().to_lowercase());
+        let first = html.split(&format!("--{name}: ")).nth(1).unwrap();
+        assert!(html.contains(&said) && first.starts_with(&said[name.len() + 4..]), "{said}");
+    }
+    assert!(html.contains(swerve_draw::STACK));
+}

@@ -9,11 +9,11 @@ use super::marks::{self, first_sight, label_height};
 use super::record::{ActorTrace, PlanMark, Shape, Story};
 use super::tracks;
 use super::view::View;
-use crate::canvas::{At, Canvas, Text, color, multiples, number, round_step, width_of};
+use swerve_draw::{Anchor, At, Axes, Canvas, Color, Style, Text, color, width_of};
 
 /// Outlines are drawn at the multiples of this, ns.
 const OUTLINE_EVERY_NS: i64 = 500_000_000;
-/// A change of mind sooner than this after the one drawn last belongs to it, unless a path was found or lost.
+/// A changed plan sooner than this after the one drawn last belongs to it, unless a path was found or lost.
 const SETTLED: Span = Span::from_ms(250);
 /// More plans than this on top of each other cannot be told apart.
 const PLANS_MAX: usize = 9;
@@ -22,12 +22,12 @@ const MOVED_M: f64 = 0.3;
 
 /// Draws the road and all that went on there.
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
-    canvas.rect(view.corner, view.size, &format!("fill=\"{}\"", color::GROUND));
+    canvas.rect(view.corner, view.size, Style::fill(color::GROUND));
     canvas.begin_clip(view.corner, view.size);
     road(canvas, story, view);
     grid(canvas, view);
     let mut labels = Labels::new(view.corner, view.size);
-    for actor in &story.actors {
+    for actor in story.actors.iter().filter(|actor| view.shows(actor)) {
         actor_trace(canvas, &mut labels, (story, actor), view);
     }
     tracks::draw(canvas, story, view);
@@ -42,7 +42,7 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     axes(canvas, view);
 }
 
-fn polyline(canvas: &mut Canvas, view: &View, points: &[Point2], style: &str) {
+fn polyline(canvas: &mut Canvas, view: &View, points: &[Point2], style: Style) {
     canvas.path(points.iter().map(|p| view.at(*p)), false, style);
 }
 
@@ -50,80 +50,53 @@ fn road(canvas: &mut Canvas, story: &Story, view: &View) {
     let route = &story.route;
     let (a, b) = (view.beside(story, |s_m| route.left_m(s_m)), view.beside(story, |s_m| -route.right_m(s_m)));
     let outline: Vec<At> = a.iter().chain(b.iter().rev()).map(|p| view.at(*p)).collect();
-    canvas.path(outline, true, &format!("fill=\"{}\"", color::ROAD));
+    canvas.path(outline, true, Style::fill(color::ROAD));
     if let Some(lane_m) = story.lane_width_m.filter(|w| *w > 0.5) {
-        let style = format!(
-            "fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-dasharray=\"{} {}\"",
-            color::LANE,
-            number(3.0 * view.scale),
-            number(3.0 * view.scale)
-        );
+        let style = Style::line(color::LANE, 2.0).dashed(3.0 * view.scale, 3.0 * view.scale);
         // Only those that are on the road all the way.
         let (left, right) = (route.borders().left().min_m(), route.borders().right().min_m());
         let inside = |d_m: &f64| *d_m < left - 0.3 && *d_m > 0.3 - right;
         let first = ((-right / lane_m) - 0.5).floor() as i64;
         let borders = (first..first + 40).map(|k| (k as f64 + 0.5) * lane_m);
-        borders.filter(inside).for_each(|d_m| polyline(canvas, view, &view.beside(story, |_| d_m), &style));
+        borders.filter(inside).for_each(|d_m| polyline(canvas, view, &view.beside(story, |_| d_m), style));
     }
     for edge in [&a, &b] {
-        let style = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"2\"", color::ROAD_EDGE);
-        polyline(canvas, view, edge, &style);
+        let style = Style::line(color::ROAD_EDGE, 2.0);
+        polyline(canvas, view, edge, style);
     }
 }
 
 fn grid(canvas: &mut Canvas, view: &View) {
+    frame_of(view).grid_in(canvas, about(view), Style::line(color::ROAD_EDGE, 0.5).lined_by(0.35));
+}
+
+/// The view's axes, metres.
+fn frame_of(view: &View) -> Axes {
     let [left, right, bottom, top] = view.range();
-    let style = "stroke=\"#8A929C\" stroke-width=\"0.5\" stroke-opacity=\"0.35\"";
-    for x in multiples(left, right, grid_step(view)) {
-        canvas.line(view.on_axes(x, bottom), view.on_axes(x, top), style);
-    }
-    for y in multiples(bottom, top, y_step(view)) {
-        canvas.line(view.on_axes(left, y), view.on_axes(right, y), style);
-    }
+    Axes { corner: view.corner, size: view.size, x: (left, right), y: (bottom, top) }
 }
 
-fn grid_step(view: &View) -> f64 {
-    let [left, right, ..] = view.range();
-    round_step(right - left, 12.0)
-}
-
-fn y_step(view: &View) -> f64 {
-    let [_, _, bottom, top] = view.range();
-    round_step(top - bottom, (view.size.1 / 40.0).clamp(2.0, 12.0))
+/// About how many ticks either axis has room for.
+fn about(view: &View) -> (f64, f64) {
+    (12.0, (view.size.1 / 40.0).clamp(2.0, 12.0))
 }
 
 fn axes(canvas: &mut Canvas, view: &View) {
-    let frame = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1\"", color::SOFT);
-    canvas.rect(view.corner, view.size, &frame);
-    let [left, right, bottom, top] = view.range();
-    let how = Text { size: 11.0, color: color::SOFT, anchor: "middle", ..Text::default() };
-    for x in multiples(left, right, grid_step(view)) {
-        let (px, py) = view.on_axes(x, bottom);
-        canvas.line((px, py), (px, py + 4.0), "stroke=\"#5B636D\"");
-        canvas.text((px, py + 16.0), &number(x), how);
-    }
-    for y in multiples(bottom, top, y_step(view)) {
-        let (px, py) = view.on_axes(left, y);
-        canvas.line((px - 4.0, py), (px, py), "stroke=\"#5B636D\"");
-        canvas.text((px - 7.0, py + 4.0), &number(y), Text { anchor: "end", ..how });
-    }
-    let (x, y) = view.corner;
-    let name = if view.is_upright { ["x (m)", "y (m)"] } else { ["along (m)", "across (m)"] };
-    canvas.text(
-        (x + view.size.0, y + view.size.1 + 30.0),
-        name[0],
-        Text { anchor: "end", size: 12.0, ..how },
-    );
-    let middle = y + 0.5 * view.size.1;
-    canvas.turned_text((x - 40.0, middle), -90.0, name[1], Text { size: 12.0, ..how });
+    let (axes, (across, upwards)) = (frame_of(view), about(view));
+    axes.frame(canvas);
+    axes.numbers_below(canvas, across);
+    axes.numbers_left(canvas, upwards);
+    let names = if view.is_upright { ["x", "y"] } else { ["along", "across"] };
+    axes.name_below(canvas, &format!("{} (m)", names[0]));
+    axes.name_left(canvas, names[1], "m");
 }
 
 /// Colour of an actor.
-pub(super) fn actor_color(kind: ActorKind) -> &'static str {
+pub(super) fn actor_color(kind: ActorKind) -> Color {
     if kind.is_person() { color::PERSON } else { color::VEHICLE }
 }
 
-pub(super) fn shape(canvas: &mut Canvas, view: &View, shape: &Shape, style: &str) {
+pub(super) fn shape(canvas: &mut Canvas, view: &View, shape: &Shape, style: Style) {
     match shape {
         Shape::Circle(center, radius_m) => {
             canvas.circle(view.at(*center), (radius_m * view.scale).max(2.5), style);
@@ -132,7 +105,7 @@ pub(super) fn shape(canvas: &mut Canvas, view: &View, shape: &Shape, style: &str
     }
 }
 
-pub(super) fn outline(canvas: &mut Canvas, view: &View, obb: &Obb, style: &str) {
+pub(super) fn outline(canvas: &mut Canvas, view: &View, obb: &Obb, style: Style) {
     canvas.path(obb.corners().map(|corner| view.at(corner)), true, style);
 }
 
@@ -149,16 +122,16 @@ fn seconds(at: Time) -> String {
 
 fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story, &ActorTrace), view: &View) {
     let (paint, person) = (actor_color(actor.kind), actor.kind.is_person());
-    let solid = format!("fill=\"{paint}\" fill-opacity=\"0.75\" stroke=\"{paint}\" stroke-width=\"1\"");
+    let solid = Style::fill(paint).filled_by(0.75).outlined(paint, 1.0);
     if !actor.moves() {
         let Some(pose) = actor.pose_at(view.span.0) else { return };
-        shape(canvas, view, &actor.shape(pose), &solid);
+        shape(canvas, view, &actor.shape(pose), solid);
         name(labels, (story, actor), view, view.at(pose.point()));
         return;
     }
     let way = actor.poses.iter().filter(|(at, _)| *at <= view.span.1).map(|(_, pose)| view.at(pose.point()));
-    canvas.path(way, false, &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.5\""));
-    let faint = format!("fill=\"{paint}\" fill-opacity=\"0.18\" stroke=\"{paint}\" stroke-width=\"1\"");
+    canvas.path(way, false, Style::line(paint, 1.5));
+    let faint = Style::fill(paint).filled_by(0.18).outlined(paint, 1.0);
     let mut last: Option<At> = None;
     let is_hero = story.protagonist().is_some_and(|hero| hero.actor == actor.id);
     // Of those who matter less every full second is enough.
@@ -172,8 +145,8 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
             name(labels, (story, actor), view, place);
         }
         last = Some(place);
-        shape(canvas, view, &actor.shape(pose), if person { &solid } else { &faint });
-        let how = Text { size: 10.0, color: paint, anchor: "start", rim: true, ..Text::default() };
+        shape(canvas, view, &actor.shape(pose), if person { solid } else { faint });
+        let how = Text { size: 10.0, color: paint, anchor: Anchor::Start, rim: true, ..Text::default() };
         let beside = 0.5 * actor.extent.width_m.min(1.0) * view.scale + 5.0;
         let places = vec![
             (place.0 + beside, place.1 + 3.5),
@@ -184,8 +157,8 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
     }
     let end = story.ego.last().map_or(view.span.1, |e| e.stamp).min(view.span.1);
     if let Some(pose) = actor.pose_at(end) {
-        let last = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.5\"");
-        shape(canvas, view, &actor.shape(pose), &last);
+        let last = Style::line(paint, 1.5);
+        shape(canvas, view, &actor.shape(pose), last);
     }
 }
 
@@ -197,7 +170,7 @@ fn is_in(view: &View, place: Option<At>) -> bool {
 fn name(labels: &mut Labels, (story, actor): (&Story, &ActorTrace), view: &View, (x, y): At) {
     let known = story.metrics.iter().flat_map(|m| &m.actors).find(|a| a.actor == actor.id);
     let name = known.map_or_else(|| kind_name(actor.kind).to_owned(), |a| a.name.clone());
-    let how = Text { size: 11.0, color: color::INK, anchor: "middle", rim: true, ..Text::default() };
+    let how = Text { size: 11.0, color: color::INK, anchor: Anchor::Middle, rim: true, ..Text::default() };
     // Within its outline, where that has room for it.
     let is_roomy = !actor.moves() && actor.extent.length_m * view.scale > width_of(&name, how);
     let first = if is_roomy { 4.0 } else { -12.0 };
@@ -219,7 +192,7 @@ pub(super) fn kind_name(kind: ActorKind) -> &'static str {
 
 fn ego_trace(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     let paint = color::EGO;
-    let faint = format!("fill=\"{paint}\" fill-opacity=\"0.10\" stroke=\"{paint}\" stroke-width=\"1.2\"");
+    let faint = Style::fill(paint).filled_by(0.10).outlined(paint, 1.2);
     let mut drawn: Option<Point2> = None;
     for at in half_seconds(view) {
         let Some(ego) = story.ego_at(at) else { continue };
@@ -229,17 +202,17 @@ fn ego_trace(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &Vie
             continue;
         }
         drawn = Some(center);
-        outline(canvas, view, &footprint, &faint);
+        outline(canvas, view, &footprint, faint);
         let (x, y) = view.at(center);
-        let how = Text { size: 10.0, color: paint, anchor: "middle", rim: true, ..Text::default() };
+        let how = Text { size: 10.0, color: paint, anchor: Anchor::Middle, rim: true, ..Text::default() };
         // Below the middle, where the ego's way does not run through it.
         labels.ask(Importance::Time, vec![(x, y + 12.0)], format!("{} s", seconds(at)), how);
     }
     let way: Vec<Point2> = story.ego.iter().map(|e| e.pose.point()).collect();
-    polyline(canvas, view, &way, &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.6\""));
+    polyline(canvas, view, &way, Style::line(paint, 1.6));
 }
 
-/// The changes of mind within the view.
+/// The changed plan within the view.
 pub(super) struct Changes<'a> {
     /// Those that are drawn, in order of time.
     pub(super) shown: Vec<&'a PlanMark>,
@@ -247,7 +220,7 @@ pub(super) struct Changes<'a> {
     pub(super) left_out: usize,
 }
 
-/// The changes of mind within the view that a reader can tell apart.
+/// The changed plan within the view that a reader can tell apart.
 pub(super) fn changes<'a>(story: &'a Story, view: &View) -> Changes<'a> {
     let (from, to) = view.span;
     // What the ego set out with is no change.
@@ -301,33 +274,32 @@ pub(super) fn before_sight(story: &Story, view: &View) -> Option<String> {
     };
     let unseen = &hero.name;
     Some(match &others[..] {
-        [] => format!("{plans} from before first sight of {unseen}"),
+        [] => format!("{plans} from before {unseen} was visible"),
         [other] => {
-            format!("{plans} from before first sight of {unseen}: only {other} is in sight then")
+            format!("{plans} from before {unseen} was visible: only {other} is visible then")
         }
         _ => {
-            format!("{plans} from before first sight of {unseen}: {} others are in sight then", others.len())
+            format!("{plans} from before {unseen} was visible: {} others are visible then", others.len())
         }
     })
 }
 
 /// Colour of a plan.
-pub(super) fn plan_color(plan: &swerve_msg::Plan) -> &'static str {
+pub(super) fn plan_color(plan: &swerve_msg::Plan) -> Color {
     if plan.status.is_fallback() { color::FALLBACK } else { color::PLAN }
 }
 
 fn plans(canvas: &mut Canvas, story: &Story, view: &View) {
     for mark in changes(story, view).shown {
         let paint = plan_color(&mark.plan);
-        let dash = if mark.plan.status.is_fallback() { " stroke-dasharray=\"3 3\"" } else { "" };
-        let style =
-            format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\" stroke-opacity=\"0.8\"{dash}");
+        let style = Style::line(paint, 2.0).lined_by(0.8);
+        let style = if mark.plan.status.is_fallback() { style.dashed(3.0, 3.0) } else { style };
         let points: Vec<Point2> = mark.plan.points.iter().map(|p| p.pose.point()).collect();
-        polyline(canvas, view, &points, &style);
+        polyline(canvas, view, &points, style);
     }
 }
 
-/// Where the ego was when it changed its mind.
+/// Where the ego was when its plan changed.
 fn plan_numbers(labels: &mut Labels, story: &Story, view: &View) {
     for (number, mark) in (1..).zip(changes(story, view).shown) {
         let Some(ego) = story.ego_at(mark.at) else { continue };
@@ -339,8 +311,8 @@ fn plan_numbers(labels: &mut Labels, story: &Story, view: &View) {
 }
 
 /// A number in a circle.
-pub(super) fn badge(canvas: &mut Canvas, (x, y): At, number: &str, paint: &str) {
-    canvas.circle((x, y), 7.0, &format!("fill=\"{paint}\" stroke=\"#FFFFFF\" stroke-width=\"1\""));
-    let how = Text { size: 10.0, color: "#FFFFFF", anchor: "middle", bold: true, ..Text::default() };
+pub(super) fn badge(canvas: &mut Canvas, (x, y): At, number: &str, paint: Color) {
+    canvas.circle((x, y), 7.0, Style::fill(paint).outlined(color::PAPER, 1.0));
+    let how = Text { size: 10.0, color: color::PAPER, anchor: Anchor::Middle, bold: true, ..Text::default() };
     canvas.text((x, y + 3.6), number, how);
 }

@@ -7,15 +7,15 @@ use super::marks::first_sight;
 use super::record::Story;
 use super::view::View;
 use super::{birds_eye, panels, tracks};
-use crate::canvas::{At, Canvas, Text, color, width_of};
+use swerve_draw::{Anchor, At, Canvas, Color, Entry, Picture, Sign, Style, Text, color, width_of};
 
 const WIDTH: f64 = 1240.0;
 const LEFT: f64 = 72.0;
 const RIGHT: f64 = 24.0;
 const HEADER: f64 = 64.0;
 
-/// The figure as SVG. A run without ego states gives a figure that says so.
-pub fn draw(story: &Story) -> String {
+/// The picture. A run without ego states gives a figure that says so.
+pub fn draw(story: &Story) -> Picture {
     let mut canvas = Canvas::default();
     header(&mut canvas, story);
     let width = WIDTH - LEFT - RIGHT;
@@ -45,8 +45,8 @@ fn header(canvas: &mut Canvas, story: &Story) {
     let (word, paint) = verdict(metrics.verdict);
     let width = 9.2 * word.len() as f64 + 24.0;
     let corner = (WIDTH - RIGHT - width, 11.0);
-    canvas.rect(corner, (width, 24.0), &format!("rx=\"4\" fill=\"{paint}\""));
-    let how = Text { size: 14.0, color: "#FFFFFF", anchor: "middle", bold: true, rim: false };
+    canvas.rect(corner, (width, 24.0), Style::fill(paint).rounded(4.0));
+    let how = Text { size: 14.0, color: color::PAPER, anchor: Anchor::Middle, bold: true, rim: false };
     canvas.text((corner.0 + 0.5 * width, 28.0), word, how);
     let how = Text { size: 12.5, color: color::SOFT, ..Text::default() };
     let mut parts = headline(story, metrics);
@@ -58,7 +58,7 @@ fn header(canvas: &mut Canvas, story: &Story) {
 }
 
 /// A text in lines of this width at most.
-fn lines(text: &str, width: f64, how: Text<'_>) -> Vec<String> {
+fn lines(text: &str, width: f64, how: Text) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
         match lines.last_mut() {
@@ -69,10 +69,10 @@ fn lines(text: &str, width: f64, how: Text<'_>) -> Vec<String> {
     lines
 }
 
-fn verdict(verdict: Verdict) -> (&'static str, &'static str) {
+fn verdict(verdict: Verdict) -> (&'static str, Color) {
     match verdict {
-        Verdict::Avoided => ("AVOIDED", "#00704F"),
-        Verdict::Completed => ("COMPLETED", "#00704F"),
+        Verdict::Avoided => ("AVOIDED", color::GOOD),
+        Verdict::Completed => ("COMPLETED", color::GOOD),
         Verdict::Collision => ("COLLISION", color::ALARM),
         Verdict::LeftRoad => ("LEFT THE ROAD", color::LEFT_ROAD),
         Verdict::Stopped => ("STOPPED", color::STOPPED),
@@ -110,78 +110,49 @@ fn headline(story: &Story, metrics: &Metrics) -> Vec<String> {
 }
 
 /// What the signs mean; only those that occur. Gives the height of its last line.
-fn legend(canvas: &mut Canvas, story: &Story, view: &View, (mut x, mut y): At) -> f64 {
-    let how = Text { size: 12.0, ..Text::default() };
-    let mut entry = |canvas: &mut Canvas, sign: &dyn Fn(&mut Canvas, At), text: &str| {
-        let width = 30.0 + width_of(text, how) + 20.0;
-        if x + width > WIDTH - RIGHT {
-            (x, y) = (LEFT, y + 20.0);
+fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
+    let mut entries: Vec<Entry> = Vec::new();
+    let mut add = |is_there: bool, sign: Sign, text: &str| {
+        if is_there {
+            entries.push((sign, text.to_owned()));
         }
-        sign(canvas, (x, y));
-        canvas.text((x + 30.0, y + 4.0), text, how);
-        x += width;
     };
-    let line = |paint: &str, more: &str| {
-        let style = format!("stroke=\"{paint}\" {more}");
-        move |canvas: &mut Canvas, (x, y): At| canvas.line((x, y), (x + 24.0, y), &style)
+    let block = |paint: Color| Sign::Block(Style::fill(paint).filled_by(0.15).outlined(paint, 1.2));
+    let line = |paint: Color, width: f64| Sign::Line(Style::line(paint, width));
+    let dashed = |paint: Color, width: f64, [dash, gap]: [f64; 2]| {
+        Sign::Line(Style::line(paint, width).dashed(dash, gap))
     };
-    let block = |paint: &str| {
-        let style = format!("fill=\"{paint}\" fill-opacity=\"0.15\" stroke=\"{paint}\" stroke-width=\"1.2\"");
-        move |canvas: &mut Canvas, (x, y): At| canvas.rect((x, y - 6.0), (24.0, 12.0), &style)
-    };
-    entry(canvas, &block(color::EGO), "ego every 0.5 s");
+    add(true, block(color::EGO), "ego every 0.5 s");
     let has = |people: bool| story.actors.iter().any(|a| a.kind.is_person() == people);
-    if has(true) {
-        let dot = |canvas: &mut Canvas, (x, y): At| {
-            canvas.circle((x + 12.0, y), 5.0, &format!("fill=\"{}\" fill-opacity=\"0.75\"", color::PERSON));
-        };
-        let cyclists = story.actors.iter().any(|a| a.kind == ActorKind::Cyclist);
-        entry(canvas, &dot, if cyclists { "person, cyclist (s)" } else { "person (s)" });
-    }
-    if has(false) {
-        entry(canvas, &block(color::VEHICLE), "other vehicle");
-    }
+    let cyclists = story.actors.iter().any(|a| a.kind == ActorKind::Cyclist);
+    let person = Sign::Mark(|canvas, at| {
+        canvas.circle(at, 5.0, Style::fill(color::PERSON).filled_by(0.75));
+    });
+    add(has(true), person, if cyclists { "person, cyclist (s)" } else { "person (s)" });
+    add(has(false), block(color::VEHICLE), "other vehicle");
     let birds_eye::Changes { shown, left_out } = birds_eye::changes(story, view);
-    let changes: Vec<_> = shown.iter().map(|mark| &mark.plan).collect();
-    if changes.iter().any(|plan| !plan.status.is_fallback()) {
-        let text = match left_out {
-            0 => "plan at a change of mind".to_owned(),
-            more => format!("plan at a change of mind ({more} more soon after)"),
-        };
-        entry(canvas, &line(color::PLAN, "stroke-width=\"2\""), &text);
-    }
-    if changes.iter().any(|plan| plan.status.is_fallback()) {
-        let style = "stroke-width=\"1.5\" stroke-dasharray=\"2 3\"";
-        entry(canvas, &line(color::FALLBACK, style), "no path found: fallback");
-    }
-    if story.tracks.iter().any(|track| !track.is_stale) {
-        entry(canvas, &|canvas, (x, y)| tracks::sign(canvas, (x + 12.0, y), false), "track");
-    }
-    if tracks::has_stale(story, view) {
-        entry(
-            canvas,
-            &|canvas, (x, y)| tracks::sign(canvas, (x + 12.0, y), true),
-            "track of nobody who is there",
-        );
-    }
-    if tracks::has_predictions(story, view) {
-        entry(
-            canvas,
-            &line(color::TRACK, "stroke-width=\"1\" stroke-dasharray=\"1 3\""),
-            "predicted at a plan shown",
-        );
-    }
-    if story.why.is_some() {
-        let style = "stroke-width=\"1.2\" stroke-dasharray=\"1 2\"";
-        entry(canvas, &line(color::TRACK, style), "tracked, planned, commanded, effect");
-    }
-    entry(canvas, &line(color::ALARM, "stroke-width=\"1\" stroke-dasharray=\"2 3\""), "limit of comfort");
-    if first_sight(story).is_some() {
-        entry(canvas, &line(color::SIGHT, "stroke-width=\"2\" stroke-dasharray=\"6 4\""), "first sight");
-    }
+    let has = |fallback: bool| shown.iter().any(|mark| mark.plan.status.is_fallback() == fallback);
+    let changed = match left_out {
+        0 => "changed plan".to_owned(),
+        more => format!("changed plan ({more} more soon after)"),
+    };
+    add(has(false), line(color::PLAN, 2.0), &changed);
+    add(has(true), dashed(color::FALLBACK, 1.5, [2.0, 3.0]), "no path found: fallback");
+    let is_tracked = story.tracks.iter().any(|track| !track.is_stale);
+    add(is_tracked, Sign::Mark(|canvas, at| tracks::sign(canvas, at, false)), "track");
+    let stale = Sign::Mark(|canvas, at| tracks::sign(canvas, at, true));
+    add(tracks::has_stale(story, view), stale, "track of nobody who is there");
+    let predicted = dashed(color::TRACK, 1.0, [1.0, 3.0]);
+    add(tracks::has_predictions(story, view), predicted, "predicted at a plan shown");
+    let chain = dashed(color::TRACK, 1.2, [1.0, 2.0]);
+    add(story.why.is_some(), chain, "tracked, planned, commanded, effect");
+    add(true, dashed(color::ALARM, 1.0, [2.0, 3.0]), "limit of comfort");
+    let without_comfort = Sign::Block(panels::without_comfort_style());
+    add(!story.without_comfort().is_empty(), without_comfort, "no comfortable plan was free");
+    add(first_sight(story).is_some(), dashed(color::SIGHT, 2.0, [6.0, 4.0]), "first visible");
     if let Some(metrics) = story.metrics.as_ref().filter(|m| !m.actors.is_empty()) {
         let what = if metrics.impact.is_some() { "collision" } else { "closest approach" };
-        entry(canvas, &line(color::ALARM, "stroke-width=\"2\""), what);
+        add(true, line(color::ALARM, 2.0), what);
     }
-    y
+    swerve_draw::legend(canvas, at, WIDTH - RIGHT, &entries)
 }

@@ -1,6 +1,6 @@
 //! Labels that do not lie on each other: all that a view is to say is asked for, and then placed by importance.
 
-use crate::canvas::{At, Canvas, Text, width_of};
+use swerve_draw::{Anchor, At, Canvas, Color, Text, color, width_of};
 
 /// What a label is for; the first ones are placed first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -25,9 +25,9 @@ struct Asked {
     importance: Importance,
     places: Vec<At>,
     text: String,
-    how: Text<'static>,
+    how: Text,
     /// Colour of the disc behind a badge.
-    disc: Option<&'static str>,
+    disc: Option<Color>,
 }
 
 impl Labels {
@@ -37,13 +37,13 @@ impl Labels {
     }
 
     /// Asks for a text at the first of these places that is free; where none is, it is left out.
-    pub(super) fn ask(&mut self, importance: Importance, places: Vec<At>, text: String, how: Text<'static>) {
+    pub(super) fn ask(&mut self, importance: Importance, places: Vec<At>, text: String, how: Text) {
         self.asked.push(Asked { importance, places, text, how, disc: None });
     }
 
     /// An event beside a place: as near to it as there is room.
-    pub(super) fn event(&mut self, (x, y): At, text: String, paint: &'static str) {
-        let how = Text { size: 11.0, color: paint, anchor: "middle", bold: true, rim: true };
+    pub(super) fn event(&mut self, (x, y): At, text: String, paint: Color) {
+        let how = Text { size: 11.0, color: paint, anchor: Anchor::Middle, bold: true, rim: true };
         let [left, _, right, _] = self.room;
         let half = 0.5 * width_of(&text, how);
         let clamped = |x: f64| x.min(right - half).max(left + half);
@@ -60,8 +60,8 @@ impl Labels {
     }
 
     /// A number in a disc, above a place if it can be.
-    pub(super) fn badge(&mut self, (x, y): At, number: usize, paint: &'static str) {
-        let how = Text { size: 10.0, color: "#FFFFFF", anchor: "middle", bold: true, rim: false };
+    pub(super) fn badge(&mut self, (x, y): At, number: usize, paint: Color) {
+        let how = Text { size: 10.0, color: color::PAPER, anchor: Anchor::Middle, bold: true, rim: false };
         let shift = |k: i32| (x, y - 17.0 * f64::from(k));
         let places = (0..12).flat_map(|k| [shift(k), shift(-k)]).collect();
         let text = number.to_string();
@@ -81,7 +81,7 @@ impl Labels {
             let Some(at) = places.iter().copied().find(|at| is_free(&room(*at))) else { continue };
             taken.push(room(at));
             match disc {
-                Some(paint) => super::birds_eye::badge(canvas, at, text, paint),
+                Some(paint) => super::birds_eye::badge(canvas, at, text, *paint),
                 None => canvas.text(at, text, *how),
             }
         }
@@ -89,12 +89,12 @@ impl Labels {
 }
 
 /// Room of a text whose base line is at a place.
-pub(super) fn room_of((x, y): At, text: &str, how: Text<'_>) -> Room {
+pub(super) fn room_of((x, y): At, text: &str, how: Text) -> Room {
     let width = width_of(text, how);
     let left = match how.anchor {
-        "middle" => x - 0.5 * width,
-        "end" => x - width,
-        _ => x,
+        Anchor::Middle => x - 0.5 * width,
+        Anchor::End => x - width,
+        Anchor::Start => x,
     };
     [left, y - 0.8 * how.size, left + width, y + 0.2 * how.size]
 }

@@ -9,7 +9,7 @@ use super::birds_eye::{outline, shape};
 use super::labels::Labels;
 use super::record::Story;
 use super::view::View;
-use crate::canvas::{Canvas, color};
+use swerve_draw::{Canvas, Style, color};
 
 /// The instant of the first sight of the actor that the story is about, if it came while the ego drove.
 pub(super) fn first_sight(story: &Story) -> Option<Time> {
@@ -32,17 +32,17 @@ pub(super) fn sight(canvas: &mut Canvas, labels: &mut Labels, story: &Story, vie
     let pose = actor.pose_at(at)?;
     let paint = color::SIGHT;
     let footprint = story.outline.footprint(ego.pose);
-    let dashed = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\" stroke-dasharray=\"6 4\"");
-    outline(canvas, view, &footprint, &dashed);
+    let dashed = Style::line(paint, 2.0).dashed(6.0, 4.0);
+    outline(canvas, view, &footprint, dashed);
     let (from, to) = (view.at(footprint.center.point()), view.at(pose.point()));
-    canvas.line(from, to, &dashed);
-    shape(canvas, view, &actor.shape(pose), &format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"2\""));
+    canvas.line(from, to, dashed);
+    shape(canvas, view, &actor.shape(pose), Style::line(paint, 2.0));
     let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
     let away_m = on_ego.distance(on_actor);
     let end = if from.0 < view.corner.0 { ", before this view" } else { "" };
-    let label = format!("first sight of {} {:.2} s, {away_m:.1} m away{end}", hero.name, at.as_secs());
+    let label = format!("{} first visible {:.2} s, {away_m:.1} m away{end}", hero.name, at.as_secs());
     // On the side away from the actor, where the line of sight does not cross it.
-    labels.event((from.0, label_height(view, &footprint, to.1 < from.1)), label, "#8A5E00");
+    labels.event((from.0, label_height(view, &footprint, to.1 < from.1)), label, color::SIGHT_TEXT);
     Some(())
 }
 
@@ -53,19 +53,19 @@ pub(super) fn closest(canvas: &mut Canvas, labels: &mut Labels, story: &Story, v
     let pose = actor.pose_at(at)?;
     let footprint = story.outline.footprint(ego.pose);
     let paint = color::ALARM;
-    let strong = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.8\"");
-    outline(canvas, view, &footprint, &strong);
-    shape(canvas, view, &actor.shape(pose), &strong);
+    let strong = Style::line(paint, 1.8);
+    outline(canvas, view, &footprint, strong);
+    shape(canvas, view, &actor.shape(pose), strong);
     let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
     let (from, to) = (view.at(on_ego), view.at(on_actor));
     let label = match impact {
         Some(i) => {
-            canvas.star(to, 9.0, &format!("fill=\"{paint}\" stroke=\"#FFFFFF\" stroke-width=\"1\""));
+            canvas.star(to, 9.0, Style::fill(paint).outlined(color::PAPER, 1.0));
             format!("collision with {} {:.2} s, at {:.1} m/s", hero.name, i.at_s, i.ego_speed_mps)
         }
         None => {
-            canvas.line(from, to, &format!("stroke=\"{paint}\" stroke-width=\"3\""));
-            [from, to].into_iter().for_each(|end| canvas.circle(end, 2.5, &format!("fill=\"{paint}\"")));
+            canvas.line(from, to, Style::line(paint, 3.0));
+            [from, to].into_iter().for_each(|end| canvas.circle(end, 2.5, Style::fill(paint)));
             format!("closest to {} {:.2} s, {:.2} m", hero.name, at.as_secs(), hero.min_distance_m)
         }
     };
@@ -82,8 +82,8 @@ pub(super) fn left_road(story: &Story) -> Option<EgoState> {
 pub(super) fn off_road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) -> Option<()> {
     let ego = left_road(story)?;
     let footprint = story.outline.footprint(ego.pose);
-    let style = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\"", color::LEFT_ROAD);
-    outline(canvas, view, &footprint, &style);
+    let style = Style::line(color::LEFT_ROAD, 1.8);
+    outline(canvas, view, &footprint, style);
     let place = view.at(footprint.center.point());
     let label = format!("left the road {:.2} s", ego.stamp.as_secs());
     labels.event((place.0, label_height(view, &footprint, false)), label, color::LEFT_ROAD);

@@ -9,7 +9,7 @@ use super::collision_time::{HORIZON_S, series};
 use super::marks::{closest_at, first_sight};
 use super::record::Story;
 use super::view::View;
-use crate::canvas::{At, Canvas, Text, color, multiples, number, round_step};
+use swerve_draw::{At, Axes, Canvas, Style, color};
 
 const HEIGHT: f64 = 84.0;
 const GAP: f64 = 14.0;
@@ -63,30 +63,19 @@ const PANELS: [Panel; 5] = [
     Panel { label: "TTC", unit: "s", of: Quantity::CollisionTime, range: (0.0, HORIZON_S), comfort: &[] },
 ];
 
-/// Where one panel lies and which ranges it shows.
-struct Frame {
-    corner: At,
-    width: f64,
-    /// Seconds.
-    time: (f64, f64),
-    value: (f64, f64),
-}
-
-impl Frame {
-    fn at(&self, time_s: f64, value: f64) -> At {
-        let x = (time_s - self.time.0) / (self.time.1 - self.time.0);
-        let y = (self.value.1 - value) / (self.value.1 - self.value.0);
-        (self.corner.0 + x * self.width, self.corner.1 + y * HEIGHT)
-    }
-}
-
 /// Draws the panels below each other from `corner` down; gives the height used.
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, width: f64) -> f64 {
     let time = (view.span.0.as_secs(), view.span.1.as_secs());
     let samples: Vec<&EgoState> =
         story.ego.iter().filter(|e| e.stamp >= view.span.0 && e.stamp <= view.span.1).collect();
+    let without_comfort = story.without_comfort();
     let mut y = corner.1 + 22.0;
-    numbers(canvas, story, view, &Frame { corner: (corner.0, y), width, time, value: (0.0, 1.0) });
+    numbers(
+        canvas,
+        story,
+        view,
+        &Axes { corner: (corner.0, y), size: (width, HEIGHT), x: time, y: (0.0, 1.0) },
+    );
     for (k, panel) in PANELS.iter().enumerate() {
         let values: Vec<(f64, f64)> = match panel.of {
             Quantity::Ego(of) => samples.iter().map(|e| (e.stamp.as_secs(), of(e))).collect(),
@@ -95,16 +84,16 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
             }
         };
         let value = range(values.iter().map(|(_, v)| *v), panel.range);
-        let frame = Frame { corner: (corner.0, y), width, time, value };
-        axes(canvas, panel, &frame, k + 1 == PANELS.len());
+        let frame = Axes { corner: (corner.0, y), size: (width, HEIGHT), x: time, y: value };
+        axes(canvas, panel, &frame, &without_comfort, k + 1 == PANELS.len());
         marks(canvas, story, view, &frame);
         canvas.begin_clip(frame.corner, (width, HEIGHT));
         for limit in panel.comfort {
-            let style = format!("stroke=\"{}\" stroke-width=\"1\" stroke-dasharray=\"2 3\"", color::ALARM);
-            canvas.line(frame.at(time.0, *limit), frame.at(time.1, *limit), &style);
+            let style = Style::line(color::ALARM, 1.0).dashed(2.0, 3.0);
+            canvas.line(frame.at(time.0, *limit), frame.at(time.1, *limit), style);
         }
         let points = values.iter().map(|(at_s, v)| frame.at(*at_s, *v));
-        canvas.path(points, false, &format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\"", color::EGO));
+        canvas.path(points, false, Style::line(color::EGO, 1.8));
         canvas.end_clip();
         y += HEIGHT + GAP;
     }
@@ -120,64 +109,60 @@ fn range(values: impl Iterator<Item = f64>, least: (f64, f64)) -> (f64, f64) {
     (if low == 0.0 { 0.0 } else { low - spare }, high + spare)
 }
 
-fn axes(canvas: &mut Canvas, panel: &Panel, frame: &Frame, is_last: bool) {
-    let (x, y) = frame.corner;
-    canvas.rect(frame.corner, (frame.width, HEIGHT), "fill=\"#FCFCFD\"");
-    let how = Text { size: 11.0, color: color::SOFT, anchor: "middle", ..Text::default() };
-    let grid = format!("stroke=\"{}\" stroke-width=\"0.7\"", color::GRID);
-    for t in multiples(frame.time.0, frame.time.1, round_step(frame.time.1 - frame.time.0, 14.0)) {
-        let (px, _) = frame.at(t, 0.0);
-        canvas.line((px, y), (px, y + HEIGHT), &grid);
-        if is_last {
-            canvas.line((px, y + HEIGHT), (px, y + HEIGHT + 4.0), "stroke=\"#5B636D\"");
-            canvas.text((px, y + HEIGHT + 16.0), &number(t), how);
-        }
-    }
-    for v in multiples(frame.value.0, frame.value.1, round_step(frame.value.1 - frame.value.0, 5.0)) {
-        let (_, py) = frame.at(frame.time.0, v);
-        let zero = "stroke=\"#5B636D\" stroke-width=\"0.9\"";
-        canvas.line((x, py), (x + frame.width, py), if v == 0.0 { zero } else { &grid });
-        canvas.text((x - 7.0, py + 4.0), &number(v), Text { anchor: "end", ..how });
-    }
-    canvas.rect(frame.corner, (frame.width, HEIGHT), "fill=\"none\" stroke=\"#5B636D\" stroke-width=\"1\"");
-    let middle = y + 0.5 * HEIGHT;
-    canvas.turned_text((x - 50.0, middle), -90.0, panel.label, Text { size: 12.0, color: color::INK, ..how });
-    canvas.turned_text((x - 37.0, middle), -90.0, &format!("({})", panel.unit), how);
-    if is_last {
-        let place = (x + frame.width, y + HEIGHT + 30.0);
-        canvas.text(place, "time (s)", Text { size: 12.0, anchor: "end", ..how });
-    }
+/// How the time is painted in which the planner itself led.
+pub(super) fn without_comfort_style() -> Style {
+    Style::fill(color::SIGHT).filled_by(0.16)
 }
 
-/// First sight, closest approach or collision, and the changes of mind, as lines across a panel.
-fn marks(canvas: &mut Canvas, story: &Story, view: &View, frame: &Frame) {
-    let mut line = |at: Time, style: &str| {
+fn axes(canvas: &mut Canvas, panel: &Panel, frame: &Axes, without_comfort: &[(Time, Time)], is_last: bool) {
+    const ABOUT: (f64, f64) = (14.0, 5.0);
+    frame.ground(canvas);
+    for (from, until) in without_comfort {
+        let within = |at: &Time| frame.at(at.as_secs().clamp(frame.x.0, frame.x.1), 0.0).0;
+        let (from, until) = (within(from), within(until));
+        if until > from {
+            canvas.rect((from, frame.corner.1), (until - from, HEIGHT), without_comfort_style());
+        }
+    }
+    frame.grid(canvas, ABOUT);
+    if is_last {
+        frame.numbers_below(canvas, ABOUT.0);
+        frame.name_below(canvas, "time (s)");
+    }
+    frame.numbers_left(canvas, ABOUT.1);
+    frame.frame(canvas);
+    frame.name_left(canvas, panel.label, panel.unit);
+}
+
+/// When somebody was first visible, closest approach or collision, and the changes of the plan, as lines across a panel.
+fn marks(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes) {
+    let mut line = |at: Time, style: Style| {
         let t = at.as_secs();
-        if t >= frame.time.0 && t <= frame.time.1 {
+        if t >= frame.x.0 && t <= frame.x.1 {
             let (x, _) = frame.at(t, 0.0);
             canvas.line((x, frame.corner.1), (x, frame.corner.1 + HEIGHT), style);
         }
     };
     for mark in birds_eye::changes(story, view).shown {
         let paint = birds_eye::plan_color(&mark.plan);
-        line(mark.at, &format!("stroke=\"{paint}\" stroke-width=\"1\" stroke-opacity=\"0.55\""));
+        line(mark.at, Style::line(paint, 1.0).lined_by(0.55));
     }
     if let Some(at) = first_sight(story) {
-        let style = format!("stroke=\"{}\" stroke-width=\"2\" stroke-dasharray=\"6 4\"", color::SIGHT);
-        line(at, &style);
+        let style = Style::line(color::SIGHT, 2.0).dashed(6.0, 4.0);
+        line(at, style);
     }
     let chain = story.why.iter().flat_map(|why| &why.steps).filter(|step| step.what != Milestone::Visible);
     for step in chain {
-        let style = format!("stroke=\"{}\" stroke-width=\"1.2\" stroke-dasharray=\"1 2\"", color::TRACK);
-        line(Time::ZERO + Span::from_secs(step.at_s), &style);
+        let style = Style::line(color::TRACK, 1.2).dashed(1.0, 2.0);
+        line(Time::ZERO + Span::from_secs(step.at_s), style);
     }
     if let Some(at) = closest_at(story) {
-        line(at, &format!("stroke=\"{}\" stroke-width=\"1.8\"", color::ALARM));
+        line(at, Style::line(color::ALARM, 1.8));
     }
 }
 
-/// The numbers of the changes of mind above the first panel.
-fn numbers(canvas: &mut Canvas, story: &Story, view: &View, frame: &Frame) {
+/// The numbers of the changed plans above the first panel.
+fn numbers(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes) {
     let mut last = f64::NEG_INFINITY;
     for (number, mark) in (1_usize..).zip(birds_eye::changes(story, view).shown) {
         let (x, _) = frame.at(mark.at.as_secs(), 0.0);

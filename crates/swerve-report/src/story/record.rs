@@ -18,7 +18,7 @@ const EGO_EVERY: Span = Span::from_ms(20);
 /// Actor poses nearer to each other than this are left out, metres and radians.
 const ACTOR_MOVED: f64 = 0.01;
 /// A plan that deviates sideways by more than this from the one before it, or from the one kept last, is a
-/// change of mind, metres.
+/// changed plan, metres.
 const CHANGE_OF_MIND_M: f64 = 0.3;
 
 /// A run, as far as its figure shows it. Fill it while the run goes on, then [`conclude`](Self::conclude).
@@ -36,7 +36,7 @@ pub struct Story {
     pub ego: Vec<EgoState>,
     /// The actors, in order of identity.
     pub actors: Vec<ActorTrace>,
-    /// The plans at the changes of mind, in order of time.
+    /// The plans at the changes, in order of time.
     pub plans: Vec<PlanMark>,
     /// Where tracks were, every quarter of a second.
     pub tracks: Vec<TrackMark>,
@@ -44,6 +44,8 @@ pub struct Story {
     predicted: Vec<Vec<Point2>>,
     /// The newest plan, kept or not.
     newest: Option<Plan>,
+    /// How plans came about, each time that this changed.
+    statuses: Vec<(Time, PlanStatus)>,
     /// The result of the run; none before it is over.
     pub metrics: Option<Metrics>,
     /// The chain of the actor that decided the verdict.
@@ -99,6 +101,7 @@ impl Story {
             tracks: Vec::new(),
             predicted: Vec::new(),
             newest: None,
+            statuses: Vec::new(),
             metrics: None,
             why: None,
         }
@@ -121,7 +124,7 @@ impl Story {
         }
     }
 
-    /// Takes in a plan that became visible at `at`; only changes of mind are kept.
+    /// Takes in a plan that became visible at `at`; only changes are kept.
     pub fn plan(&mut self, at: Time, plan: &Plan) {
         // The one before shows a jump even where the one kept last does not reach any more; the one kept last
         // shows a slow drift.
@@ -129,7 +132,29 @@ impl Story {
         if self.plans.is_empty() || before.into_iter().any(|old| is_change_of_mind(old, plan)) {
             self.plans.push(PlanMark { at, plan: plan.clone(), predicted: self.predicted.clone() });
         }
+        if self.statuses.last().is_none_or(|(_, status)| *status != plan.status) {
+            self.statuses.push((at, plan.status));
+        }
         self.newest = Some(plan.clone());
+    }
+
+    /// When the planner itself led, as no comfortable plan was free; nothing where there is no comfortable layer.
+    pub(crate) fn without_comfort(&self) -> Vec<(Time, Time)> {
+        if self.statuses.iter().all(|(_, status)| *status != PlanStatus::Comfortable) {
+            return Vec::new();
+        }
+        let end = self.ego.last().map_or(Time::MAX, |e| e.stamp);
+        let until = self.statuses.iter().skip(1).map(|(at, _)| *at).chain([end]);
+        let spans = self.statuses.iter().zip(until);
+        let led = spans.filter(|((_, s), _)| !matches!(s, PlanStatus::Comfortable | PlanStatus::Route));
+        // Neighbours, say a path found and one kept, are one span.
+        led.fold(Vec::new(), |mut joined: Vec<(Time, Time)>, (&(from, _), until)| {
+            match joined.last_mut().filter(|last| last.1 == from) {
+                Some(last) => last.1 = until,
+                None => joined.push((from, until)),
+            }
+            joined
+        })
     }
 
     /// Takes in what is tracked.

@@ -179,6 +179,9 @@ fn seen(at: Time) -> ObstacleList {
     }
 }
 
+/// The disc behind the number of a plan that was found.
+const BADGE: &str = "r=\"7\" fill=\"#007D5A\"";
+
 /// Writes a figure where somebody wants to look at it.
 fn show(name: &str, svg: &str) {
     if let Some(dir) = std::env::var_os("SWERVE_STORY_DIR") {
@@ -189,15 +192,11 @@ fn show(name: &str, svg: &str) {
 #[test]
 fn a_swerve_is_told() {
     let story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
-    let svg = draw(&story);
+    let svg = draw(&story).svg();
     show("avoided.svg", &svg);
-    for part in [
-        "AVOIDED",
-        "first sight of person 4.80 s",
-        "closest to person 5.",
-        "plan at a change of mind",
-        "parked truck",
-    ] {
+    for part in
+        ["AVOIDED", "person first visible 4.80 s", "closest to person 5.", "changed plan", "parked truck"]
+    {
         assert!(svg.contains(part), "{part}");
     }
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
@@ -205,7 +204,7 @@ fn a_swerve_is_told() {
 
 #[test]
 fn a_collision_is_told() {
-    let svg = draw(&Drive { swerve_m: 0.0, bend_1pm: 0.0 }.story());
+    let svg = draw(&Drive { swerve_m: 0.0, bend_1pm: 0.0 }.story()).svg();
     show("collision.svg", &svg);
     for part in ["COLLISION", "collision with person 5.", "impact at 19.9 m/s", "no path found"] {
         assert!(svg.contains(part), "{part}");
@@ -216,7 +215,7 @@ fn a_collision_is_told() {
 fn a_bend_is_drawn_to_scale() {
     let drive = Drive { swerve_m: 1.4, bend_1pm: 1.0 / 150.0 };
     let story = drive.story();
-    let svg = draw(&story);
+    let svg = draw(&story).svg();
     show("bend.svg", &svg);
     assert!(svg.contains("along (m)"));
     let view = view::View::of(&story, (72.0, 64.0), 1144.0).unwrap();
@@ -260,7 +259,7 @@ fn only_changes_of_mind_are_kept() {
     assert_eq!(story.plans.len(), kept + 1, "0.4 m from the one kept last is one");
 }
 
-/// Changes of mind every 50 ms make a picture that can be read: few plans, badges beside each other.
+/// Changed plans every 50 ms make a picture that can be read: few plans, badges beside each other.
 #[test]
 fn a_mind_that_never_rests_is_drawn_now_and_then() {
     let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
@@ -270,15 +269,15 @@ fn a_mind_that_never_rests_is_drawn_now_and_then() {
         let at = Time::from_ms(50 * k);
         story.plans.push(PlanMark { at, plan: drive.plan(at, PlanStatus::Found), predicted: Vec::new() });
     }
-    let svg = draw(&story);
+    let svg = draw(&story).svg();
     show("restless.svg", &svg);
-    let badges = |svg: &str| svg.matches("r=\"7\" fill=\"#009E73\"").count();
+    let badges = |svg: &str| svg.matches(BADGE).count();
     // Each badge stands in the view and above the panels.
     assert!((4..=18).contains(&badges(&svg)), "{}", badges(&svg));
     assert!(svg.contains(" more soon after)"));
     let places: Vec<(f64, f64)> = svg
         .lines()
-        .filter(|line| line.contains("r=\"7\" fill=\"#009E73\""))
+        .filter(|line| line.contains(BADGE))
         .map(|line| {
             let of =
                 |name: &str| line.split(name).nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
@@ -293,20 +292,44 @@ fn a_mind_that_never_rests_is_drawn_now_and_then() {
 }
 
 #[test]
+fn the_time_without_comfort_is_marked_where_there_is_a_comfortable_layer() {
+    use PlanStatus::{Comfortable, Found, Kept, Route};
+    let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
+    let told = drive.story();
+    assert!(told.without_comfort().is_empty(), "no layer, no time without it");
+    let (none, legend) = (draw(&told).svg(), "no comfortable plan was free");
+    assert!(!none.contains(legend));
+    let mut story = Story::new("", drive.route(), Some(4.0), OUTLINE);
+    (story.ego, story.actors, story.metrics) = (told.ego, told.actors, told.metrics);
+    for (k, status) in
+        [Route, Comfortable, Comfortable, Found, Kept, Comfortable, Found].into_iter().enumerate()
+    {
+        let at = Time::from_ms(1000 * k as i64);
+        story.plan(at, &drive.plan(at, status));
+    }
+    let end = story.ego.last().unwrap().stamp;
+    let led = [(Time::from_ms(3000), Time::from_ms(5000)), (Time::from_ms(6000), end)];
+    assert_eq!(story.without_comfort(), led);
+    let svg = draw(&story).svg();
+    let painted = |svg: &str| svg.matches("fill-opacity=\"0.16\"").count();
+    assert!(svg.contains(legend) && painted(&svg) == painted(&none) + 2 * 5 + 1, "{}", painted(&svg));
+}
+
+#[test]
 fn a_plan_from_before_first_sight_is_explained() {
     let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
     let mut story = drive.story();
-    assert!(!draw(&story).contains("before first sight"));
+    assert!(!draw(&story).svg().contains("was visible:"));
     let at = Time::from_ms(4000);
     story.plans.insert(1, PlanMark { at, plan: drive.plan(at, PlanStatus::Found), predicted: Vec::new() });
-    let note = "plan 1 is from before first sight of person: only parked truck is in sight then";
-    assert!(draw(&story).contains(note));
+    let note = "plan 1 is from before person was visible: only parked truck is visible then";
+    assert!(draw(&story).svg().contains(note));
 }
 
 #[test]
 fn a_run_that_ended_at_once_has_a_figure_that_says_so() {
     let route = Drive { swerve_m: 0.0, bend_1pm: 0.0 }.route();
-    let svg = draw(&Story::new("a < b & c", route, None, OUTLINE));
+    let svg = draw(&Story::new("a < b & c", route, None, OUTLINE)).svg();
     assert!(svg.contains("before the ego moved") && svg.contains("a &lt; b &amp; c"));
 }
 
@@ -328,7 +351,7 @@ fn a_run_without_actors_shows_all_of_it() {
     };
     let none: Metrics = Evaluation::new(params).metrics();
     story.conclude(&none, None);
-    let svg = draw(&story);
+    let svg = draw(&story).svg();
     assert!(svg.contains("UNFINISHED") && !svg.contains("closest"));
 }
 

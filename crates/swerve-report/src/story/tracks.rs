@@ -3,7 +3,7 @@
 use super::birds_eye::changes;
 use super::record::Story;
 use super::view::View;
-use crate::canvas::{Canvas, color};
+use swerve_draw::{At, Canvas, Style, color};
 
 /// Whether a track within the view is where nobody is.
 pub(super) fn has_stale(story: &Story, view: &View) -> bool {
@@ -22,10 +22,9 @@ fn within<'a>(story: &'a Story, view: &View) -> impl Iterator<Item = &'a super::
 
 /// Draws tracks as diamonds, stale ones as crosses, and the predictions that went with the plans shown.
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
-    let style =
-        format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1\" stroke-dasharray=\"1 3\"", color::TRACK);
+    let style = Style::line(color::TRACK, 1.0).dashed(1.0, 3.0);
     for way in changes(story, view).shown.iter().flat_map(|mark| &mark.predicted) {
-        canvas.path(way.iter().map(|p| view.at(*p)), false, &style);
+        canvas.path(way.iter().map(|p| view.at(*p)), false, style);
     }
     for track in within(story, view) {
         sign(canvas, view.at(track.point), track.is_stale);
@@ -33,14 +32,14 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
 }
 
 /// The sign of a track.
-pub(super) fn sign(canvas: &mut Canvas, (x, y): crate::canvas::At, is_stale: bool) {
+pub(super) fn sign(canvas: &mut Canvas, (x, y): At, is_stale: bool) {
     let r = 3.0;
     if is_stale {
-        let style = format!("stroke=\"{}\" stroke-width=\"1.6\"", color::ALARM);
-        canvas.line((x - r, y - r), (x + r, y + r), &style);
-        canvas.line((x - r, y + r), (x + r, y - r), &style);
+        let style = Style::line(color::ALARM, 1.6);
+        canvas.line((x - r, y - r), (x + r, y + r), style);
+        canvas.line((x - r, y + r), (x + r, y - r), style);
     } else {
-        let style = format!("fill=\"#FFFFFF\" stroke=\"{}\" stroke-width=\"1\"", color::TRACK);
-        canvas.path([(x - r, y), (x, y - r), (x + r, y), (x, y + r)], true, &style);
+        let style = Style::fill(color::PAPER).outlined(color::TRACK, 1.0);
+        canvas.path([(x - r, y), (x, y - r), (x + r, y), (x, y + r)], true, style);
     }
 }

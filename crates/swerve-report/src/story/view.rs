@@ -4,7 +4,7 @@ use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Map, Point2, Pose2, angle_between};
 
 use super::record::{ActorTrace, Story};
-use crate::canvas::At;
+use swerve_draw::At;
 
 /// Shown before the first actor, metres along the route.
 const BEFORE_M: f64 = 40.0;
@@ -84,12 +84,6 @@ impl View {
         [self.low_x_m, self.low_x_m + width, self.high_y_m - height, self.high_y_m]
     }
 
-    /// Pixels of a place on the axes.
-    pub(super) fn on_axes(&self, x_m: f64, y_m: f64) -> At {
-        let (dx, dy) = (x_m - self.low_x_m, self.high_y_m - y_m);
-        (self.corner.0 + dx * self.scale, self.corner.1 + dy * self.scale)
-    }
-
     /// Points of a line beside the route over the shown part; `d_m` is how far to its left at an arc length.
     pub(super) fn beside(&self, story: &Story, d_m: impl Fn(f64) -> f64) -> Vec<Point2> {
         let (from, to) = (self.s_m.0 - 30.0, self.s_m.1 + 30.0);
@@ -97,6 +91,16 @@ impl View {
         let s_at = |k| from + (to - from) * k as f64 / n as f64;
         let place = |s_m| FrenetPoint { s_m, d_m: d_m(s_m) };
         (0..=n).map(|k| story.route.unproject(place(s_at(k)))).collect()
+    }
+
+    /// Whether any of an actor's way comes into the view, or as near as its outline reaches.
+    pub(super) fn shows(&self, actor: &ActorTrace) -> bool {
+        let reach = actor.extent.length_m.max(actor.extent.width_m) * self.scale;
+        let within = |v: f64, from: f64, size: f64| v >= from - reach && v <= from + size + reach;
+        actor.poses.iter().any(|(_, pose)| {
+            let (x, y) = self.at(pose.point());
+            within(x, self.corner.0, self.size.0) && within(y, self.corner.1, self.size.1)
+        })
     }
 
     /// Takes in what has to be seen, and finds the scale.

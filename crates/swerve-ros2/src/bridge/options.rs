@@ -5,9 +5,10 @@ use crate::clock::ClockParams;
 use crate::env::Network;
 use crate::mapping::{Mapping, Qos, ServiceMap, Side, TopicMap};
 use crate::message::Kind;
+use serde::{Deserialize, Serialize};
 
 /// Which way a topic goes.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Direction {
     /// From the others to us.
     Receive,
@@ -16,7 +17,7 @@ pub enum Direction {
 }
 
 /// One topic of a bridge.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Endpoint {
     /// Its name here.
     pub name: String,
@@ -33,7 +34,7 @@ pub struct Endpoint {
 }
 
 /// Settings of a bridge.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Options {
     /// Name of the node.
     pub node: String,

@@ -13,7 +13,7 @@ use ros2_client::dds::rustdds::{
 use ros2_client::{Gid, MessageInfo, ReadError, ReadResult};
 
 use super::statistics::{Counters, TopicStatistics};
-use super::{Direction, Endpoint, Received, Shared};
+use super::{Direction, Endpoint, Received, Shared, WriterGuid};
 use crate::clock::{ClockEstimator, ClockParams};
 use crate::inbox::Inbox;
 use crate::message::{AnyMessage, Kind};
@@ -145,7 +145,8 @@ impl Topic {
             self.counters.refuse_stamp(verdict);
             return;
         }
-        self.inbox.push(Received { message, received_ns, source_ns, stamp }, received_ns);
+        let writer = WriterGuid(info.publisher_gid().to_bytes16());
+        self.inbox.push(Received { writer, message, received_ns, source_ns, stamp }, received_ns);
     }
 
     /// Counts what was lost of this writer; the name of its type where that is another than the topic's.

@@ -11,6 +11,7 @@ use super::{BridgeError, PUBLISH_WAIT, Shared};
 use crate::mapping::ServiceMap;
 use crate::msg::autoware_vehicle_msgs::{ControlModeCommandRequest, ControlModeCommandResponse};
 use crate::msg::builtin_interfaces::Time;
+use serde::{Deserialize, Serialize};
 
 /// How often a client that waits looks for the answer.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
@@ -19,7 +20,7 @@ impl Message for ControlModeCommandRequest {}
 impl Message for ControlModeCommandResponse {}
 
 /// Who of the two we are.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum ServiceSide {
     /// We ask.
     Client,

@@ -1,3 +1,4 @@
+use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
 use super::Endpoint;
@@ -6,7 +7,7 @@ use crate::clock::{ClockOffset, StampVerdict};
 use crate::message::Kind;
 
 /// Counts of a topic.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct TopicStatistics {
     /// Its name here.
     pub name: String,
@@ -44,8 +45,29 @@ pub struct TopicStatistics {
     pub clock: Option<ClockOffset>,
 }
 
+impl TopicStatistics {
+    /// Of a topic of which nothing is known.
+    pub(crate) fn none(endpoint: &Endpoint) -> Self {
+        Counters::default().statistics(endpoint)
+    }
+
+    /// Adds what was counted before these counts began.
+    pub(crate) fn add(&mut self, earlier: &Self) {
+        self.incompatible += earlier.incompatible;
+        self.received += earlier.received;
+        self.delivered += earlier.delivered;
+        self.overwritten += earlier.overwritten;
+        self.over_rate += earlier.over_rate;
+        self.lost += earlier.lost;
+        self.refused.add(earlier.refused);
+        self.published += earlier.published;
+        self.not_published += earlier.not_published;
+        self.last_refusal = self.last_refusal.take().or_else(|| earlier.last_refusal.clone());
+    }
+}
+
 /// Messages that were refused, by reason.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Refused {
     /// The bytes are no such message.
     pub malformed: u64,
@@ -66,6 +88,18 @@ pub struct Refused {
 }
 
 impl Refused {
+    fn add(&mut self, more: Self) {
+        let Self { malformed, wrong_type, implausible, backwards, ahead, behind, unset, transport } = more;
+        self.malformed += malformed;
+        self.wrong_type += wrong_type;
+        self.implausible += implausible;
+        self.backwards += backwards;
+        self.ahead += ahead;
+        self.behind += behind;
+        self.unset += unset;
+        self.transport += transport;
+    }
+
     /// All together.
     pub fn total(&self) -> u64 {
         let Self { malformed, wrong_type, implausible, backwards, ahead, behind, unset, transport } = *self;
@@ -74,7 +108,7 @@ impl Refused {
 }
 
 /// How long messages were on their way.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Latency {
     /// Half of them at most.
     pub median: Span,

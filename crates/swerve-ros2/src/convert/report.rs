@@ -169,3 +169,8 @@ fn by_wire(kind: Kind, state: &VehicleState, gear: &SteeringGear, epoch: Epoch) 
         _ => return None,
     })
 }
+
+/// Whether a car takes this control mode when it is asked to.
+pub fn is_mode_taken(mode: u8) -> bool {
+    [ControlModeReport::AUTONOMOUS, ControlModeReport::MANUAL].contains(&mode)
+}

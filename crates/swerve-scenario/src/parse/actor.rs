@@ -30,7 +30,7 @@ pub(super) fn read(table: &TableReader<'_>, name: &str, names: &[String]) -> Act
         motion: motions(table, kind),
     };
     if actor.trigger.is_some() && actor.motion.is_empty() {
-        table.report("trigger", "sets nothing off: the actor has no motion");
+        table.report("trigger", "has no effect: the actor has no motion");
     }
     table.finish();
     actor

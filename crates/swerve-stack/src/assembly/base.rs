@@ -101,7 +101,7 @@ pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
 /// Whether only a vehicle of `swerve live` feeds this kind.
 pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
     let has = |part: &Part| part.0.iter().any(|(_, own)| own.kind.as_deref() == Some(kind));
-    has(&VEHICLE) && !has(&WORLD)
+    has(&VEHICLE) && !has(&WORLD) && !has(&OUTSIDE)
 }
 
 /// The first operator of which the models of execution rule this, if one takes part: what it usually takes, ms, where

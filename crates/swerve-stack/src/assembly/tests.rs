@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use swerve_flow::{At, Context, Inputs, Operator, Port};
-use swerve_msg::Detections;
-use swerve_msg::truth::{Surroundings, WorldState};
+use swerve_msg::truth::{PointInstances, RadarSources, Surroundings, WorldState};
+use swerve_msg::{Detections, EgoState};
 use swerve_scenario::Scenario;
 use swerve_text::{Document, parse_assignment};
 
@@ -121,7 +121,7 @@ fn what_is_printed_says_how_operators_run_and_what_closes_the_loop() {
     let pipeline = Pipeline::build_without_stage(&config, &Scenario::read(Path::new(lane)).unwrap()).unwrap();
     let printed = pipeline.assembly.to_toml(&config, &pipeline.graph.describe().unwrap());
     for line in [
-        "# run time fixed 30.000 ms; skip_to_latest",
+        "# run time fixed 30 ms; skip_to_latest",
         "runtime = { fixed_ms = 30.0 }",
         "reads = { command = { feedback = true, stream = \"controller\" } }",
     ] {
@@ -409,8 +409,12 @@ fn no_truth_is_read_behind_the_sensors() {
         let assembly = Assembly::new(&Config::from_document(&document, &[]).unwrap()).unwrap();
         let is_truth = |edge: &Edge| {
             let (by, output) = assembly.stream(&edge.stream).unwrap();
-            let truths = [PayloadType::of::<WorldState>(), PayloadType::of::<Surroundings>()];
-            truths.contains(&output.port.payload) || by.kind.node().kind == "obstacle_sensor"
+            let [world, around] = [PayloadType::of::<WorldState>(), PayloadType::of::<Surroundings>()];
+            let [points, echoes] = [PayloadType::of::<PointInstances>(), PayloadType::of::<RadarSources>()];
+            let truths = [world, around, points, echoes];
+            // Of a camera's images only that of colours is what a camera sees.
+            let drawn = ["depth", "semantic", "instance"].iter().any(|end| edge.stream.ends_with(end));
+            truths.contains(&output.port.payload) || drawn || by.kind.node().kind == "obstacle_sensor"
         };
         let stack = assembly.operators().iter().filter(|placed| placed.kind.node().role == Role::Stack);
         let reads = stack.flat_map(|placed| placed.inputs.iter().map(move |input| (placed, input)));
@@ -420,12 +424,16 @@ fn no_truth_is_read_behind_the_sensors() {
     for file in NO_TRUTH {
         assert_eq!(told(file), Vec::<String>::new(), "{file}");
     }
+    // The pose sensor measures the true pose: in the whole pipeline nobody reads it.
+    let document = Document::read(&folder.join("full.toml")).unwrap();
+    let assembly = Assembly::new(&Config::from_document(&document, &[]).unwrap()).unwrap();
+    assert_eq!(assembly.publisher::<EgoState>(), Some("localizer"));
     // The walk finds it where it is.
     assert_eq!(told("paper.toml"), ["tracker.obstacles"]);
     assert_eq!(told("detector.toml"), ["detector.surroundings"]);
 }
 
-const NO_TRUTH: [&str; 3] = ["camera_objects.toml", "lidar_objects.toml", "fused_objects.toml"];
+const NO_TRUTH: [&str; 4] = ["camera_objects.toml", "lidar_objects.toml", "fused_objects.toml", "full.toml"];
 
 const EYE: &str = "[camera.eye]\n[operator.objects]\nkind = \"camera_objects\"\n";
 

@@ -27,16 +27,26 @@ impl Config {
         range("sensing.odometry_period_ms", sensing.odometry_period_ms, 1.0, 10_000.0);
         range("prediction.horizon_ms", self.prediction.horizon_ms, 50.0, 60_000.0);
         range("prediction.step_ms", self.prediction.step_ms, 1.0, 10_000.0);
+        if let Some(horizon_ms) = self.prediction.truth_horizon_ms {
+            range("prediction.truth_horizon_ms", horizon_ms, 0.0, 60_000.0);
+        }
+        range("prediction.truth_noise_mps", self.prediction.truth_noise_mps, 0.0, 100.0);
         range("prediction.past_steps", self.prediction.past_steps as f64, 1.0, 1000.0);
         range("control.period_ms", self.control.period_ms, 1.0, 1000.0);
         range("planning.risk_max", self.planning.risk_max, 0.0, 0.5);
         range("planning.added_latency_ms", self.planning.added_latency_ms, 0.0, 100_000.0);
         range("planning.expected_ms", self.planning.expected_ms.unwrap_or(0.0), 0.0, 10_000.0);
-        if let Err(error) = self.sim.vehicle.validate() {
-            faults.push((
-                format!("sim.vehicle.{}", error.key),
-                format!("expected {}, found {}", error.expected, error.value),
-            ));
+        let of_sections = [
+            ("sim.vehicle", self.sim.vehicle.validate()),
+            ("planning.comfort", self.planning.comfort.limits.validate()),
+        ];
+        for (section, checked) in of_sections {
+            if let Err(error) = checked {
+                faults.push((
+                    format!("{section}.{}", error.key),
+                    format!("expected {}, found {}", error.expected, error.value),
+                ));
+            }
         }
         self.check_gate(&mut faults);
         self.check_operators(&mut faults);

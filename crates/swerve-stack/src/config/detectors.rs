@@ -100,11 +100,11 @@ struct Rung {
 #[serde(deny_unknown_fields)]
 pub struct Fit {
     /// Which member of the family of parameters.
-    pub difficulty: f64,
+    pub error_level: f64,
     /// Average precision with it, over the frames that it was fitted to.
     pub ap: f64,
-    /// The same under draws that it was not fitted to.
-    pub ap_other_draws: f64,
+    /// The same with random numbers that it was not fitted to.
+    pub ap_held_out: f64,
 }
 
 /// All published detectors, ladder by ladder.
@@ -184,7 +184,7 @@ mod tests {
             assert!((fit.ap - d.ap).abs() <= 0.02, "{}: {fit:?}, to meet {}", d.name, d.ap);
             // Eleven recalls make a coarser measure than a hundred and one.
             let spread = if d.measure.recalls == Recalls::Coco101 { 0.02 } else { 0.03 };
-            assert!((fit.ap_other_draws - d.ap).abs() <= spread, "{}: {fit:?}, to meet {}", d.name, d.ap);
+            assert!((fit.ap_held_out - d.ap).abs() <= spread, "{}: {fit:?}, to meet {}", d.name, d.ap);
         }
         assert_eq!(fits().len(), published().len());
     }

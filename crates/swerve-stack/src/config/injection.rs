@@ -22,10 +22,10 @@ pub struct FaultConfig {
     /// `drop = true`: the message is lost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop: Option<bool>,
-    /// The message comes this much later, ms; those behind it wait for it.
+    /// The message comes this much later, ms; messages behind it on the edge wait, so that their order stays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay_ms: Option<f64>,
-    /// The message comes later by a time drawn evenly from 0 to this, ms; those behind it wait for it.
+    /// The message comes later by a time drawn evenly from 0 to this, ms; messages behind it on the edge wait, so that their order stays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jitter_ms: Option<f64>,
     /// The message is repeated under new stamps, in the place of those that come within this time, ms.

@@ -15,7 +15,7 @@ pub struct LiveConfig {
     /// The scenario whose road is followed at the speed of its ego up to its `end_m`, as a path from the folder of the
     /// configuration. Its actors are not looked at.
     pub route: String,
-    /// Who says that the stack is to drive.
+    /// Who enables the stack.
     pub enable: EnableBy,
     /// How long the vehicle may take to listen once it was asked to, seconds.
     pub enable_timeout_s: f64,
@@ -39,7 +39,7 @@ pub struct LiveConfig {
     pub stamp_behind_max_ms: f64,
 }
 
-/// Who says that the stack is to drive.
+/// Who enables the stack.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum EnableBy {

@@ -118,8 +118,8 @@ impl Config {
         };
         let mut rungs = Vec::new();
         for rung in published().iter().filter(on_it) {
-            let difficulty = fits().get(&rung.name).map_or(1.0, |fit| fit.difficulty);
-            let family = detector::Params::of_difficulty(rung.sensing, difficulty);
+            let error_level = fits().get(&rung.name).map_or(1.0, |fit| fit.error_level);
+            let family = detector::Params::of_error_level(rung.sensing, error_level);
             let what: detector::Params =
                 overridden(&family, &self.perception.params).map_err(|message| ("params", message))?;
             what.validate().map_err(|error| ("params", error.to_string()))?;

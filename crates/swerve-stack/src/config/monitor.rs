@@ -1,4 +1,4 @@
-//! Watchers of single cameras and lidars, `[monitor.NAME]`.
+//! Monitors of single cameras and lidars, `[monitor.NAME]`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ impl Default for MonitorConfig {
 }
 
 impl Config {
-    /// The names of all watchers.
+    /// The names of all monitors.
     pub fn monitors(&self) -> impl Iterator<Item = &str> {
         self.monitor.keys().map(String::as_str)
     }

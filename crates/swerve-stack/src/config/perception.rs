@@ -53,12 +53,12 @@ pub struct Calibration {
     pub target_ap: f64,
     /// Average precision that was met, over the frames that the parameters were fitted to.
     pub ap: f64,
-    /// The same under draws that they were not fitted to.
-    pub ap_other_draws: f64,
+    /// The same with random numbers that they were not fitted to.
+    pub ap_held_out: f64,
     /// What it is measured by.
     pub measure: Measure,
-    /// Which member of the family of parameters that is.
-    pub difficulty: f64,
+    /// Which member of the family of parameters that is, from 0 (no errors) up.
+    pub error_level: f64,
     /// Only what is nearer counts, m.
     pub within_m: f64,
     /// Scenarios, by name.
@@ -69,8 +69,8 @@ pub struct Calibration {
     pub draws_seed: u64,
     /// Frames.
     pub frames: usize,
-    /// Things that were to be found in them.
-    pub wanted: u64,
+    /// Objects in them that count.
+    pub objects: u64,
 }
 
 impl Default for PerceptionConfig {
@@ -118,8 +118,8 @@ impl PerceptionConfig {
             CUSTOM => (detector::Params::default(), Sensing::Camera, None),
             name => {
                 let published = find(name).ok_or_else(|| ("detector", unknown(name)))?;
-                let difficulty = fits().get(name).map_or(1.0, |fit| fit.difficulty);
-                let family = detector::Params::of_difficulty(published.sensing, difficulty);
+                let error_level = fits().get(name).map_or(1.0, |fit| fit.error_level);
+                let family = detector::Params::of_error_level(published.sensing, error_level);
                 (family, published.sensing, Some(published.ms))
             }
         };
@@ -239,8 +239,8 @@ mod tests {
         let config = config("[perception]\ndetector = \"efficientdet-d3@v100\"\n", &[]).unwrap();
         let emulated = config.perception.emulated().unwrap().unwrap();
         assert_eq!((emulated.ms, emulated.sensing), (Some(28.0), Sensing::Camera));
-        let difficulty = fits()["efficientdet-d3@v100"].difficulty;
-        assert_eq!(emulated.params, detector::Params::of_difficulty(Sensing::Camera, difficulty));
+        let error_level = fits()["efficientdet-d3@v100"].error_level;
+        assert_eq!(emulated.params, detector::Params::of_error_level(Sensing::Camera, error_level));
         assert!(config.expected_ms() >= 28.0);
         assert_eq!(Config::default().perception.emulated(), Ok(None));
         assert_eq!(Config::default().expected_ms(), PlanningConfig::default().expected_ms());
@@ -249,11 +249,11 @@ mod tests {
     #[test]
     fn parameters_come_before_the_name_and_the_operator_before_both() {
         let text = "[perception]\ndetector = \"efficientdet-d3@v100\"\ntracker = { hits_min = 4 }\n\
-                    [perception.params]\nscore_gap = 9\nmissed = { period_s = 1.5 }\n\
+                    [perception.params]\nscore_gap = 9\nmisses = { period_s = 1.5 }\n\
                     [operator.detector]\nruntime = { fixed_ms = 5 }\n";
         let config = config(text, &["operator.planner.runtime={ zero = true }"]).unwrap();
         let emulated = config.perception.emulated().unwrap().unwrap();
-        assert_eq!((emulated.params.score_gap, emulated.params.missed.period_s), (9.0, 1.5));
+        assert_eq!((emulated.params.score_separation, emulated.params.misses.period_s), (9.0, 1.5));
         let GroundParams::Sort(tracker) = config.perception.tracker(&emulated.params, 7).unwrap() else {
             panic!("another tracker than the usual one")
         };
@@ -295,9 +295,9 @@ mod tests {
         assert!(said.contains("did you mean `efficientdet-d"), "{said}");
         let said = config("", &["perception.detector=qqq"]).unwrap_err();
         assert!(said.contains("expected one of truth, custom, efficientdet-d0@v100"), "{said}");
-        let said =
-            config("[perception]\ndetector = \"custom\"\nparams = { score_gab = 1 }\n", &[]).unwrap_err();
-        assert!(said.contains("perception.params") && said.contains("score_gap"), "{said}");
+        let said = config("[perception]\ndetector = \"custom\"\nparams = { score_separatoin = 1 }\n", &[])
+            .unwrap_err();
+        assert!(said.contains("perception.params") && said.contains("score_separation"), "{said}");
         let said =
             config("[perception]\ndetector = \"custom\"\nparams = { recall_best = 2 }\n", &[]).unwrap_err();
         assert!(said.contains("`recall_best` is 2, expected 0 to 1"), "{said}");

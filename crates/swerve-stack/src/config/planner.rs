@@ -3,6 +3,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use swerve_planning::aeb::{self, Aeb};
+use swerve_planning::comfort::{self, Comfort, Manner};
 use swerve_planning::fot::{self, Fot};
 use swerve_planning::hybrid_astar::{self, HybridAstar};
 use swerve_planning::rrt_star::{self, RrtStar};
@@ -12,8 +13,31 @@ use swerve_pylot::{HybridAstarParams, Preset, RrtStarParams, Rules};
 
 use super::{Fineness, PlannerName, PlanningConfig};
 
-/// The planner that a configuration names, with its parameters.
+/// The planner that a configuration names, with its parameters, below its comfortable layer.
 pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+    let planner = below(planning, params)?;
+    if !planning.has_comfort() {
+        return Ok(planner);
+    }
+    let collision = planning.collision();
+    let manner = match planning.planner {
+        PlannerName::Waypoint | PlannerName::Aeb => Manner::Waits,
+        PlannerName::RrtStar | PlannerName::HybridAstar => Manner::GoesRound,
+        PlannerName::Fot => {
+            let fot::Params { weight_obstacle, time_step_s, .. } =
+                overridden(&fot_params(planning.config, collision), params)?;
+            Manner::KeepsAway { weight_obstacle, time_step_s }
+        }
+    };
+    // What is wrong with the limits is told by their own keys.
+    let limits = planning.comfort.limits;
+    let limits = limits.validate().map_or_else(|_| comfort::Params::default(), |()| limits);
+    let layered = Comfort::new(limits, collision, manner, planner);
+    Ok(Box::new(layered.map_err(|e| e.to_string())?))
+}
+
+/// The planner itself.
+fn below(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
     let (preset, collision) = (planning.preset, planning.collision());
     if preset == Preset::Paper
         && let Some(planner) = original(planning, params)?

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_planning::{CollisionMode, Planner};
+use swerve_planning::{CollisionMode, Planner, comfort};
 use swerve_pylot::{Era, Original, Preset, Rules};
 
 use super::execution::Runtime;
@@ -135,6 +135,20 @@ pub struct PlanningConfig {
     pub cost: Cost,
     /// Latency added to every plan, ms.
     pub added_latency_ms: f64,
+    /// The comfortable layer above the planner: its plan is driven while one is free.
+    pub comfort: ComfortConfig,
+}
+
+/// The comfortable layer above a planner, and its limits.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ComfortConfig {
+    /// Whether there is one; when absent with the preset `best`, except above `aeb`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub enabled: Option<bool>,
+    /// Its limits.
+    #[serde(flatten)]
+    pub limits: comfort::Params,
 }
 
 impl Default for PlanningConfig {
@@ -154,6 +168,7 @@ impl Default for PlanningConfig {
             rung_ms: None,
             cost: BUILT_IN_COST.clone(),
             added_latency_ms: 0.0,
+            comfort: ComfortConfig::default(),
         }
     }
 }
@@ -182,6 +197,11 @@ impl PlanningConfig {
     /// Run time of the chosen planner and discretisation.
     pub fn cost_of_chosen(&self) -> Option<&Runtime> {
         self.cost.get(&self.planner)?.get(&self.config)
+    }
+
+    /// Whether a comfortable layer is above the planner.
+    pub fn has_comfort(&self) -> bool {
+        self.comfort.enabled.unwrap_or(self.preset == Preset::Best && self.planner != PlannerName::Aeb)
     }
 
     /// What predictions mean for collision checks.

@@ -196,8 +196,9 @@ pub(super) fn with_whole_paths(mut table: toml::Table, folder: &Path) -> toml::T
 
 /// What is wrong with moving an operator, if anything is.
 fn cannot_move(assembly: &Assembly, operator: &str) -> Option<String> {
-    let movable = assembly.operators().iter().filter(|placed| placed.kind.node().stays.is_none());
-    let movable: Vec<&str> = movable.map(|placed| placed.name.as_str()).collect();
+    let movable = assembly.operators().iter().map(|placed| placed.name.as_str());
+    let movable: Vec<&str> =
+        movable.filter(|name| assembly.node(name).is_some_and(|node| node.stays.is_none())).collect();
     let Some(node) = assembly.node(operator) else {
         return Some(format!("unknown operator `{operator}`{}", one_of(operator, &movable)));
     };
@@ -233,6 +234,8 @@ mod tests {
         for sensor in ["obstacles", "pose", "imu", "gnss", "odometry", "collisions", "red_lights"] {
             assert!(refused(sensor).contains("sensors are where the world is"), "{sensor}");
         }
+        let truth = "[prediction]\npredictor = \"truth\"\n[process.a]\noperators = [\"predictor\"]\n";
+        assert!(problems(truth)[0].contains("`predictor` stays in the coordinator, it is told"), "{truth}");
         assert!(refused("planer").ends_with("(did you mean `planner`?)"), "{}", refused("planer"));
         let camera = "[log]\nsensors = [\"front\"]\n[camera.front]\n[process.a]\noperators = [\"front\"]\n";
         assert!(problems(camera)[0].contains("sensors are where the world is"));

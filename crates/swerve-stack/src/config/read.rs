@@ -6,6 +6,7 @@ use swerve_text::{Document, KeyProblem, Problem, Problems};
 
 use super::Config;
 use super::car::fill_in;
+use super::old_names::{Counts, renew};
 use super::process::with_whole_paths;
 use crate::assembly::gather_named_sections;
 use crate::kind::KeyProblems;
@@ -66,6 +67,7 @@ impl Config {
     /// A file as it is written; its problems have their lines. What is left then is one of an assignment.
     fn of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());
+        renew(&mut table, Counts::Present);
         gather_named_sections(&mut table, registry);
         fill_in(&mut table);
         let problem = |key: &str, message| document.problem(&as_written(document, key), message);
@@ -106,10 +108,12 @@ impl Config {
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());
+        renew(&mut table, Counts::Present);
         for (key, value) in sets {
             swerve_text::set(&mut table, key, value.clone())
                 .map_err(|(key, message)| set_problem(&key, message))?;
         }
+        renew(&mut table, Counts::Old);
         let mut table = with_whole_paths(table, Path::new(""));
         gather_named_sections(&mut table, registry);
         fill_in(&mut table);

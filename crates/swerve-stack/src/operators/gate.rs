@@ -7,7 +7,7 @@
 
 use swerve_control::safety_gate::{GateInput, SafetyGate};
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
-use swerve_msg::{GateOutput, MotionCommand, Switch, VehicleReport};
+use swerve_msg::{GateOutput, MotionCommand, Switch, VehicleReport, WireAlarm};
 
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
@@ -26,6 +26,8 @@ pub(super) struct In {
     report: Latest<VehicleReport>,
     /// Who may enable: all of them have to, and each alone may stop. Without one nothing is ever enabled.
     switches: Vec<Latest<Switch>>,
+    /// What is wrong with the wires by which commands come, where they come by wire.
+    alarms: Vec<Latest<WireAlarm>>,
 }
 
 impl Kind for Gate {
@@ -53,7 +55,7 @@ impl Operator for Gate {
     type Out = Port<GateOutput>;
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
-        let In { command, report, switches, .. } = input;
+        let In { command, report, switches, alarms, .. } = input;
         let switch = |of: fn(&Switch) -> bool| move |s: &Latest<Switch>| s.get().is_some_and(|s| of(s));
         out.loan().send(self.0.step(&GateInput {
             now: cx.now(),
@@ -62,6 +64,7 @@ impl Operator for Gate {
             report: report.get().map(|report| **report),
             enable: !switches.is_empty() && switches.iter().all(switch(|s| s.enable)),
             emergency: switches.iter().any(switch(|s| s.emergency)),
+            alarm: alarms.iter().find_map(|alarm| alarm.get()?.cause),
         }));
     }
 }

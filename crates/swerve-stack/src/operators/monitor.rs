@@ -1,4 +1,4 @@
-//! Watchers of single cameras and lidars.
+//! Monitors of single cameras and lidars.
 
 use swerve_core::{Digest, Hasher};
 use swerve_flow::{At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo};
@@ -7,7 +7,7 @@ use swerve_msg::{Image, Packable, PointCloud, SensorHealth};
 use crate::kind::{Heavy, Node, OperatorKind, Settings};
 use crate::site::Site;
 
-/// Watchers, `[monitor.NAME]`.
+/// Monitors, `[monitor.NAME]`.
 pub(super) struct Monitors;
 
 /// Every image.

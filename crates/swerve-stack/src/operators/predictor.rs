@@ -1,15 +1,31 @@
 //! Where the others will be: straight lines through past sightings, along the road, or as another predictor has it.
+//!
+//! The predictor `truth` is told by the simulated world, as an emulated detector is: it reads every state of it.
 
-use swerve_core::Span;
-use swerve_flow::{At, Context, Inputs, Operator, Port};
-use swerve_msg::{PredictionList, Route, TrackList};
-use swerve_prediction::{Horizon, PredictorName, forecast, linear, road};
+use swerve_core::{Span, Time};
+use swerve_flow::{
+    At, Context, Inputs, Message, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
+};
+use swerve_geom::{Point2, Pose2};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{ActorId, PredictionList, Route, Track, TrackList};
+use swerve_prediction::{Horizon, PredictorName, Telling, forecast, foretold, linear, road};
+use swerve_sim::{Ahead, SimParams};
 
-use crate::kind::{Kind, NoKeys, Node};
+use crate::config::PredictionConfig;
+use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
+/// States of the world that are kept: as many as come while a step runs that takes a second, at 400 Hz.
+const STATES: usize = 400;
+/// A track is of the actor whose middle is nearest, if that is no farther off, metres.
+const SAME_M: f64 = 3.0;
+
+/// Predictors: of tracks alone, or told what will happen.
+pub(super) struct Predictors;
+
 /// Straight lines through past sightings, or what another predictor makes of them.
-pub(super) struct Predictor {
+struct Predictor {
     name: PredictorName,
     params: linear::Params,
     /// What vehicles follow.
@@ -18,31 +34,78 @@ pub(super) struct Predictor {
 
 /// What is tracked.
 #[derive(Inputs)]
-pub(super) struct In {
+struct In {
     /// Tracks with their past sightings.
     tracks: At<TrackList>,
 }
 
-impl Kind for Predictor {
-    const NODE: Node = Node::new("linear_predictor", "a straight line through each actor's past sightings")
-        .sections(&["prediction"]);
-    type Table = NoKeys;
+/// Tells what will happen.
+struct Oracle {
+    ahead: Ahead,
+    telling: Telling,
+    horizon: Horizon,
+    /// States of the world that were taken in.
+    taken: u64,
+}
 
-    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
-        let prediction = &site.config().prediction;
+/// What is tracked, and what becomes of it.
+#[derive(Inputs)]
+struct OracleIn {
+    /// Tracks: of those it tells.
+    tracks: At<TrackList>,
+    /// What happened so far.
+    worlds: Window<WorldState, STATES>,
+}
+
+fn is_told(settings: &Settings<'_>) -> bool {
+    settings.config.prediction.predictor == PredictorName::Truth
+}
+
+fn horizon(prediction: &PredictionConfig) -> Horizon {
+    let steps = (prediction.horizon_ms / prediction.step_ms).round() as usize;
+    Horizon { steps, step: Span::from_secs(prediction.step_ms * 1e-3) }
+}
+
+impl OperatorKind for Predictors {
+    fn node(&self) -> Node {
+        Node::new("linear_predictor", "a straight line through each actor's past sightings")
+            .sections(&["prediction"])
+    }
+
+    fn stays(&self, settings: &Settings<'_>) -> Option<&'static str> {
+        is_told(settings).then_some("it is told by the world")
+    }
+
+    fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
+        <Port<PredictionList> as NamedOutputs>::ports()
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        if is_told(settings) { OracleIn::ports() } else { In::ports() }
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        let config = site.config();
+        let prediction = &config.prediction;
+        if is_told(&site.settings()) {
+            let params = SimParams { dt: span_of_ms(config.sim.dt_ms), vehicle: config.sim.vehicle.clone() };
+            let telling = Telling {
+                horizon: prediction.truth_horizon_ms.map(span_of_ms),
+                noise_mps: prediction.truth_noise_mps,
+                seed: config.seed,
+            };
+            let ahead = Ahead::new(&site.surroundings().scenario, &params);
+            return site.add(Oracle { ahead, telling, horizon: horizon(prediction), taken: 0 }, None);
+        }
         let params = linear::Params {
             past_steps: prediction.past_steps,
-            future_steps: (prediction.horizon_ms / prediction.step_ms).round() as usize,
+            future_steps: horizon(prediction).steps,
             step_s: prediction.step_ms * 1e-3,
             ..prediction.preset.linear()
         };
         let name = prediction.predictor;
-        let on_road = match name {
-            PredictorName::Linear => prediction.along_road,
-            _ => name == PredictorName::LaneIdm,
-        };
-        let road = on_road.then(|| site.surroundings().route.clone());
-        Ok(Self { name, params, road })
+        let road = prediction.follows_road().then(|| site.surroundings().route.clone());
+        site.add(Predictor { name, params, road }, None)
     }
 }
 
@@ -71,5 +134,35 @@ impl Operator for Predictor {
                 }
             });
         }
+    }
+}
+
+impl Operator for Oracle {
+    type In = OracleIn;
+    type Out = Port<PredictionList>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &OracleIn, out: &mut Self::Out) {
+        let worlds: &[Message<WorldState>] = input.worlds.get();
+        worlds
+            .iter()
+            .filter(|world| world.header().seq >= self.taken)
+            .for_each(|world| self.ahead.watch(world));
+        self.taken = worlds.last().map_or(self.taken, |newest| newest.header().seq + 1);
+        if let Some(tracks) = input.tracks.get() {
+            let now: Vec<_> = self.ahead.all_at(tracks.stamp).collect();
+            let told = |track: &Track, instants: &[Time]| self.places(&now, track, instants);
+            out.loan().send(PredictionList::from(&foretold(tracks, &self.horizon, &self.telling, &told)));
+        }
+    }
+}
+
+impl Oracle {
+    /// Where the actor whose track it is will be, by where everybody is `now`.
+    fn places(&self, now: &[(ActorId, Pose2)], track: &Track, instants: &[Time]) -> Option<Vec<Point2>> {
+        let off = |(_, pose): &&(ActorId, Pose2)| pose.point().distance(track.pose.point());
+        let nearest = now.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+        let (id, _) = nearest.filter(|one| off(one) <= SAME_M)?;
+        let place = |at: &Time| Some(self.ahead.pose(*id, *at)?.point());
+        instants.iter().map(place).collect()
     }
 }

@@ -102,8 +102,8 @@ pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()
         let fitted = fit(target, frames.of(target.sensing), args.draws_seed, args.within_m);
         let fitted = fitted.with_context(|| format!("fitting {}", target.name))?;
         progress.tell(&format!(
-            "{:>38}: to meet {:.3}, met {:.3} (other draws {:.3}) at difficulty {:.4}",
-            target.name, target.ap, fitted.fit.ap, fitted.fit.ap_other_draws, fitted.fit.difficulty
+            "{:>38}: to meet {:.3}, met {:.3} (held out {:.3}) at error level {:.4}",
+            target.name, target.ap, fitted.fit.ap, fitted.fit.ap_held_out, fitted.fit.error_level
         ));
         progress.one_done();
         Ok(fitted)
@@ -371,33 +371,33 @@ struct Fitted {
     wanted: u64,
 }
 
-/// The difficulty at which the emulation meets the target. Precision falls with difficulty: the secant between an end
-/// that is too good and one that is too bad, never too near to either (over the logarithm of the difficulty).
+/// The error level at which the emulation meets the target. Precision falls with error level: the secant between an end
+/// that is too good and one that is too bad, never too near to either (over the logarithm of the error level).
 fn fit(target: &Target, frames: &Frames, draws_seed: u32, within_m: f64) -> anyhow::Result<Fitted> {
-    let measure = |difficulty: f64, first: u32| {
-        let params = Params::of_difficulty(target.sensing, difficulty);
+    let measure = |error_level: f64, first: u32| {
+        let params = Params::of_error_level(target.sensing, error_level);
         measured(params, target.measure, frames, first..first + DRAWS, within_m)?
             .context("nothing was to be found in any frame")
     };
-    // Between nothing wrong and nothing right: logarithm of the difficulty, and precision.
+    // Between nothing wrong and nothing right: logarithm of the error level, and precision.
     let (mut good, mut bad) = ((-3.0, 1.0), (3.0, 0.0));
     let mut best: Option<(f64, f64, u64)> = None;
     for _ in 0..20 {
         let part = ((good.1 - target.ap) / (good.1 - bad.1)).clamp(0.15, 0.85);
         let middle = good.0 + part * (bad.0 - good.0);
-        let difficulty = round(math::exp(middle));
-        let (ap, wanted) = measure(difficulty, draws_seed)?;
+        let error_level = round(math::exp(middle));
+        let (ap, wanted) = measure(error_level, draws_seed)?;
         if best.is_none_or(|(_, before, _)| (ap - target.ap).abs() < (before - target.ap).abs()) {
-            best = Some((difficulty, ap, wanted));
+            best = Some((error_level, ap, wanted));
         }
         if (ap - target.ap).abs() <= CLOSE {
             break;
         }
         if ap > target.ap { good = (middle, ap) } else { bad = (middle, ap) }
     }
-    let (difficulty, ap, wanted) = best.context("nothing was measured")?;
-    let (other, _) = measure(difficulty, draws_seed + DRAWS)?;
-    let fit = Fit { difficulty, ap: round(ap), ap_other_draws: round(other) };
+    let (error_level, ap, wanted) = best.context("nothing was measured")?;
+    let (other, _) = measure(error_level, draws_seed + DRAWS)?;
+    let fit = Fit { error_level, ap: round(ap), ap_held_out: round(other) };
     Ok(Fitted { fit, frames: frames.frames.len(), wanted })
 }
 
@@ -415,22 +415,22 @@ fn frozen(
     args: &DetectorArgs,
 ) -> anyhow::Result<String> {
     let mut config = base.clone();
-    let params = Params::of_difficulty(target.sensing, fitted.fit.difficulty);
+    let params = Params::of_error_level(target.sensing, fitted.fit.error_level);
     let perception = &mut config.perception;
     perception.detector.clone_from(&target.name);
     perception.params = toml::Table::try_from(params)?;
     perception.calibration = Some(Calibration {
         target_ap: target.ap,
         ap: fitted.fit.ap,
-        ap_other_draws: fitted.fit.ap_other_draws,
+        ap_held_out: fitted.fit.ap_held_out,
         measure: target.measure,
-        difficulty: fitted.fit.difficulty,
+        error_level: fitted.fit.error_level,
         within_m: args.within_m,
         scenarios,
         seeds: args.seeds.iter().map(|seed| u64::from(*seed)).collect(),
         draws_seed: u64::from(args.draws_seed),
         frames: fitted.frames,
-        wanted: fitted.wanted,
+        objects: fitted.wanted,
     });
     Ok(config.to_text())
 }
@@ -453,8 +453,8 @@ fn table(args: &DetectorArgs, fitted: &[(&Target, &Fitted)]) -> String {
     let by_name: BTreeMap<&str, Fit> = fitted.iter().map(|(t, f)| (t.name.as_str(), f.fit)).collect();
     for (name, fit) in by_name {
         text += &format!(
-            "\"{name}\" = {{ difficulty = {:?}, ap = {:?}, ap_other_draws = {:?} }}\n",
-            fit.difficulty, fit.ap, fit.ap_other_draws
+            "\"{name}\" = {{ error_level = {:?}, ap = {:?}, ap_held_out = {:?} }}\n",
+            fit.error_level, fit.ap, fit.ap_held_out
         );
     }
     text
@@ -481,19 +481,19 @@ mod tests {
         for name in ["efficientdet-d7x@v100", "efficientdet-d3@v100", "ssd-mobilenet-v1@titan-x"] {
             let detector = find(name).unwrap();
             let fit = fits()[name];
-            let params = Params::of_difficulty(detector.sensing, fit.difficulty);
+            let params = Params::of_error_level(detector.sensing, fit.error_level);
             let (ap, wanted) = measured(params, detector.measure, &frames, 1..9, 50.0).unwrap().unwrap();
             assert!(wanted > 300, "{wanted}");
             assert!((ap - fit.ap).abs() < 0.03, "{name}: {ap}, frozen with {}", fit.ap);
             assert!(ap < before, "{name}");
             before = ap;
         }
-        for (difficulty, least, most) in [(0.0, 1.0 - 1e-9, 1.0 + 1e-9), (50.0, 0.0, 0.05)] {
-            let params = Params::of_difficulty(Sensing::Camera, difficulty);
+        for (error_level, least, most) in [(0.0, 1.0 - 1e-9, 1.0 + 1e-9), (50.0, 0.0, 0.05)] {
+            let params = Params::of_error_level(Sensing::Camera, error_level);
             for overlap in [Overlap::Image, Overlap::Ground, Overlap::Volume] {
                 let measure = Measure { overlap, ..Measure::default() };
                 let (ap, _) = measured(params, measure, &frames, 1..2, 50.0).unwrap().unwrap();
-                assert!((least..=most).contains(&ap), "{difficulty} {overlap:?}: {ap}");
+                assert!((least..=most).contains(&ap), "{error_level} {overlap:?}: {ap}");
             }
         }
     }

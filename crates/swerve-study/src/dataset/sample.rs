@@ -1,6 +1,6 @@
 //! What belongs to one frame, gathered from a drive.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 
 use swerve_core::Span;
 use swerve_flow::{Event, Observer};
@@ -8,8 +8,7 @@ use swerve_geom::{Ego, Lidar, Map, Point, Transform};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{Image, Pixels, PointCloud};
 
-/// World states that are kept: more than an image can take to be published.
-const WORLDS: usize = 400;
+use crate::worlds::Worlds;
 
 /// One frame with all that is known of it.
 pub(super) struct Sample<'a> {
@@ -59,7 +58,7 @@ impl Object<'_> {
 pub(super) struct Collector<'a> {
     camera: String,
     lidar: Option<(String, Transform<Ego, Lidar>)>,
-    worlds: VecDeque<WorldState>,
+    worlds: Worlds,
     images: BTreeMap<&'static str, Image>,
     cloud: Option<PointCloud>,
     write: &'a mut (dyn FnMut(&Sample<'_>) -> anyhow::Result<()> + Send),
@@ -75,7 +74,7 @@ impl<'a> Collector<'a> {
         Self {
             camera: camera.to_owned(),
             lidar,
-            worlds: VecDeque::new(),
+            worlds: Worlds::default(),
             images: BTreeMap::new(),
             cloud: None,
             write,
@@ -102,7 +101,7 @@ impl<'a> Collector<'a> {
         if [depth, semantic, instance].iter().any(|other| other.stamp != rgb.stamp) {
             return;
         }
-        let Some(world) = self.worlds.iter().rev().find(|world| world.stamp <= rgb.stamp) else { return };
+        let Some(world) = self.worlds.until(rgb.stamp) else { return };
         let objects = objects(instance, depth, world);
         let cloud = self.cloud.as_ref();
         let points = match (cloud, &self.lidar) {
@@ -120,10 +119,7 @@ impl Observer for Collector<'_> {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
         if let Some(world) = payload.downcast_ref::<WorldState>() {
-            self.worlds.push_back(world.clone());
-            if self.worlds.len() > WORLDS {
-                self.worlds.pop_front();
-            }
+            self.worlds.take(world);
         } else if let Some(cloud) = payload.downcast_ref::<PointCloud>() {
             if self.lidar.as_ref().is_some_and(|(name, _)| name == publication.operator) {
                 self.cloud = Some(cloud.clone());
@@ -141,14 +137,13 @@ impl Observer for Collector<'_> {
 fn still(
     cloud: &PointCloud,
     ego_from_lidar: &Transform<Ego, Lidar>,
-    worlds: &VecDeque<WorldState>,
+    worlds: &Worlds,
     now: &WorldState,
 ) -> Vec<[f32; 4]> {
     let lidar_from_map = (now.ego.map_from_ego * *ego_from_lidar).inverse();
     let place = |k: usize| {
         let at = cloud.stamp + Span::from_secs(f64::from(cloud.time_offset_s[k]));
-        let after = worlds.partition_point(|world| world.stamp <= at);
-        let world = worlds.get(after.saturating_sub(1)).unwrap_or(now);
+        let world = worlds.near(at).unwrap_or(now);
         let measured = [cloud.x_m[k], cloud.y_m[k], cloud.z_m[k]].map(f64::from);
         let in_ego = *ego_from_lidar * Point::new(measured[0], measured[1], measured[2]);
         let since_s = (at - world.stamp).as_secs();

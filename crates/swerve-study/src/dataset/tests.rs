@@ -19,6 +19,8 @@ fn data_set(out: &Path, set: &[&str]) -> anyhow::Result<()> {
             set: set.iter().map(|s| (*s).to_owned()).collect(),
             seeds: vec![1],
             weathers: vec![WeatherPreset::default()],
+            tracks: false,
+            crossing: None,
         },
         &swerve_stack::Registry::standard(),
     )
@@ -102,4 +104,37 @@ fn a_call_that_ends_before_its_first_sample_leaves_nothing_in_the_way() {
     let out = folder.path().join("set");
     drop(Writer::new(&out, &config, "eye", None).unwrap());
     data_set(&out, &["log.sensors=[]", "camera.eye.period_ms=4000"]).unwrap();
+}
+
+#[test]
+fn tracks_of_a_drive_and_of_a_crossing_are_read_again() {
+    use swerve_prediction::recorded::commonroad_csv;
+    let folder = tempfile::tempdir().unwrap();
+    let args = DatasetArgs {
+        scenarios: vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_crossing.toml")],
+        out: folder.path().join("set"),
+        config: vec![],
+        set: vec![],
+        seeds: vec![3, 4],
+        weathers: vec![WeatherPreset::default()],
+        tracks: true,
+        crossing: Some(2),
+    };
+    run(&args, &swerve_stack::Registry::standard()).unwrap();
+    let read = |name: &str| {
+        let text = std::fs::read_to_string(args.out.join(name)).unwrap();
+        commonroad_csv(&text).unwrap().into_values().collect::<Vec<_>>()
+    };
+    let (drives, minutes) = (read("person_crossing.csv"), read("crossing.csv"));
+    assert_eq!((drives.len(), minutes.len()), (2, 2));
+    for drive in &drives {
+        let [ego, person, ..] = &drive.tracks[..] else { panic!("{drive:?}") };
+        assert_eq!((ego.id.0, person.kind), (0, swerve_msg::ActorKind::Pedestrian));
+        assert_eq!(ego.samples.len(), person.samples.len());
+        let gone_m = ego.samples[0].1.distance(ego.samples[ego.samples.len() - 1].1);
+        assert!(gone_m > 30.0, "{gone_m}");
+    }
+    assert!(minutes[0].tracks.len() > 5 && minutes[0].tracks != minutes[1].tracks);
+    let again = run(&args, &swerve_stack::Registry::standard()).unwrap_err().to_string();
+    assert!(again.contains("expected an empty folder"), "{again}");
 }

@@ -6,6 +6,7 @@ use anyhow::anyhow;
 use clap::ValueEnum;
 use swerve_localization::recorded::{Preset, Recorded, Report};
 use swerve_localization::{Params, npz};
+use swerve_report::files::read_whole;
 
 /// A recorded drive, and what is to find its way on it.
 #[derive(clap::Args, Debug)]
@@ -47,7 +48,7 @@ enum Settings {
 pub(super) fn evaluate(args: &LocalizationArgs) -> anyhow::Result<Report> {
     let LocalizationArgs { log, filter: Filter::Eskf, preset, set, .. } = args;
     let at = log.display();
-    let bytes = std::fs::read(log).map_err(|error| anyhow!("{at}: cannot be read: {error}"))?;
+    let bytes = read_whole(log)?;
     let arrays = npz::read(&bytes).map_err(|error| anyhow!("{at}: {error}"))?;
     let drive = Recorded::new(&arrays).map_err(|error| anyhow!("{at}: {error}"))?;
     let preset = match preset {

@@ -1,6 +1,6 @@
 //! `swerve eval prediction`: a predictor on recorded tracks, against what happened.
 
-mod tally;
+pub(crate) mod tally;
 #[cfg(test)]
 mod tests;
 
@@ -8,10 +8,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::ValueEnum;
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use swerve_msg::{ForecastList, TrackList};
+use swerve_prediction::learned::Weights;
 use swerve_prediction::recorded::{Protocol, Recording, commonroad_csv, eth_ucy, text};
-use swerve_prediction::{Horizon, PredictorName};
-use swerve_report::files::entries;
+use swerve_prediction::{Horizon, PredictorName, forecast, forecast_by};
+use swerve_report::files::{entries, read_whole};
 use swerve_report::output::align;
 
 use tally::{Figures, Tally};
@@ -33,9 +36,13 @@ pub(super) struct PredictionArgs {
     /// A window begins at every so many sightings of a track
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     stride: u16,
-    /// What foretells: all, or `linear`, `constant_velocity`, `kalman`, `ctra`, `imm`, `social_force`, `orca`, `lane_idm`
+    /// What foretells: all, or `linear`, `constant_velocity`, `kalman`, `ctra`, `imm`, `social_force`, `orca`, `lane_idm`,
+    /// `multipath`, `mfp`, `r2p2`
     #[arg(long, value_name = "NAME", default_value = "all", value_parser = named)]
     predictor: Chosen,
+    /// What foretells is a net by these weights, as `swerve train prediction` writes them
+    #[arg(long, value_name = "FILE", conflicts_with = "predictor")]
+    weights: Option<PathBuf>,
     /// Who is judged
     #[arg(long, value_enum, default_value = "whole")]
     protocol: Who,
@@ -47,9 +54,10 @@ pub(super) struct PredictionArgs {
     json: bool,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum, Deserialize, JsonSchema)]
 #[value(rename_all = "snake_case")]
-enum Format {
+#[serde(rename_all = "snake_case")]
+pub enum Format {
     /// ETH and UCY: *.txt with rows of `frame person x y`, ten frames for 0.4 s
     EthUcy,
     /// CommonRoad's recorded scenarios: *.csv or *.csv.gz with rows of 0.1 s
@@ -82,7 +90,7 @@ fn named(word: &str) -> Result<Chosen, String> {
 /// What one predictor came to.
 #[derive(Serialize)]
 struct Report {
-    predictor: &'static str,
+    predictor: String,
     files: Vec<FileReport>,
     /// Over the windows of all files.
     all: Figures,
@@ -95,8 +103,11 @@ struct FileReport {
     figures: Figures,
 }
 
+/// What foretells.
+pub(crate) type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon) -> ForecastList;
+
 /// One file's recordings, by its name.
-type File = (String, Vec<Recording>);
+pub(crate) type File = (String, Vec<Recording>);
 
 /// What is printed.
 ///
@@ -105,12 +116,22 @@ type File = (String, Vec<Recording>);
 pub(super) fn told(args: &PredictionArgs) -> anyhow::Result<String> {
     let files = files(args)?;
     let protocol = protocol(args);
-    let reports: Vec<Report> = args
-        .predictor
-        .0
-        .iter()
-        .map(|name| report(*name, &files, &protocol, usize::from(args.best_of)))
-        .collect();
+    let best_of = usize::from(args.best_of);
+    let reports: Vec<Report> = match &args.weights {
+        Some(path) => {
+            let weights = weights(path)?;
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let by = |tracks: &TrackList, horizon: &Horizon| forecast_by(&weights, tracks, horizon);
+            vec![report(name, &by, &files, (&protocol, best_of))]
+        }
+        None => {
+            let one = |name: &PredictorName| {
+                let by = |tracks: &TrackList, horizon: &Horizon| forecast(*name, tracks, horizon, None);
+                report(name.name().to_owned(), &by, &files, (&protocol, best_of))
+            };
+            args.predictor.0.iter().map(one).collect()
+        }
+    };
     if args.json {
         return Ok(match &reports[..] {
             [one] => serde_json::to_string_pretty(one)?,
@@ -153,9 +174,13 @@ fn files(args: &PredictionArgs) -> anyhow::Result<Vec<File>> {
     paths.iter().map(|path| file(path, args.format)).collect()
 }
 
-fn file(path: &Path, format: Format) -> anyhow::Result<File> {
+/// The recordings of one file.
+///
+/// # Errors
+/// A file that cannot be read or is not of its form: file, line, and what was expected.
+pub(crate) fn file(path: &Path, format: Format) -> anyhow::Result<File> {
     let at = path.display();
-    let bytes = std::fs::read(path).map_err(|error| anyhow!("{at}: cannot be read: {error}"))?;
+    let bytes = read_whole(path)?;
     let text = text(bytes).map_err(|error| anyhow!("{at}: {error}"))?;
     let recordings = match format {
         Format::EthUcy => eth_ucy(&text).map(|recording| vec![recording]),
@@ -165,24 +190,43 @@ fn file(path: &Path, format: Format) -> anyhow::Result<File> {
     Ok((name, recordings.map_err(|error| anyhow!("{at}:{error}"))?))
 }
 
-fn report(name: PredictorName, files: &[File], protocol: &Protocol, best_of: usize) -> Report {
+fn weights(path: &Path) -> anyhow::Result<Weights> {
+    let at = path.display();
+    let bytes = read_whole(path)?;
+    Weights::read(&bytes).map_err(|error| anyhow!("{at}: {error}"))
+}
+
+fn report(
+    predictor: String,
+    by: Foretells<'_>,
+    files: &[File],
+    (protocol, best_of): (&Protocol, usize),
+) -> Report {
     let mut all = Tally::new(best_of, protocol.predict);
     let of_file = |(file, recordings): &File| {
-        let mut tally = Tally::new(best_of, protocol.predict);
-        for recording in recordings {
-            let horizon = Horizon { steps: protocol.predict, step: recording.step };
-            let scenes = recording.scenes(protocol);
-            tally.begin();
-            for scene in &scenes {
-                let list = swerve_prediction::forecast(name, &scene.tracks, &horizon, None);
-                tally.add(scene, &list);
-            }
-        }
+        let tally = judged(recordings, by, (protocol, best_of));
         all.join(&tally);
         FileReport { file: file.clone(), figures: tally.figures() }
     };
     let files = files.iter().map(of_file).collect();
-    Report { predictor: name.name(), files, all: all.figures() }
+    Report { predictor, files, all: all.figures() }
+}
+
+/// Errors over recordings, each of which has a time of its own.
+pub(crate) fn judged(
+    recordings: &[Recording],
+    by: Foretells<'_>,
+    (protocol, best_of): (&Protocol, usize),
+) -> Tally {
+    let mut tally = Tally::new(best_of, protocol.predict);
+    for recording in recordings {
+        let horizon = Horizon { steps: protocol.predict, step: recording.step };
+        tally.begin();
+        for scene in recording.scenes(protocol) {
+            tally.add(&scene, &by(&scene.tracks, &horizon));
+        }
+    }
+    tally
 }
 
 fn table(reports: &[Report]) -> String {
@@ -221,9 +265,9 @@ fn table(reports: &[Report]) -> String {
     };
     let mut rows: Vec<Vec<String>> = vec![head.map(str::to_owned).to_vec()];
     for report in reports {
-        rows.extend(report.files.iter().map(|one| row(report.predictor, &one.file, &one.figures)));
+        rows.extend(report.files.iter().map(|one| row(&report.predictor, &one.file, &one.figures)));
         if report.files.len() > 1 {
-            rows.push(row(report.predictor, "all", &report.all));
+            rows.push(row(&report.predictor, "all", &report.all));
         }
     }
     align(&rows)

@@ -1,8 +1,10 @@
 //! Values of a study file that can be written in several ways.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -39,9 +41,40 @@ impl<'de> Deserialize<'de> for Files {
     }
 }
 
+impl JsonSchema for Files {
+    fn schema_name() -> Cow<'static, str> {
+        "Files".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "anyOf": [{ "type": "string" }, { "type": "array", "items": { "type": "string" } }] })
+    }
+}
+
 /// The values of an axis: an array, whole numbers `"1..20"` with both ends, or `{ from, to, step }` with both ends.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Values(pub Vec<Value>);
+
+impl JsonSchema for Values {
+    fn schema_name() -> Cow<'static, str> {
+        "Values".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "anyOf": [
+            { "type": "array" },
+            { "type": "string", "pattern": r"^\s*-?[0-9]+\s*\.\.\s*-?[0-9]+\s*$" },
+            {
+                "type": "object",
+                "properties": {
+                    "from": { "type": "number" }, "to": { "type": "number" }, "step": { "type": "number" },
+                },
+                "required": ["from", "to", "step"],
+                "additionalProperties": false,
+            },
+        ] })
+    }
+}
 
 /// More values than this are a mistake.
 const VALUES_MAX: usize = 100_000;

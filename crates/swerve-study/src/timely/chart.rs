@@ -2,13 +2,15 @@
 
 use std::fmt::Write as _;
 
-use swerve_report::canvas::{Canvas, Text, color, multiples, number, round_step};
+use swerve_draw::color::{Look, SERIES};
+use swerve_draw::{Axes, Canvas, Picture, Style, Text, number};
 use swerve_report::output::align;
 
 use super::Timely;
 use crate::cells::CellResult;
 use crate::curve::quartiles;
 use crate::grid::Study;
+use crate::table::quoted;
 
 /// A line in the picture: one combination of the axes, under one measure.
 struct Line {
@@ -120,9 +122,9 @@ impl<'a> Chart<'a> {
                     .map_or([String::new(), String::new(), String::new()], |q| q.map(|x| format!("{x:.6}")));
                 let _infallible = writeln!(
                     csv,
-                    "\"{}\",\"{}\",{},{},{}",
-                    line.panel.replace('"', "\"\""),
-                    line.name.replace('"', "\"\""),
+                    "{},{},{},{},{}",
+                    quoted(&line.panel),
+                    quoted(&line.name),
                     point.x,
                     quartiles.join(","),
                     point.values.len()
@@ -133,19 +135,21 @@ impl<'a> Chart<'a> {
     }
 
     /// A panel for each measure, a line with its quartiles for each combination.
-    pub(crate) fn draw(&self) -> String {
+    pub(crate) fn draw(&self) -> Picture {
         let mut canvas = Canvas::default();
-        canvas.text((LEFT, 28.0), self.title, Text { size: 16.0, bold: true, ..Text::default() });
+        canvas.text((LEFT, 28.0), self.title, Text::TITLE);
         let panels = self.panels();
         for (row, panel) in panels.iter().enumerate() {
             let lines: Vec<&Line> = self.lines_of(panel).collect();
-            let scale = Scale::of(&lines, TOP + row as f64 * (PANEL_H + GAP));
-            scale.draw_axes(&mut canvas, &format!("{panel} (median and quartiles over {})", self.over));
+            let scale = axes_of(&lines, TOP + row as f64 * (PANEL_H + GAP));
+            let heading = format!("{panel} (median and quartiles)");
+            scale.panel(&mut canvas, ABOUT, (&heading, &self.over));
             for (k, line) in lines.iter().enumerate() {
-                scale.draw_line(&mut canvas, line, COLORS[k % COLORS.len()]);
-                let at = (LEFT + PANEL_W + 12.0, scale.top + 12.0 + 16.0 * k as f64);
-                let how = Text { color: COLORS[k % COLORS.len()], bold: true, ..Text::default() };
-                canvas.text(at, &line.name, how);
+                let look = SERIES[k % SERIES.len()];
+                draw_line(&scale, &mut canvas, line, look);
+                let at = (LEFT + PANEL_W + 44.0, scale.corner.1 + 12.0 + 16.0 * k as f64);
+                canvas.line((at.0 - 32.0, at.1 - 4.0), (at.0 - 6.0, at.1 - 4.0), line_of(look));
+                canvas.text(at, &line.name, Text::PLAIN);
             }
         }
         let height = TOP + panels.len() as f64 * (PANEL_H + GAP) + 10.0;
@@ -173,61 +177,27 @@ const PANEL_W: f64 = 620.0;
 const PANEL_H: f64 = 200.0;
 const GAP: f64 = 64.0;
 const LEGEND_W: f64 = 300.0;
-const COLORS: [&str; 8] = [
-    color::EGO,
-    color::PERSON,
-    color::PLAN,
-    color::FALLBACK,
-    color::SIGHT,
-    color::VEHICLE,
-    color::INK,
-    color::ALARM,
-];
+/// Round places on the axes, about so many.
+const ABOUT: (f64, f64) = (8.0, 5.0);
 
-/// Which numbers a panel shows: at least 0 to 1 upwards.
-struct Scale {
-    x: [f64; 2],
-    y: [f64; 2],
-    top: f64,
+fn line_of(look: Look) -> Style {
+    Style::line(look.color, 1.6).dashes(look.dash)
 }
 
-impl Scale {
-    fn of(lines: &[&Line], top: f64) -> Self {
-        let points = || lines.iter().flat_map(|line| &line.points);
-        let least = points().filter_map(Point::quartiles).fold(0.0_f64, |least, q| least.min(q[0]));
-        let [from, to] =
-            points().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], p| [a.min(p.x), b.max(p.x)]);
-        Self { x: [from, if to > from { to } else { from + 1.0 }], y: [least, 1.0], top }
-    }
+/// The axes of a panel: at least 0 to 1 upwards.
+fn axes_of(lines: &[&Line], top: f64) -> Axes {
+    let points = || lines.iter().flat_map(|line| &line.points);
+    let least = points().filter_map(Point::quartiles).fold(0.0_f64, |least, q| least.min(q[0]));
+    let [from, to] = points().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], p| [a.min(p.x), b.max(p.x)]);
+    let x = (from, if to > from { to } else { from + 1.0 });
+    Axes { corner: (LEFT, top), size: (PANEL_W, PANEL_H), x, y: (least, 1.0) }
+}
 
-    fn at(&self, x: f64, y: f64) -> (f64, f64) {
-        let share = |[low, high]: [f64; 2], value: f64| (value - low) / (high - low);
-        (LEFT + PANEL_W * share(self.x, x), self.top + PANEL_H * (1.0 - share(self.y, y)))
-    }
-
-    fn draw_axes(&self, canvas: &mut Canvas, title: &str) {
-        let line = format!("stroke=\"{}\" stroke-width=\"1\"", color::GRID);
-        let soft = Text { color: color::SOFT, ..Text::default() };
-        canvas.text((LEFT, self.top - 8.0), title, soft);
-        for y in multiples(self.y[0], self.y[1], round_step(self.y[1] - self.y[0], 5.0)) {
-            let ends = [self.at(self.x[0], y), self.at(self.x[1], y)];
-            canvas.line(ends[0], ends[1], &line);
-            canvas.text((LEFT - 8.0, ends[0].1 + 4.0), &number(y), Text { anchor: "end", ..soft });
-        }
-        for x in multiples(self.x[0], self.x[1], round_step(self.x[1] - self.x[0], 8.0)) {
-            let ends = [self.at(x, self.y[0]), self.at(x, self.y[1])];
-            canvas.line(ends[0], ends[1], &line);
-            canvas.text((ends[0].0, ends[0].1 + 16.0), &number(x), Text { anchor: "middle", ..soft });
-        }
-    }
-
-    fn draw_line(&self, canvas: &mut Canvas, line: &Line, paint: &str) {
-        let known: Vec<(f64, [f64; 3])> =
-            line.points.iter().filter_map(|point| Some((point.x, point.quartiles()?))).collect();
-        let low = known.iter().map(|(x, q)| self.at(*x, q[0]));
-        let high = known.iter().rev().map(|(x, q)| self.at(*x, q[2]));
-        canvas.path(low.chain(high), true, &format!("fill=\"{paint}\" fill-opacity=\"0.12\""));
-        let style = format!("fill=\"none\" stroke=\"{paint}\" stroke-width=\"1.6\"");
-        canvas.path(known.iter().map(|(x, q)| self.at(*x, q[1])), false, &style);
-    }
+fn draw_line(axes: &Axes, canvas: &mut Canvas, line: &Line, look: Look) {
+    let known: Vec<(f64, [f64; 3])> =
+        line.points.iter().filter_map(|point| Some((point.x, point.quartiles()?))).collect();
+    let low = known.iter().map(|(x, q)| axes.at(*x, q[0]));
+    let high = known.iter().rev().map(|(x, q)| axes.at(*x, q[2]));
+    canvas.path(low.chain(high), true, Style::fill(look.color).filled_by(0.12));
+    canvas.path(known.iter().map(|(x, q)| axes.at(*x, q[1])), false, line_of(look));
 }

@@ -120,7 +120,7 @@ fn charts_go_over_run_time_or_over_an_axis() {
         let bench = bench("", &format!("{timely}\n{over}"), &format!("{axes}{}", speeds("10, 20"))).unwrap();
         let results = results(&bench);
         let chart = Chart::of(&bench.study, bench.study.timely.as_ref().unwrap(), &results);
-        let (csv, text, svg) = (chart.csv(), chart.text(), chart.draw());
+        let (csv, text, svg) = (chart.csv(), chart.text(), chart.draw().svg());
         assert_eq!(text.matches("\nbest").count(), contests, "{text}");
         // Two anchors, two run times, two speeds, two detectors: a row each.
         assert_eq!(csv.lines().count(), 1 + 16, "{csv}");
@@ -144,7 +144,10 @@ fn what_is_wrong_is_told_with_its_line() {
         (&format!("{good}\njudge_ms = 0"), "small.toml:9: timely.judge_ms: expected 1 to 10000, found 0"),
         (&format!("{good}\nover = \"sped\""), "small.toml:9: timely.over: no axis of the name `sped`"),
         (&format!("{good}\nwalker = 3"), "did you mean \"walkers\"?"),
-        (&format!("{good}\n[budget]\nmax_ms = 100"), "timely: not with budget, curve or ranking"),
+        (
+            &format!("{good}\n[budget]\nmax_ms = 100"),
+            "timely: not with budget, curve, ranking or timely_prediction",
+        ),
     ] {
         let error = bench(CAMERA, timely, &speeds("20")).err().map(|e| format!("{e:#}")).unwrap_or_default();
         assert!(error.contains(expected), "{timely}\n{error}");

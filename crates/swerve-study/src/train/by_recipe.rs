@@ -1,4 +1,4 @@
-//! What is trained by a recipe: weights of a detector, of a segmentation.
+//! What is trained by a recipe: weights of a detector, of a segmentation, of a predictor.
 
 use std::path::{Path, PathBuf};
 
@@ -7,12 +7,12 @@ use swerve_report::files::{refuse_unwritable, write_whole};
 use swerve_report::output;
 use swerve_stack::Registry;
 
-/// `swerve train detector`, `swerve train segmentation`.
+/// `swerve train detector`, `swerve train segmentation`, `swerve train prediction`.
 #[derive(clap::Args, Debug)]
 pub(super) struct RecipeArgs {
-    /// Recipe (TOML): streets, weathers, and how to learn from them
+    /// Recipe (TOML): what to learn from, and how
     recipe: PathBuf,
-    /// Folder of the labelled images; those that are not there are made
+    /// Folder of what is learnt from: labelled images, of which those that are not there are made; recorded tracks
     #[arg(long, default_value = "out/training")]
     pub(super) data: PathBuf,
     /// Write the weights to this file [default: the recipe's, with the ending .weights]

@@ -151,6 +151,8 @@ pub(super) fn rendered(
                 set: Vec::new(),
                 seeds,
                 weathers,
+                tracks: false,
+                crossing: None,
             },
             registry,
         )?;

@@ -1,8 +1,8 @@
 //! A picture of one posed problem: what stands in the way, the road, the path found, outlines along it.
 
+use swerve_draw::{Axes, Canvas, Picture, Style, Text, color};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
 use swerve_pylot::posed::{AxisBox, ProblemFile, Solution, obb};
-use swerve_report::canvas::{Canvas, Text, color, multiples, round_step};
 use swerve_vehicle::Shape;
 
 use super::read::Posed;
@@ -11,6 +11,10 @@ use super::read::Posed;
 const WIDTH_PX: f64 = 1100.0;
 /// Height of the title above the drawing, pixels.
 const TOP_PX: f64 = 54.0;
+/// Room for the numbers of the axis, pixels.
+const LEFT_PX: f64 = 62.0;
+/// About how many ticks either axis has.
+const TICKS: (f64, f64) = (12.0, 8.0);
 /// Tallest drawing, pixels.
 const HEIGHT_MAX_PX: f64 = 900.0;
 /// Ground shown around everything of interest, metres.
@@ -134,7 +138,12 @@ struct View {
 
 impl View {
     fn at(&self, p: Point2) -> (f64, f64) {
-        ((p.x_m - self.extent[0]) * self.scale, TOP_PX + (self.extent[3] - p.y_m) * self.scale)
+        (LEFT_PX + (p.x_m - self.extent[0]) * self.scale, TOP_PX + (self.extent[3] - p.y_m) * self.scale)
+    }
+
+    fn axes(&self) -> Axes {
+        let [x_min, y_min, x_max, y_max] = self.extent;
+        Axes { corner: (LEFT_PX, TOP_PX), size: self.size(), x: (x_min, x_max), y: (y_min, y_max) }
     }
 
     fn size(&self) -> (f64, f64) {
@@ -143,8 +152,8 @@ impl View {
     }
 }
 
-/// The picture of problem `k` and what came of it, as SVG.
-pub(super) fn draw(file: &ProblemFile, posed: &Posed<'_>, k: usize, solution: &Solution) -> String {
+/// The picture of problem `k` and what came of it.
+pub(super) fn draw(file: &ProblemFile, posed: &Posed<'_>, k: usize, solution: &Solution) -> Picture {
     let sketch = Sketch::of(file, posed, k);
     let extent = sketch.extent(&solution.path);
     let scale = (WIDTH_PX / (extent[2] - extent[0])).min(HEIGHT_MAX_PX / (extent[3] - extent[1]));
@@ -152,14 +161,20 @@ pub(super) fn draw(file: &ProblemFile, posed: &Posed<'_>, k: usize, solution: &S
     let mut canvas = Canvas::default();
     titles(&mut canvas, solution);
     let size = view.size();
-    canvas.begin_clip((0.0, TOP_PX), size);
-    canvas.rect((0.0, TOP_PX), size, &format!("fill=\"{}\"", color::GROUND));
+    canvas.begin_clip((LEFT_PX, TOP_PX), size);
+    canvas.rect((LEFT_PX, TOP_PX), size, Style::fill(color::GROUND));
     road(&mut canvas, &view, &sketch);
-    grid(&mut canvas, &view);
+    view.axes().grid(&mut canvas, TICKS);
     obstacles(&mut canvas, &view, &sketch);
     path(&mut canvas, &view, &sketch, solution);
     canvas.end_clip();
-    canvas.finish(size.0, TOP_PX + size.1, &solution.id)
+    let axes = view.axes();
+    axes.frame(&mut canvas);
+    axes.numbers_below(&mut canvas, TICKS.0);
+    axes.numbers_left(&mut canvas, TICKS.1);
+    axes.name_below(&mut canvas, "x (m)");
+    axes.name_left(&mut canvas, "y", "m");
+    canvas.finish(LEFT_PX + size.0 + 16.0, TOP_PX + size.1 + 40.0, &solution.id)
 }
 
 fn titles(canvas: &mut Canvas, solution: &Solution) {
@@ -180,47 +195,29 @@ fn titles(canvas: &mut Canvas, solution: &Solution) {
 fn road(canvas: &mut Canvas, view: &View, sketch: &Sketch) {
     if let [low, high] = sketch.edges.as_slice() {
         let around = low.iter().chain(high.iter().rev()).map(|p| view.at(*p));
-        canvas.path(around, true, &format!("fill=\"{}\" stroke=\"none\"", color::ROAD));
+        canvas.path(around, true, Style::fill(color::ROAD));
     }
     for edge in &sketch.edges {
-        let style = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\"", color::ROAD_EDGE);
-        canvas.path(edge.iter().map(|p| view.at(*p)), false, &style);
+        let style = Style::line(color::ROAD_EDGE, 1.5);
+        canvas.path(edge.iter().map(|p| view.at(*p)), false, style);
     }
-    let style = format!("fill=\"none\" stroke=\"{}\" stroke-dasharray=\"8 6\"", color::ROAD_EDGE);
-    canvas.path(sketch.line.iter().map(|p| view.at(*p)), false, &style);
-}
-
-/// Lines of a round distance, labelled along the lower and the left edge.
-fn grid(canvas: &mut Canvas, view: &View) {
-    let [x_min, y_min, x_max, y_max] = view.extent;
-    let step = round_step(x_max - x_min, 12.0);
-    let style = format!("stroke=\"{}\" stroke-width=\"0.7\"", color::GRID);
-    let label = Text { size: 10.0, color: color::SOFT, rim: true, ..Text::default() };
-    for x in multiples(x_min, x_max, step) {
-        let (low, high) = (view.at(Point2::new(x, y_min)), view.at(Point2::new(x, y_max)));
-        canvas.line(low, high, &style);
-        canvas.text((low.0 + 2.0, low.1 - 4.0), &format!("{x} m"), label);
-    }
-    for y in multiples(y_min, y_max, step) {
-        let (left, right) = (view.at(Point2::new(x_min, y)), view.at(Point2::new(x_max, y)));
-        canvas.line(left, right, &style);
-        canvas.text((left.0 + 3.0, left.1 - 3.0), &format!("{y} m"), label);
-    }
+    let style = Style::line(color::ROAD_EDGE, 1.0).dashed(8.0, 6.0);
+    canvas.path(sketch.line.iter().map(|p| view.at(*p)), false, style);
 }
 
 fn obstacles(canvas: &mut Canvas, view: &View, sketch: &Sketch) {
     for b in &sketch.boxes {
         let solid = obb(b);
         let keep = solid.grown(sketch.clearance_m);
-        let style = format!("fill=\"none\" stroke=\"{}\" stroke-dasharray=\"3 3\"", color::PERSON);
-        canvas.path(keep.corners().map(|p| view.at(p)), true, &style);
-        let style = format!("fill=\"{}\" fill-opacity=\"0.85\"", color::VEHICLE);
-        canvas.path(solid.corners().map(|p| view.at(p)), true, &style);
+        let style = Style::line(color::PERSON, 1.0).dashed(3.0, 3.0);
+        canvas.path(keep.corners().map(|p| view.at(p)), true, style);
+        let style = Style::fill(color::VEHICLE).filled_by(0.85);
+        canvas.path(solid.corners().map(|p| view.at(p)), true, style);
     }
 }
 
 fn path(canvas: &mut Canvas, view: &View, sketch: &Sketch, solution: &Solution) {
-    let style = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"1\" stroke-opacity=\"0.55\"", color::EGO);
+    let style = Style::line(color::EGO, 1.0).lined_by(0.55);
     let mut gone_m = 0.0;
     let mut next_m = 0.0;
     let path = &solution.path;
@@ -231,15 +228,15 @@ fn path(canvas: &mut Canvas, view: &View, sketch: &Sketch, solution: &Solution) 
         if gone_m >= next_m || k + 1 == path.len() {
             next_m = gone_m + OUTLINE_STEP_M;
             match sketch.outline_at(p) {
-                Some(outline) => canvas.path(outline.corners().map(|p| view.at(p)), true, &style),
-                None => canvas.circle(view.at(Point2::new(p[0], p[1])), 3.0, &style),
+                Some(outline) => canvas.path(outline.corners().map(|p| view.at(p)), true, style),
+                None => canvas.circle(view.at(Point2::new(p[0], p[1])), 3.0, style),
             }
         }
     }
-    let line = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"2.5\"", color::PLAN);
-    canvas.path(path.iter().map(|p| view.at(Point2::new(p[0], p[1]))), false, &line);
-    canvas.circle(view.at(sketch.start), 5.0, &format!("fill=\"{}\"", color::EGO));
+    let line = Style::line(color::PLAN, 2.5);
+    canvas.path(path.iter().map(|p| view.at(Point2::new(p[0], p[1]))), false, line);
+    canvas.circle(view.at(sketch.start), 5.0, Style::fill(color::EGO));
     if let Some(goal) = sketch.goal {
-        canvas.star(view.at(goal), 9.0, &format!("fill=\"{}\"", color::SIGHT));
+        canvas.star(view.at(goal), 9.0, Style::fill(color::SIGHT));
     }
 }

@@ -57,15 +57,15 @@ fn pictures_show_path_and_outlines_and_escape_names() {
     {
         let (file, solutions) = solutions(planner, Preset::Best);
         let posed = read::select(&file, planner, "fast").unwrap();
-        let svg = picture::draw(&file, &posed, 0, &solutions[0]);
+        let svg = picture::draw(&file, &posed, 0, &solutions[0]).svg();
         let outlines = svg.matches("stroke-opacity=\"0.55\"").count();
         assert!(svg.contains(&format!("<title>{name}</title>")) && outlines > 5, "{outlines}");
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
     }
     let (file, solutions) = solutions(PosedPlanner::Fot, Preset::Best);
     let posed = read::select(&file, PosedPlanner::Fot, "fast").unwrap();
-    assert!(picture::draw(&file, &posed, 1, &solutions[1]).contains("not found"));
-    assert_eq!(picture_name(3, "a/b ../c"), "003_a_b_.._c.svg");
+    assert!(picture::draw(&file, &posed, 1, &solutions[1]).svg().contains("not found"));
+    assert_eq!(picture_name(3, "a/b ../c"), "003_a_b_.._c");
 }
 
 #[test]
@@ -176,7 +176,8 @@ fn the_page_shows_what_is_printed() {
         config: "fast".into(),
         preset: PresetName::Best,
         json: false,
-        svg: None,
+        pictures: None,
+        how: PictureArgs::default(),
         report: None,
     };
     let mut solutions = solve_all(&file, &posed, Preset::Best);

@@ -19,7 +19,7 @@ use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{
     Command, Detections, EgoState, GateOutput, Gnss, Image, Imu, MotionCommand, ObstacleList, Plan,
     PointCloud, PredictionList, RadarScan, ResponseBudget, RungTaken, SensorHealth, Supervision, Switch,
-    TrackList, TrafficLights, VehicleReport, WheelOdometry,
+    TrackList, TrafficLights, VehicleReport, WheelOdometry, WireAlarm,
 };
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
@@ -172,6 +172,7 @@ fn read_as_each(wire: &[u8], cbor: &[u8]) {
         TrafficLights,
         VehicleReport,
         WheelOdometry,
+        WireAlarm,
         WorldState,
         PointInstances,
         Decision,

@@ -201,8 +201,8 @@ fn drives_along_its_lane(drive: u32, interface: &str) {
     assert!(driving_m < 0.3 && beside_m < 1.0, "{driving_m} m beside the lane, {beside_m} m with the stop");
     let driven_m = driven.metrics["drive"]["driven_m"].as_f64().unwrap();
     assert!(driven_m > 4.0 * (seconds - 4.0), "{driven_m} m in {seconds} s");
-    // What the car lags behind its plan is made up with 2 m/s more at the most.
-    assert!(driven.metrics["drive"]["speed_max_mps"].as_f64().unwrap() < 10.1);
+    // The plan asks for 8 m/s, and comfort bounds what is made up of a lag.
+    assert!(driven.metrics["drive"]["speed_max_mps"].as_f64().unwrap() < 8.5);
     assert_eq!(driven.last("speed"), 0.0);
     assert_eq!(driven.car.last().unwrap()["engaged"], Value::Bool(false), "it was released");
     let modes = ["\"manual\"", "\"driving\"", "{\"stopping\":\"released\"}", "{\"holding\":\"released\"}"];

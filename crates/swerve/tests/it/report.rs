@@ -139,13 +139,13 @@ fn a_browser_draws_a_run_and_plays_it() {
         "{still}"
     );
     assert!(still.contains("<title>short: ") && still.contains("id=\"repeat\""), "a name is a text: {still}");
-    // On a busy machine a browser draws few frames: the longer it is given, the surer there is a second one.
+    // On a busy machine a browser draws few frames, often a single one: it is asked again until there is a second one.
     let seconds = |ms: u32| -> f64 {
         let played = drawn(&browser, &page, "#t=1.25&play", ms);
         text(&played, "time").trim_end_matches(" s").parse().unwrap()
     };
-    let came_to = [2000, 6000, 18_000].map(seconds);
-    assert!(came_to.iter().any(|s| *s > 1.25), "the player came to {came_to:?} s");
+    let mut lengths = [2000, 6000, 18_000].into_iter().cycle().take(18);
+    assert!(lengths.any(|ms| seconds(ms) > 1.25), "the player stands still");
     let mut metrics: Value = serde_json::from_str(&bench.read("o/metrics.json")).unwrap();
     metrics["why"] = serde_json::json!({
         "actor": name, "verdict": "avoided", "sentence": format!("{name} was seen late"),

@@ -307,7 +307,8 @@ fn our_stack_drives_the_simulated_car_from_another_process() {
     assert!(ended.success(), "{said}");
     let [car, stack] = ["out", "live"].map(|out| metrics(&folder, out));
     let (driven_m, beside_m) = (&stack["drive"]["driven_m"], &stack["drive"]["beside_max_m"]);
-    assert!(driven_m.as_f64().unwrap() > 25.0 && beside_m.as_f64().unwrap() < 0.5, "{}", stack["drive"]);
+    // Plans make room for the parked car, within the lane.
+    assert!(driven_m.as_f64().unwrap() > 25.0 && beside_m.as_f64().unwrap() < 1.0, "{}", stack["drive"]);
     assert!(car["gate"]["driving_s"].as_f64().unwrap() > 5.0, "{}", car["gate"]);
     assert!(
         car["drive"]["speed_end_mps"].as_f64().unwrap().abs() < 0.05,

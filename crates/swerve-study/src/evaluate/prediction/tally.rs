@@ -16,44 +16,44 @@ const RECALIBRATION_RATE: f64 = 0.02;
 
 /// Means over windows.
 #[derive(Clone, PartialEq, Debug, Serialize)]
-pub(super) struct Figures {
+pub(crate) struct Figures {
     /// How many were judged.
-    pub(super) windows: usize,
+    pub(crate) windows: usize,
     /// Mean distance of the likeliest mode, metres.
-    pub(super) ade_m: f64,
+    pub(crate) ade_m: f64,
     /// Its distance at the end, metres.
-    pub(super) fde_m: f64,
+    pub(crate) fde_m: f64,
     /// Of the best of the likeliest K modes, metres.
-    pub(super) min_ade_m: f64,
-    pub(super) min_fde_m: f64,
-    pub(super) brier_min_fde_m: f64,
+    pub(crate) min_ade_m: f64,
+    pub(crate) min_fde_m: f64,
+    pub(crate) brier_min_fde_m: f64,
     /// Share of windows in which all of these end more than 2 m off.
-    pub(super) missed: f64,
+    pub(crate) missed: f64,
     /// Nats a step, with metres.
-    pub(super) nll: f64,
+    pub(crate) nll: f64,
     /// Shares within the regions of 50, 80, 90 and 95 % at the end.
-    pub(super) coverage: Option<[f64; 4]>,
+    pub(crate) coverage: Option<[f64; 4]>,
     /// Mean areas of these regions, m².
-    pub(super) areas_m2: Option<[f64; 4]>,
+    pub(crate) areas_m2: Option<[f64; 4]>,
     /// Share within the region of 90 % at the end that is learnt while the recording goes on.
-    pub(super) recalibrated_90: Option<f64>,
+    pub(crate) recalibrated_90: Option<f64>,
     /// Share of windows whose likeliest mode runs into that of another.
-    pub(super) collisions: f64,
+    pub(crate) collisions: f64,
     /// By step: seconds ahead, mean and root mean square of the likeliest mode's distance.
-    pub(super) by_step: Vec<Step>,
+    pub(crate) by_step: Vec<Step>,
     /// What is known so much later, of instants so far ahead of then.
-    pub(super) timely: Vec<Timely>,
+    pub(crate) timely: Vec<Timely>,
 }
 
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
-pub(super) struct Step {
+pub(crate) struct Step {
     ahead_s: f64,
     mean_m: f64,
     rms_m: f64,
 }
 
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
-pub(super) struct Timely {
+pub(crate) struct Timely {
     latency_ms: u32,
     ahead_s: f64,
     error_m: f64,
@@ -61,7 +61,7 @@ pub(super) struct Timely {
 
 /// Sums of these.
 #[derive(Clone, Debug)]
-pub(super) struct Tally {
+pub(crate) struct Tally {
     best_of: usize,
     step_s: f64,
     windows: usize,
@@ -77,7 +77,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    pub(super) fn new(best_of: usize, steps: usize) -> Self {
+    pub(crate) fn new(best_of: usize, steps: usize) -> Self {
         Self {
             best_of,
             step_s: 0.0,
@@ -93,12 +93,12 @@ impl Tally {
     }
 
     /// Another recording, whose time begins anew.
-    pub(super) fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.to_come.clear();
     }
 
     /// Everybody who is judged in a scene.
-    pub(super) fn add(&mut self, scene: &Scene, list: &ForecastList) {
+    pub(crate) fn add(&mut self, scene: &Scene, list: &ForecastList) {
         let now = scene.tracks.stamp;
         while let Some((_, squared, held)) = self.to_come.pop_front_if(|(at, ..)| *at <= now) {
             self.recalibration.learn(squared, held);
@@ -162,7 +162,7 @@ impl Tally {
     }
 
     /// Takes in another file's, but for what is learnt of it.
-    pub(super) fn join(&mut self, other: &Self) {
+    pub(crate) fn join(&mut self, other: &Self) {
         self.windows += other.windows;
         self.step_s = other.step_s.max(self.step_s);
         self.collisions += other.collisions;
@@ -174,7 +174,7 @@ impl Tally {
         }
     }
 
-    pub(super) fn figures(&self) -> Figures {
+    pub(crate) fn figures(&self) -> Figures {
         let n = self.windows.max(1) as f64;
         let [ade_m, fde_m, min_ade_m, min_fde_m, brier_min_fde_m, missed, nll] = self.sums.map(|sum| sum / n);
         let step = |(k, [count, off, squares]): (usize, &[f64; 3])| Step {

@@ -22,9 +22,9 @@ const LOOKS: [(ActorKind, f64, Extent); 3] = [
 ];
 
 impl Detector {
-    pub(super) fn ghosts(&self, seen: &Surroundings) -> Vec<DetectedBox> {
+    pub(super) fn false_positives(&self, seen: &Surroundings) -> Vec<DetectedBox> {
         let cells = (FAR_M - NEAR_M) * 2.0 * ASIDE_M / (CELL_M * CELL_M);
-        let share = self.params.ghosts_per_frame / cells;
+        let share = self.params.false_positives_per_frame / cells;
         let corners = [(NEAR_M, -ASIDE_M), (NEAR_M, ASIDE_M), (FAR_M, -ASIDE_M), (FAR_M, ASIDE_M)]
             .map(|(x_m, y_m)| seen.ego.from_local(Point2::<Ego>::new(x_m, y_m)));
         let cells = |pick: fn(&Point2<Map>) -> f64| {
@@ -37,12 +37,17 @@ impl Detector {
         }
         let columns = cells(|p| p.x_m);
         let all = cells(|p| p.y_m).flat_map(|row| columns.clone().map(move |column| [column, row]));
-        all.filter_map(|cell| self.ghost(cell, share, seen)).collect()
+        all.filter_map(|cell| self.false_positive(cell, share, seen)).collect()
     }
 
     /// What stands in a cell of the map, if anything does now.
-    fn ghost(&self, [column, row]: [i64; 2], share: f64, seen: &Surroundings) -> Option<DetectedBox> {
-        let drift = self.params.ghosts;
+    fn false_positive(
+        &self,
+        [column, row]: [i64; 2],
+        share: f64,
+        seen: &Surroundings,
+    ) -> Option<DetectedBox> {
+        let drift = self.params.false_positives;
         // Cells are told from actors, whose identities are not negative, and from each other.
         let id = -1 - (column.rem_euclid(1 << 30) << 31 | row.rem_euclid(1 << 30));
         let of = |what| Of { what, id, at: seen.stamp };
@@ -59,7 +64,7 @@ impl Detector {
         let is_inside = (NEAR_M..FAR_M).contains(&at.x_m) && at.y_m.abs() < ASIDE_M;
         is_inside.then(|| DetectedBox {
             kind,
-            score: logistic(-0.5 * self.params.score_gap + self.draw(of("score"), drift)),
+            score: logistic(-0.5 * self.params.score_separation + self.draw(of("score"), drift)),
             pose: Pose2::new(at.x_m, at.y_m, heading_rad - seen.ego.heading_rad),
             bottom_m: 0.0,
             extent: Extent {

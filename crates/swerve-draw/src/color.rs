@@ -1,0 +1,140 @@
+//! The one palette: told apart in grey and by the colour-blind, held by the tests beside it.
+
+use core::fmt;
+
+/// A colour: red, green, blue.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Color(pub [u8; 3]);
+
+impl fmt::Display for Color {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [r, g, b] = self.0;
+        write!(f, "#{r:02X}{g:02X}{b:02X}")
+    }
+}
+
+impl Color {
+    /// From a number such as `0x0072B2`.
+    pub const fn hex(rgb: u32) -> Self {
+        Self([(rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8])
+    }
+
+    /// This colour with a share of another one in it, 0 to 1.
+    #[must_use]
+    pub fn mixed(self, other: Self, share: f64) -> Self {
+        let mix = |i: usize| {
+            let (a, b) = (f64::from(self.0[i]), f64::from(other.0[i]));
+            (a + (b - a) * share).round() as u8
+        };
+        Self([mix(0), mix(1), mix(2)])
+    }
+}
+
+/// The sheet.
+pub const PAPER: Color = Color::hex(0xFFFFFF);
+/// Texts.
+pub const INK: Color = Color::hex(0x1F2328);
+/// Texts that explain, frames, ticks.
+pub const SOFT: Color = Color::hex(0x5B636D);
+/// Lines behind everything.
+pub const GRID: Color = Color::hex(0xD9DDE2);
+/// The ground of a plot.
+pub const PANEL: Color = Color::hex(0xFCFCFD);
+/// Where nothing is known.
+pub const NOTHING: Color = Color::hex(0xEEEEEE);
+
+/// The ego vehicle.
+pub const EGO: Color = Color::hex(0x0072B2);
+/// People on foot or wheels.
+pub const PERSON: Color = Color::hex(0xD55E00);
+/// Vehicles and things.
+pub const VEHICLE: Color = Color::hex(0x6F7781);
+/// A plan that was found.
+pub const PLAN: Color = Color::hex(0x007D5A);
+/// A plan for want of one.
+pub const FALLBACK: Color = Color::hex(0xB8578F);
+/// When somebody was first visible.
+pub const SIGHT: Color = Color::hex(0xB07A00);
+/// The same as text.
+pub const SIGHT_TEXT: Color = Color::hex(0x8A5E00);
+/// Collisions, misses, limits.
+pub const ALARM: Color = Color::hex(0xB00020);
+/// Ends as they should be.
+pub const GOOD: Color = Color::hex(0x00704F);
+/// A safe stop.
+pub const STOPPED: Color = Color::hex(0x6A4FA3);
+/// Off the road.
+pub const LEFT_ROAD: Color = Color::hex(0xA14A00);
+/// What the stack took somebody for.
+pub const TRACK: Color = Color::hex(0x7B3FA0);
+
+/// The ground beside a road.
+pub const GROUND: Color = Color::hex(0xF4F3EF);
+/// A road.
+pub const ROAD: Color = Color::hex(0xE6E8EB);
+/// Its edge.
+pub const ROAD_EDGE: Color = Color::hex(0x7A828C);
+/// Lines between lanes.
+pub const LANE: Color = Color::hex(0xFFFFFF);
+
+/// How one of several lines in a plot looks.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Look {
+    /// Its colour.
+    pub color: Color,
+    /// Its dashes and gaps; all zero for an unbroken line.
+    pub dash: [f64; 4],
+}
+
+/// Lines in a plot, in this order: four colours that differ in lightness, then the same with dashes.
+pub const SERIES: [Look; 8] = {
+    const WHOLE: [f64; 4] = [0.0; 4];
+    const DASHED: [f64; 4] = [7.0, 3.0, 7.0, 3.0];
+    const COLORS: [Color; 4] =
+        [Color::hex(0x0072B2), Color::hex(0xC98A00), Color::hex(0x8B1A5C), Color::hex(0x1F2328)];
+    const fn look(color: Color, dash: [f64; 4]) -> Look {
+        Look { color, dash }
+    }
+    [
+        look(COLORS[0], WHOLE),
+        look(COLORS[1], WHOLE),
+        look(COLORS[2], WHOLE),
+        look(COLORS[3], WHOLE),
+        look(COLORS[0], DASHED),
+        look(COLORS[1], DASHED),
+        look(COLORS[2], DASHED),
+        look(COLORS[3], DASHED),
+    ]
+};
+
+/// A share from 0 (bad, pale orange) to 1 (good, dark blue): the lightness alone tells the order.
+pub fn graded(share: f64) -> Color {
+    const STOPS: [Color; 4] =
+        [Color::hex(0xFBD9B0), Color::hex(0xAEB8C6), Color::hex(0x5D8CB8), Color::hex(0x003F73)];
+    let along = 3.0 * share.clamp(0.0, 1.0);
+    let below = (along.floor() as usize).min(2);
+    STOPS[below].mixed(STOPS[below + 1], along - below as f64)
+}
+
+/// Ink or paper, whichever can be read better on a colour.
+pub fn ink_on(ground: Color) -> Color {
+    if contrast(ground, INK) >= contrast(ground, PAPER) { INK } else { PAPER }
+}
+
+/// Contrast of two colours, 1 to 21 (WCAG 2).
+pub fn contrast(a: Color, b: Color) -> f64 {
+    let (a, b) = (luminance(a), luminance(b));
+    (a.max(b) + 0.05) / (a.min(b) + 0.05)
+}
+
+/// Relative luminance, 0 to 1 (WCAG 2).
+pub fn luminance(color: Color) -> f64 {
+    let [r, g, b] = color.0.map(linear);
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// A channel of sRGB as light.
+pub(crate) fn linear(channel: u8) -> f64 {
+    let c = f64::from(channel) / 255.0;
+    if c <= 0.04045 { c / 12.92 } else { swerve_geom::math::pow((c + 0.055) / 1.055, 2.4) }
+}

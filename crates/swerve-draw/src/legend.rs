@@ -1,0 +1,46 @@
+//! What the signs in a picture mean.
+
+use crate::canvas::{At, Canvas};
+use crate::font::width_of;
+use crate::style::{Style, Text};
+
+/// Width of a sign.
+const SIGN: f64 = 24.0;
+const TO_TEXT: f64 = 6.0;
+const BETWEEN: f64 = 20.0;
+const LINE: f64 = 20.0;
+
+/// A sign as a legend shows it.
+#[derive(Clone, Copy)]
+pub enum Sign {
+    /// A line.
+    Line(Style),
+    /// An area.
+    Block(Style),
+    /// What is drawn about a place.
+    Mark(fn(&mut Canvas, At)),
+}
+
+/// A sign and what it means.
+pub type Entry = (Sign, String);
+
+/// Draws entries beside each other from a place on, in as many lines as they need up to the right edge; gives the
+/// height of the last line.
+pub fn legend(canvas: &mut Canvas, (left, top): At, right: f64, entries: &[Entry]) -> f64 {
+    let how = Text::PLAIN;
+    let (mut x, mut y) = (left, top);
+    for (sign, text) in entries {
+        let width = SIGN + TO_TEXT + width_of(text, how) + BETWEEN;
+        if x > left && x + width > right {
+            (x, y) = (left, y + LINE);
+        }
+        match sign {
+            Sign::Line(style) => canvas.line((x, y), (x + SIGN, y), *style),
+            Sign::Block(style) => canvas.rect((x, y - 6.0), (SIGN, 12.0), *style),
+            Sign::Mark(draw) => draw(canvas, (x + 0.5 * SIGN, y)),
+        }
+        canvas.text((x + SIGN + TO_TEXT, y + 4.0), text, how);
+        x += width;
+    }
+    y
+}

@@ -1,0 +1,47 @@
+//! The form that pictures are written in: one option of every command that draws.
+
+use std::path::{Path, PathBuf};
+
+use swerve_draw::{Format, Picture};
+use swerve_report::files::write_whole;
+
+/// How pictures are written.
+#[derive(clap::Args, Clone, Copy, Debug, Default)]
+pub struct PictureArgs {
+    /// Pictures as svg, pdf or png [default: as the file's name ends, else svg]
+    #[arg(long, value_name = "FORMAT")]
+    format: Option<Format>,
+}
+
+impl PictureArgs {
+    /// The name of the picture `stem` with the ending of its format.
+    pub fn name(self, stem: &str) -> String {
+        format!("{stem}.{}", self.format.unwrap_or_default())
+    }
+
+    /// Writes a picture into a folder; gives the file's name.
+    ///
+    /// # Errors
+    /// It cannot be drawn or written.
+    pub fn write_in(self, folder: &Path, stem: &str, picture: &Picture) -> anyhow::Result<String> {
+        let name = self.name(stem);
+        write_whole(&folder.join(&name), &picture.bytes(self.format.unwrap_or_default())?)?;
+        // What an earlier run drew in another form is not of this one.
+        for other in Format::ALL.into_iter().filter(|other| *other != self.format.unwrap_or_default()) {
+            let old: PathBuf = folder.join(format!("{stem}.{other}"));
+            if old.exists() {
+                std::fs::remove_file(&old)?;
+            }
+        }
+        Ok(name)
+    }
+
+    /// Writes a picture into the file that was asked for.
+    ///
+    /// # Errors
+    /// It cannot be drawn or written.
+    pub fn write(self, file: &Path, picture: &Picture) -> anyhow::Result<()> {
+        let format = self.format.or(Format::of(file)).unwrap_or_default();
+        write_whole(file, &picture.bytes(format)?)
+    }
+}

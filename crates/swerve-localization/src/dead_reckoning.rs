@@ -1,0 +1,121 @@
+//! How a car moved in the last seconds, by its wheels and gyroscopes: what straightens a lidar's turn, and where the next one
+//! is looked for.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use swerve_core::{Span, Time};
+
+use crate::eskf::{exp, unit};
+
+/// How far back it is known, and how far a reading is taken on.
+const KEPT: Span = Span::from_ms(3000);
+const AHEAD_S: f64 = 0.2;
+
+/// The ego origin's way since its start.
+#[derive(Clone, Debug)]
+pub struct DeadReckoning {
+    /// Where it was at each reading, in the frame of the start.
+    way: VecDeque<(Time, Isometry3<f64>)>,
+    speed_mps: f64,
+    gyro_radps: Vector3<f64>,
+}
+
+impl DeadReckoning {
+    /// Standing, at the origin of its frame.
+    pub fn new() -> Self {
+        Self { way: VecDeque::new(), speed_mps: 0.0, gyro_radps: Vector3::zeros() }
+    }
+
+    /// Speed of the rear axle by the wheels, m/s. What no car has is passed over, and so is what is older than the newest.
+    pub fn wheels(&mut self, stamp: Time, speed_mps: f64) {
+        if speed_mps.abs() <= 150.0 && self.advance(stamp) {
+            self.speed_mps = speed_mps;
+        }
+    }
+
+    /// Turn rate about the ego's axes, rad/s; the same rules.
+    pub fn gyro(&mut self, stamp: Time, gyro_radps: [f64; 3]) {
+        if gyro_radps.iter().all(|x| x.abs() <= 100.0) && self.advance(stamp) {
+            self.gyro_radps = Vector3::from(gyro_radps);
+        }
+    }
+
+    fn advance(&mut self, stamp: Time) -> bool {
+        let Some(&(last, _)) = self.way.back() else {
+            self.way.push_back((stamp, Isometry3::identity()));
+            return true;
+        };
+        if stamp <= last {
+            return stamp == last;
+        }
+        self.way.push_back((stamp, self.ahead(stamp)));
+        while self.way.front().is_some_and(|(first, _)| stamp - *first > KEPT) {
+            self.way.pop_front();
+        }
+        true
+    }
+
+    /// Where it is after the newest reading, for as long as that may hold.
+    fn ahead(&self, at: Time) -> Isometry3<f64> {
+        let Some(&(last, pose)) = self.way.back() else { return Isometry3::identity() };
+        let dt_s = (at - last).as_secs().clamp(0.0, AHEAD_S);
+        let turn = self.gyro_radps * dt_s;
+        let forward = exp(&(turn * 0.5)) * (Vector3::x() * (self.speed_mps * dt_s));
+        moved_on(&pose, &forward, &exp(&turn))
+    }
+
+    fn at(&self, at: Time) -> Isometry3<f64> {
+        let next = self.way.partition_point(|(stamp, _)| *stamp < at);
+        let Some(&(after, to)) = self.way.get(next) else { return self.ahead(at) };
+        let Some(&(before, from)) = next.checked_sub(1).and_then(|k| self.way.get(k)) else { return to };
+        let share = (at - before).as_secs() / (after - before).as_secs();
+        let between = from.inverse() * to;
+        let coords = between.rotation.coords.xyz() * (2.0 * between.rotation.coords.w.signum() * share);
+        moved_on(&from, &(between.translation.vector * share), &exp(&coords))
+    }
+
+    /// The motion between two instants, in the ego frame at the first; none before the first reading.
+    pub fn between(&self, from: Time, to: Time) -> Option<Isometry3<f64>> {
+        (!self.way.is_empty()).then(|| self.at(from).inverse() * self.at(to))
+    }
+}
+
+impl Default for DeadReckoning {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+fn moved_on(pose: &Isometry3<f64>, forward: &Vector3<f64>, turn: &UnitQuaternion<f64>) -> Isometry3<f64> {
+    let place = pose.translation.vector + pose.rotation * forward;
+    Isometry3::from_parts(Translation3::from(place), unit(pose.rotation * turn))
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_geom::math;
+
+    use super::*;
+
+    #[test]
+    fn an_arc_is_gone_along_and_what_no_car_does_is_passed_over() {
+        let mut reckoning = DeadReckoning::new();
+        let at = |ms: i64| Time::ZERO + Span::from_ms(ms);
+        assert!(reckoning.between(at(0), at(100)).is_none());
+        for ms in (0..=1000).step_by(10) {
+            reckoning.gyro(at(ms), [0.0, 0.0, 0.5]);
+            reckoning.wheels(at(ms), 10.0);
+        }
+        reckoning.wheels(at(1000), f64::NAN);
+        reckoning.gyro(at(1000), [f64::INFINITY, 0.0, 0.0]);
+        reckoning.wheels(at(400), 90.0);
+        let moved = reckoning.between(at(505), at(905)).unwrap();
+        let exact = [20.0 * math::sin(0.2), 20.0 * (1.0 - math::cos(0.2))];
+        let found = moved.translation.vector;
+        assert!((found.x - exact[0]).abs() < 1e-3 && (found.y - exact[1]).abs() < 1e-3, "{found}");
+        // A silent sensor moves nothing on for ever.
+        let far = reckoning.between(at(1000), at(60_000)).unwrap().translation.vector.norm();
+        assert!((far - 2.0).abs() < 0.01, "{far}");
+    }
+}

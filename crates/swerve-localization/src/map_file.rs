@@ -1,0 +1,216 @@
+//! A file of a voxel map, in tiles: what is near is found without reading the rest.
+//!
+//! ```text
+//! "SWERVEVX"  version u32  tiles u32  resolution_m f64  tile_m f64
+//! tiles:  x i32  y i32  voxels u32                      by x, then y
+//! voxels: index 3 x i32  count u32  mean 3 x f32  covariance 6 x f32    tile by tile, by index
+//! digest u64: FNV-1a over all before it
+//! ```
+//!
+//! The least byte is first. A map has one form: what is read and written again is the same bytes.
+
+use thiserror::Error;
+
+use crate::grid::REACH;
+use crate::voxels::{POINTS_MIN, Voxel};
+
+/// What a file begins with.
+const MAGIC: &[u8; 8] = b"SWERVEVX";
+/// Version that is written and read.
+pub const VERSION: u32 = 1;
+/// Edge of a tile, in voxels.
+const TILE_VOXELS: i32 = 64;
+const HEAD: usize = 32;
+const TILE: usize = 12;
+const VOXEL: usize = 52;
+const DIGEST: usize = 8;
+
+/// A map as a file has it.
+#[derive(Clone, PartialEq, Debug)]
+pub struct MapFile {
+    /// Edge of a voxel, metres.
+    pub resolution_m: f64,
+    /// Those with a surface, in the order of [`MapFile::new`].
+    voxels: Vec<Voxel>,
+}
+
+/// Why bytes are no map.
+#[derive(Clone, PartialEq, Eq, Debug, Error)]
+pub enum MapError {
+    /// It begins otherwise.
+    #[error("expected a voxel map of Swerve: it begins otherwise")]
+    Magic,
+    /// Another version.
+    #[error(
+        "expected a voxel map of version {VERSION}, found version {0}: build it again with `swerve map build`"
+    )]
+    Version(u32),
+    /// Shorter or longer than its header says.
+    #[error("truncated or damaged: its header makes {expected} bytes, it has {found}")]
+    Length {
+        /// Bytes by the header.
+        expected: u64,
+        /// Bytes there are.
+        found: u64,
+    },
+    /// The digest is another one.
+    #[error("damaged: its digest is {expected:016x}, that of its bytes {found:016x}")]
+    Digest {
+        /// In the file.
+        expected: u64,
+        /// Of the bytes.
+        found: u64,
+    },
+    /// The digest holds, but what is in it is no map.
+    #[error("no map: {0}")]
+    Content(&'static str),
+}
+
+impl MapFile {
+    /// A map of these voxels.
+    pub fn new(resolution_m: f64, mut voxels: Vec<Voxel>) -> Self {
+        voxels.sort_unstable_by_key(|voxel| (tile(voxel), voxel.index));
+        Self { resolution_m, voxels }
+    }
+
+    /// The voxels, tile by tile.
+    pub fn voxels(&self) -> &[Voxel] {
+        &self.voxels
+    }
+
+    /// Number of tiles.
+    pub fn tiles(&self) -> usize {
+        self.voxels.chunk_by(|a, b| tile(a) == tile(b)).count()
+    }
+
+    /// The bytes of its file.
+    pub fn write(&self) -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        let tiles: Vec<_> = self.voxels.chunk_by(|a, b| tile(a) == tile(b)).collect();
+        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend((tiles.len() as u32).to_le_bytes());
+        bytes.extend(self.resolution_m.to_le_bytes());
+        bytes.extend((self.resolution_m * f64::from(TILE_VOXELS)).to_le_bytes());
+        for of in &tiles {
+            let place = tile(&of[0]);
+            place.into_iter().for_each(|i| bytes.extend(i.to_le_bytes()));
+            bytes.extend((of.len() as u32).to_le_bytes());
+        }
+        for voxel in &self.voxels {
+            voxel.index.into_iter().for_each(|i| bytes.extend(i.to_le_bytes()));
+            bytes.extend(voxel.count.to_le_bytes());
+            voxel.mean_m.into_iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+            voxel.covariance_m2.into_iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+        }
+        bytes.extend(digest(&bytes).to_le_bytes());
+        bytes
+    }
+
+    /// The map that a file's bytes are.
+    ///
+    /// # Errors
+    /// Another version, too few bytes or too many, a flipped bit, contents that no map has.
+    pub fn read(bytes: &[u8]) -> Result<Self, MapError> {
+        if bytes.len() < MAGIC.len() || bytes[..MAGIC.len()] != *MAGIC {
+            return Err(MapError::Magic);
+        }
+        let found = bytes.len() as u64;
+        let mut head = Cursor(bytes.get(8..).unwrap_or_default());
+        let short = || MapError::Length { expected: (HEAD + DIGEST) as u64, found };
+        let version = u32::from_le_bytes(head.take().ok_or_else(short)?);
+        if version != VERSION {
+            return Err(MapError::Version(version));
+        }
+        let tiles = u32::from_le_bytes(head.take().ok_or_else(short)?);
+        let resolution_m = f64::from_le_bytes(head.take().ok_or_else(short)?);
+        let tile_m = f64::from_le_bytes(head.take().ok_or_else(short)?);
+        // Bytes are counted before anything is made of them: a count may be of any size.
+        let places: u64 = HEAD as u64 + u64::from(tiles) * TILE as u64;
+        let mut expected = places + DIGEST as u64;
+        if found < expected {
+            return Err(MapError::Length { expected, found });
+        }
+        let mut table = Vec::with_capacity(tiles as usize);
+        for _ in 0..tiles {
+            let (x, y) = (head.take().ok_or_else(short)?, head.take().ok_or_else(short)?);
+            let count = u32::from_le_bytes(head.take().ok_or_else(short)?);
+            expected += u64::from(count) * VOXEL as u64;
+            table.push(([i32::from_le_bytes(x), i32::from_le_bytes(y)], count));
+        }
+        if found != expected {
+            return Err(MapError::Length { expected, found });
+        }
+        let (body, end) = bytes.split_at(bytes.len() - DIGEST);
+        let (of_file, of_bytes) = (u64::from_le_bytes(end.try_into().unwrap_or_default()), digest(body));
+        if of_file != of_bytes {
+            return Err(MapError::Digest { expected: of_file, found: of_bytes });
+        }
+        if !((0.01..=100.0).contains(&resolution_m) && tile_m == resolution_m * f64::from(TILE_VOXELS)) {
+            return Err(MapError::Content("expected voxels of 0.01 to 100 m, and 64 of them along a tile"));
+        }
+        let mut voxels = Vec::new();
+        for (place, count) in table {
+            for _ in 0..count {
+                let voxel = voxel(&mut head).ok_or(MapError::Content("a voxel ends early"))?;
+                if tile(&voxel) != place {
+                    return Err(MapError::Content("a voxel lies in another tile than its own"));
+                }
+                voxels.push(voxel);
+            }
+        }
+        let in_order = voxels.is_sorted_by(|a, b| (tile(a), a.index) < (tile(b), b.index));
+        if !in_order {
+            return Err(MapError::Content("expected tiles and voxels in order, each once"));
+        }
+        if !voxels.iter().all(|voxel| is_sound(voxel, resolution_m)) {
+            return Err(MapError::Content("a voxel's mean or covariance is none of points in it"));
+        }
+        Ok(Self { resolution_m, voxels })
+    }
+}
+
+/// The tile of a voxel.
+fn tile(voxel: &Voxel) -> [i32; 2] {
+    [0, 1].map(|axis| voxel.index[axis].div_euclid(TILE_VOXELS))
+}
+
+fn voxel(from: &mut Cursor<'_>) -> Option<Voxel> {
+    let mut index = [0; 3];
+    for i in &mut index {
+        *i = i32::from_le_bytes(from.take()?);
+    }
+    let count = u32::from_le_bytes(from.take()?);
+    let (mut mean_m, mut covariance_m2) = ([0.0; 3], [0.0; 6]);
+    for x in mean_m.iter_mut().chain(&mut covariance_m2) {
+        *x = f32::from_le_bytes(from.take()?);
+    }
+    Some(Voxel { index, count, mean_m, covariance_m2 })
+}
+
+/// Whether points in a cube can have these moments.
+fn is_sound(voxel: &Voxel, resolution_m: f64) -> bool {
+    let within = |x: &f32, most: f64| f64::from(*x).abs() <= most;
+    voxel.index.iter().all(|i| i.unsigned_abs() <= REACH.unsigned_abs())
+        && voxel.count >= POINTS_MIN
+        && voxel.mean_m.iter().all(|x| within(x, 0.51 * resolution_m))
+        && voxel.covariance_m2.iter().all(|x| within(x, resolution_m * resolution_m))
+}
+
+fn digest(bytes: &[u8]) -> u64 {
+    let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, step)
+}
+
+/// Bytes from the front.
+struct Cursor<'a>(&'a [u8]);
+
+impl Cursor<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (first, rest) = self.0.split_first_chunk::<N>()?;
+        self.0 = rest;
+        Some(*first)
+    }
+}
+
+#[cfg(test)]
+mod tests;

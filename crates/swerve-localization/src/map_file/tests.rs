@@ -1,0 +1,78 @@
+use nalgebra::Vector3;
+use swerve_core::Rng;
+
+use super::{MapError, MapFile};
+use crate::voxels::VoxelSums;
+
+fn map() -> MapFile {
+    let mut rng = Rng::keyed(3, "map", &[]);
+    let mut sums = VoxelSums::new(1.0);
+    for _ in 0..2000 {
+        let [x, y] = [0; 2].map(|_| rng.uniform(-70.0, 70.0).trunc());
+        for _ in 0..7 {
+            sums.add(&Vector3::new(x + 0.9 * rng.unit(), y + 0.9 * rng.unit(), 0.05 * rng.unit()));
+        }
+    }
+    MapFile::new(1.0, sums.voxels())
+}
+
+#[test]
+fn a_map_is_read_as_it_was_written() {
+    let map = map();
+    assert!(map.tiles() == 16 && map.voxels().len() > 1500, "{} {}", map.tiles(), map.voxels().len());
+    let bytes = map.write();
+    let again = MapFile::read(&bytes).expect("it is a map");
+    assert_eq!(again, map);
+    assert_eq!(again.write(), bytes);
+    let empty = MapFile::new(0.5, vec![]);
+    assert_eq!(MapFile::read(&empty.write()), Ok(empty));
+}
+
+#[test]
+fn a_bit_flipped_anywhere_is_one_error() {
+    let mut bytes = map().write();
+    for at in (0..bytes.len()).step_by(97).chain(0..64) {
+        for bit in [0, 7] {
+            bytes[at] ^= 1 << bit;
+            let told = MapFile::read(&bytes).expect_err("a bit is another");
+            assert!(!told.to_string().contains('\n'), "{told}");
+            bytes[at] ^= 1 << bit;
+        }
+    }
+    assert!(MapFile::read(&bytes).is_ok());
+}
+
+#[test]
+fn what_is_cut_or_of_another_version_is_told_so() {
+    let bytes = map().write();
+    for len in (0..bytes.len()).step_by(101).chain(0..80) {
+        let told = MapFile::read(&bytes[..len]);
+        assert!(matches!(told, Err(MapError::Magic | MapError::Length { .. })), "{len}: {told:?}");
+    }
+    let longer = [bytes.as_slice(), b"x"].concat();
+    assert!(matches!(MapFile::read(&longer), Err(MapError::Length { .. })));
+    let mut newer = bytes;
+    newer[8] = 2;
+    assert_eq!(MapFile::read(&newer), Err(MapError::Version(2)));
+}
+
+/// The digest holds, the contents do not.
+#[test]
+fn a_whole_file_with_impossible_voxels_is_refused() {
+    let good = map();
+    let change = |change: fn(&mut MapFile)| {
+        let mut map = good.clone();
+        change(&mut map);
+        MapFile::read(&map.write())
+    };
+    let cases = [
+        change(|map| map.voxels[0].mean_m[1] = f32::NAN),
+        change(|map| map.voxels[5].covariance_m2[0] = 1e9),
+        change(|map| map.voxels[5].count = 1),
+        change(|map| map.resolution_m = f64::INFINITY),
+        change(|map| map.voxels.swap(0, 1)),
+    ];
+    for case in cases {
+        assert!(matches!(case, Err(MapError::Content(_))), "{case:?}");
+    }
+}

@@ -1,0 +1,186 @@
+//! A lidar followed on a map, turn by turn, from a rough guess or from none.
+//!
+//! A turn is straightened by what wheels and gyroscopes say of it, and matched from where they say it is. At the start, and
+//! again after turns that did not match, poses are drawn around the guess; the likeliest of them are climbed from.
+
+use nalgebra::{Isometry3, Vector3};
+use swerve_core::Rng;
+
+use crate::downsampled;
+use crate::eskf::{exp, unit};
+use crate::map_file::MapFile;
+use crate::ndt::{self, Limits, Matched};
+use crate::odometry::deskewed;
+use crate::voxels::{VoxelMap, coarser};
+
+/// A scan has a point of each cube of this size, metres, and at most so many points.
+const THIN_M: f64 = 1.0;
+const POINTS_MAX: usize = 20_000;
+/// Fewer are no scan.
+const POINTS_MIN: usize = 50;
+/// Points that drawn poses are compared by.
+const FEW: usize = 400;
+/// Poses that are climbed from.
+const CLIMBED: usize = 12;
+/// They are at least so far from each other, metres or radians.
+const APART: [f64; 2] = [0.7, 0.15];
+/// A match is one where so many of the points lie on something, and so well.
+const OVERLAP_MIN: f64 = 0.6;
+const LIKELIHOOD_MIN: f64 = 0.3;
+/// A match further from where it was looked for is another place that looks alike, metres and radians.
+const TRUSTED: [f64; 2] = [1.0, 0.1];
+/// Turns without a match in a row after which poses are drawn again.
+const PATIENCE: u32 = 5;
+/// What is not known after those, metres and radians.
+const ASTRAY: [f64; 2] = [1.5, 0.1];
+
+/// Where a lidar may be.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Guess {
+    /// From the lidar's frame to the map's.
+    pub map_from_lidar: Isometry3<f64>,
+    /// Standard deviation of east and of north, metres.
+    pub sigma_m: f64,
+    /// Standard deviation of the heading, radians; from 2 on it may be any.
+    pub sigma_rad: f64,
+    /// Poses that are drawn.
+    pub particles: u32,
+}
+
+/// A lidar on a map.
+#[derive(Clone, Debug)]
+pub struct Matcher {
+    /// The coarsest first.
+    levels: [VoxelMap; 3],
+    seed: u64,
+    at: Guess,
+    searches: i64,
+    /// Turns without a match in a row; none before the first match.
+    missed: Option<u32>,
+}
+
+impl Matcher {
+    /// One that is to look around a guess at first.
+    pub fn new(map: &MapFile, seed: u64, guess: Guess) -> Self {
+        let level = |factor: i32| {
+            let resolution_m = map.resolution_m * f64::from(factor);
+            VoxelMap::new(resolution_m, &coarser(map.voxels(), map.resolution_m, factor))
+        };
+        Self { levels: [level(4), level(2), level(1)], seed, at: guess, searches: 0, missed: None }
+    }
+
+    /// Where it is, or is taken to be.
+    pub fn pose(&self) -> Isometry3<f64> {
+        self.at.map_from_lidar
+    }
+
+    /// Whether the last turns matched.
+    pub fn is_found(&self) -> bool {
+        self.missed.is_some_and(|turns| turns < PATIENCE)
+    }
+
+    /// The next turn, of points in the lidar's frame at the instant of each and the share of the turn from its end, -1 to 0;
+    /// how the lidar moved over it, and how since the end of the turn before. None where it does not match: then it is taken
+    /// to be where the motion leads.
+    pub fn take(
+        &mut self,
+        points: impl IntoIterator<Item = (Vector3<f64>, f64)>,
+        over_turn: &Isometry3<f64>,
+        since_last: &Isometry3<f64>,
+    ) -> Option<Matched> {
+        let mut scan = downsampled(&deskewed(points, over_turn), THIN_M);
+        if scan.len() > POINTS_MAX {
+            let every = scan.len().div_ceil(POINTS_MAX);
+            scan = scan.into_iter().step_by(every).collect();
+        }
+        self.at.map_from_lidar = sound(self.at.map_from_lidar * since_last)?;
+        let found = if scan.len() < POINTS_MIN { None } else { self.matched(&scan) };
+        match &found {
+            Some(found) => {
+                self.at.map_from_lidar = found.map_from_scan;
+                self.missed = Some(0);
+            }
+            None => self.missed = self.missed.map(|turns| turns.saturating_add(1)),
+        }
+        found
+    }
+
+    fn matched(&mut self, scan: &[Vector3<f64>]) -> Option<Matched> {
+        let guess = self.at.map_from_lidar;
+        if self.is_found() {
+            let near = |found: &Matched| {
+                let off = guess.inverse() * found.map_from_scan;
+                off.translation.vector.norm() < TRUSTED[0] && off.rotation.vector().norm() < 0.5 * TRUSTED[1]
+            };
+            let [_, middle, fine] = &self.levels;
+            // Most turns are where they are looked for: the fine map alone says so.
+            let at_once = ndt::align(&[fine], scan, &guess, &Limits::default());
+            let found = at_once.filter(is_match).filter(near);
+            return found.or_else(|| {
+                let again = ndt::align(&[middle, fine], scan, &guess, &Limits::default());
+                again.filter(is_match).filter(near)
+            });
+        }
+        let again = self.missed.map(|turns| f64::from(turns - PATIENCE + 1).sqrt());
+        let around = again.map_or(self.at, |grown| Guess {
+            sigma_m: ASTRAY[0] * grown,
+            sigma_rad: ASTRAY[1] * grown.min(10.0),
+            ..self.at
+        });
+        self.searches += 1;
+        let mut rng = Rng::keyed(self.seed, "poses of a lidar", &[self.searches]);
+        search(&self.levels, scan, &around, &mut rng).filter(is_match)
+    }
+}
+
+fn is_match(found: &Matched) -> bool {
+    found.overlap >= OVERLAP_MIN && found.likelihood >= LIKELIHOOD_MIN
+}
+
+/// A pose with a rotation of length 1; none where it is none.
+fn sound(pose: Isometry3<f64>) -> Option<Isometry3<f64>> {
+    let rotation = unit(pose.rotation);
+    let numbers = pose.translation.vector.iter().chain(rotation.coords.iter());
+    numbers.copied().all(f64::is_finite).then(|| Isometry3::from_parts(pose.translation, rotation))
+}
+
+fn are_near(a: &Isometry3<f64>, b: &Isometry3<f64>) -> bool {
+    let off = a.inverse() * b;
+    off.translation.vector.norm() < APART[0] && off.rotation.vector().norm() < 0.5 * APART[1]
+}
+
+/// The best match of a scan among those from poses drawn around a guess, which is one of them.
+fn search(levels: &[VoxelMap; 3], scan: &[Vector3<f64>], around: &Guess, rng: &mut Rng) -> Option<Matched> {
+    let [coarse, middle, fine] = levels;
+    let few: Vec<_> = scan.iter().step_by(scan.len().div_ceil(FEW).max(1)).copied().collect();
+    let mut drawn = vec![around.map_from_lidar];
+    for _ in 0..around.particles {
+        let (east, north) = (around.sigma_m * rng.normal(), around.sigma_m * rng.normal());
+        let any = core::f64::consts::PI;
+        let turn =
+            if around.sigma_rad < 2.0 { around.sigma_rad * rng.normal() } else { rng.uniform(-any, any) };
+        let mut pose = around.map_from_lidar;
+        pose.translation.vector += Vector3::new(east, north, 0.0);
+        pose.rotation = exp(&Vector3::new(0.0, 0.0, turn)) * pose.rotation;
+        drawn.push(pose);
+    }
+    let score = |pose: &Isometry3<f64>| ndt::likelihood(middle, &few, pose);
+    let mut scored: Vec<_> = drawn.iter().map(|pose| (score(pose), pose)).collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut chosen: Vec<&Isometry3<f64>> = Vec::new();
+    for (_, pose) in &scored {
+        // Neighbours climb to the same place.
+        if chosen.len() < CLIMBED && chosen.iter().all(|other| !are_near(other, pose)) {
+            chosen.push(pose);
+        }
+    }
+    let climbed = chosen.into_iter().filter_map(|pose| {
+        // A few points lead to the place, all of them find it.
+        let near = ndt::align(&[coarse, middle, fine], &few, pose, &Limits::default())?;
+        ndt::align(&[fine], scan, &near.map_from_scan, &Limits::default())
+    });
+    climbed.max_by(|a, b| (a.likelihood * a.overlap).total_cmp(&(b.likelihood * b.overlap)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,102 @@
+use nalgebra::{Isometry3, Vector3};
+
+use super::{Guess, Matcher};
+use crate::eskf::exp;
+use crate::map_file::MapFile;
+use crate::ndt::tests::yard;
+use crate::voxels::VoxelSums;
+
+fn map(points: &[Vector3<f64>]) -> MapFile {
+    let mut sums = VoxelSums::new(1.0);
+    points.iter().for_each(|point| sums.add(point));
+    MapFile::new(1.0, sums.voxels())
+}
+
+fn pose(x: f64, y: f64, yaw: f64) -> Isometry3<f64> {
+    Isometry3::from_parts(Vector3::new(x, y, 1.5).into(), exp(&Vector3::new(0.0, 0.0, yaw)))
+}
+
+fn turn(points: &[Vector3<f64>], from: &Isometry3<f64>) -> Vec<(Vector3<f64>, f64)> {
+    let inverse = from.inverse();
+    points.iter().step_by(3).map(|p| (inverse.rotation * p + inverse.translation.vector, 0.0)).collect()
+}
+
+fn guess(at: Isometry3<f64>, sigma_m: f64, sigma_rad: f64, particles: u32) -> Guess {
+    Guess { map_from_lidar: at, sigma_m, sigma_rad, particles }
+}
+
+fn off(matcher: &Matcher, truth: &Isometry3<f64>) -> [f64; 2] {
+    let off = truth.inverse() * matcher.pose();
+    [off.translation.vector.norm(), off.rotation.angle()]
+}
+
+#[test]
+fn a_way_is_followed_from_a_rough_start_and_taken_up_after_a_gap() {
+    let points = yard(false);
+    let map = map(&points);
+    let still = Isometry3::identity();
+    let mut matcher = Matcher::new(&map, 1, guess(pose(1.5, -1.0, 0.08), 1.5, 0.09, 200));
+    let (mut last, mut same) = (pose(0.0, 0.0, 0.0), None);
+    for k in 0..30 {
+        let truth = pose(0.2 * f64::from(k), 0.0, 0.01 * f64::from(k));
+        let moved = if k == 0 { still } else { last.inverse() * truth };
+        last = truth;
+        // Wheels are 2 % off; in between there is nothing to be seen.
+        let told = Isometry3::from_parts((moved.translation.vector * 1.02).into(), moved.rotation);
+        let blind = (10..18).contains(&k);
+        let seen = if blind { Vec::new() } else { turn(&points, &truth) };
+        let found = matcher.take(seen, &still, &told);
+        assert_eq!(found.is_none(), blind, "{k}");
+        let [m, rad] = off(&matcher, &truth);
+        assert!(m < if blind { 0.15 } else { 0.05 } && rad < 0.005, "{k}: {m} m, {rad} rad");
+        same = found;
+    }
+    let mut again = Matcher::new(&map, 1, guess(last, 0.5, 0.05, 50));
+    let first = again.take(turn(&points, &last), &still, &still).unwrap();
+    let difference = first.map_from_scan.inverse() * same.unwrap().map_from_scan;
+    assert!(difference.translation.vector.norm() < 0.02);
+}
+
+#[test]
+fn it_finds_its_place_without_a_heading_and_by_the_same_bits_each_time() {
+    let points = yard(false);
+    let map = map(&points);
+    let truth = pose(3.0, -1.0, 2.2);
+    let still = Isometry3::identity();
+    let find = || {
+        let mut matcher = Matcher::new(&map, 3, guess(pose(0.0, 0.0, 0.0), 3.0, 3.0, 4000));
+        let found = matcher.take(turn(&points, &truth), &still, &still);
+        (found, matcher)
+    };
+    let (found, matcher) = find();
+    let [m, rad] = off(&matcher, &truth);
+    assert!(found.is_some() && m < 0.05 && rad < 0.01, "{m} m, {rad} rad");
+    assert_eq!(find().0, found);
+}
+
+#[test]
+fn bad_scans_match_nothing_and_spoil_nothing() {
+    let points = yard(false);
+    let map = map(&points);
+    let still = Isometry3::identity();
+    let truth = pose(0.0, 0.0, 0.0);
+    let mut matcher = Matcher::new(&map, 1, guess(truth, 0.5, 0.05, 50));
+    assert!(matcher.take(turn(&points, &truth), &still, &still).is_some());
+    let nowhere = [
+        Vector3::new(f64::NAN, 1.0, 0.0),
+        Vector3::new(f64::INFINITY, 0.0, 1.0),
+        Vector3::new(1e300, 0.0, 0.0),
+    ];
+    let wild = nowhere.iter().cycle().take(3000).map(|point| (*point, f64::NAN));
+    assert!(matcher.take(wild, &still, &still).is_none());
+    let no_motion = Isometry3::translation(f64::NAN, 0.0, 0.0);
+    assert!(matcher.take(turn(&points, &truth), &no_motion, &no_motion).is_none());
+    assert!(matcher.take(turn(&points, &truth), &still, &still).is_some());
+    // Ten million points in a cloud of a few metres, and one that fills all of the lidar's range: both end.
+    let many = (0..10_000_000_u32).map(|k| {
+        let at = |times: u32| f64::from(k.wrapping_mul(times) % 1000) * 0.008 - 4.0;
+        (Vector3::new(at(7919), at(104_729), at(1_299_709)), -0.5)
+    });
+    let _ = matcher.take(many, &still, &still);
+    assert!(matcher.pose().translation.vector.norm() < 3.0);
+}

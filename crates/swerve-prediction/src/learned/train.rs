@@ -1,0 +1,203 @@
+//! How nets learn from recorded tracks.
+
+use serde::Deserialize;
+use swerve_core::{Rng, Span};
+use swerve_msg::TrackList;
+
+use super::{Model, Net, PAST, Shape, Sight, mfp, multipath, r2p2, sights, straight_on};
+use crate::net::{Adam, Matrix, Shapes, Weights, drawn};
+use crate::predictor::seen;
+use crate::recorded::{Protocol, Recording, Scene};
+
+/// How a net is trained.
+#[derive(Clone, Copy, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Learning {
+    /// Of weights, order and changes.
+    pub seed: u64,
+    /// Steps of Adam.
+    pub steps: usize,
+    /// Examples of each step.
+    pub batch: usize,
+    /// Rate of the first step; it falls to nothing as a cosine does.
+    pub rate: f32,
+    /// Deviation of the logarithm of the size that an example is stretched to.
+    pub stretch: f32,
+    /// Deviation of what is added to each step of the past, in the scale (1 m on foot, 5 m on wheels).
+    pub noise: f32,
+    /// Share of distance in place of density in what moves the path of a mode, 0 to 1; of `multipath`.
+    #[serde(default)]
+    pub distance: f32,
+}
+
+/// Why nothing is learnt.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum LearningError {
+    /// A number is out of range.
+    #[error("{0}")]
+    Number(String),
+    /// There is nothing to learn from.
+    #[error("expected tracks that are as long as the past and the steps ahead, found none")]
+    Empty,
+}
+
+/// One actor at one instant, and what happened.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Example {
+    pub(crate) sight: Sight,
+    /// Where it was after each step, in its own frame.
+    pub(crate) truth: Vec<[f32; 2]>,
+    /// The same of those near.
+    pub(crate) others: Vec<Vec<[f32; 2]>>,
+}
+
+impl Example {
+    /// What happened beside going straight on, x before y.
+    pub(crate) fn beside(&self) -> Vec<f32> {
+        let beside = |(step, at): (usize, &[f32; 2])| {
+            let on = straight_on(&self.sight, step);
+            [at[0] - on[0], at[1] - on[1]]
+        };
+        self.truth.iter().enumerate().flat_map(beside).collect()
+    }
+
+    /// The same at another size, perhaps mirrored, and not seen as well.
+    fn changed(&self, rng: &mut Rng, learning: &Learning) -> Self {
+        let by = libm::expf(learning.stretch * rng.normal() as f32);
+        let side = if rng.unit() < 0.5 { by } else { -by };
+        let changed = |[x, y]: [f32; 2]| [by * x, side * y];
+        let mut one = self.clone();
+        for step in one.sight.own.chunks_exact_mut(2) {
+            let [x, y] = changed([step[0], step[1]]);
+            step[0] = x + learning.noise * rng.normal() as f32;
+            step[1] = y + learning.noise * rng.normal() as f32;
+        }
+        for near in &mut one.sight.near {
+            (near.at, near.pace) = (changed(near.at), changed(near.pace));
+        }
+        one.truth.iter_mut().chain(one.others.iter_mut().flatten()).for_each(|at| *at = changed(*at));
+        one
+    }
+}
+
+/// Everybody in recordings who is seen for long enough, at every so many sightings.
+pub fn examples(recordings: &[Recording], shape: &Shape, stride: usize) -> Vec<Example> {
+    let mut all = Vec::new();
+    for recording in recordings {
+        let each = (shape.step_s() / recording.step.as_secs()).round().max(1.0) as usize;
+        let protocol = Protocol { stride, ..Protocol::whole((PAST - 1) * each + 1, shape.steps * each) };
+        for scene in recording.scenes(&protocol) {
+            of_scene(&scene, shape, each, &mut all);
+        }
+    }
+    all
+}
+
+fn of_scene(scene: &Scene, shape: &Shape, each: usize, all: &mut Vec<Example>) {
+    let tracks: &TrackList = &scene.tracks;
+    let step = Span::from_ms(i64::from(shape.step_ms));
+    let seen = seen(tracks);
+    let sights = sights(&seen, tracks.stamp, step);
+    let truth = |k: usize| {
+        let window = scene.windows.binary_search_by_key(&seen[k].track.id, |window| window.id).ok()?;
+        Some(scene.windows[window].truth.iter().skip(each - 1).step_by(each))
+    };
+    for (k, sight) in sights.iter().enumerate() {
+        let Some(own) = truth(k) else { continue };
+        // Who is not there to the end is taken to go on.
+        let other = |near: &super::sight::Near| match truth(near.who) {
+            Some(places) => places.map(|at| sight.frame.place(*at)).collect(),
+            None => (1..=shape.steps)
+                .map(|step| [0, 1].map(|i| near.at[i] + near.pace[i] * step as f32))
+                .collect(),
+        };
+        all.push(Example {
+            truth: own.map(|at| sight.frame.place(*at)).collect(),
+            others: sight.near.iter().map(other).collect(),
+            sight: sight.clone(),
+        });
+    }
+}
+
+/// What is told while a net learns: the step and its loss.
+pub type Progress<'a> = &'a mut dyn FnMut(usize, f32);
+
+/// A net that has learnt; the same bytes for the same examples, shape and seed. `source` tells where it comes from.
+///
+/// # Errors
+/// A number out of range, or nothing to learn from.
+pub fn train(
+    source: String,
+    shape: Shape,
+    (examples, learning): (&[Example], &Learning),
+    told: Progress<'_>,
+) -> Result<Weights, LearningError> {
+    learning.check().and(shape.check()).map_err(LearningError::Number)?;
+    if examples.is_empty() {
+        return Err(LearningError::Empty);
+    }
+    let mut shapes = Shapes::default();
+    let net = Net::of(&shape, &mut shapes);
+    let mut matrices = drawn(&shapes.list(), learning.seed);
+    let mut adam = Adam::new(&matrices);
+    let mut rng = Rng::keyed(learning.seed, "order", &[]);
+    let anchors = match shape.model {
+        Model::Multipath => multipath::anchors(&shape, examples, learning.seed),
+        _ => Vec::new(),
+    };
+    let mut order: Vec<usize> = Vec::new();
+    for step in 0..learning.steps {
+        let batch: Vec<Example> = (0..learning.batch)
+            .map(|_| {
+                if order.is_empty() {
+                    order = shuffled(examples.len(), &mut rng);
+                }
+                examples[order.pop().expect("there are examples")].changed(&mut rng, learning)
+            })
+            .collect();
+        let (loss, gradients) = loss(&net, (&shape, &anchors), &matrices, (&batch, learning.distance));
+        let share = step as f32 / learning.steps as f32;
+        let rate = learning.rate * 0.5 * (1.0 + libm::cosf(core::f32::consts::PI * share));
+        adam.step(&mut matrices, &gradients, rate);
+        told(step, loss);
+    }
+    Ok(Weights { source, shape, anchors, matrices })
+}
+
+/// The loss of a batch, and the gradients of the weights.
+pub(super) fn loss(
+    net: &Net,
+    (shape, anchors): (&Shape, &[Vec<f32>]),
+    matrices: &[Matrix],
+    (batch, by_distance): (&[Example], f32),
+) -> (f32, Vec<Matrix>) {
+    match net {
+        Net::Multipath(layers) => multipath::loss(layers, (shape, anchors), matrices, (batch, by_distance)),
+        Net::Mfp(layers) => mfp::loss(layers, shape, matrices, batch),
+        Net::R2p2(layers) => r2p2::loss(layers, shape, matrices, batch),
+    }
+}
+
+/// The numbers below `n` in an order by chance (Fisher and Yates).
+fn shuffled(n: usize, rng: &mut Rng) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..n).collect();
+    for k in (1..n).rev() {
+        order.swap(k, rng.below(k + 1));
+    }
+    order
+}
+
+impl Learning {
+    fn check(&self) -> Result<(), String> {
+        let within = |name: &str, found: f64, [low, high]: [f64; 2]| {
+            let fits = (low..=high).contains(&found);
+            fits.then_some(()).ok_or_else(|| format!("`{name}` is {found}, expected {low} to {high}"))
+        };
+        within("steps", self.steps as f64, [1.0, 1e6])?;
+        within("batch", self.batch as f64, [1.0, 4096.0])?;
+        within("rate", self.rate.into(), [1e-6, 0.1])?;
+        within("stretch", self.stretch.into(), [0.0, 1.0])?;
+        within("noise", self.noise.into(), [0.0, 1.0])?;
+        within("distance", self.distance.into(), [0.0, 1.0])
+    }
+}

@@ -1,0 +1,116 @@
+//! Files of weights: eight letters, a version, the digest (XXH3) of the rest, and the rest in postcard's form.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Digest, Hasher};
+use thiserror::Error;
+
+use super::Matrix;
+use crate::learned::Net;
+use crate::learned::Shape;
+
+const MAGIC: &[u8] = b"SWERVNET";
+const VERSION: u8 = 1;
+
+/// What is wrong with a file of weights.
+#[derive(Clone, PartialEq, Eq, Debug, Error)]
+pub enum WeightsError {
+    /// Its first bytes are something else's.
+    #[error("no weights of a predictor: expected a file that begins with `SWERVNET`")]
+    Foreign,
+    /// It is of a version that is not known.
+    #[error("weights of version {0}, expected {VERSION}")]
+    Version(u8),
+    /// Its digest is another one.
+    #[error("damaged weights: their digest is {found}, expected {expected}")]
+    Damaged {
+        /// Of what is there.
+        found: Digest,
+        /// What the file says.
+        expected: Digest,
+    },
+    /// It is whole, but makes no sense.
+    #[error("weights that make no sense: {0}")]
+    Content(String),
+}
+
+/// A predictor that was learnt.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Weights {
+    /// Where it comes from, in words.
+    pub source: String,
+    /// What it is.
+    pub shape: Shape,
+    /// Paths that modes start from: the place at each step beside going straight on, x before y, in units of the scale.
+    pub(crate) anchors: Vec<Vec<f32>>,
+    /// Layer by layer, as the shape has them.
+    pub(crate) matrices: Vec<Matrix>,
+}
+
+impl Weights {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Where it is none, or not whole, or of another shape than it says.
+    pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
+        let rest = bytes.strip_prefix(MAGIC).ok_or(WeightsError::Foreign)?;
+        let (&version, rest) = rest.split_first().ok_or(WeightsError::Foreign)?;
+        if version != VERSION {
+            return Err(WeightsError::Version(version));
+        }
+        let (sum, rest) = rest.split_first_chunk().map_or((0, &[][..]), |(s, r)| (u64::from_le_bytes(*s), r));
+        let (found, expected) = (digest(rest), Digest(sum));
+        if found != expected {
+            return Err(WeightsError::Damaged { found, expected });
+        }
+        let weights: Self =
+            postcard::from_bytes(rest).map_err(|_| WeightsError::Content("cut short".to_owned()))?;
+        weights.check().map_err(WeightsError::Content)?;
+        Ok(weights)
+    }
+
+    /// The bytes of a file.
+    ///
+    /// # Panics
+    /// Never: what is stored is plain numbers and text.
+    pub fn write(&self) -> Vec<u8> {
+        let rest = postcard::to_allocvec(self).expect("numbers and text are always written");
+        [MAGIC, &[VERSION], &digest(&rest).0.to_le_bytes(), &rest].concat()
+    }
+
+    /// How many numbers were learnt.
+    pub fn count(&self) -> usize {
+        self.matrices.iter().map(|one| one.values.len()).sum()
+    }
+
+    fn check(&self) -> Result<(), String> {
+        self.shape.check()?;
+        let expected = Net::shapes(&self.shape);
+        let found: Vec<[usize; 2]> = self.matrices.iter().map(|one| [one.rows, one.columns]).collect();
+        if found != expected {
+            return Err(format!("expected matrices of {expected:?}, found {found:?}"));
+        }
+        if let Some(bad) = self.matrices.iter().find(|one| one.rows * one.columns != one.values.len()) {
+            return Err(format!(
+                "a matrix of {} by {} has {} numbers",
+                bad.rows,
+                bad.columns,
+                bad.values.len()
+            ));
+        }
+        let [modes, long] = self.shape.anchors();
+        if self.anchors.len() != modes || self.anchors.iter().any(|one| one.len() != long) {
+            return Err(format!("expected {modes} anchors of {long} numbers"));
+        }
+        let numbers = self.matrices.iter().flat_map(|one| &one.values).chain(self.anchors.iter().flatten());
+        match numbers.into_iter().find(|one| one.is_nan() || one.abs() >= 1e4) {
+            Some(bad) => Err(format!("expected numbers below 10000, found {bad}")),
+            None => Ok(()),
+        }
+    }
+}
+
+fn digest(bytes: &[u8]) -> Digest {
+    let mut hasher = Hasher::new();
+    hasher.bytes(bytes);
+    hasher.digest()
+}

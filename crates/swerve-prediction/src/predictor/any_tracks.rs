@@ -1,0 +1,78 @@
+//! Whatever tracks there are, what is predicted of them is a prediction.
+
+use proptest::prelude::*;
+use swerve_core::{Span, Time};
+use swerve_geom::{Point2, Pose2, Vector2};
+use swerve_msg::{ActorId, ActorKind, Extent, Sighting, Track, TrackList};
+
+use super::{Horizon, PredictorName, forecast};
+
+/// One sighting after the one before: how much later (or earlier), and how far off; seldom a leap.
+fn sighting() -> impl Strategy<Value = (i64, f64, f64)> {
+    let later_ms = prop_oneof![8 => Just(50_i64), 2 => 0_i64..3000, 1 => -500_i64..0];
+    let off_m = prop_oneof![12 => -2.0..2.0, 1 => -1e6..1e6, 1 => Just(0.0), 1 => Just(1e-300)];
+    (later_ms, off_m.clone(), off_m).boxed()
+}
+
+fn track() -> impl Strategy<Value = Track> {
+    let kind = prop_oneof![
+        Just(ActorKind::Pedestrian),
+        Just(ActorKind::Car),
+        Just(ActorKind::Truck),
+        Just(ActorKind::Cyclist),
+        Just(ActorKind::Static),
+    ];
+    let number =
+        prop_oneof![20 => -200.0..200.0, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(1e300)];
+    let size = prop_oneof![20 => 0.1..20.0, 1 => Just(0.0), 1 => Just(f64::NAN)];
+    let past = prop::collection::vec(sighting(), 0..40);
+    (0_u32..6, kind, [number.clone(), number.clone(), number.clone(), number], [size.clone(), size], past)
+        .prop_map(|(id, kind, [x_m, y_m, vx, vy], [length_m, width_m], past)| {
+            let (mut at_ms, mut place) = (0_i64, Point2::new(x_m, y_m));
+            let mut history: Vec<Sighting> = past
+                .into_iter()
+                .map(|(later_ms, x, y)| {
+                    at_ms += later_ms;
+                    place = place + Vector2::new(x, y);
+                    Sighting { at: Time::from_ms(at_ms), point: place }
+                })
+                .collect();
+            // The newest is about now.
+            history.iter_mut().for_each(|one| one.at = one.at - Span::from_ms(at_ms));
+            let extent = Extent { length_m, width_m, height_m: 1.5 };
+            let pose = Pose2::new(place.x_m, place.y_m, 0.3);
+            Track { id: ActorId(id), kind, pose, extent, velocity_mps: Vector2::new(vx, vy), history }
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Gaps, leaps, stamps that go back, numbers that are none, one identity twice: everybody who can be on a road has
+    /// modes whose probabilities sum to 1, at the instants that were asked for, with finite places and true covariances.
+    #[test]
+    fn what_is_predicted_is_a_prediction(tracks in prop::collection::vec(track(), 0..8)) {
+        let list = TrackList { stamp: Time::ZERO, tracks };
+        let horizon = Horizon { steps: 12, step: Span::from_ms(250) };
+        let plausible: Vec<ActorId> =
+            list.tracks.iter().filter(|track| track.is_plausible()).map(|track| track.id).collect();
+        for name in PredictorName::ALL.into_iter().chain([PredictorName::Truth]) {
+            let found = forecast(name, &list, &horizon, None);
+            let ids: Vec<ActorId> = found.forecasts.iter().map(|one| one.id).collect();
+            prop_assert_eq!(&ids, &plausible, "{:?}", name);
+            for mode in found.forecasts.iter().flat_map(|one| &one.modes) {
+                prop_assert_eq!(mode.path.len(), 13);
+                for (k, at) in mode.path.iter().enumerate() {
+                    let [xx, xy, yy] = at.covariance_m2;
+                    prop_assert_eq!(at.at, Time::ZERO + horizon.step * k as i64);
+                    prop_assert!(at.pose.is_finite(), "{name:?}: {at:?}");
+                    prop_assert!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy, "{name:?}: {at:?}");
+                }
+            }
+            for one in &found.forecasts {
+                let sum: f64 = one.modes.iter().map(|mode| mode.probability).sum();
+                prop_assert!((sum - 1.0).abs() < 1e-9, "{name:?}: {sum}");
+            }
+        }
+    }
+}

@@ -1,0 +1,343 @@
+//! The node in a process of its own.
+//!
+//! What speaks RTPS reads whatever anybody sends, and takes the memory that a datagram asks for: RustDDS 0.15 can be
+//! made to abort by one. So it runs in a process with a bound on its memory, and who drives, brakes and records does
+//! not. [`Transport`] has the functions of a [`Bridge`](crate::bridge::Bridge). When the process ends or hangs, that is
+//! told ([`Transport::take_losses`]), a fresh one is started at once, and what is published from then on goes through it.
+//!
+//! ```text
+//!  program: Transport --- socket, frames of a bounded length --- process: Bridge --- DDS
+//! ```
+
+mod frame;
+mod process;
+mod session;
+
+use std::collections::BTreeMap;
+use std::net::Shutdown;
+use std::os::unix::net::UnixStream;
+use std::process::Command;
+use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+pub use self::process::run;
+
+use self::frame::Order;
+use self::session::watch;
+use crate::bridge::{
+    BridgeError, Direction, Endpoint, EndpointId, Options, PUBLISH_WAIT, PublishError, Received,
+    ServiceError, TopicStatistics,
+};
+use crate::cdr;
+use crate::inbox::Inbox;
+use crate::message::AnyMessage;
+
+/// How long a process may take to make its node.
+const START_WITHIN: Duration = Duration::from_secs(10);
+/// How long the process may take to count.
+const COUNT_WITHIN: Duration = Duration::from_millis(500);
+/// Messages on their way to the process at most: what waits longer is old.
+const WINDOW: usize = 32;
+/// Messages that wait here for who takes them, at most.
+const DEPTH_MAX: usize = 1000;
+
+/// How the process is started.
+pub struct TransportProcess {
+    /// The command that ends in [`run`].
+    pub command: Box<dyn Fn() -> Command + Send>,
+    /// The memory that it may take, MiB.
+    pub memory_mib: u32,
+}
+
+/// A node with its topics, in a process of its own. Ends that when it is dropped.
+pub struct Transport {
+    endpoints: Vec<Endpoint>,
+    shared: Arc<Shared>,
+    watch: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    news: Condvar,
+}
+
+/// What the threads share.
+#[derive(Default)]
+struct State {
+    inboxes: Vec<Inbox<Received>>,
+    /// Where the next search for a message begins.
+    search_from: usize,
+    /// Counts of the process that runs.
+    counts: Vec<TopicStatistics>,
+    /// Counts of those before it.
+    earlier: Vec<TopicStatistics>,
+    /// Messages that no process was there for, or that it was too slow for, by endpoint.
+    not_handed_on: Vec<u64>,
+    /// The process, while there is one with a node.
+    session: Option<Session>,
+    /// Messages that it has not taken yet.
+    on_their_way: usize,
+    asked: u64,
+    answers: BTreeMap<u64, Result<bool, String>>,
+    modes: Vec<u8>,
+    /// Why processes ended, as far as nobody took it yet.
+    losses: Vec<String>,
+    lost: u64,
+    /// Whether the first one came up.
+    began: Option<Result<(), String>>,
+    is_ending: bool,
+    has_ended: bool,
+    /// How often a process has counted because it was asked to.
+    counted: u64,
+}
+
+/// The way to a process.
+struct Session {
+    orders: SyncSender<Order>,
+    socket: UnixStream,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // A panic while it was held would be a bug of ours in plain bookkeeping: what is there is still whole.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wait(
+        &self,
+        timeout: Duration,
+        mut reached: impl FnMut(&State) -> bool,
+    ) -> (MutexGuard<'_, State>, bool) {
+        let waited = self.news.wait_timeout_while(self.lock(), timeout, |state| !reached(state));
+        let (state, result) = waited.unwrap_or_else(PoisonError::into_inner);
+        (state, !result.timed_out())
+    }
+}
+
+impl Transport {
+    /// Starts a process with a node, and waits until that is there.
+    ///
+    /// # Errors
+    /// As [`Bridge::start`](crate::bridge::Bridge::start), and when the process does not come up.
+    pub fn start(options: &Options, process: TransportProcess) -> Result<Self, BridgeError> {
+        let n = options.endpoints.len();
+        let depth = |endpoint: &Endpoint| Inbox::new(endpoint.qos.depth.min(DEPTH_MAX), None);
+        let state = State {
+            inboxes: options.endpoints.iter().map(depth).collect(),
+            not_handed_on: vec![0; n],
+            ..State::default()
+        };
+        let shared = Arc::new(Shared { state: Mutex::new(state), news: Condvar::new() });
+        let thread = thread::Builder::new().name("swerve-ros2-watch".to_owned()).spawn({
+            let (shared, options) = (Arc::clone(&shared), options.clone());
+            move || {
+                watch(&shared, &options, &process);
+                shared.lock().has_ended = true;
+                shared.news.notify_all();
+            }
+        })?;
+        let transport = Self { endpoints: options.endpoints.clone(), shared, watch: Some(thread) };
+        let (mut state, _) = transport.shared.wait(START_WITHIN, |state| state.began.is_some());
+        let refused = |reason| BridgeError::Transport { at: "process".to_owned(), reason };
+        match state.began.take() {
+            Some(Ok(())) => {}
+            Some(Err(why)) => return Err(refused(why)),
+            None => return Err(refused(format!("it took more than {} s", START_WITHIN.as_secs()))),
+        }
+        drop(state);
+        Ok(transport)
+    }
+
+    /// The endpoint of this name.
+    pub fn endpoint(&self, name: &str) -> Option<EndpointId> {
+        self.endpoints.iter().position(|endpoint| endpoint.name == name).map(EndpointId)
+    }
+
+    /// All endpoints, in the order of their numbers.
+    pub fn endpoints(&self) -> &[Endpoint] {
+        &self.endpoints
+    }
+
+    /// Hands a message to the process.
+    ///
+    /// # Errors
+    /// See [`PublishError`]; what the process does not get is counted here, what DDS does not take there.
+    pub fn publish(&self, EndpointId(endpoint): EndpointId, message: AnyMessage) -> Result<(), PublishError> {
+        let Some(known) = self.endpoints.get(endpoint).filter(|known| known.direction == Direction::Send)
+        else {
+            return Err(PublishError::NoPublisher);
+        };
+        if known.kind != message.kind() {
+            return Err(PublishError::Kind { topic: known.kind, message: message.kind() });
+        }
+        let order = Order::Publish { endpoint, payload: cdr::encode(&message) };
+        let (mut state, has_room) =
+            self.shared.wait(PUBLISH_WAIT, |state| state.session.is_none() || state.on_their_way < WINDOW);
+        let handed_on = match &state.session {
+            None => Err(PublishError::Transport("it is being started again".to_owned())),
+            Some(_) if !has_room => Err(PublishError::Full),
+            Some(session) => session.orders.try_send(order).map_err(|_| PublishError::Full),
+        };
+        match handed_on {
+            Ok(()) => state.on_their_way += 1,
+            Err(_) => state.not_handed_on[endpoint] += 1,
+        }
+        handed_on
+    }
+
+    /// A message of any endpoint, in turn.
+    pub fn take_any(&self) -> Option<(EndpointId, Received)> {
+        let mut state = self.shared.lock();
+        let n = state.inboxes.len();
+        let from = state.search_from;
+        let found = (0..n).map(|i| (from + i) % n).find(|i| !state.inboxes[*i].is_empty())?;
+        state.search_from = (found + 1) % n;
+        state.inboxes[found].pop().map(|received| (EndpointId(found), received))
+    }
+
+    /// Waits until a message waits on any endpoint, or a process was lost; `false` when neither came in time.
+    pub fn wait(&self, timeout: Duration) -> bool {
+        let has_news =
+            |state: &State| !state.losses.is_empty() || state.inboxes.iter().any(|inbox| !inbox.is_empty());
+        self.shared.wait(timeout, has_news).1
+    }
+
+    /// How many others read or write this topic, by the newest word of the process.
+    pub fn matched(&self, EndpointId(endpoint): EndpointId) -> usize {
+        self.shared.lock().counts.get(endpoint).map_or(0, |counts| counts.matched)
+    }
+
+    /// Why processes ended since the last call, one sentence each.
+    pub fn take_losses(&self) -> Vec<String> {
+        std::mem::take(&mut self.shared.lock().losses)
+    }
+
+    /// How many processes ended so far.
+    pub fn lost(&self) -> u64 {
+        self.shared.lock().lost
+    }
+
+    /// Asks the vehicle for a control mode (as in `ControlModeReport`), and waits for the answer: whether it took it.
+    ///
+    /// # Errors
+    /// There is no such service, or no answer in time.
+    pub fn request_control_mode(&self, mode: u8, timeout: Duration) -> Result<bool, ServiceError> {
+        const ON_THE_WAY: Duration = Duration::from_millis(20);
+        let mut state = self.shared.lock();
+        state.asked += 1;
+        let number = state.asked;
+        let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);
+        let session = state.session.as_ref().ok_or(ServiceError::NoAnswer)?;
+        session
+            .orders
+            .try_send(Order::AskMode { number, mode, timeout_ms })
+            .map_err(|_| ServiceError::NoAnswer)?;
+        drop(state);
+        let (mut state, _) = self.shared.wait(timeout + ON_THE_WAY, |state| {
+            state.answers.contains_key(&number) || state.session.is_none()
+        });
+        let answer = state.answers.remove(&number).ok_or(ServiceError::NoAnswer)?;
+        // Answers that came too late are nobody's.
+        state.answers.clear();
+        answer.map_err(ServiceError::Transport)
+    }
+
+    /// The control modes that somebody asked for since the last call. The process has said already that autonomous and
+    /// manual are taken, and no other.
+    pub fn take_modes(&self) -> Vec<u8> {
+        std::mem::take(&mut self.shared.lock().modes)
+    }
+
+    /// Counts so far, by endpoint, those of processes that are gone with them. All that was published before is in
+    /// them, unless the process is too slow.
+    pub fn statistics(&self) -> Vec<TopicStatistics> {
+        let state = self.shared.lock();
+        let counted = state.counted;
+        let asked =
+            state.session.as_ref().is_some_and(|session| session.orders.try_send(Order::Count).is_ok());
+        drop(state);
+        let (state, _) = self.shared.wait(COUNT_WITHIN, |state| !asked || state.counted > counted);
+        let newest = |i: usize| {
+            let earlier = state.earlier.get(i);
+            let newest = state.counts.get(i).or(earlier).cloned();
+            let mut counts = newest.unwrap_or_else(|| TopicStatistics::none(&self.endpoints[i]));
+            if let Some(earlier) = earlier.filter(|_| state.counts.get(i).is_some()) {
+                counts.add(earlier);
+            }
+            counts.overwritten += state.inboxes[i].overwritten;
+            counts.not_published += state.not_handed_on[i];
+            counts
+        };
+        (0..self.endpoints.len()).map(newest).collect()
+    }
+
+    /// Ends the process: what hangs is killed.
+    pub fn stop(mut self, deadline: Duration) {
+        self.end(deadline);
+    }
+
+    fn end(&mut self, deadline: Duration) {
+        let Some(watch) = self.watch.take() else { return };
+        {
+            let mut state = self.shared.lock();
+            state.is_ending = true;
+            // One that is gone needs no telling.
+            let _gone = state.session.as_ref().map(|session| session.orders.try_send(Order::End));
+        }
+        self.shared.news.notify_all();
+        let (state, has_ended) = self.shared.wait(deadline, |state| state.has_ended);
+        if let Some(session) = state.session.as_ref().filter(|_| !has_ended) {
+            let _gone = session.socket.shutdown(Shutdown::Both);
+        }
+        drop(state);
+        let _done = watch.join();
+    }
+}
+
+impl Drop for Transport {
+    fn drop(&mut self) {
+        const DEADLINE: Duration = Duration::from_secs(2);
+        self.end(DEADLINE);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::env::Network;
+    use crate::mapping::{Mapping, Side, Vehicle};
+
+    /// What starts with these words in the place of the transport's process.
+    fn started_as(words: &'static [&'static str]) -> String {
+        let command = || {
+            let mut command = Command::new(words[0]);
+            command.args(&words[1..]);
+            command
+        };
+        let options = Options::from_mapping(&Mapping::of(Vehicle::Plain, Network::default()), Side::Stack);
+        let process = TransportProcess { command: Box::new(command), memory_mib: 256 };
+        Transport::start(&options, process).err().map_or_else(String::new, |error| error.to_string())
+    }
+
+    #[test]
+    fn a_process_that_does_not_come_up_is_told() {
+        for (words, told) in [
+            (&["sh", "-c", "exit 3"][..], "ended (exit status: 3)"),
+            (
+                &["sh", "-c", "kill -ABRT $$"],
+                "what came asked for more than ros2.transport_memory_mib = 256, or it failed",
+            ),
+            (&["/nowhere/at/all"], "could not be started: No such file or directory"),
+            // A frame of four gigabytes.
+            (&["sh", "-c", "printf '\\377\\377\\377\\377' >&0"], "ended ("),
+        ] {
+            let error = started_as(words);
+            assert!(
+                error.contains("the ROS 2 transport does not start") && error.contains(told),
+                "{words:?}: {error}"
+            );
+        }
+    }
+}

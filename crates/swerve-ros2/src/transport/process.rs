@@ -1,0 +1,148 @@
+//! What the transport's process does: DDS in, frames out, and the other way round, until its program is gone.
+
+use std::io;
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use rustix::process::{Resource, Rlimit, setrlimit};
+
+use super::frame::{News, Order, read, write};
+use crate::bridge::{Bridge, EndpointId, Options, Received, ServiceError, ServiceSide};
+use crate::cdr;
+use crate::convert::is_mode_taken;
+
+/// Between two looks at what came, where nothing wakes.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Between two words about the topics.
+const COUNT_EVERY: Duration = Duration::from_millis(100);
+/// An order that is not done after so many of these looks hangs.
+const LOOKS_MAX: u32 = 9;
+/// The exit status of a process that hangs in DDS.
+pub(super) const HANGS: i32 = 75;
+/// How long DDS may take for its end.
+const END_WITHIN: Duration = Duration::from_secs(1);
+
+/// The way to the program.
+struct Program {
+    socket: UnixStream,
+    /// One frame at a time.
+    writing: Mutex<()>,
+}
+
+impl Program {
+    /// Tells the program something. Without a program there is nothing to be done here.
+    fn tell(&self, news: &News) {
+        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        match write(&self.socket, news) {
+            Err(error) if error.kind() != io::ErrorKind::InvalidData => std::process::exit(1),
+            // What is too long to be handed on stays here.
+            _ => {}
+        }
+    }
+}
+
+/// Carries messages for the program that started this process, over standard input.
+///
+/// # Errors
+/// When it was no program of ours that started it.
+pub fn run() -> io::Result<()> {
+    let socket = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
+    let Order::Start { options, memory_bytes } = read(&socket)? else {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "this is no start of a transport"));
+    };
+    limit(memory_bytes)?;
+    let program = Program { socket, writing: Mutex::default() };
+    let bridge = match Bridge::start(&options) {
+        Ok(bridge) => bridge,
+        Err(error) => {
+            program.tell(&News::Refused(error.to_string()));
+            return Ok(());
+        }
+    };
+    program.tell(&News::Started);
+    let ended = AtomicBool::new(false);
+    // Odd while an order is carried out.
+    let order = AtomicU64::new(0);
+    thread::scope(|scope| {
+        scope.spawn(|| hand_on(&bridge, &options, &program, &ended));
+        scope.spawn(|| {
+            let (mut busy_with, mut looks) = (None, 0);
+            while !ended.load(Ordering::Relaxed) {
+                program.tell(&News::Counts { counts: bridge.statistics(), asked: false });
+                thread::park_timeout(COUNT_EVERY);
+                let now = Some(order.load(Ordering::Relaxed)).filter(|order| !order.is_multiple_of(2));
+                looks = if now.is_some() && now == busy_with { looks + 1 } else { 0 };
+                busy_with = now;
+                if looks > LOOKS_MAX {
+                    // DDS hangs while a message is sent: the next process has not that behind it.
+                    std::process::exit(HANGS);
+                }
+            }
+        });
+        while let Ok(next) = read(&program.socket) {
+            order.fetch_add(1, Ordering::Relaxed);
+            match next {
+                Order::Start { .. } | Order::End => break,
+                Order::Count => program.tell(&News::Counts { counts: bridge.statistics(), asked: true }),
+                Order::Publish { endpoint, payload } => {
+                    publish(&bridge, &options, endpoint, &payload);
+                    program.tell(&News::Sent);
+                }
+                Order::AskMode { number, mode, timeout_ms } => {
+                    let (bridge, program) = (&bridge, &program);
+                    scope.spawn(move || {
+                        let asked = bridge.request_control_mode(mode, Duration::from_millis(timeout_ms));
+                        let taken = asked.map_err(|error: ServiceError| error.to_string());
+                        program.tell(&News::Answer { number, taken });
+                    });
+                }
+            }
+            order.fetch_add(1, Ordering::Relaxed);
+        }
+        ended.store(true, Ordering::Relaxed);
+    });
+    // Whether it is through or hangs, this process is at its end.
+    let _either_way = bridge.stop(END_WITHIN);
+    std::process::exit(0)
+}
+
+/// Has the system refuse memory beyond a bound: whoever makes this process ask for more ends it, and nothing else.
+fn limit(memory_bytes: u64) -> io::Result<()> {
+    let at_most = |bytes| Rlimit { current: Some(bytes), maximum: Some(bytes) };
+    setrlimit(Resource::As, at_most(memory_bytes))?;
+    // Its end is not to be held up by the writing of a file.
+    Ok(setrlimit(Resource::Core, at_most(0))?)
+}
+
+fn publish(bridge: &Bridge, options: &Options, endpoint: usize, payload: &[u8]) {
+    let Some(kind) = options.endpoints.get(endpoint).map(|endpoint| endpoint.kind) else { return };
+    if let Ok(message) = cdr::decode_unchecked(kind, payload) {
+        // What is not sent is counted by the bridge.
+        let _counted = bridge.publish(EndpointId(endpoint), message);
+    }
+}
+
+/// Hands on what comes.
+fn hand_on(bridge: &Bridge, options: &Options, program: &Program, ended: &AtomicBool) {
+    let serves = matches!(options.control_mode_service, Some((ServiceSide::Server, _)));
+    while !ended.load(Ordering::Relaxed) {
+        bridge.wait(LOOK_EVERY);
+        while let Some((EndpointId(endpoint), received)) = bridge.take_any() {
+            let Received { writer, message, received_ns, source_ns, stamp } = received;
+            let payload = cdr::encode(&message);
+            program.tell(&News::Message { endpoint, writer, received_ns, source_ns, stamp, payload });
+        }
+        if serves {
+            let serve = |mode| {
+                program.tell(&News::Mode(mode));
+                is_mode_taken(mode)
+            };
+            // There is one: it was just asked for.
+            let _served = bridge.serve_control_mode(serve);
+        }
+    }
+}

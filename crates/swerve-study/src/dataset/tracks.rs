@@ -1,0 +1,103 @@
+//! Tracks of everybody in drives, and of minutes at a crossing that is made: what predictors learn from and are judged by.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::bail;
+use swerve_core::Span;
+use swerve_drive::{drive_observed, read_scenario};
+use swerve_flow::{Event, Observer};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{ActorId, ActorKind, Extent};
+use swerve_prediction::recorded::{RecordedTrack, Recording, commonroad_text, made_finely};
+use swerve_report::files::{claim, write_whole};
+use swerve_report::progress::Progress;
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
+
+use super::{DatasetArgs, configured};
+
+/// Between two places.
+const EVERY: Span = Span::from_ms(100);
+/// The ego's identity: the others' count from 1.
+const EGO: ActorId = ActorId(0);
+
+/// Follows everybody.
+struct Follower {
+    ego: Extent,
+    /// From the middle of the rear axle to that of the outline, metres.
+    ahead_m: f64,
+    tracks: BTreeMap<ActorId, RecordedTrack>,
+}
+
+impl Follower {
+    fn new(config: &Config) -> Self {
+        let shape = &config.sim.vehicle.shape;
+        let ego = Extent { length_m: shape.length_m, width_m: shape.width_m, height_m: shape.height_m };
+        Self { ego, ahead_m: 0.5 * shape.length_m - shape.rear_overhang_m, tracks: BTreeMap::new() }
+    }
+
+    fn recording(self) -> Recording {
+        Recording { step: EVERY, tracks: self.tracks.into_values().collect() }
+    }
+}
+
+impl Observer for Follower {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(world) = publication.payload.and_then(|payload| payload.downcast_ref::<WorldState>()) else {
+            return;
+        };
+        if world.stamp.ns() % EVERY.ns() != 0 {
+            return;
+        }
+        let step = world.stamp.ns() / EVERY.ns();
+        let ego = (EGO, ActorKind::Car, self.ego, world.ego.state.pose.ahead(self.ahead_m).point());
+        let others =
+            world.actors.iter().map(|actor| (actor.id, actor.kind, actor.extent, actor.pose.point()));
+        for (id, kind, extent, place) in std::iter::once(ego).chain(others) {
+            let new = || RecordedTrack { id, kind, extent, samples: Vec::new() };
+            self.tracks.entry(id).or_insert_with(new).samples.push((step, place));
+        }
+    }
+}
+
+/// Writes a file for each scenario, and one of the crossing, with all seeds in it.
+pub(super) fn write(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<String> {
+    let config = configured(args, registry)?;
+    let _held = claim(&args.out)?;
+    let scenarios: Vec<_> =
+        args.scenarios.iter().map(|path| read_scenario(path)).collect::<anyhow::Result<_>>()?;
+    let progress =
+        Progress::cells(args.seeds.len() * (scenarios.len() + usize::from(args.crossing.is_some())));
+    let (mut tracks, mut files) = (0, 0);
+    let mut add = |name: &str, recordings: Vec<(String, Recording)>| -> anyhow::Result<()> {
+        let path = args.out.join(format!("{name}.csv"));
+        if path.exists() {
+            bail!("{}: two scenarios of this name", path.display());
+        }
+        tracks += recordings.iter().map(|(_, recording)| recording.tracks.len()).sum::<usize>();
+        files += 1;
+        write_whole(&path, commonroad_text(&recordings)?.as_bytes())
+    };
+    for scenario in &scenarios {
+        let mut recordings = Vec::new();
+        for &seed in &args.seeds {
+            let config = Config { seed: u64::from(seed), ..config.clone() };
+            let mut follower = Follower::new(&config);
+            drive_observed(&config, scenario, 1, &mut [&mut follower])?;
+            recordings.push((format!("{} {seed}", scenario.name), follower.recording()));
+            progress.one_done();
+        }
+        add(&scenario.name, recordings)?;
+    }
+    if let Some(people) = args.crossing {
+        let minute = |seed: &u32| {
+            progress.one_done();
+            (format!("crossing {seed:05}"), made_finely(u64::from(*seed), usize::from(people)))
+        };
+        add("crossing", args.seeds.iter().map(minute).collect())?;
+    }
+    progress.finish();
+    Ok(format!("{tracks} tracks in {files} files in {}\n", Path::new(&args.out).display()))
+}

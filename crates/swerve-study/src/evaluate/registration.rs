@@ -1,0 +1,231 @@
+//! `swerve eval registration`: where one point cloud lies in another.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{anyhow, bail};
+use clap::ValueEnum;
+use serde::Serialize;
+use swerve_localization::ndt::{self, Isometry3, Limits, Neighbours, Vector3};
+use swerve_localization::voxels::{VoxelMap, VoxelSums, coarser};
+use swerve_localization::{downsampled, icp, ply};
+use swerve_report::files::read_whole;
+
+use crate::ranking::median;
+
+/// Two clouds, and what finds one in the other.
+#[derive(clap::Args, Debug)]
+pub(super) struct RegistrationArgs {
+    /// The cloud to be moved (.ply)
+    source: PathBuf,
+    /// The cloud that stands (.ply)
+    target: PathBuf,
+    /// What matches them
+    #[arg(long, value_enum, default_value = "ndt")]
+    method: Method,
+    /// Edge of the cubes of the target's map, metres [default: 2, point to point 1]
+    #[arg(long, value_name = "M")]
+    resolution_m: Option<f64>,
+    /// Edge of the cubes of which the source keeps one point each, metres
+    #[arg(long, value_name = "M", default_value_t = 0.25)]
+    thin_m: f64,
+    /// Where the source lies to begin with: a text of 4 x 4 numbers [default: where the target does]
+    #[arg(long, value_name = "FILE")]
+    guess: Option<PathBuf>,
+    /// Where it lies in truth: a text of 4 x 4 numbers, to tell how far off the answer is
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
+    /// Match this many times; the times are the medians
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    repeat: u16,
+    /// Print one JSON object and nothing else
+    #[arg(long)]
+    json: bool,
+}
+
+impl RegistrationArgs {
+    fn resolution_m(&self) -> f64 {
+        self.resolution_m.unwrap_or(if self.method == Method::Icp { 1.0 } else { 2.0 })
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+enum Method {
+    /// Normal distributions, each point with that of the cube that it is in (DIRECT1)
+    Ndt,
+    /// The same with those of the six cubes beside it too (DIRECT7)
+    Ndt7,
+    /// Point to point
+    Icp,
+}
+
+/// What is told.
+#[derive(Serialize)]
+struct Report {
+    target_from_source: [[f64; 4]; 4],
+    /// Of the match alone.
+    time_ms: f64,
+    /// Of thinning the source and making the target's map.
+    prepare_ms: f64,
+    iterations: u32,
+    converged: bool,
+    overlap: f64,
+    points: [usize; 2],
+    points_thinned: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    min_eigenvalue_per_m2: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    degenerate: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error_deg: Option<f64>,
+}
+
+/// What a match found.
+struct Found {
+    pose: Isometry3<f64>,
+    iterations: u32,
+    converged: bool,
+    overlap: f64,
+    least: Option<(f64, u32)>,
+    points_thinned: usize,
+    ms: [f64; 2],
+}
+
+/// The report as text.
+///
+/// # Errors
+/// A file that cannot be read or is none of its form; clouds that have nothing in common.
+pub(super) fn told(args: &RegistrationArgs) -> anyhow::Result<String> {
+    for (name, value) in [("--resolution-m", args.resolution_m()), ("--thin-m", args.thin_m)] {
+        if !(0.01..=100.0).contains(&value) {
+            bail!("{name}: expected 0.01 to 100, found {value}");
+        }
+    }
+    if !(1..=1000).contains(&args.repeat) {
+        bail!("--repeat: expected 1 to 1000, found {}", args.repeat);
+    }
+    let [source, target] = [&args.source, &args.target].map(|path| cloud(path));
+    let (source, target) = (source?, target?);
+    let guess = args.guess.as_deref().map(pose).transpose()?.unwrap_or_else(Isometry3::identity);
+    let reference = args.reference.as_deref().map(pose).transpose()?;
+    let nothing = || {
+        let (source, target) = (args.source.display(), args.target.display());
+        anyhow!("{source}: no match: too few of its points lie on surfaces of {target}")
+    };
+    let mut found = matched(args, &source, &target, &guess).ok_or_else(nothing)?;
+    let mut ms = vec![found.ms];
+    for _ in 1..args.repeat {
+        ms.push(matched(args, &source, &target, &guess).ok_or_else(nothing)?.ms);
+    }
+    found.ms = [0, 1].map(|k| median(ms.iter().map(|ms| ms[k])).unwrap_or(f64::NAN));
+    let m = found.pose.to_homogeneous();
+    let off = reference.map(|reference| reference.inverse() * found.pose);
+    let report = Report {
+        target_from_source: [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| m[(i, j)])),
+        time_ms: found.ms[1],
+        prepare_ms: found.ms[0],
+        iterations: found.iterations,
+        converged: found.converged,
+        overlap: found.overlap,
+        points: [source.len(), target.len()],
+        points_thinned: found.points_thinned,
+        min_eigenvalue_per_m2: found.least.map(|(least, _)| least),
+        degenerate: found.least.map(|(_, degenerate)| degenerate),
+        error_m: off.map(|off| off.translation.vector.norm()),
+        error_deg: off.map(|off| off.rotation.angle().to_degrees()),
+    };
+    if args.json {
+        return Ok(serde_json::to_string_pretty(&report)? + "\n");
+    }
+    let rows = report.target_from_source.map(|row| row.map(|x| format!("{x:12.6}")).join(" "));
+    Ok(format!(
+        "{}\n{} iterations, {:.1} ms, {:.1} ms to prepare; {:.1} % of {} points on surfaces\n{}",
+        rows.join("\n"),
+        report.iterations,
+        report.time_ms,
+        report.prepare_ms,
+        100.0 * report.overlap,
+        report.points_thinned,
+        match (report.error_m, report.error_deg) {
+            (Some(m), Some(deg)) => format!("{m:.4} m, {deg:.3}° from the reference\n"),
+            _ => String::new(),
+        }
+    ))
+}
+
+#[expect(
+    clippy::disallowed_methods,
+    reason = "what is measured is how long a match takes; no result depends on it"
+)]
+fn now() -> Instant {
+    Instant::now()
+}
+
+fn matched(
+    args: &RegistrationArgs,
+    source: &[Vector3<f64>],
+    target: &[Vector3<f64>],
+    guess: &Isometry3<f64>,
+) -> Option<Found> {
+    let begun = now();
+    let scan = downsampled(source, args.thin_m);
+    let since = |from: Instant, to: Instant| (to - from).as_secs_f64() * 1e3;
+    let points_thinned = scan.len();
+    if args.method == Method::Icp {
+        let mut map = icp::PointMap::new(args.resolution_m(), 20);
+        map.add(&downsampled(target, args.thin_m));
+        let ready = now();
+        let found = icp::align(&map, &scan, guess, [args.resolution_m(); 2], 100)?;
+        let icp::Fitted { map_from_scan: pose, iterations, converged, overlap } = found;
+        let ms = [since(begun, ready), since(ready, now())];
+        return Some(Found { pose, iterations, converged, overlap, least: None, points_thinned, ms });
+    }
+    let mut sums = VoxelSums::new(args.resolution_m());
+    target.iter().for_each(|point| sums.add(point));
+    let voxels = sums.voxels();
+    let fine = VoxelMap::new(args.resolution_m(), &voxels);
+    let coarse = VoxelMap::new(2.0 * args.resolution_m(), &coarser(&voxels, args.resolution_m(), 2));
+    let ready = now();
+    let neighbours = if args.method == Method::Ndt7 { Neighbours::Direct7 } else { Neighbours::Direct1 };
+    let found = ndt::align(&[&coarse, &fine], &scan, guess, &Limits { neighbours, ..Limits::default() })?;
+    let ms = [since(begun, ready), since(ready, now())];
+    let ndt::Matched {
+        map_from_scan: pose,
+        iterations,
+        converged,
+        overlap,
+        min_eigenvalue_per_m2,
+        degenerate,
+        ..
+    } = found;
+    let least = Some((min_eigenvalue_per_m2, degenerate));
+    Some(Found { pose, iterations, converged, overlap, least, points_thinned, ms })
+}
+
+fn cloud(path: &Path) -> anyhow::Result<Vec<Vector3<f64>>> {
+    let at = path.display();
+    let bytes = read_whole(path)?;
+    ply::read(&bytes).map_err(|error| anyhow!("{at}: {error}"))
+}
+
+/// A transform of four rows of four numbers.
+fn pose(path: &Path) -> anyhow::Result<Isometry3<f64>> {
+    let text = super::text(path)?;
+    let mut numbers = Vec::new();
+    for (k, line) in text.lines().enumerate() {
+        for word in line.split_ascii_whitespace() {
+            numbers.push(
+                super::number("a number of 4 x 4", word).map_err(|what| super::wrong(path, k + 1, what))?,
+            );
+        }
+    }
+    let found = numbers.len();
+    let rows: [f64; 16] = numbers
+        .try_into()
+        .map_err(|_| anyhow!("{}: expected 4 x 4 numbers, found {found}", path.display()))?;
+    ndt::pose_of(&rows).ok_or_else(|| {
+        anyhow!("{}: expected a rotation and a translation, and 0 0 0 1 in the last row", path.display())
+    })
+}

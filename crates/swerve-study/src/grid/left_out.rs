@@ -1,0 +1,44 @@
+//! Combinations of a study that are not driven.
+
+use swerve_text::{Document, Problems};
+
+use super::{LeaveOut, Step};
+
+/// Whether a combination, one label an axis, is one of those that are not driven.
+pub(super) fn left_out(all: &[LeaveOut], axes: &[String], labels: &[String]) -> bool {
+    let has = |(axis, steps): (&String, &Vec<String>)| {
+        axes.iter().zip(labels).any(|(name, label)| name == axis && steps.contains(label))
+    };
+    all.iter().any(|out| out.iter().all(has))
+}
+
+/// What is wrong with what is left out.
+pub(super) fn check_left_out(
+    document: &Document,
+    all: &[LeaveOut],
+    (axes, steps): (&[String], &[Vec<Step>]),
+    problems: &mut Problems,
+) {
+    let mut all_of_every_axis = false;
+    for (i, out) in all.iter().enumerate() {
+        let mut wrong = |message| problems.push(document.problem(&format!("leave_out[{i}]"), message));
+        for (name, labels) in out {
+            let Some(axis) = axes.iter().position(|axis| axis == name) else {
+                wrong(format!("no axis of the name `{name}`"));
+                continue;
+            };
+            let known = |label: &&String| steps[axis].iter().any(|step| step.label == **label);
+            for label in labels.iter().filter(|label| !known(label)) {
+                wrong(format!("`{name}` has no step `{label}`"));
+            }
+        }
+        let whole = |(name, labels): (&String, &Vec<String>)| {
+            let axis = axes.iter().position(|axis| axis == name);
+            axis.is_some_and(|axis| steps[axis].iter().all(|step| labels.contains(&step.label)))
+        };
+        all_of_every_axis |= out.iter().all(whole);
+    }
+    if all_of_every_axis {
+        problems.push(document.problem("leave_out", "nothing is left"));
+    }
+}

@@ -1,0 +1,154 @@
+//! `swerve map`: a map of voxels from simulated drives, and how well a lidar finds its way by it.
+
+mod located;
+mod turns;
+
+use std::path::PathBuf;
+
+use anyhow::{anyhow, bail};
+use swerve_drive::shipped::Kind;
+use swerve_drive::{drive_observed, problems_error, read_scenario};
+use swerve_localization::map_file::MapFile;
+use swerve_localization::voxels::VoxelSums;
+use swerve_report::files::{read_whole, write_whole};
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
+use swerve_stack::config::sensors::LidarConfig;
+
+use turns::{Turn, Turns};
+
+/// `swerve map`.
+#[derive(clap::Args, Debug)]
+pub struct MapArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum What {
+    /// Drive scenarios with a lidar at its true pose, and write what stands there as a map
+    Build(BuildArgs),
+    /// Drive a scenario and find the lidar by a map, and without one: errors against the truth
+    Check(CheckArgs),
+}
+
+/// What is driven.
+#[derive(clap::Args, Debug)]
+struct Driven {
+    /// Configuration file with one lidar; several: the later over the earlier [default: a lidar on the roof]
+    #[arg(short, long)]
+    config: Vec<PathBuf>,
+    /// Set a configuration key
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+#[derive(clap::Args, Debug)]
+struct BuildArgs {
+    /// Scenario files (TOML)
+    #[arg(required = true)]
+    scenarios: Vec<PathBuf>,
+    /// The map
+    #[arg(short, long, value_name = "FILE")]
+    out: PathBuf,
+    /// Edge of a voxel, metres
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    resolution_m: f64,
+    #[command(flatten)]
+    driven: Driven,
+}
+
+#[derive(clap::Args, Debug)]
+struct CheckArgs {
+    /// Scenario file (TOML)
+    scenario: PathBuf,
+    /// The map
+    #[arg(long, value_name = "FILE")]
+    map: PathBuf,
+    #[command(flatten)]
+    driven: Driven,
+    /// Print one JSON object and nothing else
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs `swerve map`.
+///
+/// # Errors
+/// A file that cannot be read, written or is none of its form; a configuration without a lidar.
+pub fn run(args: &MapArgs, registry: &Registry) -> anyhow::Result<()> {
+    let text = match &args.what {
+        What::Build(args) => build(args, registry)?,
+        What::Check(args) => check(args, registry)?,
+    };
+    swerve_report::output::print(&text)
+}
+
+fn build(args: &BuildArgs, registry: &Registry) -> anyhow::Result<String> {
+    if !(0.1..=10.0).contains(&args.resolution_m) {
+        bail!("--resolution-m: expected 0.1 to 10, found {}", args.resolution_m);
+    }
+    let config = config(&args.driven, registry)?;
+    let mut sums = VoxelSums::new(args.resolution_m);
+    let (mut turns, mut points) = (0, 0_usize);
+    for path in &args.scenarios {
+        let mut add = |turn: &Turn| {
+            turns += 1;
+            for (at, _) in turn.points.iter().filter(|(_, instance)| *instance == 0) {
+                points += 1;
+                sums.add(at);
+            }
+        };
+        drive(&config, path, &mut add)?;
+    }
+    let map = MapFile::new(args.resolution_m, sums.voxels());
+    let bytes = map.write();
+    write_whole(&args.out, &bytes)?;
+    let (voxels, tiles, out) = (map.voxels().len(), map.tiles(), args.out.display());
+    Ok(format!(
+        "{out}: {voxels} voxels in {tiles} tiles of {points} points of {turns} turns, {} bytes\n",
+        bytes.len()
+    ))
+}
+
+fn check(args: &CheckArgs, registry: &Registry) -> anyhow::Result<String> {
+    let at = args.map.display();
+    let bytes = read_whole(&args.map)?;
+    let map = MapFile::read(&bytes).map_err(|error| anyhow!("{at}: {error}"))?;
+    let config = config(&args.driven, registry)?;
+    let mut located = located::Located::new(&map);
+    drive(&config, &args.scenario, &mut |turn: &Turn| located.take(turn))?;
+    let report = located
+        .report()
+        .ok_or_else(|| anyhow!("{}: it ends before two turns of the lidar", args.scenario.display()))?;
+    if args.json { Ok(serde_json::to_string_pretty(&report)? + "\n") } else { Ok(report.to_string()) }
+}
+
+fn config(driven: &Driven, registry: &Registry) -> anyhow::Result<Config> {
+    let sets: Result<Vec<_>, _> = driven.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
+    let mut config = Kind::Config
+        .config(registry, &driven.config, &sets?)
+        .map_err(|problems| problems_error(&problems))?;
+    if driven.config.is_empty() && config.lidar.is_empty() {
+        config.lidar.insert("roof".into(), LidarConfig::default());
+    }
+    if config.lidar.len() != 1 {
+        bail!("a map is of one lidar, the configuration has {}", config.lidar.len());
+    }
+    // Wheels tell how the lidar moves in a turn.
+    config.log.sensors = config.lidar.keys().cloned().chain(["odometry".to_owned()]).collect();
+    Ok(config)
+}
+
+fn drive(
+    config: &Config,
+    scenario: &std::path::Path,
+    each: &mut (dyn FnMut(&Turn) + Send),
+) -> anyhow::Result<()> {
+    let scenario = read_scenario(scenario)?;
+    let Some((name, lidar)) = config.lidar.iter().next() else { bail!("a map is of one lidar") };
+    let ego_from_lidar = lidar.ego_from_lidar(&config.sim.vehicle.shape);
+    let mut turns = Turns::new(name, ego_from_lidar, each);
+    drive_observed(config, &scenario, 1, &mut [&mut turns])?;
+    Ok(())
+}

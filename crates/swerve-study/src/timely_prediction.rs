@@ -1,0 +1,396 @@
+//! What predictions are worth when they are late: errors over latency and horizon, on tracks that are recorded or made.
+//! `[timely_prediction]` in a study file; its drives tell the rest.
+//!
+//! A path is read at its instants. What is known `l` after the instant that it describes, of an instant `h` ahead of then,
+//! therefore has the error of a path after `l + h`. Who reads it by its place in the list instead, as if it were made just
+//! then, is `careless`: everybody has gone on for `l` meanwhile.
+
+mod chart;
+mod errors;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use swerve_prediction::PredictorName;
+use swerve_prediction::recorded::{Recording, made};
+use swerve_report::files::entries;
+use swerve_report::output::align;
+use swerve_text::{Document, Problems};
+
+use super::evaluate::prediction::{Format, file};
+use super::table::quoted;
+use errors::{Errors, Foreteller};
+
+/// `[timely_prediction]` of a study file.
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TimelyPrediction {
+    /// Who foretells, the first against all others at no latency; the picture tells the first eight apart.
+    pub predictors: Vec<PredictorName>,
+    /// How far `truth` knows what will happen, seconds; it goes straight on after that.
+    #[serde(default = "TimelyPrediction::truth_s")]
+    pub truth_s: f64,
+    /// Latencies of the tables, ms.
+    #[serde(default = "TimelyPrediction::latencies_ms")]
+    pub latencies_ms: Vec<u32>,
+    /// How far ahead is looked in them, seconds: whole ones from 0 up to this.
+    #[serde(default = "TimelyPrediction::horizon_s")]
+    pub horizon_s: u32,
+    /// Tracks.
+    pub set: Vec<TrackSet>,
+    /// What each predictor takes: what it is then worth.
+    #[serde(default)]
+    pub run_time: Vec<RunTimes>,
+}
+
+/// Tracks, and how they are judged.
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrackSet {
+    /// Its name in tables.
+    pub name: String,
+    /// Recordings in a folder; where it is not there the set is left out, and the result says so.
+    pub recorded: Option<RecordedSet>,
+    /// Minutes at a crossing that are made.
+    pub made: Option<MadeSet>,
+    /// Sightings up to the present.
+    #[serde(default = "TrackSet::observe")]
+    pub observe: usize,
+    /// Of so many instants one is a present.
+    #[serde(default = "TrackSet::every")]
+    pub every: usize,
+}
+
+/// Recordings in a folder.
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordedSet {
+    /// How they are written.
+    pub format: Format,
+    /// The folder, relative to the study's.
+    pub folder: PathBuf,
+    /// The names of its files.
+    pub files: Vec<String>,
+}
+
+/// Recordings that are made: a minute each, with cars by the intelligent driver model and people by reciprocal avoidance.
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MadeSet {
+    /// The first seed and the last.
+    pub seeds: [u64; 2],
+    /// On foot at once.
+    pub people: usize,
+}
+
+/// What predictors take.
+#[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RunTimes {
+    /// Where they are from.
+    pub name: String,
+    /// By predictor, ms: one for every horizon, or one for each whole second ahead, from 1 on.
+    pub ms: BTreeMap<PredictorName, Vec<f64>>,
+}
+
+impl RunTimes {
+    /// What a predictor takes for so many whole seconds ahead, from 1 on, ms; none where that is not told.
+    fn of(&self, name: PredictorName, ahead_s: u32) -> Option<f64> {
+        let ms = self.ms.get(&name)?;
+        ms.get(if ms.len() == 1 { 0 } else { ahead_s as usize - 1 }).copied()
+    }
+}
+
+/// The latest that is looked at, ms: a run time in a study is no longer.
+const LATENCY_MAX_MS: u32 = 2000;
+
+impl TimelyPrediction {
+    fn truth_s() -> f64 {
+        1.0
+    }
+
+    fn latencies_ms() -> Vec<u32> {
+        vec![0, 20, 50, 100, 200, 500]
+    }
+
+    fn horizon_s() -> u32 {
+        5
+    }
+
+    /// What is wrong with the table.
+    pub(super) fn check(&self, document: &Document, problems: &mut Problems) {
+        let mut ensure = |holds: bool, key: String, expected: &str| {
+            if !holds {
+                problems.push(document.problem(&format!("timely_prediction.{key}"), expected));
+            }
+        };
+        let mut once = self.predictors.clone();
+        once.sort();
+        once.dedup();
+        ensure(self.predictors.len() > 1, "predictors".into(), "expected two or more to compare");
+        ensure(once.len() == self.predictors.len(), "predictors".into(), "expected each once");
+        ensure((0.0..=60.0).contains(&self.truth_s), "truth_s".into(), "expected 0 to 60");
+        let rise = self.latencies_ms.windows(2).all(|pair| pair[0] < pair[1]);
+        let fit = self.latencies_ms.last().is_some_and(|last| *last <= LATENCY_MAX_MS);
+        ensure(rise && fit, "latencies_ms".into(), "expected rising whole numbers from 0 to 2000");
+        ensure((1..=20).contains(&self.horizon_s), "horizon_s".into(), "expected 1 to 20");
+        ensure(!self.set.is_empty(), "set".into(), "expected at least one set of tracks");
+        for (k, set) in self.set.iter().enumerate() {
+            let key = |key: &str| format!("set[{k}].{key}");
+            ensure(
+                set.recorded.is_some() != set.made.is_some(),
+                key("name"),
+                "expected `recorded` or `made`",
+            );
+            ensure((2..=1000).contains(&set.observe), key("observe"), "expected 2 to 1000");
+            ensure((1..=1000).contains(&set.every), key("every"), "expected 1 to 1000");
+            if let Some(made) = &set.made {
+                let [first, last] = made.seeds;
+                let some = first <= last && last - first < 1000;
+                ensure(some, key("made.seeds"), "expected the first and the last of at most 1000");
+                ensure(made.people <= 200, key("made.people"), "expected at most 200");
+            }
+        }
+        for (k, times) in self.run_time.iter().enumerate() {
+            let most = f64::from(LATENCY_MAX_MS);
+            let fits = |ms: &Vec<f64>| {
+                (ms.len() == 1 || ms.len() == self.horizon_s as usize)
+                    && ms.iter().all(|ms| (0.0..=most).contains(ms))
+            };
+            let expected = "expected 0 to 2000, once or for each second of `horizon_s`";
+            ensure(times.ms.values().all(fits), format!("run_time[{k}].ms"), expected);
+        }
+    }
+
+    /// What the predictors are worth on every set that is there; `folder` is the study's.
+    ///
+    /// # Errors
+    /// A file of a set that is there cannot be read or is not of its form.
+    pub(super) fn measure(&self, folder: &Path) -> anyhow::Result<Measured<'_>> {
+        let (mut sets, mut absent) = (Vec::new(), Vec::new());
+        for set in &self.set {
+            match set.recordings(folder)? {
+                Some(recordings) => sets.push((set, recordings)),
+                None => absent.push(set.name.as_str()),
+            }
+        }
+        let of_set = |(set, recordings): &(&TrackSet, Vec<Recording>)| -> Vec<Errors> {
+            let of = |name: &PredictorName| {
+                let by = Foreteller { name: *name, truth_s: self.truth_s };
+                Errors::of(recordings, &by, (set.observe, set.every), self)
+            };
+            self.predictors.par_iter().map(of).collect()
+        };
+        let errors = sets.iter().map(of_set).collect::<Vec<_>>();
+        let sets = sets.iter().zip(errors).map(|((set, recordings), errors)| OfSet {
+            name: &set.name,
+            unseen_per_s: unseen_per_s(recordings),
+            errors,
+        });
+        Ok(Measured { asked: self, sets: sets.collect(), absent })
+    }
+
+    /// Latency (ms) and horizon (s) of each cell of the tables, a horizon's latencies beside each other.
+    fn cells(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let latencies = self.latencies_ms.clone();
+        (0..=self.horizon_s)
+            .flat_map(move |ahead_s| latencies.clone().into_iter().map(move |ms| (ms, ahead_s)))
+    }
+
+    /// A predictor's name in tables.
+    fn named(&self, name: PredictorName) -> String {
+        match name {
+            PredictorName::Truth => format!("truth of {} s", self.truth_s),
+            name => name.name().to_owned(),
+        }
+    }
+}
+
+impl TrackSet {
+    fn observe() -> usize {
+        8
+    }
+
+    fn every() -> usize {
+        1
+    }
+
+    /// None where its folder is not there.
+    fn recordings(&self, folder: &Path) -> anyhow::Result<Option<Vec<Recording>>> {
+        if let Some(MadeSet { seeds: [first, last], people }) = self.made {
+            return Ok(Some((first..=last).map(|seed| made(seed, people)).collect()));
+        }
+        let Some(recorded) = &self.recorded else { return Ok(None) };
+        let folder = folder.join(&recorded.folder);
+        if entries(&folder).is_err() {
+            return Ok(None);
+        }
+        let mut all = Vec::new();
+        for name in &recorded.files {
+            all.extend(file(&folder.join(name), recorded.format)?.1);
+        }
+        Ok(Some(all))
+    }
+}
+
+/// How many come into sight in a second, of those that are there: who is late does not know them.
+fn unseen_per_s(recordings: &[Recording]) -> f64 {
+    let (mut come, mut seconds) = (0.0, 0.0);
+    for recording in recordings {
+        let first =
+            recording.tracks.iter().filter_map(|track| track.samples.first()).map(|(at, _)| *at).min();
+        for track in &recording.tracks {
+            let begins = track.samples.first().map(|(at, _)| *at);
+            come += f64::from(u8::from(begins > first));
+            seconds += track.samples.len() as f64 * recording.step.as_secs();
+        }
+    }
+    if seconds > 0.0 { come / seconds } else { 0.0 }
+}
+
+/// What came of a study's `[timely_prediction]`.
+pub(crate) struct Measured<'a> {
+    asked: &'a TimelyPrediction,
+    sets: Vec<OfSet<'a>>,
+    /// Sets whose data are not there.
+    absent: Vec<&'a str>,
+}
+
+/// What predictors are worth on one set.
+struct OfSet<'a> {
+    name: &'a str,
+    unseen_per_s: f64,
+    /// In the order of the predictors.
+    errors: Vec<Errors>,
+}
+
+impl OfSet<'_> {
+    /// How late a predictor may be, at most, to be no worse than the first one without latency: ms, below 0 for who is
+    /// worse without any; none where tracks are too short to tell.
+    fn may_be_late_ms(&self, predictor: usize, ahead_s: u32) -> Option<f64> {
+        let ahead_s = f64::from(ahead_s);
+        let goal_m = self.errors[0].mean_m(ahead_s)?;
+        let reached_s = self.errors[predictor].reaches_s(goal_m)?;
+        Some((reached_s - ahead_s) * 1e3)
+    }
+}
+
+impl Measured<'_> {
+    /// A row for each set, predictor, latency and horizon.
+    pub(crate) fn csv(&self) -> String {
+        let mut csv = "set,predictor,windows,latency_ms,ahead_s,error_m,careless_m\n".to_owned();
+        for set in &self.sets {
+            for (name, errors) in self.asked.predictors.iter().zip(&set.errors) {
+                for ((latency_ms, ahead_s), careless_m) in self.asked.cells().zip(&errors.careless_m) {
+                    let error_m = errors.mean_m(f64::from(latency_ms) * 1e-3 + f64::from(ahead_s));
+                    let (set, name) = (quoted(set.name), self.asked.named(*name));
+                    let number = |m: Option<f64>| m.map_or(String::new(), |m| format!("{m:.4}"));
+                    let (error, careless) = (number(error_m), number(*careless_m));
+                    let count = errors.windows;
+                    let _infallible =
+                        writeln!(csv, "{set},{name},{count},{latency_ms},{ahead_s},{error},{careless}");
+                }
+            }
+        }
+        csv
+    }
+
+    /// How late each may be to be no worse than the first: a row for each set, predictor and horizon.
+    pub(crate) fn crossover_csv(&self) -> String {
+        let mut csv = "set,predictor,ahead_s,may_be_late_ms\n".to_owned();
+        for set in &self.sets {
+            for (k, name) in self.asked.predictors.iter().enumerate() {
+                for ahead_s in 1..=self.asked.horizon_s {
+                    let ms = set.may_be_late_ms(k, ahead_s).map_or(String::new(), |ms| format!("{ms:.0}"));
+                    let (set, name) = (quoted(set.name), self.asked.named(*name));
+                    let _infallible = writeln!(csv, "{set},{name},{ahead_s},{ms}");
+                }
+            }
+        }
+        csv
+    }
+
+    /// Tables: errors without latency and late, how late each may be, what run times make of it.
+    pub(crate) fn text(&self) -> String {
+        let mut text = String::new();
+        let whole: Vec<u32> = (1..=self.asked.horizon_s).collect();
+        let head = |title: String| -> Vec<String> {
+            std::iter::once(title).chain(whole.iter().map(|s| format!("{s} s ahead"))).collect()
+        };
+        let cell = |m: Option<f64>, digits: usize| m.map_or("-".to_owned(), |m| format!("{m:.digits$}"));
+        for set in &self.sets {
+            let late_ms = self.asked.latencies_ms.last().copied().unwrap_or_default();
+            for latency_ms in [0, late_ms] {
+                let windows = set.errors.iter().map(|errors| errors.windows).max().unwrap_or_default();
+                let title =
+                    format!("{} ({windows} windows): error in metres, {latency_ms} ms late", set.name);
+                let row = |(name, errors): (&PredictorName, &Errors)| {
+                    let at = |s: &u32| cell(errors.mean_m(f64::from(latency_ms) * 1e-3 + f64::from(*s)), 3);
+                    std::iter::once(self.asked.named(*name)).chain(whole.iter().map(at)).collect()
+                };
+                let rows = self.asked.predictors.iter().zip(&set.errors).map(row);
+                text += &align(&std::iter::once(head(title)).chain(rows).collect::<Vec<_>>());
+                text.push('\n');
+            }
+            let _infallible = writeln!(
+                text,
+                "{:.1} % of those in sight came within the last {late_ms} ms: who is so late knows nothing of them\n",
+                100.0 * set.unseen_per_s * f64::from(late_ms) * 1e-3
+            );
+            text += &self.crossovers(set, &head);
+            self.asked.run_time.iter().for_each(|times| text += &self.with_run_times(set, times, &head));
+        }
+        for set in &self.absent {
+            let _infallible = writeln!(text, "{set}: its data are not there, left out");
+        }
+        text
+    }
+
+    fn crossovers(&self, set: &OfSet<'_>, head: &dyn Fn(String) -> Vec<String>) -> String {
+        let first = self.asked.named(self.asked.predictors[0]);
+        let mut rows = vec![head(format!("{}: ms late at which it falls behind {first} at 0 ms", set.name))];
+        for (k, name) in self.asked.predictors.iter().enumerate().skip(1) {
+            let cell = |s: u32| match set.may_be_late_ms(k, s) {
+                Some(ms) if ms < 0.0 => "is behind".to_owned(),
+                Some(ms) => format!("{ms:.0}"),
+                None => "-".to_owned(),
+            };
+            rows.push(
+                std::iter::once(self.asked.named(*name))
+                    .chain((1..=self.asked.horizon_s).map(cell))
+                    .collect(),
+            );
+        }
+        align(&rows) + "\n"
+    }
+
+    /// Errors of each at its own run time, beside the first at its own.
+    fn with_run_times(
+        &self,
+        set: &OfSet<'_>,
+        times: &RunTimes,
+        head: &dyn Fn(String) -> Vec<String>,
+    ) -> String {
+        let mut rows =
+            vec![head(format!("{}: error in metres, late by the run time {}", set.name, times.name))];
+        for (name, errors) in self.asked.predictors.iter().zip(&set.errors) {
+            if !times.ms.contains_key(name) {
+                continue;
+            }
+            let cell = |s: u32| {
+                let Some(ms) = times.of(*name, s) else { return "-".to_owned() };
+                let m = errors.mean_m(ms * 1e-3 + f64::from(s));
+                m.map_or("-".to_owned(), |m| format!("{m:.3} ({ms} ms)"))
+            };
+            let cells = (1..=self.asked.horizon_s).map(cell);
+            rows.push(std::iter::once(self.asked.named(*name)).chain(cells).collect());
+        }
+        align(&rows) + "\n"
+    }
+}

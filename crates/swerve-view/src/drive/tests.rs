@@ -1,0 +1,51 @@
+use std::sync::Arc;
+
+use swerve_scenario::Scenario;
+
+use super::*;
+use crate::foxglove::tests::Client;
+use crate::show::Ask;
+
+/// What a drive comes to, with whoever looks on.
+fn digest(show: &Show, streams: Option<Streams>) -> String {
+    let registry = Registry::standard();
+    let set = vec!["operator.planner.runtime={fixed_ms=30}".into()];
+    let scenario = "person_behind_truck".into();
+    let input = RunInput { scenario, config: Vec::new(), set, seed: Some(3) };
+    let summarise = |_: &Config, _: &Scenario, _: &swerve_drive::Outcome| Ok("{}".to_owned());
+    let driver = Driver { registry: &registry, input: &input, summarise: &summarise, show, streams };
+    let (over, page) = driver.drive(&Begin::default()).unwrap();
+    assert!(page.is_some());
+    over.digest.unwrap()
+}
+
+#[test]
+fn who_looks_on_changes_nothing_however_slow() {
+    let alone = digest(&Show::new(None, false), None);
+    let (streams, address) = Streams::start("127.0.0.1:0".parse().unwrap()).unwrap();
+    let show = Arc::new(Show::new(None, true));
+    let driving = {
+        let show = Arc::clone(&show);
+        std::thread::spawn(move || digest(&show, Some(streams)))
+    };
+    let address = address.strip_prefix("ws://").unwrap();
+    let (mut quick, mut asleep) = (Client::connect(address), Client::connect(address));
+    for client in [&mut quick, &mut asleep] {
+        // It holds at the first pose; what is there by then is advertised.
+        client.until(|client| client.channels.contains_key("/view/ground"));
+        let topics: Vec<String> = client.channels.keys().cloned().collect();
+        topics.iter().zip(1..).for_each(|(topic, id)| client.subscribe(id, topic));
+    }
+    quick.until(|client| !client.messages.is_empty());
+    show.ask(Ask::Go).unwrap();
+    assert_eq!(driving.join().unwrap(), alone);
+    // The one has the drive up to its end, in the forms that a log has; the other never took anything.
+    for topic in ["/view/ego", "/view/actors", "/view/tracks", "/view/plan", "/view/figures", "/view/log"] {
+        quick.until(|client| client.channels.contains_key(topic));
+        let (schema, encoding) = (&quick.channels[topic]["schemaName"], &quick.channels[topic]["encoding"]);
+        assert!(schema.as_str().is_some_and(|name| name.contains('.')), "{topic} {schema}");
+        assert_eq!(encoding, "protobuf", "{topic}");
+    }
+    assert!(quick.channels["/view/ego"]["schema"].as_str().is_some_and(|schema| schema.len() > 100));
+    drop(asleep);
+}

@@ -1,0 +1,173 @@
+//! A run, or a log of one, for the Foxglove app: the channels that a log holds under `/view`, over a WebSocket.
+//!
+//! Our own side of the protocol over `tungstenite`, and not the server of the `foxglove` crate: that one brings an
+//! asynchronous runtime, lets in the page of any site, and tells nobody how much it drops.
+
+mod hub;
+mod protocol;
+#[cfg(test)]
+pub(crate) mod tests;
+mod viewer;
+
+use std::collections::BTreeSet;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use swerve_flow::{Event, Observer};
+use swerve_foxglove::Foxglove;
+use swerve_log::{Bag, View, ViewTopic, Views};
+use swerve_report::output::tell;
+
+use hub::{Hub, Message};
+use protocol::Form;
+
+/// Where the Foxglove app looks first.
+pub(crate) const USUAL: &str = "127.0.0.1:8765";
+/// Viewers at a time.
+const MOST: usize = 8;
+/// Nanoseconds of a second.
+const SECOND_NS: f64 = 1e9;
+
+/// An address to listen at: `IP:PORT`, or a port of 127.0.0.1.
+pub(crate) fn address(text: &str) -> Result<SocketAddr, String> {
+    let port =
+        |text: &str| text.parse().ok().map(|port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port));
+    let wrong = || format!("expected IP:PORT, or a port of 127.0.0.1, such as {USUAL}");
+    text.parse().ok().or_else(|| port(text)).ok_or_else(wrong)
+}
+
+/// The server, for as long as the program runs.
+#[derive(Clone)]
+pub(crate) struct Streams(Arc<Hub>);
+
+impl Streams {
+    /// Begins to serve and gives the address.
+    ///
+    /// # Errors
+    /// The address is taken or not of this machine.
+    pub(crate) fn start(at: SocketAddr) -> anyhow::Result<(Self, String)> {
+        let listener = TcpListener::bind(at).with_context(|| format!("--foxglove: listening at {at}"))?;
+        let address = format!("ws://{}", listener.local_addr()?);
+        // Nothing of a run depends on these bytes.
+        let mut random = [0; 8];
+        getrandom::fill(&mut random).map_err(|error| anyhow::anyhow!("a random name: {error}"))?;
+        let hub = Arc::new(Hub::new(format!("{:016x}", u64::from_le_bytes(random))));
+        let streams = Self(Arc::clone(&hub));
+        std::thread::Builder::new().name("foxglove".into()).spawn(move || listen(&hub, &listener))?;
+        Ok((streams, address))
+    }
+
+    /// Another run begins: what there is to show of it, for the run to be observed by.
+    pub(crate) fn of_run(&self, views: Foxglove) -> Shown {
+        self.0.begin();
+        Shown { hub: Arc::clone(&self.0), views: Box::new(views), shown: Vec::new() }
+    }
+
+    /// Plays a log from its beginning when the first viewer comes, and again when another one comes after its end.
+    ///
+    /// # Errors
+    /// The file cannot be opened.
+    pub(crate) fn play(&self, log: PathBuf, speed: Option<f64>) -> anyhow::Result<()> {
+        Bag::open(&log)?;
+        let hub = Arc::clone(&self.0);
+        std::thread::Builder::new().name("play".into()).spawn(move || {
+            let mut seen = 0;
+            loop {
+                let Some(viewers) = hub.wait_for_viewers(seen, Duration::from_secs(1)) else { continue };
+                seen = viewers;
+                hub.begin();
+                if let Err(error) = play(&hub, &log, speed) {
+                    tell(&format!("error: {}", swerve_report::output::message(&error)));
+                    return;
+                }
+            }
+        })?;
+        Ok(())
+    }
+}
+
+fn listen(hub: &Arc<Hub>, listener: &TcpListener) {
+    let open = Arc::new(AtomicUsize::new(0));
+    for stream in listener.incoming().flatten() {
+        // Who is one too many is hung up on.
+        if open.fetch_add(1, Ordering::Relaxed) >= MOST {
+            open.fetch_sub(1, Ordering::Relaxed);
+            continue;
+        }
+        let (hub, open) = (Arc::clone(hub), Arc::clone(&open));
+        std::thread::spawn(move || {
+            // A viewer that has gone, or was none, is nobody's concern.
+            let _ended = viewer::serve(&hub, stream);
+            open.fetch_sub(1, Ordering::Relaxed);
+        });
+    }
+}
+
+/// Shows a run while it goes on. What it costs the run is to hand the messages over; viewers make them.
+pub(crate) struct Shown {
+    hub: Arc<Hub>,
+    views: Box<dyn Views>,
+    shown: Vec<View>,
+}
+
+impl Observer for Shown {
+    fn event(&mut self, event: &Event<'_>) {
+        self.views.event(event, &mut self.shown);
+        for View { topic, visible_at, bytes, encode, .. } in self.shown.drain(..) {
+            let make = move || {
+                let mut data = Vec::new();
+                encode(&mut data);
+                data
+            };
+            let at_ns = u64::try_from(visible_at.ns()).unwrap_or(0);
+            self.hub.publish(&topic.name, || form(&topic), Message::new(at_ns, bytes, Box::new(make)));
+        }
+    }
+}
+
+fn form(ViewTopic { schema, .. }: &ViewTopic) -> Form {
+    Form {
+        encoding: schema.message_encoding.to_owned(),
+        schema_name: schema.name.clone().into_owned(),
+        schema_encoding: schema.encoding.to_owned(),
+        schema: schema.data.clone().into_owned(),
+    }
+}
+
+/// Plays what a log holds under `/view` in real time times `speed`, as fast as it comes where there is none.
+#[expect(clippy::disallowed_methods, reason = "a person watches in real time what is recorded already")]
+fn play(hub: &Hub, log: &Path, speed: Option<f64>) -> anyhow::Result<()> {
+    let mut bag = Bag::open(log)?;
+    let begun = Instant::now();
+    let mut topics = BTreeSet::new();
+    while let Some(message) = bag.next_message()? {
+        let topic = &bag.topics()[message.topic];
+        if !topic.name.starts_with("/view/") {
+            continue;
+        }
+        topics.insert(message.topic);
+        if let Some(speed) = speed {
+            let due = Duration::from_secs_f64(message.received_ns as f64 / SECOND_NS / speed);
+            std::thread::sleep(due.saturating_sub(begun.elapsed()));
+        }
+        let form = || Form {
+            encoding: topic.encoding.clone(),
+            schema_name: topic.type_name.clone(),
+            schema_encoding: topic.schema_encoding.clone(),
+            schema: topic.schema.clone(),
+        };
+        let (bytes, data) = (message.data.len(), message.data);
+        let message = Message::new(message.received_ns, bytes, Box::new(move || data));
+        hub.publish(&topic.name, form, message);
+    }
+    anyhow::ensure!(
+        !topics.is_empty(),
+        "{}: it holds nothing for Foxglove (under /view): expected a log of a run with log.foxglove = true",
+        log.display()
+    );
+    Ok(())
+}

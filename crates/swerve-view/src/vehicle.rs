@@ -1,0 +1,79 @@
+//! A vehicle that is driven by `swerve live`, shown: it is watched, and nothing here can command it.
+
+use std::path::Path;
+
+use swerve_drive::page::RunReport;
+use swerve_drive::views::live_views;
+use swerve_flow::{Event, Observer};
+use swerve_foxglove::Foxglove;
+use swerve_live::{Drive, LiveArgs, Onlooker, run_before};
+use swerve_report::output::tell;
+use swerve_stack::Registry;
+
+use crate::drive::live_page;
+use crate::foxglove::{Shown, Streams};
+use crate::show::Show;
+
+/// Drives by a configuration as `swerve live` does, and shows it.
+///
+/// # Errors
+/// As [`run_before`].
+pub(crate) fn drive(
+    config: &Path,
+    set: &[String],
+    registry: &Registry,
+    show: &Show,
+    streams: Option<Streams>,
+) -> anyhow::Result<()> {
+    let mut watch = Watch { show, streams, shown: None };
+    let driven = run_before(&LiveArgs::of(config.to_owned(), set.to_vec()), registry, Some(&mut watch));
+    let missed = show.missed();
+    if missed > 0 {
+        tell(&format!(
+            "the page did not show {missed} events, which came while it was written; the log has them"
+        ));
+    }
+    driven
+}
+
+struct Watch<'a> {
+    show: &'a Show,
+    streams: Option<Streams>,
+    shown: Option<Shown>,
+}
+
+impl Onlooker for Watch<'_> {
+    fn begin(&mut self, drive: &Drive, command: String) -> anyhow::Result<()> {
+        let Drive { config, scenario, .. } = drive;
+        let report = RunReport::live(config, scenario, command)?;
+        self.show.begin(live_page(self.show, &report, false, true), report, None, None);
+        let views = || config.registry.with_views_of(Foxglove::new(live_views(config, scenario)));
+        self.shown = self.streams.as_ref().map(|streams| streams.of_run(views()));
+        Ok(())
+    }
+}
+
+impl Observer for Watch<'_> {
+    fn event(&mut self, event: &Event<'_>) {
+        self.show.glimpse(event);
+        if let Some(shown) = &mut self.shown {
+            shown.event(event);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::show::Ask;
+
+    #[test]
+    fn nothing_can_be_asked_of_a_vehicle() {
+        let show = Show::of_vehicle();
+        for ask in
+            [Ask::Go, Ask::Pause, Ask::Step, Ask::Speed { speed: None }, Ask::Restart(Default::default())]
+        {
+            assert_eq!(show.ask(ask), Err("this drive is only watched"));
+        }
+    }
+}
