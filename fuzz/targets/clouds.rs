@@ -4,7 +4,7 @@
 use swerve_localization::map_file::MapFile;
 use swerve_localization::ndt::{self, Isometry3, Limits};
 use swerve_localization::voxels::VoxelMap;
-use swerve_localization::{ply, thinned};
+use swerve_localization::{downsampled, ply};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if let Ok(map) = MapFile::read(bytes) {
@@ -13,5 +13,5 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let Ok(points) = ply::read(bytes) else { return };
     let map = VoxelMap::of_points(1.0, &points);
     let _either_way =
-        ndt::align(&[&map], &thinned(&points, 0.25), &Isometry3::identity(), &Limits::default());
+        ndt::align(&[&map], &downsampled(&points, 0.25), &Isometry3::identity(), &Limits::default());
 });
