@@ -51,9 +51,18 @@ pub(crate) struct Engine<'o> {
     digest: Commits,
     instants: u64,
     observers: Vec<&'o mut dyn Observer>,
+    /// Whether one of them looks at how long steps took on the host.
+    host_time: bool,
     /// Why the run ends after this sweep.
     stop: Option<String>,
     failure: Option<RunError>,
+}
+
+/// Tells the observers, while what the event points at is borrowed from the engine beside them.
+fn tell(observers: &mut [&mut dyn Observer], event: &Event<'_>) {
+    for observer in observers {
+        observer.event(event);
+    }
 }
 
 impl Engine<'_> {
@@ -120,9 +129,7 @@ impl Engine<'_> {
 
     /// Tells the observers.
     fn tell(&mut self, event: &Event<'_>) {
-        for observer in &mut self.observers {
-            observer.event(event);
-        }
+        tell(&mut self.observers, event);
     }
 
     fn drop_stamp(&mut self, rank: usize, stamp: Time, reason: DropReason) {

@@ -18,6 +18,11 @@ use crate::report::RunReport;
 pub trait Observer: Send {
     /// One event.
     fn event(&mut self, event: &Event<'_>);
+
+    /// Whether it looks at how long steps took on this host, which costs two readings of a clock a step.
+    fn wants_host_time(&self) -> bool {
+        true
+    }
 }
 
 impl<F: FnMut(&Event<'_>) + Send> Observer for F {

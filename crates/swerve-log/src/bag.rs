@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
@@ -11,7 +11,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 use crate::LogError;
 use crate::format::RECORD_MAX;
 use crate::mcap_record::{self, Schema, op, op_name};
-use crate::reader::{describe, open_sized};
+use crate::reader::{describe, open_sized, read_some};
 
 /// A topic of a recording.
 #[derive(Clone, PartialEq, Eq, Default, Debug)]
@@ -102,7 +102,7 @@ impl Bag {
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
                     // What the file does not hold is not asked of the memory.
                     let n = wanted.min(usize::try_from(self.left).unwrap_or(usize::MAX));
-                    let read = self.file.read(self.mcap.insert(n));
+                    let read = read_some(&mut self.file, self.mcap.insert(n));
                     let read = read.map_err(|source| LogError::Read { path: self.path.clone(), source })?;
                     self.mcap.notify_read(read);
                     self.left = self.left.saturating_sub(read as u64);

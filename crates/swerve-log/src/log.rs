@@ -1,6 +1,7 @@
 //! A whole log in memory.
 
 use std::collections::BTreeMap;
+use std::io::{Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -48,7 +49,14 @@ impl Log {
         path: &Path,
         keep: impl Fn(&Record) -> bool,
     ) -> Result<(Self, Option<LogError>), LogError> {
-        let mut reader = Reader::open(path)?;
+        Ok(Self::gather(Reader::open(path)?, keep))
+    }
+
+    /// Reads on to the end, or to what ends the reading.
+    pub(crate) fn gather<R: Read + Seek>(
+        mut reader: Reader<R>,
+        keep: impl Fn(&Record) -> bool,
+    ) -> (Self, Option<LogError>) {
         let mut records = Vec::new();
         let damage = loop {
             match reader.next_record() {
@@ -60,7 +68,7 @@ impl Log {
         };
         let start = reader.run_start().clone();
         let end = reader.run_end().cloned();
-        Ok((Self { start, end, streams: reader.streams().to_vec(), records }, damage))
+        (Self { start, end, streams: reader.streams().to_vec(), records }, damage)
     }
 
     /// The messages of one stream, in order.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,9 +18,9 @@ use crate::seals::{Seals, first_difference};
 
 /// Reads a log from its start. Damage of any kind ends the reading with an error that names the place; what
 /// came before has been given.
-pub struct Reader {
+pub struct Reader<R = File> {
     path: PathBuf,
-    file: BufReader<File>,
+    file: BufReader<R>,
     size: u64,
     mcap: LinearReader,
     /// How much of the file went into `mcap`.
@@ -63,10 +63,27 @@ pub(crate) fn open_sized(path: &Path) -> Result<(File, u64), LogError> {
     Ok((file, size))
 }
 
+/// As [`Read::read`], and again where a signal came between.
+pub(crate) fn read_some(file: &mut impl Read, into: &mut [u8]) -> std::io::Result<usize> {
+    loop {
+        match file.read(into) {
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            read => return read,
+        }
+    }
+}
+
 impl Reader {
     /// Opens a log and reads its run's start.
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let (file, size) = open_sized(path)?;
+        Self::of(path, file, size)
+    }
+}
+
+impl<R: Read + Seek> Reader<R> {
+    /// Reads from anything with so many bytes; `path` is its name in errors.
+    pub(crate) fn of(path: &Path, file: R, size: u64) -> Result<Self, LogError> {
         let options = LinearReaderOptions::default()
             .with_record_length_limit(format::RECORD_MAX)
             .with_prevalidate_chunk_crcs(true)
@@ -128,7 +145,7 @@ impl Reader {
                 // the file does not hold is not asked of the memory either.
                 let held = usize::try_from(self.size.saturating_sub(self.taken)).unwrap_or(usize::MAX);
                 let n = wanted.min(held);
-                let read = self.file.read(self.mcap.insert(n));
+                let read = read_some(&mut self.file, self.mcap.insert(n));
                 let read = read.map_err(|source| LogError::Read { path: self.path.clone(), source })?;
                 self.mcap.notify_read(read);
                 self.taken += read as u64;

@@ -11,6 +11,8 @@ use swerve_core::{Digest, Rng, Span, Time};
 
 use crate::*;
 
+mod faults; // disks that fill up, devices that fail, signals that come between
+
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 struct Pose {
     x_m: f64,

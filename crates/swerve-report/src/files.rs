@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
-use std::io::{BufWriter, ErrorKind, Read as _};
+use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
@@ -150,14 +150,15 @@ pub fn write_png(
     bytes: &[u8],
 ) -> anyhow::Result<()> {
     let writing = || format!("writing {}", path.display());
-    let file = BufWriter::new(File::create(path).with_context(writing)?);
-    let mut encoder = png::Encoder::new(file, width_px, height_px);
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width_px, height_px);
     encoder.set_color(colour);
     encoder.set_depth(depth);
     encoder.set_compression(png::Compression::Fast);
     let mut writer = encoder.write_header().with_context(writing)?;
     writer.write_image_data(bytes).with_context(writing)?;
-    writer.finish().with_context(writing)
+    writer.finish().with_context(writing)?;
+    write_whole(path, &file)
 }
 
 fn beside(path: &Path) -> PathBuf {

@@ -12,6 +12,7 @@ mod pipeline;
 mod read;
 mod simulate;
 mod table;
+mod tally;
 mod trace;
 
 #[cfg(test)]
@@ -25,6 +26,7 @@ use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problems};
 
 pub use pipeline::{BlackBox, Pipeline, Resource, Timer};
+pub use tally::{Operator, Tally};
 pub use trace::{Mark, Publication, Step, Trace};
 
 /// Runs a pipeline of black boxes and prints its response times, losses and utilisation.
@@ -62,8 +64,11 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
         swerve_report::files::refuse_toml(path)?;
     }
     let pipeline = read_file(&args.file).map_err(|problems| swerve_drive::problems_error(&problems))?;
-    let trace =
-        simulate(&pipeline, args.seed, args.threads).with_context(|| args.file.display().to_string())?;
+    // Everything is kept only where somebody asks for it: a table needs a twelfth of the memory.
+    let all = args.picture.is_some() || args.report.is_some() || args.json;
+    let mut trace = Trace::default();
+    let tally = simulate::simulate(&pipeline, args.seed, args.threads, all.then_some(&mut trace))
+        .with_context(|| args.file.display().to_string())?;
     if let Some(path) = &args.picture {
         args.pictures.write(path, &draw(&pipeline, &trace))?;
     }
@@ -71,7 +76,7 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
         let page = page::page(&args.file, args.seed, &pipeline, &trace);
         swerve_report::files::write_whole(path, page.html().as_bytes())?;
     }
-    let text = if args.json { json(&pipeline, &trace) } else { table(&pipeline, &trace) };
+    let text = if args.json { json(&pipeline, &trace) } else { table(&pipeline, &tally) };
     swerve_report::output::print(&text)
 }
 
@@ -101,12 +106,22 @@ pub fn parse(name: &str, text: &str) -> Result<Pipeline, Problems> {
 /// # Errors
 /// When the engine refuses the graph or the run fails.
 pub fn simulate(pipeline: &Pipeline, seed: u64, threads: usize) -> anyhow::Result<Trace> {
-    simulate::simulate(pipeline, seed, threads)
+    let mut trace = Trace::default();
+    simulate::simulate(pipeline, seed, threads, Some(&mut trace))?;
+    Ok(trace)
+}
+
+/// The same, of which only counts and run times are kept.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn tally(pipeline: &Pipeline, seed: u64, threads: usize) -> anyhow::Result<Tally<'_>> {
+    simulate::simulate(pipeline, seed, threads, None)
 }
 
 /// Response times, losses and utilisation as aligned text.
-pub fn table(pipeline: &Pipeline, trace: &Trace) -> String {
-    table::table(pipeline, trace)
+pub fn table(pipeline: &Pipeline, tally: &Tally<'_>) -> String {
+    table::table(pipeline, tally)
 }
 
 /// A Gantt chart.

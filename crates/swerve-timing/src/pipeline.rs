@@ -68,3 +68,33 @@ impl Pipeline {
         !self.operators.iter().any(|op| op.at.contains(&i) || op.latest.contains(&i))
     }
 }
+
+/// Finds the operators of a pipeline by the names that a run tells of them.
+#[derive(Clone, Debug)]
+pub(crate) struct Names<'a> {
+    pub(crate) pipeline: &'a Pipeline,
+    sinks: Vec<bool>,
+    last: usize,
+}
+
+impl<'a> Names<'a> {
+    pub(crate) fn new(pipeline: &'a Pipeline) -> Self {
+        let sinks = (0..pipeline.operators.len()).map(|i| pipeline.is_sink(i)).collect();
+        Self { pipeline, sinks, last: 0 }
+    }
+
+    /// The index of the operator, looked for from the last one on: a run tells of one after the other.
+    pub(crate) fn index(&mut self, name: &str) -> usize {
+        let (before, from) = self.pipeline.operators.split_at(self.last);
+        let is_it = |op: &BlackBox| op.name == name;
+        let found = from.iter().position(is_it).map(|i| i + self.last);
+        self.last =
+            found.or_else(|| before.iter().position(is_it)).expect("the graph was made of these operators");
+        self.last
+    }
+
+    /// As [`Pipeline::is_sink`].
+    pub(crate) fn is_sink(&self, i: usize) -> bool {
+        self.sinks[i]
+    }
+}

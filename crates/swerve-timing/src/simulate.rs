@@ -2,11 +2,12 @@
 
 use swerve_core::Time;
 use swerve_flow::{
-    At, Context, Event, Every, Feedback, Graph, Latest, Operator, Port, RunOptions, Source, Stream, every,
-    run_virtual,
+    At, Context, Event, Every, Feedback, Graph, Latest, Observer, Operator, Port, RunOptions, Source, Stream,
+    every, run_virtual,
 };
 
-use super::pipeline::{BlackBox, Pipeline};
+use super::pipeline::{BlackBox, Names, Pipeline};
+use super::tally::Tally;
 use super::trace::Trace;
 
 /// Computes nothing: its run time is all there is to it.
@@ -70,10 +71,19 @@ fn graph(pipeline: &Pipeline) -> Graph {
     graph
 }
 
-pub(crate) fn simulate(pipeline: &Pipeline, seed: u64, threads: usize) -> anyhow::Result<Trace> {
-    let mut trace = Trace::default();
+/// Runs the pipeline; `trace`, where there is one, takes in everything.
+pub(crate) fn simulate<'a>(
+    pipeline: &'a Pipeline,
+    seed: u64,
+    threads: usize,
+    trace: Option<&mut Trace>,
+) -> anyhow::Result<Tally<'a>> {
+    let mut tally = Tally::new(pipeline);
     let options = RunOptions::until(Time::ZERO + pipeline.span).seed(seed).threads(threads);
-    let mut observer = |event: &Event<'_>| trace.note(pipeline, event);
-    run_virtual(graph(pipeline), &options, vec![&mut observer])?;
-    Ok(trace)
+    let mut names = Names::new(pipeline);
+    let mut traced = trace.map(|trace| move |event: &Event<'_>| trace.note(&mut names, event));
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut tally];
+    observers.extend(traced.as_mut().map(|traced| traced as &mut dyn Observer));
+    run_virtual(graph(pipeline), &options, observers)?;
+    Ok(tally)
 }

@@ -5,18 +5,18 @@ use core::fmt::Write as _;
 use swerve_core::Span;
 
 use super::pipeline::Pipeline;
-use super::trace::{Mark, Trace};
+use super::tally::Tally;
 
 /// The report of a run as aligned text.
-pub(crate) fn table(pipeline: &Pipeline, trace: &Trace) -> String {
+pub(crate) fn table(pipeline: &Pipeline, tally: &Tally<'_>) -> String {
     let mut text = format!("span {} ms, {} operators\n", ms(pipeline.span), pipeline.operators.len());
     for (title, rows) in [
         (
             "Response times: result minus the stamp of the newest sensor frame it derives from",
-            responses(pipeline, trace),
+            responses(pipeline, tally),
         ),
-        ("Operators", operators(pipeline, trace)),
-        ("Resources", resources(pipeline, trace)),
+        ("Operators", operators(pipeline, tally)),
+        ("Resources", resources(pipeline, tally)),
     ] {
         if rows.len() > 1 {
             let _ = write!(text, "\n{title}\n{}", aligned(&rows));
@@ -31,16 +31,10 @@ fn row<const N: usize>(cells: [&str; N]) -> Row {
     cells.map(str::to_owned).to_vec()
 }
 
-fn responses(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
+fn responses(pipeline: &Pipeline, tally: &Tally<'_>) -> Vec<Row> {
     let mut rows = vec![row(["result", "messages", "p50 ms", "p99 ms", "max ms"])];
     for (i, op) in pipeline.operators.iter().enumerate().filter(|(i, _)| pipeline.is_sink(*i)) {
-        let times = sorted(
-            trace
-                .publications
-                .iter()
-                .filter(|p| p.operator == i && p.stamp.is_some())
-                .filter_map(|p| Some(p.visible_at - p.origin?)),
-        );
+        let times = sorted(&tally.operators[i].responses);
         rows.push(vec![
             op.name.clone(),
             times.len().to_string(),
@@ -52,41 +46,27 @@ fn responses(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
     rows
 }
 
-fn operators(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
+fn operators(pipeline: &Pipeline, tally: &Tally<'_>) -> Vec<Row> {
     let head =
         ["operator", "steps", "messages", "repeats", "misses", "drops", "run p50 ms", "p99 ms", "busy"];
     let mut rows = vec![row(head)];
-    for (i, op) in pipeline.operators.iter().enumerate() {
-        let messages = trace.publications.iter().filter(|p| p.operator == i && p.stamp.is_some());
-        let repeats = messages.clone().filter(|p| p.reused_from.is_some()).count();
-        let steps = trace.steps.iter().filter(|step| step.operator == i);
-        let times = sorted(steps.clone().filter_map(|step| Some(step.end? - step.start)));
-        let busy = share(trace.busy(i, pipeline.span), pipeline.span, op.policy.places());
-        rows.push(vec![
-            op.name.clone(),
-            steps.count().to_string(),
-            messages.count().to_string(),
-            repeats.to_string(),
-            count(&trace.misses, i),
-            count(&trace.drops, i),
-            percentile(&times, 50),
-            percentile(&times, 99),
-            busy,
-        ]);
+    for (op, did) in pipeline.operators.iter().zip(&tally.operators) {
+        let times = sorted(&did.run_times);
+        let mut row = vec![op.name.clone()];
+        row.extend([did.steps, did.messages, did.repeats, did.misses, did.drops].map(|n| n.to_string()));
+        row.extend([percentile(&times, 50), percentile(&times, 99)]);
+        row.push(share(did.busy, pipeline.span, op.policy.places()));
+        rows.push(row);
     }
     rows
 }
 
-fn count(marks: &[Mark], i: usize) -> String {
-    marks.iter().filter(|mark| mark.operator == i).count().to_string()
-}
-
-fn resources(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
+fn resources(pipeline: &Pipeline, tally: &Tally<'_>) -> Vec<Row> {
     let mut rows = vec![row(["resource", "slots", "busy", "used by"])];
     for (r, resource) in pipeline.resources.iter().enumerate() {
         let users: Vec<usize> =
             (0..pipeline.operators.len()).filter(|&i| pipeline.operators[i].uses == Some(r)).collect();
-        let busy = users.iter().fold(Span::ZERO, |sum, &i| sum + trace.busy(i, pipeline.span));
+        let busy = users.iter().fold(Span::ZERO, |sum, &i| sum + tally.operators[i].busy);
         let names: Vec<&str> = users.iter().map(|&i| pipeline.operators[i].name.as_str()).collect();
         rows.push(vec![
             resource.name.clone(),
@@ -98,8 +78,8 @@ fn resources(pipeline: &Pipeline, trace: &Trace) -> Vec<Row> {
     rows
 }
 
-fn sorted(spans: impl Iterator<Item = Span>) -> Vec<Span> {
-    let mut spans: Vec<Span> = spans.collect();
+fn sorted(spans: &[Span]) -> Vec<Span> {
+    let mut spans = spans.to_vec();
     spans.sort_unstable();
     spans
 }

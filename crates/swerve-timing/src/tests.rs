@@ -256,7 +256,7 @@ fn the_table_counts_what_happened() {
     // The detector takes 80 of every 100 ms: two frames of three in 200 ms are answered.
     let pipeline = good();
     let trace = simulate(&pipeline, 1, 1).expect("it runs");
-    let table = table(&pipeline, &trace);
+    let table = table(&pipeline, &tally(&pipeline, 1, 1).expect("it runs"));
     let words = |start: &str| -> Vec<String> {
         let line =
             table.lines().rev().find(|line| line.trim_start().starts_with(start)).expect("a line of its own");
@@ -273,9 +273,9 @@ fn a_busy_operator_is_busy_all_the_time() {
     let text =
         GOOD.replace("deadline", "#").replace("every_ms = 50", "every_ms = 10").replace("= 80", "= 25");
     let pipeline = parse("p.toml", &text).expect("the file is good");
-    let trace = simulate(&pipeline, 1, 1).expect("it runs");
+    let tally = tally(&pipeline, 1, 1).expect("it runs");
     // It starts when the first image is there, after 5 ms, and never stops.
-    assert_eq!(trace.busy(1, pipeline.span), Span::from_ms(1995));
+    assert_eq!(tally.operators[1].busy, Span::from_ms(1995));
 }
 
 #[test]

@@ -1,9 +1,9 @@
-//! What a run of a pipeline did, as the table, the JSON and the chart need it.
+//! What a run of a pipeline did, as the JSON, the chart and the page need it.
 
-use swerve_core::{Span, Time};
+use swerve_core::Time;
 use swerve_flow::{DropReason, Event, RunReport};
 
-use super::pipeline::Pipeline;
+use super::pipeline::Names;
 
 /// Everything that a run did, in commit order.
 #[derive(Clone, Debug, Default)]
@@ -67,12 +67,9 @@ pub struct Mark {
 }
 
 impl Trace {
-    /// Notes one event of the run of `pipeline`.
-    pub(crate) fn note(&mut self, pipeline: &Pipeline, event: &Event<'_>) {
-        let index = |name: &str| {
-            let found = pipeline.operators.iter().position(|op| op.name == name);
-            found.expect("the graph was made of these operators")
-        };
+    /// Notes one event of a run.
+    pub(crate) fn note(&mut self, names: &mut Names<'_>, event: &Event<'_>) {
+        let mut index = |name: &str| names.index(name);
         match event {
             Event::Publication(p) => self.publications.push(Publication {
                 operator: index(p.operator),
@@ -106,12 +103,5 @@ impl Trace {
             Event::Decision(_) => {}
             Event::End(report) => self.report = Some((*report).clone()),
         }
-    }
-
-    /// The time that steps of operator `i` took within `span`.
-    pub fn busy(&self, i: usize, span: Span) -> Span {
-        let end = Time::ZERO + span;
-        let within = |step: &Step| step.end.unwrap_or(end).min(end) - step.start;
-        self.steps.iter().filter(|step| step.operator == i).fold(Span::ZERO, |sum, step| sum + within(step))
     }
 }

@@ -1,6 +1,6 @@
 //! As much of HTTP/1.1 (RFC 9112) as a page needs that is shown on this machine alone: one request a connection.
 
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
@@ -61,7 +61,10 @@ impl Door {
         let mut wanted = None;
         while wanted.is_none_or(|wanted| bytes.len() < wanted) {
             let mut part = [0; 4096];
-            let read = stream.read(&mut part).map_err(cut_off)?;
+            let read = match stream.read(&mut part) {
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue, // by a signal
+                read => read.map_err(cut_off)?,
+            };
             bytes.extend_from_slice(&part[..read]);
             wanted = wanted.or_else(|| whole_length(&bytes));
             if bytes.len() > LONGEST || wanted.is_some_and(|wanted| wanted > LONGEST) {

@@ -8,7 +8,7 @@ use swerve_core::{Digest, Hasher, Time};
 use super::due::{Due, Ready};
 use super::node::{Node, Reader};
 use super::turn::Answer;
-use super::{Engine, Event};
+use super::{Engine, Event, tell};
 use crate::message::{Header, Msg};
 use crate::observer::{Publication, Reads};
 use crate::payload::{Outs, Sent};
@@ -56,13 +56,11 @@ impl Engine<'_> {
         sent: &Sent,
     ) {
         let node = &self.nodes[rank];
-        let (operator, names) = (node.name.clone(), node.reads.clone());
-        let stream = self.streams[node.streams[port]].name.clone();
         // A feed has no record of what was read.
-        let names = if answer.reads.len() == names.len() { &names[..] } else { &[] };
-        self.tell(&Event::Publication(Publication {
-            operator: &operator,
-            stream: &stream,
+        let names = if answer.reads.len() == node.reads.len() { &node.reads[..] } else { &[] };
+        let publication = Publication {
+            operator: &node.name,
+            stream: &self.streams[node.streams[port]].name,
             port,
             seq: header.seq,
             stamp: Some(header.stamp),
@@ -73,7 +71,8 @@ impl Engine<'_> {
             origin: header.origin,
             reads: Reads { names, stamps: answer.reads },
             payload: Some(sent),
-        }));
+        };
+        tell(&mut self.observers, &Event::Publication(publication));
     }
 
     /// (f) Publishes the operator's watermark where it rose without a message.
@@ -99,14 +98,11 @@ impl Engine<'_> {
         let stream = &mut self.streams[id];
         stream.watermark = watermark;
         if !self.observers.is_empty() {
-            let operator = node.name.clone();
-            let stream = self.streams[id].name.clone();
-            let seq = self.streams[id].seq;
-            self.tell(&Event::Publication(Publication {
-                operator: &operator,
-                stream: &stream,
+            let publication = Publication {
+                operator: &node.name,
+                stream: &stream.name,
                 port,
-                seq,
+                seq: stream.seq,
                 stamp: None,
                 watermark,
                 visible_at: self.now,
@@ -115,7 +111,8 @@ impl Engine<'_> {
                 origin: None,
                 reads: Reads::default(),
                 payload: None,
-            }));
+            };
+            tell(&mut self.observers, &Event::Publication(publication));
         }
         self.deliver_bare(id, watermark);
     }

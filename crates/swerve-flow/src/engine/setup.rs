@@ -80,6 +80,7 @@ impl<'o> Engine<'o> {
             replay,
             digest: Commits::new(),
             instants: 0,
+            host_time: observers.iter().any(|observer| observer.wants_host_time()),
             observers,
             stop: None,
             failure: None,

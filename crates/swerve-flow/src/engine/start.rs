@@ -8,7 +8,7 @@ use swerve_core::{Span, Time};
 
 use super::node::{Outcome, PortRef, Ran, Run};
 use super::pool::Job;
-use super::{Engine, Event};
+use super::{Engine, Event, tell};
 use crate::deadline::{Anchor, Reaction};
 use crate::decision::{Decided, Decision};
 use crate::graph::newest;
@@ -355,10 +355,11 @@ impl Engine<'_> {
         if self.observers.is_empty() {
             return;
         }
-        let (operator, names) = (self.nodes[rank].name.clone(), self.nodes[rank].reads.clone());
+        let node = &self.nodes[rank];
         let deadline = (deadline < Time::MAX).then_some(deadline);
-        let reads = Reads { names: &names, stamps: reads };
-        self.tell(&Event::StepStart(StepStart { operator: &operator, stamp, at: self.now, deadline, reads }));
+        let reads = Reads { names: &node.reads, stamps: reads };
+        let start = StepStart { operator: &node.name, stamp, at: self.now, deadline, reads };
+        tell(&mut self.observers, &Event::StepStart(start));
     }
 
     /// Calls the operator's reaction; what it panics with ends the run.
@@ -377,7 +378,7 @@ impl Engine<'_> {
     /// Whether the host time of the operator's steps is wanted.
     fn host_time(&self, rank: usize) -> bool {
         self.wall.is_some()
-            || !self.observers.is_empty()
+            || self.host_time
             || matches!(self.nodes[rank].runtime, RuntimeModel::Measured { .. })
     }
 }

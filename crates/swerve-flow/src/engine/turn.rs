@@ -4,8 +4,8 @@ use std::sync::PoisonError;
 
 use swerve_core::{Span, Time};
 
-use super::Engine;
 use super::node::{Finished, Outcome, Run};
+use super::{Engine, tell};
 use crate::deadline::{Anchor, Length, Reaction};
 use crate::decision::Decision;
 use crate::input::Edge;
@@ -194,9 +194,8 @@ impl Engine<'_> {
         if self.observers.is_empty() {
             return;
         }
-        let name = node.name.clone();
         let event = StepEnd {
-            operator: &name,
+            operator: &node.name,
             stamp: run.stamp,
             start: run.start,
             end: run.end,
@@ -204,7 +203,7 @@ impl Engine<'_> {
             host_ns: ran.host_ns,
             late: run.resolved,
         };
-        self.tell(&Event::StepEnd(event));
+        tell(&mut self.observers, &Event::StepEnd(event));
     }
 
     /// Resolves what is older than `stamp`, which is being answered; gives the number of running steps that

@@ -1,6 +1,7 @@
 //! What the program costs, in instructions: nearly the same on every machine and at any load, where a time is neither.
 //! Counted by valgrind, of the program as tests are built (what runs are made of is optimised there too), and held against
 //! `tests/reference/instructions.toml`; `SWERVE_COUNTS=write` writes that file anew. Needs valgrind.
+#![expect(clippy::print_stdout, reason = "prints what it measured")]
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -48,12 +49,58 @@ fn count(args: &str) -> f64 {
     refs.trim().replace(',', "").parse::<f64>().unwrap() / 1e6
 }
 
+/// Whether instructions can be counted here; says so, or fails in CI, where they cannot.
+fn has_valgrind() -> bool {
+    let found = Command::new("valgrind").arg("--version").output().is_ok();
+    if !found {
+        assert!(std::env::var_os("SWERVE_CI").is_none(), "SWERVE_CI is set, and valgrind is not installed");
+        eprintln!("skipped: valgrind is not installed");
+    }
+    found
+}
+
+/// People who walk beside a long road, each on a way of their own.
+fn crowd(people: usize) -> String {
+    let mut text =
+        "name = \"crowd\"\n[road]\nsegments = [{ length_m = 3000.0 }]\nlane_width_m = 4.0\nleft_m = 30.0\n\
+        right_m = 30.0\n[ego]\ntarget_speed_mps = 10.0\nend_m = 2900.0\n[end]\ntimeout_s = 1.0\n"
+            .to_owned();
+    for k in 0..people {
+        let (s_m, d_m) = (60.0 + 2.5 * (k / 10) as f64, 5.0 + 2.0 * (k % 10) as f64);
+        let speed_mps = 0.5 + 0.1 * (k % 10) as f64;
+        let _infallible = write!(
+            text,
+            "[[actor]]\nname = \"p{k}\"\nkind = \"pedestrian\"\ns_m = {s_m:.1}\nd_m = {d_m:.1}\n\
+             motion = [{{ walk = {{ speed_mps = {speed_mps:.1}, distance_m = 20.0, direction = \"ahead\" }} }}]\n"
+        );
+    }
+    text
+}
+
+/// Four times as many actors may cost little more than four times as much.
+#[test]
+#[ignore = "a minute of valgrind"]
+fn what_an_actor_costs_does_not_grow_with_their_number() {
+    if !has_valgrind() {
+        return;
+    }
+    let bench = Bench::new();
+    for (command, few, most) in [("check", 500, 4.6), ("run", 100, 5.0)] {
+        let counts = [few, 4 * few].map(|people| {
+            let file = format!("crowd{people}.toml");
+            bench.write(&file, &crowd(people));
+            count(&format!("{command} {}", bench.path(&file).display()))
+        });
+        let [little, much] = counts;
+        println!("{command}: {few} actors {little:.0} M, four times as many {much:.0} M");
+        assert!(much < most * little, "{command}: {:.2} times as much, expected {most}", much / little);
+    }
+}
+
 #[test]
 #[ignore = "a minute of valgrind"]
 fn the_program_takes_no_more_instructions_than_before() {
-    if Command::new("valgrind").arg("--version").output().is_err() {
-        assert!(std::env::var_os("SWERVE_CI").is_none(), "SWERVE_CI is set, and valgrind is not installed");
-        eprintln!("skipped: valgrind is not installed");
+    if !has_valgrind() {
         return;
     }
     let file = Path::new(ROOT).join("tests/reference/instructions.toml");

@@ -38,7 +38,7 @@ fn python() -> String {
 }
 
 /// Whether there is a car to drive; says so, or fails in CI, where there is none.
-fn has_car() -> bool {
+pub(crate) fn has_car() -> bool {
     let mut import = Command::new(python());
     let found = import.args(["-c", "import cyclonedds"]).stderr(Stdio::null()).status();
     let found = found.is_ok_and(|status| status.success());
@@ -54,19 +54,19 @@ fn seconds() -> f64 {
 }
 
 /// For this process alone, and this drive.
-fn domain(drive: u32) -> u32 {
+pub(crate) fn domain(drive: u32) -> u32 {
     20 + (std::process::id() % 9) * 8 + drive
 }
 
 /// An emulated car, which tells each second how it is.
-struct Car {
+pub(crate) struct Car {
     child: Child,
     tells: Receiver<Value>,
     told: Vec<Value>,
 }
 
 impl Car {
-    fn start(domain: u32, interface: &str, more: &[&str]) -> Self {
+    pub(crate) fn start(domain: u32, interface: &str, more: &[&str]) -> Self {
         // Cyclone DDS: this host only, without multicast, as a machine without network has it.
         let cyclone = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
             <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
@@ -99,7 +99,7 @@ impl Car {
     }
 
     /// Ends it: its states, one a second, the last one at its end.
-    fn end(mut self) -> Vec<Value> {
+    pub(crate) fn end(mut self) -> Vec<Value> {
         drop(self.child.stdin.take());
         self.child.wait().unwrap();
         let mut told = std::mem::take(&mut self.told);

@@ -6,6 +6,7 @@ mod absent;
 mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
 mod browser; // a browser whose page is typed into
 mod decoders; // bytes from outside never make a decoder panic
+mod faults; // a full disk, no memory, no descriptors
 mod hostile; // peers of ROS 2 topics that mean ill
 mod instructions; // what calls cost, counted, not timed
 mod interrupt; // Ctrl-C in a study
@@ -19,6 +20,7 @@ mod report; // pages of runs and studies, drawn by a real browser
 mod ros2; // the simulated car on ROS 2's topics, recorded drives
 mod sensors; // a rig from a file, its log, its faults
 mod slurm; // the shards of a Slurm array, simulated
+mod soak; // memory and descriptors over a long drive
 mod study; // cells, resuming, shards, failing cells, repeating a cell
 mod support; // a folder to call the program in
 mod timing; // the engine against the reference model

@@ -1,0 +1,159 @@
+//! Input and output that fail: at the n-th byte, in parts, by signals.
+
+use std::io::ErrorKind;
+
+use super::*;
+use crate::reader::Reader;
+
+/// A disk that refuses what would go past `room` bytes, takes at most `part` bytes at a time, and lets a signal come
+/// before every call but each second one where `signals`.
+#[derive(Clone)]
+struct Disk {
+    file: Shared,
+    room: usize,
+    refusal: ErrorKind,
+    part: usize,
+    signals: bool,
+    calls: u64,
+}
+
+impl Disk {
+    fn new(bytes: Vec<u8>) -> Self {
+        Self {
+            file: Shared(Arc::new(Mutex::new(Cursor::new(bytes)))),
+            room: usize::MAX,
+            refusal: ErrorKind::StorageFull,
+            part: usize::MAX,
+            signals: false,
+            calls: 0,
+        }
+    }
+
+    fn held(&self) -> Vec<u8> {
+        self.file.0.lock().unwrap().get_ref().clone()
+    }
+
+    /// How many of `wanted` bytes this call moves.
+    fn moves(&mut self, wanted: usize) -> io::Result<usize> {
+        self.calls += 1;
+        if self.signals && self.calls % 2 == 1 {
+            return Err(ErrorKind::Interrupted.into());
+        }
+        let at = self.file.0.lock().unwrap().position() as usize;
+        match wanted.min(self.part).min(self.room.saturating_sub(at)) {
+            0 if wanted > 0 => Err(self.refusal.into()),
+            moved => Ok(moved),
+        }
+    }
+}
+
+impl Write for Disk {
+    fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+        let moved = self.moves(data.len())?;
+        self.file.write(&data[..moved])
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Read for Disk {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let moved = self.moves(into.len())?;
+        self.file.0.lock().unwrap().read(&mut into[..moved])
+    }
+}
+
+impl Seek for Disk {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+/// Six seconds of run time in few bytes: more than one chunk is flushed.
+fn record_on(disk: &Disk) -> Result<u64, LogError> {
+    let mut recorder = Recorder::start(Path::new("log.mcap"), disk.clone(), &start())?;
+    for k in 0..40 {
+        message(&mut recorder, "pose", 150 * k);
+    }
+    recorder.end(end());
+    recorder.finish()
+}
+
+fn whole() -> Vec<u8> {
+    let disk = Disk::new(Vec::new());
+    assert_eq!(record_on(&disk).unwrap(), 40);
+    disk.held()
+}
+
+fn read_from(disk: Disk) -> Result<(Log, Option<LogError>), LogError> {
+    let size = disk.held().len() as u64;
+    Ok(Log::gather(Reader::of(Path::new("log.mcap"), disk, size)?, |_| true))
+}
+
+#[test]
+fn at_whichever_byte_a_disk_is_full_what_was_flushed_is_read() {
+    let whole = whole();
+    let (mut most, mut none) = (0, 0);
+    for room in 0..whole.len() {
+        let disk = Disk { room, ..Disk::new(Vec::new()) };
+        let error = record_on(&disk).unwrap_err().to_string();
+        assert!(error.starts_with("log.mcap: cannot write: "), "{room}: {error}");
+        let left = disk.held();
+        assert!(whole.starts_with(&left), "{room}: what was written before is as it would have been");
+        let Ok((log, damage)) = read_from(Disk::new(left)) else {
+            none += 1;
+            continue;
+        };
+        // Only when the sum that closes the file is missing, all records may be there.
+        assert!(damage.is_some(), "{room}: a log that was not finished passes as whole");
+        assert!(log.records.len() >= most, "{room}: more room gives no fewer records");
+        most = log.records.len();
+        for (k, message) in (0..).zip(log.publications("pose")) {
+            assert_eq!(message.decode::<Pose>().unwrap(), pose(150 * k), "{room}");
+        }
+    }
+    assert_eq!(most, 40);
+    assert!(none < whole.len() / 2, "the run's start is on the disk early: {none} of {}", whole.len());
+}
+
+#[test]
+fn the_disks_own_words_are_told() {
+    for (refusal, words) in
+        [(ErrorKind::StorageFull, "no storage space"), (ErrorKind::PermissionDenied, "permission denied")]
+    {
+        let disk = Disk { room: 3000, refusal, ..Disk::new(Vec::new()) };
+        let error = record_on(&disk).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn parts_and_signals_change_nothing() {
+    let whole = whole();
+    for part in [1, 7, 4096] {
+        let disk = Disk { part, signals: true, ..Disk::new(Vec::new()) };
+        assert_eq!(record_on(&disk).unwrap(), 40);
+        assert!(disk.held() == whole, "{part} bytes at a time");
+        let (log, damage) = read_from(Disk { part, signals: true, ..Disk::new(whole.clone()) }).unwrap();
+        assert!(damage.is_none(), "{part}: {damage:?}");
+        assert_eq!(log.records.len(), 40);
+    }
+}
+
+#[test]
+fn at_whichever_byte_a_device_fails_what_came_before_is_read() {
+    let whole = whole();
+    let mut most = 0;
+    for room in (0..whole.len()).step_by(3) {
+        let failing = Disk { room, part: 64, refusal: ErrorKind::Other, ..Disk::new(whole.clone()) };
+        let (records, error) = match read_from(failing) {
+            Ok((log, damage)) => (log.records.len(), damage.expect("not all could be read")),
+            Err(error) => (0, error),
+        };
+        assert!(error.to_string().starts_with("log.mcap: "), "{room}: {error}");
+        assert!(records >= most, "{room}");
+        most = records;
+    }
+    assert!(most > 30, "{most}");
+}

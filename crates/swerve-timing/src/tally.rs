@@ -1,0 +1,91 @@
+//! Counts and run times of a run, in the few bytes a step that a run of hours needs.
+
+use swerve_core::{Span, Time};
+use swerve_flow::{DropReason, Event, Observer};
+
+use super::pipeline::{Names, Pipeline};
+
+/// What the table tells of a run.
+#[derive(Clone, Debug)]
+pub struct Tally<'a> {
+    names: Names<'a>,
+    /// Of each operator of the pipeline.
+    pub operators: Vec<Operator>,
+}
+
+/// What one operator did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Operator {
+    /// Steps that started.
+    pub steps: u64,
+    /// Messages published.
+    pub messages: u64,
+    /// Those of them that repeat an older result.
+    pub repeats: u64,
+    /// Deadlines missed.
+    pub misses: u64,
+    /// Frames and results dropped.
+    pub drops: u64,
+    /// How long its steps took that ended, in the order of their ends.
+    pub run_times: Vec<Span>,
+    /// Of a result of the pipeline, the times from the newest sensor frame that a message derives from to the message.
+    pub responses: Vec<Span>,
+    /// The time that its steps took within the span of the run.
+    pub busy: Span,
+    /// Stamps and starts of the steps that have not ended.
+    running: Vec<(Time, Time)>,
+}
+
+impl<'a> Tally<'a> {
+    /// Of a run of this pipeline that has not begun.
+    pub(crate) fn new(pipeline: &'a Pipeline) -> Self {
+        Self { names: Names::new(pipeline), operators: vec![Operator::default(); pipeline.operators.len()] }
+    }
+
+    fn of(&mut self, operator: &str) -> &mut Operator {
+        &mut self.operators[self.names.index(operator)]
+    }
+}
+
+impl Observer for Tally<'_> {
+    fn event(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Publication(p) if p.stamp.is_none() => {}
+            Event::Publication(p) => {
+                let index = self.names.index(p.operator);
+                let is_result = self.names.is_sink(index);
+                let tally = &mut self.operators[index];
+                tally.messages += 1;
+                tally.repeats += u64::from(p.reused_from.is_some());
+                tally.responses.extend(p.origin.filter(|_| is_result).map(|origin| p.visible_at - origin));
+            }
+            Event::StepStart(s) => {
+                let tally = self.of(s.operator);
+                tally.steps += 1;
+                tally.running.push((s.stamp, s.at));
+            }
+            Event::StepEnd(s) => {
+                let tally = self.of(s.operator);
+                tally.running.retain(|running| *running != (s.stamp, s.start));
+                tally.run_times.push(s.end - s.start);
+                tally.busy += s.end - s.start;
+            }
+            Event::Miss(m) => self.of(m.operator).misses += 1,
+            // A message that comes too late opens no frame: nothing of this operator is lost by it.
+            Event::Drop(d) if d.reason == DropReason::TooLate => {}
+            Event::Drop(d) => self.of(d.operator).drops += 1,
+            Event::Decision(_) => {}
+            Event::End(_) => {
+                let end = Time::ZERO + self.names.pipeline.span;
+                for tally in &mut self.operators {
+                    tally.busy =
+                        tally.running.iter().fold(tally.busy, |busy, (_, start)| busy + (end - *start));
+                }
+            }
+        }
+    }
+
+    fn wants_host_time(&self) -> bool {
+        false
+    }
+}

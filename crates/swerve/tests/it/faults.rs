@@ -1,0 +1,143 @@
+//! The program where the machine gives out: a full disk, no memory, no file descriptors. Finished work stays, what is half
+//! done is not taken for whole, and the same command goes on once there is room again.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::support::{Bench, Said};
+
+const STUDY: &str = r#"
+base = { scenario = "short.toml" }
+[[axis]]
+key = "seed"
+values = [1, 2, 3, 4]
+"#;
+
+const RUN: [&str; 5] = ["run", "short.toml", "--out", "o", "--overwrite"];
+
+/// A call under a limit in the shell's words; writing past a limit of file sizes is an error, not a signal.
+fn limited(bench: &Bench, limit: &str, args: &[&str]) -> Said {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &format!("trap '' XFSZ; ulimit -c 0; ulimit {limit} && exec \"$0\" \"$@\"")]);
+    shell.arg(env!("CARGO_BIN_EXE_swerve")).args(args).current_dir(bench.path(""));
+    let output = shell.output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    Said { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
+}
+
+/// Nothing that was begun is left beside what is whole, and what stands under its name is whole.
+fn check_whole(bench: &Bench, said: &Said) {
+    for path in files(&bench.path("o")) {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        // A process that is aborted cannot clean up.
+        assert!(said.code.is_none() || !name.ends_with(".part"), "{name}: {said:?}");
+        if name.ends_with(".json") && name != "trace.json" && !name.starts_with('.') {
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert!(serde_json::from_str::<serde_json::Value>(&text).is_ok(), "{name}: {text}");
+        }
+    }
+}
+
+fn digest_of(said: &str) -> &str {
+    said.split_whitespace()
+        .find(|word| word.len() == 16 && word.chars().all(|c| c.is_ascii_hexdigit()))
+        .unwrap()
+}
+
+#[test]
+fn a_disk_that_fills_up_is_told_and_what_was_finished_stays() {
+    let bench = Bench::new();
+    let clean = bench.good(&RUN);
+    let longest = files(&bench.path("o")).iter().map(|f| f.metadata().unwrap().len()).max().unwrap();
+    let (mut refused, mut went) = (0, 0);
+    for blocks in [0, 1, 4, 16, 64, 256, longest / 512 + 1] {
+        std::fs::remove_dir_all(bench.path("o")).unwrap();
+        let said = limited(&bench, &format!("-f {blocks}"), &RUN);
+        match said.code {
+            Some(0) => went += 1,
+            code => {
+                assert_eq!(code, Some(1), "{blocks}: {said:?}");
+                assert!(said.stderr.contains("File too large"), "{blocks}: {said:?}");
+                assert!(!said.stderr.contains("panicked"), "{blocks}: {said:?}");
+                refused += 1;
+            }
+        }
+        check_whole(&bench, &said);
+        std::fs::create_dir_all(bench.path("o")).unwrap();
+    }
+    assert!(refused >= 3 && went >= 1, "{refused} refused, {went} went well");
+    assert_eq!(digest_of(&bench.good(&RUN)), digest_of(&clean));
+}
+
+#[test]
+fn a_study_goes_on_where_the_disk_was_full() {
+    let bench = Bench::new();
+    bench.write("study.toml", STUDY);
+    let args = ["study", "study.toml", "--out", "o"];
+    bench.good(&["study", "study.toml", "--out", "clean"]);
+    for blocks in [0, 2, 8, 64] {
+        let said = limited(&bench, &format!("-f {blocks}"), &args);
+        assert!(matches!(said.code, Some(0 | 1)), "{blocks}: {said:?}");
+        assert!(said.code == Some(0) || said.stderr.contains("File too large"), "{blocks}: {said:?}");
+        assert!(!said.stderr.contains("panicked"), "{blocks}: {said:?}");
+        check_whole(&bench, &said);
+    }
+    bench.good(&args);
+    assert_eq!(bench.read("o/cells.csv"), bench.read("clean/cells.csv"));
+}
+
+/// Allocation that fails ends the process (Rust's standard library does that); it must not end what was finished.
+#[test]
+fn where_memory_gives_out_finished_work_stays() {
+    let bench = Bench::new();
+    bench.write("study.toml", STUDY);
+    let args = ["study", "study.toml", "--out", "o", "--threads", "1"];
+    bench.good(&["study", "study.toml", "--out", "clean"]);
+    let clean = bench.good(&RUN);
+    let (mut ended, mut went) = (0, 0);
+    for kib in (14..22).map(|power| 1_u64 << power) {
+        let limit = format!("-v {kib}");
+        for call in [&RUN[..], &args] {
+            let said = limited(&bench, &limit, call);
+            check_whole(&bench, &said);
+            if said.code == Some(0) {
+                went += 1;
+            } else {
+                ended += 1;
+            }
+        }
+        let log = bench.path("o/log.mcap");
+        if log.exists() && ended > 0 {
+            let said = bench.swerve(&["why", "o/log.mcap"]);
+            assert!(matches!(said.code, Some(0 | 1)), "{kib}: {said:?}");
+        }
+    }
+    assert!(ended > 0 && went > 0, "{ended} ended, {went} went well");
+    bench.good(&args);
+    assert_eq!(bench.read("o/cells.csv"), bench.read("clean/cells.csv"));
+    assert_eq!(digest_of(&bench.good(&RUN)), digest_of(&clean));
+}
+
+#[test]
+fn where_descriptors_run_out_one_error_says_so() {
+    let bench = Bench::new();
+    let clean = bench.good(&RUN);
+    let mut refused = 0;
+    for descriptors in [4, 5, 6, 8, 12, 64] {
+        let said = limited(&bench, &format!("-n {descriptors}"), &RUN);
+        if said.code != Some(0) {
+            assert!(said.stderr.contains("Too many open files"), "{descriptors}: {said:?}");
+            assert!(!said.stderr.contains("panicked"), "{descriptors}: {said:?}");
+            refused += 1;
+        }
+        check_whole(&bench, &said);
+    }
+    assert!(refused > 0);
+    assert_eq!(digest_of(&bench.good(&RUN)), digest_of(&clean));
+}
