@@ -13,6 +13,7 @@ pub mod execution;
 pub mod gate;
 pub mod injection;
 pub mod live;
+pub mod localization;
 pub mod model;
 pub mod monitor;
 mod old_names;
@@ -43,6 +44,7 @@ use clock::ClockConfig;
 use gate::GateConfig;
 use injection::FaultConfig;
 pub use live::LiveConfig;
+use localization::LocalizationConfig;
 use model::ExecutionConfig;
 use monitor::MonitorConfig;
 pub use old_names::old_names;
@@ -71,6 +73,8 @@ pub struct Config {
     pub sim: SimConfig,
     /// What perception starts from.
     pub sensing: SensingConfig,
+    /// What tells where the ego is.
+    pub localization: LocalizationConfig,
     /// How the world is rendered.
     pub render: RenderConfig,
     /// Cameras on the ego, by name. Each runs where an operator reads it or `log.sensors` names it.
@@ -129,6 +133,7 @@ impl Default for Config {
             ego: EgoConfig::default(),
             sim: SimConfig::default(),
             sensing: SensingConfig::default(),
+            localization: LocalizationConfig::default(),
             render: RenderConfig::default(),
             camera: BTreeMap::new(),
             radar: BTreeMap::new(),

@@ -62,9 +62,16 @@ pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
         if let Some(set) = config.operator.get(name) {
             *own = changed(own, set);
         }
+        if config.localization.replaces(name) && own.enabled.is_none() {
+            own.enabled = Some(false);
+        }
     }
-    let new = config.operator.iter().filter(|(name, _)| !entries.iter().any(|(known, _)| known == *name));
-    let new: Vec<_> = new.map(|(name, own)| (name.clone(), own.clone())).collect();
+    let mut new = config.operator.clone();
+    if let Some((name, localizer)) = config.localization.operator() {
+        let own = new.get(&name).map_or_else(|| localizer.clone(), |set| changed(&localizer, set));
+        new.insert(name, own);
+    }
+    new.retain(|name, _| !entries.iter().any(|(known, _)| known == name));
     entries.extend(new);
     entries
 }

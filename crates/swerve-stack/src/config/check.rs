@@ -51,6 +51,7 @@ impl Config {
         self.check_gate(&mut faults);
         self.check_operators(&mut faults);
         self.check_sensors(&mut faults);
+        self.check_localization(&mut faults);
         self.check_perception(&mut faults);
         self.check_execution(&mut faults);
         self.check_log(&mut faults);

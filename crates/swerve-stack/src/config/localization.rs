@@ -1,0 +1,117 @@
+//! What tells where the ego is: `[localization]`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Config, OperatorConfig, Reads};
+
+/// Localizers by name.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LocalizerName {
+    /// The simulator, with the errors of `sensing.pose`.
+    #[default]
+    Truth,
+    /// An error-state Kalman filter over inertial unit, satellite fixes and wheels.
+    Eskf,
+}
+
+/// What tells where the ego is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LocalizationConfig {
+    /// Which one. `eskf` puts an operator `localizer` in the place of `pose`; `[operator.localizer]` sets what it knows of
+    /// the sensors, `[sensing]` how good they are.
+    pub localizer: LocalizerName,
+}
+
+/// The operator that tells the simulator's pose, and the one that estimates it.
+const POSE: &str = "pose";
+const LOCALIZER: &str = "localizer";
+
+impl LocalizationConfig {
+    /// Whether the ego's own sensors tell where it is.
+    pub fn estimates(&self) -> bool {
+        self.localizer != LocalizerName::Truth
+    }
+
+    /// Whether the pipeline's own operator of this name gives way to the localizer.
+    pub(crate) fn replaces(&self, operator: &str) -> bool {
+        self.estimates() && operator == POSE
+    }
+
+    /// The operator that estimates the pose, if one does.
+    pub(crate) fn operator(&self) -> Option<(String, OperatorConfig)> {
+        let reads = [("wheels".to_owned(), Reads::Stream("odometry".to_owned()))].into();
+        let filter = OperatorConfig { kind: Some(LOCALIZER.to_owned()), reads, ..OperatorConfig::default() };
+        self.estimates().then(|| (LOCALIZER.to_owned(), filter))
+    }
+}
+
+impl Config {
+    pub(super) fn check_localization(&self, faults: &mut Vec<(String, String)>) {
+        if self.localization.estimates() && (self.live.is_some() || self.is_driven_over_ros2()) {
+            let message =
+                "expected \"truth\": who drives a vehicle, or drives over ROS 2, has poses of its own";
+            faults.push(("localization.localizer".into(), message.into()));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_text::{Document, parse_assignment};
+
+    use crate::assembly::Assembly;
+    use crate::config::Config;
+
+    fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
+        let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+        let document = Document::parse("c.toml", text).unwrap();
+        Config::from_document(&document, &sets)
+            .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
+    }
+
+    /// Operators by name and kind with what they read.
+    fn graph(config: &Config) -> Vec<String> {
+        let assembly = Assembly::new(config).unwrap();
+        let one = |placed: &crate::assembly::Placed| format!("{} {:?}", placed.name, placed.inputs);
+        assembly.operators().iter().map(one).collect()
+    }
+
+    #[test]
+    fn the_key_makes_the_graph_that_was_made_by_hand() {
+        let by_key = config("[localization]\nlocalizer = \"eskf\"\n", &[]).unwrap();
+        let by_hand = "[operator.localizer]\nkind = \"localizer\"\nreads = { wheels = \"odometry\" }\n\
+                       [operator.pose]\nenabled = false\n";
+        let by_hand = config(by_hand, &[]).unwrap();
+        assert_eq!(graph(&by_key), graph(&by_hand));
+        assert!(graph(&by_key).iter().any(|one| one.starts_with("localizer ")));
+        let usual = config("[localization]\nlocalizer = \"truth\"\n", &[]).unwrap();
+        assert_eq!(graph(&usual), graph(&Config::default()));
+        assert_ne!(graph(&usual), graph(&by_key));
+        // Both ways of saying it together are one.
+        let both = config(&by_hand.to_text(), &["localization.localizer=eskf"]).unwrap();
+        assert_eq!(graph(&both), graph(&by_key));
+    }
+
+    #[test]
+    fn keys_of_the_localizer_hold_without_its_kind() {
+        let text =
+            "[localization]\nlocalizer = \"eskf\"\n[operator.localizer]\nparams = { lost_sigma_m = 1.0 }\n";
+        assert!(config(text, &[]).is_ok());
+        let said = config(&text.replace("lost_sigma_m = 1.0", "lost_sigma_m = -1.0"), &[]).unwrap_err();
+        assert!(said.contains("operator.localizer.params.lost_sigma_m"), "{said}");
+    }
+
+    #[test]
+    fn unknown_names_are_told_with_all_there_are() {
+        let said = config("[localization]\nlocalizer = \"ukf\"\n", &[]).unwrap_err();
+        assert!(said.starts_with("c.toml:2: localization.localizer: expected "), "{said}");
+        assert!(said.contains("\"truth\"") && said.contains("\"eskf\""), "{said}");
+        let ros2 = "[ego]\ndriver = \"ros2\"\n[clock]\nsource = \"wall\"\n[gate]\nenabled = true\n";
+        assert!(config(ros2, &[]).is_ok());
+        let said = config(ros2, &["localization.localizer=eskf"]).unwrap_err();
+        assert!(said.contains("localization.localizer: expected \"truth\""), "{said}");
+    }
+}
