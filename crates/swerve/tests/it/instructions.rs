@@ -1,7 +1,6 @@
 //! What the program costs, in instructions: nearly the same on every machine and at any load, where a time is neither.
 //! Counted by valgrind, of the program as tests are built (what runs are made of is optimised there too), and held against
 //! `tests/reference/instructions.toml`; `SWERVE_COUNTS=write` writes that file anew. Needs valgrind.
-#![expect(clippy::print_stdout, reason = "prints what it measured")]
 
 use std::fmt::Write as _;
 use std::path::Path;

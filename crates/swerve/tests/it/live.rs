@@ -98,6 +98,11 @@ impl Car {
         }
     }
 
+    /// Waits until it tells the next time how it is.
+    pub(crate) fn await_second(&mut self) {
+        self.told.push(self.tells.recv_timeout(PATIENCE).unwrap());
+    }
+
     /// Ends it: its states, one a second, the last one at its end.
     pub(crate) fn end(mut self) -> Vec<Value> {
         drop(self.child.stdin.take());
