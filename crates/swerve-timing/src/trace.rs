@@ -20,7 +20,7 @@ pub struct Trace {
     pub report: Option<RunReport>,
 }
 
-/// One publication; operators are indices into [`Pipeline::operators`].
+/// One publication; operators are indices into [`Pipeline::operators`](super::Pipeline::operators).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Publication {
     /// Who published it.
