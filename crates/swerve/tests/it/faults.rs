@@ -56,7 +56,7 @@ fn a_disk_that_fills_up_is_told_and_what_was_finished_stays() {
     let clean = bench.good(&RUN);
     let longest = files(&bench.path("o")).iter().map(|f| f.metadata().unwrap().len()).max().unwrap();
     let (mut refused, mut went) = (0, 0);
-    for blocks in [0, 1, 4, 16, 64, 256, longest / 512 + 1] {
+    for blocks in [0, 1, 4, 16, 64, 256, longest / 256] {
         std::fs::remove_dir_all(bench.path("o")).unwrap();
         let said = limited(&bench, &format!("-f {blocks}"), &RUN);
         match said.code {
