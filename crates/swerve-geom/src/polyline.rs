@@ -37,7 +37,7 @@ pub struct FrenetPoint {
 }
 
 /// Why points do not make a line.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 pub enum PolylineError {
     /// Fewer than two points that differ.
     #[error("a line needs at least two points that differ")]
@@ -45,7 +45,18 @@ pub enum PolylineError {
     /// A coordinate is infinite or not a number.
     #[error("point {0} of the line is not finite")]
     NotFinite(usize),
+    /// More points than a line sampled anew may have.
+    #[error("the line is {length_m:e} m long: expected at most {max_m:e} m")]
+    TooLong {
+        /// Length through the points, metres.
+        length_m: f64,
+        /// Length at the most, metres.
+        max_m: f64,
+    },
 }
+
+/// Points of a line sampled anew, at the most: 250 km at every quarter of a metre.
+const SAMPLES_MAX: f64 = 1e6;
 
 impl Polyline {
     /// A line through `points`; of repeated points one is kept.
@@ -72,9 +83,12 @@ impl Polyline {
     }
 
     /// A line through `points`, sampled anew every `step_m` along a natural cubic spline over arc length,
-    /// so that heading and curvature are continuous where the points are sparse.
+    /// so that heading and curvature are continuous where the points are sparse. At most a million samples.
     pub fn smooth(points: &[Point2], step_m: f64) -> Result<Self, PolylineError> {
         let coarse = Self::new(points)?;
+        if coarse.length() > step_m * SAMPLES_MAX {
+            return Err(PolylineError::TooLong { length_m: coarse.length(), max_m: step_m * SAMPLES_MAX });
+        }
         let xs: Vec<f64> = coarse.points.iter().map(|p| p.x_m).collect();
         let ys: Vec<f64> = coarse.points.iter().map(|p| p.y_m).collect();
         let (mx, my) = (spline_moments(&coarse.s_m, &xs), spline_moments(&coarse.s_m, &ys));
@@ -238,6 +252,13 @@ mod tests {
         let at = line.at(10.0);
         assert!((at.curvature_1pm - 0.05).abs() < 1e-4, "{at:?}");
         assert!((at.pose.heading_rad - 0.5).abs() < 1e-3, "{at:?}");
+    }
+
+    #[test]
+    fn a_line_is_sampled_anew_up_to_a_bound() {
+        let far = |x_m| Polyline::smooth(&[Point2::new(0.0, 0.0), Point2::new(x_m, 0.0)], 0.25);
+        assert_eq!(far(2e5).unwrap().points().len(), 800_001);
+        assert_eq!(far(1e54), Err(PolylineError::TooLong { length_m: 1e54, max_m: 2.5e5 }));
     }
 
     #[test]

@@ -26,7 +26,7 @@ use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problems};
 
 pub use pipeline::{BlackBox, Pipeline, Resource, Timer};
-pub use tally::{Operator, Tally};
+pub use tally::{OperatorTally, Tally};
 pub use trace::{Mark, Publication, Step, Trace};
 
 /// Runs a pipeline of black boxes and prints its response times, losses and utilisation.
@@ -64,7 +64,7 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
         swerve_report::files::refuse_toml(path)?;
     }
     let pipeline = read_file(&args.file).map_err(|problems| swerve_drive::problems_error(&problems))?;
-    // Everything is kept only where somebody asks for it: a table needs a twelfth of the memory.
+    // Everything is kept only where somebody asks for it: a table needs an eighth of the memory.
     let all = args.picture.is_some() || args.report.is_some() || args.json;
     let mut trace = Trace::default();
     let tally = simulate::simulate(&pipeline, args.seed, args.threads, all.then_some(&mut trace))

@@ -10,12 +10,12 @@ use super::pipeline::{Names, Pipeline};
 pub struct Tally<'a> {
     names: Names<'a>,
     /// Of each operator of the pipeline.
-    pub operators: Vec<Operator>,
+    pub operators: Vec<OperatorTally>,
 }
 
 /// What one operator did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Operator {
+pub struct OperatorTally {
     /// Steps that started.
     pub steps: u64,
     /// Messages published.
@@ -39,10 +39,13 @@ pub struct Operator {
 impl<'a> Tally<'a> {
     /// Of a run of this pipeline that has not begun.
     pub(crate) fn new(pipeline: &'a Pipeline) -> Self {
-        Self { names: Names::new(pipeline), operators: vec![Operator::default(); pipeline.operators.len()] }
+        Self {
+            names: Names::new(pipeline),
+            operators: vec![OperatorTally::default(); pipeline.operators.len()],
+        }
     }
 
-    fn of(&mut self, operator: &str) -> &mut Operator {
+    fn of(&mut self, operator: &str) -> &mut OperatorTally {
         &mut self.operators[self.names.index(operator)]
     }
 }

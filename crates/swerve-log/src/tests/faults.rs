@@ -118,6 +118,24 @@ fn at_whichever_byte_a_disk_is_full_what_was_flushed_is_read() {
 }
 
 #[test]
+fn a_full_disk_ends_the_recording_with_an_error_and_not_the_run() {
+    let small = Disk { room: 20_000, ..Disk::new(Vec::new()) };
+    let mut recorder = Recorder::start(Path::new("out/log.mcap"), small, &start()).unwrap();
+    assert!(recorder.failure().is_none());
+    record(&mut recorder, 60_000);
+    recorder.end(end());
+    let told = recorder.failure().map(ToString::to_string);
+    let error = recorder.finish().unwrap_err().to_string();
+    assert_eq!(told.as_ref(), Some(&error), "it is known before the end");
+    assert!(
+        error.starts_with("out/log.mcap: cannot write: no storage space; what it holds stays"),
+        "{error}"
+    );
+    let none = Recorder::create(Path::new("/nonexistent/log.mcap"), &start());
+    assert!(matches!(none, Err(LogError::Create { .. })));
+}
+
+#[test]
 fn the_disks_own_words_are_told() {
     for (refusal, words) in
         [(ErrorKind::StorageFull, "no storage space"), (ErrorKind::PermissionDenied, "permission denied")]

@@ -97,9 +97,6 @@ fn key_in_file(ours: &str) -> String {
     file.to_owned()
 }
 
-/// Length of the waypoints' line at the most, metres: it is sampled anew, and a waypoint may be anywhere.
-const WAYPOINTS_MAX_M: f64 = 1e5;
-
 /// A problem taken in: everything that a [`Task`] refers to.
 struct Posed {
     preset: Preset,
@@ -117,13 +114,7 @@ impl Posed {
         let params = params(config);
         params.validate().map_err(|e| ParamError { key: key_in_file(&e.key).into(), ..e }.to_string())?;
         let points: Vec<Point2> = problem.waypoints.iter().map(|p| Point2::new(p[0], p[1])).collect();
-        let length_m: f64 = points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-        if length_m > WAYPOINTS_MAX_M {
-            return Err(format!(
-                "the waypoints are {length_m:e} m long: expected at most {WAYPOINTS_MAX_M} m"
-            ));
-        }
-        let polyline = smoothed(&points).map_err(|e| e.to_string())?;
+        let polyline = smoothed(&points).map_err(|e| format!("the waypoints: {e}"))?;
         let mut line = Line::default();
         line.set(&polyline);
         let start = frenet(problem, &polyline, &line)?;

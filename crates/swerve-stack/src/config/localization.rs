@@ -60,17 +60,9 @@ impl Config {
 
 #[cfg(test)]
 mod tests {
-    use swerve_text::{Document, parse_assignment};
 
     use crate::assembly::Assembly;
-    use crate::config::Config;
-
-    fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
-        let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
-        let document = Document::parse("c.toml", text).unwrap();
-        Config::from_document(&document, &sets)
-            .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
-    }
+    use crate::config::{Config, tests::config};
 
     /// Operators by name and kind with what they read.
     fn graph(config: &Config) -> Vec<String> {

@@ -225,14 +225,7 @@ fn hint<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use swerve_text::{Document, parse_assignment};
-
-    fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
-        let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
-        let document = Document::parse("c.toml", text).unwrap();
-        Config::from_document(&document, &sets)
-            .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
-    }
+    use crate::config::tests::config;
 
     #[test]
     fn a_name_sets_accuracy_and_run_time() {

@@ -1,12 +1,18 @@
 use super::execution::Runtime;
 use super::*;
-use swerve_text::Document;
+use swerve_text::{Document, parse_assignment};
+
+/// The configuration that a text and assignments make, or its problems, one on a line.
+pub(super) fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
+    let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
+    let document = Document::parse("c.toml", text).unwrap();
+    Config::from_document(&document, &sets)
+        .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
+}
 
 fn problems(text: &str, sets: &[&str]) -> Vec<String> {
-    let sets: Vec<_> = sets.iter().map(|s| swerve_text::parse_assignment(s).unwrap()).collect();
-    let document = Document::parse("c.toml", text).unwrap();
-    let problems = Config::from_document(&document, &sets).expect_err("wrong on purpose");
-    problems.iter().map(ToString::to_string).collect()
+    let problems = config(text, sets).expect_err("wrong on purpose");
+    problems.lines().map(str::to_owned).collect()
 }
 
 #[test]

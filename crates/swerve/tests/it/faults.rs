@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::support::{Bench, Said};
+use crate::support::{Bench, Said, digest};
 
 const STUDY: &str = r#"
 base = { scenario = "short.toml" }
@@ -20,9 +20,7 @@ fn limited(bench: &Bench, limit: &str, args: &[&str]) -> Said {
     let mut shell = Command::new("sh");
     shell.args(["-c", &format!("trap '' XFSZ; ulimit -c 0; ulimit {limit} && exec \"$0\" \"$@\"")]);
     shell.arg(env!("CARGO_BIN_EXE_swerve")).args(args).current_dir(bench.path(""));
-    let output = shell.output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    Said { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
+    Said::of(&shell.output().unwrap())
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {
@@ -42,12 +40,6 @@ fn check_whole(bench: &Bench, said: &Said) {
             assert!(serde_json::from_str::<serde_json::Value>(&text).is_ok(), "{name}: {text}");
         }
     }
-}
-
-fn digest_of(said: &str) -> &str {
-    said.split_whitespace()
-        .find(|word| word.len() == 16 && word.chars().all(|c| c.is_ascii_hexdigit()))
-        .unwrap()
 }
 
 #[test]
@@ -72,7 +64,7 @@ fn a_disk_that_fills_up_is_told_and_what_was_finished_stays() {
         std::fs::create_dir_all(bench.path("o")).unwrap();
     }
     assert!(refused >= 3 && went >= 1, "{refused} refused, {went} went well");
-    assert_eq!(digest_of(&bench.good(&RUN)), digest_of(&clean));
+    assert_eq!(digest(&bench.good(&RUN)), digest(&clean));
 }
 
 #[test]
@@ -121,7 +113,7 @@ fn where_memory_gives_out_finished_work_stays() {
     assert!(ended > 0 && went > 0, "{ended} ended, {went} went well");
     bench.good(&args);
     assert_eq!(bench.read("o/cells.csv"), bench.read("clean/cells.csv"));
-    assert_eq!(digest_of(&bench.good(&RUN)), digest_of(&clean));
+    assert_eq!(digest(&bench.good(&RUN)), digest(&clean));
 }
 
 #[test]
@@ -139,5 +131,5 @@ fn where_descriptors_run_out_one_error_says_so() {
         check_whole(&bench, &said);
     }
     assert!(refused > 0);
-    assert_eq!(digest_of(&bench.good(&RUN)), digest_of(&clean));
+    assert_eq!(digest(&bench.good(&RUN)), digest(&clean));
 }

@@ -94,7 +94,7 @@ impl Car {
     /// Waits until it is as wanted.
     fn wait(&mut self, wanted: impl Fn(&Value) -> bool) {
         while !self.told.last().is_some_and(&wanted) {
-            self.told.push(self.tells.recv_timeout(PATIENCE).unwrap());
+            self.await_second();
         }
     }
 

@@ -1,11 +1,6 @@
 //! What is in the program goes by its name, where no file does; `swerve new` makes a folder to begin in.
 
-use crate::support::{Bench, SHORT};
-
-/// The digest that a run prints.
-fn digest(said: &str) -> &str {
-    said.lines().find_map(|line| line.trim().strip_prefix("digest")).expect("a run prints its digest").trim()
-}
+use crate::support::{Bench, SHORT, digest};
 
 #[test]
 fn a_scenario_and_a_configuration_go_by_their_names() {

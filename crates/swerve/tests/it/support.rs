@@ -106,6 +106,11 @@ impl Bench {
     }
 }
 
+/// The digest that a run prints.
+pub(crate) fn digest(said: &str) -> &str {
+    said.lines().find_map(|line| line.trim().strip_prefix("digest")).expect("a run prints its digest").trim()
+}
+
 /// What a call of the program said.
 #[derive(Debug)]
 pub(crate) struct Said {
