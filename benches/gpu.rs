@@ -89,7 +89,8 @@ fn measure(row: &Row, town: &mut Town, renderer: &mut Renderer) -> f64 {
         match row.how {
             How::OneByOne => renderer.render_batch(&town.scene, &views, &mut out(&mut frames)).expect(fine),
             How::DoubleBuffered => {
-                on_the_way.push_back(renderer.submit(&town.scene, &views, Outputs::ALL).expect(fine));
+                let views: Vec<_> = views.into_iter().map(|view| (view, Outputs::ALL)).collect();
+                on_the_way.push_back(renderer.submit(&town.scene, &views).expect(fine));
                 if on_the_way.len() > ON_THE_WAY {
                     let oldest = on_the_way.pop_front().expect("there are some");
                     renderer.collect(oldest, &mut out(&mut frames)).expect(fine);

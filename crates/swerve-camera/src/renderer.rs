@@ -88,8 +88,7 @@ enum Engine {
 
 /// Frames that are being drawn: see [`Renderer::submit`].
 pub struct Submission {
-    cameras: Vec<Camera>,
-    outputs: Outputs,
+    asked: Vec<(Camera, Outputs)>,
     state: State,
 }
 
@@ -202,8 +201,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Starts one pass for each view and returns while the device works on them; [`Self::collect`] waits for
-    /// the images. Back ends without a device are done when this returns.
+    /// Starts one pass for each view, for the images named beside it, and returns while the device works on them;
+    /// [`Self::collect`] waits for the images. Back ends without a device are done when this returns.
     ///
     /// With two submissions on the way the device always has something to do, and the processor prepares the
     /// next one and copies images meanwhile.
@@ -213,27 +212,24 @@ impl Renderer {
     pub fn submit(
         &mut self,
         scene: &Scene,
-        views: &[View<'_>],
-        outputs: Outputs,
+        views: &[(View<'_>, Outputs)],
     ) -> Result<Submission, RenderError> {
-        check(scene, views)?;
-        let cameras: Vec<Camera> = views.iter().map(|view| *view.camera).collect();
+        views.iter().try_for_each(|(view, _)| Self::check(scene, view))?;
+        let asked: Vec<_> = views.iter().map(|(view, outputs)| (*view.camera, *outputs)).collect();
         if let Engine::Gpu(gpu) = &mut self.engine {
-            let asked: Vec<_> = views.iter().map(|view| (*view, outputs)).collect();
-            match guarded(|| gpu.submit(scene, &asked)) {
-                Ok(in_flight) => {
-                    return Ok(Submission { cameras, outputs, state: State::InFlight(in_flight) });
-                }
+            match guarded(|| gpu.submit(scene, views)) {
+                Ok(in_flight) => return Ok(Submission { asked, state: State::InFlight(in_flight) }),
                 Err(why) => self.fall_back(why)?,
             }
         }
-        let mut frames: Vec<Frame> = cameras.iter().map(|camera| Frame::new(camera, outputs)).collect();
+        let mut frames: Vec<Frame> =
+            asked.iter().map(|(camera, outputs)| Frame::new(camera, *outputs)).collect();
         if let Engine::Cpu(cpu) = &mut self.engine {
-            for (view, frame) in views.iter().zip(&mut frames) {
+            for ((view, _), frame) in views.iter().zip(&mut frames) {
                 cpu.render(scene, view, frame.as_mut());
             }
         }
-        Ok(Submission { cameras, outputs, state: State::Done(frames) })
+        Ok(Submission { asked, state: State::Done(frames) })
     }
 
     /// Waits for the images of a submission of this renderer and writes those that each of `out` has. Images
@@ -243,16 +239,16 @@ impl Renderer {
     /// Frames that do not fit the submission; [`RenderError::Lost`] if the adapter failed meanwhile: the
     /// renderer has fallen back then, and the same views can be submitted again.
     pub fn collect(&mut self, submission: Submission, out: &mut [FrameMut<'_>]) -> Result<(), RenderError> {
-        let Submission { cameras, outputs, state } = submission;
-        check_count(cameras.len(), out.len())?;
-        for (camera, out) in cameras.iter().zip(out.iter()) {
+        let Submission { asked, state } = submission;
+        check_count(asked.len(), out.len())?;
+        for ((camera, submitted), out) in asked.iter().zip(out.iter()) {
             out.check(camera)?;
-            let asked = out.outputs();
+            let wanted = out.outputs();
             let images = [
-                (asked.rgb && !outputs.rgb, "rgb"),
-                (asked.depth && !outputs.depth, "depth_m"),
-                (asked.semantic && !outputs.semantic, "semantic"),
-                (asked.instance && !outputs.instance, "instance"),
+                (wanted.rgb && !submitted.rgb, "rgb"),
+                (wanted.depth && !submitted.depth, "depth_m"),
+                (wanted.semantic && !submitted.semantic, "semantic"),
+                (wanted.instance && !submitted.instance, "instance"),
             ];
             if let Some((_, image)) = images.into_iter().find(|(missing, _)| *missing) {
                 return Err(RenderError::NotSubmitted { image });

@@ -12,6 +12,7 @@ mod kind;
 mod operators;
 pub mod pipeline;
 mod registry;
+mod shot;
 mod site;
 mod stage;
 pub mod street;

@@ -15,6 +15,7 @@ use swerve_vehicle::Shape;
 use crate::config::Config;
 use crate::config::camera::{RenderBackend, RenderConfig};
 use crate::config::clock::Clock;
+use crate::shot::Shots;
 use crate::street::Street;
 
 /// What all cameras and lidars of a run share: the world as it looks, and what images and rays need of it.
@@ -26,6 +27,7 @@ use crate::street::Street;
 #[derive(Default)]
 pub(crate) struct Stage {
     set: OnceLock<Set>,
+    pub(crate) shots: Shots,
     lidars: Mutex<Lidars>,
 }
 

@@ -149,8 +149,11 @@ fn batches_and_submissions_are_the_single_frames_again_bit_for_bit() {
     renderer.render_batch(&scene, &views, &mut outs(&mut batch)).unwrap();
     assert!(batch == single);
     // Two on the way at once; another renderer on the same device has nothing to do with it.
-    let first = renderer.submit(&scene, &views, Outputs::ALL).unwrap();
-    let second = renderer.submit(&scene, &views[2..], Outputs::GEOMETRY).unwrap();
+    fn of<'a>(views: &[View<'a>], outputs: Outputs) -> Vec<(View<'a>, Outputs)> {
+        views.iter().map(|view| (*view, outputs)).collect()
+    }
+    let first = renderer.submit(&scene, &of(&views, Outputs::ALL)).unwrap();
+    let second = renderer.submit(&scene, &of(&views[2..], Outputs::GEOMETRY)).unwrap();
     let mut other = Renderer::on(device, 1).unwrap();
     assert!(shot(&mut other, &scene, &views[0]) == single[0]);
     let mut frames = empty();
@@ -163,7 +166,7 @@ fn batches_and_submissions_are_the_single_frames_again_bit_for_bit() {
         assert!(frame.depth_m == full.depth_m && frame.instance == full.instance);
         assert!(frame.semantic == full.semantic && frame.rgb.is_empty());
     }
-    let third = renderer.submit(&scene, &views[2..], Outputs::GEOMETRY).unwrap();
+    let third = renderer.submit(&scene, &of(&views[2..], Outputs::GEOMETRY)).unwrap();
     let mut frames = empty().split_off(2);
     let error = renderer.collect(third, &mut outs(&mut frames)).unwrap_err();
     assert_eq!(error, RenderError::NotSubmitted { image: "rgb" });
@@ -209,7 +212,7 @@ fn a_lost_adapter_is_replaced_by_the_cpu_in_the_same_frame() {
     let mut renderer = Renderer::on(device.clone(), 1).unwrap();
     assert!(!renderer.backend().is_portable() && renderer.adapter().is_some());
     shot(&mut renderer, &scene, &view);
-    let pending = renderer.submit(&scene, &[view], Outputs::ALL).unwrap();
+    let pending = renderer.submit(&scene, &[(view, Outputs::ALL)]).unwrap();
     device.device().destroy();
     let mut frame = Frame::new(&camera, Outputs::ALL);
     let lost = renderer.collect(pending, &mut [frame.as_mut()]);
@@ -221,7 +224,7 @@ fn a_lost_adapter_is_replaced_by_the_cpu_in_the_same_frame() {
     assert_eq!((renderer.backend(), renderer.adapter()), (Backend::Cpu, None));
     let reason = renderer.fell_back().unwrap();
     assert!(reason.contains("lost") || reason.contains("destroyed"), "{reason}");
-    let pending = renderer.submit(&scene, &[view], Outputs::ALL).unwrap();
+    let pending = renderer.submit(&scene, &[(view, Outputs::ALL)]).unwrap();
     let mut again = Frame::new(&camera, Outputs::ALL);
     renderer.collect(pending, &mut [again.as_mut()]).unwrap();
     assert!(again == expected);

@@ -3,6 +3,8 @@
 use std::process::Command;
 
 use serde_json::Value;
+use swerve_gpu::testing::adapter_or_skip;
+use swerve_gpu::{AdapterKind, Gpu};
 
 use crate::support::{Bench, SHORT, Said};
 
@@ -47,6 +49,28 @@ fn the_seed_varies_the_run_and_threads_do_not() {
     assert_eq!(digest(&["--set", "seed=1", "--threads", "4"]), first);
     assert_ne!(digest(&["--seed", "2"]), first);
     assert_eq!(digest(&["--seed", "2"]), digest(&["--set", "seed=2"]));
+}
+
+/// One thread draws frame by frame, several leave all frames of an instant to the adapter and drive on.
+#[test]
+fn threads_do_not_change_what_an_adapter_draws() {
+    if adapter_or_skip(Gpu::shared(AdapterKind::Software)).is_none() {
+        return;
+    }
+    let bench = Bench::new();
+    let camera = "{ width_px = 160, height_px = 90, period_ms = 100, outputs = [\"rgb\", \"depth\"] }";
+    bench.write(
+        "c.toml",
+        &format!(
+            "[render]\nbackend = \"software\"\n[log]\nsensors = [\"left\", \"right\"]\n\
+             [camera]\nleft = {camera}\nright = {camera}\n"
+        ),
+    );
+    let digest = |threads: &str| {
+        let args = ["run", "short.toml", "-c", "c.toml", "--json", "--out", "o", "--threads", threads];
+        json(&bench.good(&args))["digest"].clone()
+    };
+    assert_eq!(digest("3"), digest("1"));
 }
 
 #[test]
