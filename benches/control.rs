@@ -118,7 +118,7 @@ fn main() {
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "control");
     for (group, name, goal) in [
-        ("control/mpc_20", "update", Goal::Most(1.0)),
+        ("control/mpc_20", "update", Goal::Most(0.25)),
         ("control/mpc_40", "update", Goal::None),
         ("control/step", "pid", Goal::None),
         ("control/step", "stanley", Goal::None),

@@ -81,11 +81,15 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Starts the rows of the bench `name`; `folder` is Cargo's folder for such files, `CARGO_TARGET_TMPDIR`.
+    /// Starts the rows of the bench `name`; `folder` is Cargo's folder for such files, `CARGO_TARGET_TMPDIR`. What is
+    /// measured in part, or on a machine of other cores, is kept beside the rest.
     pub fn new(folder: &str, name: &str) -> Self {
-        print(&format!("\n== {name}"));
+        let parts: String = asked().map(|part| format!(" {part}")).collect();
+        let parts = if parts.is_empty() { parts } else { format!(" --{parts}") };
+        print(&format!("\n== {name}{parts}"));
         let lines = format!("{MACHINE}{}\n", machine());
-        Self { file: Path::new(folder).join(format!("swerve-bench-{name}.tsv")), lines }
+        let file = format!("swerve-bench-{name}{parts}{ON}{} cores.tsv", cores());
+        Self { file: Path::new(folder).join(file), lines }
     }
 
     /// One row: what, the figure that is held against the goal, how it reads, and what the goal says.
@@ -116,6 +120,9 @@ impl Rows {
     }
 }
 
+/// What stands between the name of a bench and the cores that it had, in the names of the summary's files.
+pub const ON: &str = " on ";
+
 /// What the line begins with, in a summary's file, that tells the machine.
 pub const MACHINE: &str = "# ";
 
@@ -127,7 +134,7 @@ fn machine() -> String {
         let line = cpu.lines().find(|line| line.starts_with(key));
         line.and_then(|line| line.split(": ").nth(1)).unwrap_or("unknown").to_owned()
     };
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let cores = cores();
     let load = read("/proc/loadavg");
     let load = load.split(' ').next().unwrap_or("unknown");
     format!(
@@ -141,4 +148,19 @@ fn machine() -> String {
 /// Whether the program was called to measure (`cargo bench`), not to be tried out (`cargo test --benches`).
 pub fn is_asked_to_measure() -> bool {
     std::env::args().any(|argument| argument == "--bench")
+}
+
+/// The parts that the command line names, behind `--`.
+fn asked() -> impl Iterator<Item = String> {
+    std::env::args().skip(1).filter(|argument| !argument.starts_with("--"))
+}
+
+/// Whether a part of a bench is to be measured: it is named, or no part is.
+pub fn is_asked(part: &str) -> bool {
+    asked().next().is_none() || asked().any(|name| name == part)
+}
+
+/// Processors of this machine.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }

@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use rapier3d::prelude::{ColliderBuilder, PhysicsWorld, Pose, QueryFilter, Ray, Rotation, Vector};
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
+use swerve_benches::{Goal, Rows, Sample, is_asked, is_asked_to_measure, now, print};
 use swerve_geom::{Ego, Lidar, Map, Point, Transform};
 use swerve_gpu::{AdapterKind, Gpu, NoAdapter};
 use swerve_lidar::{Cloud, Firing, LidarPreset, LidarSpec, RayMemory, SceneTree, Sweeper};
@@ -315,17 +315,16 @@ fn main() {
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "lidar");
     let near = town(WeatherPreset::ClearNoon, 1, NEAR_M);
-    let is_asked = |what: &str| std::env::args().any(|argument| argument == what);
     if is_asked("objects") {
         objects(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M));
-        return rows.finish();
     }
-    if !is_asked("compute") {
-        objects(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M));
+    if is_asked("rays") {
         compare(&mut rows, &near, true);
         compare(&mut rows, &town(WeatherPreset::ClearNoon, 1, WHOLE_M), false);
         trees(&mut rows, &near);
     }
-    compute(&mut rows, &near);
+    if is_asked("compute") {
+        compute(&mut rows, &near);
+    }
     rows.finish();
 }

@@ -1,9 +1,10 @@
 //! The joined table of all benches: the last one of `cargo bench`. `--bench summary -- --page docs/performance.md` writes
-//! the rows of those that have been run into that page, between the marks that bear their names.
+//! the rows of those that have been run into that page, between the marks that bear their names; folders named after the
+//! page hold rows of other machines.
 
 use std::path::Path;
 
-use swerve_benches::{MACHINE, is_asked_to_measure, print};
+use swerve_benches::{MACHINE, ON, is_asked_to_measure, print};
 
 /// One bench: its name, the machine that it ran on, and its rows of what, how it reads, goal, verdict.
 struct Bench {
@@ -31,8 +32,9 @@ impl Bench {
 
     /// What stands between its marks.
     fn block(&self) -> String {
+        let (bench, _) = self.name.split_once(ON).unwrap_or((&self.name, ""));
         let mut text =
-            format!("Rows of `cargo bench -p swerve-benches --bench {}` on {}:\n\n", self.name, self.machine);
+            format!("Rows of `cargo bench -p swerve-benches --bench {bench}` on {}:\n\n", self.machine);
         text += "| what | measured | goal | |\n|---|---|---|---|\n";
         for row in &self.rows {
             text += &format!("| {} |\n", row.join(" | "));
@@ -55,13 +57,16 @@ fn main() {
     if !is_asked_to_measure() {
         return;
     }
-    let folder = std::fs::read_dir(env!("CARGO_TARGET_TMPDIR"));
-    let mut files: Vec<_> =
-        folder.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let mut arguments = std::env::args().skip_while(|argument| argument != "--page").skip(1);
+    let page = arguments.next();
+    let folders = std::iter::once(env!("CARGO_TARGET_TMPDIR").to_owned()).chain(arguments);
+    let entries = folders.filter_map(|folder| std::fs::read_dir(folder).ok()).flatten();
+    let mut files: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     files.sort();
     let benches: Vec<Bench> = files.iter().filter_map(|file| Bench::read(file)).collect();
-    let mut arguments = std::env::args().skip_while(|argument| argument != "--page").skip(1);
-    if let Some(path) = arguments.next() {
+    if let Some(page) = page {
+        // Cargo calls a bench in its package's folder.
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(page);
         let mut page = std::fs::read_to_string(&path).expect("a page that is there");
         benches.iter().for_each(|bench| bench.write_into(&mut page));
         std::fs::write(&path, page).expect("the page is to be written");

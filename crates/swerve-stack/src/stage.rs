@@ -64,9 +64,13 @@ impl Stage {
         if is_wall && render.backend == RenderBackend::Auto {
             (render.backend, _) = render.backend.on_this_machine(&gpu::probe());
         }
-        let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
-        let shown = Shown { street, tree: Arc::default(), shown: None, planted: None };
-        let first = render.renderer(threads(config))?;
+        // An adapter takes as long to start as a street to be built.
+        let (street, first) = std::thread::scope(|scope| {
+            let renderer = scope.spawn(|| render.renderer(threads(config)));
+            let street = Street::new(scenario, &config.sim.vehicle.shape, render.weather, config.seed);
+            (street, renderer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        });
+        let (first, shown) = (first?, Shown { street, tree: Arc::default(), shown: None, planted: None });
         // An adapter works for one at a time, and so do the threads of a renderer that has its own.
         let more = (!is_wall && first.backend() == Backend::Cpu).then_some(render);
         let renderers = Renderers { free: Mutex::new(vec![first]), returned: Condvar::new(), more };

@@ -198,49 +198,58 @@ fn hand_over(
     }
 }
 
-/// The run's digest, which takes in messages by the dozen.
+/// The run's digest, which takes in messages by the hundred.
 pub(super) struct Commits {
     hasher: Hasher,
     /// What waits to be hashed: stream, stamp, visible_at and payload of each message.
-    waiting: Box<[[u8; 32]; WAITING_MAX]>,
-    waits: usize,
+    waiting: Vec<[u8; 32]>,
+    /// How many are to wait before they are hashed.
+    enough: usize,
     /// Those of which the payload was not made yet, and where they wait.
     promised: VecDeque<(usize, Arc<Pending>)>,
     /// One that was broken.
     pub(super) broken: Option<Arc<Pending>>,
 }
 
-/// How many messages wait before they are hashed: what is drawn may be so far behind.
-const WAITING_MAX: usize = 512;
+/// How many messages are hashed at a time.
+const HASHED: usize = 512;
+
+/// Messages that may wait behind one whose payload is being made, before all wait for it.
+const WAITING_MAX: usize = 8192;
 
 impl Commits {
     pub(super) fn new() -> Self {
-        let waiting = Box::new([[0; 32]; WAITING_MAX]);
-        Self { hasher: Hasher::new(), waiting, waits: 0, promised: VecDeque::new(), broken: None }
+        let waiting = Vec::with_capacity(HASHED);
+        let promised = VecDeque::new();
+        Self { hasher: Hasher::new(), waiting, enough: HASHED, promised, broken: None }
     }
 
     #[inline]
     pub(super) fn message(&mut self, stream: u64, header: &Header, sent: &Sent) {
         self.take_made(false);
-        if self.waits == WAITING_MAX {
-            self.flush();
+        if self.waiting.len() >= self.enough {
+            self.make_room();
         }
-        let bytes = &mut self.waiting[self.waits];
+        let mut bytes = [0; 32];
         bytes[..8].copy_from_slice(&stream.to_le_bytes());
         bytes[8..16].copy_from_slice(&header.stamp.ns().to_le_bytes());
         bytes[16..24].copy_from_slice(&header.visible_at.ns().to_le_bytes());
         match sent.promised() {
             None => bytes[24..].copy_from_slice(&sent.digest().0.to_le_bytes()),
-            Some(promised) => self.promised.push_back((self.waits, promised.clone())),
+            Some(promised) => self.promised.push_back((self.waiting.len(), promised.clone())),
         }
-        self.waits += 1;
+        self.waiting.push(bytes);
     }
 
+    /// Hashes what waits behind nothing; all, once too much waits.
     #[inline(never)]
-    fn flush(&mut self) {
-        self.take_made(true);
-        self.hasher.bytes(self.waiting[..self.waits].as_flattened());
-        self.waits = 0;
+    fn make_room(&mut self) {
+        self.take_made(self.waiting.len() >= WAITING_MAX);
+        let made = self.promised.front().map_or(self.waiting.len(), |(at, _)| *at);
+        self.hasher.bytes(self.waiting[..made].as_flattened());
+        self.waiting.drain(..made);
+        self.promised.iter_mut().for_each(|(at, _)| *at -= made);
+        self.enough = self.waiting.len() + HASHED;
     }
 
     /// Takes in what was made meanwhile, in order, or waits for all of it, and holds it no longer.
@@ -256,7 +265,8 @@ impl Commits {
 
     /// The digest of all messages so far.
     pub(super) fn digest(&mut self) -> Digest {
-        self.flush();
+        self.take_made(true);
+        self.make_room();
         self.hasher.digest()
     }
 }

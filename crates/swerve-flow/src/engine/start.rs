@@ -22,7 +22,7 @@ use crate::report::RunError;
 use crate::runtime::{Draw, RuntimeModel};
 
 /// Steps of an operator of which the promises may be unkept at once.
-const PROMISED_MAX: usize = 2;
+const PROMISED_MAX: usize = 4;
 
 impl Engine<'_> {
     /// Starts the step for the oldest complete frame; `alone` if no other one starts in this pass of the turn.

@@ -175,3 +175,17 @@ fn at_whichever_byte_a_device_fails_what_came_before_is_read() {
     }
     assert!(most > 30, "{most}");
 }
+
+/// Found by fuzzing: `mcap` 0.26.0 subtracts such a record's length from what is left of the chunk.
+#[test]
+fn a_record_longer_than_its_chunk_is_damage() {
+    let record = |opcode: u8, body: &[u8]| [&[opcode][..], &(body.len() as u64).to_le_bytes(), body].concat();
+    let cut = &record(5, &[0; 40])[..29];
+    let length = (cut.len() as u64).to_le_bytes();
+    // Times, both lengths of what the chunk holds, no sum of it, no compression.
+    let chunk = [&[0; 16][..], &length, &[0; 8], &length, cut].concat();
+    let bytes =
+        [mcap::MAGIC, &record(1, &[0; 8]), &record(6, &chunk), &record(15, &[0; 4]), mcap::MAGIC].concat();
+    let error = read_from(Disk::new(bytes)).unwrap_err();
+    assert!(matches!(error, LogError::Damaged { .. }), "{error}");
+}
