@@ -2,14 +2,13 @@
 //!
 //! Every run has an observer, as all runs of the product have. Peers run in turn with ours, round by round, so that a noisy host hits both.
 
-use std::fmt::Write as _;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize, Serializer};
-use swerve_benches::{Goal, Rows, Sample, is_asked, is_asked_to_measure, now, sleep_ms};
+use swerve_benches::{Goal, Rows, Sample, is_asked, is_asked_to_measure, now, resident_kib, sleep_ms};
 use swerve_core::{Span, Time};
 use swerve_flow::{
     Anchor, At, Context, Deadline, Event, Every, Graph, Latest, Observer, Operator, Policy, Port, Reaction,
@@ -440,12 +439,6 @@ impl Operator for Probe {
     }
 }
 
-/// Resident memory of this process; zero where the system does not tell.
-fn resident_kib() -> u64 {
-    let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
-    4 * text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0)
-}
-
 fn memory(rows: &mut Rows) {
     let mut graph = Graph::new();
     let ticker = graph
@@ -467,37 +460,6 @@ fn memory(rows: &mut Rows) {
     rows.row("resident memory, message 1e5 to 1e6", percent.abs(), &reads, Goal::Most(1.0));
 }
 
-/// `swerve timing` of a chain of 20 operators, 2 million steps: what it prints is in the time.
-fn timing(rows: &mut Rows) {
-    const STEPS: f64 = 2e6;
-    let mut text = "span_ms = 1999999\n".to_owned();
-    for k in 0..20 {
-        let reads = if k == 0 { "every_ms = 20".to_owned() } else { format!("at = [\"operator{}\"]", k - 1) };
-        let _infallible =
-            write!(text, "[[operator]]\nname = \"operator{k}\"\n{reads}\nruntime = {{ fixed_ms = 1 }}\n");
-    }
-    let pipeline = swerve_timing::parse("chain", &text).expect("a sound pipeline");
-    let (mut rates, mut bytes) = (vec![], 0.0_f64);
-    for _ in 0..ROUNDS {
-        let (before_kib, began) = (resident_kib(), now());
-        let tally = swerve_timing::tally(&pipeline, 1, 1).expect("a sound run");
-        let table = swerve_timing::table(&pipeline, &tally);
-        rates.push(STEPS / began.elapsed().as_secs_f64() * 1e-6);
-        // Later rounds use the memory of the first again.
-        bytes = bytes.max(resident_kib().saturating_sub(before_kib) as f64 * 1024.0 / STEPS);
-        assert_eq!(tally.operators.iter().map(|operator| operator.steps).sum::<u64>(), STEPS as u64);
-        black_box(table);
-    }
-    let rates = Sample::new(rates);
-    let what = "swerve timing, chain of 20: steps per second";
-    rows.row(what, rates.median(), &rates.text(2, "M"), Goal::Least(2.0));
-    let what = "  memory that it takes, per step";
-    match bytes {
-        0.0 => rows.skipped(what, "the system does not tell"),
-        _ => rows.row(what, bytes, &format!("{bytes:.0} bytes"), Goal::Most(32.0)),
-    }
-}
-
 /// A part of the bench.
 type Part = fn(&mut Rows);
 
@@ -506,9 +468,8 @@ fn main() {
         return;
     }
     // Memory first, while the process is small.
-    let parts: [(&str, Part); 7] = [
+    let parts: [(&str, Part); 6] = [
         ("memory", memory),
-        ("timing", timing),
         ("hops", hops),
         ("wakes", wakes),
         ("images", images),

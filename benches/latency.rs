@@ -3,12 +3,14 @@
 //! A camera at 20 Hz, a detector of about 80 ms under the model and policy of each row, a tracker of 10 ms, a planner of
 //! 20 ms, a controller at 100 Hz. The latency of an operator is the age of the stamp at its publication; end to end is
 //! the age of the newest frame behind a command, at every command. All but `measured` give the same figures anywhere.
+//! `timing` is how fast `swerve timing` is; `--bench latency -- timing` measures it alone.
 
+use std::fmt::Write as _;
 use std::hint::black_box;
 use std::path::Path;
 use std::sync::Arc;
 
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
+use swerve_benches::{Goal, Rows, Sample, is_asked, is_asked_to_measure, now, print, resident_kib};
 use swerve_core::{Rng, Span, Time};
 use swerve_draw::{Axes, Canvas, Picture, Style, Text, color};
 use swerve_flow::{
@@ -254,12 +256,51 @@ fn panel(canvas: &mut Canvas, case: &Case, corner: (f64, f64), size: (f64, f64))
     canvas.text((corner.0, corner.1 + size.1 + 12.0), &text, Text { size: 10.0, ..Text::SOFT });
 }
 
+/// `swerve timing` of a chain of 20 operators, 2 million steps: what it prints is in the time.
+fn timing(rows: &mut Rows) {
+    const STEPS: f64 = 2e6;
+    const ROUNDS: usize = 7;
+    let mut text = "span_ms = 1999999\n".to_owned();
+    for k in 0..20 {
+        let reads = if k == 0 { "every_ms = 20".to_owned() } else { format!("at = [\"operator{}\"]", k - 1) };
+        let _infallible =
+            write!(text, "[[operator]]\nname = \"operator{k}\"\n{reads}\nruntime = {{ fixed_ms = 1 }}\n");
+    }
+    let pipeline = swerve_timing::parse("chain", &text).expect("a sound pipeline");
+    let (mut rates, mut bytes) = (vec![], 0.0_f64);
+    for _ in 0..ROUNDS {
+        let (before_kib, began) = (resident_kib(), now());
+        let tally = swerve_timing::tally(&pipeline, 1, 1).expect("a sound run");
+        let table = swerve_timing::table(&pipeline, &tally);
+        rates.push(STEPS / began.elapsed().as_secs_f64() * 1e-6);
+        // Later rounds use the memory of the first again.
+        bytes = bytes.max(resident_kib().saturating_sub(before_kib) as f64 * 1024.0 / STEPS);
+        assert_eq!(tally.operators.iter().map(|operator| operator.steps).sum::<u64>(), STEPS as u64);
+        black_box(table);
+    }
+    let rates = Sample::new(rates);
+    let what = "swerve timing, chain of 20: steps per second";
+    rows.row(what, rates.median(), &rates.text(2, "M"), Goal::Least(2.0));
+    let what = "  memory that it takes, per step";
+    match bytes {
+        0.0 => rows.skipped(what, "the system does not tell"),
+        _ => rows.row(what, bytes, &format!("{bytes:.0} bytes"), Goal::Most(32.0)),
+    }
+}
+
 fn main() -> std::io::Result<()> {
     if !is_asked_to_measure() {
         return Ok(());
     }
     let folder = env!("CARGO_TARGET_TMPDIR");
     let mut rows = Rows::new(folder, "latency");
+    if is_asked("timing") {
+        timing(&mut rows);
+    }
+    if !is_asked("policies") {
+        rows.finish();
+        return Ok(());
+    }
     let mut cases = Vec::new();
     for model in models() {
         for policy in policies() {

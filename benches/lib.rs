@@ -87,7 +87,12 @@ impl Rows {
         let parts: String = asked().map(|part| format!(" {part}")).collect();
         let parts = if parts.is_empty() { parts } else { format!(" --{parts}") };
         print(&format!("\n== {name}{parts}"));
-        let lines = format!("{MACHINE}{}\n", machine());
+        let external =
+            std::env::var("CARGO_PKG_NAME").is_ok_and(|package| package == "swerve-benches-external");
+        let whose =
+            if external { "--manifest-path benches/external/Cargo.toml" } else { "-p swerve-benches" };
+        let command = format!("cargo bench {whose} --bench {name}{parts}");
+        let lines = format!("{MACHINE}{}\n{COMMAND}{command}\n", machine());
         let file = format!("swerve-bench-{name}{parts}{ON}{} cores.tsv", cores());
         Self { file: Path::new(folder).join(file), lines }
     }
@@ -121,10 +126,13 @@ impl Rows {
 }
 
 /// What stands between the name of a bench and the cores that it had, in the names of the summary's files.
-pub const ON: &str = " on ";
+const ON: &str = " on ";
 
 /// What the line begins with, in a summary's file, that tells the machine.
 pub const MACHINE: &str = "# ";
+
+/// What the line begins with that tells the command.
+pub const COMMAND: &str = "$ ";
 
 /// What measures here, and how busy it is: processor, cores, and how many threads waited for them in the last minute.
 fn machine() -> String {
@@ -163,4 +171,10 @@ pub fn is_asked(part: &str) -> bool {
 /// Processors of this machine.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Resident memory of this process; zero where the system does not tell.
+pub fn resident_kib() -> u64 {
+    let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
+    4 * text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0)
 }

@@ -4,12 +4,13 @@
 
 use std::path::Path;
 
-use swerve_benches::{MACHINE, ON, is_asked_to_measure, print};
+use swerve_benches::{COMMAND, MACHINE, is_asked_to_measure, print};
 
-/// One bench: its name, the machine that it ran on, and its rows of what, how it reads, goal, verdict.
+/// One bench: its name, the machine that it ran on, what makes it run again, and its rows of what, how it reads, goal, verdict.
 struct Bench {
     name: String,
     machine: String,
+    command: String,
     rows: Vec<[String; 4]>,
 }
 
@@ -17,24 +18,23 @@ impl Bench {
     fn read(file: &Path) -> Option<Self> {
         let name = file.file_stem()?.to_string_lossy().strip_prefix("swerve-bench-")?.to_owned();
         let text = std::fs::read_to_string(file).ok()?;
-        let (mut machine, mut rows) = (String::new(), Vec::new());
+        let (mut machine, mut command, mut rows) = (String::new(), String::new(), Vec::new());
         for line in text.lines() {
-            match line.strip_prefix(MACHINE) {
-                Some(told) => machine = told.to_owned(),
-                None => {
-                    let mut cells = line.split('\t').map(str::to_owned);
-                    rows.push([(); 4].map(|()| cells.next().unwrap_or_default()));
-                }
+            if let Some(told) = line.strip_prefix(MACHINE) {
+                machine = told.to_owned();
+            } else if let Some(told) = line.strip_prefix(COMMAND) {
+                command = told.to_owned();
+            } else {
+                let mut cells = line.split('\t').map(str::to_owned);
+                rows.push([(); 4].map(|()| cells.next().unwrap_or_default()));
             }
         }
-        Some(Self { name, machine, rows })
+        Some(Self { name, machine, command, rows })
     }
 
     /// What stands between its marks.
     fn block(&self) -> String {
-        let (bench, _) = self.name.split_once(ON).unwrap_or((&self.name, ""));
-        let mut text =
-            format!("Rows of `cargo bench -p swerve-benches --bench {bench}` on {}:\n\n", self.machine);
+        let mut text = format!("Rows of `{}` on {}:\n\n", self.command, self.machine);
         text += "| what | measured | goal | |\n|---|---|---|---|\n";
         for row in &self.rows {
             text += &format!("| {} |\n", row.join(" | "));

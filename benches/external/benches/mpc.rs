@@ -8,6 +8,7 @@ use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use osqp::{CscMatrix, Settings};
+use swerve_benches::{Goal, Rows};
 use swerve_control::mpc::{Mpc, Params, Problem};
 use swerve_core::Time;
 use swerve_vehicle::Limits;
@@ -81,11 +82,13 @@ fn median_us(group: &str, name: &str) -> Option<f64> {
 }
 
 fn bench(criterion: &mut Criterion) {
+    let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "mpc");
     for horizon in [20, 40] {
         let ticks = ticks(200, horizon);
         let mut ours = mpc(horizon);
         let worst = difference(&mut ours, &ticks);
-        println!("horizon {horizon}: first steering angles of the solvers differ by at most {worst:.1e} rad");
+        let what = format!("horizon {horizon}: first steering angles of both solvers differ by at most");
+        rows.row(&what, worst, &format!("{worst:.1e} rad"), Goal::None);
         let problems: Vec<Problem> = ticks
             .iter()
             .map(|tick| {
@@ -125,10 +128,13 @@ fn bench(criterion: &mut Criterion) {
         group.finish();
         for bench in ["swerve_update", "swerve_new", "osqp_update", "osqp_new"] {
             if let Some(us) = median_us(&name, bench) {
-                println!("horizon {horizon}  {bench:14} median {us:8.1} us");
+                let goal =
+                    if (bench, horizon) == ("swerve_update", 20) { Goal::Most(250.0) } else { Goal::None };
+                rows.row(&format!("horizon {horizon}: {bench}, median"), us, &format!("{us:.1} us"), goal);
             }
         }
     }
+    rows.finish();
 }
 
 criterion_group! {

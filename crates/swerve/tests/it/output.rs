@@ -74,6 +74,22 @@ fn threads_do_not_change_what_an_adapter_draws() {
 }
 
 #[test]
+fn pictures_come_in_the_form_that_is_asked_for() {
+    let bench = Bench::new();
+    let forms = [("svg", &b"<svg "[..]), ("pdf", b"%PDF-"), ("png", b"\x89PNG")];
+    for (format, begins) in forms {
+        bench.good(&["run", "short.toml", "--out", "o", "--format", format]);
+        let drawn = std::fs::read(bench.path("o").join(format!("story.{format}"))).unwrap();
+        assert!(drawn.starts_with(begins), "{format}: {:?}", &drawn[..20]);
+        let others = forms.iter().filter(|(other, _)| *other != format);
+        assert!(others.map(|(other, _)| bench.path(&format!("o/story.{other}"))).all(|path| !path.exists()));
+    }
+    let said = bench.swerve(&["run", "short.toml", "--format", "gif"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(["svg", "pdf", "png"].iter().all(|form| said.stderr.contains(form)), "{said:?}");
+}
+
+#[test]
 fn a_run_time_that_is_set_goes_before_the_log() {
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "o", "--set", "operator.planner.runtime={fixed_ms=20}"]);
