@@ -198,6 +198,11 @@ impl<To, From> Transform<To, From> {
         self.isometry.rotation
     }
 
+    /// The same without its frames.
+    pub fn isometry(&self) -> Isometry3<f64> {
+        self.isometry
+    }
+
     /// The other direction.
     pub fn inverse(&self) -> Transform<From, To> {
         Transform { isometry: self.isometry.inverse(), frames: PhantomData }

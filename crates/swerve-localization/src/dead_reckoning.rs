@@ -12,6 +12,15 @@ use crate::eskf::{exp, unit};
 const KEPT: Span = Span::from_ms(3000);
 const AHEAD_S: f64 = 0.2;
 
+/// What says how a car moves.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Reading {
+    /// Speed of the rear axle by the wheels, m/s.
+    Wheels(f64),
+    /// Turn rate about the ego's axes, rad/s.
+    Gyro([f64; 3]),
+}
+
 /// The ego origin's way since its start.
 #[derive(Clone, Debug)]
 pub struct DeadReckoning {
@@ -27,18 +36,24 @@ impl DeadReckoning {
         Self { way: VecDeque::new(), speed_mps: 0.0, gyro_radps: Vector3::zeros() }
     }
 
-    /// Speed of the rear axle by the wheels, m/s. What no car has is passed over, and so is what is older than the newest.
-    pub fn wheels(&mut self, stamp: Time, speed_mps: f64) {
-        if speed_mps.abs() <= 150.0 && self.advance(stamp) {
-            self.speed_mps = speed_mps;
+    /// Takes a reading. What no car has is passed over, and so is what is older than the newest.
+    pub fn take(&mut self, stamp: Time, reading: Reading) {
+        match reading {
+            Reading::Wheels(speed_mps) if speed_mps.abs() <= 150.0 && self.advance(stamp) => {
+                self.speed_mps = speed_mps;
+            }
+            Reading::Gyro(gyro_radps)
+                if gyro_radps.iter().all(|x| x.abs() <= 100.0) && self.advance(stamp) =>
+            {
+                self.gyro_radps = Vector3::from(gyro_radps);
+            }
+            _ => {}
         }
     }
 
-    /// Turn rate about the ego's axes, rad/s; the same rules.
-    pub fn gyro(&mut self, stamp: Time, gyro_radps: [f64; 3]) {
-        if gyro_radps.iter().all(|x| x.abs() <= 100.0) && self.advance(stamp) {
-            self.gyro_radps = Vector3::from(gyro_radps);
-        }
+    /// Speed of the rear axle, m/s, as it was told last.
+    pub fn speed_mps(&self) -> f64 {
+        self.speed_mps
     }
 
     fn advance(&mut self, stamp: Time) -> bool {
@@ -87,6 +102,54 @@ impl Default for DeadReckoning {
     }
 }
 
+/// How a lidar on a car moves, turn by turn.
+#[derive(Clone, Debug)]
+pub struct LidarMotion {
+    /// That of the car.
+    pub car: DeadReckoning,
+    ego_from_lidar: Isometry3<f64>,
+    /// End of the turn before.
+    last: Option<Time>,
+}
+
+/// How a lidar moved, in its frame at the begin of each.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Turned {
+    /// Over the time that offsets of points are shares of.
+    pub over_turn: Isometry3<f64>,
+    /// That time, seconds.
+    pub period_s: f64,
+    /// Since the end of the turn before; none before the first.
+    pub since_last: Option<Isometry3<f64>>,
+}
+
+/// How long the first turn is taken to be, seconds.
+const FIRST_TURN_S: f64 = 0.1;
+
+impl LidarMotion {
+    /// Of a lidar that sits there.
+    pub fn new(ego_from_lidar: Isometry3<f64>) -> Self {
+        Self { car: DeadReckoning::new(), ego_from_lidar, last: None }
+    }
+
+    /// A turn that ends at an instant; none where that is no later than the end of the one before.
+    pub fn turn(&mut self, end: Time) -> Option<Turned> {
+        let last = self.last;
+        if last.is_some_and(|last| end <= last) {
+            return None;
+        }
+        self.last = Some(end);
+        let period_s = last.map_or(FIRST_TURN_S, |last| (end - last).as_secs());
+        let since_last = last.map(|last| self.moved(last, end));
+        Some(Turned { over_turn: self.moved(end - Span::from_secs(period_s), end), period_s, since_last })
+    }
+
+    fn moved(&self, from: Time, to: Time) -> Isometry3<f64> {
+        let ego = self.car.between(from, to).unwrap_or_else(Isometry3::identity);
+        self.ego_from_lidar.inverse() * ego * self.ego_from_lidar
+    }
+}
+
 fn moved_on(pose: &Isometry3<f64>, forward: &Vector3<f64>, turn: &UnitQuaternion<f64>) -> Isometry3<f64> {
     let place = pose.translation.vector + pose.rotation * forward;
     Isometry3::from_parts(Translation3::from(place), unit(pose.rotation * turn))
@@ -104,12 +167,12 @@ mod tests {
         let at = |ms: i64| Time::ZERO + Span::from_ms(ms);
         assert!(reckoning.between(at(0), at(100)).is_none());
         for ms in (0..=1000).step_by(10) {
-            reckoning.gyro(at(ms), [0.0, 0.0, 0.5]);
-            reckoning.wheels(at(ms), 10.0);
+            reckoning.take(at(ms), Reading::Gyro([0.0, 0.0, 0.5]));
+            reckoning.take(at(ms), Reading::Wheels(10.0));
         }
-        reckoning.wheels(at(1000), f64::NAN);
-        reckoning.gyro(at(1000), [f64::INFINITY, 0.0, 0.0]);
-        reckoning.wheels(at(400), 90.0);
+        reckoning.take(at(1000), Reading::Wheels(f64::NAN));
+        reckoning.take(at(1000), Reading::Gyro([f64::INFINITY, 0.0, 0.0]));
+        reckoning.take(at(400), Reading::Wheels(90.0));
         let moved = reckoning.between(at(505), at(905)).unwrap();
         let exact = [20.0 * math::sin(0.2), 20.0 * (1.0 - math::cos(0.2))];
         let found = moved.translation.vector;
@@ -117,5 +180,25 @@ mod tests {
         // A silent sensor moves nothing on for ever.
         let far = reckoning.between(at(1000), at(60_000)).unwrap().translation.vector.norm();
         assert!((far - 2.0).abs() < 0.01, "{far}");
+    }
+    #[test]
+    fn a_lidar_on_the_roof_swings_with_the_car() {
+        let mount = Isometry3::from_parts(Translation3::new(2.0, 0.0, 1.8), UnitQuaternion::identity());
+        let mut motion = LidarMotion::new(mount);
+        let at = |ms: i64| Time::ZERO + Span::from_ms(ms);
+        for ms in (0..=400).step_by(10) {
+            motion.car.take(at(ms), Reading::Gyro([0.0, 0.0, 1.0]));
+            motion.car.take(at(ms), Reading::Wheels(0.0));
+        }
+        assert!(motion.turn(at(100)).unwrap().since_last.is_none());
+        let turned = motion.turn(at(200)).unwrap();
+        // A tenth of a radian about the rear axle, two metres behind it.
+        let moved = turned.since_last.unwrap().translation.vector;
+        let exact = [2.0 * (math::cos(0.1) - 1.0), 2.0 * math::sin(0.1)];
+        assert!((moved.x - exact[0]).abs() < 1e-6 && (moved.y - exact[1]).abs() < 1e-6, "{moved}");
+        assert_eq!((turned.over_turn, turned.period_s), (turned.since_last.unwrap(), 0.1));
+        assert!(motion.turn(at(200)).is_none() && motion.turn(at(150)).is_none(), "stamps do not go back");
+        let late = motion.turn(at(400)).unwrap();
+        assert!((late.period_s - 0.2).abs() < 1e-12, "a turn that was missed counts with the next");
     }
 }

@@ -20,6 +20,8 @@ const MAGIC: &[u8; 8] = b"SWERVEVX";
 pub const VERSION: u32 = 1;
 /// Edge of a tile, in voxels.
 const TILE_VOXELS: i32 = 64;
+/// Ground is looked for so far to each side, metres.
+const GROUND_M: f64 = 3.0;
 const HEAD: usize = 32;
 const TILE: usize = 12;
 const VOXEL: usize = 52;
@@ -76,6 +78,17 @@ impl MapFile {
     /// The voxels, tile by tile.
     pub fn voxels(&self) -> &[Voxel] {
         &self.voxels
+    }
+
+    /// Height of the ground at a place: of the lowest surface near it; none where there is none.
+    pub fn ground_m(&self, [x_m, y_m]: [f64; 2]) -> Option<f64> {
+        let at = |index: i32, mean_m: f32| (f64::from(index) + 0.5) * self.resolution_m + f64::from(mean_m);
+        let near = self.voxels.iter().filter_map(|Voxel { index, mean_m, .. }| {
+            let away = [at(index[0], mean_m[0]) - x_m, at(index[1], mean_m[1]) - y_m];
+            let is_near = away.iter().all(|away_m| away_m.abs() <= GROUND_M);
+            is_near.then(|| at(index[2], mean_m[2]))
+        });
+        near.min_by(f64::total_cmp)
     }
 
     /// Number of tiles.

@@ -15,6 +15,7 @@ mod gate;
 mod health;
 mod image;
 mod lane;
+mod localization;
 mod obstacle;
 mod odometry;
 mod packed;
@@ -38,6 +39,7 @@ pub use gate::{GateMode, GateOutput, Refusal, Refusals, StopCause, Switch, Vehic
 pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use lane::{LaneLine, Lanes};
+pub use localization::{PoseMatch, PoseMode, PoseQuality};
 pub use obstacle::{
     ActorId, ActorKind, Extent, Obstacle, ObstacleList, PredictedPose, Prediction, PredictionList, Sighting,
     Track, TrackList,

@@ -4,6 +4,7 @@ mod camera;
 mod camera_objects;
 mod commands;
 mod controller;
+mod dead_reckoning;
 mod deadlines;
 mod detector;
 mod events;
@@ -28,6 +29,7 @@ mod predictor;
 mod python;
 mod radar;
 mod report;
+mod scan_matcher;
 mod segmentation;
 mod stop_lines;
 mod switch;
@@ -67,6 +69,9 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(fusion::Fusions)
         .with::<lanes::LaneLines>()
         .with::<localizer::Filter>()
+        .with::<dead_reckoning::Carried>()
+        .with::<scan_matcher::ScanMatcher>()
+        .with::<scan_matcher::LidarOdometry>()
         .with::<segmentation::Segmentation>()
         .with::<traffic_lights::Lights>()
         .with_kind(tracker::Trackers)

@@ -253,8 +253,8 @@ impl Bench {
         let mut hasher = Hasher::new();
         let config = self.config(cell)?;
         hasher.value(&(self.program, config.to_text(), &*self.scenario(cell)?.text));
-        for program in config.programs() {
-            hasher.bytes(&std::fs::read(program).with_context(|| format!("reading {}", program.display()))?);
+        for file in config.files() {
+            hasher.bytes(&std::fs::read(file).with_context(|| format!("reading {}", file.display()))?);
         }
         hasher.value(&(self.study.curve.is_some(), &self.study.timely));
         hasher

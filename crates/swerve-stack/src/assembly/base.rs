@@ -67,7 +67,7 @@ pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
         }
     }
     let mut new = config.operator.clone();
-    if let Some((name, localizer)) = config.localization.operator() {
+    for (name, localizer) in config.localization.operators() {
         let own = new.get(&name).map_or_else(|| localizer.clone(), |set| changed(&localizer, set));
         new.insert(name, own);
     }

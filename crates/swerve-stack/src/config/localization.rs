@@ -1,5 +1,7 @@
 //! What tells where the ego is: `[localization]`.
 
+use std::path::PathBuf;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,20 +16,34 @@ pub enum LocalizerName {
     Truth,
     /// An error-state Kalman filter over inertial unit, satellite fixes and wheels.
     Eskf,
+    /// The matches of a lidar's turns with a map, carried on by wheels and gyroscopes.
+    Ndt,
+    /// The filter with those matches beside its other measurements.
+    EskfNdt,
+    /// A lidar's own way from the first satellite fix on, without a map.
+    Odometry,
 }
 
 /// What tells where the ego is.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LocalizationConfig {
-    /// Which one. `eskf` puts an operator `localizer` in the place of `pose`; `[operator.localizer]` sets what it knows of
-    /// the sensors, `[sensing]` how good they are.
+    /// Which one. All but `truth` put an operator `localizer` in the place of `pose`; `[operator.localizer]` sets what it
+    /// knows of the sensors, `[sensing]` how good they are. All but `eskf` read a lidar, by an operator `scan_matcher` or
+    /// `lidar_odometry` whose run time is as any other's.
     pub localizer: LocalizerName,
+    /// The map that a lidar's turns are matched with, as `swerve map build` writes it: a path from the folder of the
+    /// configuration. Without one the road is mapped before the drive, as it is when nobody is about.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub map: Option<PathBuf>,
 }
 
-/// The operator that tells the simulator's pose, and the one that estimates it.
+/// The operator that tells the simulator's pose, the one that estimates it, and those that give it a lidar's poses.
 const POSE: &str = "pose";
 const LOCALIZER: &str = "localizer";
+const SCAN_MATCHER: &str = "scan_matcher";
+const LIDAR_ODOMETRY: &str = "lidar_odometry";
+const DEAD_RECKONING: &str = "dead_reckoning";
 
 impl LocalizationConfig {
     /// Whether the ego's own sensors tell where it is.
@@ -40,11 +56,26 @@ impl LocalizationConfig {
         self.estimates() && operator == POSE
     }
 
-    /// The operator that estimates the pose, if one does.
-    pub(crate) fn operator(&self) -> Option<(String, OperatorConfig)> {
-        let reads = [("wheels".to_owned(), Reads::Stream("odometry".to_owned()))].into();
-        let filter = OperatorConfig { kind: Some(LOCALIZER.to_owned()), reads, ..OperatorConfig::default() };
-        self.estimates().then(|| (LOCALIZER.to_owned(), filter))
+    /// The operators that estimate the pose, by name.
+    pub(crate) fn operators(&self) -> Vec<(String, OperatorConfig)> {
+        let (lidar, filter) = match self.localizer {
+            LocalizerName::Truth => return Vec::new(),
+            LocalizerName::Eskf => (None, LOCALIZER),
+            LocalizerName::EskfNdt => (Some(SCAN_MATCHER), LOCALIZER),
+            LocalizerName::Ndt => (Some(SCAN_MATCHER), DEAD_RECKONING),
+            LocalizerName::Odometry => (Some(LIDAR_ODOMETRY), DEAD_RECKONING),
+        };
+        let of = |name: &str, kind: &str| {
+            let reads = [("wheels".to_owned(), Reads::Stream("odometry".to_owned()))].into();
+            let own = OperatorConfig { kind: Some(kind.to_owned()), reads, ..OperatorConfig::default() };
+            (name.to_owned(), own)
+        };
+        lidar.map(|kind| of(kind, kind)).into_iter().chain([of(LOCALIZER, filter)]).collect()
+    }
+
+    /// Whether a map is matched with.
+    fn reads_map(&self) -> bool {
+        matches!(self.localizer, LocalizerName::Ndt | LocalizerName::EskfNdt)
     }
 }
 
@@ -54,6 +85,10 @@ impl Config {
             let message =
                 "expected \"truth\": who drives a vehicle, or drives over ROS 2, has poses of its own";
             faults.push(("localization.localizer".into(), message.into()));
+        }
+        if self.localization.map.is_some() && !self.localization.reads_map() {
+            let message = "is for `localization.localizer = \"ndt\"` or `\"eskf_ndt\"`, which match turns with it";
+            faults.push(("localization.map".into(), message.into()));
         }
     }
 }

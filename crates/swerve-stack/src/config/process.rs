@@ -167,9 +167,10 @@ impl Config {
         self.process.iter().filter(move |(_, process)| is_needed(process))
     }
 
-    /// Files of programs, which a result depends on as it does on the configuration.
-    pub fn programs(&self) -> impl Iterator<Item = &Path> {
-        self.process.values().filter_map(|process| Some(process.python_class()?.ok()?.0))
+    /// Files of programs, and that of a map: a result depends on them as it does on the configuration.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let programs = self.process.values().filter_map(|process| Some(process.python_class()?.ok()?.0));
+        programs.chain(self.localization.map.as_deref())
     }
 }
 
@@ -186,12 +187,23 @@ pub(super) fn with_whole_paths(mut table: toml::Table, folder: &Path) -> toml::T
             let Some(toml::Value::String(path)) = process.get_mut(key) else { continue };
             // A bare name is looked up on the path.
             let is_program = key == "interpreter" && !path.contains('/');
-            if let Some(whole) = std::path::absolute(folder.join(&*path)).ok().filter(|_| !is_program) {
-                *path = whole.to_string_lossy().into_owned();
+            if !is_program {
+                make_whole(path, folder);
             }
         }
     }
+    if let Some(toml::Value::Table(localization)) = table.get_mut("localization")
+        && let Some(toml::Value::String(path)) = localization.get_mut("map")
+    {
+        make_whole(path, folder);
+    }
     table
+}
+
+fn make_whole(path: &mut String, folder: &Path) {
+    if let Ok(whole) = std::path::absolute(folder.join(&*path)) {
+        *path = whole.to_string_lossy().into_owned();
+    }
 }
 
 /// What is wrong with moving an operator, if anything is.

@@ -1,7 +1,7 @@
 //! Where the ego is by its own sensors, in the place of the pose that the simulator or a vehicle tells.
 //!
 //! ```text
-//! imu, gnss, wheel odometry > localizer --EgoState--> planner, controller
+//! imu, gnss, wheel odometry, matches of a lidar > localizer --EgoState--> planner, controller
 //! ```
 //!
 //! While it is lost it says nothing: a controller that hears no state falls silent for the safety gate, which stops the car.
@@ -9,11 +9,11 @@
 use anyhow::anyhow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_flow::{At, Context, Inputs, Message, Operator, Port, Window};
+use swerve_flow::{At, Context, Inputs, Message, Operator, Outputs, Port, Window};
 use swerve_geom::{Point2, Pose2, math};
 use swerve_localization::flat::Origin;
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed};
-use swerve_msg::{EgoState, Gnss, Imu, Route, WheelOdometry};
+use swerve_msg::{EgoState, Gnss, Imu, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 
 use crate::config::Config;
 use crate::kind::{KeyProblems, Kind, Node};
@@ -22,18 +22,15 @@ use crate::site::Site;
 /// Messages kept of each sensor: those of a few steps, so that none is missed.
 const KEPT: usize = 16;
 
-/// A filter over inertial unit, satellite fixes and wheels.
+/// A filter over inertial unit, satellite fixes and wheels, and over what a lidar finds.
 pub(super) struct Filter {
     localizer: Localizer,
     params: Params,
     /// Deviation of the heading that the lane gives, radians; none where the course has to.
     lane_heading_rad: Option<f64>,
-    /// What is known of the receiver, metres.
-    noise_m: f64,
-    origin: Origin,
-    route: Route,
+    receiver: Receiver,
     /// Messages of each sensor that were taken.
-    taken: [u64; 2],
+    taken: [u64; 3],
     started: bool,
     steering_rad: f64,
 }
@@ -47,6 +44,54 @@ pub(super) struct In {
     fixes: Window<Gnss, KEPT>,
     /// Speeds by the wheels.
     wheels: Window<WheelOdometry, KEPT>,
+    /// Where the ego was by its lidar.
+    matches: Option<Window<PoseMatch, KEPT>>,
+}
+
+/// Where the ego is, and how sure that is.
+#[derive(Outputs)]
+pub(super) struct Out {
+    /// Where it is; silent while that is not known.
+    pub(super) state: Port<EgoState>,
+    /// How good that is.
+    pub(super) quality: Port<PoseQuality>,
+}
+
+/// What is known of a satellite receiver, and of the lane that the car is on.
+pub(super) struct Receiver {
+    noise_m: f64,
+    bias_m: f64,
+    origin: Origin,
+    route: Route,
+}
+
+impl Receiver {
+    pub(super) fn new(site: &Site<'_>) -> Self {
+        let gnss = &site.config().sensing.gnss;
+        let origin = Origin {
+            latitude_deg: gnss.origin_latitude_deg,
+            longitude_deg: gnss.origin_longitude_deg,
+            altitude_m: gnss.origin_altitude_m,
+        };
+        let route = site.surroundings().route.clone();
+        Self { noise_m: gnss.noise_m.max(0.01), bias_m: gnss.bias_m, origin, route }
+    }
+
+    /// A fix on the map: east, north, up, metres.
+    pub(super) fn place(&self, fix: &Gnss) -> Option<[f64; 3]> {
+        self.origin.east_north_up_m(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
+    }
+
+    /// Heading of the lane beside a place, radians.
+    pub(super) fn lane_heading_rad(&self, [x_m, y_m, _]: [f64; 3]) -> f64 {
+        let s_m = self.route.project(Point2::new(x_m, y_m)).s_m;
+        self.route.line().at(s_m).pose.heading_rad
+    }
+
+    /// Standard deviation of a fix, metres.
+    pub(super) fn sigma_m(&self) -> f64 {
+        math::hypot(self.noise_m, self.bias_m)
+    }
 }
 
 /// Keys of a localizer.
@@ -100,7 +145,7 @@ fn known(config: &Config) -> Params {
 
 impl Kind for Filter {
     const NODE: Node =
-        Node::new("localizer", "where the ego is by inertial unit, satellite fixes and wheels");
+        Node::new("localizer", "where the ego is by a filter over its sensors, and how sure that is");
     type Table = Keys;
 
     fn problems(table: &Keys) -> KeyProblems {
@@ -119,21 +164,13 @@ impl Kind for Filter {
         let problems =
             |told: KeyProblems| anyhow!("operator.{}: {}", site.name(), swerve_text::in_one_line(&told));
         let params = table.params(&known(config)).map_err(problems)?;
-        let gnss = &config.sensing.gnss;
-        let origin = Origin {
-            latitude_deg: gnss.origin_latitude_deg,
-            longitude_deg: gnss.origin_longitude_deg,
-            altitude_m: gnss.origin_altitude_m,
-        };
         let lane = table.lane_heading_deg.to_radians();
         Ok(Self {
             localizer: Localizer::new(params, None)?,
             params,
             lane_heading_rad: (lane > 0.0).then_some(lane),
-            noise_m: gnss.noise_m.max(0.01),
-            origin,
-            route: site.surroundings().route.clone(),
-            taken: [0; 2],
+            receiver: Receiver::new(site),
+            taken: [0; 3],
             started: false,
             steering_rad: 0.0,
         })
@@ -142,7 +179,7 @@ impl Kind for Filter {
 
 impl Operator for Filter {
     type In = In;
-    type Out = Port<EgoState>;
+    type Out = Out;
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         let Some(imu) = input.imu.get() else { return };
@@ -155,16 +192,36 @@ impl Operator for Filter {
         for fix in new(input.fixes.get(), &mut self.taken[1]) {
             self.fix(fix);
         }
-        if let Some(estimate) = self.localizer.estimate()
-            && estimate.mode != Mode::Lost
-        {
-            out.send(self.state(&estimate));
+        let matches = input.matches.as_ref().map_or(&[][..], |matches| matches.get());
+        for found in new(matches, &mut self.taken[2]) {
+            let PoseMatch { at_m, heading_rad, covariance_m2, height_sigma_m, heading_sigma_rad, .. } = **found;
+            let sigma = [height_sigma_m, heading_sigma_rad];
+            self.localizer.take(found.stamp, Sensed::Pose { at_m, heading_rad, covariance_m2, sigma });
         }
+        let Some(estimate) = self.localizer.estimate() else {
+            out.quality.send(PoseQuality { stamp: imu.stamp, ..PoseQuality::default() });
+            return;
+        };
+        if estimate.mode != Mode::Lost {
+            out.state.send(self.state(&estimate));
+        }
+        out.quality.send(quality(&estimate));
     }
 }
 
+fn quality(estimate: &Estimate) -> PoseQuality {
+    let mode = match estimate.mode {
+        Mode::Good => PoseMode::Good,
+        Mode::Coasting => PoseMode::Coasting,
+        Mode::Lost => PoseMode::Lost,
+    };
+    let c = |i: usize, j: usize| estimate.covariance[(i, j)];
+    let covariance = [c(0, 0), c(0, 1), c(1, 1), c(0, 2), c(1, 2), c(2, 2)];
+    PoseQuality { stamp: estimate.stamp, mode, covariance }
+}
+
 /// Those of a window that were not there before.
-fn new<'a, T>(
+pub(super) fn new<'a, T>(
     window: &'a [Message<T>],
     taken: &mut u64,
 ) -> impl Iterator<Item = &'a Message<T>> + use<'a, T> {
@@ -175,22 +232,20 @@ fn new<'a, T>(
 
 impl Filter {
     fn fix(&mut self, fix: &Gnss) {
-        let Gnss { stamp, latitude_deg, longitude_deg, altitude_m, .. } = *fix;
-        let Some(at_m) = self.origin.east_north_up_m(latitude_deg, longitude_deg, altitude_m) else { return };
+        let Some(at_m) = self.receiver.place(fix) else { return };
         if !std::mem::replace(&mut self.started, true) {
             self.start(at_m);
         }
         // A receiver's height is half as good as its place.
-        let sigma_m = [self.noise_m, self.noise_m, 2.0 * math::hypot(self.noise_m, self.params.offset_m)];
-        self.localizer.take(stamp, Sensed::Fix { at_m, sigma_m });
+        let noise_m = self.receiver.noise_m;
+        let sigma_m = [noise_m, noise_m, 2.0 * math::hypot(noise_m, self.params.offset_m)];
+        self.localizer.take(fix.stamp, Sensed::Fix { at_m, sigma_m });
     }
 
     /// Before the first fix nothing was known; now the lane is.
     fn start(&mut self, at_m: [f64; 3]) {
         let Some(sigma_rad) = self.lane_heading_rad else { return };
-        let s_m = self.route.project(Point2::new(at_m[0], at_m[1])).s_m;
-        let heading_rad = self.route.line().at(s_m).pose.heading_rad;
-        self.localizer.suppose_heading([heading_rad, sigma_rad]);
+        self.localizer.suppose_heading([self.receiver.lane_heading_rad(at_m), sigma_rad]);
     }
 
     fn state(&self, estimate: &Estimate) -> EgoState {

@@ -3,8 +3,8 @@
 use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Lidar, Map, Point, Transform};
-use swerve_localization::dead_reckoning::DeadReckoning;
-use swerve_localization::ndt::{Isometry3, Vector3, pose_of};
+use swerve_localization::dead_reckoning::{LidarMotion, Reading, Turned};
+use swerve_localization::ndt::{Isometry3, Vector3};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{Imu, PointCloud, WheelOdometry};
 
@@ -18,9 +18,8 @@ pub(super) struct Turn {
     pub(super) points: Vec<(Vector3<f64>, u32)>,
     /// Each point as measured, and when, as a share of the turn from its end, -1 to 0.
     pub(super) measured: Vec<(Vector3<f64>, f64)>,
-    /// How the lidar moved over the turn by the car's wheels and gyroscopes, and how since the end of the one before.
-    pub(super) over_turn: Isometry3<f64>,
-    pub(super) since_last: Isometry3<f64>,
+    /// How the lidar moved by the car's wheels and gyroscopes.
+    pub(super) motion: Turned,
 }
 
 /// Hands the turns of a drive over.
@@ -29,8 +28,7 @@ pub(super) struct Turns<'a> {
     ego_from_lidar: Transform<Ego, Lidar>,
     worlds: Worlds,
     cloud: Option<PointCloud>,
-    last: Option<Time>,
-    reckoning: DeadReckoning,
+    motion: LidarMotion,
     each: &'a mut (dyn FnMut(&Turn) + Send),
 }
 
@@ -45,8 +43,7 @@ impl<'a> Turns<'a> {
             ego_from_lidar,
             worlds: Worlds::default(),
             cloud: None,
-            last: None,
-            reckoning: DeadReckoning::new(),
+            motion: LidarMotion::new(ego_from_lidar.isometry()),
             each,
         }
     }
@@ -54,20 +51,9 @@ impl<'a> Turns<'a> {
     fn turn(&mut self, truth: &PointInstances) -> Option<Turn> {
         let cloud = self.cloud.take().filter(|cloud| cloud.stamp == truth.stamp)?;
         let end = self.map_from_lidar(cloud.stamp)?;
-        let last = self.last.replace(cloud.stamp);
-        let period_s = last.map_or(0.1, |last| (cloud.stamp - last).as_secs());
-        let mount = isometry(&self.ego_from_lidar)?;
-        let moved = |from: Time| {
-            let ego = self.reckoning.between(from, cloud.stamp).unwrap_or_else(Isometry3::identity);
-            mount.inverse() * ego * mount
-        };
-        let mut turn = Turn {
-            map_from_lidar: isometry(&end)?,
-            points: Vec::new(),
-            measured: Vec::new(),
-            over_turn: moved(cloud.stamp - Span::from_secs(period_s)),
-            since_last: last.map_or_else(Isometry3::identity, moved),
-        };
+        let motion = self.motion.turn(cloud.stamp)?;
+        let (points, measured) = (Vec::new(), Vec::new());
+        let mut turn = Turn { map_from_lidar: end.isometry(), points, measured, motion };
         for k in 0..cloud.len() {
             let offset_s = f64::from(cloud.time_offset_s[k]);
             let then = self.map_from_lidar(cloud.stamp + Span::from_secs(offset_s))?;
@@ -75,7 +61,7 @@ impl<'a> Turns<'a> {
             let at = (then * Point::new(x, y, z)).coords;
             let instance = *truth.instance.get(k)?;
             turn.points.push((Vector3::new(at.x, at.y, at.z), instance));
-            turn.measured.push((Vector3::new(x, y, z), offset_s / period_s));
+            turn.measured.push((Vector3::new(x, y, z), offset_s / motion.period_s));
         }
         Some(turn)
     }
@@ -90,14 +76,6 @@ impl<'a> Turns<'a> {
     }
 }
 
-/// The same without its frames.
-fn isometry<To>(pose: &Transform<To, Lidar>) -> Option<Isometry3<f64>> {
-    let at = |x: f64, y: f64, z: f64| (*pose * Point::new(x, y, z)).coords;
-    let o = at(0.0, 0.0, 0.0);
-    let [x, y, z] = [at(1.0, 0.0, 0.0) - o, at(0.0, 1.0, 0.0) - o, at(0.0, 0.0, 1.0) - o];
-    pose_of(&[x.x, y.x, z.x, o.x, x.y, y.y, z.y, o.y, x.z, y.z, z.z, o.z, 0.0, 0.0, 0.0, 1.0])
-}
-
 impl Observer for Turns<'_> {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
@@ -105,9 +83,9 @@ impl Observer for Turns<'_> {
         if let Some(world) = payload.downcast_ref::<WorldState>() {
             self.worlds.take(world);
         } else if let Some(wheels) = payload.downcast_ref::<WheelOdometry>() {
-            self.reckoning.wheels(wheels.stamp, wheels.speed_mps);
+            self.motion.car.take(wheels.stamp, Reading::Wheels(wheels.speed_mps));
         } else if let Some(imu) = payload.downcast_ref::<Imu>() {
-            self.reckoning.gyro(imu.stamp, imu.gyro_radps);
+            self.motion.car.take(imu.stamp, Reading::Gyro(imu.gyro_radps));
         } else if publication.operator != self.lidar {
         } else if let Some(cloud) = payload.downcast_ref::<PointCloud>() {
             self.cloud = Some(cloud.clone());

@@ -1,0 +1,111 @@
+//! The newest match of a lidar's turn, carried on by wheels and gyroscopes, in the place of a filter.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use swerve_flow::{At, Context, Inputs, Operator, Window};
+use swerve_geom::Pose2;
+use swerve_localization::dead_reckoning::DeadReckoning;
+use swerve_localization::eskf::yaw_rad;
+use swerve_msg::{EgoState, Imu, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
+
+use super::localizer::Out;
+use super::scan_matcher::{pose_of, readings};
+use crate::kind::{KeyProblems, Kind, Node};
+use crate::site::Site;
+
+/// Messages kept of each: those of a few steps, so that none is missed.
+const KEPT: usize = 16;
+/// What a way by wheels and gyroscopes goes off by: a share of the way, and rad/s.
+const DRIFT: f64 = 0.01;
+const DRIFT_RADPS: f64 = 0.002;
+
+/// Tells where the ego is between two matches.
+pub(super) struct Carried {
+    keys: Keys,
+    car: DeadReckoning,
+    taken: [u64; 2],
+}
+
+/// Where it was, and how it moved since.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// Accelerations and turn rates: each makes a pose.
+    imu: At<Imu>,
+    /// Speeds by the wheels.
+    wheels: Window<WheelOdometry, KEPT>,
+    /// Where the ego was by its lidar.
+    matches: Window<PoseMatch, 1>,
+}
+
+/// Keys of a carried pose.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Keys {
+    /// Without a match for longer than this it is coasting, seconds.
+    coasting_after_s: f64,
+    /// Without a match for longer than this it is lost, and tells no pose, seconds.
+    lost_after_s: f64,
+}
+
+impl Default for Keys {
+    fn default() -> Self {
+        Self { coasting_after_s: 0.35, lost_after_s: 2.0 }
+    }
+}
+
+impl Kind for Carried {
+    const NODE: Node =
+        Node::new("dead_reckoning", "where the ego is by a lidar's newest match, wheels and gyroscopes");
+    type Table = Keys;
+
+    fn problems(table: &Keys) -> KeyProblems {
+        let of = [("coasting_after_s", table.coasting_after_s), ("lost_after_s", table.lost_after_s)];
+        let wrong = of.into_iter().filter(|(_, s)| !(0.01..=2.9).contains(s));
+        wrong.map(|(key, s)| (key.to_owned(), format!("expected 0.01 to 2.9, found {s}"))).collect()
+    }
+
+    fn new(keys: Keys, _: &Site<'_>) -> anyhow::Result<Self> {
+        Ok(Self { keys, car: DeadReckoning::new(), taken: [0; 2] })
+    }
+}
+
+impl Operator for Carried {
+    type In = In;
+    type Out = Out;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Out) {
+        let (Some(imu), wheels) = (input.imu.get(), input.wheels.get()) else { return };
+        for (stamp, reading) in readings(core::slice::from_ref(imu), wheels, &mut self.taken) {
+            self.car.take(stamp, reading);
+        }
+        let stamp = imu.stamp;
+        let told = input.matches.newest().and_then(|found| {
+            let age_s = (stamp - found.stamp).as_secs();
+            let is_lost = age_s > self.keys.lost_after_s;
+            let moved = self.car.between(found.stamp, stamp).filter(|_| !is_lost)?;
+            Some((found, age_s, moved))
+        });
+        let Some((found, age_s, moved)) = told else {
+            out.quality.send(PoseQuality { stamp, ..PoseQuality::default() });
+            return;
+        };
+        let map_from_ego = pose_of(found.at_m, found.heading_rad) * moved;
+        let at = map_from_ego.translation.vector;
+        out.state.send(EgoState {
+            stamp,
+            pose: Pose2::new(at.x, at.y, yaw_rad(&map_from_ego.rotation)),
+            speed_mps: self.car.speed_mps(),
+            accel_mps2: imu.accel_mps2[0],
+            lateral_accel_mps2: imu.accel_mps2[1],
+            yaw_rate_radps: imu.gyro_radps[2],
+            steering_rad: wheels.last().map_or(0.0, |wheels| wheels.steering_rad),
+        });
+        let mode = if age_s > self.keys.coasting_after_s { PoseMode::Coasting } else { PoseMode::Good };
+        let [xx, xy, yy] = found.covariance_m2;
+        let (drift_m, drift_rad) = (DRIFT * moved.translation.vector.norm(), DRIFT_RADPS * age_s);
+        let grown_m2 = drift_m * drift_m;
+        let heading = found.heading_sigma_rad * found.heading_sigma_rad + drift_rad * drift_rad;
+        let covariance = [xx + grown_m2, xy, yy + grown_m2, 0.0, 0.0, heading];
+        out.quality.send(PoseQuality { stamp, mode, covariance });
+    }
+}

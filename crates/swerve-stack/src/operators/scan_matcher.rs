@@ -1,0 +1,278 @@
+//! Where the ego is by the turns of a lidar: matched with a map, or each with those before it.
+//!
+//! ```text
+//! lidar, imu, wheels, first fix > scan_matcher   --PoseMatch--> localizer      on a map
+//!                               > lidar_odometry --PoseMatch--> localizer      without one
+//! ```
+//!
+//! Wheels and gyroscopes straighten each turn and say where to look for it. The first fix and the lane say where to begin.
+
+mod survey;
+
+use std::path::Path;
+
+use anyhow::{Context as _, ensure};
+use swerve_core::{Rng, Span, Time};
+use swerve_flow::{At, Context, Inputs, Message, Operator, Port, RuntimeModel, Window};
+use swerve_geom::math;
+use swerve_localization::dead_reckoning::{LidarMotion, Reading, Turned};
+use swerve_localization::eskf::yaw_rad;
+use swerve_localization::map_file::MapFile;
+use swerve_localization::matcher::{Guess, Matcher};
+use swerve_localization::ndt::{Isometry3, Matched, Vector3};
+use swerve_localization::odometry::Odometry;
+use swerve_msg::{Gnss, Imu, PointCloud, PoseMatch, WheelOdometry};
+
+use super::localizer::{Receiver, new};
+use crate::config::sensors::LidarConfig;
+use crate::kind::{Heavy, Kind, NoKeys, Node, Settings};
+use crate::site::Site;
+
+/// Readings kept of inertial unit and wheels: those of a turn and of one that was missed, at 100 Hz.
+const READINGS: usize = 64;
+const FIXES: usize = 16;
+/// Poses that are drawn where it looks around.
+const PARTICLES: u32 = 200;
+/// Deviation of the heading that the lane tells at first, radians.
+const LANE_SIGMA_RAD: f64 = 0.09;
+/// What a way without a map goes off by: a share of the way, and radians per metre.
+const DRIFT: f64 = 0.01;
+const DRIFT_RAD_PER_M: f64 = 1e-4;
+
+/// A turn, and what says how the car moved and where it began.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// The points.
+    points: At<PointCloud>,
+    /// Turn rates.
+    imu: Window<Imu, READINGS>,
+    /// Speeds by the wheels.
+    wheels: Window<WheelOdometry, READINGS>,
+    /// Satellite fixes.
+    fixes: Window<Gnss, FIXES>,
+}
+
+/// A lidar on its way.
+struct Front {
+    motion: LidarMotion,
+    ego_from_lidar: Isometry3<f64>,
+    receiver: Receiver,
+    /// Messages of inertial unit and wheels that were taken.
+    taken: [u64; 2],
+}
+
+impl Front {
+    fn new<'a>(site: &'a Site<'_>) -> anyhow::Result<(Self, &'a LidarConfig)> {
+        let (name, config) = (site.name(), site.config());
+        let from = site.source_of("points").with_context(|| format!("operator.{name}: it reads no lidar"))?;
+        let lidar = config.lidar.get(from).with_context(|| {
+            format!("operator.{name}: expected points of a [lidar.NAME], which says where it sits, found `{from}`")
+        })?;
+        let ego_from_lidar = lidar.ego_from_lidar(&config.sim.vehicle.shape).isometry();
+        let (motion, receiver) = (LidarMotion::new(ego_from_lidar), Receiver::new(site));
+        Ok((Self { motion, ego_from_lidar, receiver, taken: [0; 2] }, lidar))
+    }
+
+    /// End of a turn, and how the lidar moved over it.
+    fn turn(&mut self, input: &In) -> Option<(Time, Turned)> {
+        for (stamp, reading) in readings(input.imu.get(), input.wheels.get(), &mut self.taken) {
+            self.motion.car.take(stamp, reading);
+        }
+        let cloud = input.points.get()?;
+        Some((cloud.stamp, self.motion.turn(cloud.stamp)?))
+    }
+
+    /// Where the lidar is at an instant, by the newest fix and the heading of the lane there.
+    fn guess(&self, fixes: &[Message<Gnss>], at: Time) -> Option<Isometry3<f64>> {
+        let fix = fixes.last()?;
+        let at_m = self.receiver.place(fix)?;
+        let car = self.motion.car.between(fix.stamp, at)?;
+        Some(pose_of(at_m, self.receiver.lane_heading_rad(at_m)) * car * self.ego_from_lidar)
+    }
+
+    /// What is told of a lidar's pose: of the car's, with the covariance of place and heading on the ground.
+    fn told(&self, stamp: Time, map_from_lidar: &Isometry3<f64>, spread: &Spread) -> PoseMatch {
+        let map_from_ego = map_from_lidar * self.ego_from_lidar.inverse();
+        let at = map_from_ego.translation.vector;
+        // The car is on a lever from the lidar: what turns that moves it.
+        let lever = at - map_from_lidar.translation.vector;
+        let turned = [-lever.y, lever.x];
+        let [xx, xy, yy] = spread.covariance_m2;
+        let [xh, yh] = spread.with_heading;
+        let hh = spread.heading_sigma_rad * spread.heading_sigma_rad;
+        PoseMatch {
+            stamp,
+            at_m: at.into(),
+            heading_rad: yaw_rad(&map_from_ego.rotation),
+            covariance_m2: [
+                xx + 2.0 * turned[0] * xh + turned[0] * turned[0] * hh,
+                xy + turned[0] * yh + turned[1] * xh + turned[0] * turned[1] * hh,
+                yy + 2.0 * turned[1] * yh + turned[1] * turned[1] * hh,
+            ],
+            height_sigma_m: spread.height_sigma_m,
+            heading_sigma_rad: spread.heading_sigma_rad,
+        }
+    }
+}
+
+/// How sure the pose of a lidar is.
+struct Spread {
+    covariance_m2: [f64; 3],
+    /// Covariance of x and of y with the heading, m rad.
+    with_heading: [f64; 2],
+    height_sigma_m: f64,
+    heading_sigma_rad: f64,
+}
+
+impl Spread {
+    fn of(found: &Matched) -> Self {
+        let c = |i: usize, j: usize| found.covariance[(i, j)];
+        Self {
+            covariance_m2: [c(0, 0), c(0, 1), c(1, 1)],
+            with_heading: [c(0, 5), c(1, 5)],
+            height_sigma_m: c(2, 2).sqrt(),
+            heading_sigma_rad: c(5, 5).sqrt(),
+        }
+    }
+}
+
+/// New readings of both in the order of their stamps.
+pub(super) fn readings(
+    imu: &[Message<Imu>],
+    wheels: &[Message<WheelOdometry>],
+    taken: &mut [u64; 2],
+) -> Vec<(Time, Reading)> {
+    let [imu_taken, wheels_taken] = taken;
+    let gyro = new(imu, imu_taken).map(|imu| (imu.stamp, Reading::Gyro(imu.gyro_radps)));
+    let wheels = new(wheels, wheels_taken).map(|wheels| (wheels.stamp, Reading::Wheels(wheels.speed_mps)));
+    let mut readings: Vec<_> = wheels.chain(gyro).collect();
+    readings.sort_by_key(|(stamp, _)| *stamp);
+    readings
+}
+
+/// Each point, and when, as a share of a time before the end of the turn, -1 to 0.
+fn points(cloud: &PointCloud, period_s: f64) -> impl Iterator<Item = (Vector3<f64>, f64)> + '_ {
+    (0..cloud.len()).map(move |k| {
+        let at_m = [cloud.x_m[k], cloud.y_m[k], cloud.z_m[k]].map(f64::from);
+        (Vector3::from(at_m), f64::from(cloud.time_offset_s[k]) / period_s)
+    })
+}
+
+/// The map of a file.
+fn read(path: &Path) -> anyhow::Result<MapFile> {
+    ensure!(path.is_file(), "there is no such file; `swerve map build` writes one");
+    Ok(MapFile::read(&std::fs::read(path)?)?)
+}
+
+/// A car that stands level there.
+pub(super) fn pose_of(at_m: [f64; 3], heading_rad: f64) -> Isometry3<f64> {
+    let (sin, cos) = math::sin_cos(heading_rad);
+    let [x, y, z] = at_m;
+    let rows = [cos, -sin, 0.0, x, sin, cos, 0.0, y, 0.0, 0.0, 1.0, z, 0.0, 0.0, 0.0, 1.0];
+    swerve_localization::ndt::pose_of(&rows).unwrap_or_else(Isometry3::identity)
+}
+
+/// Finds a lidar on a map.
+pub(super) struct ScanMatcher {
+    front: Front,
+    map: MapFile,
+    seed: u64,
+    matcher: Option<Matcher>,
+}
+
+impl Kind for ScanMatcher {
+    const NODE: Node = Node::new("scan_matcher", "where the ego is by matching a lidar's turns with a map")
+        .heavy(Heavy::Yes);
+    type Table = NoKeys;
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let (front, lidar) = Front::new(site)?;
+        let (config, surroundings) = (site.config(), site.surroundings());
+        let map = match &config.localization.map {
+            Some(path) => read(path).with_context(|| format!("localization.map: {}", path.display()))?,
+            None => survey::survey(config, &surroundings.scenario, lidar)?,
+        };
+        let seed = Rng::keyed(config.seed, site.name(), &[]).bits();
+        Ok(Self { front, map, seed, matcher: None })
+    }
+
+    fn runtime(_: &NoKeys, _: &Settings<'_>) -> Result<RuntimeModel, String> {
+        Ok(RuntimeModel::Fixed(Span::from_ms(12)))
+    }
+}
+
+impl Operator for ScanMatcher {
+    type In = In;
+    type Out = Port<PoseMatch>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let (Some((end, turn)), Some(cloud)) = (self.front.turn(input), input.points.get()) else { return };
+        let still = Isometry3::identity();
+        let (matcher, since_last) = match &mut self.matcher {
+            Some(matcher) => (matcher, turn.since_last.unwrap_or(still)),
+            None => {
+                let Some(mut map_from_lidar) = self.front.guess(input.fixes.get(), end) else { return };
+                // The map knows better how high the ground is.
+                let at = &mut map_from_lidar.translation.vector;
+                if let Some(ground_m) = self.map.ground_m([at.x, at.y]) {
+                    at.z = ground_m + self.front.ego_from_lidar.translation.vector.z;
+                }
+                let (sigma_m, sigma_rad) = (self.front.receiver.sigma_m(), LANE_SIGMA_RAD);
+                let guess = Guess { map_from_lidar, sigma_m, sigma_rad, particles: PARTICLES };
+                (self.matcher.insert(Matcher::new(&self.map, self.seed, guess)), still)
+            }
+        };
+        let found = matcher.take(points(cloud, turn.period_s), &turn.over_turn, &since_last);
+        if let Some(found) = found {
+            out.send(self.front.told(end, &found.map_from_scan, &Spread::of(&found)));
+        }
+    }
+}
+
+/// Follows a lidar by its own turns from where it began.
+pub(super) struct LidarOdometry {
+    front: Front,
+    odometry: Odometry,
+    /// Where its way began, and how long it is by now, metres.
+    start: Option<Isometry3<f64>>,
+    way_m: f64,
+}
+
+impl Kind for LidarOdometry {
+    const NODE: Node =
+        Node::new("lidar_odometry", "where the ego is by matching a lidar's turns with those before them")
+            .heavy(Heavy::Yes);
+    type Table = NoKeys;
+
+    fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let (front, _) = Front::new(site)?;
+        Ok(Self { front, odometry: Odometry::new(), start: None, way_m: 0.0 })
+    }
+
+    fn runtime(_: &NoKeys, _: &Settings<'_>) -> Result<RuntimeModel, String> {
+        Ok(RuntimeModel::Fixed(Span::from_ms(25)))
+    }
+}
+
+impl Operator for LidarOdometry {
+    type In = In;
+    type Out = Port<PoseMatch>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let (Some((end, turn)), Some(cloud)) = (self.front.turn(input), input.points.get()) else { return };
+        let guess = || self.front.guess(input.fixes.get(), end);
+        let Some(start) = self.start.or_else(guess) else { return };
+        self.start = Some(start);
+        let at = start * self.odometry.take_moved(points(cloud, turn.period_s), &turn.over_turn).pose();
+        self.way_m += turn.over_turn.translation.vector.norm();
+        let (sigma_m, turned_rad) = (self.front.receiver.sigma_m(), DRIFT_RAD_PER_M * self.way_m);
+        let variance_m2 = sigma_m * sigma_m + DRIFT * DRIFT * self.way_m * self.way_m;
+        let spread = Spread {
+            covariance_m2: [variance_m2, 0.0, variance_m2],
+            with_heading: [0.0; 2],
+            height_sigma_m: variance_m2.sqrt(),
+            heading_sigma_rad: math::hypot(LANE_SIGMA_RAD, turned_rad),
+        };
+        out.send(self.front.told(end, &at, &spread));
+    }
+}
