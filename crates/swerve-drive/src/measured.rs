@@ -4,7 +4,7 @@ use swerve_core::Span;
 use swerve_eval::{Evaluation, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Command, GateMode, GateOutput, Imu, ObstacleList, Plan, Route};
+use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
 use swerve_stack::Assembly;
 use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::Shape;
@@ -14,6 +14,7 @@ use crate::rungs::Rungs;
 /// The operators whose messages are measured: what a fault makes of one is no second one.
 struct Publishers {
     imu: Option<String>,
+    pose: Option<String>,
     obstacles: Option<String>,
     plan: Option<String>,
     /// Who commands the car's pedals; nobody where a gate lets commands through.
@@ -25,6 +26,7 @@ impl Publishers {
         let pedals = assembly.publisher::<Command>().filter(|_| assembly.publisher::<GateOutput>().is_none());
         Self {
             imu: assembly.publisher::<Imu>().map(str::to_owned),
+            pose: assembly.publisher::<EgoState>().map(str::to_owned),
             obstacles: assembly.publisher::<ObstacleList>().map(str::to_owned),
             plan: assembly.publisher::<Plan>().map(str::to_owned),
             pedals: pedals.map(str::to_owned),
@@ -89,6 +91,12 @@ impl Observer for Measured {
                 } else if let (Some(imu), true) = (payload.downcast_ref::<Imu>(), is_of(&self.publishers.imu))
                 {
                     evaluation.imu(imu);
+                } else if let (Some(ego), true) = (payload.downcast_ref(), is_of(&self.publishers.pose)) {
+                    evaluation.pose(ego);
+                } else if let (Some(quality), true) =
+                    (payload.downcast_ref::<PoseQuality>(), is_of(&self.publishers.pose))
+                {
+                    evaluation.pose_quality(quality);
                 } else if let (Some(list), true) = (payload.downcast_ref(), is_of(&self.publishers.obstacles))
                 {
                     evaluation.seen(list);

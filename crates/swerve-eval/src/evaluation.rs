@@ -3,12 +3,12 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
-use swerve_msg::{ActorId, ActorKind, GateOutput, Imu, ObstacleList, Plan, Route};
+use swerve_msg::{ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
 
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::{
-    Clearances, Drive, DriveMetrics, GateMetrics, GateUse, Impact, LateralJerk, OperatorMetrics, Outcome,
-    Outline, PlanMetrics, ResponseTimes, RunTimes, Summary, Verdict, seconds,
+    Clearances, Drive, DriveMetrics, GateMetrics, GateUse, Impact, LateralJerk, Localization,
+    LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes, RunTimes, Summary, Verdict, seconds,
 };
 
 /// Facts that an evaluation has to know beforehand.
@@ -66,6 +66,9 @@ pub struct Metrics {
     /// Use of the safety gate; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<GateMetrics>,
+    /// How far the poses that it drove by were off; absent where they were the simulator's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub localization: Option<LocalizationMetrics>,
     /// Run times per operator.
     pub operators: Vec<OperatorMetrics>,
 }
@@ -133,6 +136,7 @@ pub struct Evaluation {
     sights: Vec<Sight>,
     response: ResponseTimes,
     gate: GateUse,
+    localization: Localization,
     runtimes: RunTimes,
     names: Vec<String>,
 }
@@ -150,6 +154,7 @@ impl Evaluation {
             sights: Vec::new(),
             response: ResponseTimes::new(params.dead_time),
             gate: GateUse::default(),
+            localization: Localization::default(),
             runtimes: RunTimes::new(params.operators),
             names: params.actors,
         }
@@ -165,6 +170,17 @@ impl Evaluation {
             self.comfort.take(&world.ego.state);
         }
         self.response.world_step(world.stamp);
+        self.localization.truth(&world.ego.state);
+    }
+
+    /// A pose that the stack drives by, after the world state of its stamp.
+    pub fn pose(&mut self, ego: &EgoState) {
+        let _off_m = self.localization.pose(ego);
+    }
+
+    /// What localization says of the pose of the same stamp, after that.
+    pub fn pose_quality(&mut self, quality: &PoseQuality) {
+        self.localization.quality(quality);
     }
 
     /// A reading of the inertial measurement unit, after the world state of its stamp.
@@ -244,6 +260,7 @@ impl Evaluation {
             actors: self.actors(),
             plans: self.plans,
             gate: self.gate.metrics(),
+            localization: self.localization.metrics(),
             operators: self.runtimes.table(),
         }
     }

@@ -21,6 +21,7 @@ mod gate;
 mod ground;
 mod jerk;
 mod kitti;
+mod localization;
 mod overlap;
 mod plan;
 mod response;
@@ -42,6 +43,7 @@ pub use evaluation::{ActorMetrics, Evaluation, JerkMetrics, Metrics, Params, Sig
 pub use gate::{GateMetrics, GateStop, GateUse};
 pub use jerk::{CUTOFF_HZ, LateralJerk, LowPass};
 pub use kitti::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiTruth, kitti_ap};
+pub use localization::{Localization, LocalizationMetrics, QualityMetrics};
 pub use overlap::{ground_iou, overlapping, shared_area_m2, volume_iou};
 pub use plan::{PlanCounts, PlanMetrics};
 pub use response::ResponseTimes;

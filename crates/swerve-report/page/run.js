@@ -89,6 +89,15 @@ function timeline(of, moment, { marks = [] } = {}) {
   const scaled = (column, scale = 1e-3) => (run) => run.ego[column].map((value) => value * scale);
   const pedals = (sign) => (run) => run.commands.t.map((_, k) => (sign * (run.commands.throttle[k] - run.commands.brake[k])) / 1000);
   const panel = (title, unit, lines, rest = {}) => timePanel({ title, unit, curves: lines, end, moment, marks, ...rest });
+  const located = of.filter(({ run }) => run.located?.t.length > 0);
+  const errors = located.flatMap(({ run, name }, k) => {
+    const sure = run.located.sigma.some((sigma) => sigma != null);
+    const line = (y, colour, told) => ({ ...looks[k], colour, name: [name, told].filter(Boolean).join(", "), t: run.located.t, y });
+    return [
+      line(run.located.off.map((off) => off / 10), looks[k].colour, sure || name ? "off by" : ""),
+      sure ? line(run.located.sigma.map((sigma) => (2 * (sigma ?? 0)) / 10), "var(--soft)", "two deviations as it gives them") : null,
+    ].filter(Boolean);
+  });
   const hasPedals = of.every(({ run }) => run.commands.t.length > 0);
   return [
     panel("Speed", "m/s", curves(scaled("v"))),
@@ -96,6 +105,7 @@ function timeline(of, moment, { marks = [] } = {}) {
     panel("Acceleration along", "m/s²", curves(scaled("a")), { limits: COMFORT.along, limitText: "comfort" }),
     panel("Acceleration across", "m/s²", curves(scaled("lat")), { limits: COMFORT.lateral, limitText: "comfort" }),
     panel("Jerk along", "m/s³", curves((run) => slopes(run.ego.t, run.ego.a)), { limits: COMFORT.jerk, limitText: "comfort" }),
+    errors.length > 0 ? panel("Error of localization", "cm on the ground", errors) : null,
     hasPedals ? panel("Pedals", "throttle above, brake below 0", curves(pedals(1), (run) => run.commands.t)) : null,
     el("p", { class: "soft small" }, `Dotted: the limits of comfort in nuPlan's metrics (Karnchanachari et al. 2024). ${marks.map((mark) => `Dashed: ${mark.text} at ${seconds(mark.t, 2)}. `).join("")}Click or drag to go to an instant.`),
   ].filter(Boolean);

@@ -4,11 +4,13 @@ use core::any::Any;
 use std::collections::BTreeMap;
 
 use swerve_core::{Span, Time};
-use swerve_eval::Outline;
+use swerve_eval::{Localization, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{FrenetPoint, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{ActorId, Command, EgoState, Image, Plan, PredictionList, Route, TrackList};
+use swerve_msg::{
+    ActorId, Command, EgoState, Image, Plan, PoseQuality, PredictionList, Route, TrackList,
+};
 
 use super::picture::photo;
 use super::run::{self, EgoShape, Input, Marks, Operator, Road, RunPage};
@@ -49,6 +51,7 @@ pub struct Collector {
     /// The stream of each type that is shown: a second one, such as what a fault makes of it, is not.
     shown: BTreeMap<&'static str, usize>,
     ego_due: Time,
+    localization: Localization,
     has_world: bool,
     photographed: BTreeMap<usize, Time>,
     with_photos: bool,
@@ -116,9 +119,11 @@ impl Collector {
         if let Some(world) = payload.downcast_ref::<WorldState>() {
             self.world(world);
         } else if let Some(ego) = payload.downcast_ref::<EgoState>() {
-            if !self.has_world && self.shows("ego", stream) {
-                self.ego(ego);
+            if self.shows("ego", stream) {
+                if self.has_world { self.located(ego) } else { self.ego(ego) }
             }
+        } else if let Some(quality) = payload.downcast_ref::<PoseQuality>() {
+            self.sure(quality);
         } else if let Some(tracks) = payload.downcast_ref::<TrackList>() {
             if self.shows("tracks", stream) {
                 self.page.tracks.push(tracks_of(about.at, tracks));
@@ -205,6 +210,7 @@ impl Collector {
             self.ego_due = world.stamp;
         }
         self.ego(&world.ego.state);
+        self.localization.truth(&world.ego.state);
         for actor in &world.actors {
             let actors = &mut self.page.actors;
             let place = actors.binary_search_by_key(&actor.id.0, |a| a.id).unwrap_or_else(|place| {
@@ -232,6 +238,28 @@ impl Collector {
         ego.a.push(thousandths(state.accel_mps2));
         ego.lat.push(thousandths(state.lateral_accel_mps2));
         ego.steer.push(thousandths(state.steering_rad));
+    }
+
+    /// A pose that is not the true one.
+    fn located(&mut self, found: &EgoState) {
+        let off = self.localization.pose(found).map(thousandths).filter(|off| *off > 0);
+        let located = &mut self.page.located;
+        let is_due = located.t.last().is_none_or(|last| us(found.stamp) - last >= us(Time::ZERO + EGO_EVERY));
+        if let Some(off) = off.filter(|_| is_due) {
+            located.t.push(us(found.stamp));
+            located.off.push(off);
+            located.sigma.push(None);
+        }
+    }
+
+    /// How sure localization is of the pose of the same stamp.
+    fn sure(&mut self, quality: &PoseQuality) {
+        let located = &mut self.page.located;
+        if located.t.last() == Some(&us(quality.stamp))
+            && let Some(sigma) = located.sigma.last_mut()
+        {
+            *sigma = Some(thousandths(quality.sigma_m()));
+        }
     }
 
     fn command(&mut self, at: Time, command: &Command) {

@@ -1,6 +1,6 @@
 //! What the page of a run holds. Numbers are whole, in units that lose nothing an eye could see: instants in
 //! microseconds since the run started, lengths in centimetres, angles in milliradians, speeds and accelerations in
-//! millimetres per second (squared), shares in thousandths. Tables stand column by column.
+//! millimetres per second (squared), errors of localization in millimetres, shares in thousandths. Tables stand column by column.
 
 use serde::Serialize;
 
@@ -27,6 +27,8 @@ pub struct RunPage {
     pub shape: EgoShape,
     /// The ego's motion.
     pub ego: Ego,
+    /// How far the poses that the stack drove by were off.
+    pub located: Located,
     /// The actors as they truly were.
     pub actors: Vec<Actor>,
     /// What the stack followed, message by message.
@@ -102,6 +104,17 @@ pub struct Ego {
     pub lat: Vec<i64>,
     /// Angles of the front wheels.
     pub steer: Vec<i64>,
+}
+
+/// Errors of localization; empty where its poses are the simulator's own.
+#[derive(Clone, PartialEq, Debug, Default, Serialize)]
+pub struct Located {
+    /// Instants.
+    pub t: Vec<i64>,
+    /// Distances from the true place.
+    pub off: Vec<i64>,
+    /// Standard deviations that localization gives, along the worst direction; none where it gives none.
+    pub sigma: Vec<Option<i64>>,
 }
 
 /// An actor and its way; it stands where it was last until the next instant.

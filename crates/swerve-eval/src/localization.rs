@@ -1,0 +1,202 @@
+//! How far the pose that the stack drives by is from the true one, and whether localization knows that.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+use swerve_core::Time;
+use swerve_geom::{math, wrap_angle};
+use swerve_msg::{EgoState, PoseMode, PoseQuality};
+
+/// Localization in figures.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct LocalizationMetrics {
+    /// Root mean square of the distance on the ground, metres (`evo`'s absolute pose error in x and y, unaligned).
+    pub rms_m: f64,
+    /// The same across the true heading: what takes a car off its lane.
+    pub across_rms_m: f64,
+    /// The largest distance, metres.
+    pub max_m: f64,
+    /// Its instant, seconds.
+    pub max_at_s: f64,
+    /// Root mean square of the heading's error, degrees.
+    pub heading_rms_deg: f64,
+    /// Longest time without a pose, seconds.
+    pub silent_max_s: f64,
+    /// What localization says of itself; null where it says nothing.
+    pub quality: Option<QualityMetrics>,
+}
+
+/// What localization says of itself.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct QualityMetrics {
+    /// Mean standard deviation of the place along its worst direction, metres.
+    pub sigma_mean_m: f64,
+    /// Mean square of the error of x, y and heading over its covariance; 3 where it knows how good it is.
+    pub nees: f64,
+    /// Share of the time by inertia and wheels alone.
+    pub coasting_share: f64,
+    /// Share of the time without a pose to be driven by.
+    pub lost_share: f64,
+}
+
+/// True states that are kept: more than a pose takes to be published.
+const KEPT: usize = 512;
+
+/// Takes in poses and what they should have been.
+#[derive(Clone, Debug, Default)]
+pub struct Localization {
+    truth: VecDeque<EgoState>,
+    /// Stamp and error of the newest pose: forward, to the left, heading; and in the map.
+    newest: Option<(Time, Vector3<f64>)>,
+    first_truth: Option<Time>,
+    poses: u64,
+    squares: f64,
+    across_squares: f64,
+    heading_squares: f64,
+    max: (f64, f64),
+    silent_max_s: f64,
+    qualities: u64,
+    told: u64,
+    sigma_sum: f64,
+    nees_sum: f64,
+    coasting: u64,
+    lost: u64,
+}
+
+impl Localization {
+    /// The true state after one step.
+    pub fn truth(&mut self, ego: &EgoState) {
+        self.first_truth.get_or_insert(ego.stamp);
+        self.truth.push_back(*ego);
+        if self.truth.len() > KEPT {
+            self.truth.pop_front();
+        }
+    }
+
+    /// The pose that the stack gets, and by how much it is off, metres; none counts that is older than what is kept.
+    pub fn pose(&mut self, found: &EgoState) -> Option<f64> {
+        let until = self.truth.partition_point(|truth| truth.stamp <= found.stamp);
+        let truth = self.truth.get(until.checked_sub(1)?)?;
+        let since = self.newest.map(|(stamp, _)| stamp).or(self.first_truth).unwrap_or(found.stamp);
+        self.silent_max_s = self.silent_max_s.max((found.stamp - since).as_secs());
+        let was = truth.pose_after((found.stamp - truth.stamp).as_secs());
+        let off = Vector3::new(
+            found.pose.x_m - was.x_m,
+            found.pose.y_m - was.y_m,
+            wrap_angle(found.pose.heading_rad - was.heading_rad),
+        );
+        let (sin, cos) = math::sin_cos(was.heading_rad);
+        let (distance_m, across_m) = (math::hypot(off.x, off.y), off.y * cos - off.x * sin);
+        self.poses += 1;
+        self.squares += distance_m * distance_m;
+        self.across_squares += across_m * across_m;
+        self.heading_squares += off.z * off.z;
+        if distance_m > self.max.0 {
+            self.max = (distance_m, crate::seconds(found.stamp));
+        }
+        self.newest = Some((found.stamp, off));
+        Some(distance_m)
+    }
+
+    /// What localization says of itself, after the pose of its stamp.
+    pub fn quality(&mut self, quality: &PoseQuality) {
+        self.qualities += 1;
+        match quality.mode {
+            PoseMode::Good => {}
+            PoseMode::Coasting => self.coasting += 1,
+            PoseMode::Lost => self.lost += 1,
+        }
+        let Some((_, off)) = self.newest.filter(|(stamp, _)| *stamp == quality.stamp) else { return };
+        let [xx, xy, yy, xh, yh, hh] = quality.covariance;
+        let covariance = Matrix3::new(xx, xy, xh, xy, yy, yh, xh, yh, hh);
+        let Some(weighed) = covariance.cholesky().map(|factor| factor.solve(&off)) else { return };
+        self.told += 1;
+        self.sigma_sum += quality.sigma_m();
+        self.nees_sum += off.dot(&weighed);
+    }
+
+    /// The figures so far; none where every pose is the true one, as the simulator tells it.
+    pub fn metrics(&self) -> Option<LocalizationMetrics> {
+        if self.poses == 0 && self.qualities == 0 || self.qualities == 0 && self.max.0 == 0.0 {
+            return None;
+        }
+        let rms = |squares: f64| (squares / self.poses.max(1) as f64).sqrt();
+        let share = |count: u64| count as f64 / self.qualities.max(1) as f64;
+        let mean = |sum: f64| sum / self.told.max(1) as f64;
+        // Silence lasts up to the end.
+        let last = self.truth.back().map(|truth| truth.stamp);
+        let since = self.newest.map(|(stamp, _)| stamp).or(self.first_truth);
+        let at_end_s = last.zip(since).map_or(0.0, |(last, since)| (last - since).as_secs());
+        Some(LocalizationMetrics {
+            rms_m: rms(self.squares),
+            across_rms_m: rms(self.across_squares),
+            max_m: self.max.0,
+            max_at_s: self.max.1,
+            heading_rms_deg: rms(self.heading_squares).to_degrees(),
+            silent_max_s: self.silent_max_s.max(at_end_s),
+            quality: (self.qualities > 0).then(|| QualityMetrics {
+                sigma_mean_m: mean(self.sigma_sum),
+                nees: mean(self.nees_sum),
+                coasting_share: share(self.coasting),
+                lost_share: share(self.lost),
+            }),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use swerve_geom::Pose2;
+
+    fn ego(ms: i64, x_m: f64, y_m: f64, heading_rad: f64) -> EgoState {
+        let pose = Pose2::new(x_m, y_m, heading_rad);
+        EgoState { stamp: Time::from_ms(ms), pose, ..EgoState::default() }
+    }
+
+    #[test]
+    fn errors_are_along_and_across_the_true_heading() {
+        let mut localization = Localization::default();
+        assert!(localization.metrics().is_none());
+        let north = core::f64::consts::FRAC_PI_2;
+        for k in 0..10 {
+            localization.truth(&ego(10 * k, 5.0, 0.1 * k as f64, north));
+            let off_m = localization.pose(&ego(10 * k, 5.3, 0.1 * k as f64 + 0.4, north + 0.01));
+            assert!((off_m.unwrap() - 0.5).abs() < 1e-12);
+        }
+        let metrics = localization.metrics().unwrap();
+        assert!((metrics.rms_m - 0.5).abs() < 1e-12 && (metrics.max_m - 0.5).abs() < 1e-12);
+        assert!((metrics.across_rms_m - 0.3).abs() < 1e-12, "east is to the right of who goes north");
+        assert!((metrics.heading_rms_deg - 0.01_f64.to_degrees()).abs() < 1e-9);
+        assert!((metrics.silent_max_s - 0.01).abs() < 1e-12 && metrics.quality.is_none());
+    }
+
+    #[test]
+    fn the_simulators_own_poses_are_no_localization() {
+        let mut localization = Localization::default();
+        localization.truth(&ego(0, 1.0, 2.0, 0.0));
+        localization.pose(&ego(0, 1.0, 2.0, 0.0));
+        assert!(localization.metrics().is_none());
+    }
+
+    #[test]
+    fn silence_and_what_it_says_of_itself_count() {
+        let mut localization = Localization::default();
+        for k in 0..=300 {
+            localization.truth(&ego(10 * k, 0.0, 0.0, 0.0));
+            let stamp = Time::from_ms(10 * k);
+            let mode = if k < 100 { PoseMode::Lost } else { PoseMode::Good };
+            let covariance = [0.04, 0.0, 0.01, 0.0, 0.0, 1e-4];
+            if k >= 100 {
+                localization.pose(&ego(10 * k, 0.2, 0.1, 0.01));
+            }
+            localization.quality(&PoseQuality { stamp, mode, covariance });
+        }
+        let metrics = localization.metrics().unwrap();
+        let quality = metrics.quality.unwrap();
+        assert!((metrics.silent_max_s - 1.0).abs() < 1e-12);
+        assert!((quality.nees - 3.0).abs() < 1e-9 && (quality.sigma_mean_m - 0.2).abs() < 1e-12);
+        assert!((quality.lost_share - 100.0 / 301.0).abs() < 1e-12 && quality.coasting_share == 0.0);
+    }
+}
