@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use swerve_core::{Span, Time};
 
 use crate::eskf::{exp, unit};
+use crate::sweep::Sweep;
 
 /// How far back it is known, and how far a reading is taken on.
 const KEPT: Span = Span::from_ms(3000);
@@ -112,19 +113,23 @@ pub struct LidarMotion {
     last: Option<Time>,
 }
 
-/// How a lidar moved, in its frame at the begin of each.
-#[derive(Clone, Copy, PartialEq, Debug)]
+/// How a lidar moved.
+#[derive(Clone, PartialEq, Debug)]
 pub struct Turned {
     /// Over the time that offsets of points are shares of.
-    pub over_turn: Isometry3<f64>,
+    pub sweep: Sweep,
     /// That time, seconds.
     pub period_s: f64,
-    /// Since the end of the turn before; none before the first.
-    pub since_last: Option<Isometry3<f64>>,
+    /// The same as a whole, in the frame at its begin.
+    pub over_turn: Isometry3<f64>,
+    /// Whether there was a turn before, at whose end it began.
+    pub is_first: bool,
 }
 
 /// How long the first turn is taken to be, seconds.
 const FIRST_TURN_S: f64 = 0.1;
+/// Pieces that a turn is taken in: a car's turn rate changes within one.
+const PIECES: i64 = 8;
 
 impl LidarMotion {
     /// Of a lidar that sits there.
@@ -140,8 +145,11 @@ impl LidarMotion {
         }
         self.last = Some(end);
         let period_s = last.map_or(FIRST_TURN_S, |last| (end - last).as_secs());
-        let since_last = last.map(|last| self.moved(last, end));
-        Some(Turned { over_turn: self.moved(end - Span::from_secs(period_s), end), period_s, since_last })
+        let begin = end - Span::from_secs(period_s);
+        let at = |k: i64| self.moved(begin, begin + Span::from_secs(period_s * k as f64 / PIECES as f64));
+        let poses: Vec<_> = (0..=PIECES).map(at).collect();
+        let (sweep, over_turn) = (Sweep::through(&poses), self.moved(begin, end));
+        Some(Turned { sweep, period_s, over_turn, is_first: last.is_none() })
     }
 
     fn moved(&self, from: Time, to: Time) -> Isometry3<f64> {
@@ -190,13 +198,13 @@ mod tests {
             motion.car.take(at(ms), Reading::Gyro([0.0, 0.0, 1.0]));
             motion.car.take(at(ms), Reading::Wheels(0.0));
         }
-        assert!(motion.turn(at(100)).unwrap().since_last.is_none());
+        assert!(motion.turn(at(100)).unwrap().is_first);
         let turned = motion.turn(at(200)).unwrap();
         // A tenth of a radian about the rear axle, two metres behind it.
-        let moved = turned.since_last.unwrap().translation.vector;
+        let moved = turned.over_turn.translation.vector;
         let exact = [2.0 * (math::cos(0.1) - 1.0), 2.0 * math::sin(0.1)];
         assert!((moved.x - exact[0]).abs() < 1e-6 && (moved.y - exact[1]).abs() < 1e-6, "{moved}");
-        assert_eq!((turned.over_turn, turned.period_s), (turned.since_last.unwrap(), 0.1));
+        assert_eq!((turned.is_first, turned.period_s), (false, 0.1));
         assert!(motion.turn(at(200)).is_none() && motion.turn(at(150)).is_none(), "stamps do not go back");
         let late = motion.turn(at(400)).unwrap();
         assert!((late.period_s - 0.2).abs() < 1e-12, "a turn that was missed counts with the next");

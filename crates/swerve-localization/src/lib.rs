@@ -22,6 +22,7 @@ pub mod odometry;
 mod params;
 pub mod ply;
 pub mod recorded;
+pub mod sweep;
 pub mod voxels;
 
 pub use eskf::{Eskf, Innovation};

@@ -10,7 +10,7 @@ use crate::downsampled;
 use crate::eskf::{exp, unit};
 use crate::map_file::MapFile;
 use crate::ndt::{self, Limits, Matched};
-use crate::odometry::deskewed;
+use crate::sweep::Sweep;
 use crate::voxels::{VoxelMap, coarser};
 
 /// A scan has a point of each cube of this size, metres, and at most so many points.
@@ -85,10 +85,10 @@ impl Matcher {
     pub fn take(
         &mut self,
         points: impl IntoIterator<Item = (Vector3<f64>, f64)>,
-        over_turn: &Isometry3<f64>,
+        over_turn: &Sweep,
         since_last: &Isometry3<f64>,
     ) -> Option<Matched> {
-        let mut scan = downsampled(&deskewed(points, over_turn), THIN_M);
+        let mut scan = downsampled(&over_turn.straightened(points), THIN_M);
         if scan.len() > POINTS_MAX {
             let every = scan.len().div_ceil(POINTS_MAX);
             scan = scan.into_iter().step_by(every).collect();

@@ -10,12 +10,11 @@ use swerve_geom::math;
 use crate::downsampled;
 use crate::eskf;
 use crate::icp::{self, PointMap};
+use crate::sweep::{RANGE_M, Sweep};
 
 /// Edge of a cube of the map, metres, and most points in it.
 const CUBE_M: f64 = 1.0;
 const PER_CUBE: usize = 20;
-/// Nearer points are of the vehicle, further ones few.
-const RANGE_M: [f64; 2] = [2.0, 100.0];
 /// Deviation from the expected motion before any is known, metres; a smaller one than the second tells nothing.
 const DEVIATION_M: [f64; 2] = [2.0, 0.1];
 /// Fewer points are no turn.
@@ -64,16 +63,18 @@ impl Odometry {
     /// [`take_moved`](Self::take_moved): on flat ground two smeared turns look as if nothing moved.
     pub fn take(&mut self, points: impl IntoIterator<Item = (Vector3<f64>, f64)>) -> Turned {
         let motion = self.motion;
-        self.take_moved(points, &motion)
+        self.take_moved(points, &Sweep::steady(&motion), &motion)
     }
 
-    /// The same where it is known by other means about how the lidar moved over the turn: wheels and gyroscopes.
+    /// The same where it is known by other means about how the lidar moved over the turn, and since the turn before: wheels
+    /// and gyroscopes.
     pub fn take_moved(
         &mut self,
         points: impl IntoIterator<Item = (Vector3<f64>, f64)>,
+        sweep: &Sweep,
         motion: &Isometry3<f64>,
     ) -> Turned {
-        let kept = downsampled(&deskewed(points, motion), 0.5 * CUBE_M);
+        let kept = downsampled(&sweep.straightened(points), 0.5 * CUBE_M);
         let scan = downsampled(&kept, 1.5 * CUBE_M);
         if self.map.is_empty() {
             if scan.len() < POINTS_MIN {
@@ -124,47 +125,6 @@ impl Odometry {
 impl Default for Odometry {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-/// The points of a turn in the lidar's frame at its end, had it moved so in the turn: each is given in the frame at its own
-/// instant, with that as a share of the turn from its end, -1 to 0. Points that are near, far or no numbers are left out.
-pub fn deskewed(
-    points: impl IntoIterator<Item = (Vector3<f64>, f64)>,
-    motion: &Isometry3<f64>,
-) -> Vec<Vector3<f64>> {
-    let twist = Twist::new(motion);
-    points
-        .into_iter()
-        .filter(|(point, _)| (RANGE_M[0]..RANGE_M[1]).contains(&point.norm()))
-        .map(|(point, turn)| twist.moved(&point, turn.clamp(-1.0, 0.0)))
-        .collect()
-}
-
-/// A motion of which points are moved by shares, at the speeds and turn rates of the whole.
-struct Twist {
-    way: Vector3<f64>,
-    turn: Vector3<f64>,
-    /// Square of its length.
-    square: f64,
-}
-
-impl Twist {
-    fn new(motion: &Isometry3<f64>) -> Self {
-        let q = motion.rotation.coords;
-        let half = q.xyz() * if q.w < 0.0 { -1.0 } else { 1.0 };
-        let sin = half.norm();
-        let turn = if sin > 1e-12 { half * (2.0 * math::atan2(sin, q.w.abs()) / sin) } else { half * 2.0 };
-        Self { way: motion.translation.vector, turn, square: turn.dot(&turn) }
-    }
-
-    /// By Rodrigues' formula, sine and cosine as series: of turns below a radian they are exact to 1e-6 of their share.
-    fn moved(&self, point: &Vector3<f64>, share: f64) -> Vector3<f64> {
-        let (turn, square) = (self.turn * share, self.square * share * share);
-        let sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0));
-        let cosine = 0.5 - square / 24.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0));
-        let across = turn.cross(point);
-        point + across * sine + turn.cross(&across) * cosine + self.way * share
     }
 }
 

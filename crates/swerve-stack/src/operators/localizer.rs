@@ -29,6 +29,8 @@ pub(super) struct Filter {
     /// Deviation of the heading that the lane gives, radians; none where the course has to.
     lane_heading_rad: Option<f64>,
     receiver: Receiver,
+    /// Deviations that matches with a map share, metres and radians.
+    map_sigma: [f64; 2],
     /// Messages of each sensor that were taken.
     taken: [u64; 3],
     started: bool,
@@ -100,6 +102,10 @@ impl Receiver {
 pub(super) struct Keys {
     /// At the start the car stands along its lane, but for this deviation, degrees; 0: its heading is that of its first course.
     lane_heading_deg: f64,
+    /// Deviation of the place that matches with a map share, beside the one that each tells, metres.
+    map_sigma_m: f64,
+    /// The same of the heading, radians.
+    map_sigma_rad: f64,
     /// What differs from what `[sensing]` says of the sensors.
     #[schemars(with = "Params")]
     params: toml::Table,
@@ -107,7 +113,7 @@ pub(super) struct Keys {
 
 impl Default for Keys {
     fn default() -> Self {
-        Self { lane_heading_deg: 5.0, params: toml::Table::new() }
+        Self { lane_heading_deg: 5.0, map_sigma_m: 0.02, map_sigma_rad: 0.001, params: toml::Table::new() }
     }
 }
 
@@ -156,6 +162,11 @@ impl Kind for Filter {
                 format!("expected 0 to 90, found {}", table.lane_heading_deg),
             ));
         }
+        for (key, value) in [("map_sigma_m", table.map_sigma_m), ("map_sigma_rad", table.map_sigma_rad)] {
+            if !(0.0..=1.0).contains(&value) {
+                told.push((key.into(), format!("expected 0 to 1, found {value}")));
+            }
+        }
         told
     }
 
@@ -170,6 +181,7 @@ impl Kind for Filter {
             params,
             lane_heading_rad: (lane > 0.0).then_some(lane),
             receiver: Receiver::new(site),
+            map_sigma: [table.map_sigma_m, table.map_sigma_rad],
             taken: [0; 3],
             started: false,
             steering_rad: 0.0,
@@ -194,9 +206,8 @@ impl Operator for Filter {
         }
         let matches = input.matches.as_ref().map_or(&[][..], |matches| matches.get());
         for found in new(matches, &mut self.taken[2]) {
-            let PoseMatch { at_m, heading_rad, covariance_m2, height_sigma_m, heading_sigma_rad, .. } = **found;
-            let sigma = [height_sigma_m, heading_sigma_rad];
-            self.localizer.take(found.stamp, Sensed::Pose { at_m, heading_rad, covariance_m2, sigma });
+            let sensed = self.matched(found);
+            self.localizer.take(found.stamp, sensed);
         }
         let Some(estimate) = self.localizer.estimate() else {
             out.quality.send(PoseQuality { stamp: imu.stamp, ..PoseQuality::default() });
@@ -240,6 +251,15 @@ impl Filter {
         let noise_m = self.receiver.noise_m;
         let sigma_m = [noise_m, noise_m, 2.0 * math::hypot(noise_m, self.params.offset_m)];
         self.localizer.take(fix.stamp, Sensed::Fix { at_m, sigma_m });
+    }
+
+    fn matched(&self, found: &PoseMatch) -> Sensed {
+        let PoseMatch { at_m, heading_rad, height_sigma_m, heading_sigma_rad, .. } = *found;
+        let [along_m, turn_rad] = self.map_sigma;
+        let [xx, xy, yy] = found.covariance_m2;
+        let covariance_m2 = [xx + along_m * along_m, xy, yy + along_m * along_m];
+        let sigma = [math::hypot(height_sigma_m, along_m), math::hypot(heading_sigma_rad, turn_rad)];
+        Sensed::Pose { at_m, heading_rad, covariance_m2, sigma }
     }
 
     /// Before the first fix nothing was known; now the lane is.

@@ -209,7 +209,7 @@ impl Operator for ScanMatcher {
         let (Some((end, turn)), Some(cloud)) = (self.front.turn(input), input.points.get()) else { return };
         let still = Isometry3::identity();
         let (matcher, since_last) = match &mut self.matcher {
-            Some(matcher) => (matcher, turn.since_last.unwrap_or(still)),
+            Some(matcher) => (matcher, turn.over_turn),
             None => {
                 let Some(mut map_from_lidar) = self.front.guess(input.fixes.get(), end) else { return };
                 // The map knows better how high the ground is.
@@ -222,7 +222,7 @@ impl Operator for ScanMatcher {
                 (self.matcher.insert(Matcher::new(&self.map, self.seed, guess)), still)
             }
         };
-        let found = matcher.take(points(cloud, turn.period_s), &turn.over_turn, &since_last);
+        let found = matcher.take(points(cloud, turn.period_s), &turn.sweep, &since_last);
         if let Some(found) = found {
             out.send(self.front.told(end, &found.map_from_scan, &Spread::of(&found)));
         }
@@ -263,7 +263,8 @@ impl Operator for LidarOdometry {
         let guess = || self.front.guess(input.fixes.get(), end);
         let Some(start) = self.start.or_else(guess) else { return };
         self.start = Some(start);
-        let at = start * self.odometry.take_moved(points(cloud, turn.period_s), &turn.over_turn).pose();
+        let points = points(cloud, turn.period_s);
+        let at = start * self.odometry.take_moved(points, &turn.sweep, &turn.over_turn).pose();
         self.way_m += turn.over_turn.translation.vector.norm();
         let (sigma_m, turned_rad) = (self.front.receiver.sigma_m(), DRIFT_RAD_PER_M * self.way_m);
         let variance_m2 = sigma_m * sigma_m + DRIFT * DRIFT * self.way_m * self.way_m;

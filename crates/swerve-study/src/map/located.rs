@@ -63,15 +63,16 @@ impl<'a> Located<'a> {
             let [sigma_m, sigma_rad] = START_SIGMA;
             (Matcher::new(self.map, 1, Guess { map_from_lidar, sigma_m, sigma_rad, particles: 200 }), truth)
         });
-        let since_last = turn.motion.since_last.unwrap_or_else(Isometry3::identity);
-        let found = matcher.take(turn.measured.iter().copied(), &turn.motion.over_turn, &since_last);
+        let (sweep, moved) = (&turn.motion.sweep, turn.motion.over_turn);
+        let since_last = if turn.motion.is_first { Isometry3::identity() } else { moved };
+        let found = matcher.take(turn.measured.iter().copied(), sweep, &since_last);
         self.unmatched += usize::from(found.is_none());
         self.degenerate += usize::from(found.is_some_and(|found| found.degenerate > 0));
         let pose = matcher.pose();
         let off = pose.translation.vector - truth.translation.vector;
         let heading = angle_between(&truth.rotation, &pose.rotation);
         self.errors.push([off.x * off.x + off.y * off.y, heading * heading]);
-        let way = *first * self.odometry.take_moved(turn.measured.iter().copied(), &turn.motion.over_turn).pose();
+        let way = *first * self.odometry.take_moved(turn.measured.iter().copied(), sweep, &moved).pose();
         self.odometry_off_m = (way.translation.vector - truth.translation.vector).norm();
         self.truth.push(truth.translation.vector);
     }

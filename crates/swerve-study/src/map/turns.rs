@@ -52,6 +52,7 @@ impl<'a> Turns<'a> {
         let cloud = self.cloud.take().filter(|cloud| cloud.stamp == truth.stamp)?;
         let end = self.map_from_lidar(cloud.stamp)?;
         let motion = self.motion.turn(cloud.stamp)?;
+        let period_s = motion.period_s;
         let (points, measured) = (Vec::new(), Vec::new());
         let mut turn = Turn { map_from_lidar: end.isometry(), points, measured, motion };
         for k in 0..cloud.len() {
@@ -61,7 +62,7 @@ impl<'a> Turns<'a> {
             let at = (then * Point::new(x, y, z)).coords;
             let instance = *truth.instance.get(k)?;
             turn.points.push((Vector3::new(at.x, at.y, at.z), instance));
-            turn.measured.push((Vector3::new(x, y, z), offset_s / motion.period_s));
+            turn.measured.push((Vector3::new(x, y, z), offset_s / period_s));
         }
         Some(turn)
     }

@@ -34,8 +34,8 @@ pub(super) fn survey(config: &Config, scenario: &Scenario, lidar: &LidarConfig) 
     let mut cloud = Cloud::new(sweeper.spec(), true);
     let (ego_from_lidar, line) = (lidar.ego_from_lidar(shape), scenario.road.line());
     let mut sums = VoxelSums::new(VOXEL_M);
-    let from_m = (scenario.ego.s_m - BEYOND_M).max(0.0);
-    let to_m = (scenario.ego.end_m + BEYOND_M).min(line.length()).max(from_m);
+    let from_m = scenario.ego.s_m - BEYOND_M;
+    let to_m = (scenario.ego.end_m + BEYOND_M).max(from_m);
     let mut tree = SceneTree::default();
     for k in 0..=((to_m - from_m) / STEP_M) as u32 {
         let pose = line.at(from_m + STEP_M * f64::from(k)).pose;
