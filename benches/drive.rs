@@ -65,6 +65,11 @@ fn rates(
     Ok((simulated_s / used_s.max(0.01), simulated_s / wall_s))
 }
 
+/// Keys and values as a command line sets them.
+fn assignments(set: &[&str]) -> anyhow::Result<Vec<(String, toml::Value)>> {
+    Ok(set.iter().map(|one| swerve_text::parse_assignment(one)).collect::<Result<_, _>>()?)
+}
+
 fn loops(rows: &mut Rows) -> anyhow::Result<()> {
     let scenario = read_scenario(&root().join("scenarios/person_behind_truck.toml"))?;
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("drive.mcap");
@@ -72,12 +77,9 @@ fn loops(rows: &mut Rows) -> anyhow::Result<()> {
         let kinds =
             [("off", None, false), ("without Foxglove", Some(&*file), false), ("on", Some(&*file), true)];
         for (logging, log, foxglove) in kinds {
-            let set = vec![
-                ("planning.planner".to_owned(), toml::Value::String(planner.into())),
-                ("log.foxglove".to_owned(), toml::Value::Boolean(foxglove)),
-            ];
-            let config =
-                Config::load(None, &set).map_err(|problems| swerve_drive::problems_error(&problems))?;
+            let foxglove = format!("log.foxglove={foxglove}");
+            let set = assignments(&[&format!("planning.planner={planner}"), &foxglove])?;
+            let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
             let (mut core, mut wall) = (vec![], vec![]);
             for _ in 0..ROUNDS {
                 let (per_core, per_wall) = rates(&config, &scenario, 1, log)?;
@@ -115,9 +117,8 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
     for ((width, height, goal), images) in cases {
         let text = SENSORS.replace("WIDTH", &width.to_string()).replace("HEIGHT", &height.to_string());
         let document = Document::parse("sensors", text)?;
-        let set = vec![("log.images".to_owned(), toml::Value::String(images.into()))];
-        let config = Config::from_document(&document, &set)
-            .map_err(|problems| swerve_drive::problems_error(&problems))?;
+        let set = assignments(&[&format!("log.images={images}")])?;
+        let config = Config::from_document(&document, &set).map_err(|problems| problems_error(&problems))?;
         let (mut core, mut wall) = (vec![], vec![]);
         for _ in 0..ROUNDS {
             let (per_core, per_wall) = rates(&config, &scenario, 2, Some(&file))?;
@@ -143,11 +144,9 @@ fn showcase(rows: &mut Rows) -> anyhow::Result<()> {
     let scenario = read_scenario(&root().join("scenarios/street.toml"))?;
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("showcase.mcap");
     let cores = cores();
-    let times_real_time = |set: &[(&str, &str)], threads: usize, rounds: usize| -> anyhow::Result<Sample> {
-        let of = |(key, value): &(&str, &str)| ((*key).to_owned(), toml::Value::String((*value).into()));
-        let set: Vec<_> = set.iter().map(of).collect();
-        let config = Config::load(Some(&root().join("configs/showcase.toml")), &set)
-            .map_err(|problems| swerve_drive::problems_error(&problems))?;
+    let times_real_time = |set: &[&str], threads: usize, rounds: usize| -> anyhow::Result<Sample> {
+        let config = Config::load(Some(&root().join("configs/showcase.toml")), &assignments(set)?)
+            .map_err(|problems| problems_error(&problems))?;
         let mut rates = vec![];
         for _ in 0..rounds {
             let began = now();
@@ -156,9 +155,9 @@ fn showcase(rows: &mut Rows) -> anyhow::Result<()> {
         }
         Ok(Sample::new(rates))
     };
-    let one = times_real_time(&[("log.images", "none")], 1, 2)?;
+    let one = times_real_time(&["log.images=none"], 1, 2)?;
     rows.row("showcase, 1 thread: times real time", one.median(), &one.text(2, "x"), Goal::None);
-    let all = times_real_time(&[("log.images", "none")], cores, ROUNDS)?;
+    let all = times_real_time(&["log.images=none"], cores, ROUNDS)?;
     let goal = if cores == 2 { Goal::Least(1.5) } else { Goal::None };
     rows.row(&format!("showcase, {cores} threads: times real time"), all.median(), &all.text(2, "x"), goal);
     let (ratio, goal) =
@@ -168,8 +167,7 @@ fn showcase(rows: &mut Rows) -> anyhow::Result<()> {
     if let Err(none) = Gpu::shared(AdapterKind::Gpu) {
         rows.skipped(&what, &none.to_string());
     } else {
-        let set = [("log.images", "none"), ("render.backend", "gpu")];
-        let gpu = times_real_time(&set, cores, ROUNDS)?;
+        let gpu = times_real_time(&["log.images=none", "render.backend=gpu"], cores, ROUNDS)?;
         rows.row(&what, gpu.median(), &gpu.text(2, "x"), Goal::Least(10.0));
     }
     let _unneeded = std::fs::remove_file(file);

@@ -94,6 +94,16 @@ class Encoding(str, Enum):
     """Which thing is seen: an actor's identity, 0 for what is none. What the simulator alone can know."""
 
 
+class PoseMode(str, Enum):
+    """Whether a pose can be driven by."""
+    GOOD = "good"
+    """What tells the place comes and is believed."""
+    COASTING = "coasting"
+    """By inertia and wheels alone for now."""
+    LOST = "lost"
+    """Not to be driven by: no pose is told."""
+
+
 class ActorKind(str, Enum):
     """What an actor is."""
     CAR = "car"
@@ -645,6 +655,36 @@ class LaneLine(Message):
 
 
 @dataclass(slots=True)
+class PoseMatch(Message):
+    """Place and heading of the ego by what a lidar sees: on a map, or on from its own turns before."""
+    stamp: Time
+    """Instant that this describes: the end of the turn."""
+    at_m: tuple[float, float, float]
+    """Ego origin in the map, metres."""
+    heading_rad: float
+    """Heading, radians."""
+    covariance_m2: tuple[float, float, float]
+    """Covariance of the place on the ground: xx, xy, yy, m². Along a direction in which nothing was seen it
+    is large.
+    """
+    height_sigma_m: float
+    """Standard deviation of the height, metres."""
+    heading_sigma_rad: float
+    """Standard deviation of the heading, radians."""
+
+
+@dataclass(slots=True)
+class PoseQuality(Message):
+    """How good the pose is that localization tells."""
+    stamp: Time
+    """Instant that this describes."""
+    mode: PoseMode
+    """Whether it can be driven by."""
+    covariance: tuple[float, float, float, float, float, float]
+    """Covariance of x (m), y (m) and heading (rad): xx, xy, yy, xh, yh, hh."""
+
+
+@dataclass(slots=True)
 class Extent(Message):
     """Full size of a box, metres."""
     length_m: float
@@ -1038,6 +1078,9 @@ __all__ = [
     "PointInstances",
     "Polyline",
     "Pose2",
+    "PoseMatch",
+    "PoseMode",
+    "PoseQuality",
     "PredictedPose",
     "Prediction",
     "PredictionList",

@@ -48,6 +48,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/full.toml"
     "configs/fused_objects.toml"
     "configs/fusion.toml"
+    "configs/lidar_localizer.toml"
     "configs/lidar_objects.toml"
     "configs/live/autoware.toml"
     "configs/live/dataspeed.toml"

@@ -8,7 +8,8 @@ use swerve_msg::{ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Pl
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::{
     Clearances, Drive, DriveMetrics, GateMetrics, GateUse, Impact, LateralJerk, Localization,
-    LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes, RunTimes, Summary, Verdict, seconds,
+    LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes, RunTimes, Summary,
+    Verdict, seconds,
 };
 
 /// Facts that an evaluation has to know beforehand.

@@ -13,7 +13,11 @@ use swerve_msg::{EgoState, PoseMode, PoseQuality};
 pub struct LocalizationMetrics {
     /// Root mean square of the distance on the ground, metres (`evo`'s absolute pose error in x and y, unaligned).
     pub rms_m: f64,
-    /// The same across the true heading: what takes a car off its lane.
+    /// Median of that distance, metres: the start, before much is known, does not weigh in it.
+    pub median_m: f64,
+    /// What it is below in 99 of 100 poses, metres.
+    pub p99_m: f64,
+    /// Root mean square across the true heading: what takes a car off its lane, metres.
     pub across_rms_m: f64,
     /// The largest distance, metres.
     pub max_m: f64,
@@ -50,7 +54,7 @@ pub struct Localization {
     /// Stamp and error of the newest pose: forward, to the left, heading; and in the map.
     newest: Option<(Time, Vector3<f64>)>,
     first_truth: Option<Time>,
-    poses: u64,
+    distances_m: Vec<f32>,
     squares: f64,
     across_squares: f64,
     heading_squares: f64,
@@ -88,7 +92,7 @@ impl Localization {
         );
         let (sin, cos) = math::sin_cos(was.heading_rad);
         let (distance_m, across_m) = (math::hypot(off.x, off.y), off.y * cos - off.x * sin);
-        self.poses += 1;
+        self.distances_m.push(distance_m as f32);
         self.squares += distance_m * distance_m;
         self.across_squares += across_m * across_m;
         self.heading_squares += off.z * off.z;
@@ -118,10 +122,15 @@ impl Localization {
 
     /// The figures so far; none where every pose is the true one, as the simulator tells it.
     pub fn metrics(&self) -> Option<LocalizationMetrics> {
-        if self.poses == 0 && self.qualities == 0 || self.qualities == 0 && self.max.0 == 0.0 {
+        if self.qualities == 0 && self.max.0 == 0.0 {
             return None;
         }
-        let rms = |squares: f64| (squares / self.poses.max(1) as f64).sqrt();
+        let poses = self.distances_m.len();
+        let rms = |squares: f64| (squares / poses.max(1) as f64).sqrt();
+        let mut sorted = self.distances_m.clone();
+        sorted.sort_by(f32::total_cmp);
+        let below = |share: f64| sorted.get(((poses as f64 * share) as usize).min(poses.saturating_sub(1)));
+        let below = |share: f64| below(share).map_or(0.0, |&distance_m| f64::from(distance_m));
         let share = |count: u64| count as f64 / self.qualities.max(1) as f64;
         let mean = |sum: f64| sum / self.told.max(1) as f64;
         // Silence lasts up to the end.
@@ -130,6 +139,8 @@ impl Localization {
         let at_end_s = last.zip(since).map_or(0.0, |(last, since)| (last - since).as_secs());
         Some(LocalizationMetrics {
             rms_m: rms(self.squares),
+            median_m: below(0.5),
+            p99_m: below(0.99),
             across_rms_m: rms(self.across_squares),
             max_m: self.max.0,
             max_at_s: self.max.1,
@@ -167,6 +178,7 @@ mod tests {
         }
         let metrics = localization.metrics().unwrap();
         assert!((metrics.rms_m - 0.5).abs() < 1e-12 && (metrics.max_m - 0.5).abs() < 1e-12);
+        assert!((metrics.median_m - 0.5).abs() < 1e-6 && (metrics.p99_m - 0.5).abs() < 1e-6);
         assert!((metrics.across_rms_m - 0.3).abs() < 1e-12, "east is to the right of who goes north");
         assert!((metrics.heading_rms_deg - 0.01_f64.to_degrees()).abs() < 1e-9);
         assert!((metrics.silent_max_s - 0.01).abs() < 1e-12 && metrics.quality.is_none());

@@ -181,6 +181,7 @@ impl Shots {
     /// Draws all that wait and those that come meanwhile: frames of one scene in one submission, the next one made ready
     /// while the adapter draws, images published by `others`.
     fn draw(&self, renderer: &mut Renderer, others: &Workers) {
+        let _left = LeftToNobody(self);
         let mut drawing: VecDeque<Drawing> = VecDeque::new();
         while let Some(shots) = self.next(drawing.is_empty()) {
             let is_none = shots.is_empty();
@@ -202,6 +203,18 @@ impl Shots {
         let count = queue.waiting.iter().take_while(same).count();
         queue.is_drawn = count > 0 || !may_end;
         queue.is_drawn.then(|| queue.waiting.drain(..count).collect())
+    }
+}
+
+/// Drops what waits where drawing panics: its promises are told so, and the run ends instead of waiting for them.
+struct LeftToNobody<'a>(&'a Shots);
+
+impl Drop for LeftToNobody<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let left = std::mem::take(&mut *lock(&self.0.queue));
+            drop(left);
+        }
     }
 }
 
@@ -247,4 +260,26 @@ fn submit(renderer: &mut Renderer, shots: &[Shot]) -> Result<Submission, RenderE
     let views: Vec<_> =
         shots.iter().map(|shot| (shot.eye.view(shot.stamp, &shot.ego), shot.eye.outputs)).collect();
     renderer.submit(&shots[0].scene, &views)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_while_drawing_leaves_nobody_waiting() {
+        let shots = Shots::default();
+        lock(&shots.queue).is_drawn = true;
+        let drawn = std::panic::catch_unwind(|| {
+            let _left = LeftToNobody(&shots);
+            panic!("an adapter did what it never does");
+        });
+        assert!(drawn.is_err());
+        assert!(!lock(&shots.queue).is_drawn, "the next frame is drawn by another thread");
+        {
+            let _left = LeftToNobody(&shots);
+            lock(&shots.queue).is_drawn = true;
+        }
+        assert!(lock(&shots.queue).is_drawn, "without a panic it changes nothing");
+    }
 }

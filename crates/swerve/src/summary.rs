@@ -167,8 +167,11 @@ impl Summary {
         }
         if let Some(l) = &m.localization {
             let known = l.quality.map_or_else(String::new, |q| format!(", NEES {:.1} (3 is right)", q.nees));
-            let (rms, max, heading) = (l.rms_m, l.max_m, l.heading_rms_deg);
-            row("localization", format!("{rms:.3} m rms, at most {max:.3} m; heading {heading:.2}°{known}"));
+            let (rms, median, max, heading) = (l.rms_m, l.median_m, l.max_m, l.heading_rms_deg);
+            row(
+                "localization",
+                format!("{rms:.3} m rms, median {median:.3}, at most {max:.3}; heading {heading:.2}°{known}"),
+            );
         }
         if let Some(gate) = &m.gate {
             gate_rows(gate, &mut row);

@@ -8,9 +8,7 @@ use swerve_eval::{Localization, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{FrenetPoint, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{
-    ActorId, Command, EgoState, Image, Plan, PoseQuality, PredictionList, Route, TrackList,
-};
+use swerve_msg::{ActorId, Command, EgoState, Image, Plan, PoseQuality, PredictionList, Route, TrackList};
 
 use super::picture::photo;
 use super::run::{self, EgoShape, Input, Marks, Operator, Road, RunPage};

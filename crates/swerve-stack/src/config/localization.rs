@@ -87,7 +87,8 @@ impl Config {
             faults.push(("localization.localizer".into(), message.into()));
         }
         if self.localization.map.is_some() && !self.localization.reads_map() {
-            let message = "is for `localization.localizer = \"ndt\"` or `\"eskf_ndt\"`, which match turns with it";
+            let message =
+                "is for `localization.localizer = \"ndt\"` or `\"eskf_ndt\"`, which match turns with it";
             faults.push(("localization.map".into(), message.into()));
         }
     }
@@ -140,5 +141,51 @@ mod tests {
         assert!(config(ros2, &[]).is_ok());
         let said = config(ros2, &["localization.localizer=eskf"]).unwrap_err();
         assert!(said.contains("localization.localizer: expected \"truth\""), "{said}");
+    }
+    const ROOF: &str = "[lidar.roof]\npreset = \"vlp_32\"\n";
+
+    #[test]
+    fn a_lidar_takes_its_part() {
+        for (localizer, by, kind) in [
+            ("ndt", "scan_matcher", "dead_reckoning"),
+            ("eskf_ndt", "scan_matcher", "localizer"),
+            ("odometry", "lidar_odometry", "dead_reckoning"),
+        ] {
+            let set = format!("localization.localizer={localizer}");
+            let config = config(ROOF, &[&set]).unwrap();
+            let assembly = Assembly::new(&config).unwrap();
+            let reads = |name: &str| -> Vec<String> {
+                let placed = assembly.operator(name).unwrap();
+                let edges = placed.inputs.iter().flat_map(|input| &input.from);
+                edges.map(|edge| edge.stream.clone()).collect()
+            };
+            assert_eq!(assembly.node("localizer").unwrap().kind, kind);
+            assert!(reads("localizer").contains(&by.to_owned()), "{:?}", reads("localizer"));
+            assert_eq!(reads(by)[0], "roof.points", "{localizer}");
+            assert!(!assembly.has("pose") && reads("planner").contains(&"localizer.state".to_owned()));
+        }
+    }
+
+    #[test]
+    fn without_a_lidar_it_is_said_what_brings_one() {
+        let said = config("[localization]\nlocalizer = \"ndt\"\n", &[]).unwrap_err();
+        let expected =
+            "operator.scan_matcher.reads.points: reads `PointCloud`, which nobody publishes: `[lidar.NAME]`";
+        assert!(said.contains(expected), "{said}");
+        let two = format!("{ROOF}[lidar.bumper]\nat_m = [4.0, 0.0, 0.6]\n");
+        let said = config(&two, &["localization.localizer=eskf_ndt"]).unwrap_err();
+        assert!(said.contains("several streams carry `PointCloud`"), "{said}");
+    }
+
+    #[test]
+    fn a_map_is_for_those_who_match_with_one() {
+        let said = config("[localization]\nmap = \"street.map\"\n", &[]).unwrap_err();
+        assert!(
+            said.starts_with("c.toml:2: localization.map: is for `localization.localizer = \"ndt\"`"),
+            "{said}"
+        );
+        let text = format!("{ROOF}[localization]\nlocalizer = \"ndt\"\nmap = \"maps/street.map\"\n");
+        let map = config(&text, &[]).unwrap().localization.map.unwrap();
+        assert!(map.is_absolute() && map.ends_with("maps/street.map"), "{}", map.display());
     }
 }

@@ -11,6 +11,7 @@ mod hostile; // peers of ROS 2 topics that mean ill
 mod instructions; // what calls cost, counted, not timed
 mod interrupt; // Ctrl-C in a study
 mod live; // a car of another make, driven over ROS 2's topics
+mod localization;
 mod look; // objects, lanes, lamps and depth in images, and what cannot be looked with
 mod names; // what goes by its name, and a folder to begin in
 mod output; // what goes where, and which options change it

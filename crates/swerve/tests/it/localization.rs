@@ -1,0 +1,133 @@
+//! Drives by poses of the car's own sensors.
+
+use serde_json::Value;
+
+use crate::support::Bench;
+
+/// A way of 4 s between houses, by a usual receiver.
+const ROAD: &str = r#"name = "road"
+description = "A bend."
+
+[road]
+segments = [{ length_m = 30.0 }, { length_m = 60.0, curvature_1pm = 0.01 }]
+lane_width_m = 3.5
+left_m = 5.25
+right_m = 1.75
+
+[ego]
+target_speed_mps = 9.0
+end_m = 40.0
+
+[end]
+timeout_s = 10.0
+"#;
+
+const LIDAR: &str = r#"[lidar.roof]
+preset = "vlp_32"
+params = { columns = 900 }
+
+[sensing.imu]
+accel_noise_mps2 = 0.05
+gyro_noise_radps = 0.002
+
+[localization]
+"#;
+
+fn bench() -> Bench {
+    let bench = Bench::new();
+    bench.write("road.toml", ROAD);
+    bench.write("lidar.toml", LIDAR);
+    bench
+}
+
+fn driven(bench: &Bench, set: &[&str], threads: &str) -> Value {
+    let mut args = vec!["run", "road.toml", "-c", "lidar.toml", "--json", "--threads", threads];
+    args.extend(set.iter().flat_map(|set| ["--set", *set]));
+    let metrics: Value = serde_json::from_str(&bench.good(&args)).unwrap();
+    assert_eq!((metrics["verdict"].as_str(), metrics["end"].as_str()), (Some("avoided"), Some("goal")));
+    metrics
+}
+
+#[test]
+fn a_lidar_finds_the_car_where_fixes_do_not() {
+    let bench = bench();
+    let number = |metrics: &Value, key: &str| {
+        metrics.pointer(&format!("/localization/{key}")).unwrap().as_f64().unwrap()
+    };
+    let eskf = driven(&bench, &["localization.localizer=eskf"], "1");
+    assert!(number(&eskf, "median_m") > 0.2, "fixes with an offset are no better: {eskf}");
+    for localizer in ["ndt", "eskf_ndt"] {
+        let set = format!("localization.localizer={localizer}");
+        let found = driven(&bench, &[&set], "1");
+        assert!(number(&found, "median_m") < 0.03 && number(&found, "quality/nees") < 9.0, "{found}");
+        assert!(number(&found, "heading_rms_deg") < 0.1 && number(&found, "silent_max_s") < 0.4, "{found}");
+        assert_eq!(driven(&bench, &[&set], "3")["digest"], found["digest"], "threads change nothing");
+    }
+    // Without a map it goes on as it began: by the first fix.
+    let gnss = ["sensing.gnss.noise_m=0.01", "sensing.gnss.bias_m=0"];
+    let found = driven(&bench, &[&["localization.localizer=odometry"], &gnss[..]].concat(), "1");
+    assert!(number(&found, "max_m") < 0.4, "{found}");
+}
+
+#[test]
+fn a_drive_by_a_lidar_is_repeated_from_its_log() {
+    let bench = bench();
+    let set = "localization.localizer=eskf_ndt";
+    bench.good(&[
+        "run",
+        "road.toml",
+        "-c",
+        "lidar.toml",
+        "--set",
+        set,
+        "--out",
+        "out",
+        "--set",
+        "log.sensors=[\"roof\"]",
+    ]);
+    let said = bench.good(&["replay", "out/log.mcap", "--verify"]);
+    for stream in ["scan_matcher", "localizer.state", "localizer.quality"] {
+        let row: Vec<&str> =
+            said.lines().find(|line| line.starts_with(stream)).unwrap().split_whitespace().collect();
+        assert!(row[1].parse::<u32>().unwrap() >= 10, "{said}");
+        assert_eq!(row[2..], ["0", "0", "0"], "{said}");
+    }
+}
+
+#[test]
+fn a_map_from_a_file_is_matched_with_or_refused() {
+    let bench = bench();
+    bench.good(&["map", "build", "road.toml", "-o", "road.map"]);
+    let set = ["localization.localizer=ndt", "localization.map=road.map"];
+    let found = driven(&bench, &set, "1");
+    assert!(found.pointer("/localization/median_m").unwrap().as_f64().unwrap() < 0.05, "{found}");
+    let bytes = std::fs::read(bench.path("road.map")).unwrap();
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() / 2] ^= 1;
+    let mut other = bytes.clone();
+    other[8] = 7;
+    for (name, bytes, why) in [
+        ("cut.map", &bytes[..bytes.len() / 2], "truncated or damaged"),
+        ("flipped.map", &flipped[..], "its digest is"),
+        ("other.map", &other[..], "found version 7"),
+        ("text.map", &b"not a map"[..], "it begins otherwise"),
+    ] {
+        std::fs::write(bench.path(name), bytes).unwrap();
+        let map = format!("localization.map={name}");
+        let said = bench.swerve(&["run", "road.toml", "-c", "lidar.toml", "--set", set[0], "--set", &map]);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(said.stderr.contains("localization.map: ") && said.stderr.contains(name), "{said:?}");
+        assert!(said.stderr.contains(why), "{said:?}");
+    }
+    let said = bench.swerve(&[
+        "run",
+        "road.toml",
+        "-c",
+        "lidar.toml",
+        "--set",
+        set[0],
+        "--set",
+        "localization.map=none.map",
+    ]);
+    assert!(said.code == Some(1) && said.stderr.contains("there is no such file"), "{said:?}");
+}
