@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 use swerve_control::safety_gate::GateParams;
 use swerve_core::{Span, Time};
 use swerve_flow::{SendError, StopHandle};
-use swerve_geom::FrenetPoint;
 use swerve_msg::{GateMode, Route, StopCause, Switch, WireAlarm};
 use swerve_report::progress::LiveLine;
 use swerve_ros2::mapping::Role;
@@ -94,6 +93,8 @@ pub struct Feed<'a> {
     pub intake: Intake,
     /// Where they go.
     pub inputs: Inputs,
+    /// What tells where the ego is.
+    pub located_by: &'static [Role],
     /// The time of the run.
     pub clock: HostClock,
     /// The switch.
@@ -192,15 +193,6 @@ impl Feed<'_> {
 
     fn hand_on(&mut self, memory: &mut Memory) {
         for arrived in memory.out.drain(..) {
-            if let Input::Pose(ego) = &arrived.input
-                && memory.end.is_none()
-                && memory.mode == GateMode::Driving
-            {
-                let FrenetPoint { s_m, .. } = self.goal.route.project(ego.pose.point());
-                if s_m >= self.goal.s_m {
-                    memory.end = Some(End::new("the goal is reached", self.clock.now(), &self.status));
-                }
-            }
             memory.not_taken += u64::from(self.inputs.send(arrived) == Err(SendError::Full));
         }
         if memory.not_taken > 0 && !memory.behind {
@@ -234,11 +226,15 @@ impl Feed<'_> {
         let since = Time::from_ns(now.ns().saturating_sub(SILENT.ns()));
         let needs = self.intake.needs();
         let mut silent: Vec<Role> = lock(&car).silent(needs, since).collect();
-        let pose = self.intake.tallies().any(|TopicSummary { role, tally, .. }| {
-            role == Role::Odometry && tally.heard.is_some_and(|heard| heard >= since)
-        });
-        if !pose && !silent.contains(&Role::Odometry) {
-            silent.push(Role::Odometry);
+        let is_heard = |wanted: Role| {
+            self.intake.tallies().any(|TopicSummary { role, tally, .. }| {
+                role == wanted && tally.heard.is_some_and(|heard| heard >= since)
+            })
+        };
+        for role in self.located_by {
+            if !is_heard(*role) && !silent.contains(role) {
+                silent.push(*role);
+            }
         }
         silent
     }
@@ -288,6 +284,7 @@ impl Feed<'_> {
             } else {
                 self.until.filter(|until| now >= *until).map(|_| "the time limit was reached")
             };
+            let why = why.or_else(|| self.is_there(memory.mode).then_some("the goal is reached"));
             memory.end = why.map(|why| End::new(why, now, &self.status));
         }
         let Some(end) = &mut memory.end else { return };
@@ -301,6 +298,12 @@ impl Feed<'_> {
             end.stopped = true;
             self.stop.stop();
         }
+    }
+
+    /// Whether the stack has driven to the goal.
+    fn is_there(&self, mode: GateMode) -> bool {
+        let at = lock(&self.status).at.filter(|_| mode == GateMode::Driving);
+        at.is_some_and(|at| self.goal.route.project(at).s_m >= self.goal.s_m)
     }
 
     fn report(&mut self, memory: &mut Memory) {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  objects > obstacles > tracker > predictor > planner > controller > fresh > gate -> (who talks to the vehicle)
-//!  pose ------------------------------------------^--------^                   ^
+//!  pose, or a localizer --------------------------^--------^                   ^
 //!  vehicle, switch ------------------------------------------------------------+
 //!  imu, gnss, cameras, lidars > monitors
 //! ```
@@ -29,7 +29,8 @@ pub struct LiveGraph {
 
 /// The sources' handles: under wall clock they feed the graph. When they are gone its streams are closed.
 pub struct Inputs {
-    pose: SourceHandle<EgoState>,
+    /// None where localization finds it.
+    pose: Option<SourceHandle<EgoState>>,
     objects: SourceHandle<ObstacleList>,
     imu: SourceHandle<Imu>,
     gnss: SourceHandle<Gnss>,
@@ -50,7 +51,7 @@ impl Inputs {
     pub fn send(&self, arrived: Arrived) -> Result<(), SendError> {
         let Arrived { stamp, input, .. } = arrived;
         match input {
-            Input::Pose(x) => self.pose.send(stamp, x),
+            Input::Pose(x) => self.pose.as_ref().map_or(Ok(()), |source| source.send(stamp, x)),
             Input::Objects(x) => self.objects.send(stamp, x),
             Input::Imu(x) => self.imu.send(stamp, x),
             Input::Gnss(x) => self.gnss.send(stamp, x),
@@ -76,7 +77,10 @@ impl LiveGraph {
         let (_, topics) = pipeline.graph.source::<Vec<TopicState>>(names::TOPICS);
         let named = |names: Vec<&String>| -> Vec<String> { names.into_iter().cloned().collect() };
         let inputs = Inputs {
-            pose: input(&mut pipeline, names::POSE)?,
+            pose: match config.localization.estimates() {
+                true => None,
+                false => Some(input(&mut pipeline, names::POSE)?),
+            },
             objects: input(&mut pipeline, names::OBJECTS)?,
             imu: input(&mut pipeline, names::IMU)?,
             gnss: input(&mut pipeline, names::GNSS)?,

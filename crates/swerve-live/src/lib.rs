@@ -55,7 +55,7 @@ use swerve_msg::GateOutput;
 use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::progress::LiveLine;
-use swerve_ros2::mapping::Mapping;
+use swerve_ros2::mapping::{Mapping, Role};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::clock::Clock;
@@ -266,6 +266,15 @@ pub struct Driven {
     pub figures: DriveFigures,
 }
 
+/// The topics that tell where the ego is, or by which localization finds that.
+fn located_by(config: &Config) -> &'static [Role] {
+    match (config.localization.estimates(), config.localization.reads_lidar()) {
+        (false, _) => &[Role::Odometry],
+        (true, false) => &[Role::Imu, Role::Gnss],
+        (true, true) => &[Role::Imu, Role::Gnss, Role::Lidar],
+    }
+}
+
 /// Drives over a wire until the end, with `observers` told everything. When this returns the car has been released.
 pub fn drive(
     drive: &Drive,
@@ -314,6 +323,7 @@ fn drive_graph(
         wire,
         intake,
         inputs,
+        located_by: located_by(config),
         clock,
         engagement: Engagement::new(live.enable, Span::from_secs(live.enable_timeout_s)),
         status,

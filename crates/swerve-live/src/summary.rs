@@ -8,7 +8,6 @@ use swerve_flow::{OperatorReport, TickReport};
 use swerve_msg::GateMode;
 use swerve_report::output::align;
 use swerve_ros2::bridge::{Refused, TopicStatistics};
-use swerve_ros2::mapping::Role;
 
 use super::feed::mode_words;
 use super::intake::{TopicSummary, TopicTally};
@@ -157,7 +156,7 @@ impl Clock {
 impl Summary {
     /// Sums up a drive.
     pub fn new(drive: &Drive, driven: &Driven, statistics: &[TopicStatistics]) -> Self {
-        let needs = driven.feed.intake.needs();
+        let (needs, located_by) = (driven.feed.intake.needs(), super::located_by(&drive.config));
         let topic = |TopicSummary { name, role, tally, clock }: TopicSummary<'_>| {
             let wire = statistics.iter().find(|s| s.name == name);
             let ms = |latency: Option<Span>| latency.map(|latency| latency.as_ms());
@@ -166,7 +165,7 @@ impl Summary {
                 name: name.to_owned(),
                 topic: drive.mapping.topic(name).map_or_else(String::new, |t| t.topic.clone()),
                 matched: wire.map_or(0, |s| s.matched),
-                needed: role == Role::Odometry || needs.contains(&role),
+                needed: located_by.contains(&role) || needs.contains(&role),
                 received: wire.map_or(tally.received, |s| s.received),
                 used: tally.used,
                 published: wire.map_or(0, |s| s.published),

@@ -6,13 +6,13 @@ use std::sync::atomic::AtomicU64;
 use std::sync::{Condvar, MutexGuard};
 
 use swerve_flow::{Context, Every, Operator, every};
-use swerve_geom::{Vector2, math};
+use swerve_geom::{Point2, Vector2, math};
 use swerve_msg::{
-    ActorId, ActorKind, EgoState, Extent, GateMode, MotionCommand, Plan, PredictionList, SensorHealth,
-    StopCause, Track, TrackList,
+    ActorId, ActorKind, EgoState, Extent, GateMode, Gnss, Imu, MotionCommand, Plan, PredictionList,
+    SensorHealth, StopCause, Track, TrackList,
 };
 use swerve_ros2::bridge::TopicStatistics;
-use swerve_ros2::convert::{Epoch, control_from_ros, ego_to_ros, objects_to_ros};
+use swerve_ros2::convert::{Epoch, control_from_ros, ego_to_ros, gnss_to_ros, imu_to_ros, objects_to_ros};
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::autoware_vehicle_msgs::{ControlModeReport, SteeringReport, VelocityReport};
 use swerve_ros2::msg::std_msgs::Bool;
@@ -363,8 +363,18 @@ fn a_clock_that_is_set_is_followed_and_the_car_stays_on_its_lane() {
 
 /// Runs a recorded drive with the configuration of this name, in virtual time.
 fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Seen {
+    recorded_with(name, &[], messages, until)
+}
+
+/// The same with a key set.
+fn recorded_with(
+    name: &str,
+    sets: &[(String, toml::Value)],
+    messages: &[(i64, &str, AnyMessage)],
+    until: Time,
+) -> Seen {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
-    let drive = Drive::load(&Registry::standard(), &folder.join(name).with_extension("toml"), &[]).unwrap();
+    let drive = Drive::load(&Registry::standard(), &folder.join(name).with_extension("toml"), sets).unwrap();
     let interface = vehicle::interface(drive.mapping.vehicle, &drive.config);
     let mut intake = Intake::new(&drive.mapping, interface, &drive.config, EPOCH_NS);
     let mut arrived = Vec::new();
@@ -390,6 +400,7 @@ struct Seen {
     health: Vec<(String, SensorHealth)>,
     commands: Vec<MotionCommand>,
     plans: Vec<Plan>,
+    poses: Vec<EgoState>,
 }
 
 impl Observer for Seen {
@@ -400,6 +411,8 @@ impl Observer for Seen {
             self.health.push((publication.operator.to_owned(), *health));
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             self.plans.push(plan.clone());
+        } else if let Some(ego) = payload.downcast_ref::<EgoState>() {
+            self.poses.push(*ego);
         } else if publication.operator == "fresh" {
             self.commands.extend(payload.downcast_ref::<MotionCommand>());
         }
@@ -407,6 +420,60 @@ impl Observer for Seen {
 }
 
 const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
+
+/// The ego at 8 m/s along x as inertial unit, satellite receiver and the vehicle's reports tell it: no pose.
+fn sensed(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {
+    let epoch = Epoch { ns: EPOCH_NS };
+    let mut messages = Vec::new();
+    for ms in (0..until_ms).step_by(10) {
+        let stamp = Time::from_ms(ms);
+        let imu = Imu { stamp, accel_mps2: [0.0, 0.0, 9.81], gyro_radps: [0.0; 3] };
+        messages.push((ms, "imu", AnyMessage::Imu(imu_to_ros(&imu, epoch, "imu"))));
+        if ms % 20 == 0 {
+            let velocity = VelocityReport {
+                header: epoch.header(stamp, "base_link"),
+                longitudinal_velocity: 8.0,
+                ..VelocityReport::default()
+            };
+            messages.push((ms, "velocity", AnyMessage::VelocityReport(velocity)));
+            let (stamp, mode) = (epoch.stamp(stamp), ControlModeReport::AUTONOMOUS);
+            let steering = SteeringReport { stamp, ..SteeringReport::default() };
+            messages.push((ms, "steering", AnyMessage::SteeringReport(steering)));
+            let mode = ControlModeReport { stamp, mode };
+            messages.push((ms, "control_mode", AnyMessage::ControlModeReport(mode)));
+        }
+        if ms % 100 == 0 {
+            // 37.4° north, 122° west is the map's origin; a degree of longitude there has 88,550 m.
+            let longitude_deg = -122.0 + 8.0e-3 * ms as f64 / 88_550.1;
+            let fix = Gnss { stamp, latitude_deg: 37.4, longitude_deg, altitude_m: 0.0, deviation_m: 0.1 };
+            messages.push((ms, "gnss", AnyMessage::NavSatFix(gnss_to_ros(&fix, epoch, "gnss"))));
+        }
+    }
+    messages
+}
+
+#[test]
+fn a_vehicle_without_a_pose_is_driven_by_its_sensors() {
+    let (until, messages) = (Time::from_ms(3500), sensed(3500));
+    let seen = recorded("autoware", &messages, until);
+    assert!(seen.poses.is_empty() && seen.plans.is_empty(), "nobody tells the pose");
+    let sets = [("localization.localizer".to_owned(), toml::Value::from("eskf"))];
+    let seen = recorded_with("autoware", &sets, &messages, until);
+    let off = |ego: &EgoState| ego.pose.point().distance(Point2::new(8.0 * ego.stamp.as_secs(), 0.0));
+    assert!(seen.poses.len() > 300, "{}", seen.poses.len());
+    let worst = seen.poses.iter().map(off).fold(0.0, f64::max);
+    assert!(worst < 0.3 && (seen.poses[300].speed_mps - 8.0).abs() < 0.1, "{worst}");
+    assert!(seen.commands.len() > 100, "it is driven by them: {}", seen.commands.len());
+}
+
+#[test]
+fn a_map_of_a_real_road_has_to_be_given() {
+    let config = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live/autoware.toml"));
+    let set = |key: &str, value: &str| (key.to_owned(), toml::Value::from(value));
+    let sets = [set("localization.localizer", "ndt"), set("lidar.roof.preset", "vlp_32")];
+    let said = Drive::load(&Registry::standard(), config, &sets).map(|_| ()).unwrap_err().to_string();
+    assert!(said.contains("localization.map: is missing: expected a map of the road"), "{said}");
+}
 
 /// The ego at 8 m/s along x, every 20 ms.
 fn poses(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {

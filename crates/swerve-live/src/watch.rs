@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use serde::Serialize;
 use swerve_core::Span;
 use swerve_flow::{Dispatcher, Event, Observer, Publication};
+use swerve_geom::Point2;
 use swerve_msg::{EgoState, GateMode, GateOutput, Plan, PlanStatus, Refusals, Route};
 
 use super::intake::lock;
@@ -18,6 +19,8 @@ pub struct DriveStatus {
     pub mode: GateMode,
     /// The ego's speed, m/s.
     pub speed_mps: f64,
+    /// Where the ego is; none before that is known.
+    pub at: Option<Point2>,
     /// The newest plan's status.
     pub plan: Option<PlanStatus>,
 }
@@ -117,7 +120,10 @@ impl Watch {
     }
 
     fn pose(&mut self, _: &Publication<'_>, ego: &EgoState) {
-        lock(&self.status).speed_mps = ego.speed_mps;
+        {
+            let mut status = lock(&self.status);
+            (status.speed_mps, status.at) = (ego.speed_mps, Some(ego.pose.point()));
+        }
         let before = self.before.replace(*ego);
         if self.mode != Some(GateMode::Driving) {
             return;

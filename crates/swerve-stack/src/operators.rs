@@ -29,6 +29,7 @@ mod predictor;
 mod python;
 mod radar;
 mod report;
+mod reported_odometry;
 mod scan_matcher;
 mod segmentation;
 mod stop_lines;
@@ -81,6 +82,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(planner::Planners)
         .with_kind(controller::Controllers)
         .with::<report::Report>()
+        .with::<reported_odometry::ReportedOdometry>()
         .with_kind(switch::EnableSwitch)
         .with::<gate::Gate>()
         .with::<pedals::PedalsOperator>()

@@ -11,7 +11,7 @@ use super::{Config, OperatorConfig, Reads};
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LocalizerName {
-    /// The simulator, with the errors of `sensing.pose`.
+    /// The simulator, with the errors of `sensing.pose`; for `swerve live` the vehicle, which tells its pose.
     #[default]
     Truth,
     /// An error-state Kalman filter over inertial unit, satellite fixes and wheels.
@@ -33,7 +33,7 @@ pub struct LocalizationConfig {
     /// `lidar_odometry` whose run time is as any other's.
     pub localizer: LocalizerName,
     /// The map that a lidar's turns are matched with, as `swerve map build` writes it: a path from the folder of the
-    /// configuration. Without one the road is mapped before the drive, as it is when nobody is about.
+    /// configuration. Without one the simulated road is mapped before the drive, as it is when nobody is about.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<PathBuf>,
 }
@@ -73,6 +73,11 @@ impl LocalizationConfig {
         lidar.map(|kind| of(kind, kind)).into_iter().chain([of(LOCALIZER, filter)]).collect()
     }
 
+    /// Whether a lidar is read.
+    pub fn reads_lidar(&self) -> bool {
+        self.reads_map() || self.localizer == LocalizerName::Odometry
+    }
+
     /// Whether a map is matched with.
     fn reads_map(&self) -> bool {
         matches!(self.localizer, LocalizerName::Ndt | LocalizerName::EskfNdt)
@@ -81,10 +86,20 @@ impl LocalizationConfig {
 
 impl Config {
     pub(super) fn check_localization(&self, faults: &mut Vec<(String, String)>) {
-        if self.localization.estimates() && (self.live.is_some() || self.is_driven_over_ros2()) {
+        if let Some([from_m, to_m]) = self.planning.slow_by_sigma_m
+            && !(from_m >= 0.0 && from_m <= to_m && to_m <= 1e6)
+        {
             let message =
-                "expected \"truth\": who drives a vehicle, or drives over ROS 2, has poses of its own";
+                format!("expected two deviations in order, 0 to 1000000, found {from_m} and {to_m}");
+            faults.push(("planning.slow_by_sigma_m".into(), message));
+        }
+        if self.localization.estimates() && self.is_driven_over_ros2() {
+            let message = "expected \"truth\": who drives over ROS 2 has poses of its own";
             faults.push(("localization.localizer".into(), message.into()));
+        }
+        if self.localization.reads_map() && self.localization.map.is_none() && self.live.is_some() {
+            let message = "is missing: expected a map of the road, as `swerve map build` writes it";
+            faults.push(("localization.map".into(), message.into()));
         }
         if self.localization.map.is_some() && !self.localization.reads_map() {
             let message =
@@ -163,6 +178,15 @@ mod tests {
             assert!(reads("localizer").contains(&by.to_owned()), "{:?}", reads("localizer"));
             assert_eq!(reads(by)[0], "roof.points", "{localizer}");
             assert!(!assembly.has("pose") && reads("planner").contains(&"localizer.state".to_owned()));
+        }
+    }
+
+    #[test]
+    fn deviations_by_which_it_slows_are_in_order() {
+        assert!(config("", &["planning.slow_by_sigma_m=[0.2, 0.2]"]).is_ok());
+        for wrong in ["[0.4, 0.2]", "[-1, 2]", "[0, nan]"] {
+            let said = config("", &[&format!("planning.slow_by_sigma_m={wrong}")]).unwrap_err();
+            assert!(said.contains("planning.slow_by_sigma_m: expected two deviations in order"), "{said}");
         }
     }
 

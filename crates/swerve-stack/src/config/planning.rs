@@ -118,6 +118,11 @@ pub struct PlanningConfig {
     pub collision: Option<CollisionMode>,
     /// With `collision = "risk"`: probability that a plan may touch anybody, as far as predictions are right.
     pub risk_max: f64,
+    /// Deviations of the place that localization tells, metres: from the first on the ego drives slower than its target,
+    /// from the second on at 0.3 of it. When absent 0.4 and 1.0, which is what a car has beside it on its lane over two
+    /// deviations and over one; under the preset `paper` it never does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slow_by_sigma_m: Option<[f64; 2]>,
     /// Where a plan starts; the preset's when absent.
     pub start: Option<StartState>,
     /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
@@ -161,6 +166,7 @@ impl Default for PlanningConfig {
             rules: toml::Table::new(),
             collision: None,
             risk_max: 0.05,
+            slow_by_sigma_m: None,
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
@@ -209,6 +215,14 @@ impl PlanningConfig {
         self.collision.unwrap_or(match self.preset {
             Preset::Paper => CollisionMode::SweptStatic,
             Preset::Best => CollisionMode::MayStop,
+        })
+    }
+
+    /// The deviations of localization by which the ego slows, metres.
+    pub fn slow_by_sigma_m(&self) -> [f64; 2] {
+        self.slow_by_sigma_m.unwrap_or(match self.preset {
+            Preset::Paper => [f64::MAX; 2],
+            Preset::Best => [0.4, 1.0],
         })
     }
 

@@ -8,7 +8,7 @@ use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
     PortInfo, RuntimeModel, Window,
 };
-use swerve_msg::{EgoState, Plan, Prediction, PredictionList, Route, RungTaken};
+use swerve_msg::{EgoState, Plan, PoseMode, PoseQuality, Prediction, PredictionList, Route, RungTaken};
 use swerve_planning::collision::within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
@@ -31,6 +31,8 @@ struct In {
     predictions: At<PredictionList>,
     /// Where the ego was.
     poses: Window<EgoState, POSES>,
+    /// How sure that is.
+    quality: Option<Latest<PoseQuality>>,
 }
 
 /// The newest of both, at each tick.
@@ -42,6 +44,8 @@ struct PeriodicIn {
     predictions: Latest<PredictionList>,
     /// Where the ego is.
     ego: Latest<EgoState>,
+    /// How sure that is.
+    quality: Option<Latest<PoseQuality>>,
 }
 
 /// A plan, and how it came about.
@@ -127,6 +131,9 @@ struct PlannerOperator {
     planner: Box<dyn Planner>,
     route: Route,
     target_speed_mps: f64,
+    /// Share of that which the deviation of the pose allows for, 1 where nobody tells one.
+    speed_share: f64,
+    slow_by_sigma_m: [f64; 2],
     shape: Shape,
     limits: Limits,
     /// Where others' modes are weighed: what those may sum up to that are not kept clear of.
@@ -147,6 +154,8 @@ impl PlannerOperator {
             planner: planning.planner().map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
+            speed_share: 1.0,
+            slow_by_sigma_m: planning.slow_by_sigma_m(),
             shape: vehicle.shape,
             limits: vehicle.limits,
             risk_max: (planning.collision() == CollisionMode::Risk).then_some(planning.risk_max),
@@ -156,7 +165,27 @@ impl PlannerOperator {
     }
 }
 
+/// Slower than this share of its target nobody drives for want of a better pose: standing, nothing makes it better.
+const SLOWEST: f64 = 0.3;
+
+/// Share of the target speed at a deviation of the pose, metres.
+fn speed_share(sigma_m: f64, [from_m, to_m]: [f64; 2]) -> f64 {
+    if sigma_m <= from_m {
+        return 1.0;
+    }
+    let slowed = ((sigma_m - from_m) / (to_m - from_m)).min(1.0);
+    1.0 - (1.0 - SLOWEST) * slowed
+}
+
 impl PlannerOperator {
+    /// Takes into account how sure the pose is; while it is lost, the last that was told counts.
+    fn slow_by(&mut self, quality: Option<&Latest<PoseQuality>>) {
+        let quality = quality.and_then(Latest::get).filter(|quality| quality.mode != PoseMode::Lost);
+        if let Some(quality) = quality {
+            self.speed_share = speed_share(quality.sigma_m(), self.slow_by_sigma_m);
+        }
+    }
+
     /// A plan from predictions and the pose that goes with them, `ahead` of which the ego will take it up.
     fn plan(
         &mut self,
@@ -186,7 +215,7 @@ impl PlannerOperator {
             stamp,
             start,
             route: &self.route,
-            target_speed_mps: self.target_speed_mps,
+            target_speed_mps: self.target_speed_mps * self.speed_share,
             predictions: &predictions,
             shape: &self.shape,
             limits: &self.limits,
@@ -220,6 +249,7 @@ impl Operator for PlannerOperator {
         let measured = measured_at(cx.stamp(), &input.poses);
         let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
         let expected = self.expected;
+        self.slow_by(input.quality.as_ref());
         out.forward(self.plan(cx, predictions, measured, expected, None));
     }
 }
@@ -238,6 +268,7 @@ impl Operator for LadderPlanner {
         let measured = measured_at(cx.stamp(), &input.poses);
         let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
         let (planner, taken) = take(&mut self.rungs, cx);
+        self.operator.slow_by(input.quality.as_ref());
         // What passed since the frame is known, and so is what the rung takes.
         let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + taken.run_time);
         out.plan.forward(self.operator.plan(cx, predictions, measured, ahead, Some(&mut **planner)));
@@ -263,6 +294,7 @@ impl Operator for PeriodicPlanner {
         let Some(measured) = input.ego.get().filter(|ego| ego.is_plausible()) else { return };
         let taken = self.rung.as_mut().map(|rung| take(core::slice::from_mut(rung), cx));
         let (planner, taken) = taken.map_or((None, None), |(planner, taken)| (Some(planner), Some(taken)));
+        self.operator.slow_by(input.quality.as_ref());
         let lasts = taken.as_ref().map_or(self.usual, |taken| taken.run_time);
         let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + lasts);
         let planner = planner.map(|planner| &mut **planner as &mut dyn Planner);
@@ -282,5 +314,19 @@ impl Budget for Metered<'_, '_> {
             swerve_flow::Progress::Continue => Progress::Continue,
             swerve_flow::Progress::Stop => Progress::Stop,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_is_less_sure_of_the_place_drives_slower() {
+        let share = |sigma_m: f64| speed_share(sigma_m, [0.4, 1.0]);
+        assert_eq!((share(0.0), share(0.4), share(1.0), share(50.0)), (1.0, 1.0, SLOWEST, SLOWEST));
+        assert!((share(0.7) - 0.65).abs() < 1e-12);
+        assert_eq!(speed_share(1e9, [f64::MAX; 2]), 1.0, "the paper's planners do not");
+        assert_eq!(speed_share(0.5, [0.4, 0.4]), SLOWEST);
     }
 }

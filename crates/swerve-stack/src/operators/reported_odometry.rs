@@ -1,0 +1,44 @@
+//! Speed and steering angle of a vehicle's own report, as localization reads those of wheel encoders.
+
+use swerve_flow::{At, Context, Inputs, Operator, Port};
+use swerve_msg::{VehicleReport, WheelOdometry};
+
+use crate::kind::{Kind, NoKeys, Node, Settings};
+use crate::site::Site;
+
+/// Takes speed and steering angle from a vehicle's report.
+pub(super) struct ReportedOdometry;
+
+/// What the vehicle says of itself.
+#[derive(Inputs)]
+pub(super) struct In {
+    /// Its report.
+    report: At<VehicleReport>,
+}
+
+impl Kind for ReportedOdometry {
+    const NODE: Node =
+        Node::new("reported_odometry", "speed and steering angle of a vehicle's report, for localization")
+            .only_with("localization.localizer");
+    type Table = NoKeys;
+
+    fn is_there(settings: &Settings<'_>) -> bool {
+        settings.config.localization.estimates()
+    }
+
+    fn new(_: NoKeys, _: &Site<'_>) -> anyhow::Result<Self> {
+        Ok(Self)
+    }
+}
+
+impl Operator for ReportedOdometry {
+    type In = In;
+    type Out = Port<WheelOdometry>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        if let Some(report) = input.report.get() {
+            let VehicleReport { stamp, speed_mps, steering_rad, .. } = **report;
+            out.send(WheelOdometry { stamp, speed_mps, steering_rad, ..WheelOdometry::default() });
+        }
+    }
+}
