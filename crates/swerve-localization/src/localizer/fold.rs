@@ -325,7 +325,11 @@ impl Fold {
         linear: &Linear<M>,
         fix: Option<Time>,
     ) {
+        let before_mps = self.axle_mps().x;
         let innovation = self.filter.update(linear, params.gate(M), params.degrees_error);
+        // What the speed was off by now it was since the wheels were last looked at: they correct it once.
+        let counted = self.wheels.since.map_or(0.0, |since| (self.at - since).as_secs());
+        self.wheels.filter_m += (self.axle_mps().x - before_mps) * counted;
         let tally = &mut self.tallies[source as usize];
         if innovation.accepted {
             tally.taken += 1;

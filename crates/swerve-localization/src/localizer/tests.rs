@@ -18,6 +18,7 @@ struct Drive {
 }
 
 const LEVER_M: f64 = 1.4;
+const TOOTH_M: f64 = 0.02;
 
 impl Drive {
     fn new(seed: u64, params: Params) -> Self {
@@ -95,6 +96,43 @@ fn error_m(estimate: &Estimate, at: [f64; 2]) -> [f64; 2] {
 /// Nothing supposed of the car: the drive above is a better one than a filter may suppose.
 fn plain() -> Params {
     Params { non_holonomic_mps: 0.0, zero_velocity_mps: 0.0, gate_one_in: 0, ..Params::default() }
+}
+
+/// A correction of the speed by a fix is not made once more by wheels that were compared with the speed before it.
+#[test]
+fn a_start_at_a_wrong_speed_settles_and_refuses_nothing() {
+    for seed in 0..100 {
+        let mut rng = Rng::keyed(seed, "straight on", &[]);
+        let params = Params { offset_m: 0.0, ..Params::default() };
+        let mut localizer = Localizer::new(params, Some([0.0, 0.09])).unwrap();
+        // Wheels count whole teeth.
+        let (phase, mut before) = (rng.uniform(0.0, 1.0), None);
+        for ms in (0..3000).step_by(5) {
+            let stamp = Time::ZERO + Span::from_ms(ms);
+            match ms % 100 {
+                _ if ms % 10 == 0 => {
+                    let (accel_mps2, gyro_radps) = ([0.0, 0.0, 9.81], [0.0; 3]);
+                    localizer.take(stamp, Sensed::Imu { accel_mps2, gyro_radps });
+                }
+                95 => {
+                    let mut fix = |x: f64| x + 0.02 * rng.normal();
+                    let at_m = [fix(0.022 * ms as f64), fix(0.0), fix(0.0)];
+                    localizer.take(stamp, Sensed::Fix { at_m, sigma_m: [0.02, 0.02, 0.04] });
+                }
+                _ if ms % 20 == 5 => {
+                    let teeth = (0.022 * ms as f64 / TOOTH_M + phase).floor();
+                    if let Some(before) = before.replace(teeth) {
+                        localizer.take(stamp, Sensed::Wheels((teeth - before) * TOOTH_M / 0.02));
+                    }
+                }
+                _ => {}
+            }
+        }
+        let (estimate, fixes) = (localizer.estimate().unwrap(), localizer.tally(Source::Fix));
+        let off_m = estimate.position_m.x - 0.022 * 2995.0;
+        assert!(off_m.abs() < 0.1 && (estimate.velocity_mps.x - 22.0).abs() < 0.1, "{seed}: {estimate:?}");
+        assert!(fixes.refused <= 1, "{seed}: {fixes:?}");
+    }
 }
 
 /// Over 50 seeds, with the offset of fixes, the biases and the wheels' scale drawn as the filter supposes.

@@ -324,9 +324,10 @@ mod tests {
     #[test]
     fn who_is_less_sure_of_the_place_drives_slower() {
         let share = |sigma_m: f64| speed_share(sigma_m, [0.4, 1.0]);
-        assert_eq!((share(0.0), share(0.4), share(1.0), share(50.0)), (1.0, 1.0, SLOWEST, SLOWEST));
-        assert!((share(0.7) - 0.65).abs() < 1e-12);
+        for (sigma_m, share_of_speed) in [(0.0, 1.0), (0.4, 1.0), (0.7, 0.65), (1.0, 0.3), (50.0, 0.3)] {
+            assert!((share(sigma_m) - share_of_speed).abs() < 1e-12, "{sigma_m}");
+        }
         assert_eq!(speed_share(1e9, [f64::MAX; 2]), 1.0, "the paper's planners do not");
-        assert_eq!(speed_share(0.5, [0.4, 0.4]), SLOWEST);
+        assert!((speed_share(0.5, [0.4, 0.4]) - SLOWEST).abs() < 1e-12);
     }
 }
