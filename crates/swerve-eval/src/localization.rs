@@ -31,6 +31,17 @@ pub struct LocalizationMetrics {
     pub quality: Option<QualityMetrics>,
 }
 
+impl LocalizationMetrics {
+    /// For the terminal, in one line.
+    pub fn text(&self) -> String {
+        let Self { rms_m, median_m, max_m, heading_rms_deg, .. } = self;
+        let known = self.quality.map_or_else(String::new, |q| format!(", NEES {:.1} (3 is right)", q.nees));
+        format!(
+            "{rms_m:.3} m rms, median {median_m:.3}, at most {max_m:.3}; heading {heading_rms_deg:.2}°{known}"
+        )
+    }
+}
+
 /// What localization says of itself.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct QualityMetrics {

@@ -40,13 +40,17 @@ impl DeadReckoning {
     /// Takes a reading. What no car has is passed over, and so is what is older than the newest.
     pub fn take(&mut self, stamp: Time, reading: Reading) {
         match reading {
-            Reading::Wheels(speed_mps) if speed_mps.abs() <= 150.0 && self.advance(stamp) => {
-                self.speed_mps = speed_mps;
+            Reading::Wheels(speed_mps) if speed_mps.abs() <= 150.0 => {
+                if self.way.is_empty() {
+                    self.begin(stamp, speed_mps);
+                } else if self.advance(stamp) {
+                    self.speed_mps = speed_mps;
+                }
             }
-            Reading::Gyro(gyro_radps)
-                if gyro_radps.iter().all(|x| x.abs() <= 100.0) && self.advance(stamp) =>
-            {
-                self.gyro_radps = Vector3::from(gyro_radps);
+            Reading::Gyro(gyro_radps) if gyro_radps.iter().all(|x| x.abs() <= 100.0) => {
+                if self.way.is_empty() || self.advance(stamp) {
+                    self.gyro_radps = Vector3::from(gyro_radps);
+                }
             }
             _ => {}
         }
@@ -57,11 +61,18 @@ impl DeadReckoning {
         self.speed_mps
     }
 
+    /// Begins with the first speed: so it went before, too.
+    fn begin(&mut self, stamp: Time, speed_mps: f64) {
+        self.speed_mps = speed_mps;
+        let before = stamp - Span::from_secs(AHEAD_S);
+        self.way.push_back((before, Isometry3::identity()));
+        let now = self.ahead(stamp);
+        self.way.push_back((stamp, now));
+    }
+
+    /// Goes on to a stamp; not to one before the newest.
     fn advance(&mut self, stamp: Time) -> bool {
-        let Some(&(last, _)) = self.way.back() else {
-            self.way.push_back((stamp, Isometry3::identity()));
-            return true;
-        };
+        let Some(&(last, _)) = self.way.back() else { return false };
         if stamp <= last {
             return stamp == last;
         }
@@ -189,6 +200,17 @@ mod tests {
         let far = reckoning.between(at(1000), at(60_000)).unwrap().translation.vector.norm();
         assert!((far - 2.0).abs() < 0.01, "{far}");
     }
+    #[test]
+    fn it_went_before_the_first_reading_as_it_goes_then() {
+        let mut reckoning = DeadReckoning::new();
+        let at = |ms: i64| Time::ZERO + Span::from_ms(ms);
+        reckoning.take(at(0), Reading::Gyro([0.0; 3]));
+        assert!(reckoning.between(at(-50), at(0)).is_none(), "a speed is needed");
+        reckoning.take(at(30), Reading::Wheels(20.0));
+        let moved = reckoning.between(at(-50), at(50)).unwrap().translation.vector;
+        assert!((moved.x - 2.0).abs() < 1e-9, "{moved}");
+    }
+
     #[test]
     fn a_lidar_on_the_roof_swings_with_the_car() {
         let mount = Isometry3::from_parts(Translation3::new(2.0, 0.0, 1.8), UnitQuaternion::identity());

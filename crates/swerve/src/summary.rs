@@ -165,14 +165,7 @@ impl Summary {
             let (p50, p90, p99, max) = (r.p50_ms, r.p90_ms, r.p99_ms, r.max_ms);
             row("response time", format!("p50 {p50:.0}  p90 {p90:.0}  p99 {p99:.0}  max {max:.0} ms"));
         }
-        if let Some(l) = &m.localization {
-            let known = l.quality.map_or_else(String::new, |q| format!(", NEES {:.1} (3 is right)", q.nees));
-            let (rms, median, max, heading) = (l.rms_m, l.median_m, l.max_m, l.heading_rms_deg);
-            row(
-                "localization",
-                format!("{rms:.3} m rms, median {median:.3}, at most {max:.3}; heading {heading:.2}°{known}"),
-            );
-        }
+        m.localization.iter().for_each(|found| row("localization", found.text()));
         if let Some(gate) = &m.gate {
             gate_rows(gate, &mut row);
         }

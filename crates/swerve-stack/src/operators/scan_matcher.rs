@@ -36,7 +36,9 @@ const FIXES: usize = 16;
 const PARTICLES: u32 = 200;
 /// Deviation of the heading that the lane tells at first, radians.
 const LANE_SIGMA_RAD: f64 = 0.09;
-/// What a way without a map goes off by: a share of the way, and radians per metre.
+/// What a way without a map goes off by: metres in its first turns, which have little to be matched with, a share of the
+/// way, and radians per metre.
+const BEGIN_M: f64 = 0.3;
 const DRIFT: f64 = 0.01;
 const DRIFT_RAD_PER_M: f64 = 1e-4;
 
@@ -275,7 +277,8 @@ impl Operator for LidarOdometry {
         let at = start * self.odometry.take_moved(points, &turn.sweep, &turn.over_turn).pose();
         self.way_m += turn.over_turn.translation.vector.norm();
         let (sigma_m, turned_rad) = (self.front.receiver.sigma_m(), DRIFT_RAD_PER_M * self.way_m);
-        let variance_m2 = sigma_m * sigma_m + DRIFT * DRIFT * self.way_m * self.way_m;
+        let off_m = math::hypot(BEGIN_M, DRIFT * self.way_m);
+        let variance_m2 = sigma_m * sigma_m + off_m * off_m;
         let spread = Spread {
             covariance_m2: [variance_m2, 0.0, variance_m2],
             with_heading: [0.0; 2],
