@@ -9,10 +9,11 @@
 use anyhow::anyhow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Time;
 use swerve_flow::{At, Context, Inputs, Message, Operator, Outputs, Port, Window};
 use swerve_geom::{Point2, Pose2, math};
 use swerve_localization::flat::Origin;
-use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed};
+use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
 use swerve_msg::{EgoState, Gnss, Imu, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 
 use crate::config::Config;
@@ -33,7 +34,9 @@ pub(super) struct Filter {
     map_sigma: [f64; 2],
     /// Messages of each sensor that were taken.
     taken: [u64; 3],
-    started: bool,
+    /// Stamp of the first fix, by which it starts.
+    started: Option<Time>,
+    await_match_s: f64,
     steering_rad: f64,
 }
 
@@ -102,6 +105,8 @@ impl Receiver {
 pub(super) struct Keys {
     /// At the start the car stands along its lane, but for this deviation, degrees; 0: its heading is that of its first course.
     lane_heading_deg: f64,
+    /// With a lidar: how long after the first fix its first match is waited for before a pose is told, seconds.
+    await_match_s: f64,
     /// Deviation of the place that matches with a map share, beside the one that each tells, metres.
     map_sigma_m: f64,
     /// The same of the heading, radians.
@@ -113,7 +118,13 @@ pub(super) struct Keys {
 
 impl Default for Keys {
     fn default() -> Self {
-        Self { lane_heading_deg: 5.0, map_sigma_m: 0.02, map_sigma_rad: 0.001, params: toml::Table::new() }
+        Self {
+            lane_heading_deg: 5.0,
+            await_match_s: 2.0,
+            map_sigma_m: 0.02,
+            map_sigma_rad: 0.001,
+            params: toml::Table::new(),
+        }
     }
 }
 
@@ -162,9 +173,14 @@ impl Kind for Filter {
                 format!("expected 0 to 90, found {}", table.lane_heading_deg),
             ));
         }
-        for (key, value) in [("map_sigma_m", table.map_sigma_m), ("map_sigma_rad", table.map_sigma_rad)] {
-            if !(0.0..=1.0).contains(&value) {
-                told.push((key.into(), format!("expected 0 to 1, found {value}")));
+        let ranges = [
+            ("await_match_s", table.await_match_s, 60.0),
+            ("map_sigma_m", table.map_sigma_m, 1.0),
+            ("map_sigma_rad", table.map_sigma_rad, 1.0),
+        ];
+        for (key, value, most) in ranges {
+            if !(0.0..=most).contains(&value) {
+                told.push((key.into(), format!("expected 0 to {most}, found {value}")));
             }
         }
         told
@@ -183,7 +199,8 @@ impl Kind for Filter {
             receiver: Receiver::new(site),
             map_sigma: [table.map_sigma_m, table.map_sigma_rad],
             taken: [0; 3],
-            started: false,
+            started: None,
+            await_match_s: table.await_match_s,
             steering_rad: 0.0,
         })
     }
@@ -213,10 +230,14 @@ impl Operator for Filter {
             out.quality.send(PoseQuality { stamp: imu.stamp, ..PoseQuality::default() });
             return;
         };
-        if estimate.mode != Mode::Lost {
+        let mut quality = quality(&estimate);
+        if self.awaits_match(input.matches.is_some(), estimate.stamp) {
+            quality.mode = PoseMode::Lost;
+        }
+        if quality.mode != PoseMode::Lost {
             out.state.send(self.state(&estimate));
         }
-        out.quality.send(quality(&estimate));
+        out.quality.send(quality);
     }
 }
 
@@ -244,13 +265,21 @@ pub(super) fn new<'a, T>(
 impl Filter {
     fn fix(&mut self, fix: &Gnss) {
         let Some(at_m) = self.receiver.place(fix) else { return };
-        if !std::mem::replace(&mut self.started, true) {
+        if self.started.is_none() {
+            self.started = Some(fix.stamp);
             self.start(at_m);
         }
         // A receiver's height is half as good as its place.
         let noise_m = self.receiver.noise_m;
         let sigma_m = [noise_m, noise_m, 2.0 * math::hypot(noise_m, self.params.offset_m)];
         self.localizer.take(fix.stamp, Sensed::Fix { at_m, sigma_m });
+    }
+
+    /// Whether nothing is told yet, as the first match will move the pose by as much as the first fix is off.
+    fn awaits_match(&self, has_lidar: bool, now: Time) -> bool {
+        let waited_s = self.started.map_or(0.0, |started| (now - started).as_secs());
+        let is_matched = self.localizer.tally(Source::Place).taken > 0;
+        has_lidar && !is_matched && waited_s < self.await_match_s
     }
 
     fn matched(&self, found: &PoseMatch) -> Sensed {
