@@ -16,8 +16,8 @@ use crate::shipped::Kind;
 pub struct RunInput {
     /// Scenario file (TOML), or the name of one that is in the program: `swerve scenarios`
     pub scenario: PathBuf,
-    /// Configuration file (TOML), or a name such as best; several: the later over the earlier. What they leave out has a
-    /// default
+    /// Configuration file (TOML), or the name of one that is in the program, such as paper; several: the later over the
+    /// earlier. What they leave out has a default
     #[arg(short, long)]
     pub config: Vec<PathBuf>,
     /// Set a key of the configuration (planning.planner=rrt_star) or the scenario (actor.person.speed_mps=4)

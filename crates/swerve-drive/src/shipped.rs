@@ -174,10 +174,13 @@ impl Kind {
                 return Ok(file.text.into());
             }
             let stem = given.file_stem().unwrap_or_default().to_string_lossy();
-            if let Some(near) = nearest(&stem, self.all().map(|(name, _)| name)) {
-                problem.message +=
-                    &format!(" (did you mean the {} `{near}` that is in the program?)", self.noun());
-            }
+            problem.message += &match nearest(&stem, self.all().map(|(name, _)| name)) {
+                Some(near) => format!(" (did you mean the {} `{near}` that is in the program?)", self.noun()),
+                None => {
+                    let names: Vec<&str> = self.all().map(|(name, _)| name).collect();
+                    format!("; the program has {}", names.join(", "))
+                }
+            };
         }
         Err(problem)
     }

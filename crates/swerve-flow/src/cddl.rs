@@ -1,10 +1,13 @@
 //! The form of a message in CDDL (RFC 8610), by the names that serde writes: what a log says of its streams.
 
 use core::fmt::Write as _;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, PoisonError};
 
 use serde::de::DeserializeOwned;
+use serde::{Serialize, Serializer};
 use serde_reflection::{
-    ContainerFormat, Error, Format, Named, Registry, Samples, Tracer, TracerConfig, VariantFormat,
+    ContainerFormat, Format, FormatHolder as _, Named, Registry, Samples, Tracer, TracerConfig, VariantFormat,
 };
 
 /// Rules of which the first is `payload`; `payload = any` of a type that does not show its form to a tracer, such as one
@@ -13,31 +16,81 @@ pub(crate) fn cddl<T: DeserializeOwned>() -> String {
     rules::<T>().unwrap_or_else(|| "payload = any\n".to_owned())
 }
 
-/// Looks at a type, which has choices that hold themselves where this is not enough.
-const VARIANTS: usize = 1000;
+/// Looks at a type, each of which finds one variant more of every choice: more than these has none.
+const LOOKS: usize = 1000;
 
-/// What a type is made of, by name. The tracer shows one variant more of each choice each time; of choices it tells which,
-/// once it has come upon them.
+/// What a type is made of, by name.
+///
+/// The tracer goes into a sequence or an option once, and of a choice it finds there it has seen one variant. So it looks
+/// anew until it finds no variant more, each time told of those that it knows already.
 fn trace<T: DeserializeOwned>() -> Option<(Format, Registry)> {
-    let samples = Samples::new();
-    let mut choices = Vec::<String>::new();
-    loop {
+    let mut found = Registry::new();
+    for _ in 0..LOOKS {
         let mut tracer = Tracer::new(TracerConfig::default().is_human_readable(false));
-        let mut payload = Format::unknown();
-        for _ in 0..VARIANTS {
-            (payload, _) = tracer.trace_type_once::<T>(&samples).ok()?;
-            if choices.iter().filter_map(|name| tracer.check_incomplete_enum(name)).count() == 0 {
-                break;
+        let mut samples = Samples::new();
+        for known in found.iter().flat_map(|(name, container)| KnownVariant::of(name, container)) {
+            tracer.trace_value(&mut samples, &known).ok()?;
+        }
+        let (mut payload, _) = tracer.trace_type_once::<T>(&samples).ok()?;
+        payload.normalize().ok()?;
+        let mut is_new = false;
+        for (name, container) in tracer.registry_unchecked() {
+            let ContainerFormat::Enum(variants) = container else {
+                found.entry(name).or_insert(container);
+                continue;
+            };
+            let of = found.entry(name).or_insert_with(|| ContainerFormat::Enum(BTreeMap::new()));
+            let ContainerFormat::Enum(known) = of else { return None };
+            for (place, variant) in variants {
+                if !known.values().any(|other| other.name == variant.name) {
+                    // Those that are not known yet are counted from the end, in their order.
+                    known.insert(place, variant);
+                    is_new = true;
+                }
             }
         }
-        match tracer.registry() {
-            Ok(registry) => return Some((payload, registry)),
-            Err(Error::MissingVariants(names)) if names.iter().any(|name| !choices.contains(name)) => {
-                choices.extend(names);
-            }
-            Err(_) => return None,
+        if !is_new {
+            return Some((payload, found));
         }
     }
+    None
+}
+
+/// A variant that the tracer need not look for: said to it as if it were written.
+struct KnownVariant {
+    choice: &'static str,
+    place: u32,
+    name: &'static str,
+}
+
+impl KnownVariant {
+    fn of(choice: &str, container: &ContainerFormat) -> Vec<Self> {
+        let ContainerFormat::Enum(variants) = container else { return Vec::new() };
+        let one = |(place, variant): (usize, &Named<VariantFormat>)| Self {
+            choice: lasting(choice),
+            place: place as u32,
+            name: lasting(&variant.name),
+        };
+        variants.values().enumerate().map(one).collect()
+    }
+}
+
+impl Serialize for KnownVariant {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_unit_variant(self.choice, self.place, self.name)
+    }
+}
+
+/// A name that outlives the program, as serde asks of names; each is kept once.
+fn lasting(name: &str) -> &'static str {
+    static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(kept) = names.get(name) {
+        return kept;
+    }
+    let kept: &'static str = Box::leak(name.into());
+    names.insert(kept);
+    kept
 }
 
 fn rules<T: DeserializeOwned>() -> Option<String> {
@@ -110,8 +163,6 @@ fn grouped(format: &Format) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use serde::Deserialize;
 
     use super::*;
@@ -125,6 +176,30 @@ mod tests {
         stop: Option<f64>,
         state: State,
         by_name: BTreeMap<String, i64>,
+        seen: Vec<Seen>,
+    }
+
+    #[derive(Deserialize)]
+    #[expect(dead_code, reason = "only its form is looked at")]
+    struct Seen {
+        kind: Kind,
+        why: Option<State>,
+        light: Option<Light>,
+    }
+
+    #[derive(Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    enum Kind {
+        Car,
+        Truck,
+        Pedestrian,
+    }
+
+    #[derive(Deserialize)]
+    #[expect(dead_code, reason = "only its form is looked at")]
+    enum Light {
+        Off,
+        Shows(Vec<Kind>),
     }
 
     #[derive(Deserialize)]
@@ -155,9 +230,12 @@ mod tests {
     #[test]
     fn forms_are_those_that_serde_writes() {
         let expected = "payload = Plan\n\
+            Kind = \"car\" / \"truck\" / \"pedestrian\"\n\
+            Light = \"Off\" / { Shows: [* Kind] }\n\
             Plan = { id: uint, at_m: [2*2 float], points: [* Point], stop: float / null, state: State, \
-            by_name: { * tstr => int } }\n\
+            by_name: { * tstr => int }, seen: [* Seen] }\n\
             Point = [float, float]\n\
+            Seen = { kind: Kind, why: State / null, light: Light / null }\n\
             State = \"found\" / { failed: { reason: tstr } } / { late: uint }\n";
         assert_eq!(cddl::<Plan>(), expected);
         assert_eq!(cddl::<Vec<Option<bool>>>(), "payload = [* (bool / null)]\n");

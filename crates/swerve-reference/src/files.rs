@@ -10,7 +10,7 @@ use swerve_study::grid::StudyFile;
 
 /// A kind of file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
-pub(crate) enum FileKind {
+pub enum FileKind {
     /// Which algorithms, how long each takes: `-c FILE`
     Config,
     /// A road, the ego, other actors, what is expected
@@ -22,7 +22,21 @@ pub(crate) enum FileKind {
 }
 
 impl FileKind {
-    pub(crate) fn schema(self) -> Schema {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Config, Self::Scenario, Self::Study, Self::Timing];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Config => "config",
+            Self::Scenario => "scenario",
+            Self::Study => "study",
+            Self::Timing => "timing",
+        }
+    }
+
+    /// Its JSON schema.
+    pub fn schema(self) -> Schema {
         match self {
             Self::Config => config(),
             Self::Scenario => {

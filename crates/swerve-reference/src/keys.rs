@@ -1,4 +1,4 @@
-//! `swerve keys`: every key of a configuration, and what each takes.
+//! `swerve keys`: every key of a configuration or another file, and what each takes.
 
 use std::fmt::Write as _;
 
@@ -19,6 +19,9 @@ use crate::{params, schema};
 pub struct KeysArgs {
     /// Those that begin so (planning, camera.NAME); or whose name, values or text has this word (weather)
     prefix: Option<String>,
+    /// Those of another file [default: config, and where it has none of this name the others]
+    #[arg(long, value_name = "FILE", conflicts_with = "schema")]
+    of: Option<FileKind>,
     /// As JSON
     #[arg(long, conflicts_with_all = ["markdown", "schema"])]
     json: bool,
@@ -38,15 +41,37 @@ pub fn run(args: &KeysArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(kind) = args.schema {
         return print(&(serde_json::to_string_pretty(&kind.schema())? + "\n"));
     }
-    let all = keys(registry);
-    let found = match &args.prefix {
-        None => all.iter().collect(),
-        Some(asked) => find(&all, asked)?,
+    let (all, others): (Vec<Key>, &[FileKind]) = match args.of.unwrap_or(FileKind::Config) {
+        FileKind::Config => (keys(registry), &[FileKind::Scenario, FileKind::Study, FileKind::Timing]),
+        kind => (of_file(kind), &[]),
     };
-    if args.json {
-        return print(&(serde_json::to_string_pretty(&found)? + "\n"));
+    let Some(asked) = &args.prefix else { return told(args, &all.iter().collect::<Vec<_>>()) };
+    let found = find(&all, asked);
+    if !found.is_empty() {
+        return told(args, &found);
     }
-    print(&if args.markdown { page(&found) } else { text(&found) })
+    for kind in others.iter().filter(|_| args.of.is_none()) {
+        let of_other = of_file(*kind);
+        let found = find(&of_other, asked);
+        if !found.is_empty() {
+            eprintln!("no key of a configuration; of a {} file:", kind.name());
+            return told(args, &found);
+        }
+    }
+    let parts: Vec<&str> = all.iter().flat_map(|key| [key.key.as_str(), key.name()]).collect();
+    bail!("no key `{asked}`{}", did_you_mean(asked, parts))
+}
+
+fn told(args: &KeysArgs, found: &[&Key]) -> anyhow::Result<()> {
+    if args.json {
+        return print(&(serde_json::to_string_pretty(found)? + "\n"));
+    }
+    print(&if args.markdown { page(found) } else { text(found) })
+}
+
+/// Every key of another file, an entry of an array of tables as `NAME`.
+fn of_file(kind: FileKind) -> Vec<Key> {
+    schema::keys_within_arrays(&kind.schema())
 }
 
 /// Every key of a configuration.
@@ -99,26 +124,21 @@ pub fn whole_page(registry: &Registry) -> String {
 }
 
 /// The keys that are asked for.
-fn find<'a>(all: &'a [Key], asked: &str) -> anyhow::Result<Vec<&'a Key>> {
+fn find<'a>(all: &'a [Key], asked: &str) -> Vec<&'a Key> {
     let begins = |key: &&Key| {
         let rest = key.key.strip_prefix(asked);
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.') || asked.ends_with('.'))
     };
     let found: Vec<&Key> = all.iter().filter(begins).collect();
     if !found.is_empty() {
-        return Ok(found);
+        return found;
     }
     let word = asked.to_lowercase();
     let has = |key: &&Key| {
         let named = key.choices.iter().any(|choice| choice.name.contains(&word));
         named || key.key.contains(&word) || key.doc.to_lowercase().contains(&word)
     };
-    let found: Vec<&Key> = all.iter().filter(has).collect();
-    if found.is_empty() {
-        let parts: Vec<&str> = all.iter().flat_map(|key| [key.key.as_str(), key.name()]).collect();
-        bail!("no key `{asked}`{}", did_you_mean(asked, parts));
-    }
-    Ok(found)
+    all.iter().filter(has).collect()
 }
 
 /// Two lines a key: what it is, and what it is for; the meaning of every value where only a few are asked for.
@@ -267,7 +287,7 @@ mod tests {
     fn a_word_finds_keys_by_name_value_or_text() {
         let all = all();
         let found = |asked: &str| {
-            find(&all, asked).map(|keys| keys.iter().map(|key| key.key.clone()).collect::<Vec<_>>())
+            find(&all, asked).iter().map(|key| key.key.clone()).collect::<Vec<_>>()
         };
         assert!(found("sim").unwrap().iter().all(|key| key.starts_with("sim.")));
         assert!(found("clear_noon").unwrap().contains(&"render.weather".to_owned()));

@@ -9,3 +9,5 @@ pub mod keys;
 pub mod operators;
 mod params;
 mod schema;
+
+pub use files::FileKind;

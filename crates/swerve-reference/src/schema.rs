@@ -12,7 +12,17 @@ pub(crate) fn keys(schema: &Schema, prefix: &str, defaults: Option<&Value>) -> V
     let root = schema.as_value();
     let defs = root.get("$defs").and_then(Value::as_object).unwrap_or(&none);
     let mut keys = Vec::new();
-    Walk { defs, keys: &mut keys, depth: 0 }.node(root, prefix, defaults);
+    Walk { defs, keys: &mut keys, depth: 0, into_arrays: false }.node(root, prefix, defaults);
+    keys
+}
+
+/// As [`keys`], from the top, and those of the entries of arrays too: `actor.NAME.kind`.
+pub(crate) fn keys_within_arrays(schema: &Schema) -> Vec<Key> {
+    let none = Map::new();
+    let root = schema.as_value();
+    let defs = root.get("$defs").and_then(Value::as_object).unwrap_or(&none);
+    let mut keys = Vec::new();
+    Walk { defs, keys: &mut keys, depth: 0, into_arrays: true }.node(root, "", None);
     keys
 }
 
@@ -23,6 +33,7 @@ struct Walk<'a> {
     defs: &'a Map<String, Value>,
     keys: &'a mut Vec<Key>,
     depth: usize,
+    into_arrays: bool,
 }
 
 impl Walk<'_> {
@@ -32,8 +43,9 @@ impl Walk<'_> {
         let inner = resolved(self.defs, schema);
         let properties = inner.get("properties").and_then(Value::as_object);
         let entries = inner.get("additionalProperties").filter(|entry| entry.is_object());
+        let of_array = inner.get("items").filter(|item| self.into_arrays && is_table(self.defs, item));
         self.depth += 1;
-        match (properties, entries) {
+        match (properties, entries.or(of_array)) {
             _ if self.depth > DEPTH_MAX => {}
             (Some(properties), _) => {
                 for (name, property) in properties {

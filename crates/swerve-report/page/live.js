@@ -30,10 +30,12 @@ class Live {
     const seed = el("input", { id: "seed", type: "number", min: 0, value: this.page.seed, size: 6, "aria-label": "seed" });
     const set = el("input", { id: "set", type: "text", size: 40, placeholder: "KEY=VALUE", "aria-label": "a key of the configuration or the scenario" });
     const again = (byHand) => () => ({ do: "restart", seed: Number(seed.value), set: set.value.trim() ? [set.value.trim()] : [], by_hand: byHand });
+    // As the run before up to the instant that is shown, then with the key.
+    const here = () => ({ ...again(this.page.by_hand)(), from_s: this.moment.t / 1e6 });
     const speed = choice("speed", ["0.25", "0.5", "1", "2", "max"], String(this.page.speed ?? "max"), (value) => this.command({ do: "speed", speed: value === "max" ? null : Number(value) }));
     return el("div", {}, this.strip,
       el("div", { class: "bar" }, button("go", "start", () => ({ do: "go" })), button("pause", "pause", () => ({ do: "pause" })), button("step", "one frame", () => ({ do: "step" })), speed, this.state),
-      el("div", { class: "bar" }, "seed", seed, set, button("restart", "restart", again(false)), button("hand", "drive by hand", again(true)), this.problem),
+      el("div", { class: "bar" }, "seed", seed, set, button("restart", "restart", again(false)), button("here", "change from here", here), button("hand", "drive by hand", again(true)), this.problem),
       this.page.by_hand ? new Wheel((held) => this.command({ do: "hold", ...held })).node : "");
   }
 

@@ -57,6 +57,7 @@ use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
 
+use crate::course::Course;
 use crate::registry::Registry;
 
 /// A whole configuration: what runs, how long it takes, what is recorded.
@@ -123,6 +124,9 @@ pub struct Config {
     /// The kinds of operators that it can name.
     #[serde(skip)]
     pub registry: Registry,
+    /// Which way the simulated world goes first, and where it is kept how it went.
+    #[serde(skip)]
+    pub course: Option<Course>,
 }
 
 impl Default for Config {
@@ -155,6 +159,7 @@ impl Default for Config {
             source: None,
             live: None,
             registry: Registry::standard(),
+            course: None,
         }
     }
 }

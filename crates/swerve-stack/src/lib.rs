@@ -7,6 +7,7 @@
 pub mod agent;
 pub mod assembly;
 pub mod config;
+pub mod course;
 pub mod faults;
 mod kind;
 mod operators;

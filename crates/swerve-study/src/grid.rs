@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_drive::shipped::Kind;
 use swerve_report::output::quoted;
-use swerve_text::{Document, Problem, Problems, is_within, number};
+use swerve_text::{Document, Problem, Problems, is_within, list, number};
 
 pub use forms::{Files, Values};
 use left_out::{check_left_out, left_out};
@@ -141,7 +141,7 @@ impl Budget {
 
     fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
         if let Some(axis) = self.limit.as_ref().filter(|name| !axes.contains(name)) {
-            problems.push(document.problem("budget.limit", format!("no axis of the name `{axis}`")));
+            problems.push(document.problem("budget.limit", no_axis(axis, axes)));
         }
         let times =
             [("max_ms", self.max_ms), ("scan_ms", self.scan_ms), ("resolution_ms", self.resolution_ms)];
@@ -362,6 +362,13 @@ fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Opt
     })
 }
 
+/// What is said of an axis that a study does not have.
+pub(crate) fn no_axis(name: &str, axes: &[String]) -> String {
+    let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
+    let expected = if axes.is_empty() { "the study has none".into() } else { format!("expected one of {}", list(&axes)) };
+    format!("no axis of the name `{name}`; {expected}")
+}
+
 /// Names and steps of the axes; what is wrong with them goes to `problems`.
 fn read_axes(
     document: &Document,
@@ -386,7 +393,7 @@ fn read_axes(
             steps.push(Step { label: LIMIT.into(), scenario: None, sets: Vec::new() });
         }
         if axes.contains(&name) {
-            wrong(format!("a second axis of the name `{name}`"));
+            wrong(format!("a second axis of the name `{name}`: give one of them another by `name = \"...\"`"));
         }
         let before: usize = all.iter().map(Vec::len).product();
         if before <= CELLS_MAX && before.saturating_mul(steps.len()) > CELLS_MAX {
@@ -440,9 +447,18 @@ impl Axis {
         if let Some(twice) = steps.iter().find(|step| !labels.insert(&step.label)) {
             return Err(format!("`{}` stands twice", twice.label));
         }
-        let last_part = self.key.as_deref().map(|key| key.rsplit('.').next().unwrap_or(key).to_owned());
-        let name = self.name.clone().or(last_part).ok_or("an axis without `key` needs a `name`")?;
+        let name = self.name.clone().or(self.key.as_deref().map(name_of)).ok_or("an axis without `key` needs a `name`")?;
         Ok((name, steps))
+    }
+}
+
+/// The name of an axis that has none: the last part of its key; of an actor's key with his name before, since the ego and
+/// others have keys of the same names.
+fn name_of(key: &str) -> String {
+    let parts: Vec<&str> = key.split('.').collect();
+    match parts[..] {
+        ["actor", actor, .., last] => format!("{actor}.{last}"),
+        _ => parts.last().copied().unwrap_or(key).to_owned(),
     }
 }
 

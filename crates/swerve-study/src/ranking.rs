@@ -5,11 +5,11 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 use swerve_report::output::align;
-use swerve_text::{Document, Problems};
+use swerve_text::{Document, Problems, list};
 
 use super::cells::CellResult;
 use super::chance::{fisher, wilson};
-use super::grid::Study;
+use super::grid::{Study, no_axis};
 use super::table::field;
 
 /// Asks for the comparison.
@@ -29,10 +29,11 @@ impl Ranking {
             problems.push(document.problem("ranking.settings", "expected at least one axis"));
         }
         for name in self.settings.iter().filter(|name| !axes.contains(name)) {
-            problems.push(document.problem("ranking.settings", format!("no axis of the name `{name}`")));
+            problems.push(document.problem("ranking.settings", no_axis(name, axes)));
         }
         if let Some(name) = self.best_of.as_ref().filter(|name| !self.settings.contains(name)) {
-            let message = format!("`{name}` is not one of `settings`");
+            let settings: Vec<&str> = self.settings.iter().map(String::as_str).collect();
+            let message = format!("`{name}` is not one of `settings`; expected one of {}", list(&settings));
             problems.push(document.problem("ranking.best_of", message));
         }
     }
@@ -266,10 +267,17 @@ mod tests {
         let wrong = |from: &str, to: &str| study(&STUDY.replace(from, to)).unwrap_err();
         assert_eq!(
             wrong("[\"model\", \"period\"]", "[\"modell\", \"period\"]"),
-            "no axis of the name `modell`\n`model` is not one of `settings`"
+            "no axis of the name `modell`; expected one of \"model\", \"period\", \"seed\"\n\
+             `model` is not one of `settings`; expected one of \"modell\", \"period\""
         );
-        assert_eq!(wrong("best_of = \"model\"", "best_of = \"seed\""), "`seed` is not one of `settings`");
-        assert_eq!(wrong("model = [\"b\"]", "modle = [\"b\"]"), "no axis of the name `modle`");
+        assert_eq!(
+            wrong("best_of = \"model\"", "best_of = \"seed\""),
+            "`seed` is not one of `settings`; expected one of \"model\", \"period\""
+        );
+        assert_eq!(
+            wrong("model = [\"b\"]", "modle = [\"b\"]"),
+            "no axis of the name `modle`; expected one of \"model\", \"period\", \"seed\""
+        );
         assert_eq!(wrong("period = [\"2\", \"3\"]", "period = [\"2\", \"4\"]"), "`period` has no step `4`");
         assert_eq!(
             wrong("model = [\"b\"]\nperiod = [\"2\", \"3\"]", "model = [\"a\", \"b\"]"),

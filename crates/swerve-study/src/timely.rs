@@ -26,7 +26,7 @@ use swerve_stack::span_of_ms;
 use swerve_text::{Document, Problems, number};
 
 use super::cells::CellResult;
-use super::grid::Cell;
+use super::grid::{Cell, no_axis};
 use ride::{Eyes, Ride, Sight};
 use score::Score;
 
@@ -162,7 +162,7 @@ impl Timely {
             }
         }
         if let Some(axis) = self.over.as_ref().filter(|axis| !axes.contains(axis)) {
-            wrong("over", format!("no axis of the name `{axis}`"));
+            wrong("over", no_axis(axis, axes));
         }
     }
 

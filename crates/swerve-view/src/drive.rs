@@ -1,5 +1,7 @@
 //! The runs that are shown, one after the other.
 
+use std::cell::RefCell;
+
 use anyhow::Context as _;
 use serde::Serialize;
 use swerve_drive::page::{RunReport, command_line};
@@ -15,7 +17,9 @@ use swerve_stack::Registry;
 use swerve_stack::agent::{Agent, Seat};
 use swerve_stack::config::Config;
 use swerve_stack::config::clock::Clock;
+use swerve_stack::course::Course;
 use swerve_stack::pipeline::Pipeline;
+use swerve_stack::span_of_ms;
 use swerve_vehicle::Kinematic;
 
 use crate::Summarise;
@@ -32,6 +36,15 @@ pub(crate) struct Driver<'a> {
     pub(crate) show: &'a Show,
     /// For the Foxglove app.
     pub(crate) streams: Option<Streams>,
+    /// The run before, for one that goes on from an instant of it.
+    pub(crate) before: RefCell<Option<Before>>,
+}
+
+/// What a run was begun with, and how its world went.
+#[derive(Clone)]
+pub(crate) struct Before {
+    input: RunInput,
+    course: Course,
 }
 
 /// What the page of a run that goes on holds beside the run.
@@ -110,11 +123,22 @@ impl Driver<'_> {
     }
 
     fn drive(&self, with: &Begin) -> anyhow::Result<(Over, Option<String>)> {
-        let mut input = self.input.clone();
-        input.seed = with.seed.map(i64::from).or(input.seed);
+        let before = self.before.borrow().clone();
+        let (mut input, course) = match (with.from(), before) {
+            (Some(from), Some(before)) => {
+                let dt = span_of_ms(load(self.registry, &before.input)?.0.sim.dt_ms);
+                (before.input, before.course.up_to(from, dt))
+            }
+            _ => {
+                let seed = with.seed.map(i64::from).or(self.input.seed);
+                (RunInput { seed, ..self.input.clone() }, Course::default())
+            }
+        };
         input.set.extend(with.set.iter().cloned());
         self.check(&input)?;
-        let (config, scenario) = load(self.registry, &input)?;
+        let (mut config, scenario) = load(self.registry, &input)?;
+        config.course = Some(course.clone());
+        *self.before.borrow_mut() = Some(Before { input: input.clone(), course });
         let seat = with.by_hand.then(Seat::default);
         let mut pipeline = match &seat {
             Some(seat) => Pipeline::build_for(&config, &scenario, &Agent::Command(seat.clone()))?,
@@ -123,7 +147,7 @@ impl Driver<'_> {
         let wheel = seat.map(|seat| Wheel::new(seat, Kinematic::new(&config.sim.vehicle)));
         let report = RunReport::new(&config, &pipeline, command_line(&input, None));
         let page = live_page(self.show, &report, with.by_hand, false);
-        self.show.begin(page, report, wheel, Some(pipeline.graph.stop_handle()));
+        self.show.begin(page, report, wheel, Some(pipeline.graph.stop_handle()), with.from());
         let mut streams = self.streams.as_ref().map(|streams| {
             streams.of_run(config.registry.with_views_of(Foxglove::new(views_of(&config, &pipeline))))
         });

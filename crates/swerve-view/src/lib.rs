@@ -10,6 +10,7 @@ mod show;
 mod vehicle;
 mod wheel;
 
+use std::cell::RefCell;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -86,7 +87,7 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     if let (Some(log), Some(streams)) = (&log, &streams) {
         streams.play(log.clone(), args.speed.0)?;
     }
-    let driver = Driver { registry, input: &args.input, summarise, show: &show, streams };
+    let driver = Driver { registry, input: &args.input, summarise, show: &show, streams, before: RefCell::default() };
     if log.is_none() && !args.live {
         driver.check(&args.input)?;
     }

@@ -40,7 +40,7 @@ pub(crate) enum Ask {
 }
 
 /// What a run is begun with.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Begin {
     /// In the place of the command line's.
@@ -49,6 +49,9 @@ pub(crate) struct Begin {
     pub(crate) set: Vec<String>,
     /// Whether a person drives in the place of the controller.
     pub(crate) by_hand: bool,
+    /// Seconds of the run before that are driven again as they were, with its seed and the keys that it had too; what is set
+    /// now drives from there on.
+    pub(crate) from_s: Option<f64>,
 }
 
 /// What a run came to.
@@ -73,6 +76,8 @@ struct State {
     holds: bool,
     steps: u32,
     speed: Option<f64>,
+    /// Before this instant it goes as the run before did, and is held back by nothing.
+    from: Option<Time>,
     /// The real and the virtual instant from which on it keeps time.
     since: Option<(Instant, Time)>,
     stop: Option<StopHandle>,
@@ -117,6 +122,13 @@ struct Told<'a> {
     over: Option<&'a Over>,
 }
 
+impl Begin {
+    /// Where the run begins to be new.
+    pub(crate) fn from(&self) -> Option<Time> {
+        self.from_s.map(Time::from_secs)
+    }
+}
+
 impl Show {
     pub(crate) fn new(speed: Option<f64>, holds: bool) -> Self {
         Self { state: Mutex::new(State { speed, holds, ..State::default() }), ..Self::default() }
@@ -148,6 +160,7 @@ impl Show {
         report: RunReport,
         wheel: Option<Wheel>,
         stop: Option<StopHandle>,
+        from: Option<Time>,
     ) {
         let mut state = self.state();
         // What is asked for before the run has begun stops it too.
@@ -162,6 +175,7 @@ impl Show {
             report,
             wheel,
             stop,
+            from,
             holds,
             speed,
             next,
@@ -218,7 +232,7 @@ impl Show {
         }
         self.changed.notify_all();
         loop {
-            if state.quits || state.next.is_some() {
+            if state.quits || state.next.is_some() || state.from.is_some_and(|from| now < from) {
                 return;
             }
             if state.holds && state.steps == 0 {
@@ -290,6 +304,9 @@ impl Show {
             return Err("this drive is only watched");
         }
         if let Ask::Restart(with) = ask {
+            if with.from_s.is_some_and(|from_s| !(0.0..=1e6).contains(&from_s)) {
+                return Err("expected from_s from 0 to 1000000 seconds");
+            }
             self.interrupt(|state| state.next = Some(with));
             return Ok(());
         }

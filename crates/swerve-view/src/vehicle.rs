@@ -46,7 +46,7 @@ impl Onlooker for Watch<'_> {
     fn begin(&mut self, drive: &Drive, command: String) -> anyhow::Result<()> {
         let Drive { config, scenario, .. } = drive;
         let report = RunReport::live(config, scenario, command)?;
-        self.show.begin(live_page(self.show, &report, false, true), report, None, None);
+        self.show.begin(live_page(self.show, &report, false, true), report, None, None, None);
         let views = || config.registry.with_views_of(Foxglove::new(live_views(config, scenario)));
         self.shown = self.streams.as_ref().map(|streams| streams.of_run(views()));
         Ok(())

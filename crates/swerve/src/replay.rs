@@ -357,12 +357,15 @@ impl Comparison {
             }
             Some(logged) => {
                 counts.different += 1;
-                if logged.header == said.header { "has another payload" } else { "has other times" }
+                match logged.header == said.header {
+                    true => "says something else than in the log",
+                    false => "comes at another time than in the log, or of another frame",
+                }
             }
         };
         counts.first.get_or_insert_with(|| {
             let at = said.header[2].unwrap_or_default() as f64 * 1e-9;
-            format!("at {at:.3} s: the publication {what}")
+            format!("at {at:.3} s: the message {what}")
         });
     }
 }

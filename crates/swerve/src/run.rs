@@ -111,6 +111,8 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
         let set = operators_with_runtime(&input.set)?;
         record_run_times(&mut pipeline, &Log::read(log)?, |name| !set.contains(name));
     }
+    // Before the run's folder is made: no ffmpeg, no folder.
+    let mut frames = frames(args, &config, &pipeline)?;
     let folder = RunFolder::claim(args.out.as_deref(), &stem(&args.input.scenario), args.overwrite)?;
     let out = &folder.path;
     let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
@@ -126,7 +128,6 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut trace = TraceWriter::create(&trace_part, &acting(&pipeline))?;
     let mut story = story(&config, &scenario, &pipeline);
     let mut report = RunReport::new(&config, &pipeline, command);
-    let mut frames = frames(args, &config, &pipeline)?;
     let mut observers: Vec<&mut dyn Observer> =
         vec![&mut shown, &mut recording, &mut trace, &mut story, &mut report];
     observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));

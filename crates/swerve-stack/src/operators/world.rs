@@ -5,6 +5,7 @@ use swerve_msg::Command;
 use swerve_msg::truth::WorldState;
 use swerve_sim::{SimParams, Simulator};
 
+use crate::course::Course;
 use crate::kind::{Kind, NoKeys, Node, Role, Settings, span_of_ms};
 use crate::site::Site;
 
@@ -13,7 +14,9 @@ use crate::site::Site;
 pub(super) struct World {
     simulator: Simulator,
     latched: Command,
-    started: bool,
+    /// Steps that it has taken, the first state among them.
+    steps: usize,
+    course: Option<Course>,
 }
 
 /// What moves the world.
@@ -36,7 +39,8 @@ impl Kind for World {
         let sim = &site.config().sim;
         let params = SimParams { dt: span_of_ms(sim.dt_ms), vehicle: sim.vehicle.clone() };
         let simulator = Simulator::exact(site.surroundings().scenario.clone(), &params)?;
-        Ok(Self { simulator, latched: Command::default(), started: false })
+        let course = site.config().course.clone();
+        Ok(Self { simulator, latched: Command::default(), steps: 0, course })
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
@@ -49,14 +53,17 @@ impl Operator for World {
     type Out = Port<WorldState>;
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
-        if self.started {
+        if self.steps > 0 {
             self.simulator.step(self.latched);
         }
-        self.started = true;
         // Wires to pedals carry numbers: what is none does not reach them.
         if let Some(command) = input.command.get().filter(|command| command.is_finite()) {
             self.latched = **command;
         }
+        if let Some(course) = &self.course {
+            self.latched = course.command(self.steps, self.latched);
+        }
+        self.steps += 1;
         let state = self.simulator.state();
         if let Some(reason) = state.ended {
             cx.stop_run(format!("{reason:?}").to_lowercase());

@@ -2,7 +2,7 @@
 
 use swerve_text::{Document, Problems};
 
-use super::{LeaveOut, Step};
+use super::{LeaveOut, Step, no_axis};
 
 /// Whether a combination, one label an axis, is one of those that are not driven.
 pub(super) fn left_out(all: &[LeaveOut], axes: &[String], labels: &[String]) -> bool {
@@ -24,7 +24,7 @@ pub(super) fn check_left_out(
         let mut wrong = |message| problems.push(document.problem(&format!("leave_out[{i}]"), message));
         for (name, labels) in out {
             let Some(axis) = axes.iter().position(|axis| axis == name) else {
-                wrong(format!("no axis of the name `{name}`"));
+                wrong(no_axis(name, axes));
                 continue;
             };
             let known = |label: &&String| steps[axis].iter().any(|step| step.label == **label);

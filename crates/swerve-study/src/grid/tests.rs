@@ -82,6 +82,10 @@ fn nonsense_names_its_place() {
         let problems = study(text).expect_err("wrong on purpose");
         problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
+    let same = "base = { scenario = \"a\" }\n[[axis]]\nkey = \"ego.speed_mps\"\nvalues = [1]\n[[axis]]\nkey = \"speed_mps\"\nvalues = [2]\n";
+    assert!(wrong(same).contains("axis[1]: a second axis of the name `speed_mps`: give one of them another by `name = "));
+    let of_actor = study(&same.replace("\"speed_mps\"", "\"actor.person.speed_mps\"")).expect("two names");
+    assert_eq!(of_actor.axes, ["speed_mps", "person.speed_mps"]);
     assert_eq!(
         wrong("base = { scenario = \"a\" }\n[[axis]]\nkey = \"seed\"\nvalues = [3, 1, 3]\n"),
         "s.toml:2: axis[0]: `3` stands twice"
@@ -94,7 +98,7 @@ fn nonsense_names_its_place() {
         ),
         "s.toml:2: axis[0]: expected `values` or `settings` that are not empty\n\
          s.toml:4: axis[1]: `values` need a `key`\n\
-         s.toml:8: budget.limit: no axis of the name `planer`\n\
+         s.toml:8: budget.limit: no axis of the name `planer`; the study has none\n\
          s.toml:7: budget.max_ms: expected milliseconds above 0 and at most 100000, found 1e308"
     );
     let budget = |keys: &str| {

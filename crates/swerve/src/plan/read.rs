@@ -35,7 +35,11 @@ pub fn read(path: &Path) -> anyhow::Result<ProblemFile> {
                 let number = number_at(&text, error.line(), error.column());
                 format!("expected a number of at most {:e}, found {number}", f64::MAX)
             }
-            other => with_nearest_name(other),
+            // By what a user sees, not by the name of a type: "invalid type: integer `1`, expected struct Configs".
+            other => match other.split_once(", expected struct ") {
+                Some((found, _)) => format!("{found}, expected an object"),
+                None => with_nearest_name(other),
+            },
         };
         anyhow!("{}:{}: {message}", path.display(), error.line().max(1))
     })

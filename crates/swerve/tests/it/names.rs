@@ -112,6 +112,13 @@ fn a_new_folder_runs_at_once() {
     let bench = Bench::new();
     let said = bench.good(&["new", "begin/here"]);
     assert!(said.contains("cd begin/here\n  swerve run scenario.toml -c config.toml"), "{said}");
+    let rules: toml::Table = bench.read("begin/here/.taplo.toml").parse().unwrap();
+    for rule in rules["rule"].as_array().unwrap() {
+        let schema = rule["schema"]["path"].as_str().unwrap();
+        let schema: serde_json::Value =
+            serde_json::from_str(&bench.read(&format!("begin/here/{schema}"))).unwrap();
+        assert!(schema["properties"].is_object(), "{rule}");
+    }
     let readme = bench.read("begin/here/README.md");
     let mut seen = 0;
     for block in readme.split("```sh\n").skip(1) {
