@@ -42,8 +42,8 @@ const BEGIN_M: f64 = 0.3;
 const DRIFT: f64 = 0.01;
 const DRIFT_RAD_PER_M: f64 = 1e-4;
 
-/// Percentiles of a turn of 54,000 points, ms: four times what a match takes on one core of an AMD EPYC (family 25, model 17), so that
-/// looking around at first and slower processors have room.
+/// Percentiles of a turn of 54,000 points, ms: four times what a match takes on one core of an AMD EPYC (family 25, model
+/// 17), so that looking around at first and slower processors have room.
 const MATCHER_MS: [[f64; 2]; 4] = [[0.0, 8.0], [50.0, 11.5], [99.0, 18.0], [100.0, 20.0]];
 const ODOMETRY_MS: [[f64; 2]; 4] = [[0.0, 20.0], [50.0, 45.0], [99.0, 90.0], [100.0, 110.0]];
 
