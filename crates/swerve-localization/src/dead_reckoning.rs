@@ -47,10 +47,11 @@ impl DeadReckoning {
                     self.speed_mps = speed_mps;
                 }
             }
-            Reading::Gyro(gyro_radps) if gyro_radps.iter().all(|x| x.abs() <= 100.0) => {
-                if self.way.is_empty() || self.advance(stamp) {
-                    self.gyro_radps = Vector3::from(gyro_radps);
-                }
+            Reading::Gyro(gyro_radps)
+                if gyro_radps.iter().all(|x| x.abs() <= 100.0)
+                    && (self.way.is_empty() || self.advance(stamp)) =>
+            {
+                self.gyro_radps = Vector3::from(gyro_radps);
             }
             _ => {}
         }

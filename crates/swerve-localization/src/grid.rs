@@ -15,6 +15,7 @@ pub(crate) const REACH: i32 = (1 << 20) - 1;
 #[derive(Clone, Debug)]
 pub(crate) struct Grid<T> {
     size_m: f64,
+    per_m: f64,
     cells: Vec<(Index, T)>,
     /// Places in `cells` plus 1, 0 for none; its length is a power of two.
     table: Vec<u32>,
@@ -22,7 +23,7 @@ pub(crate) struct Grid<T> {
 
 impl<T> Grid<T> {
     pub(crate) fn new(size_m: f64) -> Self {
-        Self { size_m, cells: Vec::new(), table: vec![0; 1024] }
+        Self { size_m, per_m: 1.0 / size_m, cells: Vec::new(), table: vec![0; 1024] }
     }
 
     pub(crate) fn size_m(&self) -> f64 {
@@ -30,10 +31,12 @@ impl<T> Grid<T> {
     }
 
     /// The cube of a point; none of one that is no number or too far away.
-    pub(crate) fn index(&self, at: &Vector3<f64>) -> Option<Index> {
-        let along = |x: f64| (x / self.size_m).floor();
-        let index = [along(at.x), along(at.y), along(at.z)];
-        index.iter().all(|x| x.abs() <= f64::from(REACH)).then(|| index.map(|x| x as i32))
+    #[inline(always)]
+    pub(crate) fn index(&self, at: [f64; 3]) -> Option<Index> {
+        let [x, y, z] = [at[0] * self.per_m, at[1] * self.per_m, at[2] * self.per_m];
+        let reach = f64::from(REACH);
+        let is_within = x.abs() < reach && y.abs() < reach && z.abs() < reach;
+        is_within.then(|| [floor(x), floor(y), floor(z)])
     }
 
     /// The middle of a cube.
@@ -41,8 +44,10 @@ impl<T> Grid<T> {
         Vector3::from(index.map(|i| (f64::from(i) + 0.5) * self.size_m))
     }
 
+    #[inline(always)]
     fn slot(&self, index: Index) -> usize {
-        let [x, y, z] = index.map(|i| u64::from((i + REACH) as u32));
+        let word = |i: i32| u64::from((i + REACH) as u32);
+        let [x, y, z] = [word(index[0]), word(index[1]), word(index[2])];
         let hash = (x | y << 21 | z << 42).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mask = self.table.len() - 1;
         let mut slot = (hash >> 32) as usize & mask;
@@ -57,8 +62,13 @@ impl<T> Grid<T> {
 
     /// What a cube holds.
     pub(crate) fn get(&self, index: Index) -> Option<&T> {
-        let place = (self.table[self.slot(index)] as usize).checked_sub(1)?;
-        Some(&self.cells[place].1)
+        Some(&self.cells[self.place(index)?].1)
+    }
+
+    /// Where a cube that holds something stands in [`cells`](Self::cells).
+    #[inline(always)]
+    pub(crate) fn place(&self, index: Index) -> Option<usize> {
+        (self.table[self.slot(index)] as usize).checked_sub(1)
     }
 
     /// What a cube holds, made now where it held nothing.
@@ -99,11 +109,18 @@ impl<T> Grid<T> {
     }
 }
 
+/// The whole number below, of one that an `i32` holds.
+#[inline(always)]
+fn floor(x: f64) -> i32 {
+    let towards_0 = x as i32;
+    towards_0 - i32::from(f64::from(towards_0) > x)
+}
+
 /// Points with at most one in each cube of `size_m`: the mean of those that are in it. Points that are no numbers are none.
 pub fn downsampled(points: &[Vector3<f64>], size_m: f64) -> Vec<Vector3<f64>> {
     let mut grid = Grid::<(Vector3<f64>, f64)>::new(size_m);
     for point in points {
-        let Some(index) = grid.index(point) else { continue };
+        let Some(index) = grid.index(point.data.0[0]) else { continue };
         let (sum, count) = grid.entry(index, || (Vector3::zeros(), 0.0));
         *sum += point;
         *count += 1.0;

@@ -26,7 +26,7 @@ impl PointMap {
     pub fn add<'a>(&mut self, points: impl IntoIterator<Item = &'a Vector3<f64>>) {
         let near_m2 = self.apart_m * self.apart_m;
         for point in points {
-            let Some(index) = self.grid.index(point) else { continue };
+            let Some(index) = self.grid.index(point.data.0[0]) else { continue };
             let cube = self.grid.entry(index, Vec::new);
             if cube.len() < self.per_cube && cube.iter().all(|other| (other - point).norm_squared() > near_m2)
             {
@@ -49,7 +49,7 @@ impl PointMap {
 
     /// The nearest point within a distance of at most the size of a cube, and the square of its distance.
     fn nearest(&self, at: &Vector3<f64>, within_m: f64) -> Option<(Vector3<f64>, f64)> {
-        let index = self.grid.index(at)?;
+        let index = self.grid.index(at.data.0[0])?;
         let mut nearest = None;
         let mut least = within_m * within_m;
         for x in -1..=1 {

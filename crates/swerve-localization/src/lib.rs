@@ -13,6 +13,7 @@ pub mod eskf;
 pub mod flat;
 mod grid;
 pub mod icp;
+mod lanes;
 mod localizer;
 pub mod map_file;
 pub mod matcher;

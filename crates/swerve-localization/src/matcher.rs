@@ -69,6 +69,11 @@ impl Matcher {
         Self { levels: [level(4), level(2), level(1)], seed, at: guess, searches: 0, missed: None }
     }
 
+    /// Forgets where it is: at the next turn it looks around a guess, as a new one does.
+    pub fn begin_at(&mut self, guess: Guess) {
+        (self.at, self.searches, self.missed) = (guess, 0, None);
+    }
+
     /// Where it is, or is taken to be.
     pub fn pose(&self) -> Isometry3<f64> {
         self.at.map_from_lidar
@@ -84,7 +89,7 @@ impl Matcher {
     /// to be where the motion leads.
     pub fn take(
         &mut self,
-        points: impl IntoIterator<Item = (Vector3<f64>, f64)>,
+        points: &[(Vector3<f64>, f64)],
         over_turn: &Sweep,
         since_last: &Isometry3<f64>,
     ) -> Option<Matched> {

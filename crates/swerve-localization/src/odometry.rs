@@ -61,7 +61,7 @@ impl Odometry {
     /// The next turn: points in the lidar's frame at the instant of each, and the share of the turn from its end,
     /// -1 to 0. It is expected to move as over the turn before; where it is not at rest at first, use
     /// [`take_moved`](Self::take_moved): on flat ground two smeared turns look as if nothing moved.
-    pub fn take(&mut self, points: impl IntoIterator<Item = (Vector3<f64>, f64)>) -> Turned {
+    pub fn take(&mut self, points: &[(Vector3<f64>, f64)]) -> Turned {
         let motion = self.motion;
         self.take_moved(points, &Sweep::steady(&motion), &motion)
     }
@@ -70,7 +70,7 @@ impl Odometry {
     /// and gyroscopes.
     pub fn take_moved(
         &mut self,
-        points: impl IntoIterator<Item = (Vector3<f64>, f64)>,
+        points: &[(Vector3<f64>, f64)],
         sweep: &Sweep,
         motion: &Isometry3<f64>,
     ) -> Turned {

@@ -40,11 +40,11 @@ impl Sweep {
 
     /// The points of a turn in the lidar's frame at its end: each is given in the frame at its own instant, with that as a
     /// share of the turn from its end, -1 to 0. Points that are near, far or no numbers are left out.
-    pub fn straightened(&self, points: impl IntoIterator<Item = (Vector3<f64>, f64)>) -> Vec<Vector3<f64>> {
+    pub fn straightened(&self, points: &[(Vector3<f64>, f64)]) -> Vec<Vector3<f64>> {
         points
-            .into_iter()
+            .iter()
             .filter(|(point, _)| (RANGE_M[0]..RANGE_M[1]).contains(&point.norm()))
-            .map(|(point, share)| self.at_end(&point, share.clamp(-1.0, 0.0)))
+            .map(|(point, share)| self.at_end(point, share.clamp(-1.0, 0.0)))
             .collect()
     }
 
@@ -106,7 +106,7 @@ mod tests {
         let [many, once] = [Sweep::through(&poses), Sweep::steady(&pose(2.0, 0.0))];
         for k in 0..=100 {
             let point = (Vector3::new(10.0, -4.0, 1.0), -0.01 * f64::from(k));
-            let [a, b] = [&many, &once].map(|sweep| sweep.straightened([point])[0]);
+            let [a, b] = [&many, &once].map(|sweep| sweep.straightened(&[point])[0]);
             assert!((a - b).norm() < 1e-12, "{k}: {a} {b}");
         }
     }
@@ -123,7 +123,7 @@ mod tests {
         let exact = pose(0.0, angle(0.1)).rotation.inverse() * Vector3::new(30.0, 0.0, 0.0);
         let worst = |sweep: &Sweep| {
             let shares = (0..=100).map(|k| -0.01 * f64::from(k));
-            shares.map(|share| (sweep.straightened([seen(share)])[0] - exact).norm()).fold(0.0, f64::max)
+            shares.map(|share| (sweep.straightened(&[seen(share)])[0] - exact).norm()).fold(0.0, f64::max)
         };
         let steady = worst(&Sweep::steady(&pose(0.0, angle(0.1))));
         assert!(steady > 0.2, "{steady}");
@@ -135,7 +135,7 @@ mod tests {
     fn what_is_no_point_is_left_out() {
         let still = Sweep::through(&[]);
         let points = [[f64::NAN, 0.0, 0.0], [0.5, 0.0, 0.0], [500.0, 0.0, 0.0], [5.0, 0.0, 0.0]];
-        let kept = still.straightened(points.map(|point| (Vector3::from(point), f64::NAN)));
+        let kept = still.straightened(&points.map(|point| (Vector3::from(point), f64::NAN)));
         assert_eq!(kept.len(), 1);
     }
 }

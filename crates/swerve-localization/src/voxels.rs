@@ -50,7 +50,7 @@ impl VoxelSums {
 
     /// Adds a point of the map; what is no number is none.
     pub fn add(&mut self, at: &Vector3<f64>) {
-        let Some(index) = self.grid.index(at) else { return };
+        let Some(index) = self.grid.index(at.data.0[0]) else { return };
         let from_middle = at - self.grid.middle(index);
         let moments = self.grid.entry(index, Moments::default);
         moments.count = moments.count.saturating_add(1);
@@ -80,33 +80,39 @@ fn voxel(index: Index, moments: &Moments) -> Voxel {
     }
 }
 
-/// The surface in a cube: its mean in the map and the inverse of its covariance (xx, xy, xz, yy, yz, zz).
+/// The surface in a cube: its mean in the map, and the inverse of its covariance (xx, xy, xz, yy, yz, zz).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Normal {
-    pub(crate) mean: Vector3<f64>,
+pub(crate) struct Surface {
+    pub(crate) mean: [f64; 3],
     pub(crate) inverse: [f64; 6],
-    /// The same without directions in which the points only spread.
-    pub(crate) surface: [f64; 6],
 }
 
 /// A map to match scans with.
 #[derive(Clone, Debug)]
 pub struct VoxelMap {
-    normals: Grid<Normal>,
+    surfaces: Grid<Surface>,
+    /// Of each the inverse without directions in which the points only spread.
+    known: Vec<[f64; 6]>,
 }
 
 impl VoxelMap {
     /// Of cubes of this size, as [`VoxelSums::voxels`] tells them or a file does.
     pub fn new<'a>(resolution_m: f64, voxels: impl IntoIterator<Item = &'a Voxel>) -> Self {
-        let mut normals = Grid::new(resolution_m);
-        for voxel in voxels {
-            let mean = normals.middle(voxel.index) + Vector3::from(voxel.mean_m.map(f64::from));
-            let covariance = voxel.covariance_m2.map(f64::from);
-            if let Some([inverse, surface]) = inverses(covariance, SPREAD * resolution_m) {
-                normals.entry(voxel.index, || Normal { mean, inverse, surface });
-            }
+        let mut map = Self { surfaces: Grid::new(resolution_m), known: Vec::new() };
+        voxels.into_iter().for_each(|voxel| map.add(voxel));
+        map
+    }
+
+    /// Adds a cube that is not there yet; not one whose points are all one.
+    fn add(&mut self, voxel: &Voxel) {
+        let middle = self.surfaces.middle(voxel.index);
+        let mean = (middle + Vector3::from(voxel.mean_m.map(f64::from))).data.0[0];
+        let covariance = voxel.covariance_m2.map(f64::from);
+        let Some([inverse, known]) = inverses(covariance, SPREAD * self.resolution_m()) else { return };
+        if mean.iter().all(|x| x.is_finite()) && self.surfaces.place(voxel.index).is_none() {
+            self.surfaces.entry(voxel.index, || Surface { mean, inverse });
+            self.known.push(known);
         }
-        Self { normals }
     }
 
     /// Of points.
@@ -118,25 +124,38 @@ impl VoxelMap {
 
     /// Edge of a cube, metres.
     pub fn resolution_m(&self) -> f64 {
-        self.normals.size_m()
+        self.surfaces.size_m()
     }
 
     /// Number of cubes with a surface.
     pub fn len(&self) -> usize {
-        self.normals.cells().len()
+        self.surfaces.cells().len()
     }
 
     /// Whether there is nothing to match with.
     pub fn is_empty(&self) -> bool {
-        self.normals.cells().is_empty()
+        self.surfaces.cells().is_empty()
     }
 
-    pub(crate) fn index(&self, at: &Vector3<f64>) -> Option<Index> {
-        self.normals.index(at)
+    #[inline(always)]
+    pub(crate) fn index(&self, at: [f64; 3]) -> Option<Index> {
+        self.surfaces.index(at)
     }
 
-    pub(crate) fn normal(&self, index: Index) -> Option<&Normal> {
-        self.normals.get(index)
+    /// Which surface a cube has.
+    #[inline(always)]
+    pub(crate) fn surface(&self, index: Index) -> Option<usize> {
+        self.surfaces.place(index)
+    }
+
+    #[inline(always)]
+    pub(crate) fn at(&self, which: usize) -> &Surface {
+        &self.surfaces.cells()[which].1
+    }
+
+    #[inline(always)]
+    pub(crate) fn known(&self, which: usize) -> &[f64; 6] {
+        &self.known[which]
     }
 }
 

@@ -65,6 +65,9 @@ struct CheckArgs {
     /// The map
     #[arg(long, value_name = "FILE")]
     map: PathBuf,
+    /// Also look for the lidar from so many starts each turn, 2 m and 5° off in directions drawn from a seed
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    starts: u8,
     #[command(flatten)]
     driven: Driven,
     /// Print one JSON object and nothing else
@@ -116,7 +119,7 @@ fn check(args: &CheckArgs, registry: &Registry) -> anyhow::Result<String> {
     let bytes = read_whole(&args.map)?;
     let map = MapFile::read(&bytes).map_err(|error| anyhow!("{at}: {error}"))?;
     let config = config(&args.driven, registry)?;
-    let mut located = located::Located::new(&map);
+    let mut located = located::Located::new(&map, args.starts);
     drive(&config, &args.scenario, &mut |turn: &Turn| located.take(turn))?;
     let report = located
         .report()

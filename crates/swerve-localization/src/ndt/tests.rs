@@ -6,6 +6,7 @@ use swerve_core::Rng;
 use super::{Limits, Neighbours, align, pose_of};
 use crate::eskf::exp;
 use crate::grid::downsampled;
+use crate::lanes::narrow;
 use crate::voxels::{VoxelMap, VoxelSums, coarser};
 use crate::{icp, ply};
 
@@ -61,6 +62,24 @@ fn the_pose_is_found_again() {
         assert!(off.translation.vector.norm() < 0.02 && off.rotation.vector().norm() < 0.002, "{off:?}");
         let variance = found.covariance.fixed_view::<3, 3>(0, 0).trace();
         assert!((1e-6..0.01).contains(&variance), "{variance}");
+    }
+}
+
+#[test]
+fn wide_instructions_change_no_bit() {
+    let points = yard(false);
+    let maps = [2.0, 1.0].map(|size_m| VoxelMap::of_points(size_m, &points));
+    let scan = scan(&points, &pose(0.4, -0.4, 0.03));
+    for neighbours in [Neighbours::Direct1, Neighbours::Direct7] {
+        let limits = Limits { neighbours, ..Limits::default() };
+        // As many points as do not fill the last lanes.
+        for count in [1000, 1001, 1002, 1003] {
+            let [wide, narrow] = narrow::both(|| {
+                align(&[&maps[0], &maps[1]], &scan[..count], &pose(0.0, 0.0, 0.0), &limits)
+                    .expect("they match")
+            });
+            assert_eq!(wide, narrow);
+        }
     }
 }
 

@@ -51,7 +51,7 @@ fn a_street_of_a_hundred_metres_is_measured_by_its_houses() {
     let (street, mut rng) = (street(), Rng::keyed(1, "turns", &[]));
     let (mut odometry, mut end) = (Odometry::new(), Isometry3::identity());
     for k in 0..=72 {
-        let turned = odometry.take(turn(&street, 0.1 * f64::from(k), &mut rng));
+        let turned = odometry.take(&turn(&street, 0.1 * f64::from(k), &mut rng));
         assert!(matches!(turned, Turned::At(_)), "{k}: {turned:?}");
         end = turned.pose();
     }
@@ -66,19 +66,19 @@ fn a_street_of_a_hundred_metres_is_measured_by_its_houses() {
 fn a_turn_without_points_is_gone_over() {
     let (street, mut rng) = (street(), Rng::keyed(2, "turns", &[]));
     let mut odometry = Odometry::new();
-    let nothing = odometry.take([]);
+    let nothing = odometry.take(&[]);
     assert_eq!(nothing, Turned::Unmatched(Isometry3::identity()));
     for k in 0..10 {
-        odometry.take(turn(&street, 0.1 * f64::from(k), &mut rng));
+        odometry.take(&turn(&street, 0.1 * f64::from(k), &mut rng));
     }
     let wild = [
         Vector3::new(f64::NAN, 1.0, 1.0),
         Vector3::new(f64::INFINITY, 0.0, 0.0),
         Vector3::new(1e300, 0.0, 0.0),
     ];
-    let blind = odometry.take(wild.into_iter().map(|point| (point, f64::NAN)));
+    let blind = odometry.take(&wild.map(|point| (point, f64::NAN)));
     assert!(matches!(blind, Turned::Unmatched(_)), "{blind:?}");
-    let after = odometry.take(turn(&street, 1.1, &mut rng));
+    let after = odometry.take(&turn(&street, 1.1, &mut rng));
     let truth = pose(0.0).inverse() * pose(1.1);
     let off_m = (truth.translation.vector - after.pose().translation.vector).norm();
     assert!(matches!(after, Turned::At(_)) && off_m < 0.1, "{off_m} {after:?}");

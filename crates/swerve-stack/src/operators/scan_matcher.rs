@@ -42,8 +42,8 @@ const BEGIN_M: f64 = 0.3;
 const DRIFT: f64 = 0.01;
 const DRIFT_RAD_PER_M: f64 = 1e-4;
 
-/// Percentiles of what a turn of 54,000 points took on one core of an AMD EPYC (family 25, model 17), ms; looking around at first takes
-/// longer, once.
+/// Percentiles of a turn of 54,000 points, ms: four times what a match takes on one core of an AMD EPYC (family 25, model
+/// 17), so that looking around at first and slower processors have room.
 const MATCHER_MS: [[f64; 2]; 4] = [[0.0, 8.0], [50.0, 11.5], [99.0, 18.0], [100.0, 20.0]];
 const ODOMETRY_MS: [[f64; 2]; 4] = [[0.0, 20.0], [50.0, 45.0], [99.0, 90.0], [100.0, 110.0]];
 
@@ -161,11 +161,12 @@ pub(super) fn readings(
 }
 
 /// Each point, and when, as a share of a time before the end of the turn, -1 to 0.
-fn points(cloud: &PointCloud, period_s: f64) -> impl Iterator<Item = (Vector3<f64>, f64)> + '_ {
-    (0..cloud.len()).map(move |k| {
+fn points(cloud: &PointCloud, period_s: f64) -> Vec<(Vector3<f64>, f64)> {
+    let point = |k: usize| {
         let at_m = [cloud.x_m[k], cloud.y_m[k], cloud.z_m[k]].map(f64::from);
         (Vector3::from(at_m), f64::from(cloud.time_offset_s[k]) / period_s)
-    })
+    };
+    (0..cloud.len()).map(point).collect()
 }
 
 /// The map of a file.
@@ -232,7 +233,7 @@ impl Operator for ScanMatcher {
                 (self.matcher.insert(Matcher::new(&self.map, self.seed, guess)), still)
             }
         };
-        let found = matcher.take(points(cloud, turn.period_s), &turn.sweep, &since_last);
+        let found = matcher.take(&points(cloud, turn.period_s), &turn.sweep, &since_last);
         if let Some(found) = found {
             out.send(self.front.told(end, &found.map_from_scan, &Spread::of(&found)));
         }
@@ -274,7 +275,7 @@ impl Operator for LidarOdometry {
         let Some(start) = self.start.or_else(guess) else { return };
         self.start = Some(start);
         let points = points(cloud, turn.period_s);
-        let at = start * self.odometry.take_moved(points, &turn.sweep, &turn.over_turn).pose();
+        let at = start * self.odometry.take_moved(&points, &turn.sweep, &turn.over_turn).pose();
         self.way_m += turn.over_turn.translation.vector.norm();
         let (sigma_m, turned_rad) = (self.front.receiver.sigma_m(), DRIFT_RAD_PER_M * self.way_m);
         let off_m = math::hypot(BEGIN_M, DRIFT * self.way_m);

@@ -1,0 +1,167 @@
+//! Four numbers at once, by operations whose bits are the same on every processor.
+
+use core::ops::{Add, AddAssign, Mul, Sub};
+
+/// Numbers that go together.
+pub(crate) const LANES: usize = 4;
+
+/// Does work, compiled for the vector instructions that this processor has (AVX2) and for those of any: nothing fused or
+/// reordered, so the bits are the same. That reaches as far as it is inlined: a closure marked so, and of what it calls
+/// the small or marked.
+#[inline(always)]
+pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
+    #[cfg(test)]
+    if narrow::is_asked() {
+        return pulp::Simd::vectorize(pulp::Scalar, work);
+    }
+    pulp::Arch::new().dispatch(work)
+}
+
+/// Some numbers at once.
+#[derive(Clone, Copy, Default, Debug)]
+pub(crate) struct Lanes([f64; LANES]);
+
+impl Lanes {
+    /// The same in each.
+    #[inline(always)]
+    pub(crate) fn all(x: f64) -> Self {
+        Self([x; LANES])
+    }
+
+    /// Those of a row from a place on.
+    #[inline(always)]
+    pub(crate) fn of<const N: usize>(row: &[f64; N], from: usize) -> Self {
+        Self([row[from], row[from + 1], row[from + 2], row[from + 3]])
+    }
+
+    /// Puts them into a row.
+    #[inline(always)]
+    pub(crate) fn put<const N: usize>(self, row: &mut [f64; N], from: usize) {
+        row[from..from + LANES].copy_from_slice(&self.0);
+    }
+
+    /// All of them together, pair by pair.
+    #[inline(always)]
+    pub(crate) fn sum(self) -> f64 {
+        let [a, b, c, d] = self.0;
+        (a + b) + (c + d)
+    }
+
+    /// Exponential function of numbers up to 0, off by 1e-11 of its value at most; 0 of those not above `least`, which is
+    /// itself above -700, and of what is no number.
+    ///
+    /// `x = k ln 2 + f` with a whole `k`; `exp f` is a polynomial, and `2^k` is added to the exponent's bits.
+    #[inline(always)]
+    pub(crate) fn exp_above(self, least: f64) -> Self {
+        // Half of it is added to what is to be rounded to a whole number, which then stands in the last bits.
+        const ROUND: f64 = 6_755_399_441_055_744.0;
+        const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
+        // 1/n!, from the tenth down.
+        const TAYLOR: [f64; 10] = [
+            1.0 / 362_880.0,
+            1.0 / 40_320.0,
+            1.0 / 5_040.0,
+            1.0 / 720.0,
+            1.0 / 120.0,
+            1.0 / 24.0,
+            1.0 / 6.0,
+            0.5,
+            1.0,
+            1.0,
+        ];
+        let rounded = self * Self::all(core::f64::consts::LOG2_E) + Self::all(ROUND);
+        let whole = rounded - Self::all(ROUND);
+        let rest = self - whole * Self::all(LN_2[0]) - whole * Self::all(LN_2[1]);
+        let mut series = Self::all(TAYLOR[0]);
+        for term in &TAYLOR[1..] {
+            series = series * rest + Self::all(*term);
+        }
+        let scaled = |l: usize| series.0[l].to_bits().wrapping_add(rounded.0[l].to_bits() << 52);
+        let mask = |l: usize| if self.0[l] > least { u64::MAX } else { 0 };
+        let (scaled, mask) =
+            ([scaled(0), scaled(1), scaled(2), scaled(3)], [mask(0), mask(1), mask(2), mask(3)]);
+        let of = |l: usize| f64::from_bits(scaled[l] & mask[l]);
+        Self([of(0), of(1), of(2), of(3)])
+    }
+}
+
+impl Add for Lanes {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a + e, b + f, c + g, d + h])
+    }
+}
+
+impl AddAssign for Lanes {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Self;
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a - e, b - f, c - g, d - h])
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a * e, b * f, c * g, d * h])
+    }
+}
+
+/// What any processor runs, for tests that compare.
+#[cfg(test)]
+pub(crate) mod narrow {
+    use std::cell::Cell;
+
+    thread_local!(static ASKED: Cell<bool> = const { Cell::new(false) });
+
+    pub(super) fn is_asked() -> bool {
+        ASKED.get()
+    }
+
+    /// What some work gives, with and without wide instructions.
+    pub(crate) fn both<R>(mut work: impl FnMut() -> R) -> [R; 2] {
+        [false, true].map(|narrow| {
+            ASKED.set(narrow);
+            let result = work();
+            ASKED.set(false);
+            result
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_geom::math;
+
+    use super::*;
+
+    #[test]
+    fn exponentials_are_near_those_of_libm_and_end_below() {
+        for k in 0..20_000 {
+            let x = [0.0, 0.3, 0.5, 0.9].map(|part| -0.001 * (f64::from(k) + part));
+            let found = Lanes(x).exp_above(-20.0);
+            for (x, found) in x.into_iter().zip(found.0) {
+                let exact = math::exp(x);
+                assert!(((found - exact) / exact).abs() < 1e-11, "{x}: {found} {exact}");
+            }
+        }
+        let nothing = Lanes([-20.0, f64::NAN, -1e300, f64::NEG_INFINITY]).exp_above(-20.0);
+        assert_eq!(nothing.0, [0.0; LANES]);
+        assert_eq!(Lanes([0.0, -0.0, -1e-300, 0.0]).exp_above(-20.0).0, [1.0; LANES]);
+    }
+}
