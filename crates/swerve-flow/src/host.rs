@@ -17,15 +17,15 @@ pub(crate) fn ns_since(begin: Instant) -> u64 {
 #[derive(Clone, Copy)]
 pub(crate) enum Begin {
     Clock(Instant),
-    /// By the processor's counter, which takes less than half as long to read; with nanoseconds per tick.
-    Ticks(u64, f64),
+    /// By the processor's counter, which takes less than half as long to read; with the rate of that.
+    Ticks(u64, ticks::Rate),
 }
 
 impl Begin {
     /// At this moment.
     #[inline]
     pub(crate) fn now() -> Self {
-        match ticks::ns_per_tick() {
+        match ticks::rate() {
             Some(rate) => Self::Ticks(ticks::read(), rate),
             None => Self::Clock(now()),
         }
@@ -36,7 +36,7 @@ impl Begin {
     pub(crate) fn ns(self) -> u64 {
         match self {
             Self::Clock(begin) => ns_since(begin),
-            Self::Ticks(begin, rate) => (ticks::read().saturating_sub(begin) as f64 * rate) as u64,
+            Self::Ticks(begin, rate) => ticks::ns(ticks::read().saturating_sub(begin), rate),
         }
     }
 }
@@ -59,12 +59,21 @@ mod ticks {
     /// Of two readings of one clock with the other between them so far apart something else came between.
     const AT_ONCE: Duration = Duration::from_micros(1);
 
-    /// Nanoseconds per tick to one in 10,000; none where the counter is not to be used.
-    static RATE: OnceLock<Option<f64>> = OnceLock::new();
+    /// Nanoseconds per 2^32 ticks.
+    pub(super) type Rate = u64;
 
-    /// Nanoseconds per tick, once that is known.
+    /// How long so many ticks take, nanoseconds.
     #[inline]
-    pub(super) fn ns_per_tick() -> Option<f64> {
+    pub(super) fn ns(ticks: u64, rate: Rate) -> u64 {
+        ((u128::from(ticks) * u128::from(rate)) >> 32) as u64
+    }
+
+    /// The rate to one in 10,000; none where the counter is not to be used.
+    static RATE: OnceLock<Option<Rate>> = OnceLock::new();
+
+    /// The rate, once that is known.
+    #[inline]
+    pub(super) fn rate() -> Option<Rate> {
         match RATE.get() {
             Some(rate) => *rate,
             None => compare(),
@@ -72,7 +81,7 @@ mod ticks {
     }
 
     #[cold]
-    fn compare() -> Option<f64> {
+    fn compare() -> Option<Rate> {
         static FIRST: OnceLock<Option<(Instant, u64)>> = OnceLock::new();
         let is_source = || std::fs::read_to_string(CLOCK_SOURCE).is_ok_and(|source| source.trim() == "tsc");
         let first = FIRST.get_or_init(|| is_source().then(|| (0..100).find_map(|_| both())).flatten());
@@ -82,7 +91,8 @@ mod ticks {
         if passed < COMPARED || tick <= *first_tick {
             return None;
         }
-        *RATE.get_or_init(|| Some(passed.as_nanos() as f64 / (tick - first_tick) as f64))
+        let rate = (passed.as_nanos() << 32) / u128::from(tick - first_tick);
+        *RATE.get_or_init(|| u64::try_from(rate).ok())
     }
 
     /// One moment on both clocks, if they could be read at once.
@@ -94,12 +104,20 @@ mod ticks {
 
 #[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
 mod ticks {
-    pub(super) fn ns_per_tick() -> Option<f64> {
+    /// There is none.
+    #[derive(Clone, Copy)]
+    pub(super) enum Rate {}
+
+    pub(super) fn rate() -> Option<Rate> {
         None
     }
 
     pub(super) fn read() -> u64 {
         0
+    }
+
+    pub(super) fn ns(_: u64, rate: Rate) -> u64 {
+        match rate {}
     }
 }
 

@@ -268,17 +268,21 @@ impl Engine<'_> {
         Some(Box::new(cut))
     }
 
+    #[inline]
     fn run_here(&mut self, rank: usize, task: &mut Task, ran: &mut Ran) {
-        let begin = self.host_time(rank).then(Begin::now);
-        let workers = self.workers();
+        let has_workers = self.pool.is_some();
+        let workers = if has_workers { self.workers() } else { None };
         let node = &mut self.nodes[rank];
+        let is_measured = matches!(node.runtime, RuntimeModel::Measured { .. });
         // What a step leaves to others is not in its time on this host.
-        if let Some(pool) = workers.filter(|_| !matches!(node.runtime, RuntimeModel::Measured { .. })) {
+        if let Some(pool) = workers.filter(|_| !is_measured) {
             task.workers = Some(Workers { pool, operator: node.name.clone() });
         }
+        let is_timed = self.host_time || is_measured || self.wall.is_some();
+        let begin = is_timed.then(Begin::now);
         let body = node.body.as_mut().expect("the operator is not away");
         run(&mut **body, &node.name, task, &mut node.slots, begin, ran);
-        if task.workers.is_some() {
+        if has_workers && task.workers.is_some() {
             node.promised.extend(ran.outs.iter().find_map(|(_, sent)| sent.promised().map(Arc::downgrade)));
         }
     }
@@ -414,16 +418,10 @@ impl Engine<'_> {
         }
         outs
     }
-
-    /// Whether the host time of the operator's steps is wanted.
-    fn host_time(&self, rank: usize) -> bool {
-        self.wall.is_some()
-            || self.host_time
-            || matches!(self.nodes[rank].runtime, RuntimeModel::Measured { .. })
-    }
 }
 
 /// Runs one step on the present thread; with `begin` given, its host time is taken from there.
+#[inline(always)]
 pub(super) fn run(
     body: &mut dyn Body,
     name: &str,
