@@ -51,6 +51,13 @@ impl Pieces<'_> {
         self.out.extend_from_slice(&self.held[..self.len]);
         self.len = 0;
     }
+
+    /// Takes in a piece that there is no room for.
+    #[cold]
+    fn append(&mut self, piece: &[u8]) {
+        self.spill();
+        self.out.extend_from_slice(piece);
+    }
 }
 
 impl Write for Pieces<'_> {
@@ -60,22 +67,28 @@ impl Write for Pieces<'_> {
     }
 
     fn write_all(&mut self, piece: &[u8]) -> io::Result<()> {
-        if piece.len() > HELD - self.len {
-            self.spill();
+        // Nothing follows the head of a small number.
+        if piece.is_empty() {
+            return Ok(());
         }
-        let Some(room) = self.held.get_mut(self.len..self.len + piece.len()) else {
-            self.out.extend_from_slice(piece);
+        let rest = self.held.get_mut(self.len..);
+        let Some(room) = rest.and_then(|rest| rest.get_mut(..piece.len())) else {
+            self.append(piece);
             return Ok(());
         };
-        // The lengths of heads and numbers, each one store.
-        match *piece {
-            [byte] => room[0] = byte,
-            [a, b] => room.copy_from_slice(&[a, b]),
-            [a, b, c, d] => room.copy_from_slice(&[a, b, c, d]),
-            [a, b, c, d, e, f, g, h] => room.copy_from_slice(&[a, b, c, d, e, f, g, h]),
-            _ => room.copy_from_slice(piece),
-        }
         self.len += piece.len();
+        // Heads and numbers: one store each.
+        if let ([to], [byte]) = (&mut *room, piece) {
+            *to = *byte;
+        } else if let (Ok(to), Ok(word)) = (<&mut [u8; 8]>::try_from(&mut *room), <&[u8; 8]>::try_from(piece))
+        {
+            *to = *word;
+        } else if let (Ok(to), Ok(word)) = (<&mut [u8; 4]>::try_from(&mut *room), <&[u8; 4]>::try_from(piece))
+        {
+            *to = *word;
+        } else {
+            room.copy_from_slice(piece);
+        }
         Ok(())
     }
 
