@@ -274,15 +274,15 @@ impl Graph {
     /// # Errors
     /// When there is no operator of that name, or a record names a port that it does not have or holds a
     /// payload of another type.
-    pub fn playback(&mut self, name: &str, records: Vec<PlaybackRecord>) -> Result<(), GraphError> {
+    pub fn playback(&mut self, name: &str, mut records: Vec<PlaybackRecord>) -> Result<(), GraphError> {
         let index = self.index_of(name)?;
         let operator = &self.operators[index];
-        for record in &records {
+        for record in &mut records {
             let stream = operator.streams.get(record.port).map(|stream| &self.streams[*stream]);
             let Some(stream) = stream else {
                 return Err(GraphError::PlaybackPort { operator: name.into(), port: record.port });
             };
-            record.check(stream).map_err(|(at, reason)| GraphError::PlaybackPayload {
+            record.take_in(stream).map_err(|(at, reason)| GraphError::PlaybackPayload {
                 operator: name.into(),
                 at,
                 reason,

@@ -78,6 +78,7 @@
 extern crate self as swerve_flow;
 
 mod any;
+pub mod cbor;
 mod cddl;
 mod deadline;
 mod decision;

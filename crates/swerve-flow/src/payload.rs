@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use swerve_core::{Digest, digest_of};
 
+use crate::cbor;
 use crate::cddl::cddl;
 use crate::promise::Pending;
 
@@ -34,7 +35,7 @@ pub trait ErasedPayload: Any + Send + Sync {
 
 impl<T: Payload> ErasedPayload for T {
     fn to_cbor(&self, out: &mut Vec<u8>) {
-        ciborium::into_writer(self, out).expect("message types serialize without fail, and memory takes all");
+        cbor::write(self, out);
     }
 
     fn to_wire(&self, out: &mut Vec<u8>) {
@@ -303,11 +304,16 @@ impl Outs {
         self.first.iter().map(|sent| (0, sent)).chain(others)
     }
 
-    /// Empties all ports; gives those that were filled, in their order.
+    /// Empties port 0; gives what it was filled with.
     #[inline]
-    pub(crate) fn take_all(&mut self) -> impl Iterator<Item = (usize, Sent)> {
-        let others = core::mem::take(&mut self.others);
-        self.first.take().map(|sent| (0, sent)).into_iter().chain(others)
+    pub(crate) fn take_first(&mut self) -> Option<Sent> {
+        self.first.take()
+    }
+
+    /// Empties the ports above 0; gives those that were filled, in their order.
+    #[inline]
+    pub(crate) fn take_others(&mut self) -> impl Iterator<Item = (usize, Sent)> {
+        self.others.drain(..)
     }
 
     #[inline]
@@ -323,8 +329,8 @@ impl Outs {
 /// How the engine makes a payload of one stream from its logged form.
 pub(crate) type Decode = fn(&[u8]) -> Result<Sent, String>;
 
-pub(crate) fn decode<T: Payload>(cbor: &[u8]) -> Result<Sent, String> {
-    let value: T = ciborium::from_reader(cbor).map_err(|error| error.to_string())?;
+pub(crate) fn decode<T: Payload>(bytes: &[u8]) -> Result<Sent, String> {
+    let value: T = cbor::read(bytes)?;
     Ok(Sent::new(Arc::new(value)))
 }
 

@@ -46,6 +46,10 @@ enum Kind {
     Cbor(Arc<[u8]>),
 }
 
+/// A payload of at most so many bytes of CBOR is decoded once: in memory it takes no more than with the names of its
+/// fields. Of images and point clouds there is one at a time.
+const SMALL: usize = 16 << 10;
+
 impl core::fmt::Debug for PlaybackPayload {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match &self.0 {
@@ -105,18 +109,23 @@ impl PlaybackRecord {
         }
     }
 
-    /// Whether the payload can be one of `stream`.
-    pub(crate) fn check(&self, stream: &StreamSpec) -> Result<(), (Time, String)> {
-        match &self.message {
-            Some(PlaybackMessage { payload: PlaybackPayload(Kind::Ready(sent)), stamp, .. })
-                if sent.type_id() != stream.payload.id =>
-            {
+    /// Checks that the payload is one of `stream`; a small one is kept as it was decoded for that.
+    pub(crate) fn take_in(&mut self, stream: &StreamSpec) -> Result<(), (Time, String)> {
+        let Some(PlaybackMessage { payload: PlaybackPayload(kind), stamp, .. }) = &mut self.message else {
+            return Ok(());
+        };
+        match kind {
+            Kind::Ready(sent) if sent.type_id() != stream.payload.id => {
                 Err((*stamp, format!("expected {}, found {}", stream.payload.full_name, sent.type_name())))
             }
-            Some(PlaybackMessage { payload: PlaybackPayload(Kind::Cbor(bytes)), stamp, .. }) => {
-                (stream.decode)(bytes).map(|_| ()).map_err(|reason| (*stamp, reason))
+            Kind::Ready(_) => Ok(()),
+            Kind::Cbor(bytes) => {
+                let sent = (stream.decode)(bytes).map_err(|reason| (*stamp, reason))?;
+                if bytes.len() <= SMALL {
+                    *kind = Kind::Ready(sent);
+                }
+                Ok(())
             }
-            _ => Ok(()),
         }
     }
 

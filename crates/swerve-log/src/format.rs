@@ -14,6 +14,7 @@
 use std::collections::BTreeMap;
 
 use swerve_core::{Digest, Time};
+use swerve_flow::cbor;
 
 use crate::record::{MessageHeader, RunEnd, RunStart};
 
@@ -106,7 +107,7 @@ const BEFORE_PAYLOAD: &[u8] = b"\x67payload";
 /// byte later.
 pub(crate) fn write_message(header: &MessageHeader, payload_cbor: &[u8], out: &mut Vec<u8>) {
     out.extend_from_slice(BEFORE_HEADER);
-    ciborium::into_writer(header, &mut *out).expect("a header serializes, and memory takes all");
+    cbor::write(header, out);
     out.extend_from_slice(BEFORE_PAYLOAD);
     out.extend_from_slice(payload_cbor);
 }
@@ -115,7 +116,7 @@ pub(crate) fn write_message(header: &MessageHeader, payload_cbor: &[u8], out: &m
 pub(crate) fn read_message(data: &[u8]) -> Result<(MessageHeader, &[u8]), String> {
     let form = || "expected a message of the form {header, payload}".to_owned();
     let mut rest = data.strip_prefix(BEFORE_HEADER).ok_or_else(form)?;
-    let header = ciborium::from_reader(&mut rest).map_err(|error| format!("in a message header: {error}"))?;
+    let header = cbor::read(&mut rest).map_err(|error| format!("in a message header: {error}"))?;
     let payload = rest.strip_prefix(BEFORE_PAYLOAD).ok_or_else(form)?;
     Ok((header, payload))
 }

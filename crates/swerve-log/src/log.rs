@@ -36,18 +36,18 @@ impl Log {
 
     /// Reads of a complete log the records that are to be kept; anything missing or damaged is an error.
     pub fn read_where(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Self, LogError> {
-        let (log, damage) = Self::salvage_where(path, keep)?;
+        let (log, damage) = Self::salvage_where(path, &keep)?;
         damage.map_or(Ok(log), Err)
     }
 
     /// Reads what can be read, and tells what ended the reading. An error when not even the run's start can be.
     pub fn salvage(path: &Path) -> Result<(Self, Option<LogError>), LogError> {
-        Self::salvage_where(path, |_| true)
+        Self::salvage_where(path, &|_| true)
     }
 
     fn salvage_where(
         path: &Path,
-        keep: impl Fn(&Record) -> bool,
+        keep: &dyn Fn(&Record) -> bool,
     ) -> Result<(Self, Option<LogError>), LogError> {
         Ok(Self::gather(Reader::open(path)?, keep))
     }
@@ -55,7 +55,7 @@ impl Log {
     /// Reads on to the end, or to what ends the reading.
     pub(crate) fn gather<R: Read + Seek>(
         mut reader: Reader<R>,
-        keep: impl Fn(&Record) -> bool,
+        keep: &dyn Fn(&Record) -> bool,
     ) -> (Self, Option<LogError>) {
         let mut records = Vec::new();
         let damage = loop {

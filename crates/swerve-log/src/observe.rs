@@ -2,18 +2,19 @@
 
 use std::io::Write;
 
-use swerve_flow::{Decision, DropReason, EndReason, Event, Observer, Publication, Reaction, RunReport, Sent};
+use swerve_flow::{
+    Decision, DropReason, EndReason, Event, Observer, Publication, Reaction, RunReport, Sent, cbor,
+};
 
 use crate::record::{
     DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,
 };
-use crate::trace::Published;
 use crate::{Recorder, TraceWriter};
 
 /// Appends what stands in a log for a payload that it leaves out: in CBOR, a map of `left_out` to the digest.
 pub fn left_out(payload: &Sent, out: &mut Vec<u8>) {
     let place = std::collections::BTreeMap::from([("left_out", payload.digest().to_string())]);
-    ciborium::into_writer(&place, out).expect("a map of two words serializes, and memory takes all");
+    cbor::write(&place, out);
 }
 
 impl Observer for Recorder {
@@ -105,29 +106,13 @@ impl Recorder {
             | Decision::Lost { .. }
             | Decision::Restarted { .. } => self.now(),
         };
-        self.decision(at, |out| {
-            ciborium::into_writer(decision, out).expect("decisions serialize, and memory takes all");
-        });
+        self.decision(at, |out| cbor::write(decision, out));
     }
 }
 
 impl<W: Write + Send> Observer for TraceWriter<W> {
     fn event(&mut self, event: &Event<'_>) {
-        match event {
-            Event::Publication(p) => {
-                if let Some(stamp) = p.stamp {
-                    // A repeat derives from what the repeated step read, not from its own stamp.
-                    let published = Published { stamp, origin: p.origin, at: p.visible_at };
-                    self.message(p.operator, p.stream, published, p.reads.iter());
-                }
-            }
-            Event::StepStart(e) => self.step_start(e.operator, e.stamp, e.at, e.reads.iter()),
-            Event::StepEnd(e) => self.step_end(e.operator, e.stamp, e.end, e.units, e.late),
-            Event::Miss(e) => self.miss(e.operator, e.stamp, e.at, reaction_name(e.reaction)),
-            Event::Drop(e) => self.dropped(e.operator, e.stamp, e.at, reason_name(e.reason)),
-            Event::Decision(_) => {}
-            Event::End(report) => self.reach(report.at),
-        }
+        self.take(event);
     }
 }
 
@@ -143,7 +128,7 @@ fn run_end(report: &RunReport) -> RunEnd {
     RunEnd { digest: report.digest, at: report.at, reason, report: text }
 }
 
-fn reaction_name(reaction: Reaction) -> &'static str {
+pub(crate) fn reaction_name(reaction: Reaction) -> &'static str {
     match reaction {
         Reaction::Skip => "skip",
         Reaction::ReuseLast => "reuse_last",
@@ -151,7 +136,7 @@ fn reaction_name(reaction: Reaction) -> &'static str {
     }
 }
 
-fn reason_name(reason: DropReason) -> &'static str {
+pub(crate) fn reason_name(reason: DropReason) -> &'static str {
     match reason {
         DropReason::Skipped => "skipped",
         DropReason::QueueFull => "queue_full",

@@ -348,5 +348,6 @@ impl Context {
 }
 
 fn parse<T: DeserializeOwned>(data: &[u8]) -> Result<T, String> {
-    ciborium::from_reader(data).map_err(|error| format!("expected {}: {error}", core::any::type_name::<T>()))
+    swerve_flow::cbor::read(data)
+        .map_err(|error| format!("expected {}: {error}", core::any::type_name::<T>()))
 }

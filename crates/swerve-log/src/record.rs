@@ -200,10 +200,10 @@ impl DecisionRecord {
 }
 
 fn decode<T: DeserializeOwned>(cbor: &[u8], stream: &str, seq: u64) -> Result<T, LogError> {
-    ciborium::from_reader(cbor).map_err(|error| LogError::Payload {
+    swerve_flow::cbor::read(cbor).map_err(|reason| LogError::Payload {
         stream: stream.into(),
         seq,
         type_name: core::any::type_name::<T>(),
-        reason: error.to_string(),
+        reason,
     })
 }

@@ -7,19 +7,21 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use swerve_core::{Span, Time};
+use swerve_flow::Event;
 
 use crate::LogError;
 use crate::arrows::{Arrow, Arrows};
+use crate::observe::{reaction_name, reason_name};
 
 /// The instants of a message.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Published {
+struct Published {
     /// The instant that it describes.
-    pub(crate) stamp: Time,
+    stamp: Time,
     /// The stamp of the newest sensor frame that it derives from.
-    pub(crate) origin: Option<Time>,
+    origin: Option<Time>,
     /// When it became visible.
-    pub(crate) at: Time,
+    at: Time,
 }
 
 /// Writes what a run's steps did, as a trace in the run's own time.
@@ -37,6 +39,13 @@ pub struct TraceWriter<W: Write = BufWriter<File>> {
     path: PathBuf,
     out: Option<W>,
     failed: Option<io::Error>,
+    trace: Trace,
+}
+
+/// What is written, wherever it goes: compiled here, not with every place that it goes to.
+struct Trace {
+    /// What is to be passed on.
+    text: String,
     first: bool,
     operators: Vec<Track>,
     tids: u32,
@@ -85,13 +94,103 @@ impl TraceWriter {
     }
 }
 
+/// As much text is passed on at once, bytes.
+const PASSED_ON: usize = 16 << 10;
+
 impl<W: Write> TraceWriter<W> {
     /// Writes to any place; `path` is its name in errors.
     pub fn to(path: &Path, out: W, commands: &[&str]) -> Self {
+        Self { path: path.into(), out: Some(out), failed: None, trace: Trace::new(commands) }
+    }
+
+    /// A step started at `at`; `reads` names the streams it reads, each with the stamp of the newest message.
+    pub fn step_start<'a>(
+        &mut self,
+        operator: &str,
+        stamp: Time,
+        at: Time,
+        reads: impl Iterator<Item = (&'a str, Option<Time>)>,
+    ) {
+        self.trace.step_start(operator, stamp, at, reads);
+        self.pass_on(PASSED_ON);
+    }
+
+    /// A step came to its modelled end.
+    pub fn step_end(&mut self, operator: &str, stamp: Time, end: Time, units: u64, late: bool) {
+        self.trace.step_end(operator, stamp, end, units, late);
+        self.pass_on(PASSED_ON);
+    }
+
+    /// A deadline was missed.
+    pub fn miss(&mut self, operator: &str, stamp: Time, at: Time, reaction: &str) {
+        self.trace.miss(operator, stamp, at, reaction);
+        self.pass_on(PASSED_ON);
+    }
+
+    /// A frame or a result was dropped.
+    pub fn dropped(&mut self, operator: &str, stamp: Time, at: Time, reason: &str) {
+        self.trace.dropped(operator, stamp, at, reason);
+        self.pass_on(PASSED_ON);
+    }
+
+    /// Marks the steps of a chain, by instant (seconds) and name, across all rows.
+    pub fn mark_chain<'a>(&mut self, steps: impl Iterator<Item = (f64, &'a str)>, actor: &str) {
+        self.trace.mark_chain(steps, actor);
+        self.pass_on(PASSED_ON);
+    }
+
+    /// Completes the trace: running steps end at the last instant.
+    pub fn finish(mut self) -> Result<(), LogError> {
+        self.complete();
+        match self.failed.take() {
+            None => Ok(()),
+            Some(error) => Err(LogError::Write { path: self.path.clone(), reason: error.to_string() }),
+        }
+    }
+
+    /// Takes in an event of the run.
+    pub(crate) fn take(&mut self, event: &Event<'_>) {
+        self.trace.event(event);
+        self.pass_on(PASSED_ON);
+    }
+
+    /// Passes on what is written, once it is so much.
+    fn pass_on(&mut self, least: usize) {
+        if self.trace.text.len() < least {
+            return;
+        }
+        if let Some(out) = &mut self.out
+            && let Err(error) = out.write_all(self.trace.text.as_bytes())
+        {
+            self.failed.get_or_insert(error);
+            self.out = None;
+        }
+        self.trace.text.clear();
+    }
+
+    fn complete(&mut self) {
+        if self.out.is_some() {
+            self.trace.complete();
+        }
+        self.pass_on(0);
+        if let Some(mut out) = self.out.take()
+            && let Err(error) = out.flush()
+        {
+            self.failed.get_or_insert(error);
+        }
+    }
+}
+
+impl<W: Write> Drop for TraceWriter<W> {
+    fn drop(&mut self) {
+        self.complete();
+    }
+}
+
+impl Trace {
+    fn new(commands: &[&str]) -> Self {
         let mut trace = Self {
-            path: path.into(),
-            out: Some(out),
-            failed: None,
+            text: String::new(),
             first: true,
             operators: Vec::new(),
             tids: 0,
@@ -101,15 +200,34 @@ impl<W: Write> TraceWriter<W> {
             order: 0,
             now: Time::ZERO,
         };
-        trace.raw("{\"displayTimeUnit\":\"ms\",\"traceEvents\":[\n");
+        trace.text.push_str("{\"displayTimeUnit\":\"ms\",\"traceEvents\":[\n");
         trace.emit(
             "{\"ph\":\"M\",\"pid\":1,\"name\":\"process_name\",\"args\":{\"name\":\"swerve, run time\"}}",
         );
         trace
     }
 
+    /// Takes in an event of the run.
+    fn event(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Publication(p) => {
+                if let Some(stamp) = p.stamp {
+                    // A repeat derives from what the repeated step read, not from its own stamp.
+                    let published = Published { stamp, origin: p.origin, at: p.visible_at };
+                    self.message(p.operator, p.stream, published, p.reads.iter());
+                }
+            }
+            Event::StepStart(e) => self.step_start(e.operator, e.stamp, e.at, e.reads.iter()),
+            Event::StepEnd(e) => self.step_end(e.operator, e.stamp, e.end, e.units, e.late),
+            Event::Miss(e) => self.miss(e.operator, e.stamp, e.at, reaction_name(e.reaction)),
+            Event::Drop(e) => self.dropped(e.operator, e.stamp, e.at, reason_name(e.reason)),
+            Event::Decision(_) => {}
+            Event::End(report) => self.reach(report.at),
+        }
+    }
+
     /// A step started at `at`; `reads` names the streams it reads, each with the stamp of the newest message.
-    pub fn step_start<'a>(
+    fn step_start<'a>(
         &mut self,
         operator: &str,
         stamp: Time,
@@ -127,7 +245,7 @@ impl<W: Write> TraceWriter<W> {
     }
 
     /// A step came to its modelled end.
-    pub fn step_end(&mut self, operator: &str, stamp: Time, end: Time, units: u64, late: bool) {
+    fn step_end(&mut self, operator: &str, stamp: Time, end: Time, units: u64, late: bool) {
         self.reach(end);
         let index = self.operator(operator);
         let found = self.running.iter().position(|r| r.operator == index && r.stamp == stamp);
@@ -144,7 +262,7 @@ impl<W: Write> TraceWriter<W> {
     }
 
     /// A message became visible; `reads` as for the step that computed it.
-    pub(crate) fn message<'a>(
+    fn message<'a>(
         &mut self,
         operator: &str,
         stream: &str,
@@ -160,17 +278,17 @@ impl<W: Write> TraceWriter<W> {
     }
 
     /// A deadline was missed.
-    pub fn miss(&mut self, operator: &str, stamp: Time, at: Time, reaction: &str) {
+    fn miss(&mut self, operator: &str, stamp: Time, at: Time, reaction: &str) {
         self.instant(operator, at, &format!("missed, {reaction}"), stamp);
     }
 
     /// A frame or a result was dropped.
-    pub fn dropped(&mut self, operator: &str, stamp: Time, at: Time, reason: &str) {
+    fn dropped(&mut self, operator: &str, stamp: Time, at: Time, reason: &str) {
         self.instant(operator, at, &format!("dropped, {reason}"), stamp);
     }
 
     /// Marks the steps of a chain, by instant (seconds) and name, across all rows.
-    pub fn mark_chain<'a>(&mut self, steps: impl Iterator<Item = (f64, &'a str)>, actor: &str) {
+    fn mark_chain<'a>(&mut self, steps: impl Iterator<Item = (f64, &'a str)>, actor: &str) {
         self.tids += 1;
         let tid = self.tids;
         let head = format!("{{\"ph\":\"M\",\"pid\":1,\"tid\":{tid},\"name\":");
@@ -185,17 +303,8 @@ impl<W: Write> TraceWriter<W> {
         }
     }
 
-    /// Completes the trace: running steps end at the last instant.
-    pub fn finish(mut self) -> Result<(), LogError> {
-        self.complete();
-        match self.failed.take() {
-            None => Ok(()),
-            Some(error) => Err(LogError::Write { path: self.path.clone(), reason: error.to_string() }),
-        }
-    }
-
     /// Time has come to `at`: what can no longer be preceded is written.
-    pub(crate) fn reach(&mut self, at: Time) {
+    fn reach(&mut self, at: Time) {
         self.now = self.now.max(at);
         let running = self.running.iter().map(|r| r.start).min();
         // Arrows are drawn back by a nanosecond.
@@ -324,18 +433,9 @@ impl<W: Write> TraceWriter<W> {
 
     fn emit(&mut self, event: &str) {
         if !core::mem::take(&mut self.first) {
-            self.raw(",\n");
+            self.text.push_str(",\n");
         }
-        self.raw(event);
-    }
-
-    fn raw(&mut self, text: &str) {
-        if let Some(out) = &mut self.out
-            && let Err(error) = out.write_all(text.as_bytes())
-        {
-            self.failed.get_or_insert(error);
-            self.out = None;
-        }
+        self.text.push_str(event);
     }
 
     fn complete(&mut self) {
@@ -345,18 +445,7 @@ impl<W: Write> TraceWriter<W> {
         for event in core::mem::take(&mut self.pending).into_values() {
             self.emit(&event);
         }
-        self.raw("\n]}\n");
-        if let Some(mut out) = self.out.take()
-            && let Err(error) = out.flush()
-        {
-            self.failed.get_or_insert(error);
-        }
-    }
-}
-
-impl<W: Write> Drop for TraceWriter<W> {
-    fn drop(&mut self) {
-        self.complete();
+        self.text.push_str("\n]}\n");
     }
 }
 

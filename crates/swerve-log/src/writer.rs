@@ -8,6 +8,7 @@ use mcap::records::{MessageHeader as McapHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions};
 use serde::Serialize;
 use swerve_core::{Span, Time};
+use swerve_flow::cbor;
 
 use crate::LogError;
 use crate::format::{self, Kind, unsigned};
@@ -189,7 +190,7 @@ impl<W: Write + Seek> LogWriter<W> {
         stamp: Time,
     ) -> Result<(), McapError> {
         self.scratch.clear();
-        ciborium::into_writer(record, &mut self.scratch).expect("records serialize, and memory takes all");
+        cbor::write(record, &mut self.scratch);
         self.put(self.channel(kind), 0, at, stamp)
     }
 

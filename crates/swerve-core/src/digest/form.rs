@@ -52,7 +52,10 @@ impl Form {
         if self.len + N > FORM_MAX {
             self.spill();
         }
-        self.bytes[self.len..self.len + N].copy_from_slice(&word);
+        // One store, however little is inlined here: a copy of slices may be a call.
+        if let Some(room) = self.bytes.get_mut(self.len..).and_then(<[u8]>::first_chunk_mut) {
+            *room = word;
+        }
         self.len += N;
     }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use swerve_core::{Digest, Hasher, Time};
 
 use super::due::{Due, Ready};
-use super::node::{Node, Reader};
+use super::node::{Node, Reader, StreamState};
 use super::turn::Answer;
 use super::{Engine, Event, tell};
 use crate::message::{Header, Msg};
@@ -20,7 +20,25 @@ impl Engine<'_> {
         let node = &mut self.nodes[rank];
         node.floor = answer.stamp;
         let watermark = node.watermark();
-        for (port, sent) in outs.take_all() {
+        self.publish_with(rank, watermark, answer, outs);
+    }
+
+    /// The same with a watermark that is known to be the operator's.
+    #[inline]
+    pub(super) fn publish_with(
+        &mut self,
+        rank: usize,
+        watermark: Time,
+        answer: &Answer<'_>,
+        outs: &mut Outs,
+    ) {
+        if let Some(sent) = outs.take_first() {
+            self.publish_on(rank, 0, watermark, answer, sent);
+        }
+        if outs.is_empty() {
+            return;
+        }
+        for (port, sent) in outs.take_others() {
             self.publish_on(rank, port, watermark, answer, sent);
         }
     }
@@ -37,42 +55,25 @@ impl Engine<'_> {
         let node = &mut self.nodes[rank];
         node.tally.messages += 1;
         node.tally.repeats += u64::from(answer.reused_from.is_some());
-        let id = node.streams[port];
-        let stream = &mut self.streams[id];
-        let header = stream.next_header(now, watermark, answer);
-        self.digest.message(stream.key, &header, &sent);
+        let stream = &mut self.streams[node.streams[port]];
+        let msg = Msg { header: stream.next_header(now, watermark, answer), sent };
+        self.digest.message(stream.key, &msg.header, &msg.sent);
         if !self.observers.is_empty() {
-            self.tell_publication(rank, port, &header, answer, &sent);
+            let publication = publication(node, port, stream, &msg, answer, self.pass);
+            tell(&mut self.observers, &Event::Publication(publication));
         }
-        self.deliver(id, Msg { header, sent });
-    }
-
-    fn tell_publication(
-        &mut self,
-        rank: usize,
-        port: usize,
-        header: &Header,
-        answer: &Answer<'_>,
-        sent: &Sent,
-    ) {
-        let node = &self.nodes[rank];
-        // A feed has no record of what was read.
-        let names = if answer.reads.len() == node.reads.len() { &node.reads[..] } else { &[] };
-        let publication = Publication {
-            operator: &node.name,
-            stream: &self.streams[node.streams[port]].name,
-            port,
-            seq: header.seq,
-            stamp: Some(header.stamp),
-            watermark: header.watermark,
-            visible_at: header.visible_at,
-            pass: self.pass,
-            reused_from: header.reused_from,
-            origin: header.origin,
-            reads: Reads { names, stamps: answer.reads },
-            payload: Some(sent),
-        };
-        tell(&mut self.observers, &Event::Publication(publication));
+        // Handed to the ports that read the stream.
+        if stream.depth > 0 {
+            stream.remember(msg.clone(), now);
+        }
+        let Some((&last, others)) = stream.readers.split_last() else { return };
+        let arrival = now.saturating_add(stream.delay);
+        let (nodes, due, ready) = (&mut self.nodes, &mut self.due, &mut self.ready);
+        for &reader in others {
+            hand_over(nodes, due, ready, reader, arrival, now, msg.clone());
+        }
+        // The last reader takes the message itself: most streams have one reader.
+        hand_over(nodes, due, ready, last, arrival, now, msg);
     }
 
     /// (f) Publishes the operator's watermark where it rose without a message.
@@ -117,23 +118,6 @@ impl Engine<'_> {
         self.deliver_bare(id, watermark);
     }
 
-    /// Hands a message to the ports that read the stream.
-    pub(super) fn deliver(&mut self, id: usize, msg: Msg) {
-        let now = self.now;
-        let stream = &mut self.streams[id];
-        let arrival = now.saturating_add(stream.delay);
-        if stream.depth > 0 {
-            stream.remember(msg.clone(), now);
-        }
-        let Some((&last, others)) = stream.readers.split_last() else { return };
-        let (nodes, due, ready) = (&mut self.nodes, &mut self.due, &mut self.ready);
-        for &reader in others {
-            hand_over(nodes, due, ready, reader, arrival, now, msg.clone());
-        }
-        // The last reader takes the message itself: most streams have one reader.
-        hand_over(nodes, due, ready, last, arrival, now, msg);
-    }
-
     /// Hands a watermark without a message to the ports that read the stream.
     fn deliver_bare(&mut self, id: usize, watermark: Time) {
         let now = self.now;
@@ -171,6 +155,34 @@ impl Engine<'_> {
             let answer = Answer { stamp, reused_from, origin, reads: &[] };
             self.publish_on(rank, record.port, record.watermark, &answer, sent);
         }
+    }
+}
+
+/// What observers are told of a message.
+#[inline(always)]
+fn publication<'a>(
+    node: &'a Node,
+    port: usize,
+    stream: &'a StreamState,
+    Msg { header, sent }: &'a Msg,
+    answer: &Answer<'a>,
+    pass: u32,
+) -> Publication<'a> {
+    // A feed has no record of what was read.
+    let names = if answer.reads.len() == node.reads.len() { &node.reads[..] } else { &[] };
+    Publication {
+        operator: &node.name,
+        stream: &stream.name,
+        port,
+        seq: header.seq,
+        stamp: Some(header.stamp),
+        watermark: header.watermark,
+        visible_at: header.visible_at,
+        pass,
+        reused_from: header.reused_from,
+        origin: header.origin,
+        reads: Reads { names, stamps: answer.reads },
+        payload: Some(sent),
     }
 }
 

@@ -49,6 +49,10 @@ pub(crate) struct Node {
     pub(crate) uses: Option<usize>,
     pub(crate) origin: bool,
     pub(crate) heavy: bool,
+    /// Nothing but its one port says when it takes a step, and none of them takes time.
+    pub(crate) at_once: bool,
+    /// What the last step read, emptied, for the next one.
+    pub(crate) spare_reads: Vec<Option<Time>>,
     /// Open frames that have not started, in order of stamps; the first `complete` are complete.
     pub(crate) open: VecDeque<Open>,
     pub(crate) complete: usize,
@@ -303,14 +307,17 @@ impl Node {
         (self.open[index].stamp != stamp).then_some(index)
     }
 
-    /// Takes the message of the frame at `stamp` out of a port.
-    pub(crate) fn take(&mut self, port: usize, stamp: Time) -> Option<Msg> {
-        let queue = &mut self.at[port].queue;
-        if queue.front()?.header.stamp == stamp {
-            return queue.pop_front();
+    /// The stamp of the only frame that there is, where it came just now, is complete, and its step is all that the
+    /// turn is to bring.
+    #[inline]
+    pub(crate) fn frame_at_once(&self) -> Option<Time> {
+        let [port] = &self.at[..] else { return None };
+        let is_alone = port.fresh == 1 && port.queue.len() == 1 && port.pending.is_empty();
+        if !(is_alone && self.open.is_empty() && self.running.is_empty()) {
+            return None;
         }
-        let index = queue.binary_search_by_key(&stamp, |msg| msg.header.stamp).ok()?;
-        queue.remove(index)
+        let stamp = port.queue.front()?.header.stamp;
+        (self.floor < stamp && stamp <= port.watermark).then_some(stamp)
     }
 
     /// Lets go of slots that a played-back step held until `now`.
@@ -344,8 +351,20 @@ impl Node {
         let open = self.open.remove(index).expect("the caller found it");
         self.complete -= usize::from(index < self.complete);
         for port in 0..self.at.len() {
-            self.take(port, open.stamp);
+            self.at[port].take(open.stamp);
         }
         open.stamp
+    }
+}
+
+impl AtPort {
+    /// Takes out the message of the frame at `stamp`.
+    #[inline]
+    pub(crate) fn take(&mut self, stamp: Time) -> Option<Msg> {
+        if self.queue.front()?.header.stamp == stamp {
+            return self.queue.pop_front();
+        }
+        let index = self.queue.binary_search_by_key(&stamp, |msg| msg.header.stamp).ok()?;
+        self.queue.remove(index)
     }
 }

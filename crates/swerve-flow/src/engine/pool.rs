@@ -217,7 +217,7 @@ impl Shared {
         }
         let Job { rank, name, mut body, mut task, mut slots } = job;
         let mut ran = Ran::default();
-        run(&mut *body, &name, &mut task, &mut slots, Some(crate::host::now()), &mut ran);
+        run(&mut *body, &name, &mut task, &mut slots, Some(crate::host::Begin::now()), &mut ran);
         self.running.fetch_sub(1, Ordering::Relaxed);
         self.lock().done.push(Done { ticket, rank, body, ran });
         self.done.ring();

@@ -15,7 +15,9 @@ use crate::graph::{BodySpec, Graph, OperatorSpec, ranks};
 use crate::input::{Edge, PortSpec, Slot};
 use crate::observer::Observer;
 use crate::options::RunOptions;
+use crate::policy::{Late, Policy};
 use crate::report::{OperatorReport, RunError};
+use crate::runtime::RuntimeModel;
 use crate::wall::Pace;
 
 impl<'o> Engine<'o> {
@@ -61,7 +63,11 @@ impl<'o> Engine<'o> {
         };
         let mut specs: Vec<Option<OperatorSpec>> = graph.operators.into_iter().map(Some).collect();
         let specs = order.iter().map(|index| specs[*index].take().expect("each operator has one rank"));
-        let nodes: Vec<Node> = specs.map(|spec| node(spec, &stream_of, &names)).collect();
+        let mut nodes: Vec<Node> = specs.map(|spec| node(spec, &stream_of, &names)).collect();
+        if replay.is_some() {
+            // The records say how long a step takes.
+            nodes.iter_mut().for_each(|node| node.at_once = false);
+        }
         let (due, ready) = (Due::new(nodes.len()), Ready::new(nodes.len()));
         let mut engine = Self {
             nodes,
@@ -170,7 +176,10 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         BodySpec::Operator(body, on_deadline) => (Some(body), Some(on_deadline), None),
         BodySpec::Feed(records) => (None, None, Some(records.into())),
     };
+    let is_plain = spec.deadline.is_none() && spec.uses.is_none() && !spec.heavy && feed.is_none();
+    let puts_off = matches!(spec.policy, Policy::Pipelined { late: Late::PutOff(_), .. });
     Node {
+        at_once: is_plain && !puts_off && matches!(spec.runtime, RuntimeModel::Zero) && timers.is_empty(),
         slots: order.iter().map(|_| Slot::Empty).collect(),
         tally: OperatorReport { name: spec.name.to_string(), ..OperatorReport::default() },
         name: spec.name,
@@ -196,6 +205,7 @@ fn node(spec: OperatorSpec, stream_of: &impl Fn(Edge) -> usize, names: &[std::sy
         uses: spec.uses,
         origin: spec.origin,
         heavy: spec.heavy,
+        spare_reads: Vec::new(),
         open: VecDeque::new(),
         complete: 0,
         running: VecDeque::new(),

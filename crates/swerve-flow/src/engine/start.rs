@@ -8,10 +8,12 @@ use swerve_core::{Span, Time};
 
 use super::node::{Outcome, PortRef, Ran, Run};
 use super::pool::Job;
+use super::turn::{Answer, Ended};
 use super::{Engine, Event, tell};
 use crate::deadline::{Anchor, Reaction};
 use crate::decision::{Decided, Decision};
 use crate::graph::newest;
+use crate::host::Begin;
 use crate::input::Slot;
 use crate::message::Msg;
 use crate::observer::{Reads, StepStart};
@@ -39,12 +41,7 @@ impl Engine<'_> {
             Some(Anchor::Start) => self.deadline_from(rank, now),
             _ => open.deadline,
         };
-        self.keep_up(rank);
-        let (origin, reads) = self.fill_slots(rank, stamp);
-        self.wait_for_promised(rank);
-        if self.failure.is_some() {
-            return;
-        }
+        let Some((origin, reads)) = self.read(rank, stamp) else { return };
         let decided = self.replay.as_ref().and_then(|replay| replay.step(&self.nodes[rank].name, stamp));
         let draw = self.draw(rank, stamp, decided);
         self.nodes[rank].tally.steps += 1;
@@ -102,9 +99,46 @@ impl Engine<'_> {
         let node = &self.nodes[rank];
         let out_now = run.end == now && node.policy.comes_out(now, node.came_out) == now;
         if alone && out_now && node.running.is_empty() && self.failure.is_none() {
-            return self.publish_at_once(rank, &mut run);
+            return self.publish_at_once(rank, run);
         }
         self.nodes[rank].running.push_back(run);
+    }
+
+    /// Takes a step that takes no time and is the only one, for a frame that is not open, and publishes its answer with
+    /// this watermark; says whether that is all there is to the frame.
+    pub(super) fn step_at_once(&mut self, rank: usize, stamp: Time, watermark: Time) -> bool {
+        let Some((origin, reads)) = self.read(rank, stamp) else { return true };
+        let now = self.now;
+        self.nodes[rank].tally.steps += 1;
+        self.tell_start(rank, stamp, Time::MAX, &reads);
+        let mut task = Task::new(now, stamp, self.seed);
+        let mut ran = Ran::default();
+        self.run_here(rank, &mut task, &mut ran);
+        if !self.went_well(rank, stamp, &mut ran) {
+            return false;
+        }
+        self.note_end(rank, &Ended { stamp, start: now, end: now, late: false }, &mut ran);
+        if !ran.is_empty() {
+            self.nodes[rank].floor = stamp;
+            let answer = Answer { stamp, reused_from: None, origin, reads: &reads };
+            self.publish_with(rank, watermark, &answer, &mut ran.outs);
+        }
+        self.nodes[rank].spare_reads = reads;
+        true
+    }
+
+    /// Puts what the step reads into the slots; gives the origin and the stamps that come of it, unless something of it
+    /// was promised and is never made, which ends the run.
+    #[inline]
+    fn read(&mut self, rank: usize, stamp: Time) -> Option<(Option<Time>, Vec<Option<Time>>)> {
+        // Where nobody else works nobody promises.
+        if self.pool.is_none() {
+            return Some(self.fill_slots(rank, stamp));
+        }
+        self.keep_up(rank);
+        let read = self.fill_slots(rank, stamp);
+        self.wait_for_promised(rank);
+        self.failure.is_none().then_some(read)
     }
 
     /// Puts what the step reads into the slots; gives the origin and the stamps that come of it.
@@ -112,12 +146,15 @@ impl Engine<'_> {
         let observed = !self.observers.is_empty();
         let now = self.now;
         let node = &mut self.nodes[rank];
-        let mut slots = core::mem::take(&mut node.slots);
-        let mut reads = Vec::with_capacity(if observed { node.reads.len() } else { 0 });
+        let mut reads = core::mem::take(&mut node.spare_reads);
+        reads.clear();
+        if observed {
+            reads.reserve_exact(node.reads.len());
+        }
         let mut origin = None;
-        for (slot, port) in slots.iter_mut().zip(0..) {
-            let header = match node.order[port] {
-                PortRef::At(port) => match node.take(port, stamp) {
+        for (slot, port) in node.slots.iter_mut().zip(&node.order) {
+            let header = match *port {
+                PortRef::At(port) => match node.at[port].take(stamp) {
                     Some(msg) => {
                         let header = msg.header;
                         *slot = Slot::Message(msg);
@@ -156,7 +193,6 @@ impl Engine<'_> {
                 reads.push(header.map(|header| header.stamp));
             }
         }
-        node.slots = slots;
         let origin = if node.origin { Some(stamp) } else { origin };
         (origin, reads)
     }
@@ -232,17 +268,21 @@ impl Engine<'_> {
         Some(Box::new(cut))
     }
 
+    #[inline]
     fn run_here(&mut self, rank: usize, task: &mut Task, ran: &mut Ran) {
-        let begin = self.host_time(rank).then(crate::host::now);
-        let workers = self.workers();
+        let has_workers = self.pool.is_some();
+        let workers = if has_workers { self.workers() } else { None };
         let node = &mut self.nodes[rank];
+        let is_measured = matches!(node.runtime, RuntimeModel::Measured { .. });
         // What a step leaves to others is not in its time on this host.
-        if let Some(pool) = workers.filter(|_| !matches!(node.runtime, RuntimeModel::Measured { .. })) {
+        if let Some(pool) = workers.filter(|_| !is_measured) {
             task.workers = Some(Workers { pool, operator: node.name.clone() });
         }
+        let is_timed = self.host_time || is_measured || self.wall.is_some();
+        let begin = is_timed.then(Begin::now);
         let body = node.body.as_mut().expect("the operator is not away");
         run(&mut **body, &node.name, task, &mut node.slots, begin, ran);
-        if task.workers.is_some() {
+        if has_workers && task.workers.is_some() {
             node.promised.extend(ran.outs.iter().find_map(|(_, sent)| sent.promised().map(Arc::downgrade)));
         }
     }
@@ -286,19 +326,10 @@ impl Engine<'_> {
 
     /// Works out the end of a step that ran, and notes if it failed.
     fn settle_ran(&mut self, rank: usize, run: &mut Run) {
-        let node = &self.nodes[rank];
         let Outcome::Here(ran) = &mut run.outcome else { return };
-        if let Some(message) = ran.panic.take() {
-            self.failure = Some(RunError::Panic { operator: node.name.to_string(), message: message.into() });
+        if !self.went_well(rank, run.stamp, ran) {
             return;
         }
-        if let Some(unusual) = &mut ran.unusual {
-            let (restarted, lost) = (core::mem::take(&mut unusual.restarted), unusual.lost.take());
-            if !self.came_from_away(rank, run.stamp, restarted, lost) {
-                return;
-            }
-        }
-        let Outcome::Here(ran) = &mut run.outcome else { return };
         if let (Some(units), Some(_)) = (ran.stopped_at, self.wall) {
             let (operator, stamp) = (self.nodes[rank].name.clone(), run.stamp);
             self.decide(|| Decision::Stop { operator: operator.to_string(), stamp, units });
@@ -333,6 +364,19 @@ impl Engine<'_> {
                 self.tell(&Event::Decision(&Decision::RunTime { operator, stamp, run_time }));
             }
         }
+    }
+
+    /// Notes what a step panicked with, or that it was lost; says whether the run goes on.
+    #[inline(always)]
+    fn went_well(&mut self, rank: usize, stamp: Time, ran: &mut Ran) -> bool {
+        if let Some(message) = ran.panic.take() {
+            let operator = self.nodes[rank].name.to_string();
+            self.failure = Some(RunError::Panic { operator, message: message.into() });
+            return false;
+        }
+        let Some(unusual) = &mut ran.unusual else { return true };
+        let (restarted, lost) = (core::mem::take(&mut unusual.restarted), unusual.lost.take());
+        self.came_from_away(rank, stamp, restarted, lost)
     }
 
     /// Notes what a step in another process came to; says whether the run goes on.
@@ -374,26 +418,20 @@ impl Engine<'_> {
         }
         outs
     }
-
-    /// Whether the host time of the operator's steps is wanted.
-    fn host_time(&self, rank: usize) -> bool {
-        self.wall.is_some()
-            || self.host_time
-            || matches!(self.nodes[rank].runtime, RuntimeModel::Measured { .. })
-    }
 }
 
 /// Runs one step on the present thread; with `begin` given, its host time is taken from there.
+#[inline(always)]
 pub(super) fn run(
     body: &mut dyn Body,
     name: &str,
     task: &mut Task,
     slots: &mut [Slot],
-    begin: Option<std::time::Instant>,
+    begin: Option<Begin>,
     ran: &mut Ran,
 ) {
     ran.panic = step(body, name, task, slots, &mut ran.outs);
-    ran.host_ns = begin.map_or(0, crate::host::ns_since);
+    ran.host_ns = begin.map_or(0, Begin::ns);
     ran.units = task.meter.units;
     if let Some(cut) = &task.meter.cut {
         (ran.stopped_at, ran.went_on) = (cut.stopped_at, cut.went_on);

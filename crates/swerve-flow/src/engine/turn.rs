@@ -4,7 +4,7 @@ use std::sync::PoisonError;
 
 use swerve_core::{Span, Time};
 
-use super::node::{Finished, Outcome, Run};
+use super::node::{Finished, Outcome, Ran, Run};
 use super::{Engine, tell};
 use crate::deadline::{Anchor, Length, Reaction};
 use crate::decision::Decision;
@@ -23,6 +23,11 @@ impl Engine<'_> {
             self.nodes[rank].release_held(self.now);
             self.resources_touched(rank);
             return self.rearm(rank);
+        }
+        if self.nodes[rank].at_once
+            && let Some(stamp) = self.nodes[rank].frame_at_once()
+        {
+            return self.turn_at_once(rank, stamp);
         }
         self.arrive(rank);
         loop {
@@ -43,6 +48,21 @@ impl Engine<'_> {
             self.publish_watermark(rank);
         }
         self.rearm(rank);
+    }
+
+    /// A turn that is one step, which takes no time: what [`turn`](Self::turn) comes to then, without its detours.
+    fn turn_at_once(&mut self, rank: usize, stamp: Time) {
+        let node = &mut self.nodes[rank];
+        node.at[0].fresh = 0;
+        let watermark = node.at[0].watermark;
+        if !self.step_at_once(rank, stamp, watermark) {
+            // What the step was for stays open.
+            self.nodes[rank].open.push_back(super::node::Open { stamp, deadline: Time::MAX });
+            return self.publish_watermark(rank);
+        }
+        for port in 0..self.nodes[rank].streams.len() {
+            self.publish_risen(rank, port, watermark);
+        }
     }
 
     /// Opens the frames of what became visible since the last turn.
@@ -98,7 +118,12 @@ impl Engine<'_> {
             };
             let node = &mut self.nodes[rank];
             node.next_deadline = node.next_deadline.min(deadline);
-            node.open.insert(index, super::node::Open { stamp, deadline });
+            let open = super::node::Open { stamp, deadline };
+            if index == node.open.len() {
+                node.open.push_back(open);
+            } else {
+                node.open.insert(index, open);
+            }
         }
     }
 
@@ -148,6 +173,7 @@ impl Engine<'_> {
                 index += 1;
             } else {
                 index -= self.publish_result(rank, &mut run);
+                self.nodes[rank].spare_reads = run.reads;
             }
         }
     }
@@ -168,9 +194,10 @@ impl Engine<'_> {
     }
 
     /// A step that takes no time, alone in its operator, is answered as soon as it ran.
-    pub(super) fn publish_at_once(&mut self, rank: usize, run: &mut Run) {
-        self.end_step(rank, run);
-        self.publish_result(rank, run);
+    pub(super) fn publish_at_once(&mut self, rank: usize, mut run: Run) {
+        self.end_step(rank, &mut run);
+        self.publish_result(rank, &mut run);
+        self.nodes[rank].spare_reads = run.reads;
     }
 
     /// Notes that the modelled end of a step has come.
@@ -180,29 +207,31 @@ impl Engine<'_> {
         }
         let node = &mut self.nodes[rank];
         let Outcome::Here(ran) = &mut run.outcome else { return };
-        node.tally.ended += 1;
-        node.tally.busy += run.end - run.start;
-        node.tally.units += ran.units;
-        if let Some(reason) = ran.unusual.take().and_then(|unusual| unusual.stop_run) {
-            self.stop.get_or_insert(reason);
-        }
         let keep = node.deadline.is_some_and(|deadline| deadline.reaction != Reaction::Skip);
         if keep && !ran.is_empty() && node.last.as_ref().is_none_or(|last| last.stamp < run.stamp) {
             let (stamp, origin) = (run.stamp, run.origin);
             node.last = Some(Finished { stamp, origin, reads: run.reads.clone(), outs: ran.outs.clone() });
         }
+        let ended = Ended { stamp: run.stamp, start: run.start, end: run.end, late: run.resolved };
+        self.note_end(rank, &ended, ran);
+    }
+
+    /// Counts a step whose modelled end has come, and tells the observers.
+    #[inline]
+    pub(super) fn note_end(&mut self, rank: usize, ended: &Ended, ran: &mut Ran) {
+        let &Ended { stamp, start, end, late } = ended;
+        let node = &mut self.nodes[rank];
+        node.tally.ended += 1;
+        node.tally.busy += end - start;
+        node.tally.units += ran.units;
+        if let Some(reason) = ran.unusual.take().and_then(|unusual| unusual.stop_run) {
+            self.stop.get_or_insert(reason);
+        }
         if self.observers.is_empty() {
             return;
         }
-        let event = StepEnd {
-            operator: &node.name,
-            stamp: run.stamp,
-            start: run.start,
-            end: run.end,
-            units: ran.units,
-            host_ns: ran.host_ns,
-            late: run.resolved,
-        };
+        let (units, host_ns) = (ran.units, ran.host_ns);
+        let event = StepEnd { operator: &node.name, stamp, start, end, units, host_ns, late };
         tell(&mut self.observers, &Event::StepEnd(event));
     }
 
@@ -465,6 +494,14 @@ pub(super) struct Answer<'a> {
     pub(super) reused_from: Option<Time>,
     pub(super) origin: Option<Time>,
     pub(super) reads: &'a [Option<Time>],
+}
+
+/// A step whose modelled end has come.
+pub(super) struct Ended {
+    pub(super) stamp: Time,
+    pub(super) start: Time,
+    pub(super) end: Time,
+    pub(super) late: bool,
 }
 
 struct Missed {

@@ -166,3 +166,64 @@ fn s8_observers_change_nothing() {
         assert_eq!(observed, alone, "{case}");
     }
 }
+
+/// All that observers are told of a run, and what it comes to; by the records of an earlier run that has none, so that
+/// no turn is cut short, or else.
+fn told(net: Net, by_records: bool) -> (Vec<String>, Vec<Published>, Result<RunReport, String>) {
+    let log = Log::default();
+    let mut recorder = log.clone();
+    let (options, observers) = (RunOptions::until(at(2000)), vec![&mut recorder as &mut dyn Observer]);
+    let report = match by_records {
+        true => run_replay(net.graph, &options, Replay::default(), observers),
+        false => run_virtual(net.graph, &options, observers),
+    };
+    let published =
+        ["source", "stage0", "stage1", "stage2", "stage3", "last"].map(|name| log.published(name));
+    (log.all(), published.concat(), report.map_err(|error| error.to_string()))
+}
+
+/// Sends every other time, and panics at a stamp.
+struct Fitful {
+    panics_at: Time,
+    steps: u64,
+}
+
+impl Operator for Fitful {
+    type In = (At<i64>, Latest<i64>);
+    type Out = (Port<i64>, Port<i64>);
+
+    fn step(&mut self, cx: &mut Context<'_>, _: &Self::In, (some, all): &mut Self::Out) {
+        assert!(cx.stamp() < self.panics_at, "here it ends");
+        self.steps += 1;
+        if self.steps.is_multiple_of(2) {
+            some.send(cx.stamp().ns());
+        }
+        if !self.steps.is_multiple_of(3) {
+            all.send(cx.stamp().ns());
+        }
+        if self.steps == 50 {
+            cx.stop_run("enough");
+        }
+    }
+}
+
+#[test]
+fn s3_a_turn_that_is_one_step_of_no_run_time_comes_to_what_any_turn_does() {
+    for case in 0..300 {
+        assert_eq!(told(random_net(case), false), told(random_net(case), true), "{case}");
+    }
+    for panics_ms in [0, 70, 300, 5000] {
+        for delay_ms in [0, 3] {
+            let net = || {
+                let mut net = Net::new();
+                let source = net.stage("source", tick(10)).delay(ms(delay_ms)).out();
+                let fitful = Fitful { panics_at: at(panics_ms), steps: 0 };
+                let (some, all) = net.graph.add("stage0", fitful, (source, source)).out();
+                let slow = net.stage("stage1", join(&[some])).runtime(fixed(4)).out();
+                net.stage("last", join(&[all]).latest(slow)).out();
+                net
+            };
+            assert_eq!(told(net(), false), told(net(), true), "{panics_ms} {delay_ms}");
+        }
+    }
+}

@@ -88,7 +88,7 @@ fn whole() -> Vec<u8> {
 
 fn read_from(disk: Disk) -> Result<(Log, Option<LogError>), LogError> {
     let size = disk.held().len() as u64;
-    Ok(Log::gather(Reader::of(Path::new("log.mcap"), disk, size)?, |_| true))
+    Ok(Log::gather(Reader::of(Path::new("log.mcap"), disk, size)?, &|_| true))
 }
 
 #[test]
