@@ -1,5 +1,7 @@
 //! Section 3: one instant is one sweep.
 
+use swerve_core::Time;
+
 use super::net::*;
 use crate::*;
 
