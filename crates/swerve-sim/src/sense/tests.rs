@@ -1,5 +1,5 @@
 use swerve_core::{Span, Time};
-use swerve_geom::{Point, Pose2, Transform, Vector, Vector2};
+use swerve_geom::{Point, Pose2, Transform, Vector, Vector2, math};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
 use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Gnss, Imu, Side};
 use swerve_vehicle::{Shape, VehicleParams};
@@ -273,8 +273,8 @@ fn a_unit_off_the_centre_of_gravity_feels_the_car_turn() {
     assert_eq!(at_cg.accel_mps2, [0.5, -0.2, 9.81]);
     // Turn rate 0.41 rad/s, growing by 1 rad/s²: inwards ω² r, to the side along the lever turned left.
     let expected = [0.5 - 0.41 * 0.41 - 0.5, -0.2 - 0.41 * 0.41 * 0.5 + 1.0, 9.81];
-    for axis in 0..3 {
-        assert!((off.accel_mps2[axis] - expected[axis]).abs() < 1e-9, "{off:?}");
+    for (felt, expected) in off.accel_mps2.into_iter().zip(expected) {
+        assert!((felt - expected).abs() < 1e-9, "{off:?}");
     }
     assert_eq!(off.gyro_radps, at_cg.gyro_radps);
 }
@@ -282,7 +282,7 @@ fn a_unit_off_the_centre_of_gravity_feels_the_car_turn() {
 /// East and north of the map's origin, metres; right near it.
 fn place(fix: &Gnss) -> [f64; 2] {
     let north = (fix.latitude_deg - 37.4).to_radians() * 6_359_045.0;
-    let east = (fix.longitude_deg + 122.0).to_radians() * 6_386_016.0 * 37.4_f64.to_radians().cos();
+    let east = (fix.longitude_deg + 122.0).to_radians() * 6_386_016.0 * math::cos(37.4_f64.to_radians());
     [east, north]
 }
 
@@ -301,7 +301,7 @@ fn an_offset_wanders_with_its_deviation_and_is_forgotten() {
     let both: Vec<f64> = pairs.as_flattened().to_vec();
     assert!((deviation(&both) - 2.0).abs() < 0.1, "{}", deviation(&both));
     let kept = pairs.iter().map(|[a, b]| a * b).sum::<f64>() / 600.0 / 4.0;
-    assert!((kept - (-1.0_f64).exp()).abs() < 0.1, "{kept}");
+    assert!((kept - math::exp(-1.0)).abs() < 0.1, "{kept}");
     let holds = GnssParams { bias_time_s: 0.0, ..params };
     let mut receiver = GnssReceiver::new(holds, "gnss", 1);
     let fixes = [0, 100_000].map(|ms| place(&receiver.sense(&world_at(ms, 0.0, 0.0)).unwrap()));
@@ -349,7 +349,7 @@ fn reflections_move_fixes_by_a_step_for_a_while() {
         let mut receiver = GnssReceiver::new(params.clone(), "gnss", seed);
         let mut off = |k: i64| {
             let [east, north] = place(&receiver.sense(&world_at(100 * k, 0.0, 0.0)).unwrap());
-            east.hypot(north)
+            math::hypot(east, north)
         };
         (0..6000).map(&mut off).collect()
     };
