@@ -93,6 +93,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/traffic_lights.toml"
     "configs/two_hosts.toml"
     "configs/two_processes.toml"
+    "configs/urban_gnss.toml"
 };
 
 /// What is asked for: where names are looked up.

@@ -79,7 +79,8 @@ impl Eskf {
     ) {
         let n = &mut self.nominal;
         let force = accel_mps2 - n.accel_bias_mps2;
-        let turn = exp(&((gyro_radps - n.gyro_bias_radps) * dt_s));
+        let turned_rad = (gyro_radps - n.gyro_bias_radps) * dt_s;
+        let turn = exp(&turned_rad);
         let rotation = n.attitude.to_rotation_matrix().into_inner();
         let accel = rotation * force - Vector3::new(0.0, 0.0, params.gravity_mps2);
         n.position_m += n.velocity_mps * dt_s + accel * (0.5 * dt_s * dt_s);
@@ -103,10 +104,17 @@ impl Eskf {
             forget,
         };
         step.spread(&mut self.covariance);
-        self.add_noise(params, &rotation, dt_s, forget);
+        self.add_noise(params, &rotation, &turned_rad, dt_s, forget);
     }
 
-    fn add_noise(&mut self, params: &Params, rotation: &Matrix3<f64>, dt_s: f64, forget: f64) {
+    fn add_noise(
+        &mut self,
+        params: &Params,
+        rotation: &Matrix3<f64>,
+        turned_rad: &Vector3<f64>,
+        dt_s: f64,
+        forget: f64,
+    ) {
         let p = &mut self.covariance;
         let square = |x: f64| x * x;
         let accel = Vector3::from(params.accel_noise.map(|d| square(d) * dt_s));
@@ -116,6 +124,8 @@ impl Eskf {
                 p[(VELOCITY + i, VELOCITY + j)] += velocity[(i, j)];
             }
             p[(ATTITUDE + j, ATTITUDE + j)] += square(params.gyro_noise[j]) * dt_s;
+            // A turn by an angle is off by the scale's share of it: of the square of that, what is not below it up to 2 rad.
+            p[(ATTITUDE + j, ATTITUDE + j)] += 2.0 * square(params.gyro_scale) * turned_rad[j].abs();
             p[(ACCEL_BIAS + j, ACCEL_BIAS + j)] += square(params.accel_bias_walk) * dt_s;
             p[(GYRO_BIAS + j, GYRO_BIAS + j)] += square(params.gyro_bias_walk) * dt_s;
         }

@@ -35,6 +35,9 @@ pub struct Params {
     pub gyro_bias_radps: f64,
     /// Walk of that bias, rad/s per root second.
     pub gyro_bias_walk: f64,
+    /// Error of the gyroscopes' scale, as a share. It is no state: turns of up to two radians make the attitude as
+    /// uncertain as it can.
+    pub gyro_scale: f64,
     /// Offset of fixes east and north, metres: what all of them have in common.
     pub offset_m: f64,
     /// Time over which that offset is forgotten, seconds; 0 for never.
@@ -90,6 +93,7 @@ impl Default for Params {
             accel_bias_walk: 1e-3,
             gyro_bias_radps: 2e-3,
             gyro_bias_walk: 1e-5,
+            gyro_scale: 0.0,
             offset_m: 0.5,
             offset_time_s: 0.0,
             wheel_scale: 0.003,
@@ -172,6 +176,7 @@ impl Params {
             ("accel_bias_walk", self.accel_bias_walk, [0.0, 10.0]),
             ("gyro_bias_radps", self.gyro_bias_radps, [0.0, 1.0]),
             ("gyro_bias_walk", self.gyro_bias_walk, [0.0, 1.0]),
+            ("gyro_scale", self.gyro_scale, [0.0, 0.5]),
             ("offset_m", self.offset_m, [0.0, 1000.0]),
             ("offset_time_s", self.offset_time_s, [0.0, 1e6]),
             ("wheel_scale", self.wheel_scale, [0.0, 0.5]),

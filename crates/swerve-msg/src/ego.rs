@@ -60,7 +60,7 @@ pub(crate) fn is_plausible_velocity(velocity_mps: &Vector2) -> bool {
     velocity_mps.norm() <= SPEED_MAX_MPS
 }
 
-/// One reading of the inertial measurement unit at the centre of gravity, axes of the ego frame.
+/// One reading of the inertial measurement unit at its place, axes of the ego frame.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Imu {
     /// Instant of the measurement.
@@ -71,7 +71,7 @@ pub struct Imu {
     pub gyro_radps: [f64; 3],
 }
 
-/// One satellite fix of the ego origin, WGS 84.
+/// One satellite fix of the receiver's antenna, WGS 84.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Gnss {
     /// Instant of the measurement.

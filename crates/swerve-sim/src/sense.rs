@@ -2,9 +2,12 @@
 //!
 //! `WorldState` in; messages of the stack out, stamped with the state's stamp. No sensor draws from anything
 //! but its key, so the order in which they are asked, or whether, changes nothing. Those that count or compare
-//! (wheel encoders, lines, stop lines) remember their own last reading and nothing else.
+//! (wheel encoders, lines, stop lines) or whose errors wander (satellite receiver, inertial unit) remember their own
+//! last reading and nothing else.
 
 mod events;
+mod gnss;
+mod imu;
 mod motion;
 mod obstacles;
 mod odometry;
@@ -12,6 +15,8 @@ mod radar;
 mod timing;
 
 pub use events::*;
+pub use gnss::*;
+pub use imu::*;
 pub use motion::*;
 pub use obstacles::*;
 pub use odometry::*;

@@ -55,7 +55,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(obstacles::ObstacleSensor)
         .with::<pose::PoseSensor>()
         .with::<imu::ImuSensor>()
-        .with::<gnss::GnssReceiver>()
+        .with::<gnss::Receiver>()
         .with::<odometry::Odometry>()
         .with::<events::CollisionSensor>()
         .with::<events::LaneInvasions>()

@@ -1,20 +1,23 @@
-//! `swerve map`: a map of voxels from simulated drives, and how well a lidar finds its way by it.
+//! `swerve map`: a map of voxels from simulated or logged drives, and how well a lidar finds its way by it.
 
 mod located;
+mod logged;
 mod turns;
 
 use std::path::PathBuf;
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context as _, anyhow, bail};
 use swerve_drive::shipped::Kind;
 use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_localization::map_file::MapFile;
+use swerve_localization::ndt::Vector3;
 use swerve_localization::voxels::VoxelSums;
 use swerve_report::files::{read_whole, write_whole};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::config::sensors::LidarConfig;
 
+use logged::{Logged, is_log};
 use turns::{Turn, Turns};
 
 /// `swerve map`.
@@ -26,7 +29,7 @@ pub struct MapArgs {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
-    /// Drive scenarios with a lidar at its true pose, and write what stands there as a map
+    /// Write what stands along drives as a map: of scenarios, driven with a lidar at its true pose, or of logs
     Build(BuildArgs),
     /// Drive a scenario and find the lidar by a map, and without one: errors against the truth
     Check(CheckArgs),
@@ -45,12 +48,15 @@ struct Driven {
 
 #[derive(clap::Args, Debug)]
 struct BuildArgs {
-    /// Scenario files (TOML)
-    #[arg(required = true)]
-    scenarios: Vec<PathBuf>,
+    /// Scenario files (TOML), or logs (MCAP) of drives that recorded a lidar's clouds
+    #[arg(required = true, value_name = "SCENARIO|LOG")]
+    drives: Vec<PathBuf>,
     /// The map
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
+    /// Which lidar of a log, where it has clouds of several
+    #[arg(long, value_name = "NAME")]
+    lidar: Option<String>,
     /// Edge of a voxel, metres
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     resolution_m: f64,
@@ -91,18 +97,32 @@ fn build(args: &BuildArgs, registry: &Registry) -> anyhow::Result<String> {
     if !(0.1..=10.0).contains(&args.resolution_m) {
         bail!("--resolution-m: expected 0.1 to 10, found {}", args.resolution_m);
     }
+    let logs = args.drives.iter().filter(|path| is_log(path)).count();
+    if logs == args.drives.len() && !(args.driven.config.is_empty() && args.driven.set.is_empty()) {
+        bail!("--config, --set: expected none with logs: each has the configuration that it was driven with");
+    }
+    if logs == 0 && args.lidar.is_some() {
+        bail!("--lidar: expected with a log; a configuration for scenarios has one lidar");
+    }
     let config = config(&args.driven, registry)?;
     let mut sums = VoxelSums::new(args.resolution_m);
     let (mut turns, mut points) = (0, 0_usize);
-    for path in &args.scenarios {
-        let mut add = |turn: &Turn| {
-            turns += 1;
-            for (at, _) in turn.points.iter().filter(|(_, instance)| *instance == 0) {
-                points += 1;
-                sums.add(at);
-            }
+    for path in &args.drives {
+        let mut add = |at: &Vector3<f64>| {
+            points += 1;
+            sums.add(at);
         };
-        drive(&config, path, &mut add)?;
+        if is_log(path) {
+            let logged = Logged::read(path, registry, args.lidar.as_deref())?;
+            let all = logged.turns(&mut |turn: &[Vector3<f64>]| turn.iter().for_each(&mut add));
+            turns += all.with_context(|| path.display().to_string())?;
+        } else {
+            let mut all = |turn: &Turn| {
+                turns += 1;
+                turn.points.iter().filter(|(_, instance)| *instance == 0).for_each(|(at, _)| add(at));
+            };
+            drive(&config, path, &mut all)?;
+        }
     }
     let map = MapFile::new(args.resolution_m, sums.voxels());
     let bytes = map.write();

@@ -1,8 +1,8 @@
 use swerve_core::{Span, Time};
-use swerve_geom::{Point, Pose2, Transform, Vector, Vector2};
+use swerve_geom::{Point, Pose2, Transform, Vector, Vector2, math};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
-use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Side};
-use swerve_vehicle::Shape;
+use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Gnss, Imu, Side};
+use swerve_vehicle::{Shape, VehicleParams};
 
 use super::*;
 
@@ -142,9 +142,13 @@ fn without_noise_the_ego_sensors_tell_the_truth() {
     let world = world(Vec::new());
     let exact = pose(&world, "pose", &PoseParams::default(), 3);
     assert_eq!(exact, EgoState { stamp: world.stamp, ..world.ego.state });
-    let reading = imu(&world, "imu", &ImuParams::default(), 3);
+    let reading = unit(ImuParams::default(), 3).sense(&world);
     assert_eq!((reading.accel_mps2, reading.gyro_radps), ([0.5, -0.2, 9.81], [0.0, 0.0, 0.1]));
     assert_eq!(reading.stamp, world.stamp);
+}
+
+fn unit(params: ImuParams, seed: u64) -> InertialUnit {
+    InertialUnit::new(params, &VehicleParams::default(), Span::from_ms(10), "imu", seed)
 }
 
 #[test]
@@ -152,8 +156,10 @@ fn noise_is_keyed_by_seed_sensor_and_stamp_and_bias_by_seed_and_sensor() {
     let noisy = ImuParams { accel_noise_mps2: 0.1, ..ImuParams::default() };
     let biased = ImuParams { accel_bias_mps2: 0.1, ..ImuParams::default() };
     let at = |ms: i64| WorldState { stamp: Time::from_ms(ms), ..world(Vec::new()) };
-    let read =
-        |params: &ImuParams, sensor: &str, ms: i64, seed: u64| imu(&at(ms), sensor, params, seed).accel_mps2;
+    let (vehicle, period) = (VehicleParams::default(), Span::from_ms(10));
+    let read = |params: &ImuParams, sensor: &str, ms: i64, seed: u64| {
+        InertialUnit::new(*params, &vehicle, period, sensor, seed).sense(&at(ms)).accel_mps2
+    };
     assert_eq!(read(&noisy, "imu", 10, 1), read(&noisy, "imu", 10, 1));
     assert_ne!(read(&noisy, "imu", 10, 1), read(&noisy, "imu", 20, 1));
     assert_ne!(read(&noisy, "imu", 10, 1), read(&noisy, "imu", 10, 2));
@@ -192,8 +198,191 @@ fn a_fix_is_where_the_ellipsoid_says() {
     let mut world = world(Vec::new());
     let place = Point::new(1314.1, 1852.2, 3.0);
     world.ego.map_from_ego = Transform::from_roll_pitch_yaw(place, 0.0, 0.0, 0.0);
-    let fix = gnss(&world, "gnss", &params, 1);
+    let fix = GnssReceiver::new(params, "gnss", 1).sense(&world).unwrap();
     assert!((fix.latitude_deg - 45.0 - 1.0 / 60.0).abs() < 1e-6, "{fix:?}");
     assert!((fix.longitude_deg - 7.0 - 1.0 / 60.0).abs() < 1e-6, "{fix:?}");
     assert_eq!(fix.altitude_m, 3.0);
+}
+
+/// The world at an instant, the ego elsewhere.
+fn world_at(ms: i64, x_m: f64, y_m: f64) -> WorldState {
+    let mut world = WorldState { stamp: Time::from_ms(ms), ..world(Vec::new()) };
+    world.ego.map_from_ego = Transform::from_roll_pitch_yaw(Point::new(x_m, y_m, 0.0), 0.0, 0.0, 0.0);
+    world
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[test]
+fn noise_by_density_is_that_of_the_root_of_the_rate() {
+    let params = ImuParams { accel_noise_density: 0.01, gyro_noise_density: 0.001, ..ImuParams::default() };
+    for (ms, accel, gyro) in [(10, 0.1, 0.01), (40, 0.05, 0.005)] {
+        let mut unit = InertialUnit::new(params, &VehicleParams::default(), Span::from_ms(ms), "imu", 4);
+        let read: Vec<_> = (0..4000).map(|k| unit.sense(&world_at(ms * k, 0.0, 0.0))).collect();
+        let [force, turn] = [|r: &Imu| r.accel_mps2[1], |r: &Imu| r.gyro_radps[2]]
+            .map(|of: fn(&Imu) -> f64| deviation(&read.iter().map(of).collect::<Vec<_>>()));
+        assert!((force / accel - 1.0).abs() < 0.05 && (turn / gyro - 1.0).abs() < 0.05, "{force} {turn}");
+        let [a, g] = params.densities(ms as f64 * 1e-3);
+        assert_eq!((a, g), (0.01, 0.001), "the filter is told the same");
+    }
+}
+
+#[test]
+fn a_bias_walks_with_the_root_of_the_time_and_a_scale_is_a_share() {
+    let walk = ImuParams { accel_bias_walk: 0.02, gyro_bias_walk: 0.003, ..ImuParams::default() };
+    let after = |seed: u64| {
+        let mut unit = unit(walk, seed);
+        (0..=400).map(|k| unit.sense(&world_at(10 * k, 0.0, 0.0))).last().unwrap()
+    };
+    let ends: Vec<_> = (0..400).map(after).collect();
+    assert_eq!(after(7), ends[7]);
+    let force = deviation(&ends.iter().map(|r| r.accel_mps2[0]).collect::<Vec<_>>());
+    let turn = deviation(&ends.iter().map(|r| r.gyro_radps[1]).collect::<Vec<_>>());
+    // Over 4 s: twice the walk of a second.
+    assert!((force / 0.04 - 1.0).abs() < 0.1 && (turn / 0.006 - 1.0).abs() < 0.1, "{force} {turn}");
+
+    let scaled = ImuParams { accel_scale_error: 0.01, gyro_scale_error: 0.02, ..ImuParams::default() };
+    let mut twice = world_at(20, 0.0, 0.0);
+    twice.ego.specific_force_mps2 = Vector::new(1.0, -0.4, 2.0 * 9.81);
+    let mut unit = unit(scaled, 3);
+    let (once, twice) = (unit.sense(&world_at(10, 0.0, 0.0)).accel_mps2, unit.sense(&twice).accel_mps2);
+    for axis in 0..3 {
+        assert!((twice[axis] / once[axis] - 2.0).abs() < 1e-12);
+    }
+    let share = once[2] / 9.81 - 1.0;
+    assert!(share != 0.0 && share.abs() < 0.05, "{share}");
+}
+
+#[test]
+fn a_unit_off_the_centre_of_gravity_feels_the_car_turn() {
+    let vehicle = VehicleParams::default();
+    let cg = [vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m];
+    let there = ImuParams { at_m: Some(cg), ..ImuParams::default() };
+    let beside = ImuParams { at_m: Some([cg[0] + 1.0, cg[1] + 0.5, cg[2]]), ..ImuParams::default() };
+    let (mut first, mut second) = (world_at(0, 0.0, 0.0), world_at(10, 0.0, 0.0));
+    first.ego.angular_velocity_radps = Vector::new(0.0, 0.0, 0.4);
+    second.ego.angular_velocity_radps = Vector::new(0.0, 0.0, 0.41);
+    let [at_cg, off] = [there, beside].map(|params| {
+        let mut unit = unit(params, 1);
+        unit.sense(&first);
+        unit.sense(&second)
+    });
+    assert_eq!(at_cg.accel_mps2, [0.5, -0.2, 9.81]);
+    // Turn rate 0.41 rad/s, growing by 1 rad/s²: inwards ω² r, to the side along the lever turned left.
+    let expected = [0.5 - 0.41 * 0.41 - 0.5, -0.2 - 0.41 * 0.41 * 0.5 + 1.0, 9.81];
+    for (felt, expected) in off.accel_mps2.into_iter().zip(expected) {
+        assert!((felt - expected).abs() < 1e-9, "{off:?}");
+    }
+    assert_eq!(off.gyro_radps, at_cg.gyro_radps);
+}
+
+/// East and north of the map's origin, metres; right near it.
+fn place(fix: &Gnss) -> [f64; 2] {
+    let north = (fix.latitude_deg - 37.4).to_radians() * 6_359_045.0;
+    let east = (fix.longitude_deg + 122.0).to_radians() * 6_386_016.0 * math::cos(37.4_f64.to_radians());
+    [east, north]
+}
+
+#[test]
+fn an_offset_wanders_with_its_deviation_and_is_forgotten() {
+    let params = GnssParams { noise_m: 0.0, bias_m: 2.0, bias_time_s: 5.0, ..GnssParams::default() };
+    // Two instants 5 s apart, over seeds.
+    let pairs: Vec<[f64; 2]> = (0..600)
+        .map(|seed| {
+            let mut receiver = GnssReceiver::new(params.clone(), "gnss", seed);
+            let fixes: Vec<_> =
+                (0..=100).map(|k| receiver.sense(&world_at(100 * k, 0.0, 0.0)).unwrap()).collect();
+            [place(&fixes[50])[0], place(&fixes[100])[0]]
+        })
+        .collect();
+    let both: Vec<f64> = pairs.as_flattened().to_vec();
+    assert!((deviation(&both) - 2.0).abs() < 0.1, "{}", deviation(&both));
+    let kept = pairs.iter().map(|[a, b]| a * b).sum::<f64>() / 600.0 / 4.0;
+    assert!((kept - math::exp(-1.0)).abs() < 0.1, "{kept}");
+    let holds = GnssParams { bias_time_s: 0.0, ..params };
+    let mut receiver = GnssReceiver::new(holds, "gnss", 1);
+    let fixes = [0, 100_000].map(|ms| place(&receiver.sense(&world_at(ms, 0.0, 0.0)).unwrap()));
+    assert_eq!(fixes[0], fixes[1]);
+}
+
+#[test]
+fn no_fix_comes_before_the_first_nor_in_a_tunnel() {
+    let tunnel = Zone { from_m: [20.0, 0.0], to_m: Some([40.0, 0.0]), radius_m: 5.0 };
+    let circle = Zone { from_m: [0.0, 100.0], to_m: None, radius_m: 3.0 };
+    let params = GnssParams {
+        first_fix_s: 2.0,
+        outages: vec![tunnel, circle],
+        antenna_at_m: [1.0, 0.5, 1.5],
+        noise_m: 0.0,
+        bias_m: 0.0,
+        ..GnssParams::default()
+    };
+    let mut receiver = GnssReceiver::new(params, "gnss", 1);
+    let mut sees =
+        |ms: i64, x: f64, y: f64| receiver.sense(&world_at(ms, x, y)).map(|fix| (place(&fix), fix));
+    assert!(sees(1900, 0.0, 0.0).is_none());
+    let (at, fix) = sees(2000, 0.0, 0.0).unwrap();
+    assert!((at[0] - 1.0).abs() < 1e-3 && (at[1] - 0.5).abs() < 1e-3 && fix.altitude_m == 1.5, "{at:?}");
+    // The antenna is a metre ahead.
+    for (x, y, there) in
+        [(13.9, 0.0, true), (14.1, -0.5, false), (44.1, -0.5, true), (30.0, 4.6, true), (30.0, 4.4, false)]
+    {
+        assert_eq!(sees(3000, x, y).is_some(), there, "{x} {y}");
+    }
+    assert!(sees(4000, 0.0, 99.0).is_none() && sees(4000, 0.0, 104.0).is_some());
+}
+
+#[test]
+fn reflections_move_fixes_by_a_step_for_a_while() {
+    let params = GnssParams {
+        noise_m: 0.0,
+        bias_m: 0.0,
+        multipath_per_min: 6.0,
+        multipath_m: 60.0,
+        multipath_s: 4.0,
+        ..GnssParams::default()
+    };
+    let offs = |seed: u64| -> Vec<f64> {
+        let mut receiver = GnssReceiver::new(params.clone(), "gnss", seed);
+        let mut off = |k: i64| {
+            let [east, north] = place(&receiver.sense(&world_at(100 * k, 0.0, 0.0)).unwrap());
+            math::hypot(east, north)
+        };
+        (0..6000).map(&mut off).collect()
+    };
+    let (mut steps, mut ticks) = (0, 0);
+    for seed in 0..10 {
+        let offs = offs(seed);
+        assert!(offs.iter().all(|off| off.abs() < 0.01 || (off - 60.0).abs() < 0.1));
+        let is_off: Vec<bool> = offs.iter().map(|off| *off > 1.0).collect();
+        steps += is_off.windows(2).filter(|pair| !pair[0] && pair[1]).count();
+        ticks += is_off.iter().filter(|off| **off).count();
+    }
+    // Steps come 10 s after the end of the last one, on average: one in 14 s of ten times 600 s.
+    assert!((360..=500).contains(&steps), "{steps}");
+    assert!((ticks as f64 / steps as f64 - 40.0).abs() < 1.5, "{ticks} {steps}");
+    assert_eq!(offs(3), offs(3));
+    assert_ne!(offs(3), offs(4));
+}
+
+#[test]
+fn errors_out_of_range_are_told_one_by_one() {
+    let imu = ImuParams { gyro_bias_walk: -1.0, at_m: Some([0.0, f64::NAN, 0.0]), ..ImuParams::default() };
+    let said: Vec<String> = imu.problems().iter().map(ToString::to_string).collect();
+    assert_eq!(said, ["`gyro_bias_walk` is -1, expected 0 to 1", "`at_m` is NaN, expected -20 to 20"]);
+    let wrong = Zone { from_m: [0.0, 2e6], to_m: None, radius_m: -1.0 };
+    let gnss = GnssParams { first_fix_s: -1.0, outages: vec![wrong], ..GnssParams::default() };
+    let said: Vec<String> = gnss.problems().iter().map(ToString::to_string).collect();
+    assert_eq!(
+        said,
+        [
+            "`first_fix_s` is -1, expected 0 to 3600",
+            "`outages[0].from_m` is 2000000, expected -1000000 to 1000000",
+            "`outages[0].radius_m` is -1, expected 0 to 100000"
+        ]
+    );
+    assert!(ImuParams::default().problems().is_empty() && GnssParams::default().problems().is_empty());
 }

@@ -300,9 +300,15 @@ impl Config {
         self.radar.iter().for_each(|(name, radar)| within("radar", name, radar.faults(shape)));
         let dt_ms = self.sim.dt_ms;
         self.lidar.iter().for_each(|(name, lidar)| within("lidar", name, lidar.faults(shape, dt_ms)));
-        let odometry = &self.sensing.odometry;
-        for error in odometry.problems() {
-            told.push((format!("sensing.odometry.{}", error.key), outside(&error)));
+        let sensing = &self.sensing;
+        let own = [
+            ("imu", sensing.imu.problems()),
+            ("gnss", sensing.gnss.problems()),
+            ("odometry", sensing.odometry.problems()),
+        ];
+        for (sensor, problems) in own {
+            let told_of = |error: ParamError| (format!("sensing.{sensor}.{}", error.key), outside(&error));
+            told.extend(problems.into_iter().map(told_of));
         }
     }
 

@@ -3,16 +3,13 @@
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
 use swerve_msg::Gnss;
 use swerve_msg::truth::WorldState;
-use swerve_sim::sense::{self, GnssParams};
+use swerve_sim::sense::GnssReceiver;
 
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
 /// Satellite fixes.
-pub(super) struct GnssReceiver {
-    params: GnssParams,
-    seed: u64,
-}
+pub(super) struct Receiver(GnssReceiver);
 
 /// The newest state of the world, at each tick.
 #[derive(Inputs)]
@@ -23,13 +20,13 @@ pub(super) struct In {
     world: Latest<WorldState>,
 }
 
-impl Kind for GnssReceiver {
+impl Kind for Receiver {
     const NODE: Node = Node::sensor("gnss", "satellite fixes").sections(&["sensing"]).on_demand();
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
         let config = site.config();
-        Ok(Self { params: config.sensing.gnss, seed: config.seed })
+        Ok(Self(GnssReceiver::new(config.sensing.gnss.clone(), site.name(), config.seed)))
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
@@ -37,12 +34,14 @@ impl Kind for GnssReceiver {
     }
 }
 
-impl Operator for GnssReceiver {
+impl Operator for Receiver {
     type In = In;
     type Out = Port<Gnss>;
 
-    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         let Some(world) = input.world.get() else { return };
-        out.loan().send(sense::gnss(world, cx.name(), &self.params, self.seed));
+        if let Some(fix) = self.0.sense(world) {
+            out.loan().send(fix);
+        }
     }
 }

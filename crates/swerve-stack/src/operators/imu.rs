@@ -1,18 +1,15 @@
-//! Accelerations and turn rates at the centre of gravity.
+//! Accelerations and turn rates of the inertial unit.
 
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
 use swerve_msg::Imu;
 use swerve_msg::truth::WorldState;
-use swerve_sim::sense::{self, ImuParams};
+use swerve_sim::sense::InertialUnit;
 
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
-/// Accelerations and turn rates at the centre of gravity.
-pub(super) struct ImuSensor {
-    params: ImuParams,
-    seed: u64,
-}
+/// Accelerations and turn rates of the inertial unit.
+pub(super) struct ImuSensor(InertialUnit);
 
 /// The newest state of the world, at each tick.
 #[derive(Inputs)]
@@ -25,12 +22,14 @@ pub(super) struct In {
 
 impl Kind for ImuSensor {
     const NODE: Node =
-        Node::sensor("imu", "accelerations and turn rates at the centre of gravity").sections(&["sensing"]);
+        Node::sensor("imu", "accelerations and turn rates of the inertial unit").sections(&["sensing"]);
     type Table = NoKeys;
 
     fn new(_: NoKeys, site: &Site<'_>) -> anyhow::Result<Self> {
         let config = site.config();
-        Ok(Self { params: config.sensing.imu, seed: config.seed })
+        let (sensing, vehicle) = (&config.sensing, &config.sim.vehicle);
+        let period = span_of_ms(sensing.imu_period_ms);
+        Ok(Self(InertialUnit::new(sensing.imu, vehicle, period, site.name(), config.seed)))
     }
 
     fn timer(_: &NoKeys, settings: &Settings<'_>) -> Option<Timer> {
@@ -42,8 +41,8 @@ impl Operator for ImuSensor {
     type In = In;
     type Out = Port<Imu>;
 
-    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         let Some(world) = input.world.get() else { return };
-        out.loan().send(sense::imu(world, cx.name(), &self.params, self.seed));
+        out.loan().send(self.0.sense(world));
     }
 }

@@ -13,10 +13,13 @@ use swerve_core::Time;
 use swerve_flow::{At, Context, Inputs, Message, Operator, Outputs, Port, Window};
 use swerve_geom::{Point2, Pose2, math};
 use swerve_localization::flat::Origin;
+use swerve_localization::ndt::Isometry3;
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
 use swerve_msg::{EgoState, Gnss, Imu, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
+use swerve_sim::sense::GnssParams;
 
-use crate::config::Config;
+use super::scan_matcher::pose_of;
+use crate::config::{Config, SensingConfig};
 use crate::kind::{KeyProblems, Kind, Node};
 use crate::site::Site;
 
@@ -66,29 +69,51 @@ pub(super) struct Out {
 pub(super) struct Receiver {
     noise_m: f64,
     bias_m: f64,
+    antenna_at_m: [f64; 3],
     origin: Origin,
     route: Route,
 }
 
 impl Receiver {
     pub(super) fn new(site: &Site<'_>) -> Self {
-        let gnss = &site.config().sensing.gnss;
+        Self::of(&site.config().sensing.gnss, site.surroundings().route.clone())
+    }
+
+    fn of(gnss: &GnssParams, route: Route) -> Self {
         let origin = Origin {
             latitude_deg: gnss.origin_latitude_deg,
             longitude_deg: gnss.origin_longitude_deg,
             altitude_m: gnss.origin_altitude_m,
         };
-        let route = site.surroundings().route.clone();
-        Self { noise_m: gnss.noise_m.max(0.01), bias_m: gnss.bias_m, origin, route }
+        let GnssParams { noise_m, bias_m, antenna_at_m, .. } = *gnss;
+        Self { noise_m: noise_m.max(0.01), bias_m, antenna_at_m, origin, route }
     }
 
-    /// A fix on the map: east, north, up, metres.
-    pub(super) fn place(&self, fix: &Gnss) -> Option<[f64; 3]> {
+    /// Where the antenna is on the map by a fix: east, north, up, metres.
+    fn place(&self, fix: &Gnss) -> Option<[f64; 3]> {
         self.origin.east_north_up_m(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
     }
 
+    /// The same as a measurement; `offset_m` is what fixes have in common along each axis.
+    fn sensed(&self, fix: &Gnss, offset_m: f64) -> Option<Sensed> {
+        // A receiver's height is half as good as its place.
+        let up_m = 2.0 * math::hypot(self.noise_m, offset_m);
+        let at_m = self.place(fix)?;
+        Some(Sensed::Fix { at_m, sigma_m: [self.noise_m, self.noise_m, up_m] })
+    }
+
+    /// Where the ego is by a fix, level and along its lane.
+    pub(super) fn ego(&self, fix: &Gnss) -> Option<Isometry3<f64>> {
+        let [east, north, up] = self.place(fix)?;
+        let heading_rad = self.lane_heading_rad([east, north, up]);
+        let (sin, cos) = math::sin_cos(heading_rad);
+        let [x, y, z] = self.antenna_at_m;
+        let at_m = [east - (x * cos - y * sin), north - (x * sin + y * cos), up - z];
+        Some(pose_of(at_m, heading_rad))
+    }
+
     /// Heading of the lane beside a place, radians.
-    pub(super) fn lane_heading_rad(&self, [x_m, y_m, _]: [f64; 3]) -> f64 {
+    fn lane_heading_rad(&self, [x_m, y_m, _]: [f64; 3]) -> f64 {
         let s_m = self.route.project(Point2::new(x_m, y_m)).s_m;
         self.route.line().at(s_m).pose.heading_rad
     }
@@ -146,17 +171,25 @@ impl Keys {
 
 /// What the configuration says of the sensors, and no better than real ones are.
 fn known(config: &Config) -> Params {
-    let (sensing, vehicle) = (&config.sensing, &config.sim.vehicle);
-    let root_period = (sensing.imu_period_ms * 1e-3).sqrt();
+    let SensingConfig { imu, gnss, odometry, .. } = &config.sensing;
+    let [accel_density, gyro_density] = imu.densities(config.sensing.imu_period_ms * 1e-3);
+    let usual = Params::default();
+    // Most of what an accelerometer's scale does is done to gravity, all the time, as a bias does it.
+    let scaled_mps2 = imu.accel_scale_error * usual.gravity_mps2;
     Params {
-        accel_noise: [(sensing.imu.accel_noise_mps2 * root_period).max(0.02); 3],
-        gyro_noise: [(sensing.imu.gyro_noise_radps * root_period).max(5e-4); 3],
-        accel_bias_mps2: sensing.imu.accel_bias_mps2.max(0.01),
-        gyro_bias_radps: sensing.imu.gyro_bias_radps.max(1e-4),
-        offset_m: sensing.gnss.bias_m,
-        wheel_scale: sensing.odometry.radius_error,
-        imu_at_m: [vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m],
-        ..Params::default()
+        accel_noise: [accel_density.max(0.02); 3],
+        gyro_noise: [gyro_density.max(5e-4); 3],
+        accel_bias_mps2: math::hypot(imu.accel_bias_mps2, scaled_mps2).max(0.01),
+        accel_bias_walk: imu.accel_bias_walk.max(usual.accel_bias_walk),
+        gyro_bias_radps: imu.gyro_bias_radps.max(1e-4),
+        gyro_bias_walk: imu.gyro_bias_walk.max(usual.gyro_bias_walk),
+        gyro_scale: imu.gyro_scale_error,
+        offset_m: gnss.bias_m,
+        offset_time_s: gnss.bias_time_s,
+        wheel_scale: odometry.radius_error,
+        imu_at_m: imu.at_m(&config.sim.vehicle),
+        antenna_at_m: gnss.antenna_at_m,
+        ..usual
     }
 }
 
@@ -269,10 +302,9 @@ impl Filter {
             self.started = Some(fix.stamp);
             self.start(at_m);
         }
-        // A receiver's height is half as good as its place.
-        let noise_m = self.receiver.noise_m;
-        let sigma_m = [noise_m, noise_m, 2.0 * math::hypot(noise_m, self.params.offset_m)];
-        self.localizer.take(fix.stamp, Sensed::Fix { at_m, sigma_m });
+        if let Some(sensed) = self.receiver.sensed(fix, self.params.offset_m) {
+            self.localizer.take(fix.stamp, sensed);
+        }
     }
 
     /// Whether nothing is told yet, as the first match will move the pose by as much as the first fix is off.
@@ -311,3 +343,6 @@ impl Filter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -95,9 +95,8 @@ impl Front {
     /// Where the lidar is at an instant, by the newest fix and the heading of the lane there.
     fn guess(&self, fixes: &[Message<Gnss>], at: Time) -> Option<Isometry3<f64>> {
         let fix = fixes.last()?;
-        let at_m = self.receiver.place(fix)?;
         let car = self.motion.car.between(fix.stamp, at)?;
-        Some(pose_of(at_m, self.receiver.lane_heading_rad(at_m)) * car * self.ego_from_lidar)
+        Some(self.receiver.ego(fix)? * car * self.ego_from_lidar)
     }
 
     /// What is told of a lidar's pose: of the car's, with the covariance of place and heading on the ground.

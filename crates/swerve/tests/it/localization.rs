@@ -131,3 +131,62 @@ fn a_map_from_a_file_is_matched_with_or_refused() {
     ]);
     assert!(said.code == Some(1) && said.stderr.contains("there is no such file"), "{said:?}");
 }
+
+/// Fixes that come late, wander, jump and are missing for a hundred metres: the filter says when it does not know, and is right
+/// about how good it is.
+#[test]
+fn a_city_receiver_is_enough_to_follow_a_lane() {
+    let bench = Bench::new();
+    let drive = |threads: &str| -> Value {
+        let said = bench.good(&["run", "lane", "-c", "urban_gnss", "--json", "--threads", threads]);
+        serde_json::from_str(&said).unwrap()
+    };
+    let metrics = drive("1");
+    let number = |key: &str| metrics.pointer(&format!("/localization/{key}")).unwrap().as_f64().unwrap();
+    println!("{}", metrics["localization"]);
+    assert_eq!(metrics["verdict"].as_str(), Some("completed"), "{metrics}");
+    assert!((2.0..2.2).contains(&number("silent_max_s")), "silent until the first fix, then never");
+    assert!((0.05..0.4).contains(&number("quality/coasting_share")), "in the zone without fixes");
+    assert!(number("quality/lost_share") < 0.04 && number("quality/nees") < 9.0);
+    assert!(number("max_m") < 1.5);
+    assert_eq!(drive("3")["digest"], metrics["digest"], "threads change nothing");
+}
+
+/// A map of the street by the log of a drive through it: the same whether the log has the clouds or they are computed
+/// again, and a lidar finds its way by it.
+#[test]
+fn a_map_of_a_log_is_the_scenario_s() {
+    let bench = bench();
+    let lidar = ["street", "-c", "lidar.toml", "--set", "lidar.roof.params.columns=450"];
+    let drive = |out: &str, images: &str| {
+        let set = ["--set", "log.sensors=[\"roof\"]", "--set", images, "--out", out];
+        bench.good(&[&["run"], &lidar[..], &set[..]].concat());
+    };
+    drive("none", "log.images=none");
+    drive("all", "log.images=lossless");
+    bench.good(&["map", "build", "none/log.mcap", "-o", "none.map"]);
+    bench.good(&["map", "build", "all/log.mcap", "-o", "all.map", "--lidar", "roof"]);
+    let [none, all] = ["none.map", "all.map"].map(|map| std::fs::read(bench.path(map)).unwrap());
+    assert!(none == all && none.len() > 100_000, "{} {}", none.len(), all.len());
+    let said = bench.good(&[&["map", "check"], &lidar[..], &["--map", "none.map", "--json"]].concat());
+    let found: Value = serde_json::from_str(&said).unwrap();
+    println!("{found}");
+    assert!(
+        found["ndt_rms_2d_m"].as_f64().unwrap() < 0.05 && found["ndt_unmatched"].as_u64() == Some(0),
+        "{found}"
+    );
+
+    let refused = |args: &[&str], why: &str| {
+        let said = bench.swerve(&[&["map", "build"], args, &["-o", "x.map"]].concat());
+        assert!(said.code == Some(1) && said.stderr.contains(why), "{said:?}");
+        assert_eq!(said.stderr.lines().count(), 1, "{said:?}");
+    };
+    bench.good(&["run", "road.toml", "-c", "lidar.toml", "--out", "blind"]);
+    refused(&["blind/log.mcap"], "blind/log.mcap: expected a log with a lidar's clouds");
+    refused(
+        &["none/log.mcap", "--lidar", "eye"],
+        "expected --lidar with one of the lidars that it has clouds of: roof",
+    );
+    refused(&["none/log.mcap", "--set", "seed=2"], "expected none with logs");
+    refused(&["absent.mcap"], "absent.mcap");
+}

@@ -1,0 +1,228 @@
+//! The satellite receiver: where its antenna is, through noise, an offset that wanders, reflections and lost satellites.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require, require_within};
+use swerve_core::{Rng, Time};
+use swerve_geom::{Point, Point2, math};
+use swerve_msg::Gnss;
+use swerve_msg::truth::WorldState;
+
+use super::key;
+
+/// Places on the map within a distance of a straight line: a tunnel, or a circle where it begins and ends at one point.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Zone {
+    /// Where the line begins, x and y, metres.
+    pub from_m: [f64; 2],
+    /// Where it ends; where it begins when absent.
+    #[serde(default)]
+    pub to_m: Option<[f64; 2]>,
+    /// How far from it the zone goes, metres.
+    pub radius_m: f64,
+}
+
+impl Zone {
+    /// Whether a place is in it.
+    pub fn has(&self, at: Point2) -> bool {
+        let [from, to] = [self.from_m, self.to_m.unwrap_or(self.from_m)].map(|[x, y]| Point2::new(x, y));
+        let (along, off) = (to - from, at - from);
+        let share = (off.dot(along) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+        (off - along * share).norm_squared() <= self.radius_m * self.radius_m
+    }
+}
+
+/// A satellite receiver, and where on Earth the map lies.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct GnssParams {
+    /// Latitude of the map's origin, degrees north. Default 37.4 (with the longitude: the south of San Francisco Bay).
+    pub origin_latitude_deg: f64,
+    /// Longitude of the map's origin, degrees east. Default -122.0.
+    pub origin_longitude_deg: f64,
+    /// Height of the map's plane above the ellipsoid, metres. Default 0.
+    pub origin_altitude_m: f64,
+    /// Noise of east and of north, metres. Default 0.5. Height gets twice as much.
+    pub noise_m: f64,
+    /// Bias of east and of north, metres. Default 0.5. Height gets twice as much.
+    pub bias_m: f64,
+    /// Time over which the bias is forgotten and another one comes, seconds: a first-order Gauss-Markov process of
+    /// deviation `bias_m`. Default 0: it holds for the run.
+    pub bias_time_s: f64,
+    /// Place of the antenna in the ego frame, metres: fixes are told for it. Default: the ego origin.
+    pub antenna_at_m: [f64; 3],
+    /// No fix before this, seconds from the start of the run. Default 0.
+    pub first_fix_s: f64,
+    /// Zones of the map without a fix, by where the antenna is: `{ from_m = [x, y], to_m = [x, y], radius_m = r }`, all within
+    /// r of the line; a circle without `to_m`. Default none.
+    pub outages: Vec<Zone>,
+    /// How often a minute, while there is none, reflections begin to move all fixes by one step, on average. Default 0.
+    pub multipath_per_min: f64,
+    /// Length of that step, metres; its direction is drawn. Default 20.
+    pub multipath_m: f64,
+    /// How long a step lasts, seconds. Default 5.
+    pub multipath_s: f64,
+}
+
+impl Default for GnssParams {
+    fn default() -> Self {
+        Self {
+            origin_latitude_deg: 37.4,
+            origin_longitude_deg: -122.0,
+            origin_altitude_m: 0.0,
+            noise_m: 0.5,
+            bias_m: 0.5,
+            bias_time_s: 0.0,
+            antenna_at_m: [0.0; 3],
+            first_fix_s: 0.0,
+            outages: Vec::new(),
+            multipath_per_min: 0.0,
+            multipath_m: 20.0,
+            multipath_s: 5.0,
+        }
+    }
+}
+
+impl GnssParams {
+    /// Every parameter that is out of range.
+    pub fn problems(&self) -> Vec<ParamError> {
+        let all = [
+            ("origin_latitude_deg", self.origin_latitude_deg, [-89.9, 89.9]),
+            ("origin_longitude_deg", self.origin_longitude_deg, [-180.0, 180.0]),
+            ("origin_altitude_m", self.origin_altitude_m, [-1000.0, 10_000.0]),
+            ("noise_m", self.noise_m, [0.0, 1000.0]),
+            ("bias_m", self.bias_m, [0.0, 1000.0]),
+            ("bias_time_s", self.bias_time_s, [0.0, 1e6]),
+            ("first_fix_s", self.first_fix_s, [0.0, 3600.0]),
+            ("multipath_per_min", self.multipath_per_min, [0.0, 600.0]),
+            ("multipath_m", self.multipath_m, [0.0, 10_000.0]),
+            ("multipath_s", self.multipath_s, [0.001, 3600.0]),
+        ];
+        let all = all.into_iter().map(|(key, x, ends)| require_within(key, x, ends));
+        let antenna = self.antenna_at_m.map(|x| require_within("antenna_at_m", x, [-20.0, 20.0]));
+        let zones = self.outages.iter().enumerate().flat_map(|(k, zone)| {
+            let place = [Some(("from_m", zone.from_m)), zone.to_m.map(|to_m| ("to_m", to_m))];
+            let place = place.into_iter().flatten().flat_map(|(key, at)| at.map(|x| (key, x, [-1e6, 1e6])));
+            let all = place.chain([("radius_m", zone.radius_m, [0.0, 1e5])]);
+            all.map(move |(key, x, [low, high])| {
+                let holds = (low..=high).contains(&x);
+                require(format!("outages[{k}].{key}"), x, holds, format!("{low} to {high}"))
+            })
+        });
+        all.chain(antenna).chain(zones).filter_map(Result::err).collect()
+    }
+}
+
+/// The receiver of one car in one run.
+#[derive(Clone, Debug)]
+pub struct GnssReceiver {
+    params: GnssParams,
+    sensor: String,
+    seed: u64,
+    /// Offset of fixes east, north and up, over its deviation.
+    offset: [f64; 3],
+    /// Stamp of the last reading, with a fix or without.
+    last: Option<Time>,
+    multipath: Multipath,
+}
+
+/// The step by reflections that goes on, or comes next.
+#[derive(Clone, Copy, Debug)]
+struct Multipath {
+    count: i64,
+    /// From when to when, seconds.
+    lasts_s: [f64; 2],
+    direction_rad: f64,
+}
+
+impl GnssReceiver {
+    /// A receiver whose first offset is drawn under (seed, sensor).
+    pub fn new(params: GnssParams, sensor: &str, seed: u64) -> Self {
+        let mut bias = Rng::keyed(seed, "sensor bias", &[key(sensor)]);
+        let offset = core::array::from_fn(|_| bias.normal());
+        let multipath = Multipath { count: 0, lasts_s: [f64::NEG_INFINITY, 0.0], direction_rad: 0.0 };
+        Self { params, sensor: sensor.to_owned(), seed, offset, last: None, multipath }
+    }
+
+    /// One fix of the antenna, where there is one.
+    ///
+    /// The map is taken as flat, with the radii of curvature of WGS 84 at its origin; the error of that grows with
+    /// the square of the distance from the origin and is about 0.1 m at a kilometre.
+    pub fn sense(&mut self, world: &WorldState) -> Option<Gnss> {
+        let stamp = world.stamp;
+        self.wander(stamp);
+        let [x, y, z] = self.params.antenna_at_m;
+        let at = world.ego.map_from_ego * Point::new(x, y, z);
+        let place = Point2::new(at.coords.x, at.coords.y);
+        let is_late = (stamp - Time::ZERO).as_secs() < self.params.first_fix_s;
+        if is_late || self.params.outages.iter().any(|zone| zone.has(place)) {
+            return None;
+        }
+        let mut noise = Rng::keyed(self.seed, "sensor noise", &[key(&self.sensor), stamp.ns()]);
+        let GnssParams { noise_m, bias_m, .. } = self.params;
+        let mut error =
+            |axis: usize, times: f64| times * bias_m * self.offset[axis] + times * noise_m * noise.normal();
+        let at_m = [at.coords.x + error(0, 1.0), at.coords.y + error(1, 1.0), at.coords.z + error(2, 2.0)];
+        let at_m = self.reflected(stamp, at_m);
+        Some(self.fix(stamp, at_m))
+    }
+
+    /// Moves the offset on, by a draw of this stamp.
+    fn wander(&mut self, stamp: Time) {
+        let before = self.last.replace(stamp);
+        let dt_s = before.map_or(0.0, |before| (stamp - before).as_secs());
+        if self.params.bias_time_s <= 0.0 || dt_s <= 0.0 {
+            return;
+        }
+        let kept = math::exp(-dt_s / self.params.bias_time_s);
+        let drawn = (1.0 - kept * kept).sqrt();
+        let mut rng = Rng::keyed(self.seed, "sensor walk", &[key(&self.sensor), stamp.ns()]);
+        for offset in &mut self.offset {
+            *offset = kept * *offset + drawn * rng.normal();
+        }
+    }
+
+    /// A place moved by the step of reflections that goes on. Steps come after exponentially distributed times.
+    fn reflected(&mut self, stamp: Time, [east, north, up]: [f64; 3]) -> [f64; 3] {
+        let GnssParams { multipath_per_min, multipath_m, multipath_s, .. } = self.params;
+        if multipath_per_min <= 0.0 {
+            return [east, north, up];
+        }
+        let now_s = (stamp - Time::ZERO).as_secs();
+        let next = &mut self.multipath;
+        while next.lasts_s[1] <= now_s {
+            let mut rng = Rng::keyed(self.seed, "multipath", &[key(&self.sensor), next.count]);
+            let wait_s = -math::ln(1.0 - rng.unit()) * 60.0 / multipath_per_min;
+            let from_s = next.lasts_s[1] + wait_s;
+            let direction_rad = rng.uniform(0.0, core::f64::consts::TAU);
+            *next =
+                Multipath { count: next.count + 1, lasts_s: [from_s, from_s + multipath_s], direction_rad };
+        }
+        if now_s < next.lasts_s[0] {
+            return [east, north, up];
+        }
+        let (sin, cos) = math::sin_cos(next.direction_rad);
+        [east + multipath_m * cos, north + multipath_m * sin, up]
+    }
+
+    /// A place of the map as a fix.
+    fn fix(&self, stamp: Time, [east, north, up]: [f64; 3]) -> Gnss {
+        const EQUATOR_M: f64 = 6_378_137.0;
+        const FLATTENING: f64 = 1.0 / 298.257_223_563;
+        let params = &self.params;
+        let (sin, cos) = math::sin_cos(params.origin_latitude_deg.to_radians());
+        let eccentricity_squared = FLATTENING * (2.0 - FLATTENING);
+        let root = (1.0 - eccentricity_squared * sin * sin).sqrt();
+        let across_m = EQUATOR_M / root + params.origin_altitude_m;
+        let along_m =
+            EQUATOR_M * (1.0 - eccentricity_squared) / (root * root * root) + params.origin_altitude_m;
+        Gnss {
+            stamp,
+            latitude_deg: params.origin_latitude_deg + (north / along_m).to_degrees(),
+            longitude_deg: params.origin_longitude_deg + (east / (across_m * cos)).to_degrees(),
+            altitude_m: params.origin_altitude_m + up,
+            deviation_m: math::hypot(params.noise_m, params.bias_m),
+        }
+    }
+}

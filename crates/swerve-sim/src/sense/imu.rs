@@ -1,0 +1,161 @@
+//! The inertial unit: what it feels at its place, through noise, a bias that walks and a scale.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require_within};
+use swerve_core::{Rng, Span, Time};
+use swerve_geom::{Ego, Vector, math};
+use swerve_msg::Imu;
+use swerve_msg::truth::WorldState;
+use swerve_vehicle::VehicleParams;
+
+use super::key;
+use super::motion::Errors;
+
+/// Deviations of the inertial unit; all zero by default.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImuParams {
+    /// Noise of each axis of acceleration, m/s².
+    pub accel_noise_mps2: f64,
+    /// Noise of each axis of acceleration as a density, m/s²/√Hz, whatever the period is; beside that of each reading.
+    pub accel_noise_density: f64,
+    /// Bias of each axis of acceleration, m/s².
+    pub accel_bias_mps2: f64,
+    /// Walk of the biases of acceleration, m/s² per root second.
+    pub accel_bias_walk: f64,
+    /// Error of the scale of each axis of acceleration, as a share, drawn once per run.
+    pub accel_scale_error: f64,
+    /// Noise of each axis of rotation, rad/s.
+    pub gyro_noise_radps: f64,
+    /// Noise of each axis of rotation as a density, rad/s/√Hz, whatever the period is; beside that of each reading.
+    pub gyro_noise_density: f64,
+    /// Bias of each axis of rotation, rad/s.
+    pub gyro_bias_radps: f64,
+    /// Walk of the biases of rotation, rad/s per root second.
+    pub gyro_bias_walk: f64,
+    /// Error of the scale of each axis of rotation, as a share, drawn once per run.
+    pub gyro_scale_error: f64,
+    /// Where the inertial unit sits in the ego frame, m; at the centre of gravity when absent.
+    pub at_m: Option<[f64; 3]>,
+}
+
+impl ImuParams {
+    /// Every parameter that is out of range.
+    pub fn problems(&self) -> Vec<ParamError> {
+        let all = [
+            ("accel_noise_mps2", self.accel_noise_mps2, 100.0),
+            ("accel_noise_density", self.accel_noise_density, 10.0),
+            ("accel_bias_mps2", self.accel_bias_mps2, 10.0),
+            ("accel_bias_walk", self.accel_bias_walk, 10.0),
+            ("accel_scale_error", self.accel_scale_error, 0.1),
+            ("gyro_noise_radps", self.gyro_noise_radps, 10.0),
+            ("gyro_noise_density", self.gyro_noise_density, 1.0),
+            ("gyro_bias_radps", self.gyro_bias_radps, 1.0),
+            ("gyro_bias_walk", self.gyro_bias_walk, 1.0),
+            ("gyro_scale_error", self.gyro_scale_error, 0.1),
+        ];
+        let within = all.into_iter().map(|(key, x, most)| require_within(key, x, [0.0, most]));
+        let place = self.at_m.into_iter().flatten().map(|x| require_within("at_m", x, [-20.0, 20.0]));
+        within.chain(place).filter_map(Result::err).collect()
+    }
+
+    /// Its place in the ego frame, m.
+    pub fn at_m(&self, vehicle: &VehicleParams) -> [f64; 3] {
+        self.at_m.unwrap_or([vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m])
+    }
+
+    /// Density of all noise of acceleration (m/s²/√Hz) and of rotation (rad/s/√Hz), read each `period_s`.
+    pub fn densities(&self, period_s: f64) -> [f64; 2] {
+        let root = period_s.sqrt();
+        [
+            math::hypot(self.accel_noise_mps2 * root, self.accel_noise_density),
+            math::hypot(self.gyro_noise_radps * root, self.gyro_noise_density),
+        ]
+    }
+}
+
+/// The inertial unit of one car in one run.
+#[derive(Clone, Debug)]
+pub struct InertialUnit {
+    params: ImuParams,
+    /// From the centre of gravity to it.
+    lever: Vector<Ego>,
+    /// Noise of each reading: acceleration (m/s²), rotation (rad/s).
+    noise: [f64; 2],
+    sensor: String,
+    seed: u64,
+    /// Scales less 1, and how far biases walked by now: three axes of acceleration, three of rotation.
+    scale: [f64; 6],
+    walked: [f64; 6],
+    /// Stamp and turn rates of the last reading.
+    last: Option<(Time, Vector<Ego>)>,
+}
+
+impl InertialUnit {
+    /// A unit on `vehicle` that is read each `period`, whose scales are drawn under (seed, sensor).
+    pub fn new(params: ImuParams, vehicle: &VehicleParams, period: Span, sensor: &str, seed: u64) -> Self {
+        let cg_m = ImuParams::default().at_m(vehicle);
+        let [x, y, z] = params.at_m(vehicle);
+        let root_rate = 1.0 / period.as_secs().max(1e-3).sqrt();
+        let mut rng = Rng::keyed(seed, "sensor scale", &[key(sensor)]);
+        let per_axis = [params.accel_scale_error, params.gyro_scale_error];
+        Self {
+            lever: Vector::new(x - cg_m[0], y - cg_m[1], z - cg_m[2]),
+            noise: [
+                math::hypot(params.accel_noise_mps2, params.accel_noise_density * root_rate),
+                math::hypot(params.gyro_noise_radps, params.gyro_noise_density * root_rate),
+            ],
+            sensor: sensor.to_owned(),
+            seed,
+            scale: core::array::from_fn(|axis| per_axis[axis / 3] * rng.normal()),
+            walked: [0.0; 6],
+            last: None,
+            params,
+        }
+    }
+
+    /// One reading. Beside the centre of gravity it feels how the car turns: `dω/dt × r + ω × (ω × r)`, the change of
+    /// the turn rate as that since the last reading.
+    pub fn sense(&mut self, world: &WorldState) -> Imu {
+        let stamp = world.stamp;
+        let (mut force, turn) =
+            (world.ego.specific_force_mps2.coords, world.ego.angular_velocity_radps.coords);
+        let since = self.last.map(|(before, rates)| ((stamp - before).as_secs(), rates));
+        let since = since.filter(|(dt_s, _)| *dt_s > 0.0);
+        let lever = self.lever.coords;
+        if lever.dot(&lever) > 0.0 {
+            let angular = since.map(|(dt_s, rates)| (turn - rates.coords) / dt_s).unwrap_or_default();
+            force += angular.cross(&lever) + turn.cross(&turn.cross(&lever));
+        }
+        if let Some((dt_s, _)) = since {
+            self.walk(stamp, dt_s);
+        }
+        self.last = Some((stamp, world.ego.angular_velocity_radps));
+        let mut errors = Errors::new(self.seed, &self.sensor, stamp);
+        let biases = [self.params.accel_bias_mps2, self.params.gyro_bias_radps];
+        let mut axis = 0;
+        let mut read = |x: f64| {
+            let (kind, scaled, walked) = (axis / 3, self.scale[axis] * x, self.walked[axis]);
+            axis += 1;
+            let reading = x + errors.next(biases[kind], self.noise[kind]);
+            // Of a unit without these errors no bit is touched, the sign of a zero neither.
+            [scaled, walked].into_iter().filter(|by| *by != 0.0).fold(reading, |reading, by| reading + by)
+        };
+        let accel_mps2 = [read(force.x), read(force.y), read(force.z)];
+        let gyro_radps = [read(turn.x), read(turn.y), read(turn.z)];
+        Imu { stamp, accel_mps2, gyro_radps }
+    }
+
+    fn walk(&mut self, stamp: Time, dt_s: f64) {
+        let per_axis =
+            [self.params.accel_bias_walk, self.params.gyro_bias_walk].map(|walk| walk * dt_s.sqrt());
+        if per_axis == [0.0; 2] {
+            return;
+        }
+        let mut rng = Rng::keyed(self.seed, "sensor walk", &[key(&self.sensor), stamp.ns()]);
+        for (axis, walked) in self.walked.iter_mut().enumerate() {
+            *walked += per_axis[axis / 3] * rng.normal();
+        }
+    }
+}
