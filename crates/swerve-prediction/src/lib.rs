@@ -2,7 +2,8 @@
 //!
 //! [`History`] keeps the past sightings of each obstacle and hands out tracks; [`linear`] turns tracks into
 //! time-indexed predictions, which [`road`] bends as the road does; [`forecast`] has more predictors, whose forecasts have
-//! modes and spreads; [`lanes`] is what vehicles keep to; [`recorded`] reads recorded tracks to judge them by. All poses are in the map frame and describe the centre of a footprint.
+//! modes and spreads; [`lanes`] is what vehicles keep to; [`recorded`] reads recorded tracks to judge them by. All poses
+//! are in the map frame and describe the centre of a footprint.
 //! Absences: no engine, no simulator, no files, no clock: time is what the stamps say.
 
 mod filter;

@@ -3,14 +3,15 @@
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Polyline, Vector2, angle_between, math};
 
+use super::walks;
 use crate::lanes::{LaneGraph, LaneWay, Spot};
 use crate::past::Past;
 use crate::predictor::straight::VELOCITY_WINDOW_S;
 use crate::predictor::{Ground, Horizon, Seen};
 use crate::road::{SETTLES_S, share_along};
 
-/// In half a second nobody has come farther along the road than this, metres.
-const NEAR_M: f64 = 60.0;
+/// Along a line somebody has come at most twice as far as straight on, and this much, metres.
+const NEAR_M: f64 = 5.0;
 /// Who goes along a lane goes within this of its direction, radians; how far he is seldom off it, radians and metres.
 const ALONG_RAD: f64 = 0.6;
 const OFF_RAD: f64 = 0.2;
@@ -22,6 +23,8 @@ const TURN_RAD: f64 = 1.0;
 /// Ways of one vehicle at most, and the least likely that is gone, as a share.
 const WAYS_MAX: usize = 3;
 const WAY_SHARE_MIN: f64 = 0.05;
+/// No way is wholly unlikely: shares have to have a sum.
+const SHARE_MIN: f64 = 1e-9;
 /// Ways are one for who does not come to where they part within so many seconds at his speed, and metres.
 const AHEAD_S: f64 = 6.0;
 const AHEAD_M: f64 = 20.0;
@@ -101,7 +104,8 @@ impl<'a> Place<'a> {
 /// itself seems to go across.
 fn across_mps(past: &Past, line: &Polyline, at: FrenetPoint) -> Option<f64> {
     let (before, last) = (past.before(VELOCITY_WINDOW_S)?, past.last());
-    let d_m = |point| line.project_near(point, at.s_m, NEAR_M).d_m;
+    let near_m = 2.0 * before.point.distance(last.point) + NEAR_M;
+    let d_m = |point| line.project_near(point, at.s_m, near_m).d_m;
     Some((d_m(last.point) - d_m(before.point)) / (last.at - before.at).as_secs())
 }
 
@@ -128,9 +132,9 @@ fn ways<'a>(
             continue;
         }
         let (rad, m) = (off_rad / OFF_RAD, spot.at.d_m / OFF_M);
-        let weight = math::exp(-0.5 * (rad * rad + m * m));
+        let weight = math::exp(-0.5 * (rad * rad + m * m)).max(SHARE_MIN);
         let ways = lanes.ways(spot.lane);
-        let likely = |way: &LaneWay| math::exp(-way.turn_rad / TURN_RAD);
+        let likely = |way: &LaneWay| math::exp(-way.turn_rad / TURN_RAD).max(SHARE_MIN);
         let sum: f64 = ways.iter().map(likely).sum();
         for way in ways {
             let share = weight * likely(way) / sum;
@@ -226,7 +230,7 @@ impl Along<'_> {
 pub(super) fn held_up(places: &[Place<'_>], seen: &[Seen], ground: Ground<'_>) -> Vec<bool> {
     let Ground::Lanes(lanes) = ground else { return Vec::new() };
     let mut red = vec![false; lanes.map().lanes().len()];
-    for (place, one) in places.iter().zip(seen) {
+    for (place, one) in places.iter().zip(seen).filter(|(_, one)| !walks(one)) {
         let Some((stop_m, lane)) = place.ways[0].1.stop() else { continue };
         let front_m = stop_m - 0.5 * one.track.extent.length_m;
         if place.velocity_mps.norm() < STANDS_MPS && front_m < AT_LINE_M {
