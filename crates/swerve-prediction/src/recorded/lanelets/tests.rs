@@ -51,7 +51,7 @@ fn what_is_no_map_is_told_with_its_line() {
     );
     assert_eq!(
         with("drivingDir=\"same\"", "drivingDir=\"up\""),
-        "3: drivingDir: expected same or opposite, found `up`"
+        "17: drivingDir: expected same or opposite, found `up`"
     );
     assert_eq!(
         with("<adjacentLeft drivingDir=\"same\" ref=\"1\"/>", ""),
@@ -59,7 +59,7 @@ fn what_is_no_map_is_told_with_its_line() {
     );
     assert_eq!(
         with("<additionalValue>13.4112</additionalValue>", ""),
-        "3: <trafficSignElement>: expected <additionalValue>"
+        "52: <trafficSignElement>: expected <additionalValue>"
     );
 }
 
