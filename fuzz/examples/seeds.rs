@@ -38,6 +38,7 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
         ("detector_weights", "crates/swerve-vision/detectors", "weights"),
         ("segmentation_weights", "crates/swerve-vision/segmentations", "weights"),
         ("prediction_weights", "crates/swerve-prediction/weights", "weights"),
+        ("lanelets", "crates/swerve-prediction/src/recorded/lanelets", "xml"),
         ("lidar_weights", "crates/swerve-perception/src/lidar", "txt"),
     ];
     for (target, from, ending) in of {

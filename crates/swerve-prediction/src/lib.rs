@@ -2,12 +2,14 @@
 //!
 //! [`History`] keeps the past sightings of each obstacle and hands out tracks; [`linear`] turns tracks into
 //! time-indexed predictions, which [`road`] bends as the road does; [`forecast`] has more predictors, whose forecasts have
-//! modes and spreads; [`recorded`] reads recorded tracks to judge them by. All poses are in the map frame and describe the centre of a footprint.
+//! modes and spreads; [`lanes`] is what vehicles keep to; [`recorded`] reads recorded tracks to judge them by. All poses
+//! are in the map frame and describe the centre of a footprint.
 //! Absences: no engine, no simulator, no files, no clock: time is what the stamps say.
 
 mod filter;
 mod history;
 mod idm;
+pub mod lanes;
 pub mod learned;
 pub mod linear;
 mod net;
@@ -17,4 +19,6 @@ pub mod recorded;
 pub mod road;
 
 pub use history::{History, HistoryParams};
-pub use predictor::{Horizon, PredictorName, Telling, Told, forecast, forecast_by, foretold, shipped};
+pub use predictor::{
+    Ground, Horizon, PredictorName, Telling, Told, forecast, forecast_by, foretold, shipped,
+};

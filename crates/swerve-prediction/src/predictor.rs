@@ -19,6 +19,7 @@ use swerve_core::param::{ParamError, require, require_within};
 use swerve_core::{Span, Time};
 use swerve_msg::{ForecastList, Route, Track, TrackList};
 
+use crate::lanes::LaneGraph;
 use crate::learned::Weights;
 use crate::past::Past;
 
@@ -115,6 +116,30 @@ impl Horizon {
     }
 }
 
+/// What drivers keep to, as far as it is known ([`PredictorName::LaneIdm`]).
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Ground<'a> {
+    /// Nothing: straight ahead is the lane.
+    #[default]
+    Open,
+    /// One road, along which everybody keeps his offset, either way.
+    Road(&'a Route),
+    /// Lanes, and the ways over them.
+    Lanes(&'a LaneGraph),
+}
+
+impl<'a> Ground<'a> {
+    /// A road, if there is one.
+    pub fn road(road: Option<&'a Route>) -> Self {
+        road.map_or(Self::Open, Self::Road)
+    }
+
+    /// Lanes, if there are any.
+    pub fn lanes(lanes: Option<&'a LaneGraph>) -> Self {
+        lanes.map_or(Self::Open, Self::Lanes)
+    }
+}
+
 /// One actor's track beside what of its past can be gone by.
 pub(crate) struct Seen<'a> {
     pub(crate) track: &'a Track,
@@ -127,8 +152,7 @@ pub(crate) fn seen(tracks: &TrackList) -> Vec<Seen<'_>> {
     plausible.map(|track| Seen { track, past: Past::of(track, tracks.stamp) }).collect()
 }
 
-/// How every track may go on, in the map frame. `road` is what [`PredictorName::LaneIdm`] keeps to; without it, straight
-/// ahead is the lane.
+/// How every track may go on, in the map frame. `ground` is what [`PredictorName::LaneIdm`] keeps to.
 ///
 /// Tracks know nothing of [`PredictorName::Truth`], which goes on as [`PredictorName::ConstantVelocity`] here. Tracks that cannot be on a road ([`Track::is_plausible`]) are left out. Covariances are those of people on foot and of
 /// vehicles as recorded (docs/prediction.md), not of these actors.
@@ -136,7 +160,7 @@ pub fn forecast(
     name: PredictorName,
     tracks: &TrackList,
     horizon: &Horizon,
-    road: Option<&Route>,
+    ground: Ground<'_>,
 ) -> ForecastList {
     let stamp = tracks.stamp;
     let seen = seen(tracks);
@@ -148,7 +172,7 @@ pub fn forecast(
         PredictorName::Imm => filters::forecasts(&seen, stamp, horizon, filters::IMM),
         PredictorName::SocialForce => social_force::forecasts(&seen, stamp, horizon),
         PredictorName::Orca => orca::forecasts(&seen, stamp, horizon),
-        PredictorName::LaneIdm => lane_idm::forecasts(&seen, stamp, horizon, road),
+        PredictorName::LaneIdm => lane_idm::forecasts(&seen, stamp, horizon, ground),
         PredictorName::Multipath | PredictorName::Mfp | PredictorName::R2p2 => {
             let weights = shipped(name).expect("each of these has learnt");
             learned::forecasts(&seen, stamp, horizon, weights)

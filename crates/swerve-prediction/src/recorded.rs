@@ -1,15 +1,21 @@
 //! Recorded tracks in files, and the windows of them that predictors are judged by.
 
+mod lanelets;
 mod made;
+mod placed;
 mod written;
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
+use std::sync::Arc;
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{ActorId, ActorKind, Extent, Sighting, Track, TrackList};
 
+use crate::lanes::LaneGraph;
+
+pub use lanelets::commonroad_lanelets;
 pub use made::{made, made_finely};
 pub use written::{StepError, commonroad_text};
 
@@ -52,6 +58,8 @@ pub struct Recording {
     pub step: Span,
     /// Ordered by identity.
     pub tracks: Vec<RecordedTrack>,
+    /// Lanes below them, where these are known.
+    pub lanes: Option<Arc<LaneGraph>>,
 }
 
 /// An actor who is seen throughout a window.
@@ -253,7 +261,8 @@ impl Tracks {
         let track = |(id, (kind, extent, samples)): (ActorId, (ActorKind, Extent, BTreeMap<i64, Point2>))| {
             RecordedTrack { id, kind, extent, samples: samples.into_iter().collect() }
         };
-        Recording { step: Span::from_secs(step_s), tracks: self.0.into_iter().map(track).collect() }
+        let tracks = self.0.into_iter().map(track).collect();
+        Recording { step: Span::from_secs(step_s), tracks, lanes: None }
     }
 }
 

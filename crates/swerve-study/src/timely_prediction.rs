@@ -23,7 +23,7 @@ use swerve_report::files::entries;
 use swerve_report::output::align;
 use swerve_text::{Document, Problems};
 
-use super::evaluate::prediction::{Format, file};
+use super::evaluate::prediction::{Format, file, on_lanes};
 use super::table::quoted;
 use errors::{Errors, Foreteller};
 
@@ -233,7 +233,8 @@ impl TrackSet {
         }
         let mut all = Vec::new();
         for name in &recorded.files {
-            all.extend(file(&folder.join(name), recorded.format)?.1);
+            let path = folder.join(name);
+            all.extend(on_lanes(file(&path, recorded.format)?, &path)?.recordings());
         }
         Ok(Some(all))
     }

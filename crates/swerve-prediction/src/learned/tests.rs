@@ -32,7 +32,7 @@ fn turning(count: u32) -> Recording {
         let samples = (0..20).map(place).collect();
         RecordedTrack { id: ActorId(id), kind: ActorKind::Pedestrian, extent: person, samples }
     };
-    Recording { step: Span::from_ms(400), tracks: (0..count).map(track).collect() }
+    Recording { step: Span::from_ms(400), tracks: (0..count).map(track).collect(), lanes: None }
 }
 
 fn digest(bytes: &[u8]) -> String {
@@ -90,8 +90,9 @@ fn a_net_learns_what_going_straight_on_misses() {
         }
         sum / count
     };
-    let straight =
-        off_m(&|tracks| crate::forecast(crate::PredictorName::ConstantVelocity, tracks, &horizon, None));
+    let straight = off_m(&|tracks| {
+        crate::forecast(crate::PredictorName::ConstantVelocity, tracks, &horizon, crate::Ground::Open)
+    });
     for model in MODELS {
         let shape = Shape { hidden: 16, ..shape(model) };
         let examples = examples(&[turning(6)], &shape, 1);
@@ -161,7 +162,7 @@ fn finer_recordings_are_taken_at_the_steps_of_the_net() {
             extent: person,
             samples: (0..count).map(place).collect(),
         };
-        Recording { step: Span::from_ms(step_ms), tracks: vec![track] }
+        Recording { step: Span::from_ms(step_ms), tracks: vec![track], lanes: None }
     };
     let coarse = examples(&[walks(400, 13)], &shape, 1);
     let fine = examples(&[walks(100, 49)], &shape, 1);

@@ -5,7 +5,7 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{ActorId, ActorKind, Extent, Sighting, Track, TrackList};
 
-use super::{Horizon, PredictorName, forecast};
+use super::{Ground, Horizon, PredictorName, forecast};
 
 /// One sighting after the one before: how much later (or earlier), and how far off; seldom a leap.
 fn sighting() -> impl Strategy<Value = (i64, f64, f64)> {
@@ -57,7 +57,7 @@ proptest! {
         let plausible: Vec<ActorId> =
             list.tracks.iter().filter(|track| track.is_plausible()).map(|track| track.id).collect();
         for name in PredictorName::ALL.into_iter().chain([PredictorName::Truth]) {
-            let found = forecast(name, &list, &horizon, None);
+            let found = forecast(name, &list, &horizon, Ground::Open);
             let ids: Vec<ActorId> = found.forecasts.iter().map(|one| one.id).collect();
             prop_assert_eq!(&ids, &plausible, "{:?}", name);
             for mode in found.forecasts.iter().flat_map(|one| &one.modes) {

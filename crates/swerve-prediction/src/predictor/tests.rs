@@ -34,7 +34,7 @@ fn end(forecast: &Forecast) -> Point2 {
 
 /// Probabilities sum to one, instants are those asked for, covariances are covariances, all numbers finite.
 fn check(name: PredictorName, tracks: &TrackList, horizon: &Horizon, road: Option<&Route>) -> ForecastList {
-    let list = forecast(name, tracks, horizon, road);
+    let list = forecast(name, tracks, horizon, Ground::road(road));
     for one in &list.forecasts {
         let sum: f64 = one.modes.iter().map(|mode| mode.probability).sum();
         assert!((sum - 1.0).abs() < 1e-9, "{name:?}: {sum}");
@@ -51,7 +51,7 @@ fn check(name: PredictorName, tracks: &TrackList, horizon: &Horizon, road: Optio
         PredictionList::from(&list).predictions.len(),
         list.forecasts.iter().map(|one| one.modes.len()).sum::<usize>()
     );
-    assert_eq!(list, forecast(name, tracks, horizon, road), "the same twice");
+    assert_eq!(list, forecast(name, tracks, horizon, Ground::road(road)), "the same twice");
     list
 }
 
@@ -221,7 +221,7 @@ fn a_thousand_actors_are_predicted() {
     });
     let tracks = list(crowd.collect());
     for name in PredictorName::ALL {
-        let list = forecast(name, &tracks, &Horizon { steps: 3, step: Span::from_ms(200) }, None);
+        let list = forecast(name, &tracks, &Horizon { steps: 3, step: Span::from_ms(200) }, Ground::Open);
         assert_eq!(list.forecasts.len(), 1000, "{name:?}");
     }
 }

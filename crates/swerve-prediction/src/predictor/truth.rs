@@ -109,8 +109,11 @@ mod tests {
         }
         assert!(points(&list, 1)[20].distance(Point2::new(3.0, 2.0)) < 1e-9);
         // By its name alone nobody is told anything.
-        let alone = forecast(PredictorName::Truth, &tracks(), &HORIZON, None);
-        assert_eq!(alone, forecast(PredictorName::ConstantVelocity, &tracks(), &HORIZON, None));
+        let alone = forecast(PredictorName::Truth, &tracks(), &HORIZON, crate::Ground::Open);
+        assert_eq!(
+            alone,
+            forecast(PredictorName::ConstantVelocity, &tracks(), &HORIZON, crate::Ground::Open)
+        );
     }
 
     #[test]

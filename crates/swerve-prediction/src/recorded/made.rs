@@ -134,7 +134,7 @@ fn recorded(seed: u64, people: usize, every: i64) -> Recording {
         }
     }
     let step = Span::from_secs(STEP_S) * every;
-    Recording { step, tracks: tracks.into_values().collect() }
+    Recording { step, tracks: tracks.into_values().collect(), lanes: None }
 }
 
 struct World {

@@ -9,7 +9,7 @@ use swerve_flow::{
 use swerve_geom::{Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, PredictionList, Route, Track, TrackList};
-use swerve_prediction::{Horizon, PredictorName, Telling, forecast, foretold, linear, road};
+use swerve_prediction::{Ground, Horizon, PredictorName, Telling, forecast, foretold, linear, road};
 use swerve_sim::{Ahead, SimParams};
 
 use crate::config::PredictionConfig;
@@ -130,7 +130,8 @@ impl Operator for Predictor {
                 name => {
                     let linear::Params { future_steps: steps, step_s, .. } = self.params;
                     let horizon = Horizon { steps, step: Span::from_secs(step_s) };
-                    PredictionList::from(&forecast(name, tracks, &horizon, self.road.as_ref()))
+                    let ground = Ground::road(self.road.as_ref());
+                    PredictionList::from(&forecast(name, tracks, &horizon, ground))
                 }
             });
         }

@@ -38,7 +38,7 @@ impl Follower {
     }
 
     fn recording(self) -> Recording {
-        Recording { step: EVERY, tracks: self.tracks.into_values().collect() }
+        Recording { step: EVERY, tracks: self.tracks.into_values().collect(), lanes: None }
     }
 }
 

@@ -1,5 +1,6 @@
 //! `swerve eval prediction`: a predictor on recorded tracks, against what happened.
 
+mod files;
 pub(crate) mod tally;
 #[cfg(test)]
 mod tests;
@@ -12,12 +13,15 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_msg::{ForecastList, TrackList};
 use swerve_prediction::learned::Weights;
-use swerve_prediction::recorded::{Protocol, Recording, commonroad_csv, eth_ucy, text};
-use swerve_prediction::{Horizon, PredictorName, forecast, forecast_by};
-use swerve_report::files::{entries, read_whole};
+use swerve_prediction::recorded::{Protocol, Recording};
+use swerve_prediction::{Ground, Horizon, PredictorName, forecast, forecast_by};
+use swerve_report::files::read_whole;
 use swerve_report::output::align;
 
+use files::{File, Lanes};
 use tally::{Figures, Tally};
+
+pub(crate) use files::{file, on_lanes};
 
 /// Recorded tracks, and what is to foretell them.
 #[derive(clap::Args, Debug)]
@@ -60,7 +64,8 @@ pub(super) struct PredictionArgs {
 pub enum Format {
     /// ETH and UCY: *.txt with rows of `frame person x y`, ten frames for 0.4 s
     EthUcy,
-    /// CommonRoad's recorded scenarios: *.csv or *.csv.gz with rows of 0.1 s
+    /// CommonRoad's recorded scenarios: *.csv or *.csv.gz with rows of 0.1 s; lanes of the *.xml or *.xml.gz in the folder
+    /// `maps` beside
     CommonroadCsv,
 }
 
@@ -99,34 +104,36 @@ struct Report {
 #[derive(Serialize)]
 struct FileReport {
     file: String,
+    /// What its recordings have below them.
+    lanes: Lanes,
     #[serde(flatten)]
     figures: Figures,
 }
 
 /// What foretells.
-pub(crate) type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon) -> ForecastList;
-
-/// One file's recordings, by its name.
-pub(crate) type File = (String, Vec<Recording>);
+pub(crate) type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon, Ground<'_>) -> ForecastList;
 
 /// What is printed.
 ///
 /// # Errors
 /// A folder without such files, a file that cannot be read or is not of its form: file, line, and what was expected.
 pub(super) fn told(args: &PredictionArgs) -> anyhow::Result<String> {
-    let files = files(args)?;
+    let files = files::files(&args.dir, args.format)?;
     let protocol = protocol(args);
     let best_of = usize::from(args.best_of);
     let reports: Vec<Report> = match &args.weights {
         Some(path) => {
             let weights = weights(path)?;
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let by = |tracks: &TrackList, horizon: &Horizon| forecast_by(&weights, tracks, horizon);
+            let by =
+                |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| forecast_by(&weights, tracks, horizon);
             vec![report(name, &by, &files, (&protocol, best_of))]
         }
         None => {
             let one = |name: &PredictorName| {
-                let by = |tracks: &TrackList, horizon: &Horizon| forecast(*name, tracks, horizon, None);
+                let by = |tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>| {
+                    forecast(*name, tracks, horizon, ground)
+                };
                 report(name.name().to_owned(), &by, &files, (&protocol, best_of))
             };
             args.predictor.0.iter().map(one).collect()
@@ -153,43 +160,6 @@ fn protocol(args: &PredictionArgs) -> Protocol {
     }
 }
 
-fn files(args: &PredictionArgs) -> anyhow::Result<Vec<File>> {
-    let (dir, endings) = match args.format {
-        Format::EthUcy => (&args.dir, &[".txt"][..]),
-        Format::CommonroadCsv => (&args.dir, &[".csv", ".csv.gz"][..]),
-    };
-    let told = |error| anyhow!("{}: cannot be read: {error}", dir.display());
-    let mut paths = vec![dir.clone()];
-    if std::fs::metadata(dir).map_err(told)?.is_dir() {
-        paths = entries(dir).map_err(told)?;
-        paths.retain(|path| endings.iter().any(|ending| path.to_string_lossy().ends_with(ending)));
-    }
-    if paths.is_empty() {
-        return Err(anyhow!(
-            "{}: expected files that end in {}, found none",
-            dir.display(),
-            endings.join(" or ")
-        ));
-    }
-    paths.iter().map(|path| file(path, args.format)).collect()
-}
-
-/// The recordings of one file.
-///
-/// # Errors
-/// A file that cannot be read or is not of its form: file, line, and what was expected.
-pub(crate) fn file(path: &Path, format: Format) -> anyhow::Result<File> {
-    let at = path.display();
-    let bytes = read_whole(path)?;
-    let text = text(bytes).map_err(|error| anyhow!("{at}: {error}"))?;
-    let recordings = match format {
-        Format::EthUcy => eth_ucy(&text).map(|recording| vec![recording]),
-        Format::CommonroadCsv => commonroad_csv(&text).map(|scenarios| scenarios.into_values().collect()),
-    };
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok((name, recordings.map_err(|error| anyhow!("{at}:{error}"))?))
-}
-
 fn weights(path: &Path) -> anyhow::Result<Weights> {
     let at = path.display();
     let bytes = read_whole(path)?;
@@ -203,27 +173,28 @@ fn report(
     (protocol, best_of): (&Protocol, usize),
 ) -> Report {
     let mut all = Tally::new(best_of, protocol.predict);
-    let of_file = |(file, recordings): &File| {
-        let tally = judged(recordings, by, (protocol, best_of));
+    let of_file = |file: &File| {
+        let tally = judged(file.each(), by, (protocol, best_of));
         all.join(&tally);
-        FileReport { file: file.clone(), figures: tally.figures() }
+        FileReport { file: file.name.clone(), lanes: file.lanes, figures: tally.figures() }
     };
     let files = files.iter().map(of_file).collect();
     Report { predictor, files, all: all.figures() }
 }
 
 /// Errors over recordings, each of which has a time of its own.
-pub(crate) fn judged(
-    recordings: &[Recording],
+pub(crate) fn judged<'a>(
+    recordings: impl IntoIterator<Item = &'a Recording>,
     by: Foretells<'_>,
     (protocol, best_of): (&Protocol, usize),
 ) -> Tally {
     let mut tally = Tally::new(best_of, protocol.predict);
     for recording in recordings {
         let horizon = Horizon { steps: protocol.predict, step: recording.step };
+        let ground = Ground::lanes(recording.lanes.as_deref());
         tally.begin();
         for scene in recording.scenes(protocol) {
-            tally.add(&scene, &by(&scene.tracks, &horizon));
+            tally.add(&scene, &by(&scene.tracks, &horizon, ground));
         }
     }
     tally

@@ -4,7 +4,7 @@ use swerve_core::{Span, Time};
 use swerve_geom::Point2;
 use swerve_msg::{ForecastList, Track};
 use swerve_prediction::recorded::{Protocol, Recording, Scene, Window};
-use swerve_prediction::{Horizon, PredictorName, Telling, forecast, foretold};
+use swerve_prediction::{Ground, Horizon, PredictorName, Telling, forecast, foretold};
 
 use super::TimelyPrediction;
 
@@ -18,9 +18,9 @@ pub(super) struct Foreteller {
 }
 
 impl Foreteller {
-    fn list(&self, scene: &Scene, horizon: &Horizon) -> ForecastList {
+    fn list(&self, scene: &Scene, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
         if self.name != PredictorName::Truth {
-            return forecast(self.name, &scene.tracks, horizon, None);
+            return forecast(self.name, &scene.tracks, horizon, ground);
         }
         let told = |track: &Track, instants: &[Time]| -> Option<Vec<Point2>> {
             let k = scene.windows.binary_search_by_key(&track.id, |window| window.id).ok()?;
@@ -76,8 +76,9 @@ impl Errors {
             let predict = (sums.longest_s() / step_s - 1e-9).ceil().max(1.0) as usize;
             let horizon = Horizon { steps: predict, step: recording.step };
             let scenes = recording.scenes(&Protocol::whole(observe, predict));
+            let ground = Ground::lanes(recording.lanes.as_deref());
             for scene in scenes.iter().step_by(every) {
-                let list = by.list(scene, &horizon);
+                let list = by.list(scene, &horizon, ground);
                 for window in &scene.windows {
                     sums.add(scene, window, &list, step_s);
                 }

@@ -28,7 +28,7 @@ fn faster() -> Recording {
     let samples = (0..60).map(|k: i64| (k, Point2::new(0.5 * 0.01 * (k * k) as f64, 0.0))).collect();
     let extent = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 };
     let track = RecordedTrack { id: ActorId(1), kind: ActorKind::Pedestrian, extent, samples };
-    Recording { step: swerve_core::Span::from_ms(100), tracks: vec![track] }
+    Recording { step: swerve_core::Span::from_ms(100), tracks: vec![track], lanes: None }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use serde::Deserialize;
 use swerve_msg::TrackList;
 use swerve_prediction::learned::{Learning, Shape, Weights, examples, train};
 use swerve_prediction::recorded::{Protocol, Recording, made};
-use swerve_prediction::{Horizon, PredictorName, forecast, forecast_by};
+use swerve_prediction::{Ground, Horizon, PredictorName, forecast, forecast_by};
 use swerve_report::progress::Progress;
 use swerve_stack::Registry;
 use swerve_text::{Document, Problem};
@@ -113,7 +113,7 @@ impl Tracks {
         let mut all = self.made.as_ref().map_or_else(Vec::new, minutes);
         if let Some(recorded) = &self.recorded {
             for name in &recorded.files {
-                all.extend(file(&data.join(name), recorded.format)?.1);
+                all.extend(file(&data.join(name), recorded.format)?.recordings());
             }
         }
         Ok(all)
@@ -158,10 +158,11 @@ impl Trained for Recipe {
             let each = (step_s / first.step.as_secs()).round().max(1.0) as usize;
             let protocol =
                 Protocol { stride: set.stride, ..Protocol::whole(7 * each + 1, self.net.steps * each) };
-            let straight = |tracks: &TrackList, horizon: &Horizon| {
-                forecast(PredictorName::ConstantVelocity, tracks, horizon, None)
+            let straight = |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| {
+                forecast(PredictorName::ConstantVelocity, tracks, horizon, Ground::Open)
             };
-            let learnt = |tracks: &TrackList, horizon: &Horizon| forecast_by(weights, tracks, horizon);
+            let learnt =
+                |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| forecast_by(weights, tracks, horizon);
             let both: [(&str, Foretells<'_>); 2] = [("constant_velocity", &straight), (&name, &learnt)];
             for (name, by) in both {
                 let found = judged(&recordings, by, (&protocol, BEST_OF)).figures();

@@ -21,7 +21,7 @@ fn folder(name: &str) -> Option<PathBuf> {
 fn distances_m(recording: &Recording, protocol: &Protocol, name: PredictorName) -> Vec<Vec<f64>> {
     let horizon = Horizon { steps: protocol.predict, step: recording.step };
     let of_scene = |scene: crate::recorded::Scene| {
-        let list = forecast(name, &scene.tracks, &horizon, None);
+        let list = forecast(name, &scene.tracks, &horizon, Ground::Open);
         let of_one = |window: &crate::recorded::Window| {
             let one = list.forecasts.iter().find(|one| one.id == window.id).unwrap();
             let path = &one.likeliest().unwrap().path[1..];

@@ -66,3 +66,46 @@ fn what_cannot_be_judged_is_said_in_one_line() {
     std::fs::write(dir.path().join("a.txt"), "0 1 2 3\n").unwrap();
     assert!(run(dir.path(), &["--predictor", "imm"]).unwrap().lines().nth(1).unwrap().contains(" 0 "));
 }
+
+/// A lane of 200 m to the east.
+const MAP: &str = "<commonRoad><lanelet id=\"1\">\
+    <leftBound><point><x>0</x><y>2</y></point><point><x>200</x><y>2</y></point></leftBound>\
+    <rightBound><point><x>0</x><y>-2</y></point><point><x>200</x><y>-2</y></point></rightBound>\
+    </lanelet></commonRoad>";
+
+/// One who drives to the east and slowly to the left, by scenario.
+fn scenarios(dir: &Path) {
+    let mut text = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps\n".to_owned();
+    for (name, y_m) in [("A-1", 0.0), ("A-2", 30.0), ("B-1", 0.0)] {
+        for step in 0..60 {
+            let x_m = 20.0 + f64::from(step);
+            text += &format!("{name},1,car,4.5,1.8,{step},{x_m},{},0,10\n", y_m + 0.01 * f64::from(step));
+        }
+    }
+    std::fs::write(dir.join("drives.csv"), text).unwrap();
+}
+
+#[test]
+fn maps_beside_recordings_are_below_them() {
+    let dir = tempfile::tempdir().unwrap();
+    scenarios(dir.path());
+    let more =
+        ["--format", "commonroad_csv", "--observe", "10", "--predict", "50", "--predictor", "lane_idm"];
+    let report = || {
+        let dir = dir.path().to_string_lossy().into_owned();
+        let words = ["eval", &dir].into_iter().chain(more).chain(["--json"]);
+        told(&Cli::try_parse_from(words)?.args)
+    };
+    let lanes = || serde_json::from_str::<Value>(&report().unwrap()).unwrap()["files"][0]["lanes"].clone();
+    let counts = |own: u32, placed: u32, without: u32| serde_json::json!({ "own": own, "placed": placed, "without": without });
+    assert_eq!(lanes(), counts(0, 0, 3));
+    let maps = dir.path().join("maps");
+    std::fs::create_dir(&maps).unwrap();
+    std::fs::write(maps.join("A-1.xml"), MAP).unwrap();
+    assert_eq!(lanes(), counts(1, 1, 1), "its own, one of the same site, none of there");
+    std::fs::write(maps.join("A-3.xml"), MAP.replace("</lanelet>", "")).unwrap();
+    assert!(report().unwrap_err().to_string().contains("A-3.xml:1: "));
+    // What is of another site is not looked at.
+    std::fs::rename(maps.join("A-3.xml"), maps.join("C-3.xml")).unwrap();
+    assert_eq!(lanes(), counts(1, 1, 1));
+}

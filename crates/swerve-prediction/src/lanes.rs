@@ -1,0 +1,244 @@
+//! Lanes as drivers go on over them: a map with stop lines, and the ways that lead on from each lane.
+
+use std::collections::BTreeMap;
+
+use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, angle_between};
+use swerve_map::{Lane, LaneId, Map, MapError};
+
+/// How far ahead ways are told apart, metres: as far as anybody drives within a horizon, and those before him.
+const REACH_M: f64 = 150.0;
+/// Lanes of one way and ways from one lane at most: lanes that follow themselves lead nowhere new.
+const LANES_MAX: usize = 32;
+const WAYS_MAX: usize = 16;
+/// Maps end where the ground does not: who is this far beyond the end of a lane without successor, or before the beginning
+/// of one without predecessor, is on it still, metres.
+const BEYOND_M: f64 = 150.0;
+/// Beyond ends a lane goes on in the direction of its last metres, so many: its very last are drawn by hand.
+const END_M: f64 = 20.0;
+/// Who is this far beside a lane is on it too, metres.
+const BESIDE_M: f64 = 1.0;
+
+/// Bounds of lanes are drawn by hand: their curvature is that over twice this length, metres.
+const BEND_M: f64 = 5.0;
+
+/// A line that drivers stop at.
+#[derive(Clone, PartialEq, Debug)]
+pub struct StopLine {
+    /// The lane that it crosses.
+    pub lane: LaneId,
+    /// Where along it, metres.
+    pub at_m: f64,
+    /// Identities of the lights that tell when, in order; none where only a sign does.
+    pub lights: Vec<u32>,
+}
+
+/// Lanes, their stop lines, and the ways over them.
+#[derive(Clone, PartialEq, Debug)]
+pub struct LaneGraph {
+    map: Map,
+    /// Ordered by lane, then by place.
+    stops: Vec<StopLine>,
+    /// By the lane's place in the map.
+    reaches: Vec<Reach>,
+    /// By the lane's place in the map: all that begin with it.
+    ways: Vec<Vec<LaneWay>>,
+}
+
+/// A lane as far as it counts.
+#[derive(Clone, PartialEq, Debug)]
+struct Reach {
+    /// With what is beyond its ends.
+    line: Polyline,
+    /// How much of that is before it begins, metres.
+    before_m: f64,
+    /// The rectangle that holds it.
+    low: Point2,
+    high: Point2,
+}
+
+/// A lane and those after it, as one line.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct LaneWay {
+    /// Places in the map, and where along the line each begins, metres.
+    pub(crate) lanes: Vec<(usize, f64)>,
+    pub(crate) line: Polyline,
+    /// Stop lines: where along the line, metres, and the lane's place in the map.
+    pub(crate) stops: Vec<(f64, usize)>,
+    /// How much it turns on the lanes after the first, radians.
+    pub(crate) turn_rad: f64,
+    /// Every [`BEND_M`], 1/m.
+    curvatures_1pm: Vec<f64>,
+}
+
+/// Where something is on a lane, along the line with what is beyond its ends.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Spot {
+    /// The lane's place in the map.
+    pub(crate) lane: usize,
+    pub(crate) at: FrenetPoint,
+}
+
+impl LaneGraph {
+    /// The ways over these lanes, with these lines to stop at.
+    ///
+    /// # Errors
+    /// A stop line of a lane that is not there.
+    pub fn new(map: Map, mut stops: Vec<StopLine>) -> Result<Self, MapError> {
+        if let Some(stray) = stops.iter().find(|stop| map.lane(stop.lane).is_none()) {
+            return Err(MapError::Missing { lane: stray.lane, named: stray.lane });
+        }
+        stops.sort_by(|a, b| a.lane.cmp(&b.lane).then(a.at_m.total_cmp(&b.at_m)));
+        let place: BTreeMap<LaneId, usize> =
+            map.lanes().iter().enumerate().map(|(k, lane)| (lane.id, k)).collect();
+        let reaches: Vec<Reach> = map.lanes().iter().map(|lane| Reach::of(&map, lane)).collect();
+        let way = |first| {
+            let chains = chains(&map, &place, first);
+            chains.iter().map(|lanes| LaneWay::over(lanes, &map, &reaches, &stops)).collect()
+        };
+        let ways = (0..map.lanes().len()).map(way).collect();
+        Ok(Self { map, stops, reaches, ways })
+    }
+
+    /// Its lanes.
+    pub fn map(&self) -> &Map {
+        &self.map
+    }
+
+    /// Its stop lines, ordered by lane.
+    pub fn stops(&self) -> &[StopLine] {
+        &self.stops
+    }
+
+    pub(crate) fn ways(&self, lane: usize) -> &[LaneWay] {
+        &self.ways[lane]
+    }
+
+    /// Identities of the lights before the end of a lane.
+    pub(crate) fn lights(&self, lane: usize) -> impl Iterator<Item = u32> {
+        let id = self.map.lanes()[lane].id;
+        self.stops.iter().filter(move |stop| stop.lane == id).flat_map(|stop| stop.lights.iter().copied())
+    }
+
+    /// All lanes that a point is on, or nearly.
+    pub(crate) fn spots(&self, point: Point2) -> Vec<Spot> {
+        let near = self.map.lanes().iter().zip(&self.reaches).enumerate();
+        near.filter(|(_, (_, reach))| reach.has(point))
+            .filter_map(|(k, (lane, reach))| {
+                let at = reach.line.project(point);
+                let on_lane = FrenetPoint { s_m: at.s_m - reach.before_m, d_m: at.d_m };
+                let is_on = (0.0..=reach.line.length()).contains(&at.s_m)
+                    && lane.borders.room_m(on_lane) >= -BESIDE_M;
+                is_on.then_some(Spot { lane: k, at })
+            })
+            .collect()
+    }
+
+    /// The lane at a place.
+    pub(crate) fn pose(&self, spot: &Spot) -> Pose2 {
+        self.reaches[spot.lane].line.at(spot.at.s_m).pose
+    }
+
+    /// Whether a place is between the ends of its lane.
+    pub(crate) fn is_between_ends(&self, spot: &Spot) -> bool {
+        let s_m = spot.at.s_m - self.reaches[spot.lane].before_m;
+        (0.0..=self.map.lanes()[spot.lane].line.length()).contains(&s_m)
+    }
+}
+
+impl Reach {
+    fn of(map: &Map, lane: &Lane) -> Self {
+        let mut points = lane.line.points().to_vec();
+        let mut before_m = 0.0;
+        if map.predecessors(lane.id).is_empty() {
+            points.insert(0, beyond(&lane.line, 0.0, END_M));
+            before_m = points[0].distance(points[1]);
+        }
+        if lane.successors.is_empty() {
+            let length_m = lane.line.length();
+            points.push(beyond(&lane.line, length_m, length_m - END_M));
+        }
+        let beside_m = lane.borders.farthest_m().max(0.0) + BESIDE_M;
+        let (mut low, mut high) = (points[0], points[0]);
+        for at in &points {
+            low = Point2::new(low.x_m.min(at.x_m), low.y_m.min(at.y_m));
+            high = Point2::new(high.x_m.max(at.x_m), high.y_m.max(at.y_m));
+        }
+        Self {
+            line: Polyline::new(&points).expect("a line with more points is one"),
+            before_m,
+            low: Point2::new(low.x_m - beside_m, low.y_m - beside_m),
+            high: Point2::new(high.x_m + beside_m, high.y_m + beside_m),
+        }
+    }
+
+    fn has(&self, point: Point2) -> bool {
+        (self.low.x_m..=self.high.x_m).contains(&point.x_m)
+            && (self.low.y_m..=self.high.y_m).contains(&point.y_m)
+    }
+}
+
+/// A point beyond the end of a line, in the direction to there from a place on it.
+fn beyond(line: &Polyline, end_m: f64, from_m: f64) -> Point2 {
+    let [end, from] = [end_m, from_m.clamp(0.0, line.length())].map(|s_m| line.at(s_m).pose.point());
+    let off = end - from;
+    end + off * (BEYOND_M / off.norm().max(1e-6))
+}
+
+/// All that lanes lead on to from one, as far as ways are told apart.
+fn chains(map: &Map, place: &BTreeMap<LaneId, usize>, first: usize) -> Vec<Vec<usize>> {
+    let (mut open, mut found) = (vec![vec![first]], Vec::new());
+    while let Some(lanes) = open.pop().filter(|_| found.len() < WAYS_MAX) {
+        let after_m: f64 = lanes[1..].iter().map(|k| map.lanes()[*k].line.length()).sum();
+        let next = &map.lanes()[lanes[lanes.len() - 1]].successors;
+        if next.is_empty() || after_m >= REACH_M || lanes.len() >= LANES_MAX {
+            found.push(lanes);
+        } else {
+            // The first successor is looked at first.
+            let on = |id: &LaneId| lanes.iter().copied().chain([place[id]]).collect();
+            open.extend(next.iter().rev().map(on));
+        }
+    }
+    found
+}
+
+/// How much a line turns, whichever way, radians.
+fn turn(line: &Polyline) -> f64 {
+    let headings: Vec<f64> = line.points().windows(2).map(|two| (two[1] - two[0]).heading()).collect();
+    headings.windows(2).map(|two| angle_between(two[0], two[1]).abs()).sum()
+}
+
+/// How a line turns around a place, 1/m.
+fn bend_1pm(line: &Polyline, s_m: f64) -> f64 {
+    let heading_rad = |s_m: f64| line.at(s_m).pose.heading_rad;
+    angle_between(heading_rad(s_m - BEND_M), heading_rad(s_m + BEND_M)) / (2.0 * BEND_M)
+}
+
+impl LaneWay {
+    fn over(chain: &[usize], map: &Map, reaches: &[Reach], stops: &[StopLine]) -> Self {
+        let mut points: Vec<Point2> = Vec::new();
+        let (mut lanes, mut lines, mut turn_rad, mut begin_m) = (Vec::new(), Vec::new(), 0.0, 0.0);
+        for (n, &k) in chain.iter().enumerate() {
+            let (lane, reach) = (&map.lanes()[k], &reaches[k]);
+            // Where lanes join, the end of the one stands for the beginning of the next.
+            points.extend(&reach.line.points()[usize::from(n > 0)..]);
+            let of_lane = stops.iter().filter(|stop| stop.lane == lane.id);
+            lines.extend(of_lane.map(|stop| (begin_m + reach.before_m + stop.at_m, k)));
+            lanes.push((k, begin_m));
+            turn_rad += if n > 0 { turn(&lane.line) } else { 0.0 };
+            begin_m += reach.line.length();
+        }
+        let line = Polyline::new(&points).expect("lanes have lines, which are lines together");
+        let curvature = |k: usize| bend_1pm(&line, BEND_M * k as f64);
+        let curvatures_1pm = (0..=(line.length() / BEND_M) as usize).map(curvature).collect();
+        Self { lanes, line, stops: lines, turn_rad, curvatures_1pm }
+    }
+
+    /// Its curvature, 1/m; none beyond its ends.
+    pub(crate) fn curvature_1pm(&self, s_m: f64) -> f64 {
+        let k = (s_m / BEND_M).round();
+        if k < 0.0 { 0.0 } else { self.curvatures_1pm.get(k as usize).copied().unwrap_or(0.0) }
+    }
+}
+
+#[cfg(test)]
+mod tests;

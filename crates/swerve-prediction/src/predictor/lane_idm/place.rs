@@ -1,0 +1,247 @@
+//! Where vehicles are, and along what they may go on.
+
+use swerve_core::Time;
+use swerve_geom::{FrenetPoint, Point2, Polyline, Vector2, angle_between, math};
+
+use super::walks;
+use crate::lanes::{LaneGraph, LaneWay, Spot};
+use crate::past::Past;
+use crate::predictor::straight::VELOCITY_WINDOW_S;
+use crate::predictor::{Ground, Horizon, Seen};
+use crate::road::{SETTLES_S, share_along};
+
+/// Along a line somebody has come at most twice as far as straight on, and this much, metres.
+const NEAR_M: f64 = 5.0;
+/// Who goes along a lane goes within this of its direction, radians; how far he is seldom off it, radians and metres.
+const ALONG_RAD: f64 = 0.6;
+const OFF_RAD: f64 = 0.2;
+const OFF_M: f64 = 1.0;
+/// The direction of a motion is that of the last metre.
+const DIRECTION_M: f64 = 1.0;
+/// Of ways that turn by this much, radians, a third is taken of those that do not.
+const TURN_RAD: f64 = 1.0;
+/// Ways of one vehicle at most, and the least likely that is gone, as a share.
+const WAYS_MAX: usize = 3;
+const WAY_SHARE_MIN: f64 = 0.05;
+/// No way is wholly unlikely: shares have to have a sum.
+const SHARE_MIN: f64 = 1e-9;
+/// Ways are one for who does not come to where they part within so many seconds at his speed, and metres.
+const AHEAD_S: f64 = 6.0;
+const AHEAD_M: f64 = 20.0;
+/// Who is slower than this stands, m/s; and is the first at a stop line this close before it, metres.
+const STANDS_MPS: f64 = 0.5;
+const AT_LINE_M: f64 = 15.0;
+
+/// Where a vehicle is, and along what it may go.
+pub(super) struct Place<'a> {
+    pub(super) point: Point2,
+    pub(super) velocity_mps: Vector2,
+    /// On all lanes; the road counts as lane 0.
+    pub(super) spots: Vec<Spot>,
+    /// With their shares, which sum to 1; the likeliest first, never none.
+    pub(super) ways: Vec<(f64, Along<'a>)>,
+}
+
+/// What a vehicle goes along.
+#[derive(Clone)]
+pub(super) enum Along<'a> {
+    /// Straight on from a point, in a direction of length 1.
+    Straight(Point2, Vector2),
+    /// A line.
+    Line(OnLine<'a>),
+}
+
+/// Along a line.
+#[derive(Clone)]
+pub(super) struct OnLine<'a> {
+    pub(super) line: &'a Polyline,
+    /// The way that it is of, on a lane graph.
+    way: Option<&'a LaneWay>,
+    pub(super) at: FrenetPoint,
+    /// Metres of the line to a metre of the way, negative against it.
+    pub(super) sense: f64,
+    /// Speed across, to the left, m/s.
+    across_mps: f64,
+    /// The next stop line: how far ahead, metres, and of which lane.
+    stop: Option<(f64, usize)>,
+}
+
+impl<'a> Place<'a> {
+    pub(super) fn of(seen: &Seen, stamp: Time, ground: Ground<'a>) -> Self {
+        let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
+        let point = seen.past.now(stamp, velocity_mps);
+        let (spots, mut ways) = match ground {
+            Ground::Open => (Vec::new(), Vec::new()),
+            Ground::Road(route) => {
+                let at = route.project(point);
+                let on_road = |share: f64| {
+                    let heading: Vector2 = route.line().at(at.s_m).pose.direction();
+                    let sense = if heading.dot(velocity_mps) < 0.0 { -1.0 } else { 1.0 };
+                    let across_mps =
+                        across_mps(&seen.past, route.line(), at).unwrap_or(heading.cross(velocity_mps));
+                    let line = route.line();
+                    let on = OnLine { line, way: None, at, sense: sense / share, across_mps, stop: None };
+                    (1.0, Along::Line(on))
+                };
+                let along = share_along(route, at, velocity_mps).map(on_road);
+                (vec![Spot { lane: 0, at }], along.into_iter().collect())
+            }
+            Ground::Lanes(lanes) => {
+                let spots = lanes.spots(point);
+                let ways = ways(&seen.past, velocity_mps, &spots, lanes);
+                (spots, ways)
+            }
+        };
+        if ways.is_empty() {
+            let speed_mps = velocity_mps.norm().max(1e-9);
+            ways.push((1.0, Along::Straight(point, velocity_mps * (1.0 / speed_mps))));
+        }
+        Self { point, velocity_mps, spots, ways }
+    }
+}
+
+/// Mean speed to the left of the line over the last half second, m/s, in the line's own coordinates: in a bend the velocity
+/// itself seems to go across.
+fn across_mps(past: &Past, line: &Polyline, at: FrenetPoint) -> Option<f64> {
+    let (before, last) = (past.before(VELOCITY_WINDOW_S)?, past.last());
+    let near_m = 2.0 * before.point.distance(last.point) + NEAR_M;
+    let d_m = |point| line.project_near(point, at.s_m, near_m).d_m;
+    Some((d_m(last.point) - d_m(before.point)) / (last.at - before.at).as_secs())
+}
+
+/// The direction in which somebody last moved, radians; none for who did not.
+fn heading_rad(past: &Past) -> Option<f64> {
+    let now = past.last().point;
+    let before = past.sightings.iter().rev().find(|one| one.point.distance(now) > DIRECTION_M)?;
+    Some((now - before.point).heading())
+}
+
+/// The ways of a lane graph for somebody on these lanes.
+fn ways<'a>(
+    past: &Past,
+    velocity_mps: Vector2,
+    spots: &[Spot],
+    lanes: &'a LaneGraph,
+) -> Vec<(f64, Along<'a>)> {
+    let heading_rad = heading_rad(past);
+    let ahead_m = velocity_mps.norm() * AHEAD_S + AHEAD_M;
+    let mut found: Vec<(f64, Spot, &LaneWay)> = Vec::new();
+    for spot in spots {
+        let off_rad = heading_rad.map_or(0.0, |own| angle_between(lanes.pose(spot).heading_rad, own));
+        if off_rad.abs() > ALONG_RAD || !lanes.map().lanes()[spot.lane].kind.is_drivable() {
+            continue;
+        }
+        let (rad, m) = (off_rad / OFF_RAD, spot.at.d_m / OFF_M);
+        let weight = math::exp(-0.5 * (rad * rad + m * m)).max(SHARE_MIN);
+        let ways = lanes.ways(spot.lane);
+        let likely = |way: &LaneWay| math::exp(-way.turn_rad / TURN_RAD).max(SHARE_MIN);
+        let sum: f64 = ways.iter().map(likely).sum();
+        for way in ways {
+            let share = weight * likely(way) / sum;
+            let parts = |other: &LaneWay| {
+                let both = way.lanes.iter().zip(&other.lanes);
+                both.filter(|(a, b)| a.0 != b.0).map(|(a, _)| a.1 - spot.at.s_m).next()
+            };
+            let same = |(_, at, other): &&mut (f64, Spot, &LaneWay)| {
+                at.lane == spot.lane && parts(other).is_none_or(|parts_m| parts_m > ahead_m)
+            };
+            match found.iter_mut().find(same) {
+                Some((sum, ..)) => *sum += share,
+                None => found.push((share, *spot, way)),
+            }
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.truncate(WAYS_MAX);
+    let all: f64 = found.iter().map(|(share, ..)| share).sum();
+    found.retain(|(share, ..)| *share >= WAY_SHARE_MIN * all);
+    let all: f64 = found.iter().map(|(share, ..)| share).sum();
+    let way = |(share, spot, way): (f64, Spot, &'a LaneWay)| {
+        let across_mps = across_mps(past, &way.line, spot.at).unwrap_or(0.0);
+        let next = way.stops.iter().find(|(at_m, _)| *at_m > spot.at.s_m);
+        let stop = next.map(|(at_m, lane)| (at_m - spot.at.s_m, *lane));
+        let on = OnLine { line: &way.line, way: Some(way), at: spot.at, sense: 1.0, across_mps, stop };
+        (share / all, Along::Line(on))
+    };
+    found.into_iter().map(way).collect()
+}
+
+/// For each step of a horizon the share of the present motion across that is past.
+pub(super) fn settled(horizon: &Horizon) -> Vec<f64> {
+    let step_s = horizon.step.as_secs();
+    (0..=horizon.steps).map(|k| 1.0 - math::exp(-step_s * k as f64 / SETTLES_S)).collect()
+}
+
+impl Along<'_> {
+    /// How far `other` is ahead along the way of who is at `from`, and how far beside it, metres; none for who is on
+    /// other lanes.
+    pub(super) fn ahead_of(&self, other: &Place<'_>) -> Option<(f64, f64)> {
+        match self {
+            Self::Straight(from, unit) => {
+                let off: Vector2 = other.point - *from;
+                Some((unit.dot(off), unit.cross(off)))
+            }
+            Self::Line(OnLine { way, at, sense, .. }) => {
+                let on = |spot: &Spot| {
+                    let begin_m = match way {
+                        Some(way) => way.lanes.iter().find(|(lane, _)| *lane == spot.lane)?.1,
+                        None => 0.0,
+                    };
+                    Some(((begin_m + spot.at.s_m - at.s_m) / sense, spot.at.d_m - at.d_m))
+                };
+                let ahead = other.spots.iter().filter_map(on).filter(|(ahead_m, _)| *ahead_m > 0.0);
+                ahead.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+            }
+        }
+    }
+
+    /// Where it is after `on_m`, when that share of its motion across is past.
+    pub(super) fn at(&self, on_m: f64, settled: f64) -> Point2 {
+        match self {
+            Self::Line(OnLine { line, at, sense, across_mps, .. }) => {
+                let beside_m = across_mps * SETTLES_S * settled;
+                line.to_map(FrenetPoint { s_m: at.s_m + sense * on_m, d_m: at.d_m + beside_m })
+            }
+            Self::Straight(from, unit) => *from + *unit * on_m,
+        }
+    }
+
+    /// The curvature `on_m` ahead, 1/m.
+    pub(super) fn curvature_1pm(&self, on_m: f64) -> f64 {
+        match self {
+            Self::Line(OnLine { line, way, at, sense, .. }) => {
+                let s_m = at.s_m + sense * on_m;
+                way.map_or_else(|| line.at(s_m).curvature_1pm, |way| way.curvature_1pm(s_m))
+            }
+            Self::Straight(..) => 0.0,
+        }
+    }
+
+    /// The next stop line: how far ahead, metres, and of which lane.
+    pub(super) fn stop(&self) -> Option<(f64, usize)> {
+        match self {
+            Self::Line(on) => on.stop,
+            Self::Straight(..) => None,
+        }
+    }
+}
+
+/// Lanes whose stop line somebody waits at, and all that have their lights: these are red, as far as can be told.
+pub(super) fn held_up(places: &[Place<'_>], seen: &[Seen], ground: Ground<'_>) -> Vec<bool> {
+    let Ground::Lanes(lanes) = ground else { return Vec::new() };
+    let mut red = vec![false; lanes.map().lanes().len()];
+    for (place, one) in places.iter().zip(seen).filter(|(_, one)| !walks(one)) {
+        let Some((stop_m, lane)) = place.ways[0].1.stop() else { continue };
+        let front_m = stop_m - 0.5 * one.track.extent.length_m;
+        if place.velocity_mps.norm() < STANDS_MPS && front_m < AT_LINE_M {
+            red[lane] = true;
+        }
+    }
+    let waited: Vec<Vec<u32>> =
+        (0..red.len()).filter(|k| red[*k]).map(|k| lanes.lights(k).collect()).collect();
+    for (k, is_red) in red.iter_mut().enumerate() {
+        let lights: Vec<u32> = lanes.lights(k).collect();
+        *is_red |= !lights.is_empty() && waited.contains(&lights);
+    }
+    red
+}

@@ -1,0 +1,152 @@
+use proptest::prelude::*;
+use swerve_core::Span;
+use swerve_geom::{Polyline, Pose2};
+use swerve_map::{Borders, Lane, LaneId, Map};
+use swerve_msg::{ActorId, Extent, ForecastList, Sighting, Track, TrackList};
+
+use super::*;
+use crate::lanes::{LaneGraph, StopLine};
+use crate::predictor::{PredictorName, forecast as forecast_of};
+
+const FIVE_SECONDS: Horizon = Horizon { steps: 50, step: Span::from_ms(100) };
+
+/// A car seen for three seconds up to the time zero, `s_m` along a lane and at this speed.
+fn car(id: u32, line: &Polyline, s_m: f64, speed_mps: f64) -> Track {
+    let at = |k: i64| {
+        let point = line.at(s_m + 0.1 * speed_mps * k as f64).pose.point();
+        Sighting { at: Time::from_ms(100 * k), point }
+    };
+    let history: Vec<Sighting> = (-30..=0).map(at).collect();
+    let pose = line.at(s_m).pose;
+    let extent = Extent { length_m: 4.5, width_m: 1.8, height_m: 1.5 };
+    let velocity_mps = pose.direction() * speed_mps;
+    Track { id: ActorId(id), kind: ActorKind::Car, pose, extent, velocity_mps, history }
+}
+
+fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
+    let points: Vec<Point2> = points.iter().map(|(x, y)| Point2::new(*x, *y)).collect();
+    let mut lane = Lane::new(LaneId(id), Polyline::new(&points).unwrap(), Borders::constant(1.75, 1.75));
+    lane.successors = successors.iter().copied().map(LaneId).collect();
+    lane
+}
+
+/// 60 m to the east with a stop line at their end, then on, or to the left; and a lane beside with the same light.
+fn fork() -> LaneGraph {
+    let lanes = vec![
+        lane(1, &[(0.0, 0.0), (60.0, 0.0)], &[2, 3]),
+        lane(2, &[(60.0, 0.0), (200.0, 0.0)], &[]),
+        lane(3, &[(60.0, 0.0), (72.0, 3.0), (80.0, 12.0), (82.0, 100.0)], &[]),
+        lane(4, &[(0.0, -3.5), (60.0, -3.5)], &[]),
+    ];
+    let stop = |lane| StopLine { lane: LaneId(lane), at_m: 60.0, lights: vec![7] };
+    LaneGraph::new(Map::new(lanes).unwrap(), vec![stop(1), stop(4)]).unwrap()
+}
+
+fn foretold(tracks: Vec<Track>, lanes: &LaneGraph) -> ForecastList {
+    let list = TrackList { stamp: Time::ZERO, tracks };
+    let found = forecast_of(PredictorName::LaneIdm, &list, &FIVE_SECONDS, Ground::Lanes(lanes));
+    for one in &found.forecasts {
+        let sum: f64 = one.modes.iter().map(|mode| mode.probability).sum();
+        assert!((sum - 1.0).abs() < 1e-9 && one.modes.len() <= 6, "{sum}");
+        let mut places = one.modes.iter().flat_map(|mode| &mode.path);
+        assert!(places.all(|at| at.pose.is_finite() && at.pose.x_m.abs() < 1e7));
+    }
+    found
+}
+
+fn ends(found: &ForecastList, k: usize) -> Vec<Pose2> {
+    found.forecasts[k].modes.iter().map(|mode| mode.path[50].pose).collect()
+}
+
+#[test]
+fn each_way_is_a_mode_and_one_that_brakes() {
+    let lanes = fork();
+    let line = |k: usize| &lanes.map().lanes()[k].line;
+    let found = foretold(vec![car(1, line(0), 40.0, 10.0)], &lanes);
+    let [on, on_brakes, left, left_brakes] = ends(&found, 0)[..] else { panic!("four modes") };
+    assert!(on.x_m > 88.0 && on.y_m.abs() < 0.1, "{on:?}");
+    assert!(left.y_m > 15.0 && (left.heading_rad - 1.55).abs() < 0.2, "{left:?}");
+    // 25 m to a stand.
+    assert!((on_brakes.x_m - 65.0).abs() < 0.5 && left_brakes.y_m < 3.0, "{on_brakes:?} {left_brakes:?}");
+    let shares: Vec<f64> = found.forecasts[0].modes.iter().map(|mode| mode.probability).collect();
+    assert!(shares[0] > shares[2] && (shares[0] - 9.0 * shares[1]).abs() < 1e-9, "{shares:?}");
+    // Who is past where the ways part has one.
+    let found = foretold(vec![car(1, line(2), 40.0, 10.0)], &lanes);
+    assert_eq!(found.forecasts[0].modes.len(), 2);
+    // In the bend 3 m/s² across are not gone over.
+    let fast = foretold(vec![car(1, line(0), 40.0, 20.0)], &lanes);
+    assert!(ends(&fast, 0)[2].y_m < 70.0 && ends(&fast, 0)[0].x_m > 130.0, "{:?}", ends(&fast, 0));
+}
+
+#[test]
+fn what_slows_who_is_ahead_comes_back_along_the_lane() {
+    let lanes = fork();
+    let line = &lanes.map().lanes()[1].line;
+    let column = |ahead_mps: f64| {
+        let mut cars: Vec<Track> = (0..4).map(|k| car(k, line, 15.0 * f64::from(k), 10.0)).collect();
+        cars.push(car(4, line, 60.0, ahead_mps));
+        foretold(cars, &lanes)
+    };
+    let (slow, even) = (column(4.0), column(10.0));
+    let lost_m: Vec<f64> = (0..4).map(|k| ends(&even, k)[0].x_m - ends(&slow, k)[0].x_m).collect();
+    assert!(
+        lost_m.windows(2).all(|two| two[0] < two[1]) && lost_m[0] > 0.1 && lost_m[3] > 12.0,
+        "{lost_m:?}"
+    );
+    for k in 0..4 {
+        assert!(ends(&slow, k)[0].x_m + 4.5 < ends(&slow, k + 1)[0].x_m, "{k} drives into the next");
+    }
+}
+
+#[test]
+fn who_waits_at_a_stop_line_tells_that_its_light_is_red() {
+    let lanes = fork();
+    let line = |k: usize| &lanes.map().lanes()[k].line;
+    let comes = car(1, line(0), 20.0, 10.0);
+    let alone = foretold(vec![comes.clone()], &lanes);
+    assert!(ends(&alone, 0)[0].x_m > 66.0);
+    // Beside, in the other lane, somebody stands at the line.
+    let waits = car(2, line(3), 56.0, 0.0);
+    let both = foretold(vec![comes, waits], &lanes);
+    let front_m = ends(&both, 0)[0].x_m + 2.25;
+    assert!((54.0..=60.1).contains(&front_m), "{front_m}");
+    assert!((ends(&both, 1)[0].x_m - 56.0).abs() < 2.0, "who waits goes on waiting: {:?}", ends(&both, 1)[0]);
+    // Who is too close to stop goes through.
+    let close = car(1, line(0), 52.0, 12.0);
+    let found = foretold(vec![close, car(2, line(3), 56.0, 0.0)], &lanes);
+    assert!(ends(&found, 0)[0].x_m > 90.0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    /// Lanes that follow each other anyhow, with anybody on them: ways whose shares sum to 1, and finite places.
+    #[test]
+    fn whatever_the_lanes_are_there_is_a_forecast(
+        points in prop::collection::vec((-60.0..60.0, -60.0..60.0), 4..9),
+        links in prop::collection::vec((0_usize..8, 0_usize..8), 0..20),
+        cars in prop::collection::vec((-80.0..80.0, -80.0..80.0, -20.0..20.0, -20.0..20.0), 1..8),
+    ) {
+        // Lane k goes from point k to the next: a link is one more lane, between two of them.
+        let n = points.len();
+        let (mut lanes, mut ends): (Vec<Lane>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+        let pairs = (0..n).map(|k| (k, (k + 1) % n)).chain(links.iter().map(|(a, b)| (a % n, b % n)));
+        for (a, b) in pairs.filter(|(a, b)| a != b) {
+            lanes.push(lane(lanes.len() as u32, &[points[a], points[b]], &[]));
+            ends.push((a, b));
+        }
+        for k in 0..lanes.len() {
+            let next = (0..ends.len()).filter(|j| ends[*j].0 == ends[k].1);
+            lanes[k].successors = next.map(|j| LaneId(j as u32)).collect();
+        }
+        let stops = vec![StopLine { lane: LaneId(0), at_m: 1.0, lights: vec![] }];
+        let lanes = LaneGraph::new(Map::new(lanes).unwrap(), stops).unwrap();
+        let track = |(k, &(x, y, vx, vy)): (usize, &(f64, f64, f64, f64))| {
+            let to = (x + 3.0 * vx + 1e-3, y + 3.0 * vy);
+            let line = Polyline::new(&[Point2::new(x, y), Point2::new(to.0, to.1)]).unwrap();
+            car(k as u32, &line, 0.0, libm::hypot(vx, vy))
+        };
+        let found = foretold(cars.iter().enumerate().map(track).collect(), &lanes);
+        prop_assert_eq!(found.forecasts.len(), cars.len());
+    }
+}

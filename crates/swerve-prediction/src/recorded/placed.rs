@@ -1,0 +1,140 @@
+//! Where on a map a recording was made, by the ways that were driven.
+//!
+//! CommonRoad's scenarios each have an origin of their own. Every place of a track that moves votes for all shifts that
+//! bring it onto a lane of its direction (Hough); the best are then fitted to the middles of the lanes.
+
+use std::sync::Arc;
+
+use swerve_geom::{Point2, Vector2, angle_between};
+
+use super::Recording;
+use crate::lanes::LaneGraph;
+
+/// Shifts looked at, either way along both axes, and the size of their cells, metres.
+const REACH_M: f64 = 200.0;
+const CELL_M: f64 = 2.0;
+/// Cells along one axis.
+const CELLS: usize = 201;
+/// Places that vote, at most, and those that a fit is by.
+const VOTES: usize = 400;
+const FITS: usize = 120;
+/// Who is on a lane goes its way within this, radians.
+const ALONG_RAD: f64 = 0.25;
+/// Shifts that are fitted, and how often each is.
+const TRIED: usize = 4;
+const ROUNDS: usize = 8;
+
+/// A place of a track, and where it went.
+type Going = (Point2, f64);
+
+impl Recording {
+    /// Moved onto `lanes`, and which share of those who drove is then in the middle of a lane of their direction, 0 to 1;
+    /// none where nobody drove, or nowhere near.
+    pub fn placed(&self, lanes: &Arc<LaneGraph>) -> Option<(Self, f64)> {
+        let going = self.going();
+        let (votes, fits) = (thinned(&going, VOTES), thinned(&going, FITS));
+        let fitted = best_cells(&votes, lanes).into_iter().map(|shift| fitted(shift, &fits, lanes));
+        let (shift, share) = fitted.fold(None, |best: Option<(Vector2, f64)>, one| match best {
+            Some(best) if best.1 >= one.1 => Some(best),
+            _ => Some(one),
+        })?;
+        let mut moved = self.clone();
+        let samples = moved.tracks.iter_mut().flat_map(|track| &mut track.samples);
+        samples.for_each(|(_, point)| *point = *point + shift);
+        moved.lanes = Some(lanes.clone());
+        Some((moved, share))
+    }
+
+    fn going(&self) -> Vec<Going> {
+        let mut going = Vec::new();
+        for track in &self.tracks {
+            let later = track.samples.iter().skip(5).step_by(5);
+            for ((_, from), (_, to)) in track.samples.iter().step_by(5).zip(later) {
+                if from.distance(*to) > 1.0 {
+                    going.push((*from + (*to - *from) * 0.5, (*to - *from).heading()));
+                }
+            }
+        }
+        going
+    }
+}
+
+/// At most about so many of them, evenly.
+fn thinned(going: &[Going], most: usize) -> Vec<Going> {
+    going.iter().step_by(going.len().div_ceil(most).max(1)).copied().collect()
+}
+
+/// The shifts with most votes, none beside a better one.
+fn best_cells(going: &[Going], lanes: &LaneGraph) -> Vec<Vector2> {
+    let mut votes = vec![0_u32; CELLS * CELLS];
+    let cell = |shift_m: f64| ((shift_m + REACH_M) / CELL_M).round();
+    for lane in lanes.map().lanes() {
+        for k in 0..(lane.line.length() / CELL_M).min(1e4) as usize {
+            let pose = lane.line.at((k as f64 + 0.5) * CELL_M).pose;
+            for (point, heading_rad) in going {
+                let (x, y) = (cell(pose.x_m - point.x_m), cell(pose.y_m - point.y_m));
+                let is_near = [x, y].iter().all(|at| (0.0..CELLS as f64).contains(at));
+                if is_near && angle_between(pose.heading_rad, *heading_rad).abs() < ALONG_RAD {
+                    votes[x as usize * CELLS + y as usize] += 1;
+                }
+            }
+        }
+    }
+    let mut best = Vec::new();
+    while best.len() < TRIED {
+        let Some((most, count)) = votes.iter().enumerate().max_by_key(|(k, count)| (**count, usize::MAX - k))
+        else {
+            break;
+        };
+        if *count == 0 {
+            break;
+        }
+        let (x, y) = (most / CELLS, most % CELLS);
+        best.push(Vector2::new(x as f64 * CELL_M - REACH_M, y as f64 * CELL_M - REACH_M));
+        for near_x in x.saturating_sub(2)..(x + 3).min(CELLS) {
+            for near_y in y.saturating_sub(2)..(y + 3).min(CELLS) {
+                votes[near_x * CELLS + near_y] = 0;
+            }
+        }
+    }
+    best
+}
+
+/// A shift brought nearer to the middles of the lanes by least squares, and the share that is there then.
+fn fitted(mut shift: Vector2, going: &[Going], lanes: &LaneGraph) -> (Vector2, f64) {
+    let mut share = 0.0;
+    for round in 0..=ROUNDS {
+        // Damped, so that what nothing holds along a straight road stays where it is.
+        let damp = 0.05 * going.len() as f64;
+        let ([mut xx, mut xy, mut yy], [mut x, mut y]) = ([damp, 0.0, damp], [0.0; 2]);
+        share = 0.0;
+        for (point, heading_rad) in going {
+            let Some((off_m, left)) = off_middle(*point + shift, *heading_rad, lanes) else { continue };
+            let weight = 1.0 / (1.0 + off_m * off_m * off_m * off_m);
+            share += weight;
+            xx += weight * left.x * left.x;
+            xy += weight * left.x * left.y;
+            yy += weight * left.y * left.y;
+            x -= weight * off_m * left.x;
+            y -= weight * off_m * left.y;
+        }
+        if round < ROUNDS {
+            let determinant = xx * yy - xy * xy;
+            shift = shift + Vector2::new((yy * x - xy * y) / determinant, (xx * y - xy * x) / determinant);
+        }
+    }
+    (shift, share / going.len().max(1) as f64)
+}
+
+/// How far a point is to the left of the middle of the nearest lane of its direction, and which way that is.
+fn off_middle(point: Point2, heading_rad: f64, lanes: &LaneGraph) -> Option<(f64, Vector2)> {
+    let spots = lanes.spots(point).into_iter().filter_map(|spot| {
+        let on = lanes.pose(&spot);
+        let is_along = angle_between(on.heading_rad, heading_rad).abs() < ALONG_RAD;
+        (is_along && lanes.is_between_ends(&spot)).then_some((spot.at.d_m, on.direction().left()))
+    });
+    spots.min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
+}
+
+#[cfg(test)]
+mod tests;
