@@ -103,8 +103,8 @@ impl Outcome {
         let metrics = &self.metrics;
         match metric {
             Metric::MinDistanceM => metrics.min_distance_m,
-            Metric::ImpactSpeedMps => Some(metrics.impact_speed_mps),
-            Metric::ClosingSpeedMps => Some(metrics.impact.map_or(0.0, |i| i.closing_speed_mps)),
+            Metric::ImpactSpeedMps => metrics.impact_speed_mps,
+            Metric::ClosingSpeedMps => metrics.impact.map(|i| i.closing_speed_mps),
             Metric::EndSpeedMps => Some(metrics.drive.speed_end_mps),
             Metric::DurationS => Some(metrics.drive.duration_s),
             Metric::LateralAccelMaxMps2 => Some(metrics.drive.lateral_accel_max_mps2),

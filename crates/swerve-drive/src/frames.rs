@@ -47,6 +47,8 @@ struct Seen {
     world: Option<WorldState>,
     plan: Option<Plan>,
     obstacles: Option<ObstacleList>,
+    /// Names of the actors, in the order of their identities.
+    names: Vec<String>,
     /// The lines of the lane that each operator found last, and where the ego was then.
     lanes: BTreeMap<String, (Lanes, Transform<Map, Ego>)>,
     /// Where the ego was of late, oldest first.
@@ -100,7 +102,7 @@ impl Seen {
         }
         self.lanes.values().for_each(|(lanes, map_from_ego)| canvas.lanes(lanes, *map_from_ego));
         if let Some(list) = &self.obstacles {
-            canvas.obstacles(list, world);
+            canvas.obstacles(list, world, &self.names);
         }
     }
 }
@@ -184,7 +186,10 @@ impl Frames {
             above,
             next: Time::ZERO,
             count: 0,
-            seen: Seen::default(),
+            seen: Seen {
+                names: scenario.actors.iter().map(|actor| actor.name.clone()).collect(),
+                ..Seen::default()
+            },
             cameras: cameras.collect::<Result<_, _>>()?,
             written: BTreeMap::new(),
             waiting: BTreeMap::new(),
@@ -220,7 +225,7 @@ impl Frames {
             let mut canvas = Canvas::new(&mut frame, camera, camera_from_map);
             self.seen.lanes.values().for_each(|(lanes, map_from_ego)| canvas.lanes(lanes, *map_from_ego));
             if let Some(list) = &self.seen.obstacles {
-                canvas.obstacles(list, world);
+                canvas.obstacles(list, world, &self.seen.names);
             }
         }
         self.write(stream)?;

@@ -4,6 +4,7 @@
 //! become a run with an [`Outcome`].
 
 mod drive;
+mod lights;
 mod load;
 mod measured;
 mod recording;

@@ -9,6 +9,7 @@ use swerve_stack::Assembly;
 use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::Shape;
 
+use crate::lights::light_courses;
 use crate::rungs::Rungs;
 
 /// The operators whose messages are measured: what a fault makes of one is no second one.
@@ -59,7 +60,9 @@ impl Measured {
         let dead_time = Span::from_secs(pipeline.vehicle.dead_time_s);
         let actors = pipeline.scenario.actors.iter().map(|actor| actor.name.clone()).collect();
         let route = Some(pipeline.route.clone());
-        let params = swerve_eval::Params { ego, dead_time, operators: operators.clone(), actors, route };
+        let lights = light_courses(&pipeline.scenario, pipeline.until);
+        let params =
+            swerve_eval::Params { ego, dead_time, operators: operators.clone(), actors, route, lights };
         Ok(Self {
             evaluation: Evaluation::new(params),
             operators,

@@ -5,6 +5,7 @@ use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 
+use crate::lights::light_courses;
 use crate::measured::outline;
 
 /// What a picture is headed with.
@@ -21,12 +22,14 @@ pub fn title(config: &Config, scenario: &Scenario) -> String {
 /// The picture of the run, to be filled in while it drives.
 pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     let lane_width_m = Some(scenario.road.lane_width_m);
-    Story::new(
+    let mut story = Story::new(
         title(config, scenario),
         pipeline.route.clone(),
         lane_width_m,
         outline(&pipeline.vehicle.shape),
-    )
+    );
+    story.lights = light_courses(scenario, pipeline.until);
+    story
 }
 
 #[cfg(test)]

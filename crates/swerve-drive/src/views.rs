@@ -1,5 +1,7 @@
 //! What Foxglove needs to know of a run before it begins.
 
+use std::sync::Arc;
+
 use swerve_core::Span;
 use swerve_foxglove::{ImageForm, Mount, Sensor, Setup};
 use swerve_geom::{Ego, Point, Transform};
@@ -16,7 +18,8 @@ pub fn views_of(config: &Config, pipeline: &Pipeline) -> Setup {
         assembly.image_of(&placed.name).map(|stream| (placed.name.clone(), camera(stream)))
     });
     let (detectors, mounts) = (detectors.collect(), mounts(config, |name| config.runs(name)));
-    Setup { mounts, detectors, ..setup(config, &pipeline.scenario) }
+    let actors = pipeline.scenario.actors.iter().map(|actor| actor.name.clone()).collect();
+    Setup { mounts, detectors, actors, ..setup(config, &pipeline.scenario) }
 }
 
 /// Road, car and sensors of a drive with a vehicle: all sensors that have a place run.
@@ -45,6 +48,7 @@ fn setup(config: &Config, scenario: &Scenario) -> Setup {
             Images::Lossless => Some(ImageForm::Png),
         },
         raw_images: log.images == Images::Lossless,
+        actors: Arc::from([]),
         ego_from_pose: false,
     }
 }

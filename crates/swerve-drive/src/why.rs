@@ -5,6 +5,7 @@
 //! without the predictions of the actor's tracks. Nothing is driven again.
 
 mod command;
+mod other;
 mod sightings;
 mod timeline;
 mod waits;
@@ -16,10 +17,10 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use swerve_core::{Span, Time};
-use swerve_eval::{Account, Clearances, Metrics, Milestone, Why};
+use swerve_eval::{Account, Clearances, DecidedBy, Metrics, Milestone, Why};
 use swerve_log::{Log, Record};
-use swerve_msg::truth::{EgoTruth, Verdict, WorldState};
-use swerve_msg::{ActorId, Detections, EgoState, Plan, PredictionList, TrackList};
+use swerve_msg::truth::{EgoTruth, EndReason, Verdict, WorldState};
+use swerve_msg::{ActorId, Detections, EgoState, GateOutput, Plan, PredictionList, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
@@ -28,6 +29,7 @@ use swerve_text::nearest;
 
 pub use command::{WhyArgs, of_run, run};
 
+use crate::lights::light_courses;
 use crate::load::problems_error;
 use crate::measured::outline;
 use sightings::Sightings;
@@ -75,14 +77,25 @@ impl Logged {
         Ok(Self { log, config, scenario })
     }
 
-    /// The chain of the actor that decided the verdict of a run with these measures; none without actors.
-    pub fn why(&self, metrics: &Metrics) -> anyhow::Result<Option<Why>> {
-        let Some(decided) = metrics.deciding_actor() else { return Ok(None) };
+    /// The chain of the actor that decided the verdict of a run with these measures; where none did, what did.
+    pub fn why(&self, metrics: &Metrics) -> anyhow::Result<Why> {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
+        let DecidedBy::Actor(decided) = metrics.decided_by() else {
+            return other::told(self, &pipeline, metrics);
+        };
         let passed = || format!("it passed {} at {:.2} m", decided.name, decided.min_distance_m);
         let words = match (metrics.verdict, metrics.impact) {
             (_, Some(i)) => {
-                format!("it hit {} at {:.2} s with {:.1} m/s", decided.name, i.at_s, i.ego_speed_mps)
+                let mut stops = metrics.gate.iter().flat_map(|gate| &gate.stops);
+                let stop = stops.rfind(|stop| stop.at_s < i.at_s);
+                let stopped = stop.map_or_else(String::new, |stop| {
+                    format!(
+                        ", stopped by the safety gate from {:.2} s on ({})",
+                        stop.at_s,
+                        stop.cause.words()
+                    )
+                });
+                format!("it hit {} at {:.2} s with {:.1} m/s{stopped}", decided.name, i.at_s, i.ego_speed_mps)
             }
             _ if metrics.stands_before == Some(decided.actor) => format!("it stands before {}", decided.name),
             (Verdict::LeftRoad, _) => {
@@ -92,18 +105,22 @@ impl Logged {
                     passed()
                 )
             }
+            (Verdict::Timeout, _) if metrics.end == Some(EndReason::Timeout) => {
+                let (at_s, speed_mps) = (metrics.drive.duration_s, metrics.drive.speed_end_mps);
+                format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {}", passed())
+            }
             _ => passed(),
         };
         let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words };
-        self.chain(pipeline, ending).map(Some)
+        self.chain(pipeline, ending)
     }
 
     /// The chain of one actor by its name, else of the one nearest at an instant, else of the one that decided the
-    /// verdict; none without actors.
+    /// verdict; where none did, what did.
     ///
     /// # Errors
     /// When there is no actor of that name.
-    pub fn why_of(&self, actor: Option<&str>, at_s: Option<f64>) -> anyhow::Result<Option<Why>> {
+    pub fn why_of(&self, actor: Option<&str>, at_s: Option<f64>) -> anyhow::Result<Why> {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
         let names = || pipeline.scenario.actors.iter().map(|actor| actor.name.as_str());
         let ids: Vec<ActorId> = (1..).map(ActorId).take(pipeline.scenario.actors.len()).collect();
@@ -126,7 +143,13 @@ impl Logged {
             operators: Vec::new(),
             actors: names().map(str::to_owned).collect(),
             route: Some(pipeline.route.clone()),
+            lights: light_courses(&pipeline.scenario, pipeline.until),
         });
+        if let Some(gate) = pipeline.assembly.publisher::<GateOutput>() {
+            for publication in self.log.publications(gate) {
+                evaluation.gate(publication.header.visible_at, &publication.decode()?);
+            }
+        }
         let stream =
             pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let mut near = Clearances::new(outline(&pipeline.vehicle.shape));
@@ -144,14 +167,14 @@ impl Logged {
             return self.why(&evaluation.metrics());
         };
         let metrics = evaluation.metrics();
-        if metrics.deciding_actor().is_some_and(|decided| decided.actor == actor) {
+        if matches!(metrics.decided_by(), DecidedBy::Actor(decided) if decided.actor == actor) {
             return self.why(&metrics);
         }
         let words = match metrics.actors.iter().find(|a| a.actor == actor) {
             Some(a) => format!("{} was {:.2} m away at least", a.name, a.min_distance_m),
             None => "it was never near".into(),
         };
-        self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words }).map(Some)
+        self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words })
     }
 
     /// The chain of one actor.

@@ -6,10 +6,11 @@ use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
 
 use crate::comfort::{Comfort, ComfortMetrics};
+use crate::gate::stop_cause;
 use crate::{
-    Clearances, Drive, DriveMetrics, GateMetrics, GateUse, Impact, LateralJerk, Localization,
-    LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes, RunTimes, Summary,
-    Verdict, seconds,
+    Clearances, Drive, DriveMetrics, GateMetrics, GateStop, GateUse, Impact, LateralJerk, LightCourse,
+    Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes,
+    RunTimes, Summary, Verdict, seconds,
 };
 
 /// Facts that an evaluation has to know beforehand.
@@ -25,6 +26,8 @@ pub struct Params {
     pub actors: Vec<String>,
     /// The way that the ego is to go, where it is known.
     pub route: Option<Route>,
+    /// The traffic lights of that way.
+    pub lights: Vec<LightCourse>,
 }
 
 /// The result of a run; `metrics.json` is this struct.
@@ -48,8 +51,11 @@ pub struct Metrics {
     pub impact_name: Option<String>,
     /// The actor that the ego stood before at the end; null when it drove, or stood before nothing.
     pub stands_before: Option<ActorId>,
-    /// Speed of the ego at the first contact, m/s; zero when nothing was hit.
-    pub impact_speed_mps: f64,
+    /// The traffic light that the ego waited at when the run ended; null where it did not.
+    #[serde(default)]
+    pub waits_at_light: Option<String>,
+    /// Speed of the ego at the first contact, m/s; null when nothing was hit.
+    pub impact_speed_mps: Option<f64>,
     /// Instant at which part of the ego first left the drivable ground, seconds.
     pub left_road_at_s: Option<f64>,
     /// Largest lateral jerk before the first contact.
@@ -74,7 +80,36 @@ pub struct Metrics {
     pub operators: Vec<OperatorMetrics>,
 }
 
+/// Who or what decided how a run went.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum DecidedBy<'a> {
+    /// An actor: it was hit, is what the ego stands before, or was passed nearest.
+    Actor(&'a ActorMetrics),
+    /// The safety gate, which was stopping or holding the car at the end.
+    Gate(GateStop),
+    /// A red light, at which the ego waited at the end; its name.
+    Light(&'a str),
+    /// Nobody: there was no other.
+    Nobody,
+}
+
 impl Metrics {
+    /// Who or what decided how the run went. What was hit comes before all, then what held the car at the end.
+    pub fn decided_by(&self) -> DecidedBy<'_> {
+        let actor = || self.deciding_actor().map_or(DecidedBy::Nobody, DecidedBy::Actor);
+        if self.impact.is_some() {
+            return actor();
+        }
+        let held = self.gate.as_ref().filter(|gate| stop_cause(gate.end).is_some());
+        if let Some(stop) = held.and_then(|gate| gate.stops.last()) {
+            return DecidedBy::Gate(*stop);
+        }
+        match &self.waits_at_light {
+            Some(light) if self.stands_before.is_none() => DecidedBy::Light(light),
+            _ => actor(),
+        }
+    }
+
     /// The actor that decided the verdict: the one hit, else the one that the ego stands before, else of the people,
     /// else of all, the one passed nearest.
     pub fn deciding_actor(&self) -> Option<&ActorMetrics> {
@@ -146,7 +181,7 @@ impl Evaluation {
     /// Nothing taken in yet.
     pub fn new(params: Params) -> Self {
         Self {
-            outcome: Outcome::new(params.ego, params.route),
+            outcome: Outcome::new(params.ego, params.route, params.lights),
             clearances: Clearances::new(params.ego),
             drive: Drive::default(),
             jerk: LateralJerk::default(),
@@ -212,6 +247,7 @@ impl Evaluation {
 
     /// The safety gate spoke.
     pub fn gate(&mut self, at: Time, output: &GateOutput) {
+        self.outcome.gate(output.mode);
         self.gate.take(at, output);
     }
 
@@ -249,7 +285,8 @@ impl Evaluation {
             impact,
             impact_name: impact.map(|i| self.name(i.actor)),
             stands_before: self.outcome.stands_before(),
-            impact_speed_mps: impact.map_or(0.0, |i| i.ego_speed_mps),
+            waits_at_light: self.outcome.waits_at_light().map(str::to_owned),
+            impact_speed_mps: impact.map(|i| i.ego_speed_mps),
             left_road_at_s: self.outcome.left_road_at().map(seconds),
             lateral_jerk: JerkMetrics {
                 raw_max_mps3: self.jerk.raw_max_mps3(),
@@ -304,6 +341,7 @@ mod tests {
             operators: vec!["planner".into()],
             actors: vec!["parked truck".into(), "person".into()],
             route: None,
+            lights: Vec::new(),
         })
     }
 
@@ -344,7 +382,7 @@ mod tests {
         let m = e.metrics();
         assert_eq!((m.verdict, m.end), (Verdict::Collision, Some(EndReason::Collision)));
         assert_eq!((m.min_distance_m, m.min_distance_at_s), (Some(0.0), Some(1.95)));
-        assert_eq!((m.impact_speed_mps, m.impact.unwrap().actor), (12.0, ActorId(2)));
+        assert_eq!((m.impact_speed_mps, m.impact.unwrap().actor), (Some(12.0), ActorId(2)));
         assert_eq!(m.lateral_jerk.raw_max_mps3, Some(0.0), "the crash is not the driving");
         assert_eq!(m.actors[0].first_sight_s, Some(0.6));
         assert_eq!((m.impact_name.as_deref(), m.actors[0].name.as_str()), (Some("person"), "person"));
@@ -370,6 +408,10 @@ mod tests {
         e.world(&world(0, 0.0));
         let m = e.metrics();
         assert_eq!((m.min_distance_m, m.response), (None, None));
-        assert!(serde_json::to_string(&m).unwrap().contains("\"min_distance_m\":null"));
+        assert_eq!(m.decided_by(), DecidedBy::Nobody);
+        let json = serde_json::to_string(&m).unwrap();
+        assert!(
+            ["min_distance_m", "impact_speed_mps"].iter().all(|of| json.contains(&format!("\"{of}\":null")))
+        );
     }
 }

@@ -21,7 +21,8 @@ pub struct GateMetrics {
     pub limited_s: f64,
     /// The mode at the end.
     pub end: GateMode,
-    /// When it began to stop the car, and why; an emergency on top of another cause is one more.
+    /// When it began to stop the car, and why; an emergency on top of another cause is one more. Where the car rolls and is
+    /// braked again that is the same stop.
     pub stops: Vec<GateStop>,
     /// Commands that it refused, by reason.
     pub refused: Refusals,
@@ -36,6 +37,14 @@ pub struct GateStop {
     pub cause: StopCause,
 }
 
+/// Why the car is being stopped or held in a mode; none where the driver or the stack drives.
+pub(crate) fn stop_cause(mode: GateMode) -> Option<StopCause> {
+    match mode {
+        GateMode::Manual | GateMode::Driving => None,
+        GateMode::Stopping(cause) | GateMode::Holding(cause) => Some(cause),
+    }
+}
+
 /// Takes in what a gate says, tick by tick.
 #[derive(Clone, Debug, Default)]
 pub struct GateUse {
@@ -48,7 +57,7 @@ pub struct GateUse {
 impl GateUse {
     /// Takes in the gate's output at an instant. It holds until the next.
     pub fn take(&mut self, at: Time, output: &GateOutput) {
-        let before = self.last.map(|(_, before)| before.mode);
+        let before = self.last.and_then(|(_, before)| stop_cause(before.mode));
         if let Some((since, before)) = &self.last {
             let passed = at - *since;
             let mode = match before.mode {
@@ -63,7 +72,7 @@ impl GateUse {
             }
         }
         if let GateMode::Stopping(cause) = output.mode
-            && before != Some(output.mode)
+            && before != Some(cause)
         {
             self.stops.push((at, cause));
         }
@@ -103,6 +112,10 @@ mod tests {
             GateMode::Stopping(StopCause::Released),
             GateMode::Stopping(StopCause::Emergency),
             GateMode::Holding(StopCause::Emergency),
+            GateMode::Stopping(StopCause::Emergency),
+            GateMode::Holding(StopCause::Emergency),
+            GateMode::Driving,
+            GateMode::Stopping(StopCause::Emergency),
         ];
         for (k, mode) in modes.into_iter().enumerate() {
             let limited = k != 1;
@@ -112,9 +125,13 @@ mod tests {
         }
         let metrics = gate.metrics().unwrap();
         let spans = [metrics.manual_s, metrics.driving_s, metrics.stopping_s, metrics.holding_s];
-        assert_eq!((spans, metrics.limited_s), ([0.1, 0.2, 0.2, 0.0], 0.1));
+        let ms = spans.map(|span_s| (span_s * 1e3).round());
+        assert_eq!((ms, metrics.limited_s), ([100.0, 300.0, 300.0, 200.0], 0.2));
         let stops: Vec<_> = metrics.stops.iter().map(|stop| (stop.at_s, stop.cause)).collect();
-        assert_eq!(stops, [(0.3, StopCause::Released), (0.4, StopCause::Emergency)]);
-        assert_eq!((metrics.end, metrics.refused.total()), (GateMode::Holding(StopCause::Emergency), 5));
+        assert_eq!(
+            stops,
+            [(0.3, StopCause::Released), (0.4, StopCause::Emergency), (0.9, StopCause::Emergency)]
+        );
+        assert_eq!((metrics.end, metrics.refused.total()), (GateMode::Stopping(StopCause::Emergency), 9));
     }
 }

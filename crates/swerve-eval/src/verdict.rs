@@ -3,14 +3,17 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_msg::truth::{Actor, EndReason, InfractionKind, Verdict, WorldState};
-use swerve_msg::{ActorId, Route};
+use swerve_msg::{ActorId, GateMode, Route, Signal};
 
-use crate::{Outline, seconds};
+use crate::gate::stop_cause;
+use crate::{LightCourse, Outline, seconds};
 
 /// Below this the ego stands, m/s.
 const STANDS_MPS: f64 = 0.1;
 /// As far ahead as this something is in the way of an ego that stands, metres.
 const IN_THE_WAY_M: f64 = 25.0;
+/// As far beyond a stop line, with its front, an ego still waits at it, metres.
+const BEYOND_LINE_M: f64 = 1.0;
 /// And as far beside the outline, metres.
 const BESIDE_M: f64 = 0.5;
 
@@ -34,18 +37,43 @@ pub struct Impact {
 pub struct Outcome {
     ego: Outline,
     route: Option<Route>,
+    lights: Vec<LightCourse>,
+    gate: GateMode,
+    has_driven: bool,
     impact: Option<(Time, Impact)>,
     left_road: Option<Time>,
     end: Option<EndReason>,
     /// What the ego stood before at the end.
     stands_before: Option<ActorId>,
     is_alone: bool,
+    /// Which light it waited at then.
+    waits_at: Option<usize>,
+    /// Whether it was at rest then, and the gate held it so.
+    is_held: bool,
 }
 
 impl Outcome {
-    /// For an ego of this outline on its way along a route.
-    pub fn new(ego: Outline, route: Option<Route>) -> Self {
-        Self { ego, route, impact: None, left_road: None, end: None, stands_before: None, is_alone: true }
+    /// For an ego of this outline on its way along a route, past the lights of that.
+    pub fn new(ego: Outline, route: Option<Route>, lights: Vec<LightCourse>) -> Self {
+        Self {
+            ego,
+            route,
+            lights,
+            gate: GateMode::Manual,
+            has_driven: false,
+            impact: None,
+            left_road: None,
+            end: None,
+            stands_before: None,
+            is_alone: true,
+            waits_at: None,
+            is_held: false,
+        }
+    }
+
+    /// The safety gate is in this mode from now on.
+    pub fn gate(&mut self, mode: GateMode) {
+        self.gate = mode;
     }
 
     /// Takes in the state of the world after one step.
@@ -70,9 +98,16 @@ impl Outcome {
             }
         }
         self.is_alone &= world.actors.is_empty();
+        let stands = world.ego.state.speed_mps.abs() <= STANDS_MPS;
+        self.has_driven |= !stands;
         if self.end.is_none() && world.ended.is_some() {
             self.end = world.ended;
-            self.stands_before = in_the_way(world, self.ego, self.route.as_ref());
+            // One that never set off was not brought to rest by anything.
+            if stands && self.has_driven {
+                self.stands_before = in_the_way(world, self.ego, self.route.as_ref());
+                self.waits_at = self.light_ahead(world);
+                self.is_held = stop_cause(self.gate).is_some();
+            }
         }
     }
 
@@ -86,10 +121,10 @@ impl Outcome {
                 true => Verdict::Completed,
                 false => Verdict::Avoided,
             },
-            (None, None, Some(EndReason::Timeout)) => match self.stands_before {
-                Some(_) => Verdict::Stopped,
-                None => Verdict::Timeout,
-            },
+            (None, None, Some(EndReason::Timeout)) => {
+                let is_safe = self.is_held || self.stands_before.is_some() || self.waits_at.is_some();
+                if is_safe { Verdict::Stopped } else { Verdict::Timeout }
+            }
             (None, None, None) => Verdict::Unfinished,
         }
     }
@@ -114,6 +149,24 @@ impl Outcome {
         self.stands_before
     }
 
+    /// The traffic light that the ego waited at when the scenario ended.
+    pub fn waits_at_light(&self) -> Option<&str> {
+        self.waits_at.map(|light| self.lights[light].name.as_str())
+    }
+
+    /// The nearest light whose stop line is just before the ego and which is not green.
+    fn light_ahead(&self, world: &WorldState) -> Option<usize> {
+        let front_m = self.ego.center_ahead_m + 0.5 * self.ego.length_m;
+        let front_s_m = self.route.as_ref()?.project(world.ego.state.pose.ahead(front_m).point()).s_m;
+        let ahead = |light: &LightCourse| light.stop_s_m - front_s_m;
+        let is_waited_for = |(_, light): &(usize, &LightCourse)| {
+            (-BEYOND_LINE_M..=IN_THE_WAY_M).contains(&ahead(light))
+                && light.signal(world.stamp).is_some_and(|signal| signal != Signal::Green)
+        };
+        let waited_for = self.lights.iter().enumerate().filter(is_waited_for);
+        waited_for.min_by(|a, b| ahead(a.1).total_cmp(&ahead(b.1))).map(|(k, _)| k)
+    }
+
     /// Why the scenario ended; `None` while it goes on.
     pub fn end(&self) -> Option<EndReason> {
         self.end
@@ -123,9 +176,6 @@ impl Outcome {
 /// The nearest actor in the way of an ego that stands: ahead of its outline, or on its route, or nearly.
 fn in_the_way(world: &WorldState, ego: Outline, route: Option<&Route>) -> Option<ActorId> {
     let state = &world.ego.state;
-    if state.speed_mps.abs() > STANDS_MPS {
-        return None;
-    }
     let lane = Outline {
         length_m: IN_THE_WAY_M,
         width_m: ego.width_m + 2.0 * BESIDE_M,
@@ -149,7 +199,7 @@ pub(crate) mod tests {
     use super::*;
     use swerve_geom::{Map, Point, Point2, Polyline, Pose2, Transform, Vector, Vector2};
     use swerve_msg::truth::{Actor, Collision, EgoTruth, Infraction};
-    use swerve_msg::{ActorKind, EgoState, Extent};
+    use swerve_msg::{ActorKind, EgoState, Extent, StopCause};
 
     pub(crate) fn world(ms: i64, x_m: f64) -> WorldState {
         let stamp = Time::from_ms(ms);
@@ -187,10 +237,18 @@ pub(crate) mod tests {
 
     const EGO: Outline = Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 };
 
+    /// Half a second before, at speed.
+    fn driving() -> WorldState {
+        let mut state = world(500, -3.0);
+        state.ego.state.speed_mps = 6.0;
+        state
+    }
+
     fn outcome(of: impl Fn(&mut WorldState)) -> Outcome {
         let mut state = world(1000, 0.0);
         of(&mut state);
-        let mut outcome = Outcome::new(EGO, None);
+        let mut outcome = Outcome::new(EGO, None, Vec::new());
+        outcome.take(&driving());
         outcome.take(&state);
         outcome
     }
@@ -232,13 +290,52 @@ pub(crate) mod tests {
         for (route, verdict) in
             [(None, Verdict::Timeout), (Some(Route::uniform(line, 6.0, 2.0)), Verdict::Stopped)]
         {
-            let mut outcome = Outcome::new(EGO, route);
+            let mut outcome = Outcome::new(EGO, route, Vec::new());
+            outcome.take(&driving());
             outcome.take(&turned);
             assert_eq!(outcome.verdict(), verdict, "she is beside its outline, and on its route");
         }
         assert_eq!(at_end(6.0, 4.0, 0.0).stands_before(), Some(ActorId(1)), "she is on the pavement");
         assert_eq!(at_end(60.0, 0.0, 0.0).verdict(), Verdict::Timeout, "far away");
         assert_eq!(at_end(6.0, 0.0, 1.0).verdict(), Verdict::Timeout, "it drives");
+    }
+
+    #[test]
+    fn who_is_brought_to_rest_by_the_gate_or_a_red_light_has_stopped_and_who_never_drove_has_not() {
+        let line = Polyline::new(&[Point2::new(-90.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
+        let light = |stop_s_m: f64, signal| LightCourse {
+            name: "crossing".into(),
+            s_m: stop_s_m + 10.0,
+            d_m: -3.0,
+            stop_s_m,
+            shows: vec![(Time::ZERO, Signal::Green), (Time::from_ms(700), signal)],
+        };
+        let (far, holds) = (light(300.0, Signal::Red), GateMode::Holding(StopCause::Emergency));
+        // The front is at 93.9 m of the route.
+        for (light, gate, drove, speed_mps, verdict, waits) in [
+            (&far, holds, true, 0.0, Verdict::Stopped, None),
+            (&far, GateMode::Stopping(StopCause::Released), true, 0.0, Verdict::Stopped, None),
+            (&far, holds, false, 0.0, Verdict::Timeout, None),
+            (&far, holds, true, 0.5, Verdict::Timeout, None),
+            (&far, GateMode::Driving, true, 0.0, Verdict::Timeout, None),
+            (&light(96.0, Signal::Red), GateMode::Manual, true, 0.0, Verdict::Stopped, Some("crossing")),
+            (&light(96.0, Signal::Red), GateMode::Manual, false, 0.0, Verdict::Timeout, None),
+            (&light(96.0, Signal::Green), GateMode::Manual, true, 0.0, Verdict::Timeout, None),
+            (&light(91.0, Signal::Red), GateMode::Manual, true, 0.0, Verdict::Timeout, None),
+            (&light(120.0, Signal::Red), GateMode::Manual, true, 0.0, Verdict::Timeout, None),
+        ] {
+            let mut outcome =
+                Outcome::new(EGO, Some(Route::uniform(line.clone(), 6.0, 2.0)), vec![light.clone()]);
+            if drove {
+                outcome.take(&driving());
+            }
+            outcome.gate(gate);
+            let mut state = world(1000, 0.0);
+            (state.ego.state.speed_mps, state.ended) = (speed_mps, Some(EndReason::Timeout));
+            outcome.take(&state);
+            let told = (light.stop_s_m, gate, drove, speed_mps);
+            assert_eq!((outcome.verdict(), outcome.waits_at_light()), (verdict, waits), "{told:?}");
+        }
     }
 
     #[test]

@@ -1,14 +1,14 @@
-//! Why a drive ended as it did: the chain from the first sight of an actor to the car's answer.
+//! Why a drive ended as it did: the chain from the first sight of an actor to the car's answer, or what else decided it.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::Verdict;
 
-/// The chain of one actor; `why` in `metrics.json` is this struct.
+/// The chain of one actor, or of what stopped the car where that decided; `why` in `metrics.json` is this struct.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Why {
-    /// Name of the actor in the scenario.
-    pub actor: String,
+    /// Name of the actor in the scenario; null where none decided how the drive ended.
+    pub actor: Option<String>,
     /// How the drive ended.
     pub verdict: Verdict,
     /// The chain in one sentence.
@@ -28,7 +28,7 @@ pub struct WhyStep {
     pub waited: Vec<Wait>,
 }
 
-/// What happens to an actor on its way through the stack.
+/// What happens to an actor on its way through the stack; and what else makes a car stop and go on.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Milestone {
@@ -44,6 +44,16 @@ pub enum Milestone {
     Commanded,
     /// The car braked harder or steered otherwise than at the command.
     Effect,
+    /// The safety gate began to stop the car.
+    GateStop,
+    /// A traffic light turned from green, or was in sight of a car that had to stop at it.
+    Light,
+    /// The car stood.
+    Standstill,
+    /// The car went on.
+    MovesOff,
+    /// The scenario was over.
+    End,
 }
 
 impl Milestone {
@@ -56,6 +66,11 @@ impl Milestone {
             Self::Planned => "planned",
             Self::Commanded => "commanded",
             Self::Effect => "effect",
+            Self::GateStop => "gate_stop",
+            Self::Light => "light",
+            Self::Standstill => "standstill",
+            Self::MovesOff => "moves_off",
+            Self::End => "end",
         }
     }
 }
@@ -78,17 +93,21 @@ impl Why {
     ///
     /// The waits of a step have to be the time since the one before; a build for tests panics where they are not.
     pub fn new(actor: String, verdict: Verdict, ending: &str, steps: &[Account]) -> Self {
+        let sentence = sentence(ending, steps);
+        Self::told(Some(actor), verdict, sentence, steps)
+    }
+
+    /// What decided a drive where that was no actor, in a sentence and in steps like those of a chain.
+    pub fn without_actor(verdict: Verdict, sentence: String, steps: &[Account]) -> Self {
+        Self::told(None, verdict, sentence, steps)
+    }
+
+    fn told(actor: Option<String>, verdict: Verdict, sentence: String, steps: &[Account]) -> Self {
         for pair in steps.windows(2) {
             let waited = pair[1].2.iter().fold(Span::ZERO, |sum, (_, span)| sum + *span);
-            debug_assert_eq!(
-                waited,
-                pair[1].1 - pair[0].1,
-                "{} of {actor}: {:?}",
-                pair[1].0.name(),
-                pair[1].2
-            );
+            let of = actor.as_deref().unwrap_or("the car");
+            debug_assert_eq!(waited, pair[1].1 - pair[0].1, "{} of {of}: {:?}", pair[1].0.name(), pair[1].2);
         }
-        let sentence = sentence(ending, steps);
         let step = |(what, at, waited): &Account| WhyStep {
             what: *what,
             at_s: crate::seconds(*at),
@@ -149,7 +168,7 @@ fn sentence(ending: &str, steps: &[Account]) -> String {
         Milestone::Tracked => "; no plan would have been another one without it",
         Milestone::Planned => "; no command followed from that",
         Milestone::Commanded => "; the car did not answer",
-        Milestone::Effect => "",
+        _ => "",
     };
     text += missing;
     // The longest wait of all, where there is one to name.

@@ -13,7 +13,7 @@ use swerve_geom::{Camera, Map, Point, Pose2, Transform};
 use swerve_msg::{ActorKind, CameraInfo, Detections, Extent, Intrinsics, Signal, TrafficLights};
 
 use crate::form::{colour, colour_of, frame_of, name_of, timestamp};
-use crate::scene::{box_edges, label};
+use crate::scene::box_edges;
 
 /// Nothing is drawn nearer to the camera than this, metres.
 const NEAR_M: f64 = 0.1;
@@ -107,13 +107,15 @@ pub(crate) fn calibration(header: &Header) -> Option<CameraCalibration> {
 /// A road user as the stack believes it to be at an image's stamp.
 #[derive(Clone, Debug)]
 pub(crate) struct Believed {
+    /// What to call it.
+    pub(crate) name: String,
     pub(crate) kind: ActorKind,
     pub(crate) pose: Pose2,
     pub(crate) extent: Extent,
     pub(crate) distance_m: f64,
 }
 
-/// Boxes over an image, with kind and distance.
+/// Boxes over an image, with name and distance.
 pub(crate) fn annotations(
     header: &Header,
     camera_from_map: &Transform<Camera, Map>,
@@ -147,7 +149,7 @@ pub(crate) fn annotations(
             shown.texts.push(TextAnnotation {
                 timestamp: stamp,
                 position: Some(lens.pixel(a)),
-                text: label(one.kind, one.distance_m),
+                text: format!("{} {:.0} m", one.name, one.distance_m),
                 font_size: 14.0,
                 text_color: Some(colour([255, 255, 255, 255])),
                 background_color: Some(colour([0, 0, 0, 120])),
@@ -318,7 +320,8 @@ mod tests {
 
     fn believed(x_m: f64, y_m: f64) -> Believed {
         let extent = Extent { length_m: 2.0, width_m: 2.0, height_m: 2.0 };
-        Believed { kind: ActorKind::Car, pose: Pose2::new(x_m, y_m, 0.0), extent, distance_m: x_m }
+        let name = "parked car".into();
+        Believed { name, kind: ActorKind::Car, pose: Pose2::new(x_m, y_m, 0.0), extent, distance_m: x_m }
     }
 
     fn bounds(shown: &ImageAnnotations) -> [f64; 4] {
@@ -336,7 +339,7 @@ mod tests {
         assert_eq!((shown.points[0].points.len(), shown.texts.len()), (24, 1));
         assert_eq!(
             (shown.texts[0].text.as_str(), shown.timestamp.unwrap().nsec()),
-            ("car 11 m", 500_000_000)
+            ("parked car 11 m", 500_000_000)
         );
     }
 

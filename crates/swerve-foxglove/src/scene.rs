@@ -9,7 +9,7 @@ use foxglove::messages::{
 use swerve_core::Time;
 use swerve_geom::{Ego, FrenetPoint, Map, Pose2, Transform};
 use swerve_msg::truth::Actor;
-use swerve_msg::{ActorKind, Extent, Lanes, Plan, PredictionList, TrackList};
+use swerve_msg::{ActorId, Extent, Lanes, Plan, PredictionList, TrackList};
 
 use crate::form::{
     EGO, MAP, colour, colour_of, coords, frame_of, name_of, point, rotation, timestamp, upright, vector,
@@ -69,11 +69,12 @@ pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
 }
 
 /// The other road users as they are.
-pub(crate) fn actors(at: Time, actors: &[Actor]) -> SceneUpdate {
+pub(crate) fn actors(at: Time, actors: &[Actor], names: &[String]) -> SceneUpdate {
     let of = |actor: &Actor| {
         let body = cube(actor.pose, actor.z_m, actor.extent, colour_of(actor.kind, 200));
         let top_m = actor.z_m + actor.extent.height_m + 0.4;
-        let words = format!("{} {}", name_of(actor.kind), actor.id.0);
+        let number = || format!("{} {}", name_of(actor.kind), actor.id.0);
+        let words = called(actor.id, names).map_or_else(number, str::to_owned);
         let texts = vec![text(actor.pose, top_m, words)];
         SceneEntity { cubes: vec![body], texts, ..entity(at, &format!("actor {}", actor.id.0)) }
     };
@@ -200,7 +201,31 @@ pub(crate) fn box_edges(pose: Pose2, extent: Extent) -> [[[f64; 3]; 2]; 12] {
     })
 }
 
-/// The words beside an obstacle in an image.
-pub(crate) fn label(kind: ActorKind, distance_m: f64) -> String {
-    format!("{} {distance_m:.0} m", name_of(kind))
+/// The name of an actor in the scenario; `names` are in the order of identities, which begin at 1.
+pub(crate) fn called(id: ActorId, names: &[String]) -> Option<&str> {
+    (id.0 as usize).checked_sub(1).and_then(|place| names.get(place)).map(String::as_str)
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_geom::Vector2;
+    use swerve_msg::ActorKind;
+
+    use super::*;
+
+    #[test]
+    fn actors_are_called_as_in_the_scenario_and_by_kind_and_number_where_nobody_knows() {
+        let actor = |id, kind| Actor {
+            id: ActorId(id),
+            kind,
+            pose: Pose2::default(),
+            z_m: 0.0,
+            extent: Extent::default(),
+            velocity_mps: Vector2::new(0.0, 0.0),
+        };
+        let others = [actor(1, ActorKind::Truck), actor(2, ActorKind::Pedestrian)];
+        let shown = actors(Time::ZERO, &others, &["parked truck".to_owned()]);
+        let words: Vec<&str> = shown.entities.iter().map(|entity| entity.texts[0].text.as_str()).collect();
+        assert_eq!(words, ["parked truck", "pedestrian 2"]);
+    }
 }

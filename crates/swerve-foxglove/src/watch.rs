@@ -19,7 +19,7 @@ use swerve_vehicle::Shape;
 use crate::camera::{self, Believed, Header, ImageForm};
 use crate::cloud::{self, Motion, Sensor};
 use crate::figures::{Figures, time_to_contact_s};
-use crate::form::{MAP, Outbox, When, timestamp};
+use crate::form::{MAP, Outbox, When, name_of, timestamp};
 use crate::words::Line;
 use crate::{scene, words};
 
@@ -49,6 +49,8 @@ pub struct Setup {
     pub raw_images: bool,
     /// Detectors of boxes in images, and their cameras.
     pub detectors: Vec<(String, String)>,
+    /// Names of the actors, in the order of their identities, which begin at 1; none where nobody knows them.
+    pub actors: Arc<[String]>,
     /// Whether the ego is where localization says, for want of a world that knows better.
     pub ego_from_pose: bool,
 }
@@ -269,10 +271,10 @@ impl Watch {
             self.out.show("figures", when, 0, move || Some(row));
         }
         if self.actors.is_due(when.stamp, ACTORS_PERIOD) {
-            let actors = world.actors.clone();
-            self.out.show("actors", when, 0, move || Some(scene::actors(when.stamp, &actors)));
+            let (actors, names) = (world.actors.clone(), self.setup.actors.clone());
+            self.out.show("actors", when, 0, move || Some(scene::actors(when.stamp, &actors, &names)));
         }
-        let lines = words::world(p.operator, world, self.has_ended);
+        let lines = words::world((p.operator, world), &self.setup.actors, self.has_ended);
         self.has_ended |= world.ended.is_some();
         lines.into_iter().for_each(|line| self.line(line, when.visible_at));
     }
@@ -377,7 +379,9 @@ impl Watch {
         let passed_s = (instant - list.stamp).as_secs();
         let of = |obstacle: &swerve_msg::Obstacle| {
             let point = obstacle.pose.point() + obstacle.velocity_mps * passed_s;
+            let kind = || name_of(obstacle.kind).to_owned();
             Believed {
+                name: scene::called(obstacle.id, &self.setup.actors).map_or_else(kind, str::to_owned),
                 kind: obstacle.kind,
                 pose: Pose2::new(point.x_m, point.y_m, obstacle.pose.heading_rad),
                 extent: obstacle.extent,

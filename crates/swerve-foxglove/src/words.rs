@@ -35,11 +35,13 @@ impl Line {
 }
 
 /// The collisions, infractions and end that a step of the world brought.
-pub(crate) fn world(operator: &str, world: &WorldState, has_ended: bool) -> Vec<Line> {
+pub(crate) fn world((operator, world): (&str, &WorldState), names: &[String], has_ended: bool) -> Vec<Line> {
     let line = |level, words: String| Line::new(world.stamp, level, operator, words);
     let mut lines = Vec::new();
     for hit in &world.collisions {
-        let words = format!("collision with actor {} at {:.1} m/s", hit.actor.0, hit.ego_speed_mps);
+        let number = || format!("actor {}", hit.actor.0);
+        let with = crate::scene::called(hit.actor, names).map_or_else(number, str::to_owned);
+        let words = format!("collision with {with} at {:.1} m/s", hit.ego_speed_mps);
         lines.push(line(Level::Error, words));
     }
     for broken in &world.infractions {

@@ -16,6 +16,9 @@ use super::time::TopicClock;
 use super::watch::DriveFigures;
 use super::{Drive, Driven};
 
+/// A clock that is as far from the host's counts from another beginning, milliseconds.
+const OTHER_BEGINNING_MS: f64 = 60e3;
+
 /// The result of a drive.
 #[derive(Serialize, Debug)]
 pub struct Summary {
@@ -246,7 +249,8 @@ impl Summary {
         row("driven", format!("{driven_m:.1} m in {driving_s:.1} s, at most {speed_max_mps:.1} m/s"));
         let (p50, p99, max) = (self.drive.beside_p50_m, self.drive.beside_p99_m, self.drive.beside_max_m);
         row("cross-track error", format!("p50 {p50:.3}  p99 {p99:.3}  max {max:.3} m"));
-        let changes = modes.iter().map(|change| format!("{:.2} s {}", change.at_s, mode_words(change.mode)));
+        let changes =
+            modes.iter().map(|change| format!("from {:.2} s {}", change.at_s, mode_words(change.mode)));
         row("gate", changes.collect::<Vec<_>>().join(", "));
         row("commands", format!("{outputs}, {} refused, {limited} limited", refused.total()));
         let SinkReport { sent, not_sent, skipped, silences, stop_commands, stood_at_end, released } =
@@ -296,6 +300,8 @@ impl Summary {
             "offset ms",
             "uncertainty ms",
         ];
+        let reference = self.reference();
+        let offset_ms = |clock: &Clock| clock.offset_ms - reference.map_or(0.0, |(_, offset_ms)| offset_ms);
         let ms = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| format!("{x:.2}"));
         let heard = self.topics.iter().filter(|topic| topic.received > 0).map(|topic| {
             vec![
@@ -307,12 +313,20 @@ impl Summary {
                 ms(topic.latency_p99_ms),
                 topic.lost.to_string(),
                 (topic.over_rate + topic.overwritten).to_string(),
-                ms(topic.clock.as_ref().map(|clock| clock.offset_ms)),
+                ms(topic.clock.as_ref().map(offset_ms)),
                 ms(topic.clock.as_ref().map(|clock| clock.spread_ms)),
             ]
         });
         let heads = heads.map(str::to_owned).to_vec();
         *text += &align(&std::iter::once(heads).chain(heard).collect::<Vec<_>>());
+        if let Some((name, offset_ms)) = reference {
+            let _ = writeln!(
+                text,
+                "offsets: to the clock of {name}, which is {:.3} s {} this host's",
+                offset_ms.abs() * 1e-3,
+                if offset_ms > 0.0 { "behind" } else { "ahead of" }
+            );
+        }
         for topic in &self.topics {
             let refused = topic.refused.words();
             if !refused.is_empty() {
@@ -323,6 +337,14 @@ impl Summary {
                 let _ = writeln!(text, "{}: its clock was set {} times", topic.name, clock.jumps);
             }
         }
+    }
+
+    /// The first topic of which a clock is known, and the offset of that, milliseconds, where that clock counts from
+    /// another beginning than the host's: then only differences can be read.
+    fn reference(&self) -> Option<(&str, f64)> {
+        let mut heard = self.topics.iter().filter(|topic| topic.received > 0);
+        let first = heard.find_map(|topic| Some((topic.name.as_str(), topic.clock.as_ref()?.offset_ms)));
+        first.filter(|(_, offset_ms)| offset_ms.abs() >= OTHER_BEGINNING_MS)
     }
 
     fn times_text(&self, text: &mut String) {

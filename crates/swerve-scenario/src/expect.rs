@@ -42,6 +42,11 @@ impl Metric {
         Self::RoadMarginM,
     ];
 
+    /// Whether a run has this figure only if it hit something.
+    fn is_of_impact(self) -> bool {
+        matches!(self, Self::ImpactSpeedMps | Self::ClosingSpeedMps)
+    }
+
     /// The name in scenario files.
     pub fn name(self) -> &'static str {
         match self {
@@ -89,7 +94,8 @@ impl Expectation {
     }
 
     /// In what way a run differs from what is expected; empty when it is as expected. `figure` gives the
-    /// figures of the run, `None` for one that it does not have, which breaks its bound.
+    /// figures of the run, `None` for one that it does not have, which breaks its bound; only what hits nothing is within
+    /// every upper bound on how fast it may hit.
     pub fn broken_by(&self, verdict: Verdict, figure: impl Fn(Metric) -> Option<f64>) -> Vec<String> {
         let mut broken = Vec::new();
         if verdict != self.verdict && verdict.old_name() != self.verdict {
@@ -98,6 +104,7 @@ impl Expectation {
         for bound in &self.bounds {
             let name = bound.metric.name();
             match figure(bound.metric) {
+                None if bound.metric.is_of_impact() && bound.min.is_none_or(|min| min <= 0.0) => {}
                 None => broken.push(format!("{name} is bounded, but the run has none")),
                 Some(value) => {
                     // What rounding leaves of nothing is nothing.
@@ -156,5 +163,11 @@ mod tests {
             "not-a-number breaks both sides"
         );
         assert_eq!(expectation.broken_by(Verdict::Avoided, |_| None).len(), 3);
+        let at_most = Expectation {
+            bounds: vec![bound(Metric::ImpactSpeedMps, None, Some(8.0))],
+            ..expectation.clone()
+        };
+        assert_eq!(at_most.broken_by(Verdict::Avoided, |_| None), Vec::<String>::new());
+        assert_eq!(at_most.broken_by(Verdict::Avoided, |_| Some(9.0)).len(), 1);
     }
 }

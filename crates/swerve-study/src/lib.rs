@@ -327,7 +327,7 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
         no_collision: metrics.impact.is_none(),
         on_road: metrics.left_road_at_s.is_none(),
         min_distance_m: metrics.min_distance_m,
-        impact_speed_mps: metrics.impact.map(|_| metrics.impact_speed_mps),
+        impact_speed_mps: metrics.impact_speed_mps,
         lateral_jerk_max: metrics.lateral_jerk.raw_max_mps3,
         digest: Some(outcome.digest),
         response_p50_ms: metrics.response.as_ref().map(|response| response.p50_ms),

@@ -149,8 +149,10 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let recorded = recording.finish();
     let metrics = driven.as_ref().ok().filter(|_| recorded.is_ok()).map(|outcome| &outcome.metrics);
     let why = metrics.and_then(|metrics| of_run(&log_part, registry, metrics));
-    why.iter()
-        .for_each(|why| trace.mark_chain(why.steps.iter().map(|s| (s.at_s, s.what.name())), &why.actor));
+    why.iter().for_each(|why| {
+        let of = why.actor.as_deref().unwrap_or("the car");
+        trace.mark_chain(why.steps.iter().map(|s| (s.at_s, s.what.name())), of);
+    });
     let recorded = recorded.and(trace.finish()).map_err(anyhow::Error::from);
     let driven = driven.with_context(|| format!("what was recorded until then is in {}", log_part.display()));
     let outcome = ends.in_order(driven, &recorded, &log_part)?;

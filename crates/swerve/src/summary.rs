@@ -61,7 +61,7 @@ pub struct Summary {
     rungs_text: String,
     #[serde(flatten)]
     metrics: Metrics,
-    /// The chain of the actor that decided the verdict; null without actors.
+    /// The chain of the actor that decided the verdict, or what did where none decided; null without a log.
     why: Option<Why>,
     /// What an expected verdict is called by now.
     #[serde(skip)]

@@ -65,8 +65,9 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// What the obstacle sensor reported, as boxes with kind and distance.
-    pub(super) fn obstacles(&mut self, list: &ObstacleList, world: &WorldState) {
+    /// What the obstacle sensor reported, as boxes with name and distance. `names` are those of the actors, in the order of
+    /// their identities, which begin at 1.
+    pub(super) fn obstacles(&mut self, list: &ObstacleList, world: &WorldState, names: &[String]) {
         for obstacle in &list.obstacles {
             let colour = if obstacle.kind == ActorKind::Pedestrian { PERSON } else { BOX };
             let corners = corners(obstacle);
@@ -77,8 +78,9 @@ impl<'a> Canvas<'a> {
                 self.segment(corners[k], corners[4 + k], (colour, 2));
             }
             let ego = world.ego.state.pose.point();
-            let words =
-                format!("{:?} {:.0} m", obstacle.kind, ego.distance(obstacle.pose.point())).to_lowercase();
+            let name = (obstacle.id.0 as usize).checked_sub(1).and_then(|place| names.get(place));
+            let name = name.cloned().unwrap_or_else(|| format!("{:?}", obstacle.kind).to_lowercase());
+            let words = format!("{name} {:.0} m", ego.distance(obstacle.pose.point()));
             let top = [obstacle.pose.x_m, obstacle.pose.y_m, obstacle.extent.height_m + 0.25];
             if let Some([x, y]) = self.pixel(top) {
                 self.label(At::new(x as i32 - 4 * words.len() as i32, y as i32), &words, colour);

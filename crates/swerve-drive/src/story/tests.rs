@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::load::{RunInput, load};
 
+/// Whoever came as near as this is named, metres.
+const NAMED_M: f64 = 4.0;
+
 /// A text of a figure, with the room that it takes: left, top, right, bottom, pixels.
 #[derive(Debug, PartialEq)]
 struct Label {
@@ -35,6 +38,28 @@ fn labels(svg: &str) -> Vec<Label> {
         }
     }
     labels
+}
+
+/// The room of each diamond of a track.
+fn diamonds(svg: &str) -> Vec<[f64; 4]> {
+    let is_track = |line: &&str| line.contains("fill=\"#FFFFFF\" stroke=\"#7B3FA0\"");
+    let room = |line: &str| {
+        let way = line.split("d=\"").nth(1).unwrap().split('"').next().unwrap();
+        let numbers = way.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'));
+        let n: Vec<f64> = numbers.filter_map(|n| n.parse().ok()).collect();
+        [n[0], n[3], n[4], n[7]]
+    };
+    svg.lines().filter(is_track).map(room).collect()
+}
+
+fn meet(r: &[f64; 4], s: &[f64; 4]) -> bool {
+    r[0] < s[2] && s[0] < r[2] && r[1] < s[3] && s[1] < r[3]
+}
+
+/// Whether a label is an instant, such as `4.5` or `4.5 s`.
+fn is_time(label: &Label) -> bool {
+    let text = label.text.strip_suffix(" s").unwrap_or(&label.text);
+    text.contains('.') && text.parse::<f64>().is_ok()
 }
 
 fn picture(scenario: &Path) -> (Story, String) {
@@ -85,10 +110,17 @@ fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
             let is_within = r[0] >= 0.0 && r[1] >= 0.0 && r[2] <= width && r[3] <= height;
             assert!(is_within, "{}: {a:?} is beyond {width} x {height}", file.display());
             for b in &labels[..k] {
-                let s = b.room;
-                let meet = r[0] < s[2] && s[0] < r[2] && r[1] < s[3] && s[1] < r[3];
-                assert!(!meet, "{}: {a:?} lies on {b:?}", file.display());
+                assert!(!meet(&r, &b.room), "{}: {a:?} lies on {b:?}", file.display());
             }
+        }
+        let tracks = diamonds(&svg);
+        for label in labels.iter().filter(|label| is_time(label)) {
+            let hidden = tracks.iter().find(|track| meet(track, &label.room));
+            assert_eq!(hidden, None, "{}: {label:?} lies on a track", file.display());
+        }
+        for actor in story.metrics.iter().flat_map(|m| &m.actors).filter(|a| a.min_distance_m <= NAMED_M) {
+            let is_named = labels.iter().any(|l| l.text.contains(&actor.name));
+            assert!(is_named, "{}: no name of {}", file.display(), actor.name);
         }
         // What the story is about is in the picture, by its name.
         if let Some(hero) = story.metrics.as_ref().and_then(|m| m.deciding_actor()) {

@@ -30,17 +30,12 @@ pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
     if args.json {
         return print(&(serde_json::to_string_pretty(&why)? + "\n"));
     }
-    print(&why.map_or_else(|| "why: there was nobody else\n".into(), |why| why.text()))
+    print(&why.text())
 }
 
 /// The chain of a run that has just been recorded. Where there is none to be had, the drive is over all the same: that
 /// is said on standard error.
 pub fn of_run(log: &std::path::Path, registry: &Registry, metrics: &Metrics) -> Option<Why> {
-    // Without actors nothing has to be read.
-    metrics.deciding_actor()?;
     let why = Logged::read(log, registry).and_then(|logged| logged.why(metrics));
-    why.unwrap_or_else(|error| {
-        tell(&format!("warning: why it ended so is not known: {error:#}"));
-        None
-    })
+    why.inspect_err(|error| tell(&format!("warning: why it ended so is not known: {error:#}"))).ok()
 }

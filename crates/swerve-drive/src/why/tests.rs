@@ -62,13 +62,13 @@ fn a_chain_says_what_each_step_waited_for() {
     for (k, (scenario, set, actor, expected)) in cases.into_iter().enumerate() {
         let folder = tempfile::tempdir().unwrap();
         let (logged, metrics) = driven(folder.path(), scenario, set);
-        let why = logged.why(&metrics).unwrap().unwrap();
+        let why = logged.why(&metrics).unwrap();
         println!("{}", why.text());
-        assert_eq!((why.actor.as_str(), why.verdict), (actor, metrics.verdict), "{scenario} {set:?}");
+        assert_eq!((why.actor.as_deref(), why.verdict), (Some(actor), metrics.verdict), "{scenario} {set:?}");
         let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
         assert_eq!(steps, expected, "{scenario} {set:?}: {}", why.sentence);
         adds_up(&why);
-        assert_eq!(logged.why_of(None, None).unwrap(), Some(why.clone()), "the log alone is enough");
+        assert_eq!(logged.why_of(None, None).unwrap(), why.clone(), "the log alone is enough");
         match k {
             0 => assert!(waited(&why, Planned, "run time of planner") > 0.0),
             1 => assert_eq!(waited(&why, Planned, "run time of planner"), 400.0, "{}", why.text()),
@@ -87,13 +87,49 @@ fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
     let (logged, metrics) = driven(folder.path(), "person_behind_truck", &[]);
     let names: Vec<&str> = metrics.actors.iter().map(|actor| actor.name.as_str()).collect();
     for name in names {
-        let why = logged.why_of(Some(name), None).unwrap().unwrap();
-        assert_eq!(why.actor, name);
+        let why = logged.why_of(Some(name), None).unwrap();
+        assert_eq!(why.actor.as_deref(), Some(name));
         adds_up(&why);
     }
     let error = logged.why_of(Some("persn"), None).unwrap_err().to_string();
     assert!(error.contains("did you mean `person`?"), "{error}");
     let at = metrics.actors.iter().find(|actor| actor.name == "person").unwrap().min_distance_at_s;
-    assert_eq!(logged.why_of(None, Some(at)).unwrap().unwrap().actor, "person");
+    assert_eq!(logged.why_of(None, Some(at)).unwrap().actor.as_deref(), Some("person"));
     assert!(logged.why_of(None, Some(1e4)).is_err());
+}
+
+#[test]
+fn where_no_actor_decided_the_chain_names_what_did() {
+    use Milestone::{Effect, End, GateStop, Standstill};
+    let cases: [(&str, &[&str], Verdict, &[&str], &[Milestone]); 2] = [
+        (
+            "person_behind_truck",
+            &["gate.enabled=true", "gate.emergency_at_ms=2000"],
+            Verdict::Stopped,
+            &[
+                "the safety gate stopped it from 2.00 s on (emergency stop)",
+                "truck was nearest, 38.11 m away",
+            ],
+            &[GateStop, Effect, Standstill],
+        ),
+        (
+            "traffic_light",
+            &[],
+            Verdict::Completed,
+            &["it came to the end of its way at 11.", "went over the stop line of crossing at 6.", "at red"],
+            &[End],
+        ),
+    ];
+    for (scenario, set, verdict, parts, expected) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let (logged, metrics) = driven(folder.path(), scenario, set);
+        let why = logged.why(&metrics).unwrap();
+        println!("{}", why.text());
+        assert_eq!((&why.actor, why.verdict), (&None, verdict), "{scenario} {set:?}");
+        assert!(parts.iter().all(|part| why.sentence.contains(part)), "{}", why.sentence);
+        let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
+        assert_eq!(steps, expected, "{}", why.sentence);
+        adds_up(&why);
+        assert_eq!(logged.why_of(None, None).unwrap(), why, "the log alone is enough");
+    }
 }

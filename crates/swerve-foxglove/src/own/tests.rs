@@ -59,6 +59,7 @@ fn foxglove() -> Foxglove {
         mounts: vec![],
         images: None,
         raw_images: false,
+        actors: [].into(),
         ego_from_pose: false,
     })
 }

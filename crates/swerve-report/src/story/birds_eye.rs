@@ -5,6 +5,7 @@ use swerve_geom::{Obb, Point2};
 use swerve_msg::ActorKind;
 
 use super::labels::{Importance, Labels};
+use super::lights;
 use super::marks::{self, first_sight, label_height};
 use super::record::{ActorTrace, PlanMark, Shape, Story};
 use super::tracks;
@@ -27,10 +28,12 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     road(canvas, story, view);
     grid(canvas, view);
     let mut labels = Labels::new(view.corner, view.size);
+    lights::draw(canvas, &mut labels, story, view);
     for actor in story.actors.iter().filter(|actor| view.shows(actor)) {
         actor_trace(canvas, &mut labels, (story, actor), view);
     }
-    tracks::draw(canvas, story, view);
+    names(&mut labels, story, view);
+    tracks::draw(canvas, &mut labels, story, view);
     plans(canvas, story, view);
     ego_trace(canvas, &mut labels, story, view);
     marks::sight(canvas, &mut labels, story, view);
@@ -126,7 +129,6 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
     if !actor.moves() {
         let Some(pose) = actor.pose_at(view.span.0) else { return };
         shape(canvas, view, &actor.shape(pose), solid);
-        name(labels, (story, actor), view, view.at(pose.point()));
         return;
     }
     let way = actor.poses.iter().filter(|(at, _)| *at <= view.span.1).map(|(_, pose)| view.at(pose.point()));
@@ -141,9 +143,6 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
         if !last.is_none_or(|last| (last.0 - place.0).abs() + (last.1 - place.1).abs() > 11.0) {
             continue;
         }
-        if last.is_none() || !is_in(view, last) {
-            name(labels, (story, actor), view, place);
-        }
         last = Some(place);
         shape(canvas, view, &actor.shape(pose), if person { solid } else { faint });
         let how = Text { size: 10.0, color: paint, anchor: Anchor::Start, rim: true, ..Text::default() };
@@ -152,6 +151,9 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
             (place.0 + beside, place.1 + 3.5),
             (place.0 - beside - 16.0, place.1 + 3.5),
             (place.0 - 8.0, place.1 - beside - 2.0),
+            (place.0 - 8.0, place.1 + beside + 9.0),
+            (place.0 - 8.0, place.1 - beside - 13.0),
+            (place.0 - 8.0, place.1 + beside + 20.0),
         ];
         labels.ask(Importance::Time, places, seconds(at), how);
     }
@@ -162,20 +164,36 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
     }
 }
 
-fn is_in(view: &View, place: Option<At>) -> bool {
-    place.is_some_and(|(x, _)| x >= view.corner.0 && x <= view.corner.0 + view.size.0)
+/// Whether a place is within the view.
+fn is_in(view: &View, (x, y): At) -> bool {
+    let within = |v: f64, from: f64, size: f64| v >= from && v <= from + size;
+    within(x, view.corner.0, view.size.0) && within(y, view.corner.1, view.size.1)
 }
 
-/// The name of an actor beside it, or by its kind before the run is measured.
-fn name(labels: &mut Labels, (story, actor): (&Story, &ActorTrace), view: &View, (x, y): At) {
-    let known = story.metrics.iter().flat_map(|m| &m.actors).find(|a| a.actor == actor.id);
-    let name = known.map_or_else(|| kind_name(actor.kind).to_owned(), |a| a.name.clone());
-    let how = Text { size: 11.0, color: color::INK, anchor: Anchor::Middle, rim: true, ..Text::default() };
-    // Within its outline, where that has room for it.
-    let is_roomy = !actor.moves() && actor.extent.length_m * view.scale > width_of(&name, how);
-    let first = if is_roomy { 4.0 } else { -12.0 };
-    let places = [first, 20.0, -26.0, 34.0, -40.0, 48.0, 4.0].map(|dy| (x, y + dy));
-    labels.ask(Importance::Name, places.to_vec(), name, how);
+/// The names of the actors in view beside them, first of those that the ego came nearest to; kinds before the run is
+/// measured.
+fn names(labels: &mut Labels, story: &Story, view: &View) {
+    let known =
+        |actor: &ActorTrace| story.metrics.iter().flat_map(|m| &m.actors).find(|a| a.actor == actor.id);
+    let near_m = |actor: &ActorTrace| known(actor).map_or(f64::INFINITY, |a| a.min_distance_m);
+    let mut actors: Vec<&ActorTrace> = story.actors.iter().filter(|actor| view.shows(actor)).collect();
+    actors.sort_by(|a, b| near_m(a).total_cmp(&near_m(b)));
+    for actor in actors {
+        let name = known(actor).map_or_else(|| kind_name(actor.kind).to_owned(), |a| a.name.clone());
+        let how =
+            Text { size: 11.0, color: color::INK, anchor: Anchor::Middle, rim: true, ..Text::default() };
+        let at = |time: Time| actor.pose_at(time).map(|pose| view.at(pose.point()));
+        // Where it begins in this view, and if that is too full further along its way.
+        let times: Vec<Time> = half_seconds(view).collect();
+        let times = if actor.moves() { times } else { vec![view.span.0] };
+        let along: Vec<At> = times.into_iter().filter_map(at).filter(|place| is_in(view, *place)).collect();
+        // Within its outline, where that has room for it.
+        let is_roomy = !actor.moves() && actor.extent.length_m * view.scale > width_of(&name, how);
+        let first = if is_roomy { 4.0 } else { -12.0 };
+        let heights = [first, 20.0, -26.0, 34.0, -40.0, 48.0, 4.0, -54.0, 62.0];
+        let places = heights.iter().flat_map(|dy| along.iter().map(move |(x, y)| (*x, y + dy)));
+        labels.ask(Importance::Name, places.collect(), name, how);
+    }
 }
 
 /// What to call an actor.

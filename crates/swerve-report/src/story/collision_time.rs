@@ -11,8 +11,8 @@ pub(super) const HORIZON_S: f64 = 6.0;
 const EVERY: Span = Span::from_ms(100);
 const STEP_S: f64 = 0.1;
 
-/// The smallest time to collision with any actor, second for second: instant and time, [`HORIZON_S`] where there is none.
-pub(super) fn series(story: &Story, (from, to): (Time, Time)) -> Vec<(Time, f64)> {
+/// The smallest time to collision with any actor: instant and time, none where nothing would be hit within [`HORIZON_S`].
+pub(super) fn series(story: &Story, (from, to): (Time, Time)) -> Vec<(Time, Option<f64>)> {
     let mut series = Vec::new();
     let mut at = from;
     while at <= to {
@@ -20,7 +20,7 @@ pub(super) fn series(story: &Story, (from, to): (Time, Time)) -> Vec<(Time, f64)
             let moving = ego.pose.direction() * ego.speed_mps;
             let times =
                 story.actors.iter().filter_map(|actor| until_touch(story, actor, (at, ego.pose, moving)));
-            series.push((at, times.fold(HORIZON_S, f64::min)));
+            series.push((at, times.reduce(f64::min)));
         }
         at += EVERY;
     }

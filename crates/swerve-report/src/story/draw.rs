@@ -145,7 +145,11 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
     let predicted = dashed(color::TRACK, 1.0, [1.0, 3.0]);
     add(tracks::has_predictions(story, view), predicted, "predicted at a plan shown");
     let chain = dashed(color::TRACK, 1.2, [1.0, 2.0]);
-    add(story.why.is_some(), chain, "tracked, planned, commanded, effect");
+    add(story.why.is_some(), chain, "step of why, named below");
+    let lamp = Sign::Mark(|canvas, at| {
+        canvas.circle(at, 5.0, Style::fill(color::ROAD).outlined(color::INK, 1.5));
+    });
+    add(super::lights::are_there(story, view), lamp, "traffic light, behind its stop line");
     add(true, dashed(color::ALARM, 1.0, [2.0, 3.0]), "limit of comfort");
     let without_comfort = Sign::Block(panels::without_comfort_style());
     add(!story.without_comfort().is_empty(), without_comfort, "no comfortable plan was free");

@@ -18,6 +18,8 @@ pub(super) type Room = [f64; 4];
 /// The labels of one view.
 pub(super) struct Labels {
     room: Room,
+    /// Signs that names and times may not hide.
+    signs: Vec<Room>,
     asked: Vec<Asked>,
 }
 
@@ -33,7 +35,16 @@ struct Asked {
 impl Labels {
     /// For a view with its top left corner here, of this size.
     pub(super) fn new((x, y): At, (width, height): (f64, f64)) -> Self {
-        Self { room: [x + 2.0, y + 2.0, x + width - 2.0, y + height - 2.0], asked: Vec::new() }
+        Self {
+            room: [x + 2.0, y + 2.0, x + width - 2.0, y + height - 2.0],
+            signs: Vec::new(),
+            asked: Vec::new(),
+        }
+    }
+
+    /// A sign is drawn here: names and times keep off it.
+    pub(super) fn keep_off(&mut self, sign: Room) {
+        self.signs.push(sign);
     }
 
     /// Asks for a text at the first of these places that is free; where none is, it is left out.
@@ -72,12 +83,14 @@ impl Labels {
     pub(super) fn draw(mut self, canvas: &mut Canvas) {
         self.asked.sort_by_key(|asked| asked.importance);
         let mut taken: Vec<Room> = Vec::new();
-        for Asked { places, text, how, disc, .. } in &self.asked {
+        for Asked { importance, places, text, how, disc } in &self.asked {
             let room = |at: At| match disc {
                 Some(_) => [at.0 - 8.0, at.1 - 8.0, at.0 + 8.0, at.1 + 8.0],
                 None => room_of(at, text, *how),
             };
-            let is_free = |r: &Room| is_within(r, &self.room) && !taken.iter().any(|t| overlap(t, r));
+            let signs = if *importance >= Importance::Name { &self.signs[..] } else { &[] };
+            let is_free =
+                |r: &Room| is_within(r, &self.room) && !taken.iter().chain(signs).any(|t| overlap(t, r));
             let Some(at) = places.iter().copied().find(|at| is_free(&room(*at))) else { continue };
             taken.push(room(at));
             match disc {

@@ -6,10 +6,11 @@ use swerve_msg::EgoState;
 
 use super::birds_eye;
 use super::collision_time::{HORIZON_S, series};
+use super::lights;
 use super::marks::{closest_at, first_sight};
 use super::record::Story;
 use super::view::View;
-use swerve_draw::{At, Axes, Canvas, Style, color};
+use swerve_draw::{Anchor, At, Axes, Canvas, Style, Text, color, width_of};
 
 const HEIGHT: f64 = 84.0;
 const GAP: f64 = 14.0;
@@ -30,6 +31,9 @@ enum Quantity {
     Ego(fn(&EgoState) -> f64),
     CollisionTime,
 }
+
+/// Height of the row that names the steps of the chain, pixels.
+const CHAIN_ROW: f64 = 20.0;
 
 const PANELS: [Panel; 5] = [
     Panel {
@@ -69,21 +73,21 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
     let samples: Vec<&EgoState> =
         story.ego.iter().filter(|e| e.stamp >= view.span.0 && e.stamp <= view.span.1).collect();
     let without_comfort = story.without_comfort();
-    let mut y = corner.1 + 22.0;
-    numbers(
-        canvas,
-        story,
-        view,
-        &Axes { corner: (corner.0, y), size: (width, HEIGHT), x: time, y: (0.0, 1.0) },
-    );
+    let mut y = corner.1 + 6.0;
+    let row = |y| Axes { corner: (corner.0, y), size: (width, HEIGHT), x: time, y: (0.0, 1.0) };
+    y += lights::strips(canvas, story, view, &row(y), y);
+    let chain_y = y + 9.0;
+    y += if story.why.is_some() { CHAIN_ROW } else { 0.0 } + 16.0;
+    chain(canvas, story, &row(y), chain_y);
+    numbers(canvas, story, view, &row(y));
     for (k, panel) in PANELS.iter().enumerate() {
-        let values: Vec<(f64, f64)> = match panel.of {
-            Quantity::Ego(of) => samples.iter().map(|e| (e.stamp.as_secs(), of(e))).collect(),
+        let values: Vec<(f64, Option<f64>)> = match panel.of {
+            Quantity::Ego(of) => samples.iter().map(|e| (e.stamp.as_secs(), Some(of(e)))).collect(),
             Quantity::CollisionTime => {
                 series(story, view.span).into_iter().map(|(at, ttc)| (at.as_secs(), ttc)).collect()
             }
         };
-        let value = range(values.iter().map(|(_, v)| *v), panel.range);
+        let value = range(values.iter().filter_map(|(_, v)| *v), panel.range);
         let frame = Axes { corner: (corner.0, y), size: (width, HEIGHT), x: time, y: value };
         axes(canvas, panel, &frame, &without_comfort, k + 1 == PANELS.len());
         marks(canvas, story, view, &frame);
@@ -92,9 +96,15 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
             let style = Style::line(color::ALARM, 1.0).dashed(2.0, 3.0);
             canvas.line(frame.at(time.0, *limit), frame.at(time.1, *limit), style);
         }
-        let points = values.iter().map(|(at_s, v)| frame.at(*at_s, *v));
-        canvas.path(points, false, Style::line(color::EGO, 1.8));
+        // Where there is no value there is no line.
+        for run in values.chunk_by(|a, b| a.1.is_some() == b.1.is_some()) {
+            let points = run.iter().filter_map(|(at_s, v)| Some(frame.at(*at_s, (*v)?)));
+            canvas.path(points, false, Style::line(color::EGO, 1.8));
+        }
         canvas.end_clip();
+        if matches!(panel.of, Quantity::CollisionTime) {
+            horizon(canvas, &frame, values.iter().any(|(_, v)| v.is_some()));
+        }
         y += HEIGHT + GAP;
     }
     y - GAP + 36.0 - corner.1
@@ -132,6 +142,51 @@ fn axes(canvas: &mut Canvas, panel: &Panel, frame: &Axes, without_comfort: &[(Ti
     frame.numbers_left(canvas, ABOUT.1);
     frame.frame(canvas);
     frame.name_left(canvas, panel.label, panel.unit);
+}
+
+/// How far the time to collision is looked for.
+fn horizon(canvas: &mut Canvas, frame: &Axes, is_any: bool) {
+    let style = Style::line(color::SOFT, 1.0).dashed(6.0, 4.0);
+    canvas.line(frame.at(frame.x.0, HORIZON_S), frame.at(frame.x.1, HORIZON_S), style);
+    let text = match is_any {
+        true => format!("looked {HORIZON_S:.0} s ahead; no line: nothing would be hit by then"),
+        false => format!("looked {HORIZON_S:.0} s ahead: at no time was anything about to be hit"),
+    };
+    let how = Text { size: 10.5, color: color::SOFT, anchor: Anchor::End, rim: true, ..Text::default() };
+    canvas.text((frame.corner.0 + frame.size.0 - 6.0, frame.at(0.0, HORIZON_S).1 + 13.0), &text, how);
+}
+
+/// Names the steps of the chain in a row, each with a line down to its instant.
+fn chain(canvas: &mut Canvas, story: &Story, frame: &Axes, y: f64) {
+    const GAP: f64 = 10.0;
+    let steps = story.why.iter().flat_map(|why| &why.steps);
+    let steps = steps.filter(|step| step.at_s >= frame.x.0 && step.at_s <= frame.x.1);
+    let how = Text { size: 10.5, anchor: Anchor::Middle, ..Text::default() };
+    let named: Vec<(f64, f64, String, swerve_draw::Color)> = steps
+        .map(|step| {
+            let text = format!("{} {:.3} s", step.what.name().replace('_', " "), step.at_s);
+            let paint = if step.what == Milestone::Visible { color::SIGHT_TEXT } else { color::TRACK };
+            (frame.at(step.at_s, 0.0).0, width_of(&text, how), text, paint)
+        })
+        .collect();
+    // Each as near to its instant as those before it leave room for; then back from the right edge.
+    let mut left = frame.corner.0;
+    let mut lefts: Vec<f64> = Vec::new();
+    for (x, width, ..) in &named {
+        left = (x - 0.5 * width).max(left);
+        lefts.push(left);
+        left += width + GAP;
+    }
+    let mut right = frame.corner.0 + frame.size.0;
+    for ((_, width, ..), left) in named.iter().zip(&mut lefts).rev() {
+        *left = left.min(right - width);
+        right = *left - GAP;
+    }
+    for ((x, width, text, paint), left) in named.into_iter().zip(lefts) {
+        let middle = left + 0.5 * width;
+        canvas.text((middle, y), &text, Text { color: paint, ..how });
+        canvas.line((middle, y + 3.0), (x, frame.corner.1), Style::line(paint, 0.8).lined_by(0.7));
+    }
 }
 
 /// When somebody was first visible, closest approach or collision, and the changes of the plan, as lines across a panel.

@@ -1,7 +1,7 @@
 //! What a story keeps of a run.
 
 use swerve_core::{Span, Time};
-use swerve_eval::{ActorMetrics, Metrics, Outline, Why};
+use swerve_eval::{ActorMetrics, LightCourse, Metrics, Outline, Why};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Obb, Point2, Polyline, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
@@ -32,6 +32,8 @@ pub struct Story {
     pub lane_width_m: Option<f64>,
     /// The ego's outline.
     pub outline: Outline,
+    /// The traffic lights of the ego's lane.
+    pub lights: Vec<LightCourse>,
     /// The ego's states, in order of time.
     pub ego: Vec<EgoState>,
     /// The actors, in order of identity.
@@ -95,6 +97,7 @@ impl Story {
             route,
             lane_width_m,
             outline,
+            lights: Vec::new(),
             ego: Vec::new(),
             actors: Vec::new(),
             plans: Vec::new(),
@@ -192,6 +195,12 @@ impl Story {
         let Some(next) = self.ego.get(after) else { return (before.stamp == at).then_some(*before) };
         let share = (at - before.stamp).as_secs() / (next.stamp - before.stamp).as_secs();
         Some(EgoState { stamp: at, pose: between(before.pose, next.pose, share), ..*before })
+    }
+
+    /// How far along the route the ego's front is, metres.
+    pub(crate) fn front_s_m(&self, ego: &EgoState) -> f64 {
+        let front_m = self.outline.center_ahead_m + 0.5 * self.outline.length_m;
+        self.route.project(ego.pose.ahead(front_m).point()).s_m
     }
 
     /// The actor that the story is about: the one that decided the verdict.

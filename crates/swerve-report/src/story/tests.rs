@@ -115,6 +115,7 @@ impl Drive {
             operators: Vec::new(),
             actors: NAMES.map(str::to_owned).to_vec(),
             route: None,
+            lights: Vec::new(),
         };
         let mut evaluation = Evaluation::new(params);
         let mut hit = false;
@@ -348,6 +349,7 @@ fn a_run_without_actors_shows_all_of_it() {
         operators: Vec::new(),
         actors: NAMES.map(str::to_owned).to_vec(),
         route: None,
+        lights: Vec::new(),
     };
     let none: Metrics = Evaluation::new(params).metrics();
     story.conclude(&none, None);

@@ -1,9 +1,13 @@
 //! What the stack took the others for: tracks and predictions.
 
 use super::birds_eye::changes;
+use super::labels::Labels;
 use super::record::Story;
 use super::view::View;
 use swerve_draw::{At, Canvas, Style, color};
+
+/// Half the size of a sign, pixels.
+const SIGN: f64 = 3.0;
 
 /// Whether a track within the view is where nobody is.
 pub(super) fn has_stale(story: &Story, view: &View) -> bool {
@@ -21,19 +25,21 @@ fn within<'a>(story: &'a Story, view: &View) -> impl Iterator<Item = &'a super::
 }
 
 /// Draws tracks as diamonds, stale ones as crosses, and the predictions that went with the plans shown.
-pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
+pub(super) fn draw(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     let style = Style::line(color::TRACK, 1.0).dashed(1.0, 3.0);
     for way in changes(story, view).shown.iter().flat_map(|mark| &mark.predicted) {
         canvas.path(way.iter().map(|p| view.at(*p)), false, style);
     }
     for track in within(story, view) {
-        sign(canvas, view.at(track.point), track.is_stale);
+        let (x, y) = view.at(track.point);
+        sign(canvas, (x, y), track.is_stale);
+        labels.keep_off([x - SIGN, y - SIGN, x + SIGN, y + SIGN]);
     }
 }
 
 /// The sign of a track.
 pub(super) fn sign(canvas: &mut Canvas, (x, y): At, is_stale: bool) {
-    let r = 3.0;
+    let r = SIGN;
     if is_stale {
         let style = Style::line(color::ALARM, 1.6);
         canvas.line((x - r, y - r), (x + r, y + r), style);

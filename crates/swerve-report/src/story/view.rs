@@ -172,6 +172,8 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
     let mut places: Vec<f64> =
         story.actors.iter().filter(|actor| matters(story, actor)).filter_map(place).collect();
     places.retain(|s| *s >= driven.0 - 10.0 && *s <= driven.1 + 10.0);
+    let lines = story.lights.iter().map(|light| light.stop_s_m);
+    places.extend(lines.filter(|s| *s >= driven.0 && *s <= driven.1 + 10.0));
     // Where the ego left the road is what a reader looks for, too.
     let left = super::marks::left_road(story).map(|ego| line.project(ego.pose.point()).s_m);
     let focus = [hero, left].into_iter().flatten().reduce(f64::max);

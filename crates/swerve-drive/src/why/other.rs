@@ -1,0 +1,253 @@
+//! What decided a drive where that was no actor: the safety gate, a red light, the end of the way, the time.
+
+use swerve_core::{Span, Time};
+use swerve_eval::{Account, DecidedBy, GateStop, LightCourse, Metrics, Milestone, Verdict, Why};
+use swerve_msg::truth::{EndReason, WorldState};
+use swerve_msg::{EgoState, Signal};
+use swerve_stack::pipeline::Pipeline;
+
+use super::{BRAKES_MPS2, EgoOnly, Logged};
+use crate::lights::light_courses;
+
+/// Below this the car stands, m/s, and from this time on it is said that it did.
+const STANDS_MPS: f64 = 0.1;
+const STANDS: Span = Span::from_ms(500);
+/// As far before a stop line, and beyond it, the front of a car that waits at it is, metres.
+const BEFORE_LINE_M: f64 = 25.0;
+const BEYOND_LINE_M: f64 = 1.0;
+
+/// A step, when it happened, and what went by until then.
+type Step = (Milestone, Time, String);
+
+/// The ego's drive, and what it passed.
+struct Way<'a> {
+    metrics: &'a Metrics,
+    states: Vec<EgoState>,
+    /// How far along the route the front was, at each state, metres.
+    front_s_m: Vec<f64>,
+    lights: Vec<LightCourse>,
+}
+
+/// What decided a drive with these measures, from its log.
+pub(super) fn told(logged: &Logged, pipeline: &Pipeline, metrics: &Metrics) -> anyhow::Result<Why> {
+    let way = Way::new(logged, pipeline, metrics)?;
+    let (sentence, mut steps) = match metrics.decided_by() {
+        DecidedBy::Gate(stop) => way.gate(stop),
+        _ => way.lights_and_end(),
+    };
+    steps.sort_by_key(|(_, at, _)| *at);
+    let mut accounts: Vec<Account> = Vec::new();
+    for (what, at, reason) in steps {
+        let waited = accounts.last().map_or(Span::ZERO, |last| at - last.1);
+        let waited = if waited > Span::ZERO { vec![(reason, waited)] } else { Vec::new() };
+        accounts.push((what, at, waited));
+    }
+    Ok(Why::without_actor(metrics.verdict, sentence, &accounts))
+}
+
+impl<'a> Way<'a> {
+    fn new(logged: &Logged, pipeline: &Pipeline, metrics: &'a Metrics) -> anyhow::Result<Self> {
+        let mut states = Vec::new();
+        if let Some(world) = pipeline.assembly.publisher::<WorldState>() {
+            for publication in logged.log.publications(world) {
+                states.push(publication.decode::<EgoOnly>()?.0.state);
+            }
+        }
+        let lights = light_courses(&pipeline.scenario, pipeline.until);
+        let shape = &pipeline.vehicle.shape;
+        let front_m = shape.center_ahead_m() + 0.5 * shape.length_m;
+        let front = |state: &EgoState| pipeline.route.project(state.pose.ahead(front_m).point()).s_m;
+        // Where there is no line, nobody asks.
+        let front_s_m = if lights.is_empty() { Vec::new() } else { states.iter().map(front).collect() };
+        Ok(Self { metrics, states, front_s_m, lights })
+    }
+
+    /// The gate stopped the car.
+    fn gate(&self, stop: GateStop) -> (String, Vec<Step>) {
+        let at = Time::ZERO + Span::from_secs(stop.at_s);
+        let before = self.states.partition_point(|state| state.stamp <= at).saturating_sub(1);
+        let then = self.states.get(before).copied().unwrap_or_default();
+        let after = &self.states[before..];
+        let mut steps = vec![(Milestone::GateStop, at, String::new())];
+        let mut text =
+            format!("the safety gate stopped it from {:.2} s on ({})", stop.at_s, stop.cause.words());
+        let brakes = after.iter().find(|state| then.accel_mps2 - state.accel_mps2 >= BRAKES_MPS2);
+        if let Some(brakes) = brakes {
+            text += &format!(", it braked {:.0} ms later", (brakes.stamp - at).as_ms());
+            steps.push((Milestone::Effect, brakes.stamp, "pedals and actuators".into()));
+        }
+        match after.iter().find(|state| is_still(state)) {
+            Some(stands) => {
+                text += &format!(" and stood from {:.2} s on", stands.stamp.max(at).as_secs());
+                steps.push((Milestone::Standstill, stands.stamp.max(at), "braking".into()));
+            }
+            None => text += " and did not come to a standstill",
+        }
+        if let Some(left_s) = self.metrics.left_road_at_s {
+            text = format!("it left the road at {left_s:.2} s; {text}");
+        }
+        let nearest = self.metrics.min_distance_m.zip(self.metrics.min_distance_name.as_ref());
+        text += &nearest.map_or_else(
+            || "; there was nobody else".into(),
+            |(away_m, name)| format!("; {name} was nearest, {away_m:.2} m away"),
+        );
+        (text, steps)
+    }
+
+    /// The car waited at a light, or was alone on its way.
+    fn lights_and_end(&self) -> (String, Vec<Step>) {
+        let waits = self.waits();
+        let mut steps = Vec::new();
+        let mut notes = Vec::new();
+        for &(light, from, until) in &waits {
+            let light = &self.lights[light];
+            let turned = light.shows.iter().rev().filter(|(at, _)| *at <= from.stamp);
+            let turned = turned.take_while(|(_, signal)| *signal != Signal::Green).last();
+            let name = &light.name;
+            steps.extend(turned.map(|(at, _)| (Milestone::Light, *at, "driving".into())));
+            steps.push((Milestone::Standstill, from.stamp, format!("driving up to the line of {name}")));
+            let mut note = format!("it waited at the light {name} from {:.2} s on", from.stamp.as_secs());
+            if let Some(until) = until {
+                note = format!(
+                    "it waited at the light {name} from {:.2} to {:.2} s",
+                    from.stamp.as_secs(),
+                    until.as_secs()
+                );
+                steps.push((Milestone::MovesOff, until, format!("waiting at {name}")));
+            }
+            notes.push(note);
+        }
+        notes.extend(self.red_lights_passed());
+        if self.metrics.actors.is_empty() {
+            notes.push("there was nobody else".into());
+        }
+        let is_standing = self.states.last().is_some_and(is_still);
+        if let Some(end) = self.states.last() {
+            let went_by = if is_standing { "standing" } else { "driving" };
+            steps.push((Milestone::End, end.stamp, went_by.into()));
+        }
+        let text = std::iter::once(self.end()).chain(notes).collect::<Vec<_>>().join("; ");
+        (text, steps)
+    }
+
+    /// How it ended, in words.
+    fn end(&self) -> String {
+        let last = self.states.last().copied().unwrap_or_default();
+        let at_s = last.stamp.as_secs();
+        let has_driven = self.states.iter().any(|state| !is_still(state));
+        match (self.metrics.verdict, self.metrics.end) {
+            (Verdict::LeftRoad, _) => {
+                format!("it left the road at {:.2} s", self.metrics.left_road_at_s.unwrap_or(at_s))
+            }
+            (_, Some(EndReason::Goal)) => format!("it came to the end of its way at {at_s:.2} s"),
+            (_, Some(EndReason::Stopped)) => format!("it came to its standstill at {at_s:.2} s"),
+            (_, Some(EndReason::Timeout)) if !has_driven => {
+                format!("the time was over at {at_s:.2} s and it had never set off")
+            }
+            (_, Some(EndReason::Timeout)) => {
+                format!("the time was over at {at_s:.2} s, at {:.1} m/s", last.speed_mps.abs())
+            }
+            (_, Some(EndReason::Collision) | None) => {
+                format!("the run was ended at {at_s:.2} s, before its scenario was")
+            }
+        }
+    }
+
+    /// Where the car stood before a line whose light was not green: which light, the first state at rest, and when it
+    /// went on.
+    fn waits(&self) -> Vec<(usize, EgoState, Option<Time>)> {
+        let mut waits = Vec::new();
+        let mut k = 0;
+        while let Some(from) = self.states[k..].iter().position(is_still).map(|n| n + k) {
+            let moves = self.states[from..].iter().position(|s| !is_still(s)).map(|n| n + from);
+            let (first, until) = (self.states[from], moves.map(|k| self.states[k].stamp));
+            k = moves.unwrap_or(self.states.len());
+            let is_at = |light: &LightCourse| {
+                let ahead_m = light.stop_s_m - self.front_s_m[from];
+                (-BEYOND_LINE_M..=BEFORE_LINE_M).contains(&ahead_m)
+                    && light.signal(first.stamp).is_some_and(|signal| signal != Signal::Green)
+            };
+            let light = self.lights.iter().position(is_at);
+            let is_long = until.is_none_or(|until| until - first.stamp >= STANDS);
+            waits.extend(light.filter(|_| is_long).map(|light| (light, first, until)));
+        }
+        waits
+    }
+
+    /// The lines that the front went over while their light was red.
+    fn red_lights_passed(&self) -> Vec<String> {
+        let passes = |light: &LightCourse| {
+            let over =
+                self.front_s_m.windows(2).position(|s| s[0] < light.stop_s_m && s[1] >= light.stop_s_m)?;
+            let at = self.states[over + 1].stamp;
+            let is_red = light.signal(at) == Some(Signal::Red);
+            is_red.then(|| {
+                format!("it went over the stop line of {} at {:.2} s, at red", light.name, at.as_secs())
+            })
+        };
+        self.lights.iter().filter_map(passes).collect()
+    }
+}
+
+fn is_still(state: &EgoState) -> bool {
+    state.speed_mps.abs() <= STANDS_MPS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_waits_at_a_red_light_and_goes_on_is_told_so() {
+        let ego = swerve_eval::Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 1.5 };
+        let params = swerve_eval::Params {
+            ego,
+            dead_time: Span::ZERO,
+            operators: Vec::new(),
+            actors: Vec::new(),
+            route: None,
+            lights: Vec::new(),
+        };
+        let metrics = swerve_eval::Evaluation::new(params).metrics();
+        // 10 m/s for 6 s, 4 s before the line at 62 m, then on over the line at 101 m.
+        let at = |k: i64| {
+            let (t, stands) = (k as f64 * 0.1, (60..100).contains(&k));
+            let s_m = if t < 6.0 { 10.0 * t } else { 60.0 + 10.0 * (t - 10.0).max(0.0) };
+            let speed_mps = if stands { 0.0 } else { 10.0 };
+            (EgoState { stamp: Time::from_ms(100 * k), speed_mps, ..EgoState::default() }, s_m)
+        };
+        let (states, front_s_m) = (0..150).map(at).unzip();
+        let ms = Time::from_ms;
+        let light = |name: &str, stop_s_m, shows| LightCourse {
+            name: name.into(),
+            s_m: stop_s_m,
+            d_m: 0.0,
+            stop_s_m,
+            shows,
+        };
+        let first = vec![
+            (ms(0), Signal::Green),
+            (ms(2000), Signal::Yellow),
+            (ms(4000), Signal::Red),
+            (ms(9900), Signal::Green),
+        ];
+        let lights = vec![light("one", 62.0, first), light("two", 101.0, vec![(ms(0), Signal::Red)])];
+        let way = Way { metrics: &metrics, states, front_s_m, lights };
+        let (text, steps) = way.lights_and_end();
+        for part in
+            ["it waited at the light one from 6.00 to 10.00 s", "the stop line of two at 14.10 s, at red"]
+        {
+            assert!(text.contains(part), "{text}");
+        }
+        let told: Vec<(Milestone, Time)> = steps.iter().map(|(what, at, _)| (*what, *at)).collect();
+        assert_eq!(
+            told,
+            [
+                (Milestone::Light, ms(2000)),
+                (Milestone::Standstill, ms(6000)),
+                (Milestone::MovesOff, ms(10_000)),
+                (Milestone::End, ms(14_900)),
+            ]
+        );
+    }
+}
