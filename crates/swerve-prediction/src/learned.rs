@@ -66,6 +66,9 @@ impl Shape {
             let fits = (low..=high).contains(&found);
             fits.then_some(()).ok_or_else(|| format!("`{name}` is {found}, expected {low} to {high}"))
         };
+        if self.model == Model::R2p2 && self.beside != Beside::Straight {
+            return Err("`beside`: `r2p2` goes on step by step, expected `straight`".to_owned());
+        }
         within("modes", self.modes, [1, 32])?;
         within("hidden", self.hidden, [4, 256])?;
         within("steps", self.steps, [1, 64])?;

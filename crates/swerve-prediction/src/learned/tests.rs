@@ -182,6 +182,9 @@ fn what_is_asked_of_learning_is_checked() {
     assert!(said(learning(), Shape { modes: 0, ..shape }, &all).starts_with("`modes` is 0"));
     assert!(said(Learning { rate: f32::NAN, ..learning() }, shape, &all).starts_with("`rate` is NaN"));
     assert!(said(learning(), shape, &[]).contains("found none"));
+    assert!(said(Learning { shrink: 1.5, ..learning() }, shape, &all).starts_with("`shrink` is 1.5"));
+    let filtered = Shape { model: Model::R2p2, beside: Beside::Imm, ..shape };
+    assert!(said(learning(), filtered, &all).contains("expected `straight`"));
 }
 
 /// Examples of finer recordings are those of coarse ones.
