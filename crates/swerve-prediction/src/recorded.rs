@@ -288,7 +288,7 @@ impl Recording {
 
 impl Recording {
     /// The same at another speed, where it is negative also backwards: what happened in `speed` steps happens in one, and
-    /// places between two steps lie on a straight line. Steps around a gap are left out.
+    /// places between two steps lie on a straight line. Steps around a gap are left out. `speed` is not zero.
     pub fn played(&self, speed: f64) -> Self {
         let tracks =
             self.tracks.iter().map(|track| track.played(speed)).filter(|one| !one.samples.is_empty());
