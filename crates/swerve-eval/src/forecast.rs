@@ -60,14 +60,29 @@ impl ModeErrors {
     }
 }
 
-/// Errors of mode `k` of all actors together, where modes are joint: means over actors. `actors[m][k]`, as many modes each.
-pub fn joint(actors: &[Vec<ModeErrors>]) -> Vec<ModeErrors> {
+/// Probabilities of the modes of a scene, where modes are joint: the product of what they are given by each actor, over
+/// their sum. `actors[m][k]`, as many modes each.
+///
+/// Actors are taken to judge by what they see apart from each other, so that the logarithms add up.
+pub fn joint_probabilities(actors: &[Vec<ModeErrors>]) -> Vec<f64> {
     let modes = actors.iter().map(Vec::len).min().unwrap_or(0);
+    let sum = |k: usize| actors.iter().map(|modes| math::ln(modes[k].probability.max(1e-12))).sum::<f64>();
+    let sums: Vec<f64> = (0..modes).map(sum).collect();
+    let largest = sums.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let shares: Vec<f64> = sums.iter().map(|sum| math::exp(sum - largest)).collect();
+    let total = shares.iter().sum::<f64>();
+    shares.into_iter().map(|share| share / total).collect()
+}
+
+/// Errors of mode `k` of all actors together, where modes are joint: means over actors. `actors[m][k]`, as many modes each;
+/// `probabilities[k]` of the scene.
+pub fn joint(actors: &[Vec<ModeErrors>], probabilities: &[f64]) -> Vec<ModeErrors> {
+    let modes = actors.iter().map(Vec::len).min().unwrap_or(0).min(probabilities.len());
     let mean = |k: usize, of: fn(&ModeErrors) -> f64| {
         actors.iter().map(|modes| of(&modes[k])).sum::<f64>() / actors.len() as f64
     };
     let mode = |k: usize| ModeErrors {
-        probability: actors[0][k].probability,
+        probability: probabilities[k],
         ade_m: mean(k, |mode| mode.ade_m),
         fde_m: mean(k, |mode| mode.fde_m),
         largest_m: actors.iter().map(|modes| modes[k].largest_m).fold(0.0, f64::max),

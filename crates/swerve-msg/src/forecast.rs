@@ -44,7 +44,8 @@ pub struct ForecastList {
     pub stamp: Time,
     /// Ordered by identity.
     pub forecasts: Vec<Forecast>,
-    /// Whether mode `k` of one actor goes with mode `k` of every other: as many modes each, with the same probabilities.
+    /// Whether mode `k` of one actor goes with mode `k` of every other: as many modes each. Probabilities are each actor's
+    /// own all the same, since a bound on what may be touched adds up those of single actors.
     pub joint: bool,
 }
 

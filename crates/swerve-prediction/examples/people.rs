@@ -1,13 +1,16 @@
 //! Nets that are trained on four of the five sets of ETH and UCY and judged on the fifth.
 //!
-//! `cargo run --release -p swerve-prediction --example people -- FOLDER multipath MODES SEEDS`, with the folder of the
-//! eight files.
+//! `cargo run --release -p swerve-prediction --example people -- FOLDER RECIPE 1..5`, with the folder of the eight files, a
+//! recipe such as `people_one.toml` beside this file, and the first seed and the last. With `pairs` after them two sets are
+//! left out at once and each is judged: a recipe for set A is chosen by what those without A come to on the others.
 #![allow(clippy::print_stdout, reason = "a program that tells figures")]
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
+use serde::Deserialize;
 use swerve_msg::{Forecast, Mode};
-use swerve_prediction::learned::{Learning, Model, Shape, Weights, examples, train};
+use swerve_prediction::learned::{Example, Learning, Shape, Weights, examples, train};
 use swerve_prediction::recorded::{Protocol, Recording, Window, eth_ucy};
 use swerve_prediction::{Horizon, forecast_by};
 
@@ -28,57 +31,79 @@ const FILES: [&str; 8] = [
     "students003",
     "uni_examples",
 ];
-/// About so many examples of each file, so that crowds do not outweigh all else.
-const OF_EACH: usize = 3000;
+
+/// What a net is, how it learns, and from what.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Recipe {
+    net: Shape,
+    learning: Learning,
+    /// So many examples of each file at most: crowds are thinned out.
+    of_each: usize,
+    /// Speeds at which recordings are played to it, backwards where negative.
+    #[serde(default = "once")]
+    played: Vec<f64>,
+}
+
+fn once() -> Vec<f64> {
+    vec![1.0]
+}
 
 fn main() -> Result<(), String> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     match &words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        [folder, model, modes, seeds] => {
-            let (modes, seeds) = (modes.parse().map_err(|_| "MODES")?, seeds.parse().map_err(|_| "SEEDS")?);
-            let (model, hidden, steps, batch) = match *model {
-                "multipath" => (Model::Multipath, 32, 800, 128),
-                "mfp" => (Model::Mfp, 32, 600, 48),
-                "r2p2" => (Model::R2p2, 32, 800, 64),
-                other => return Err(format!("expected multipath, mfp or r2p2, found {other}")),
-            };
-            let shape = Shape { model, modes, hidden, steps: 12, step_ms: 400 };
-            let distance = if modes == 1 { 1.0 } else { 0.0 };
-            let learning =
-                Learning { seed: 1, steps, batch, rate: 1e-3, stretch: 0.35, noise: 0.02, distance };
-            people(Path::new(folder), shape, learning, seeds)
-        }
-        _ => Err("expected FOLDER MODEL MODES SEEDS".to_owned()),
+        [folder, recipe, seeds] => people(Path::new(folder), &read(recipe)?, (seeds, false)),
+        [folder, recipe, seeds, "pairs"] => people(Path::new(folder), &read(recipe)?, (seeds, true)),
+        _ => Err("expected FOLDER RECIPE FIRST..LAST [pairs]".to_owned()),
     }
 }
 
-fn people(folder: &Path, shape: Shape, learning: Learning, seeds: u64) -> Result<(), String> {
+fn read(path: &str) -> Result<Recipe, String> {
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{path}: {error}"))?;
+    toml::from_str(&text).map_err(|error| format!("{path}: {error}"))
+}
+
+fn people(folder: &Path, recipe: &Recipe, (seeds, pairs): (&str, bool)) -> Result<(), String> {
+    let seeds = seeds.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..=b.parse().ok()?));
+    let seeds: RangeInclusive<u64> = seeds.ok_or("expected seeds as 1..5")?;
     let read = |name: &&'static str| -> Result<(&'static str, Recording), String> {
         let path = folder.join(name).with_extension("txt");
         let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         Ok((*name, eth_ucy(&text).map_err(|error| format!("{}:{error}", path.display()))?))
     };
     let files = FILES.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-    println!("set seed windows ADE FDE minADE minFDE NLL");
-    let mut means = [0.0; 5];
-    for (set, tests) in SETS {
+    let mut sets: Vec<(&str, Vec<Example>)> = Vec::new();
+    for (name, recording) in &files {
+        let of = |speed: &f64| examples(&[recording.played(*speed)], &recipe.net, 1);
+        sets.push((name, recipe.played.iter().flat_map(of).collect()));
+    }
+    let mut out: Vec<Vec<usize>> = (0..SETS.len()).map(|k| vec![k]).collect();
+    if pairs {
+        out = (0..SETS.len()).flat_map(|k| (0..k).map(move |j| vec![j, k])).collect();
+    }
+    println!("without set seed windows ADE FDE minADE minFDE NLL");
+    for left_out in out {
+        let names: Vec<&str> = left_out.iter().map(|k| SETS[*k].0).collect();
+        let tests: Vec<&str> = left_out.iter().flat_map(|k| SETS[*k].1).copied().collect();
         let mut all = Vec::new();
-        for (_, recording) in files.iter().filter(|(name, _)| !tests.contains(name)) {
-            let some = examples(std::slice::from_ref(recording), &shape, 1);
-            let each = (some.len() / OF_EACH).max(1);
-            all.extend(some.into_iter().step_by(each));
+        for (_, examples) in sets.iter().filter(|(name, _)| !tests.contains(name)) {
+            let each = (examples.len() as f64 / recipe.of_each as f64).max(1.0);
+            all.extend(
+                (0..recipe.of_each.min(examples.len())).map(|k| examples[(k as f64 * each) as usize].clone()),
+            );
         }
-        for seed in 1..=seeds {
-            let learning = Learning { seed, ..learning };
-            let weights = train(String::new(), shape, (&all, &learning), &mut |_, _| {})
+        for seed in seeds.clone() {
+            let learning = Learning { seed, ..recipe.learning };
+            let weights = train(String::new(), recipe.net, (&all, &learning), &mut |_, _| {})
                 .map_err(|error| error.to_string())?;
-            let of = files.iter().filter(|(name, _)| tests.contains(name));
-            let (count, figures) = judged(&weights, of.map(|(_, recording)| recording));
-            println!("{set} {seed} {count} {}", told(figures));
-            means.iter_mut().zip(figures).for_each(|(sum, one)| *sum += one / (5 * seeds) as f64);
+            for k in &left_out {
+                let (set, of) = SETS[*k];
+                let of = files.iter().filter(|(name, _)| of.contains(name));
+                let (count, figures) = judged(&weights, of.map(|(_, recording)| recording));
+                println!("{} {set} {seed} {count} {}", names.join("+"), told(figures));
+            }
         }
     }
-    println!("mean - - {}", told(means));
     Ok(())
 }
 

@@ -29,6 +29,17 @@ pub enum Model {
     R2p2,
 }
 
+/// What a net's paths are told beside.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Beside {
+    /// Going straight on with the last steps' pace.
+    #[default]
+    Straight,
+    /// The likeliest path of the three filters of [`PredictorName::Imm`](crate::PredictorName::Imm).
+    Imm,
+}
+
 /// What a net is made of.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -43,6 +54,9 @@ pub struct Shape {
     pub steps: usize,
     /// Between two steps, of the past and ahead, ms.
     pub step_ms: u32,
+    /// What paths are told beside; not of `r2p2`, whose steps go on from the one before.
+    #[serde(default)]
+    pub beside: Beside,
 }
 
 impl Shape {
@@ -52,6 +66,9 @@ impl Shape {
             let fits = (low..=high).contains(&found);
             fits.then_some(()).ok_or_else(|| format!("`{name}` is {found}, expected {low} to {high}"))
         };
+        if self.model == Model::R2p2 && self.beside != Beside::Straight {
+            return Err("`beside`: `r2p2` goes on step by step, expected `straight`".to_owned());
+        }
         within("modes", self.modes, [1, 32])?;
         within("hidden", self.hidden, [4, 256])?;
         within("steps", self.steps, [1, 64])?;
@@ -126,8 +143,11 @@ fn ln_sigma(step: usize) -> f32 {
 /// What is left of a pace after a step: nobody goes straight on for ever.
 const LEFT: f32 = 0.99;
 
-/// Where who goes straight on is after so many steps.
+/// Where who goes on as was expected is after so many steps: straight, or as filters have it.
 fn straight_on(sight: &Sight, step: usize) -> [f32; 2] {
+    if let Some(at) = sight.expected.get(step) {
+        return *at;
+    }
     let (mut far, mut pace) = (0.0, 1.0);
     for _ in 0..=step {
         pace *= LEFT;

@@ -17,10 +17,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require, require_within};
 use swerve_core::{Span, Time};
-use swerve_msg::{ForecastList, Route, Track, TrackList};
+use swerve_msg::{Forecast, ForecastList, Route, Track, TrackList};
 
 use crate::lanes::LaneGraph;
-use crate::learned::Weights;
+use crate::learned::{Model, Weights};
 use crate::past::Past;
 
 pub use truth::{Telling, Told, foretold};
@@ -179,7 +179,12 @@ pub fn forecast(
         }
         PredictorName::Truth => return foretold(tracks, horizon, &Telling::default(), &|_, _| None),
     };
-    ForecastList { stamp, forecasts, joint: false }
+    ForecastList { stamp, forecasts, joint: name == PredictorName::Mfp }
+}
+
+/// As [`PredictorName::Imm`].
+pub(crate) fn imm(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+    filters::forecasts(seen, stamp, horizon, filters::IMM)
 }
 
 /// The weights that a predictor is shipped with, if it is one that has learnt.
@@ -190,5 +195,5 @@ pub fn shipped(name: PredictorName) -> Option<&'static Weights> {
 /// How every track may go on by these weights, as [`forecast`] has it.
 pub fn forecast_by(weights: &Weights, tracks: &TrackList, horizon: &Horizon) -> ForecastList {
     let forecasts = learned::forecasts(&seen(tracks), tracks.stamp, horizon, weights);
-    ForecastList { stamp: tracks.stamp, forecasts, joint: false }
+    ForecastList { stamp: tracks.stamp, forecasts, joint: weights.shape.model == Model::Mfp }
 }

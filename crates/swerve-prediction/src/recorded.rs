@@ -25,6 +25,8 @@ const ETH_UCY_STEP_S: f64 = 0.4;
 /// Between two rows of CommonRoad's recorded scenarios, seconds.
 const COMMONROAD_STEP_S: f64 = 0.1;
 const HEAD: &str = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps";
+/// A move shorter than this tells no heading, metres.
+const HARDLY_M: f64 = 0.1;
 /// Frames count at most this far from zero.
 const FRAME_MAX: f64 = 1e9;
 
@@ -293,7 +295,35 @@ impl Recording {
     }
 }
 
+impl Recording {
+    /// The same at another speed, where it is negative also backwards: what happened in `speed` steps happens in one, and
+    /// places between two steps lie on a straight line. Steps around a gap are left out. `speed` is not zero.
+    pub fn played(&self, speed: f64) -> Self {
+        let tracks =
+            self.tracks.iter().map(|track| track.played(speed)).filter(|one| !one.samples.is_empty());
+        Self { step: self.step, tracks: tracks.collect() }
+    }
+}
+
 impl RecordedTrack {
+    /// As [`Recording::played`] has it.
+    fn played(&self, speed: f64) -> Self {
+        let ends = [self.samples.first(), self.samples.last()]
+            .map(|end| end.map_or(0.0, |end| end.0 as f64 / speed));
+        let steps = ends[0].min(ends[1]).ceil() as i64..=ends[0].max(ends[1]).floor() as i64;
+        let sample = |step: i64| {
+            let at = step as f64 * speed;
+            let after = self.samples.partition_point(|(own, _)| (*own as f64) < at);
+            let (own, place) = self.samples.get(after)?;
+            if *own as f64 == at {
+                return Some((step, *place));
+            }
+            let (before, from) = self.samples.get(after.checked_sub(1)?)?;
+            (before + 1 == *own).then(|| (step, *from + (*place - *from) * (at - *before as f64)))
+        };
+        Self { samples: steps.filter_map(sample).collect(), ..self.clone() }
+    }
+
     /// How many samples after `from` follow each other without a gap, at most `most`.
     fn run(&self, from: usize, most: usize) -> usize {
         let follows = |k: &usize| self.samples[from + k].0 == self.samples[from].0 + *k as i64;
@@ -323,7 +353,10 @@ impl RecordedTrack {
         let (last, before) = (history[history.len() - 1], history.iter().rev().nth(1));
         let velocity_mps =
             before.map_or(Vector2::default(), |before| (last.point - before.point) * (1.0 / span.as_secs()));
-        let pose = Pose2::new(last.point.x_m, last.point.y_m, velocity_mps.heading());
+        // Who stands is turned as it came.
+        let mut moved = self.samples[..=present].iter().rev().map(|(_, place)| last.point - *place);
+        let heading_rad = moved.find(|way| way.norm() > HARDLY_M).map_or(0.0, Vector2::heading);
+        let pose = Pose2::new(last.point.x_m, last.point.y_m, heading_rad);
         Some(Track { id: self.id, kind: self.kind, pose, extent: self.extent, velocity_mps, history })
     }
 }

@@ -44,8 +44,8 @@ fn errors_are_those_of_av2_and_densities_those_of_scipy() {
     close("brier", each(ModeErrors::brier_fde_m), &golden["brier_fde"]);
     close("missed", each(|mode| f64::from(u8::from(mode.missed()))), &golden["missed"]);
     close("missed", each(|mode| f64::from(u8::from(mode.missed()))), &golden["world_misses"]);
-    close("world ade", joint(&errors).iter().map(|mode| mode.ade_m), &golden["world_ade"]);
-    close("world fde", joint(&errors).iter().map(|mode| mode.fde_m), &golden["world_fde"]);
+    close("world ade", joint(&errors, &probabilities).iter().map(|mode| mode.ade_m), &golden["world_ade"]);
+    close("world fde", joint(&errors, &probabilities).iter().map(|mode| mode.fde_m), &golden["world_fde"]);
     for (m, truth) in truth.iter().enumerate() {
         let at = |t: usize| {
             let part = |(k, weight): (usize, &f64)| {
@@ -82,6 +82,22 @@ fn the_best_is_sought_among_the_likeliest_alone() {
     assert_eq!(BestOf::of(&[], 3), None);
     assert_eq!(ModeErrors::of(1.0, &[], &[]), None);
     assert_eq!(nll(&[], Point2::default()), f64::INFINITY);
+}
+
+/// Two actors of three modes: what one is sure of and the other finds likely is the scene's.
+#[test]
+fn a_scene_has_the_product_of_what_its_actors_give_a_mode() {
+    let actor = |shares: [f64; 3]| -> Vec<ModeErrors> {
+        shares.map(|probability| ModeErrors { probability, ..ModeErrors::default() }).to_vec()
+    };
+    let found = joint_probabilities(&[actor([0.8, 0.1, 0.1]), actor([0.5, 0.3, 0.2])]);
+    for (found, expected) in found.iter().zip([0.40 / 0.45, 0.03 / 0.45, 0.02 / 0.45]) {
+        assert!((found - expected).abs() < 1e-12, "{found} is {expected}");
+    }
+    // A hundred actors are no reason for a share that is none.
+    let many = vec![actor([0.98, 0.01, 0.01]); 100];
+    assert!((joint_probabilities(&many)[0] - 1.0).abs() < 1e-12);
+    assert_eq!(joint_probabilities(&[]), Vec::<f64>::new());
 }
 
 #[test]

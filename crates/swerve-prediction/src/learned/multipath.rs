@@ -71,13 +71,13 @@ pub(super) fn ways(layers: &Layers, weights: &Weights, sights: &[Sight]) -> Vec<
     sights.iter().enumerate().map(of_one).collect()
 }
 
-/// The loss of a batch, and the gradients of the weights. `by_distance` is the share of distance, not density, in what
-/// moves a path.
+/// The loss of a batch, and the gradients of the weights: `by_distance` is the share of distance, not density, in what
+/// moves the path of the nearest anchor, `mixed` that of the density under all modes in place of that anchor's.
 pub(super) fn loss(
     layers: &Layers,
     (shape, anchors): (&Shape, &[Vec<f32>]),
     matrices: &[Matrix],
-    (batch, by_distance): (&[Example], f32),
+    (batch, [by_distance, mixed]): (&[Example], [f32; 2]),
 ) -> (f32, Vec<Matrix>) {
     let mut tape = Tape::new(matrices);
     let sights: Vec<&Sight> = batch.iter().map(|one| &one.sight).collect();
@@ -88,27 +88,87 @@ pub(super) fn loss(
     let each = 1.0 / batch.len() as f32;
     for (k, example) in batch.iter().enumerate() {
         let (row, to) = (value.row(k), gradient.row_mut(k));
-        let chosen = nearest(anchors, example);
-        let logits = 5 * shape.modes * shape.steps;
-        let (total, shares) = ln_sum(&row[logits..]);
-        sum += each * CHOICE * (total - row[logits + chosen]);
-        for (mode, share) in shares.iter().enumerate() {
-            to[logits + mode] = each * CHOICE * (share - f32::from(u8::from(mode == chosen)));
+        if mixed < 1.0 {
+            let by = each * (1.0 - mixed);
+            sum += by * of_nearest((shape, anchors), (example, by_distance), row, (to, by));
         }
-        let by = each / shape.steps as f32;
-        for (step, truth) in example.truth.iter().enumerate() {
-            let normal = normal(row, (shape, anchors), &example.sight, [chosen, step]);
-            let (off, way) = distance(normal.mean, *truth);
-            sum += by * (by_distance * off + normal.nats(*truth));
-            let mut numbers = normal.gradient(*truth);
-            for (number, way) in numbers.iter_mut().zip(way) {
-                *number = by_distance * way + (1.0 - by_distance) * *number;
-            }
-            let to = &mut to[5 * (chosen * shape.steps + step)..][..5];
-            to.iter_mut().zip(numbers).for_each(|(to, one)| *to = by * one);
+        if mixed > 0.0 {
+            let by = each * mixed;
+            sum += by * of_all((shape, anchors), example, row, (to, by));
         }
     }
     (sum, tape.back(vec![(out, gradient)]))
+}
+
+/// What is lost by the anchor that is nearest to what happened, and by another one's being likelier; `by` times its slopes
+/// are added to `to`.
+fn of_nearest(
+    (shape, anchors): (&Shape, &[Vec<f32>]),
+    (example, by_distance): (&Example, f32),
+    row: &[f32],
+    (to, by): (&mut [f32], f32),
+) -> f32 {
+    let chosen = nearest(anchors, example);
+    let logits = 5 * shape.modes * shape.steps;
+    let (total, shares) = ln_sum(&row[logits..]);
+    let mut sum = CHOICE * (total - row[logits + chosen]);
+    for (mode, share) in shares.iter().enumerate() {
+        to[logits + mode] += by * CHOICE * (share - f32::from(u8::from(mode == chosen)));
+    }
+    let (one, each) = (1.0 / shape.steps as f32, by / shape.steps as f32);
+    for (step, truth) in example.truth.iter().enumerate() {
+        let normal = normal(row, (shape, anchors), &example.sight, [chosen, step]);
+        let (off, way) = distance(normal.mean, *truth);
+        sum += one * (by_distance * off + normal.nats(*truth));
+        let mut numbers = normal.gradient(*truth);
+        for (number, way) in numbers.iter_mut().zip(way) {
+            *number = by_distance * way + (1.0 - by_distance) * *number;
+        }
+        let to = &mut to[5 * (chosen * shape.steps + step)..][..5];
+        to.iter_mut().zip(numbers).for_each(|(to, number)| *to += each * number);
+    }
+    sum
+}
+
+/// Minus the logarithm of the density of what happened under all modes at once, a step; `by` times its slopes are added to
+/// `to`.
+fn of_all(
+    (shape, anchors): (&Shape, &[Vec<f32>]),
+    example: &Example,
+    row: &[f32],
+    (to, by): (&mut [f32], f32),
+) -> f32 {
+    let logits = 5 * shape.modes * shape.steps;
+    let (total, shares) = ln_sum(&row[logits..]);
+    let (mut sum, one) = (0.0, 1.0 / shape.steps as f32);
+    for (step, truth) in example.truth.iter().enumerate() {
+        let normals: Vec<Normal> = (0..shape.modes)
+            .map(|mode| normal(row, (shape, anchors), &example.sight, [mode, step]))
+            .collect();
+        let ln = |(mode, normal): (usize, &Normal)| row[logits + mode] - total - normal.nats(*truth);
+        let (likely, posterior) = ln_sum(&normals.iter().enumerate().map(ln).collect::<Vec<_>>());
+        sum -= one * likely;
+        for (mode, normal) in normals.iter().enumerate() {
+            to[logits + mode] += by * one * (shares[mode] - posterior[mode]);
+            let to = &mut to[5 * (mode * shape.steps + step)..][..5];
+            let numbers = normal.gradient(*truth);
+            to.iter_mut().zip(numbers).for_each(|(to, number)| *to += by * one * posterior[mode] * number);
+        }
+    }
+    sum
+}
+
+/// Takes back a share of the means: those of the anchors, and the first two of each five numbers of the last layer.
+pub(super) fn shrink(anchors: &mut [Vec<f32>], matrices: &mut [Matrix], share: f32) {
+    anchors.iter_mut().flatten().for_each(|one| *one *= 1.0 - share);
+    let logits = anchors.iter().map(|anchor| anchor.len() / 2 * 5).sum::<usize>();
+    let last = matrices.len().saturating_sub(2);
+    for matrix in &mut matrices[last..] {
+        for row in matrix.values.chunks_exact_mut(matrix.columns) {
+            let means = row[..logits].iter_mut().enumerate().filter(|(k, _)| k % 5 < 2);
+            means.for_each(|(_, one)| *one *= 1.0 - share);
+        }
+    }
 }
 
 /// The anchor that is nearest to what happened.

@@ -2,10 +2,11 @@
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Vector2};
-use swerve_msg::{ActorKind, Sighting};
+use swerve_msg::{ActorKind, Forecast, Sighting};
 
+use super::{Beside, Shape};
 use crate::past::Past;
-use crate::predictor::Seen;
+use crate::predictor::{Horizon, Seen, imm};
 
 /// Places of the past that a net is told, the present one included.
 pub(crate) const PAST: usize = 8;
@@ -77,6 +78,8 @@ pub(crate) struct Sight {
     /// Nearest first.
     pub(crate) near: Vec<Near>,
     pub(crate) frame: Frame,
+    /// Where filters expect it after each step; empty where going straight on is expected.
+    pub(crate) expected: Vec<[f32; 2]>,
     /// What draws of this actor are keyed by.
     pub(crate) id: u32,
 }
@@ -93,8 +96,13 @@ impl Sight {
     }
 }
 
-/// Everybody as seen by themselves, at `stamp`.
-pub(crate) fn sights(seen: &[Seen], stamp: Time, step: Span) -> Vec<Sight> {
+/// Everybody as seen by themselves, at `stamp`, for a net of this shape.
+pub(crate) fn sights(seen: &[Seen], stamp: Time, shape: &Shape) -> Vec<Sight> {
+    let step = Span::from_ms(i64::from(shape.step_ms));
+    let expected = match shape.beside {
+        Beside::Straight => Vec::new(),
+        Beside::Imm => filtered(seen, stamp, &Horizon { steps: shape.steps, step }),
+    };
     let places: Vec<[Point2; PAST]> = seen.iter().map(|one| places(&one.past, stamp, step)).collect();
     let paces: Vec<Vector2> = places.iter().map(|places| places[PAST - 1] - places[PAST - 2]).collect();
     let wheels = |seen: &Seen| !matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static);
@@ -128,7 +136,9 @@ pub(crate) fn sights(seen: &[Seen], stamp: Time, step: Span) -> Vec<Sight> {
             wheels: f32::from(u8::from(wheels(&seen[who]))),
         });
         let wheels = f32::from(u8::from(wheels(one)));
-        Sight { own, wheels, near: near.collect(), frame, id: one.track.id.0 }
+        let places = expected.get(k).into_iter().flatten();
+        let expected = places.map(|at| frame.place(*at)).collect();
+        Sight { own, wheels, near: near.collect(), frame, expected, id: one.track.id.0 }
     };
     seen.iter().enumerate().map(of_one).collect()
 }
@@ -160,4 +170,12 @@ fn places(past: &Past, stamp: Time, step: Span) -> [Point2; PAST] {
         a.point + (b.point - a.point) * share
     };
     core::array::from_fn(|k| at(stamp - step * (PAST - 1 - k) as i64))
+}
+
+/// Places of the filters' likeliest mode, after each step.
+fn filtered(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Vec<Point2>> {
+    let likeliest = |one: &Forecast| -> Vec<Point2> {
+        one.likeliest().map_or(&[][..], |mode| &mode.path[1..]).iter().map(|at| at.pose.point()).collect()
+    };
+    imm(seen, stamp, horizon).iter().map(likeliest).collect()
 }

@@ -14,11 +14,23 @@ use crate::{Horizon, forecast_by};
 const MODELS: [Model; 3] = [Model::Multipath, Model::Mfp, Model::R2p2];
 
 fn shape(model: Model) -> Shape {
-    Shape { model, modes: 2, hidden: 8, steps: 5, step_ms: 400 }
+    Shape { model, modes: 2, hidden: 8, steps: 5, step_ms: 400, beside: Beside::Straight }
 }
 
 fn learning() -> Learning {
-    Learning { seed: 3, steps: 60, batch: 16, rate: 3e-3, stretch: 0.1, noise: 0.01, distance: 0.5 }
+    Learning {
+        seed: 3,
+        steps: 60,
+        batch: 16,
+        rate: 3e-3,
+        stretch: 0.1,
+        noise: 0.01,
+        distance: 0.5,
+        mixed: 0.0,
+        noise_spread: 0.0,
+        average: 0.0,
+        shrink: 0.0,
+    }
 }
 
 /// People who turn to their left, in pairs.
@@ -61,7 +73,7 @@ fn gradients_of_whole_nets_are_their_slopes() {
         check(&weights, &|weights| {
             let batch = &examples[..3];
             // Distance does not count in the loss of `multipath`'s spread, so that the slopes are those of density.
-            loss(&net, (&shape, &anchors), weights, (batch, 0.0))
+            loss(&net, (&shape, &anchors), weights, (batch, [0.0, 0.3]))
         });
     }
 }
@@ -133,7 +145,31 @@ fn files_that_are_not_whole_are_refused() {
     }
     let said = |bytes: &[u8]| Weights::read(bytes).unwrap_err().to_string();
     assert!(said(b"SWERVSEG\x01").contains("SWERVNET"));
-    assert!(said(b"SWERVNET\x07").contains("version 7, expected 1"));
+    assert!(said(b"SWERVNET\x07").contains("version 7, expected 1 or 2"));
+}
+
+/// Weights that stand beside filters say so in their file, and hand out what the filters expect when all that was learnt is taken back.
+#[test]
+fn a_net_beside_filters_is_another_one() {
+    let shape = Shape { beside: Beside::Imm, modes: 1, ..shape(Model::Multipath) };
+    let examples = examples(&[turning(6)], &shape, 1);
+    let learning = Learning { mixed: 0.5, noise_spread: 0.5, average: 0.9, shrink: 1.0, ..learning() };
+    let weights = train("a test".into(), shape, (&examples, &learning), &mut |_, _| {}).unwrap();
+    let bytes = weights.write();
+    assert_eq!((bytes[8], Weights::read(&bytes)), (2, Ok(weights.clone())));
+    assert!(Weights::read(&bytes[..40]).is_err());
+    let horizon = Horizon { steps: 5, step: Span::from_ms(400) };
+    let scene = turning(3).scenes(&Protocol::whole(8, 5)).remove(0);
+    let (found, filters) = (
+        forecast_by(&weights, &scene.tracks, &horizon),
+        crate::forecast(crate::PredictorName::Imm, &scene.tracks, &horizon, None),
+    );
+    for (a, b) in found.forecasts.iter().zip(&filters.forecasts) {
+        let path = b.likeliest().unwrap().path.iter();
+        let off_m = a.modes[0].path[1..].iter().zip(path.skip(1));
+        let most = off_m.map(|(a, b)| a.pose.point().distance(b.pose.point())).fold(0.0, f64::max);
+        assert!(most < 1e-5, "{most}");
+    }
 }
 
 #[test]
@@ -147,6 +183,9 @@ fn what_is_asked_of_learning_is_checked() {
     assert!(said(learning(), Shape { modes: 0, ..shape }, &all).starts_with("`modes` is 0"));
     assert!(said(Learning { rate: f32::NAN, ..learning() }, shape, &all).starts_with("`rate` is NaN"));
     assert!(said(learning(), shape, &[]).contains("found none"));
+    assert!(said(Learning { shrink: 1.5, ..learning() }, shape, &all).starts_with("`shrink` is 1.5"));
+    let filtered = Shape { model: Model::R2p2, beside: Beside::Imm, ..shape };
+    assert!(said(learning(), filtered, &all).contains("expected `straight`"));
 }
 
 /// Examples of finer recordings are those of coarse ones.

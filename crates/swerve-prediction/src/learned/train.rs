@@ -1,7 +1,7 @@
 //! How nets learn from recorded tracks.
 
 use serde::Deserialize;
-use swerve_core::{Rng, Span};
+use swerve_core::Rng;
 use swerve_msg::TrackList;
 
 use super::{Model, Net, PAST, Shape, Sight, mfp, multipath, r2p2, sights, straight_on};
@@ -28,6 +28,22 @@ pub struct Learning {
     /// Share of distance in place of density in what moves the path of a mode, 0 to 1; of `multipath`.
     #[serde(default)]
     pub distance: f32,
+    /// Share of the density under all modes, as it is judged by, in place of that of the mode whose anchor is nearest, 0 to
+    /// 1; of `multipath`.
+    #[serde(default)]
+    pub mixed: f32,
+    /// Deviation of the logarithm of what `noise` is multiplied by, drawn for each example: how well somebody is seen
+    /// differs from recording to recording.
+    #[serde(default)]
+    pub noise_spread: f32,
+    /// Share of the mean of the weights of all steps before that each step keeps, 0 to 1: the mean is what has learnt. 0
+    /// takes the last step's.
+    #[serde(default)]
+    pub average: f32,
+    /// Share of what a mode's path has learnt beside the expected one that is taken back in the end, 0 to 1: what was learnt
+    /// in some places holds less in others; of `multipath`.
+    #[serde(default)]
+    pub shrink: f32,
 }
 
 /// Why nothing is learnt.
@@ -66,16 +82,21 @@ impl Example {
         let by = libm::expf(learning.stretch * rng.normal() as f32);
         let side = if rng.unit() < 0.5 { by } else { -by };
         let changed = |[x, y]: [f32; 2]| [by * x, side * y];
+        let noise = match learning.noise_spread {
+            0.0 => learning.noise,
+            spread => learning.noise * libm::expf(spread * rng.normal() as f32),
+        };
         let mut one = self.clone();
         for step in one.sight.own.chunks_exact_mut(2) {
             let [x, y] = changed([step[0], step[1]]);
-            step[0] = x + learning.noise * rng.normal() as f32;
-            step[1] = y + learning.noise * rng.normal() as f32;
+            step[0] = x + noise * rng.normal() as f32;
+            step[1] = y + noise * rng.normal() as f32;
         }
         for near in &mut one.sight.near {
             (near.at, near.pace) = (changed(near.at), changed(near.pace));
         }
-        one.truth.iter_mut().chain(one.others.iter_mut().flatten()).for_each(|at| *at = changed(*at));
+        let places = one.truth.iter_mut().chain(&mut one.sight.expected);
+        places.chain(one.others.iter_mut().flatten()).for_each(|at| *at = changed(*at));
         one
     }
 }
@@ -95,9 +116,8 @@ pub fn examples(recordings: &[Recording], shape: &Shape, stride: usize) -> Vec<E
 
 fn of_scene(scene: &Scene, shape: &Shape, each: usize, all: &mut Vec<Example>) {
     let tracks: &TrackList = &scene.tracks;
-    let step = Span::from_ms(i64::from(shape.step_ms));
     let seen = seen(tracks);
-    let sights = sights(&seen, tracks.stamp, step);
+    let sights = sights(&seen, tracks.stamp, shape);
     let truth = |k: usize| {
         let window = scene.windows.binary_search_by_key(&seen[k].track.id, |window| window.id).ok()?;
         Some(scene.windows[window].truth.iter().skip(each - 1).step_by(each))
@@ -141,11 +161,12 @@ pub fn train(
     let mut matrices = drawn(&shapes.list(), learning.seed);
     let mut adam = Adam::new(&matrices);
     let mut rng = Rng::keyed(learning.seed, "order", &[]);
-    let anchors = match shape.model {
+    let mut anchors = match shape.model {
         Model::Multipath => multipath::anchors(&shape, examples, learning.seed),
         _ => Vec::new(),
     };
     let mut order: Vec<usize> = Vec::new();
+    let mut mean = matrices.clone();
     for step in 0..learning.steps {
         let batch: Vec<Example> = (0..learning.batch)
             .map(|_| {
@@ -155,13 +176,24 @@ pub fn train(
                 examples[order.pop().expect("there are examples")].changed(&mut rng, learning)
             })
             .collect();
-        let (loss, gradients) = loss(&net, (&shape, &anchors), &matrices, (&batch, learning.distance));
+        let (loss, gradients) =
+            loss(&net, (&shape, &anchors), &matrices, (&batch, [learning.distance, learning.mixed]));
         let share = step as f32 / learning.steps as f32;
         let rate = learning.rate * 0.5 * (1.0 + libm::cosf(core::f32::consts::PI * share));
         adam.step(&mut matrices, &gradients, rate);
+        let kept = learning.average.min(step as f32 / (step + 10) as f32);
+        for (mean, now) in mean.iter_mut().zip(&matrices) {
+            mean.values
+                .iter_mut()
+                .zip(&now.values)
+                .for_each(|(mean, now)| *mean = kept * *mean + (1.0 - kept) * now);
+        }
         told(step, loss);
     }
-    Ok(Weights { source, shape, anchors, matrices })
+    if shape.model == Model::Multipath && learning.shrink > 0.0 {
+        multipath::shrink(&mut anchors, &mut mean, learning.shrink);
+    }
+    Ok(Weights { source, shape, anchors, matrices: mean })
 }
 
 /// The loss of a batch, and the gradients of the weights.
@@ -169,10 +201,10 @@ pub(super) fn loss(
     net: &Net,
     (shape, anchors): (&Shape, &[Vec<f32>]),
     matrices: &[Matrix],
-    (batch, by_distance): (&[Example], f32),
+    (batch, of_multipath): (&[Example], [f32; 2]),
 ) -> (f32, Vec<Matrix>) {
     match net {
-        Net::Multipath(layers) => multipath::loss(layers, (shape, anchors), matrices, (batch, by_distance)),
+        Net::Multipath(layers) => multipath::loss(layers, (shape, anchors), matrices, (batch, of_multipath)),
         Net::Mfp(layers) => mfp::loss(layers, shape, matrices, batch),
         Net::R2p2(layers) => r2p2::loss(layers, shape, matrices, batch),
     }
@@ -198,6 +230,10 @@ impl Learning {
         within("rate", self.rate.into(), [1e-6, 0.1])?;
         within("stretch", self.stretch.into(), [0.0, 1.0])?;
         within("noise", self.noise.into(), [0.0, 1.0])?;
-        within("distance", self.distance.into(), [0.0, 1.0])
+        within("distance", self.distance.into(), [0.0, 1.0])?;
+        within("mixed", self.mixed.into(), [0.0, 1.0])?;
+        within("shrink", self.shrink.into(), [0.0, 1.0])?;
+        within("noise_spread", self.noise_spread.into(), [0.0, 3.0])?;
+        within("average", self.average.into(), [0.0, 0.9999])
     }
 }

@@ -1,15 +1,14 @@
 //! Files of weights: eight letters, a version, the digest (XXH3) of the rest, and the rest in postcard's form.
 
-use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Hasher};
 use thiserror::Error;
 
 use super::Matrix;
-use crate::learned::Net;
-use crate::learned::Shape;
+use crate::learned::{Beside, Model, Net, Shape};
 
 const MAGIC: &[u8] = b"SWERVNET";
-const VERSION: u8 = 1;
+/// Of weights whose paths are told beside going straight on; of all others.
+const VERSIONS: [u8; 2] = [1, 2];
 
 /// What is wrong with a file of weights.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
@@ -18,7 +17,7 @@ pub enum WeightsError {
     #[error("no weights of a predictor: expected a file that begins with `SWERVNET`")]
     Foreign,
     /// It is of a version that is not known.
-    #[error("weights of version {0}, expected {VERSION}")]
+    #[error("weights of version {0}, expected 1 or 2")]
     Version(u8),
     /// Its digest is another one.
     #[error("damaged weights: their digest is {found}, expected {expected}")]
@@ -34,7 +33,7 @@ pub enum WeightsError {
 }
 
 /// A predictor that was learnt.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Weights {
     /// Where it comes from, in words.
     pub source: String,
@@ -46,6 +45,9 @@ pub struct Weights {
     pub(crate) matrices: Vec<Matrix>,
 }
 
+/// What a file has of them: source; model, modes, hidden, steps and their length; anchors; matrices.
+type Stored = (String, (Model, usize, usize, usize, u32), Vec<Vec<f32>>, Vec<Matrix>);
+
 impl Weights {
     /// Reads a file.
     ///
@@ -54,7 +56,7 @@ impl Weights {
     pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
         let rest = bytes.strip_prefix(MAGIC).ok_or(WeightsError::Foreign)?;
         let (&version, rest) = rest.split_first().ok_or(WeightsError::Foreign)?;
-        if version != VERSION {
+        if !VERSIONS.contains(&version) {
             return Err(WeightsError::Version(version));
         }
         let (sum, rest) = rest.split_first_chunk().map_or((0, &[][..]), |(s, r)| (u64::from_le_bytes(*s), r));
@@ -62,8 +64,14 @@ impl Weights {
         if found != expected {
             return Err(WeightsError::Damaged { found, expected });
         }
-        let weights: Self =
-            postcard::from_bytes(rest).map_err(|_| WeightsError::Content("cut short".to_owned()))?;
+        let stored: Result<(Beside, Stored), _> = match version {
+            1 => postcard::from_bytes(rest).map(|stored| (Beside::Straight, stored)),
+            _ => postcard::from_bytes(rest),
+        };
+        let (beside, stored) = stored.map_err(|_| WeightsError::Content("cut short".to_owned()))?;
+        let (source, (model, modes, hidden, steps, step_ms), anchors, matrices) = stored;
+        let weights =
+            Self { source, shape: Shape { model, modes, hidden, steps, step_ms, beside }, anchors, matrices };
         weights.check().map_err(WeightsError::Content)?;
         Ok(weights)
     }
@@ -73,8 +81,14 @@ impl Weights {
     /// # Panics
     /// Never: what is stored is plain numbers and text.
     pub fn write(&self) -> Vec<u8> {
-        let rest = postcard::to_allocvec(self).expect("numbers and text are always written");
-        [MAGIC, &[VERSION], &digest(&rest).0.to_le_bytes(), &rest].concat()
+        let Shape { model, modes, hidden, steps, step_ms, beside } = self.shape;
+        let stored = (&self.source, (model, modes, hidden, steps, step_ms), &self.anchors, &self.matrices);
+        let (version, rest) = match beside {
+            Beside::Straight => (VERSIONS[0], postcard::to_allocvec(&stored)),
+            Beside::Imm => (VERSIONS[1], postcard::to_allocvec(&(beside, stored))),
+        };
+        let rest = rest.expect("numbers and text are always written");
+        [MAGIC, &[version], &digest(&rest).0.to_le_bytes(), &rest].concat()
     }
 
     /// How many numbers were learnt.

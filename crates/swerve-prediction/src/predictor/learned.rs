@@ -38,7 +38,7 @@ pub(super) fn shipped(name: PredictorName) -> Option<&'static Weights> {
 /// A mode for each way on.
 pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, weights: &Weights) -> Vec<Forecast> {
     let step = Span::from_ms(i64::from(weights.shape.step_ms));
-    let sights = sights(seen, stamp, step);
+    let sights = sights(seen, stamp, &weights.shape);
     let all = weights.ways(&sights);
     let of_one = |((seen, sight), ways): ((&Seen, &crate::learned::Sight), Vec<Way>)| {
         let total: f64 = ways.iter().map(|way| f64::from(way.probability)).sum();

@@ -27,6 +27,32 @@ fn rows_become_tracks_and_gaps_end_windows() {
 }
 
 #[test]
+fn recordings_are_played_faster_slower_and_backwards() {
+    let text: String = (0..8).filter(|k| *k != 5).map(|k| format!("{} 1 {} 0\n", 10 * k, k * k)).collect();
+    let recording = eth_ucy(&text).unwrap();
+    let played = |speed: f64| {
+        let samples = recording.played(speed).tracks.remove(0).samples;
+        samples.into_iter().map(|(step, place)| (step, place.x_m)).collect::<Vec<_>>()
+    };
+    assert_eq!(recording.played(1.0), recording);
+    // The step 5 is not there: nothing between 4 and 6.
+    assert_eq!(played(2.0), [(0, 0.0), (1, 4.0), (2, 16.0), (3, 36.0)]);
+    assert_eq!(played(1.5), [(0, 0.0), (1, 2.5), (2, 9.0), (4, 36.0)]);
+    assert_eq!(played(0.5)[..3], [(0, 0.0), (1, 0.5), (2, 1.0)]);
+    assert_eq!(played(-1.0), [(-7, 49.0), (-6, 36.0), (-4, 16.0), (-3, 9.0), (-2, 4.0), (-1, 1.0), (0, 0.0)]);
+    assert!(recording.played(100.0).tracks[0].samples.len() == 1, "the first alone");
+}
+
+#[test]
+fn who_stands_is_turned_as_it_came() {
+    let x_m = |step: i32| -f64::from(step.min(4));
+    let text: String = (0..9).map(|k| format!("{} 1 {} 0\n", 10 * k, x_m(k))).collect();
+    let scenes = eth_ucy(&text).unwrap().scenes(&Protocol::whole(2, 1));
+    let last = &scenes[scenes.len() - 1].tracks.tracks[0];
+    assert_eq!((last.velocity_mps.norm(), last.pose.heading_rad.abs()), (0.0, core::f64::consts::PI));
+}
+
+#[test]
 fn scenarios_are_told_apart() {
     let text = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps\n\
                 B,500,car,6.10,2.56,0,87.4,-91.9,-0.7,13.3\nA,500,bus,12,2.5,0,1,2,0,3\nA,500,bus,12,2.5,1,2,2,0,3\n";

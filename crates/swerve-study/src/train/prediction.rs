@@ -46,6 +46,9 @@ struct Tracks {
     /// A window begins at every so many sightings of a track.
     #[serde(default = "one")]
     stride: usize,
+    /// Speeds at which recordings are played, each time to learn from anew; backwards where negative.
+    #[serde(default = "as_recorded")]
+    played: Vec<f64>,
 }
 
 /// A minute each, of a crossing.
@@ -69,6 +72,10 @@ fn one() -> usize {
     1
 }
 
+fn as_recorded() -> Vec<f64> {
+    vec![1.0]
+}
+
 impl Recipe {
     fn problems(&self, document: &Document) -> Vec<Problem> {
         let mut problems = Vec::new();
@@ -87,6 +94,9 @@ impl Recipe {
             ensure(either, key("name"), "expected either `made` or `recorded`");
             ensure(set.purpose != Purpose::Calibration, key("purpose"), "expected training or test");
             ensure((1..=1000).contains(&set.stride), key("stride"), "expected 1 to 1000");
+            let plays = |speed: &f64| (0.1..=10.0).contains(&speed.abs());
+            let some = (1..=20).contains(&set.played.len()) && set.played.iter().all(plays);
+            ensure(some, key("played"), "expected 1 to 20 speeds of 0.1 to 10, or of -10 to -0.1");
             if let Some(made) = &set.made {
                 let [first, last] = made.seeds;
                 let some = first <= last && last - first < 10_000;
@@ -116,7 +126,8 @@ impl Tracks {
                 all.extend(file(&data.join(name), recorded.format)?.recordings());
             }
         }
-        Ok(all)
+        let played = |speed: &f64| all.iter().map(|one| one.played(*speed)).collect::<Vec<_>>();
+        Ok(self.played.iter().flat_map(played).collect())
     }
 }
 

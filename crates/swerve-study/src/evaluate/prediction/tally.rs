@@ -4,13 +4,17 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 use swerve_core::Time;
-use swerve_eval::forecast::{BestOf, Coverage, Gaussian, ModeErrors, Recalibration, collide, nll};
-use swerve_geom::{Obb, Point2};
+use swerve_eval::forecast::{
+    BestOf, Coverage, Gaussian, MISS_M, ModeErrors, Recalibration, collide, joint, joint_probabilities, nll,
+};
+use swerve_geom::{Obb, Point2, Pose2, Vector2};
 use swerve_msg::{Forecast, ForecastList};
 use swerve_prediction::recorded::{Scene, Window};
 
 /// Latencies of the timely error, milliseconds.
 const LATENCIES_MS: [u32; 6] = [0, 20, 50, 100, 200, 500];
+/// Who has moved less than this keeps the heading, metres.
+const LEAST_M: f64 = 0.1;
 /// How fast regions answer to a miss.
 const RECALIBRATION_RATE: f64 = 0.02;
 
@@ -39,7 +43,13 @@ pub(crate) struct Figures {
     pub(crate) recalibrated_90: Option<f64>,
     /// Share of windows whose likeliest mode runs into that of another.
     pub(crate) collisions: f64,
-    /// By step: seconds ahead, mean and root mean square of the likeliest mode's distance.
+    /// The same of what happened: outlines of recorded actors touch too.
+    pub(crate) collisions_in_truth: f64,
+    /// Share of windows whose likeliest mode runs into that of another, while nobody was touched in truth.
+    pub(crate) collisions_alone: f64,
+    /// Of all actors of a scene together, where mode `k` of one goes with mode `k` of the others.
+    pub(crate) world: Option<World>,
+    /// By step: seconds ahead, mean and root mean square of the likeliest mode's distance, share missed.
     pub(crate) by_step: Vec<Step>,
     /// What is known so much later, of instants so far ahead of then.
     pub(crate) timely: Vec<Timely>,
@@ -50,6 +60,21 @@ pub(crate) struct Step {
     ahead_s: f64,
     mean_m: f64,
     rms_m: f64,
+    /// Share of windows in which all of the likeliest K modes are more than 2 m off there.
+    missed: f64,
+}
+
+/// Means over scenes, each a mean over its actors (Argoverse 2's world metrics).
+#[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+pub(crate) struct World {
+    scenes: usize,
+    /// Of the scene's likeliest mode, at the end, metres.
+    fde_m: f64,
+    /// Of the mode that is best for the scene, metres.
+    min_fde_m: f64,
+    brier_min_fde_m: f64,
+    /// Share of actors whose path in that mode ends more than 2 m off.
+    missed: f64,
 }
 
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
@@ -67,13 +92,17 @@ pub(crate) struct Tally {
     windows: usize,
     sums: [f64; 7],
     collisions: usize,
+    collisions_in_truth: usize,
+    collisions_alone: usize,
+    scenes: usize,
+    world: [f64; 4],
     coverage: Coverage,
     recalibration: Recalibration,
     held: [usize; 2],
     /// What is learnt once its end has come: when, the score, and whether it was held.
     to_come: VecDeque<(Time, f64, bool)>,
-    /// Count, distances and squares by step.
-    steps: Vec<[f64; 3]>,
+    /// Count, distances, squares and misses by step.
+    steps: Vec<[f64; 4]>,
 }
 
 impl Tally {
@@ -84,11 +113,15 @@ impl Tally {
             windows: 0,
             sums: [0.0; 7],
             collisions: 0,
+            collisions_in_truth: 0,
+            collisions_alone: 0,
+            scenes: 0,
+            world: [0.0; 4],
             coverage: Coverage::default(),
             recalibration: Recalibration::new(0.9, RECALIBRATION_RATE),
             held: [0; 2],
             to_come: VecDeque::new(),
-            steps: vec![[0.0; 3]; steps],
+            steps: vec![[0.0; 4]; steps],
         }
     }
 
@@ -108,24 +141,40 @@ impl Tally {
             .iter()
             .filter_map(|window| Some((window, list.forecasts.iter().find(|one| one.id == window.id)?)))
             .collect();
-        let outlines: Vec<Vec<Obb>> = found.iter().map(|(_, one)| outlines(one)).collect();
+        let errors: Vec<Vec<ModeErrors>> = found.iter().map(|(window, one)| errors(one, window)).collect();
+        let predicted: Vec<Vec<Obb>> = found.iter().map(|(_, one)| outlines(one)).collect();
+        let happened: Vec<Vec<Obb>> =
+            found.iter().map(|(window, one)| outlines_in_truth(one, window)).collect();
         for (k, (window, forecast)) in found.iter().enumerate() {
-            self.add_one(window, forecast);
-            let hits = |j: usize| j != k && collide(&outlines[k], &outlines[j]);
-            self.collisions += usize::from((0..outlines.len()).any(hits));
+            self.add_one(window, forecast, &errors[k]);
+            let hits = |of: &[Vec<Obb>]| (0..of.len()).any(|j| j != k && collide(&of[k], &of[j]));
+            let [foretold, happened] = [hits(&predicted), hits(&happened)];
+            self.collisions += usize::from(foretold);
+            self.collisions_in_truth += usize::from(happened);
+            self.collisions_alone += usize::from(foretold && !happened);
+        }
+        if list.joint || found.iter().all(|(_, one)| one.modes.len() == 1) {
+            self.add_world(&errors);
         }
     }
 
-    fn add_one(&mut self, window: &Window, forecast: &Forecast) {
+    /// All actors of a scene together.
+    fn add_world(&mut self, errors: &[Vec<ModeErrors>]) {
+        let worlds = joint(errors, &joint_probabilities(errors));
+        let by_fde = |a: &&ModeErrors, b: &&ModeErrors| a.fde_m.total_cmp(&b.fde_m);
+        let Some(best) = worlds.iter().min_by(by_fde) else { return };
+        let likeliest =
+            worlds.iter().reduce(|best, one| if one.probability > best.probability { one } else { best });
+        let k = worlds.iter().position(|one| one == best).unwrap_or(0);
+        let missed = errors.iter().filter(|modes| modes[k].missed()).count() as f64 / errors.len() as f64;
+        let one = [likeliest.map_or(best.fde_m, |one| one.fde_m), best.fde_m, best.brier_fde_m(), missed];
+        self.world.iter_mut().zip(one).for_each(|(sum, one)| *sum += one);
+        self.scenes += 1;
+    }
+
+    fn add_one(&mut self, window: &Window, forecast: &Forecast, errors: &[ModeErrors]) {
         let steps = window.truth.len();
-        let path = |mode: &swerve_msg::Mode| -> Vec<Point2> {
-            mode.path[1..=steps].iter().map(|at| at.pose.point()).collect()
-        };
-        let errors = forecast
-            .modes
-            .iter()
-            .filter_map(|mode| ModeErrors::of(mode.probability, &path(mode), &window.truth));
-        let Some(best) = BestOf::of(&errors.collect::<Vec<_>>(), self.best_of) else { return };
+        let Some(best) = BestOf::of(errors, self.best_of) else { return };
         let mixture = |k: usize| -> Vec<Gaussian> {
             let part = |mode: &swerve_msg::Mode| Gaussian {
                 weight: mode.probability,
@@ -146,9 +195,15 @@ impl Tally {
         }
         let Some(likeliest) = forecast.likeliest() else { return };
         self.step_s = (likeliest.path[1].at - likeliest.path[0].at).as_secs();
-        for (sums, (place, truth)) in self.steps.iter_mut().zip(path(likeliest).iter().zip(&window.truth)) {
-            let off_m = place.distance(*truth);
-            sums.iter_mut().zip([1.0, off_m, off_m * off_m]).for_each(|(sum, one)| *sum += one);
+        let mut order: Vec<&swerve_msg::Mode> = forecast.modes.iter().collect();
+        order.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        order.truncate(self.best_of);
+        for (k, (sums, truth)) in self.steps.iter_mut().zip(&window.truth).enumerate() {
+            let off_m = |mode: &swerve_msg::Mode| mode.path[k + 1].pose.point().distance(*truth);
+            let missed = order.iter().all(|mode| off_m(mode) > MISS_M);
+            let off_m = off_m(likeliest);
+            let one = [1.0, off_m, off_m * off_m, f64::from(u8::from(missed))];
+            sums.iter_mut().zip(one).for_each(|(sum, one)| *sum += one);
         }
     }
 
@@ -166,6 +221,10 @@ impl Tally {
         self.windows += other.windows;
         self.step_s = other.step_s.max(self.step_s);
         self.collisions += other.collisions;
+        self.collisions_in_truth += other.collisions_in_truth;
+        self.collisions_alone += other.collisions_alone;
+        self.scenes += other.scenes;
+        self.world.iter_mut().zip(other.world).for_each(|(sum, one)| *sum += one);
         self.coverage.join(&other.coverage);
         self.sums.iter_mut().zip(other.sums).for_each(|(sum, one)| *sum += one);
         self.held.iter_mut().zip(other.held).for_each(|(sum, one)| *sum += one);
@@ -177,13 +236,23 @@ impl Tally {
     pub(crate) fn figures(&self) -> Figures {
         let n = self.windows.max(1) as f64;
         let [ade_m, fde_m, min_ade_m, min_fde_m, brier_min_fde_m, missed, nll] = self.sums.map(|sum| sum / n);
-        let step = |(k, [count, off, squares]): (usize, &[f64; 3])| Step {
+        let step = |(k, [count, off, squares, missed]): (usize, &[f64; 4])| Step {
             ahead_s: self.step_s * (k + 1) as f64,
             mean_m: off / count,
             rms_m: (squares / count).sqrt(),
+            missed: missed / count,
         };
         let seen = self.steps.iter().enumerate().filter(|(_, sums)| sums[0] > 0.0);
         let by_step: Vec<Step> = seen.map(step).collect();
+        let [world_fde_m, world_min_fde_m, world_brier_min_fde_m, world_missed] =
+            self.world.map(|sum| sum / self.scenes.max(1) as f64);
+        let world = World {
+            scenes: self.scenes,
+            fde_m: world_fde_m,
+            min_fde_m: world_min_fde_m,
+            brier_min_fde_m: world_brier_min_fde_m,
+            missed: world_missed,
+        };
         Figures {
             windows: self.windows,
             ade_m,
@@ -197,6 +266,9 @@ impl Tally {
             areas_m2: self.coverage.areas_m2(),
             recalibrated_90: (self.held[1] > 0).then(|| self.held[0] as f64 / self.held[1] as f64),
             collisions: self.collisions as f64 / n,
+            collisions_in_truth: self.collisions_in_truth as f64 / n,
+            collisions_alone: self.collisions_alone as f64 / n,
+            world: (self.scenes > 0).then_some(world),
             timely: timely(&by_step, self.step_s),
             by_step,
         }
@@ -226,8 +298,32 @@ fn timely(by_step: &[Step], step_s: f64) -> Vec<Timely> {
         .collect()
 }
 
+/// How far each mode is off.
+fn errors(forecast: &Forecast, window: &Window) -> Vec<ModeErrors> {
+    let steps = window.truth.len();
+    let of = |mode: &swerve_msg::Mode| {
+        let path: Vec<Point2> = mode.path[1..=steps].iter().map(|at| at.pose.point()).collect();
+        ModeErrors::of(mode.probability, &path, &window.truth)
+    };
+    forecast.modes.iter().filter_map(of).collect()
+}
+
 /// The likeliest mode's outlines.
 fn outlines(forecast: &Forecast) -> Vec<Obb> {
     let path = forecast.likeliest().map_or(&[][..], |mode| &mode.path);
     path.iter().map(|at| forecast.extent.footprint(at.pose)).collect()
+}
+
+/// What happened, as outlines with the heading of the motion; who stands keeps the one before.
+fn outlines_in_truth(forecast: &Forecast, window: &Window) -> Vec<Obb> {
+    let Some(now) = forecast.likeliest().and_then(|mode| mode.path.first()) else { return Vec::new() };
+    let (mut at, mut heading_rad) = (now.pose.point(), now.pose.heading_rad);
+    let outline = |to: &Point2| {
+        let on: Vector2 = *to - at;
+        if on.norm() > LEAST_M {
+            (at, heading_rad) = (*to, on.heading());
+        }
+        forecast.extent.footprint(Pose2::new(to.x_m, to.y_m, heading_rad))
+    };
+    std::iter::once(forecast.extent.footprint(now.pose)).chain(window.truth.iter().map(outline)).collect()
 }

@@ -39,7 +39,10 @@ recorded = { format = "eth_ucy", files = ["walk.txt"] }
 fn run(dir: &Path, recipe: &str, more: &[&str]) -> anyhow::Result<()> {
     std::fs::write(dir.join("small.toml"), recipe)?;
     let (path, data) = (dir.join("small.toml"), dir.to_owned());
-    let words = ["train", path.to_str().unwrap(), "--data", data.to_str().unwrap()];
+    let mut words = vec!["train", path.to_str().unwrap()];
+    if !more.contains(&"--data") {
+        words.extend(["--data", data.to_str().unwrap()]);
+    }
     let args = Cli::try_parse_from(words.into_iter().chain(more.iter().copied()))?.args;
     super::super::by_recipe::run::<Recipe>(&args, &Registry::default())
 }
@@ -62,6 +65,48 @@ fn a_recipe_makes_the_same_weights_each_time() {
     assert!(said.contains("it is a folder"), "{said}");
 }
 
+/// People of ETH and vehicles of US-101, each in a recipe as a user writes it; skipped where the recordings are not there.
+#[test]
+fn recorded_files_of_both_forms_are_learnt_from() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/prediction");
+    for (format, folder, file, stride) in [
+        ("eth_ucy", "eth_ucy", "biwi_eth.txt", 4),
+        ("commonroad_csv", "ngsim_commonroad", "US101.csv.gz", 60),
+    ] {
+        let path = data.join(folder).join(file);
+        if !path.exists() {
+            eprintln!("skipped: no {}", path.display());
+            continue;
+        }
+        let set = |purpose: &str, more: &str| {
+            format!(
+                "[[set]]\nname = \"{file}\"\npurpose = \"{purpose}\"\nstride = {stride}\n{more}\
+                 recorded = {{ format = \"{format}\", files = [\"{file}\"] }}\n"
+            )
+        };
+        let head = RECIPE.split("[[set]]").next().unwrap().replace("steps = 5\nbatch", "steps = 60\nbatch");
+        let head =
+            head.replace("noise = 0.01", "noise = 0.01\nnoise_spread = 0.5\naverage = 0.9\nmixed = 0.5");
+        let recipe = head + &set("training", "played = [1.0, -1.0]\n") + &set("test", "");
+        let dir = tempfile::tempdir().unwrap();
+        let folder = data.join(folder);
+        run(dir.path(), &recipe, &["--data", folder.to_str().unwrap()]).unwrap();
+        let weights = Weights::read(&std::fs::read(dir.path().join("small.weights")).unwrap()).unwrap();
+        let (recordings, learnt) = (file_of(&path, format), |tracks: &TrackList, horizon: &Horizon| {
+            forecast_by(&weights, tracks, horizon)
+        });
+        let each = if format == "eth_ucy" { 1 } else { 4 };
+        let protocol = Protocol { stride: 10 * stride, ..Protocol::whole(7 * each + 1, 5 * each) };
+        let found = judged(&recordings, &learnt, (&protocol, BEST_OF)).figures();
+        assert!(found.windows > 20 && found.fde_m < 6.0, "{format}: {} {}", found.windows, found.fde_m);
+    }
+}
+
+fn file_of(path: &Path, format: &str) -> Vec<Recording> {
+    let format = if format == "eth_ucy" { Format::EthUcy } else { Format::CommonroadCsv };
+    file(path, format).unwrap().1
+}
+
 #[test]
 fn what_is_wrong_with_a_recipe_is_said_by_its_key() {
     let dir = tempfile::tempdir().unwrap();
@@ -72,6 +117,7 @@ fn what_is_wrong_with_a_recipe_is_said_by_its_key() {
     assert!(said("seeds = [1, 1]", "seeds = [2, 1]").contains("set[0].made.seeds"));
     assert!(said("stride = 10", "stride = 0").contains("set[0].stride"));
     assert!(said("\"training\"", "\"test\"").contains("expected a set for training and one to test by"));
+    assert!(said("stride = 10", "played = [0.0]").contains("set[0].played"));
     assert!(said("hidden = 8", "hidden = 8\nlayers = 3").contains("layers"));
     assert!(said("made = {", "recorded = { format = \"eth_ucy\", files = [] }\nmade = {").contains("either"));
     assert!(
