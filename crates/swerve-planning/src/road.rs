@@ -71,16 +71,22 @@ impl Road {
     /// The nearest place of the line; before and beyond its ends it goes on straight.
     pub fn project(&self, point: Point2) -> FrenetPoint {
         let mut best = (f64::INFINITY, FrenetPoint::default());
+        if let [only] = self.pieces.as_slice() {
+            only.look(point, [f64::NEG_INFINITY, f64::INFINITY], &mut best);
+            return best.1;
+        }
         let (Some(first), Some(last)) = (self.chunks.first(), self.chunks.last()) else { return best.1 };
         // The end pieces reach on without end, so their chunks are always looked at.
         self.look(first, point, &mut best);
         if self.chunks.len() > 1 {
             self.look(last, point, &mut best);
+            let mut best_m = best.0.sqrt();
             for c in &self.chunks[1..self.chunks.len() - 1] {
-                let reach_m = best.0.sqrt() + c.radius_m;
+                let reach_m = best_m + c.radius_m;
                 let (dx, dy) = (point.x_m - c.x_m, point.y_m - c.y_m);
                 if dx * dx + dy * dy <= reach_m * reach_m {
                     self.look(c, point, &mut best);
+                    best_m = best.0.sqrt();
                 }
             }
         }
@@ -90,22 +96,35 @@ impl Road {
     fn look(&self, chunk: &Chunk, point: Point2, best: &mut (f64, FrenetPoint)) {
         let end = self.pieces.len() - 1;
         for (i, p) in self.pieces[chunk.first..chunk.end].iter().enumerate() {
-            let (dx, dy) = (point.x_m - p.x_m, point.y_m - p.y_m);
-            let (raw, across) = (p.cos * dx + p.sin * dy, p.cos * dy - p.sin * dx);
             let low = if chunk.first + i == 0 { f64::NEG_INFINITY } else { 0.0 };
             let high = if chunk.first + i == end { f64::INFINITY } else { p.length_m };
-            let along = raw.clamp(low, high);
-            let squared = across * across + (raw - along) * (raw - along);
-            if squared < best.0 {
-                let d_m = if raw == along { across } else { squared.sqrt().copysign(across) };
-                *best = (squared, FrenetPoint { s_m: p.s_m + along, d_m });
-            }
+            p.look(point, [low, high], best);
         }
     }
 
     /// How far the worst place of `footprint` is inside the drivable ground, metres; negative outside.
     pub fn margin_m(&self, footprint: &Solid) -> f64 {
         self.borders.margin_m(footprint.corners(), |corner| self.project(corner))
+    }
+
+    /// Whether [`margin_m`](Self::margin_m) is at least `needed_m`.
+    pub fn keeps(&self, footprint: &Solid, needed_m: f64) -> bool {
+        self.borders.keeps(footprint.corners(), needed_m, |corner| self.project(corner))
+    }
+}
+
+impl Piece {
+    /// Takes its place nearest to `point` for the best if it is nearer, by squared distance; it reaches from `low` to `high`.
+    #[inline]
+    fn look(&self, point: Point2, [low, high]: [f64; 2], best: &mut (f64, FrenetPoint)) {
+        let (dx, dy) = (point.x_m - self.x_m, point.y_m - self.y_m);
+        let (raw, across) = (self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx);
+        let along = raw.clamp(low, high);
+        let squared = across * across + (raw - along) * (raw - along);
+        if squared < best.0 {
+            let d_m = if raw == along { across } else { squared.sqrt().copysign(across) };
+            *best = (squared, FrenetPoint { s_m: self.s_m + along, d_m });
+        }
     }
 }
 
