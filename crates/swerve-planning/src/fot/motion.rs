@@ -68,7 +68,7 @@ impl Motion {
     }
 
     /// The same without acceleration and curvature, which are zero.
-    fn pose_at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
+    pub fn pose_at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
         self.place::<false>(line, t_s, still)
     }
 
