@@ -238,7 +238,8 @@ mod tests {
 
     #[test]
     fn directions_kept_for_straight_stretches_are_those_computed() {
-        let points: Vec<Point2> = (0..40).map(|k| Point2::new(0.7 * f64::from(k), 1.9 * f64::from(k))).collect();
+        let points: Vec<Point2> =
+            (0..40).map(|k| Point2::new(0.7 * f64::from(k), 1.9 * f64::from(k))).collect();
         let mut line = Line::default();
         line.set(&Polyline::new(&points).unwrap());
         assert!(line.straight.iter().any(Option::is_some));
@@ -248,7 +249,11 @@ mod tests {
             let u = s_m / line.step_m - index as f64;
             let node = line.at(s_m);
             if s_m < line.length_m() {
-                assert_eq!((node.cos, node.sin), between(&line.nodes[index], &line.nodes[index + 1], u), "{s_m}");
+                assert_eq!(
+                    (node.cos, node.sin),
+                    between(&line.nodes[index], &line.nodes[index + 1], u),
+                    "{s_m}"
+                );
             }
         }
     }

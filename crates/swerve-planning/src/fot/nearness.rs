@@ -191,17 +191,27 @@ mod tests {
     /// Sums of stretches and of single motions against a plain one, with and without wide instructions.
     #[test]
     fn the_sum_is_the_plain_one_to_the_bit() {
-        let world = World::straight(10.0).with_person((20.0, 4.0), (0.0, -2.0)).with_person((9.0, -3.0), (0.7, 0.3));
+        let world =
+            World::straight(10.0).with_person((20.0, 4.0), (0.0, -2.0)).with_person((9.0, -3.0), (0.7, 0.3));
         let obstacles = Obstacles::new(&world.predictions, CollisionMode::TimeIndexed);
         let at = world.start.stamp;
         for n in [1, 3, 4, 7, 16, 17] {
             let samples_s: Vec<f64> = (0..17).map(|k| 0.3 * f64::from(k)).collect();
             let mut corners = Corners::default();
             corners.set(&obstacles, at, 0.3, &samples_s);
-            let column = |scale: f64, from: f64| -> Vec<f64> { (0..n).map(|k| from + scale * k as f64).collect() };
-            let (x, y, base, basis) = (column(3.1, 0.0), column(0.01, 0.0), column(0.0, 0.2), column(0.06, 0.0));
+            let column =
+                |scale: f64, from: f64| -> Vec<f64> { (0..n).map(|k| from + scale * k as f64).collect() };
+            let (x, y, base, basis) =
+                (column(3.1, 0.0), column(0.01, 0.0), column(0.0, 0.2), column(0.06, 0.0));
             let (normal_x, normal_y) = (column(0.0, 0.0), column(0.0, 1.0));
-            let beside = Beside { x: &x, y: &y, normal_x: &normal_x, normal_y: &normal_y, base_m: &base, basis: &basis };
+            let beside = Beside {
+                x: &x,
+                y: &y,
+                normal_x: &normal_x,
+                normal_y: &normal_y,
+                base_m: &base,
+                basis: &basis,
+            };
             for ends_m in [[1.0, 1.0], [-1.0, 2.5]] {
                 let mut plain = 0.0;
                 let mut boxes = vec![vec![]; samples_s.len()];

@@ -414,13 +414,7 @@ impl Search {
     }
 
     /// A number that no candidate of the range is below; `None` where all are dearer than `known_cost`.
-    fn bound(
-        &mut self,
-        task: &Task<'_>,
-        lattice: &Lattice,
-        entry: &Entry,
-        known_cost: f64,
-    ) -> Option<f64> {
+    fn bound(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry, known_cost: f64) -> Option<f64> {
         let bound = |cost: f64| cost * (1.0 - BOUND_SLACK);
         let cost = self.cost_until(task, lattice, entry, |cost| bound(cost) > known_cost);
         let bound = bound(cost);

@@ -38,7 +38,8 @@ impl Boxes {
     /// Whether the straight way between two points within bounds enters no box.
     pub(crate) fn segment_free(&self, from: Point2, to: Point2) -> bool {
         let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
-        let (low, high) = ([from.x_m.min(to.x_m), from.y_m.min(to.y_m)], [from.x_m.max(to.x_m), from.y_m.max(to.y_m)]);
+        let (low, high) =
+            ([from.x_m.min(to.x_m), from.y_m.min(to.y_m)], [from.x_m.max(to.x_m), from.y_m.max(to.y_m)]);
         !self.boxes.iter().any(|b| {
             let inner = [b[0] + TOUCH_M, b[1] + TOUCH_M, b[2] - TOUCH_M, b[3] - TOUCH_M];
             // As a rule both ends lie to one side of the box.
@@ -61,8 +62,7 @@ impl Boxes {
         let high = [from.x_m.max(to.x_m) + by_m, from.y_m.max(to.y_m) + by_m];
         let b = &self.bounds;
         let within = b[0] <= low[0] && b[1] <= low[1] && high[0] <= b[2] && high[1] <= b[3];
-        let beside =
-            |b: &AxisBox| high[0] <= b[0] || low[0] >= b[2] || high[1] <= b[1] || low[1] >= b[3];
+        let beside = |b: &AxisBox| high[0] <= b[0] || low[0] >= b[2] || high[1] <= b[1] || low[1] >= b[3];
         within && self.boxes.iter().all(beside)
     }
 
