@@ -188,8 +188,8 @@ const EXACT_M: f64 = 2e-4;
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
 const CRAWL_MPS: f64 = 0.3;
 
-/// Who comes nearer at some instant than the clearance by this much does not keep it at those that are looked at, however
-/// they lie: more than a stretch that is looked at no closer moves, metres.
+/// Who is nearer than the clearance by this much at any instant is found too near wherever the looks lie: no less than what
+/// moves between two of them (`RESOLUTION_M` of motions), metres.
 const BETWEEN_LOOKS_M: f64 = 0.02;
 
 /// What the motions of one task, from one start, have shown so far. It speeds answers up and does not change them.

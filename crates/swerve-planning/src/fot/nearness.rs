@@ -188,7 +188,7 @@ mod tests {
     use crate::collision::CollisionMode;
     use crate::testing::World;
 
-    /// Sums of stretches and of single motions against a plain one, with and without wide instructions.
+    /// Of stretches and of single motions.
     #[test]
     fn the_sum_is_the_plain_one_to_the_bit() {
         let world =
